@@ -1,0 +1,34 @@
+//! Poses over time, as they leave Drystone.
+
+/// What a bake produced: the pose of every body at every frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Bodies per frame.
+    pub bodies: usize,
+    /// Time between two frames. \[s\]
+    pub frame_time: f64,
+    /// frames x bodies x (3D: px py pz qx qy qz qw; 2D: px py angle); frame 0 is the initial
+    /// state. \[m, rad\]
+    pub poses: Vec<f32>,
+}
+
+impl Recording {
+    /// Numbers per pose: 7 in 3D, 3 in 2D.
+    pub fn stride(&self) -> usize {
+        if self.dimension == 3 { 7 } else { 3 }
+    }
+
+    /// Number of frames, the initial state included.
+    pub fn frames(&self) -> usize {
+        if self.bodies == 0 { 0 } else { self.poses.len() / (self.bodies * self.stride()) }
+    }
+
+    /// The pose of a body at a frame.
+    pub fn pose(&self, frame: usize, body: usize) -> &[f32] {
+        let stride = self.stride();
+        let start = (frame * self.bodies + body) * stride;
+        &self.poses[start..start + stride]
+    }
+}

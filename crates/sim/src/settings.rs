@@ -1,0 +1,61 @@
+//! How a step is taken: every number a user may turn, with its unit and effect.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Settings of [`World::step`](crate::World::step).
+///
+/// Two presets: [`StepSettings::quality`] for baking (the default) and
+/// [`StepSettings::realtime`] for games.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct StepSettings {
+    /// Substeps per step: more make contacts stiffer and motion more exact. \[1\]
+    pub substeps: u32,
+    /// Sweeps over all contacts per substep. \[1\]
+    pub iterations: u32,
+    /// Part of an overlap that is repaired in one substep, 0..1; the rate c_d of the notes is
+    /// this over the substep. \[1\]
+    pub repair: f32,
+    /// Softness of the contacts in a substep: the part of an impulse that is given back in each
+    /// sweep, 0 (rigid) to below 1. \[1\]
+    pub softness: f32,
+    /// Overlap that is left alone. \[m\]
+    pub slop: f32,
+    /// Fastest speed at which overlap is repaired. \[m/s\]
+    pub push_speed: f32,
+    /// Approach below this speed does not bounce. \[m/s\]
+    pub restitution_threshold: f32,
+    /// Shapes nearer than this have a contact before they touch. \[m\]
+    pub prediction_distance: f32,
+    /// Contact points are reused while two bodies move less than this against each other. \[m\]
+    pub reuse_distance: f32,
+}
+
+impl StepSettings {
+    /// For baking: stiff contacts, small overlaps, exact motion.
+    pub const fn quality() -> Self {
+        Self {
+            substeps: 16,
+            iterations: 1,
+            repair: 0.1,
+            softness: 0.02,
+            slop: 0.0,
+            push_speed: 1.0,
+            restitution_threshold: 0.1,
+            prediction_distance: 0.02,
+            reuse_distance: 0.0,
+        }
+    }
+
+    /// For games: the least work that keeps piles and stacks standing.
+    pub const fn realtime() -> Self {
+        Self { substeps: 4, push_speed: 3.0, reuse_distance: 0.005, ..Self::quality() }
+    }
+}
+
+impl Default for StepSettings {
+    fn default() -> Self {
+        Self::quality()
+    }
+}
