@@ -1,7 +1,30 @@
 //! Particles and rigid bodies with contact, in 2D and 3D.
 
+mod bodies;
+mod broad_phase;
+mod cache;
+pub mod geometry;
+mod motion;
+mod narrow_phase;
 pub mod recording;
+mod report;
+mod rows;
 pub mod scene;
 mod settings;
+mod simulation;
+mod world;
 
+pub use bodies::{Body, BodyId, Collider, Inertia};
+pub use report::{Measure, Stage, StepReport};
 pub use settings::StepSettings;
+pub use simulation::{BuildError, Simulation, build};
+pub use world::World;
+
+/// Rigid bodies in the plane.
+pub type World2 = World<geometry::Rigid2, 2, 1>;
+/// Rigid bodies in space.
+pub type World3 = World<geometry::Rigid3, 3, 3>;
+/// Particles in the plane.
+pub type ParticleWorld2 = World<geometry::Spheres, 2, 0>;
+/// Particles in space.
+pub type ParticleWorld3 = World<geometry::Spheres, 3, 0>;

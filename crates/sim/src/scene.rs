@@ -206,6 +206,19 @@ pub enum Combine {
     GeometricMean,
 }
 
+impl Combine {
+    /// The coefficient of two surfaces with coefficients `x` and `y`.
+    pub fn of(a: Self, b: Self, x: f64, y: f64) -> f64 {
+        match a.min(b) {
+            Self::Average => 0.5 * (x + y),
+            Self::Minimum => x.min(y),
+            Self::Maximum => x.max(y),
+            Self::Multiply => x * y,
+            Self::GeometricMean => (x * y).sqrt(),
+        }
+    }
+}
+
 /// Which others a shape collides with: systems are bits; two shapes collide when each accepts a
 /// system of the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -216,6 +229,21 @@ pub struct Filter {
     pub collides_with: u64,
     /// Whether it collides with shapes in none of the named systems.
     pub collides_with_unnamed: bool,
+}
+
+impl Filter {
+    /// Whether both accept each other.
+    pub fn collides(&self, other: &Self) -> bool {
+        self.accepts(other) && other.accepts(self)
+    }
+
+    fn accepts(&self, other: &Self) -> bool {
+        if other.systems == 0 {
+            self.collides_with_unnamed
+        } else {
+            self.collides_with & other.systems != 0
+        }
+    }
 }
 
 impl Default for Filter {

@@ -1,0 +1,208 @@
+//! The bodies of a world: poses, inertia and what acts on them, one array per property.
+
+use drystone_solver::{SymmetricMatrix, Vector, Velocity};
+
+use crate::geometry::{Frame, Geometry, MassProperties};
+use crate::scene::{Filter, Material, Motion};
+
+/// Names a body of a world; one that was removed is never mistaken for a later one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct BodyId {
+    pub(crate) index: u32,
+    pub(crate) generation: u32,
+}
+
+impl BodyId {
+    /// Its index in arrays over the bodies; in a world where nothing was removed, the order of
+    /// adding.
+    pub fn index(self) -> usize {
+        self.index as usize
+    }
+}
+
+/// A body to be added to a world.
+#[derive(Clone)]
+pub struct Body<G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// What moves it.
+    pub motion: Motion,
+    /// Pose of its origin.
+    pub pose: G::Pose,
+    /// Of its center of mass.
+    pub velocity: Velocity<f32, L, A>,
+    /// Mass and inertia; absent: those of its shapes.
+    pub inertia: Option<Inertia<L, A>>,
+    /// Part of the world's gravity that acts on it. \[1\]
+    pub gravity_factor: f32,
+    /// Its shapes.
+    pub colliders: Vec<Collider<G, L, A>>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Body<G, L, A> {
+    /// A body at rest at `position` \[m\], not turned, with one shape of density 1000.
+    pub fn new(motion: Motion, position: [f32; L], shape: G::Shape) -> Self {
+        Self {
+            motion,
+            pose: G::pose(Vector(position), &[]),
+            velocity: Velocity::ZERO,
+            inertia: None,
+            gravity_factor: 1.0,
+            colliders: vec![Collider::new(shape)],
+        }
+    }
+}
+
+/// A shape on a body.
+#[derive(Clone)]
+pub struct Collider<G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// Its form.
+    pub shape: G::Shape,
+    /// In the frame of the body.
+    pub pose: G::Pose,
+    /// 3D \[kg/m^3\], 2D \[kg/m^2\].
+    pub density: f32,
+    /// Its surface.
+    pub material: Material,
+    /// What it collides with.
+    pub filter: Filter,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Collider<G, L, A> {
+    /// A shape at the body's origin, of density 1000, with the default surface.
+    pub fn new(shape: G::Shape) -> Self {
+        Self {
+            shape,
+            pose: G::pose(Vector::ZERO, &[]),
+            density: 1000.0,
+            material: Material::default(),
+            filter: Filter::default(),
+        }
+    }
+}
+
+/// How hard a body is to move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inertia<const L: usize, const A: usize> {
+    /// m; infinite: no push moves it. \[kg\]
+    pub mass: f32,
+    /// Center of mass in the frame of the body. \[m\]
+    pub center: Vector<f32, L>,
+    /// I_0 about the center of mass, in the frame of the body; infinite moments as 0. \[kg m^2\]
+    pub moments: SymmetricMatrix<f32, A>,
+    /// I_0^-1; zero about axes that nothing turns it about. \[1/(kg m^2)\]
+    pub inverse_moments: SymmetricMatrix<f32, A>,
+}
+
+impl<const L: usize, const A: usize> Inertia<L, A> {
+    /// Of what nothing can move.
+    pub const FIXED: Self = Self {
+        mass: f32::INFINITY,
+        center: Vector::ZERO,
+        moments: SymmetricMatrix::ZERO,
+        inverse_moments: SymmetricMatrix::ZERO,
+    };
+
+    /// Of a solid.
+    pub fn of(solid: &MassProperties<L, A>) -> Self {
+        Self {
+            mass: solid.mass,
+            center: solid.center,
+            moments: solid.inertia,
+            inverse_moments: inverse(&solid.inertia),
+        }
+    }
+
+    /// m^-1. \[1/kg\]
+    pub fn inverse_mass(&self) -> f32 {
+        if self.mass > 0.0 { 1.0 / self.mass } else { 0.0 }
+    }
+
+    /// Whether turning freely changes the angular velocity: the moments differ.
+    pub(crate) fn gyroscopic(&self) -> bool {
+        if A != 3 {
+            return false;
+        }
+        let m = &self.moments.0;
+        let scale = m[0][0].max(m[1][1]).max(m[2][2]) * 1e-4;
+        let finite = (0..A).all(|i| m[i][i] > 0.0);
+        let round = (0..A).all(|i| {
+            (0..A).all(|j| {
+                let expected = if i == j { m[0][0] } else { 0.0 };
+                (m[i][j] - expected).abs() <= scale
+            })
+        });
+        finite && !round
+    }
+}
+
+/// The inverse of a symmetric positive definite matrix of size 0, 1 or 3; zero where singular.
+fn inverse<const A: usize>(matrix: &SymmetricMatrix<f32, A>) -> SymmetricMatrix<f32, A> {
+    let mut out = SymmetricMatrix::ZERO;
+    let m = |i: usize, j: usize| f64::from(matrix.0[i][j]);
+    match A {
+        1 if m(0, 0) > 0.0 => out.0[0][0] = (1.0 / m(0, 0)) as f32,
+        3 => {
+            let cofactor = |i: usize, j: usize| {
+                let (p, q) = ((i + 1) % 3, (i + 2) % 3);
+                let (r, s) = ((j + 1) % 3, (j + 2) % 3);
+                m(p, r) * m(q, s) - m(p, s) * m(q, r)
+            };
+            let determinant: f64 = (0..3).map(|j| m(0, j) * cofactor(0, j)).sum();
+            if determinant > 0.0 {
+                for i in 0..3 {
+                    for j in 0..3 {
+                        out.0[i][j] = (cofactor(i, j) / determinant) as f32;
+                    }
+                }
+            }
+        }
+        _ => {}
+    }
+    out
+}
+
+/// The state of all bodies, except velocities and world inverse masses, which the contact system
+/// holds.
+pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// None: removed.
+    pub(crate) motion: Vec<Option<Motion>>,
+    pub(crate) generation: Vec<u32>,
+    /// At the center of mass.
+    pub(crate) poses: Vec<G::Pose>,
+    pub(crate) frames: Vec<Frame<L>>,
+    pub(crate) inertia: Vec<Inertia<L, A>>,
+    pub(crate) gyroscopic: Vec<bool>,
+    pub(crate) gravity_factor: Vec<f32>,
+    /// Largest distance of its shapes from the center of mass. \[m\]
+    pub(crate) reach: Vec<f32>,
+    /// Force and torque until the end of the next step. \[N, N m\]
+    pub(crate) forces: Vec<Velocity<f32, L, A>>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
+    pub(crate) fn new() -> Self {
+        Self {
+            motion: Vec::new(),
+            generation: Vec::new(),
+            poses: Vec::new(),
+            frames: Vec::new(),
+            inertia: Vec::new(),
+            gyroscopic: Vec::new(),
+            gravity_factor: Vec::new(),
+            reach: Vec::new(),
+            forces: Vec::new(),
+        }
+    }
+
+    pub(crate) fn is_dynamic(&self, body: usize) -> bool {
+        self.motion[body] == Some(Motion::Dynamic)
+    }
+
+    /// Pose of the body's origin.
+    pub(crate) fn origin(&self, body: usize) -> G::Pose {
+        let center = self.inertia[body].center;
+        if center == Vector::ZERO {
+            return self.poses[body];
+        }
+        G::compose(&self.poses[body], &G::pose(-center, &[]))
+    }
+}

@@ -1,0 +1,97 @@
+//! Which shapes are near each other: boxes in a tree that follows them as they move.
+//!
+//! One tree serves all dimensions: in 2D, boxes of space with a fixed thickness.
+
+use drystone_solver::Vector;
+use parry3d::bounding_volume::Aabb;
+use parry3d::partitioning::{Bvh, BvhWorkspace};
+
+use crate::geometry::Bounds;
+
+/// Boxes are stored larger than needed by this part of their size, so that a shape has to move
+/// before the tree changes.
+const MARGIN: f32 = 0.05;
+
+/// The tree over the boxes of all shapes.
+pub(crate) struct BroadPhase<const L: usize> {
+    tree: Bvh,
+    workspace: BvhWorkspace,
+    /// The enlarged box of each shape; none for removed ones.
+    boxes: Vec<Option<Bounds<L>>>,
+    found: Vec<[u32; 2]>,
+    changed: bool,
+}
+
+impl<const L: usize> BroadPhase<L> {
+    pub(crate) fn new() -> Self {
+        Self {
+            tree: Bvh::new(),
+            workspace: BvhWorkspace::default(),
+            boxes: Vec::new(),
+            found: Vec::new(),
+            changed: false,
+        }
+    }
+
+    /// Makes room for `needed` where it has grown out of its box.
+    pub(crate) fn update(&mut self, shape: u32, needed: &Bounds<L>) {
+        let index = shape as usize;
+        if self.boxes.len() <= index {
+            self.boxes.resize(index + 1, None);
+        }
+        if self.boxes[index].is_some_and(|stored| contains(&stored, needed)) {
+            return;
+        }
+        let extent = needed.max - needed.min;
+        let margin = extent * MARGIN;
+        let stored = Bounds { min: needed.min - margin, max: needed.max + margin };
+        self.boxes[index] = Some(stored);
+        // The tree reports a leaf as changed only when it is given a margin; ours is already in.
+        self.tree.insert_or_update_partially(aabb(&stored), shape, f32::MIN_POSITIVE);
+        self.changed = true;
+    }
+
+    /// Forgets a shape.
+    pub(crate) fn remove(&mut self, shape: u32) {
+        self.tree.remove(shape);
+        self.boxes[shape as usize] = None;
+        self.changed = true;
+    }
+
+    /// Whether the boxes of two shapes overlap.
+    pub(crate) fn near(&self, pair: [u32; 2]) -> bool {
+        let [a, b] = pair.map(|shape| self.boxes[shape as usize]);
+        a.zip(b).is_some_and(|(a, b)| {
+            (0..L).all(|i| a.min[i] <= b.max[i] && b.min[i] <= a.max[i])
+        })
+    }
+
+    /// Pairs of shapes whose boxes have come to overlap, lower index first, sorted; none if no
+    /// box has changed since the last call. Pairs found before may be among them.
+    pub(crate) fn new_pairs(&mut self) -> Option<&[[u32; 2]]> {
+        if !std::mem::take(&mut self.changed) {
+            return None;
+        }
+        self.tree.refit(&mut self.workspace);
+        self.tree.optimize_incremental(&mut self.workspace);
+        let found = &mut self.found;
+        found.clear();
+        self.tree.traverse_bvtt_single_tree::<true>(&mut self.workspace, &mut |a, b| {
+            found.push([a.min(b), a.max(b)]);
+        });
+        found.sort_unstable();
+        found.dedup();
+        Some(found)
+    }
+}
+
+fn contains<const L: usize>(outer: &Bounds<L>, inner: &Bounds<L>) -> bool {
+    (0..L).all(|i| outer.min[i] <= inner.min[i] && inner.max[i] <= outer.max[i])
+}
+
+fn aabb<const L: usize>(bounds: &Bounds<L>) -> Aabb {
+    let lift = |v: Vector<f32, L>, z: f32| {
+        parry3d::math::Vector::from(std::array::from_fn(|i| if i < L { v[i] } else { z }))
+    };
+    Aabb::new(lift(bounds.min, -0.5), lift(bounds.max, 0.5))
+}

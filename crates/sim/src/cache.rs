@@ -1,0 +1,104 @@
+//! What the contacts of one step hand to the next: pairs, their manifolds, and the impulses and
+//! slips of their points, matched by feature.
+
+use drystone_solver::Vector;
+
+use crate::geometry::{Frame, MAX_POINTS, TouchPoint};
+
+/// Two shapes whose boxes overlap.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair {
+    /// Lower index first; the order of pairs.
+    pub(crate) colliders: [u32; 2],
+    pub(crate) bodies: [u32; 2],
+    pub(crate) friction: f32,
+    pub(crate) restitution: f32,
+    /// Its records.
+    pub(crate) first: u32,
+    pub(crate) count: u32,
+}
+
+impl Pair {
+    pub(crate) fn records(&self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
+}
+
+/// A manifold as it is kept from step to step: in the frames of its bodies.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Record<const L: usize> {
+    pub(crate) bodies: [u32; 2],
+    pub(crate) friction: f32,
+    pub(crate) restitution: f32,
+    pub(crate) part: u32,
+    pub(crate) count: u32,
+    /// World, from b towards a.
+    pub(crate) normal: Vector<f32, L>,
+    /// The same in the frame of b, and a's frame as seen from b, when the points were found.
+    pub(crate) local_normal: Vector<f32, L>,
+    pub(crate) found_at: Frame<L>,
+    pub(crate) points: [Point<L>; MAX_POINTS],
+}
+
+/// A point of a record.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Point<const L: usize> {
+    /// On the surface of a, in the frame of a. \[m\]
+    pub(crate) on_a: Vector<f32, L>,
+    /// On the surface of b, in the frame of b. \[m\]
+    pub(crate) on_b: Vector<f32, L>,
+    pub(crate) gap: f32,
+    pub(crate) feature: u64,
+    /// On a, world. \[N s\]
+    pub(crate) impulse: Vector<f32, L>,
+    /// Of a on b since the point began to stick, world. \[m\]
+    pub(crate) slip: Vector<f32, L>,
+}
+
+impl<const L: usize> Record<L> {
+    pub(crate) fn points(&self) -> &[Point<L>] {
+        &self.points[..self.count as usize]
+    }
+
+    /// Takes impulses and slips from the same manifold a step ago: by feature, then by place.
+    pub(crate) fn inherit(&mut self, old: &Self, match_distance: f32) {
+        let mut taken = [false; MAX_POINTS];
+        let mut matched = [false; MAX_POINTS];
+        let squared = match_distance * match_distance;
+        for by_feature in [true, false] {
+            for (point, done) in self.points[..self.count as usize].iter_mut().zip(&mut matched) {
+                if *done {
+                    continue;
+                }
+                let found = old.points().iter().enumerate().position(|(i, candidate)| {
+                    let apart = candidate.on_a - point.on_a;
+                    !taken[i]
+                        && if by_feature {
+                            candidate.feature == point.feature
+                        } else {
+                            apart.dot(apart) < squared
+                        }
+                });
+                if let Some(i) = found {
+                    taken[i] = true;
+                    *done = true;
+                    point.impulse = old.points[i].impulse;
+                    point.slip = old.points[i].slip;
+                }
+            }
+        }
+    }
+}
+
+impl<const L: usize> Point<L> {
+    pub(crate) fn new(touch: &TouchPoint<L>, a: &Frame<L>, b: &Frame<L>) -> Self {
+        Self {
+            on_a: a.local_point(touch.on_a),
+            on_b: b.local_point(touch.on_b),
+            gap: touch.gap,
+            feature: touch.feature,
+            impulse: Vector::ZERO,
+            slip: Vector::ZERO,
+        }
+    }
+}

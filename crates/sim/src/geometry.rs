@@ -1,0 +1,263 @@
+//! What a dimension must supply: poses that advance, shapes with bounds and mass, and the points
+//! where two shapes touch. Everything else in a world is written once for all of them.
+
+mod rigid;
+pub mod spheres;
+
+use std::fmt::Debug;
+
+use drystone_solver::{Real, SymmetricMatrix, Vector};
+
+pub use rigid::{Rigid2, Rigid3};
+pub use spheres::Spheres;
+
+/// A dimension: `L` linear and `A` angular degrees of freedom.
+pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
+    /// Position and rotation.
+    type Pose: Copy + Debug + PartialEq + Send + Sync;
+    /// A convex shape, a half-space or a triangle mesh.
+    type Shape: Clone + Send + Sync;
+    /// Memory that [`collide`](Self::collide) reuses.
+    type Scratch: Default + Send;
+
+    /// A pose from a position \[m\] and a rotation: nothing (`A` = 0), an angle \[rad\], or a unit
+    /// quaternion x, y, z, w.
+    fn pose(position: Vector<f32, L>, rotation: &[f32]) -> Self::Pose;
+
+    /// Position and the world directions of the pose's axes.
+    fn frame(pose: &Self::Pose) -> Frame<L>;
+
+    /// The pose translated by `by` \[m\] and turned by the rotation vector `turn` \[rad\] about its
+    /// position, exactly.
+    fn advance(pose: &Self::Pose, by: Vector<f32, L>, turn: Vector<f32, A>) -> Self::Pose;
+
+    /// The rotation vector \[rad\] that turns `from` into `to`.
+    fn turn_between(from: &Self::Pose, to: &Self::Pose) -> Vector<f32, A>;
+
+    /// `local`, given in the frame of `pose`, in the world.
+    fn compose(pose: &Self::Pose, local: &Self::Pose) -> Self::Pose;
+
+    /// Appends position and rotation: 3D px py pz qx qy qz qw, 2D px py angle.
+    fn write(pose: &Self::Pose, out: &mut Vec<f32>);
+
+    /// The axis-aligned box around a shape.
+    fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<L>;
+
+    /// Mass, center and inertia of a shape of this density in its own frame; zero for what has
+    /// no volume.
+    fn mass(shape: &Self::Shape, density: f32) -> MassProperties<L, A>;
+
+    /// Reports each manifold of points at which two shapes overlap or are within `prediction` \[m\].
+    fn collide(
+        a: (&Self::Shape, &Self::Pose),
+        b: (&Self::Shape, &Self::Pose),
+        prediction: f32,
+        scratch: &mut Self::Scratch,
+        report: &mut dyn FnMut(&Touch<L>),
+    );
+}
+
+/// Where a pose is and how it is turned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame<const L: usize> {
+    /// \[m\]
+    pub position: Vector<f32, L>,
+    /// World directions of the local axes: the columns of R.
+    pub axes: [Vector<f32, L>; L],
+}
+
+impl<const L: usize> Frame<L> {
+    /// R p + x.
+    #[inline]
+    pub fn point(&self, local: Vector<f32, L>) -> Vector<f32, L> {
+        self.position + self.direction(local)
+    }
+
+    /// R d.
+    #[inline]
+    pub fn direction(&self, local: Vector<f32, L>) -> Vector<f32, L> {
+        let mut world = Vector::ZERO;
+        for i in 0..L {
+            world += self.axes[i] * local[i];
+        }
+        world
+    }
+
+    /// R^T (p - x).
+    #[inline]
+    pub fn local_point(&self, world: Vector<f32, L>) -> Vector<f32, L> {
+        self.local_direction(world - self.position)
+    }
+
+    /// R^T d.
+    #[inline]
+    pub fn local_direction(&self, world: Vector<f32, L>) -> Vector<f32, L> {
+        Vector(std::array::from_fn(|i| self.axes[i].dot(world)))
+    }
+
+    /// A tensor of the local frame in world axes: R D R^T (in 2D a number, in particles nothing).
+    pub fn tensor<const A: usize>(&self, local: SymmetricMatrix<f32, A>) -> SymmetricMatrix<f32, A> {
+        if A != L {
+            return local;
+        }
+        local.rotated(&std::array::from_fn(|i| Vector(std::array::from_fn(|j| self.axes[i][j]))))
+    }
+}
+
+/// An axis-aligned box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds<const L: usize> {
+    /// Lowest corner. \[m\]
+    pub min: Vector<f32, L>,
+    /// Highest corner. \[m\]
+    pub max: Vector<f32, L>,
+}
+
+/// Mass and its first two moments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MassProperties<const L: usize, const A: usize> {
+    /// \[kg\]
+    pub mass: f32,
+    /// Center of mass. \[m\]
+    pub center: Vector<f32, L>,
+    /// About the center of mass. \[kg m^2\]
+    pub inertia: SymmetricMatrix<f32, A>,
+}
+
+impl<const L: usize, const A: usize> MassProperties<L, A> {
+    /// Nothing.
+    pub const ZERO: Self =
+        Self { mass: 0.0, center: Vector::ZERO, inertia: SymmetricMatrix::ZERO };
+
+    /// The same mass, given in a frame, in that frame's surroundings.
+    pub fn placed(&self, frame: &Frame<L>) -> Self {
+        Self {
+            mass: self.mass,
+            center: frame.point(self.center),
+            inertia: frame.tensor(self.inertia),
+        }
+    }
+
+    /// Both together (parallel axis theorem).
+    pub fn joined(&self, other: &Self) -> Self {
+        let mass = self.mass + other.mass;
+        if mass <= 0.0 {
+            return Self::ZERO;
+        }
+        let center = (self.center * self.mass + other.center * other.mass) * (1.0 / mass);
+        let mut inertia = SymmetricMatrix::ZERO;
+        for part in [self, other] {
+            let d = part.center - center;
+            let squared = d.dot(d);
+            for i in 0..A {
+                for j in 0..A {
+                    let steiner = match (A, i == j) {
+                        (3, true) => squared - d[i] * d[j],
+                        (3, false) => -d[i] * d[j],
+                        _ => squared,
+                    };
+                    inertia.0[i][j] += part.inertia.0[i][j] + part.mass * steiner;
+                }
+            }
+        }
+        Self { mass, center, inertia }
+    }
+}
+
+/// The most points of a manifold.
+pub const MAX_POINTS: usize = 4;
+
+/// Two shapes touching, or nearly: points that share a normal.
+#[derive(Clone, Debug, Default)]
+pub struct Touch<const L: usize> {
+    /// Which part of the shapes: the triangle of a mesh.
+    pub part: u32,
+    /// World unit normal, from b towards a.
+    pub normal: Vector<f32, L>,
+    /// The points.
+    pub points: Vec<TouchPoint<L>>,
+}
+
+/// A point where two shapes touch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TouchPoint<const L: usize> {
+    /// On the surface of a, world. \[m\]
+    pub on_a: Vector<f32, L>,
+    /// On the surface of b, world. \[m\]
+    pub on_b: Vector<f32, L>,
+    /// Distance along the normal, negative when overlapping. \[m\]
+    pub gap: f32,
+    /// Names the features of both shapes that meet here; equal from step to step.
+    pub feature: u64,
+}
+
+impl<const L: usize> Touch<L> {
+    /// Keeps at most as many points as the dimension needs (2D: 2, 3D: 4): the deepest, then
+    /// those that span the most. The deepest is never dropped.
+    pub fn reduce(&mut self) {
+        let most = if L == 2 { 2 } else { MAX_POINTS };
+        let points = &mut self.points;
+        merge_duplicates(points);
+        if points.len() <= most {
+            return;
+        }
+        let deepest = best(points, 0, |p| -p.gap);
+        points.swap(0, deepest);
+        let first = points[0].on_a;
+        let farthest = best(points, 1, |p| squared(p.on_a - first));
+        points.swap(1, farthest);
+        if most > 2 {
+            let edge = points[1].on_a - first;
+            let side = |p: &TouchPoint<L>| across(edge, p.on_a - first, self.normal);
+            let left = best(points, 2, &side);
+            points.swap(2, left);
+            let right = best(points, 3, |p| -side(p));
+            points.swap(3, right);
+        }
+        points.truncate(most);
+    }
+}
+
+fn squared<const L: usize>(v: Vector<f32, L>) -> f32 {
+    v.dot(v)
+}
+
+/// (edge x arm) . normal: twice the area that a point adds to one side of an edge.
+fn across<const L: usize>(edge: Vector<f32, L>, arm: Vector<f32, L>, n: Vector<f32, L>) -> f32 {
+    let area: Vector<f32, L> = drystone_solver::moment(edge, arm);
+    area.dot(n)
+}
+
+fn best<P>(points: &[P], from: usize, value: impl Fn(&P) -> f32) -> usize {
+    let mut index = from;
+    for i in from + 1..points.len() {
+        if value(&points[i]) > value(&points[index]) {
+            index = i;
+        }
+    }
+    index
+}
+
+/// Drops points that lie on an earlier, deeper one: two points in one place share its load
+/// without holding anything.
+fn merge_duplicates<const L: usize>(points: &mut Vec<TouchPoint<L>>) {
+    if points.len() < 2 {
+        return;
+    }
+    let extent = points.iter().map(|p| squared(p.on_a - points[0].on_a)).fold(0.0f32, Real::max);
+    let near = extent * 1e-3 + 1e-12;
+    let mut i = 1;
+    while i < points.len() {
+        match (0..i).find(|&j| squared(points[i].on_a - points[j].on_a) < near) {
+            Some(j) => {
+                if points[i].gap < points[j].gap {
+                    points[j].gap = points[i].gap;
+                    points[j].on_a = points[i].on_a;
+                    points[j].on_b = points[i].on_b;
+                }
+                points.remove(i);
+            }
+            None => i += 1,
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! Rigid bodies in 2D and 3D over parry, which supplies shapes, bounds, mass and manifolds.
+
+use drystone_solver::{SymmetricMatrix, Vector};
+
+use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint};
+
+/// Half of the size that stands for an unbounded shape. \[m\]
+const UNBOUNDED: f32 = 1.0e5;
+
+/// Rigid bodies in the plane: (L, A) = (2, 1).
+#[derive(Clone, Copy, Debug)]
+pub struct Rigid2;
+
+/// Rigid bodies in space: (L, A) = (3, 3).
+#[derive(Clone, Copy, Debug)]
+pub struct Rigid3;
+
+/// Position and angle in the plane. The angle counts turns; its sine and cosine are kept with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose2 {
+    position: parry2d::math::Vector,
+    angle: f32,
+    rotation: parry2d::math::Rotation,
+}
+
+impl Pose2 {
+    fn new(position: parry2d::math::Vector, angle: f32) -> Self {
+        let (sin, cos) = libm::sincosf(angle);
+        Self {
+            position,
+            angle,
+            rotation: parry2d::math::Rotation::from_cos_sin_unchecked(cos, sin),
+        }
+    }
+}
+
+impl From<Pose2> for parry2d::math::Pose {
+    fn from(pose: Pose2) -> Self {
+        Self::from_parts(pose.position, pose.rotation)
+    }
+}
+
+/// The part of [`Geometry`] that reads the same over parry2d and parry3d.
+macro_rules! over_parry {
+    ($parry:ident, $l:literal, $a:literal) => {
+        type Shape = $parry::shape::SharedShape;
+        type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $l>;
+
+        fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<$l> {
+            let aabb = shape.compute_aabb(&(*pose).into());
+            let clamp = |v: $parry::math::Vector| {
+                Vector(v.to_array().map(|x| x.clamp(-UNBOUNDED, UNBOUNDED)))
+            };
+            Bounds { min: clamp(aabb.mins), max: clamp(aabb.maxs) }
+        }
+
+        fn collide(
+            a: (&Self::Shape, &Self::Pose),
+            b: (&Self::Shape, &Self::Pose),
+            prediction: f32,
+            scratch: &mut Self::Scratch,
+            report: &mut dyn FnMut(&Touch<$l>),
+        ) {
+            use $parry::bounding_volume::BoundingVolume;
+            use $parry::query::details::NormalConstraints;
+            use $parry::query::{DefaultQueryDispatcher, PersistentQueryDispatcher};
+            use $parry::shape::Shape;
+
+            let (pose_a, pose_b): ($parry::math::Pose, $parry::math::Pose) =
+                ((*a.1).into(), (*b.1).into());
+            let from_b = pose_a.inv_mul(&pose_b);
+            // parry's pair of convex pieces, in a's frame, as one of our manifolds.
+            let mut pair = |shape_a: &dyn Shape,
+                            shape_b: &dyn Shape,
+                            normals: [Option<&dyn NormalConstraints>; 2],
+                            part: u32| {
+                let manifold = &mut scratch.manifold;
+                manifold.points.clear();
+                manifold.local_n1 = $parry::math::Vector::ZERO;
+                manifold.local_n2 = $parry::math::Vector::ZERO;
+                // The only error is an unsupported pair: a half-space against a half-space.
+                let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
+                    &from_b, shape_a, shape_b, normals[0], normals[1], prediction, manifold,
+                );
+                let touch = &mut scratch.touch;
+                touch.points.clear();
+                // parry's normal points from its first shape to its second; ours from b to a.
+                let normal = -(pose_a.rotation * manifold.local_n1);
+                touch.normal = Vector(normal.to_array());
+                touch.part = part;
+                for point in &manifold.points {
+                    if point.dist > prediction {
+                        continue;
+                    }
+                    let on_b = pose_b * point.local_p2;
+                    touch.points.push(TouchPoint {
+                        on_a: Vector((on_b + normal * point.dist).to_array()),
+                        on_b: Vector(on_b.to_array()),
+                        gap: point.dist,
+                        feature: u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0),
+                    });
+                }
+                if !touch.points.is_empty() {
+                    touch.reduce();
+                    report(touch);
+                }
+            };
+            // Against a mesh: against each of its triangles nearby.
+            if let Some(mesh) = a.0.as_trimesh() {
+                let near = b.0.compute_aabb(&from_b).loosened(prediction);
+                for triangle in mesh.bvh().intersect_aabb(&near) {
+                    let normals = mesh.triangle_normal_constraints(triangle);
+                    let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
+                    pair(&mesh.triangle(triangle), &**b.0, [normals, None], triangle);
+                }
+            } else if let Some(mesh) = b.0.as_trimesh() {
+                let near = a.0.compute_aabb(&from_b.inverse()).loosened(prediction);
+                for triangle in mesh.bvh().intersect_aabb(&near) {
+                    let normals = mesh.triangle_normal_constraints(triangle);
+                    let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
+                    pair(&**a.0, &mesh.triangle(triangle), [None, normals], triangle);
+                }
+            } else {
+                pair(&**a.0, &**b.0, [None, None], 0);
+            }
+        }
+    };
+}
+
+/// Memory for one thread's collisions.
+#[derive(Default)]
+pub struct Scratch<M, const L: usize> {
+    manifold: M,
+    touch: Touch<L>,
+}
+
+impl Geometry<2, 1> for Rigid2 {
+    type Pose = Pose2;
+
+    fn pose(position: Vector<f32, 2>, rotation: &[f32]) -> Pose2 {
+        let angle = rotation.first().copied().unwrap_or(0.0);
+        Pose2::new(position.0.into(), angle)
+    }
+
+    fn frame(pose: &Pose2) -> Frame<2> {
+        let (c, s) = (pose.rotation.cos(), pose.rotation.sin());
+        Frame { position: Vector(pose.position.to_array()), axes: [Vector([c, s]), Vector([-s, c])] }
+    }
+
+    fn advance(pose: &Pose2, by: Vector<f32, 2>, turn: Vector<f32, 1>) -> Pose2 {
+        let position = pose.position + parry2d::math::Vector::from(by.0);
+        if turn[0] == 0.0 {
+            return Pose2 { position, ..*pose };
+        }
+        Pose2::new(position, pose.angle + turn[0])
+    }
+
+    fn turn_between(from: &Pose2, to: &Pose2) -> Vector<f32, 1> {
+        Vector([to.angle - from.angle])
+    }
+
+    fn compose(pose: &Pose2, local: &Pose2) -> Pose2 {
+        Pose2 {
+            position: pose.position + pose.rotation * local.position,
+            angle: pose.angle + local.angle,
+            rotation: pose.rotation * local.rotation,
+        }
+    }
+
+    fn write(pose: &Pose2, out: &mut Vec<f32>) {
+        out.extend([pose.position.x, pose.position.y, pose.angle]);
+    }
+
+    fn mass(shape: &Self::Shape, density: f32) -> MassProperties<2, 1> {
+        if shape.as_trimesh().is_some() {
+            return MassProperties::ZERO;
+        }
+        let of = shape.mass_properties(density);
+        MassProperties {
+            mass: of.mass(),
+            center: Vector(of.local_com.to_array()),
+            inertia: SymmetricMatrix([Vector([of.principal_inertia()])]),
+        }
+    }
+
+    over_parry!(parry2d, 2, 1);
+}
+
+impl Geometry<3, 3> for Rigid3 {
+    type Pose = parry3d::math::Pose;
+
+    fn pose(position: Vector<f32, 3>, rotation: &[f32]) -> Self::Pose {
+        let rotation = match rotation {
+            &[x, y, z, w] => parry3d::math::Rotation::from_xyzw(x, y, z, w).normalize(),
+            _ => parry3d::math::Rotation::IDENTITY,
+        };
+        parry3d::math::Pose::from_parts(position.0.into(), rotation)
+    }
+
+    fn frame(pose: &Self::Pose) -> Frame<3> {
+        let axes = parry3d::math::Matrix::from_quat(pose.rotation).to_cols_array_2d();
+        Frame { position: Vector(pose.translation.to_array()), axes: axes.map(Vector) }
+    }
+
+    fn advance(pose: &Self::Pose, by: Vector<f32, 3>, turn: Vector<f32, 3>) -> Self::Pose {
+        let translation = pose.translation + parry3d::math::Vector::from(by.0);
+        let squared = turn.dot(turn);
+        if squared == 0.0 {
+            return parry3d::math::Pose { translation, ..*pose };
+        }
+        let [x, y, z] = (turn * half_sine_over_angle(squared)).0;
+        let w = half_cosine(squared);
+        let turn = parry3d::math::Rotation::from_xyzw(x, y, z, w);
+        let rotation = (turn * pose.rotation).normalize();
+        parry3d::math::Pose { translation, rotation, ..*pose }
+    }
+
+    fn turn_between(from: &Self::Pose, to: &Self::Pose) -> Vector<f32, 3> {
+        let turn = to.rotation * from.rotation.inverse();
+        let [x, y, z, w] = turn.to_array();
+        // The shorter way round.
+        let sign = if w < 0.0 { -1.0 } else { 1.0 };
+        let sine = Vector([x, y, z]) * sign;
+        let length = sine.length();
+        let scale = if length > 1e-6 { 2.0 * libm::atan2f(length, w * sign) / length } else { 2.0 };
+        sine * scale
+    }
+
+    fn compose(pose: &Self::Pose, local: &Self::Pose) -> Self::Pose {
+        *pose * *local
+    }
+
+    fn write(pose: &Self::Pose, out: &mut Vec<f32>) {
+        out.extend(pose.translation.to_array());
+        out.extend(pose.rotation.to_array());
+    }
+
+    fn mass(shape: &Self::Shape, density: f32) -> MassProperties<3, 3> {
+        if shape.as_trimesh().is_some() {
+            return MassProperties::ZERO;
+        }
+        let of = shape.mass_properties(density);
+        let inertia = of.reconstruct_inertia_matrix().to_cols_array_2d();
+        MassProperties {
+            mass: of.mass(),
+            center: Vector(of.local_com.to_array()),
+            inertia: SymmetricMatrix(inertia.map(Vector)),
+        }
+    }
+
+    over_parry!(parry3d, 3, 3);
+}
+
+/// sin(t/2)/t from t^2; the series' error is below one rounding for t < 0.5.
+fn half_sine_over_angle(squared: f32) -> f32 {
+    if squared < 0.25 {
+        return 0.5 - squared * (1.0 / 48.0 - squared * (1.0 / 3840.0 - squared / 645_120.0));
+    }
+    let angle = squared.sqrt();
+    libm::sinf(0.5 * angle) / angle
+}
+
+/// cos(t/2) from t^2; the series' error is below one rounding for t < 0.5.
+fn half_cosine(squared: f32) -> f32 {
+    if squared < 0.25 {
+        return 1.0 - squared * (1.0 / 8.0 - squared * (1.0 / 384.0 - squared / 46_080.0));
+    }
+    libm::cosf(0.5 * squared.sqrt())
+}

@@ -1,0 +1,125 @@
+//! Particles: spheres that do not turn, and half-spaces, in 2D and 3D.
+
+use drystone_solver::{SymmetricMatrix, Vector};
+
+use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint};
+
+/// Particles: (L, A) = (2, 0) or (3, 0).
+#[derive(Clone, Copy, Debug)]
+pub struct Spheres;
+
+/// What a particle can be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SphereShape<const L: usize> {
+    /// A sphere (2D: disk).
+    Sphere {
+        /// \[m\]
+        radius: f32,
+    },
+    /// Everything behind a plane through the position.
+    Halfspace {
+        /// Outward unit normal.
+        normal: Vector<f32, L>,
+    },
+}
+
+/// Half of the size that stands for an unbounded shape. \[m\]
+const UNBOUNDED: f32 = 1.0e5;
+
+impl<const L: usize> Geometry<L, 0> for Spheres {
+    type Pose = Vector<f32, L>;
+    type Shape = SphereShape<L>;
+    type Scratch = Touch<L>;
+
+    fn pose(position: Vector<f32, L>, _rotation: &[f32]) -> Self::Pose {
+        position
+    }
+
+    fn frame(pose: &Self::Pose) -> Frame<L> {
+        let axes = std::array::from_fn(|i| {
+            Vector(std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }))
+        });
+        Frame { position: *pose, axes }
+    }
+
+    fn advance(pose: &Self::Pose, by: Vector<f32, L>, _turn: Vector<f32, 0>) -> Self::Pose {
+        *pose + by
+    }
+
+    fn turn_between(_from: &Self::Pose, _to: &Self::Pose) -> Vector<f32, 0> {
+        Vector::ZERO
+    }
+
+    fn compose(pose: &Self::Pose, local: &Self::Pose) -> Self::Pose {
+        *pose + *local
+    }
+
+    fn write(pose: &Self::Pose, out: &mut Vec<f32>) {
+        out.extend(pose.0);
+        out.extend(if L == 3 { &[0.0, 0.0, 0.0, 1.0][..] } else { &[0.0][..] });
+    }
+
+    fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<L> {
+        let reach = Vector([match shape {
+            SphereShape::Sphere { radius } => *radius,
+            SphereShape::Halfspace { .. } => UNBOUNDED,
+        }; L]);
+        Bounds { min: *pose - reach, max: *pose + reach }
+    }
+
+    fn mass(shape: &Self::Shape, density: f32) -> MassProperties<L, 0> {
+        let pi = std::f32::consts::PI;
+        let volume = match shape {
+            SphereShape::Sphere { radius } if L == 2 => pi * radius * radius,
+            SphereShape::Sphere { radius } => 4.0 / 3.0 * pi * radius * radius * radius,
+            SphereShape::Halfspace { .. } => 0.0,
+        };
+        MassProperties {
+            mass: volume * density,
+            center: Vector::ZERO,
+            inertia: SymmetricMatrix::ZERO,
+        }
+    }
+
+    fn collide(
+        a: (&Self::Shape, &Self::Pose),
+        b: (&Self::Shape, &Self::Pose),
+        prediction: f32,
+        touch: &mut Touch<L>,
+        report: &mut dyn FnMut(&Touch<L>),
+    ) {
+        use SphereShape::{Halfspace, Sphere};
+        let between = *a.1 - *b.1;
+        let (normal, reach_a, reach_b, distance) = match (a.0, b.0) {
+            (Sphere { radius: r_a }, Sphere { radius: r_b }) => {
+                let distance = between.length();
+                // Concentric spheres part along the first axis.
+                let apart = distance > 0.0;
+                let first = Vector(std::array::from_fn(|i| if i == 0 { 1.0 } else { 0.0 }));
+                (if apart { between * (1.0 / distance) } else { first }, *r_a, *r_b, distance)
+            }
+            (Sphere { radius }, Halfspace { normal }) => (*normal, *radius, 0.0, between.dot(*normal)),
+            (Halfspace { normal }, Sphere { radius }) => {
+                (-*normal, 0.0, *radius, -between.dot(*normal))
+            }
+            (Halfspace { .. }, Halfspace { .. }) => return,
+        };
+        let gap = distance - reach_a - reach_b;
+        if gap > prediction {
+            return;
+        }
+        // The sphere's center and radius give its own surface point, the gap the other's.
+        let (on_a, on_b) = if let Sphere { radius } = a.0 {
+            let on_a = *a.1 - normal * *radius;
+            (on_a, on_a - normal * gap)
+        } else {
+            let on_b = *b.1 + normal * reach_b;
+            (on_b + normal * gap, on_b)
+        };
+        touch.part = 0;
+        touch.normal = normal;
+        touch.points.clear();
+        touch.points.push(TouchPoint { on_a, on_b, gap, feature: 0 });
+        report(touch);
+    }
+}

@@ -1,0 +1,82 @@
+//! Bodies in free motion: the start and the end of a substep.
+
+use drystone_solver::{InverseMass, Vector, Velocity};
+
+use crate::bodies::Bodies;
+use crate::geometry::{Frame, Geometry};
+use crate::scene::Motion;
+
+/// Below this angle per substep \[rad\] a body's precession is left out: it would change the angular
+/// velocity by less than this part of itself.
+const SMALL_TURN: f32 = 1e-4;
+
+/// v* = v + h (g + M^-1 f): the prospective velocities.
+pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
+    bodies: &Bodies<G, L, A>,
+    masses: &[InverseMass<f32, L, A>],
+    gravity: Vector<f32, L>,
+    h: f32,
+    velocities: &mut [Velocity<f32, L, A>],
+) {
+    for (body, velocity) in velocities.iter_mut().enumerate() {
+        if bodies.is_dynamic(body) && masses[body].linear > 0.0 {
+            let force = &bodies.forces[body];
+            let fall = gravity * bodies.gravity_factor[body];
+            velocity.linear += (fall + force.linear * masses[body].linear) * h;
+            velocity.angular += (masses[body].angular * force.angular) * h;
+        } else if bodies.is_dynamic(body) {
+            velocity.angular += (masses[body].angular * bodies.forces[body].angular) * h;
+        }
+    }
+}
+
+/// Displacement += h v; rotations in space, which do not commute, are carried out at once. Free
+/// precession keeps the angular momentum and, to second order in h, the energy.
+pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
+    bodies: &mut Bodies<G, L, A>,
+    h: f32,
+    velocities: &mut [Velocity<f32, L, A>],
+    displacements: &mut [Velocity<f32, L, A>],
+) {
+    for (body, velocity) in velocities.iter_mut().enumerate() {
+        displacements[body] += *velocity * h;
+        if A < 3 || !matches!(bodies.motion[body], Some(Motion::Dynamic | Motion::Kinematic)) {
+            continue;
+        }
+        let turn = velocity.angular * h;
+        let squared = turn.dot(turn);
+        if squared == 0.0 {
+            continue;
+        }
+        let pose = &bodies.poses[body];
+        if bodies.gyroscopic[body] && squared > SMALL_TURN * SMALL_TURN {
+            // omega(t) = W(q(t)) L with L constant; the rotation follows omega at mid-step.
+            let inertia = &bodies.inertia[body];
+            let frame = G::frame(pose);
+            let momentum = frame.tensor(inertia.moments) * velocity.angular;
+            let omega = |frame: &Frame<L>| frame.tensor(inertia.inverse_moments) * momentum;
+            let middle = G::advance(pose, Vector::ZERO, turn * 0.5);
+            let turn = omega(&G::frame(&middle)) * h;
+            let end = G::advance(pose, Vector::ZERO, turn);
+            velocity.angular = omega(&G::frame(&end));
+            bodies.poses[body] = end;
+        } else {
+            bodies.poses[body] = G::advance(pose, Vector::ZERO, turn);
+        }
+    }
+}
+
+/// Moves the poses by what `advance` has summed up over the step.
+pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
+    bodies: &mut Bodies<G, L, A>,
+    displacements: &[Velocity<f32, L, A>],
+) {
+    for (body, displacement) in displacements.iter().enumerate() {
+        if *displacement == Velocity::ZERO {
+            continue;
+        }
+        let turn = if A < 3 { displacement.angular } else { Vector::ZERO };
+        bodies.poses[body] = G::advance(&bodies.poses[body], displacement.linear, turn);
+        bodies.frames[body] = G::frame(&bodies.poses[body]);
+    }
+}

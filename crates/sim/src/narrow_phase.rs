@@ -1,0 +1,162 @@
+//! Where near shapes touch: from pairs to the manifolds of this step.
+
+use drystone_solver::{Real, Vector};
+use rayon::prelude::*;
+
+use crate::cache::{Pair, Point, Record};
+use crate::geometry::{Frame, Geometry, MAX_POINTS};
+
+/// What the narrow phase reads.
+pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) shapes: &'a [G::Shape],
+    /// World poses of the shapes.
+    pub(crate) poses: &'a [G::Pose],
+    /// Frames of the bodies at their centers of mass.
+    pub(crate) frames: &'a [Frame<L>],
+    /// How far a body can move against another within the step, by body. \[m\]
+    pub(crate) travel: &'a [Travel<L>],
+    pub(crate) prediction_distance: f32,
+    pub(crate) reuse_distance: f32,
+}
+
+/// How a body moves within a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Travel<const L: usize> {
+    /// dt v. \[m\]
+    pub(crate) linear: Vector<f32, L>,
+    /// dt |omega| times the reach of its shapes. \[m\]
+    pub(crate) angular: f32,
+}
+
+/// Points are matched by place within this distance, where features do not match. \[m\]
+const MATCH_DISTANCE: f32 = 0.02;
+
+/// Pairs per unit of parallel work.
+const CHUNK: usize = 128;
+
+/// One worker's memory.
+pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
+    scratch: G::Scratch,
+    records: Vec<Record<L>>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L, A> {
+    fn default() -> Self {
+        Self { scratch: G::Scratch::default(), records: Vec::new() }
+    }
+}
+
+/// Fills `records` with the manifolds of all pairs, in the order of the pairs whatever the number
+/// of threads, and gives each pair its range. `old` are the records of the step before.
+pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
+    around: &Surroundings<'_, G, L, A>,
+    pairs: &mut [Pair],
+    old: &[Record<L>],
+    workers: &mut Vec<Worker<G, L, A>>,
+    parallel: bool,
+    records: &mut Vec<Record<L>>,
+) {
+    records.clear();
+    if !parallel || pairs.len() < 2 * CHUNK {
+        if workers.is_empty() {
+            workers.push(Worker::default());
+        }
+        let scratch = &mut workers[0].scratch;
+        for pair in pairs {
+            collide(around, pair, old, scratch, records);
+        }
+        return;
+    }
+    let chunks = pairs.len().div_ceil(CHUNK);
+    if workers.len() < chunks {
+        workers.resize_with(chunks, Worker::default);
+    }
+    pairs.par_chunks_mut(CHUNK).zip(workers.par_iter_mut()).for_each(|(pairs, worker)| {
+        worker.records.clear();
+        for pair in pairs {
+            collide(around, pair, old, &mut worker.scratch, &mut worker.records);
+        }
+    });
+    for (pairs, worker) in pairs.chunks_mut(CHUNK).zip(workers) {
+        let offset = records.len() as u32;
+        for pair in pairs {
+            pair.first += offset;
+        }
+        records.extend_from_slice(&worker.records);
+    }
+}
+
+fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
+    around: &Surroundings<'_, G, L, A>,
+    pair: &mut Pair,
+    old: &[Record<L>],
+    scratch: &mut G::Scratch,
+    records: &mut Vec<Record<L>>,
+) {
+    let old = &old[pair.records()];
+    pair.first = records.len() as u32;
+    let [a, b] = pair.bodies.map(|body| &around.frames[body as usize]);
+    let seen = Frame {
+        position: b.local_point(a.position),
+        axes: a.axes.map(|axis| b.local_direction(axis)),
+    };
+    if old.first().is_some_and(|record| hardly_moved(record, &seen, around.reuse_distance)) {
+        for record in old {
+            records.push(reuse(record, a, b));
+        }
+    } else {
+        let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
+        let prediction = around.prediction_distance
+            + (travel_a.linear - travel_b.linear).length()
+            + travel_a.angular
+            + travel_b.angular;
+        let [shape_a, shape_b] = pair
+            .colliders
+            .map(|c| (&around.shapes[c as usize], &around.poses[c as usize]));
+        G::collide(shape_a, shape_b, prediction, scratch, &mut |touch| {
+            let mut record = Record {
+                bodies: pair.bodies,
+                friction: pair.friction,
+                restitution: pair.restitution,
+                part: touch.part,
+                count: touch.points.len() as u32,
+                normal: touch.normal,
+                local_normal: b.local_direction(touch.normal),
+                found_at: seen,
+                points: [Point::default(); MAX_POINTS],
+            };
+            for (point, found) in record.points.iter_mut().zip(&touch.points) {
+                *point = Point::new(found, a, b);
+            }
+            if let Some(before) = old.iter().find(|old| old.part == touch.part) {
+                record.inherit(before, MATCH_DISTANCE);
+            }
+            records.push(record);
+        });
+    }
+    pair.count = records.len() as u32 - pair.first;
+}
+
+/// Whether a has moved against b less than `distance` \[m\] since the record's points were found.
+fn hardly_moved<const L: usize>(record: &Record<L>, seen: &Frame<L>, distance: f32) -> bool {
+    if distance <= 0.0 {
+        return false;
+    }
+    let moved = (seen.position - record.found_at.position).length();
+    let mut turned = 0.0f32;
+    for (now, then) in seen.axes.iter().zip(&record.found_at.axes) {
+        turned = turned.max((*now - *then).length());
+    }
+    let reach = record.points().iter().map(|p| p.on_a.length()).fold(0.0f32, Real::max);
+    moved + turned * reach < distance
+}
+
+/// The record with its gaps measured anew.
+fn reuse<const L: usize>(record: &Record<L>, a: &Frame<L>, b: &Frame<L>) -> Record<L> {
+    let mut record = *record;
+    record.normal = b.direction(record.local_normal);
+    for point in &mut record.points[..record.count as usize] {
+        point.gap = record.normal.dot(a.point(point.on_a) - b.point(point.on_b));
+    }
+    record
+}

@@ -1,0 +1,123 @@
+//! What a step says of itself.
+
+use std::time::{Duration, Instant};
+
+/// The stages of a step, in order; those from `Predict` to `Relax` repeat in each substep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Boxes that overlap: the broad phase.
+    Pairs,
+    /// Shapes that touch: the narrow phase.
+    Manifolds,
+    /// Anchors, gaps and effective masses of each contact.
+    Rows,
+    /// v* = v + h M^-1 f.
+    Predict,
+    /// Collisions that bounce.
+    Bounce,
+    /// Target velocities from gaps.
+    Targets,
+    /// v += M^-1 J^T gamma of the step before.
+    WarmStart,
+    /// Sweeps towards the targets.
+    Solve,
+    /// Poses move by h v.
+    Advance,
+    /// A sweep that takes the velocity of overlap repair out again.
+    Relax,
+    /// gamma and slip for the next step.
+    Remember,
+}
+
+impl Stage {
+    /// All of them, in order.
+    pub const ALL: [Self; 11] = [
+        Self::Pairs,
+        Self::Manifolds,
+        Self::Rows,
+        Self::Predict,
+        Self::Bounce,
+        Self::Targets,
+        Self::WarmStart,
+        Self::Solve,
+        Self::Advance,
+        Self::Relax,
+        Self::Remember,
+    ];
+
+    /// Its name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pairs => "pairs",
+            Self::Manifolds => "manifolds",
+            Self::Rows => "rows",
+            Self::Predict => "predict",
+            Self::Bounce => "bounce",
+            Self::Targets => "targets",
+            Self::WarmStart => "warm_start",
+            Self::Solve => "solve",
+            Self::Advance => "advance",
+            Self::Relax => "relax",
+            Self::Remember => "remember",
+        }
+    }
+}
+
+/// What [`World::step`](crate::World::step) did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Wall time of each stage, in the order of [`Stage::ALL`]; all substeps together.
+    pub stages: [Duration; Stage::ALL.len()],
+    /// Pairs of shapes whose boxes overlap.
+    pub pairs: usize,
+    /// Manifolds.
+    pub manifolds: usize,
+    /// Contact points, those that do not touch yet included.
+    pub contacts: usize,
+    /// Passes over all contacts.
+    pub sweeps: usize,
+    /// Collisions that bounced.
+    pub collisions: usize,
+}
+
+impl StepReport {
+    /// Wall time of the whole step.
+    pub fn time(&self) -> Duration {
+        self.stages.iter().sum()
+    }
+}
+
+/// What [`World::measure`](crate::World::measure) finds after a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measure {
+    /// 1/2 v^T M v. \[J\]
+    pub kinetic_energy: f64,
+    /// -m g . x. \[J\]
+    pub potential_energy: f64,
+    /// Deepest overlap of any contact. \[m\]
+    pub deepest_penetration: f64,
+    /// Largest velocity error of any contact against its law. \[m/s\]
+    pub residual: f64,
+    /// Fastest body. \[m/s\]
+    pub fastest: f64,
+    /// Whether every position and velocity is a finite number.
+    pub finite: bool,
+}
+
+/// Charges time to stages.
+pub(crate) struct Clock {
+    last: Instant,
+}
+
+impl Clock {
+    pub(crate) fn start() -> Self {
+        Self { last: Instant::now() }
+    }
+
+    /// Charges the time since the last lap to `stage`.
+    pub(crate) fn lap(&mut self, report: &mut StepReport, stage: Stage) {
+        let now = Instant::now();
+        report.stages[stage as usize] += now - self.last;
+        self.last = now;
+    }
+}

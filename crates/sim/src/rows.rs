@@ -1,0 +1,67 @@
+//! Between manifolds and the contact system: what the solver is given, and what it gives back.
+
+use drystone_solver::{Contact, Manifold, System, Vector, Velocity, contact_frame};
+
+use crate::cache::Record;
+use crate::geometry::Frame;
+
+/// Fills the manifolds and contacts of `system` from the records of this step.
+pub(crate) fn rows<const L: usize, const A: usize>(
+    records: &[Record<L>],
+    frames: &[Frame<L>],
+    softness: f32,
+    system: &mut System<f32, L, A>,
+) {
+    system.manifolds.clear();
+    system.contacts.clear();
+    for record in records {
+        let [a, b] = record.bodies.map(|body| &frames[body as usize]);
+        let manifold = Manifold {
+            bodies: record.bodies,
+            frame: contact_frame(record.normal),
+            friction: record.friction,
+            restitution: record.restitution,
+            first: system.contacts.len() as u32,
+            count: record.count,
+        };
+        for point in record.points() {
+            // Both bodies are pushed at the same point, midway between the surfaces: so the pair
+            // keeps its angular momentum.
+            let place = (a.point(point.on_a) + b.point(point.on_b)) * 0.5;
+            let mut impulse = manifold.to_frame(point.impulse);
+            impulse[0] = impulse[0].max(0.0);
+            let mut gap = manifold.to_frame(point.slip);
+            gap[0] = point.gap;
+            system.contacts.push(Contact {
+                anchor_a: place - a.position,
+                anchor_b: place - b.position,
+                gap,
+                impulse,
+                ..Contact::default()
+            });
+        }
+        system.manifolds.push(manifold);
+    }
+    system.prepare(softness);
+}
+
+/// Impulses and slips back into the records. A point that slides, or is open, has no slip.
+pub(crate) fn remember<const L: usize, const A: usize>(
+    system: &System<f32, L, A>,
+    displacements: &[Velocity<f32, L, A>],
+    records: &mut [Record<L>],
+) {
+    for (record, manifold) in records.iter_mut().zip(&system.manifolds) {
+        let [a, b] = manifold.bodies.map(|body| &displacements[body as usize]);
+        let contacts = &system.contacts[manifold.points()];
+        for (point, contact) in record.points.iter_mut().zip(contacts) {
+            point.impulse = manifold.to_world(contact.impulse);
+            point.slip = Vector::ZERO;
+            if contact.sticks(manifold.friction) {
+                let mut slip = contact.gap + contact.relative_velocity(manifold, a, b);
+                slip[0] = 0.0;
+                point.slip = manifold.to_world(slip);
+            }
+        }
+    }
+}

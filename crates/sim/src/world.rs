@@ -1,0 +1,440 @@
+//! [`World`]: bodies, their contacts, and the step that moves both on.
+
+use drystone_solver::{InverseMass, Repair, System, Vector, Velocity, pgs, restitution};
+
+use crate::bodies::{Bodies, Body, BodyId, Inertia};
+use crate::broad_phase::BroadPhase;
+use crate::cache::{Pair, Record};
+use crate::geometry::{Bounds, Frame, Geometry, MassProperties};
+use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
+use crate::report::{Clock, Measure, Stage, StepReport};
+use crate::scene::{Combine, Filter, Material, Motion};
+use crate::settings::StepSettings;
+use crate::{motion, rows};
+
+/// Rounds of collisions within a substep: a blow passes through this many contacts against the
+/// order of the contacts.
+const COLLISION_ROUNDS: usize = 32;
+
+/// Bodies and their contacts, in the dimension of `G`.
+pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// How steps are taken.
+    pub settings: StepSettings,
+    /// Acceleration of free fall. \[m/s^2\]
+    pub gravity: Vector<f32, L>,
+    bodies: Bodies<G, L, A>,
+    colliders: Colliders<G, L, A>,
+    broad_phase: BroadPhase<L>,
+    pairs: Vec<Pair>,
+    records: Vec<Record<L>>,
+    old_records: Vec<Record<L>>,
+    /// Velocities and inverse masses of the bodies live here, where the solver works on them.
+    system: System<f32, L, A>,
+    displacements: Vec<Velocity<f32, L, A>>,
+    travel: Vec<Travel<L>>,
+    workers: Vec<Worker<G, L, A>>,
+    pool: Option<rayon::ThreadPool>,
+}
+
+/// The shapes of all bodies, one array per property.
+struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
+    body: Vec<u32>,
+    shapes: Vec<G::Shape>,
+    /// In the frame of the body's center of mass.
+    local: Vec<G::Pose>,
+    /// World.
+    poses: Vec<G::Pose>,
+    material: Vec<Material>,
+    filter: Vec<Filter>,
+    removed: Vec<bool>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
+    /// An empty world without gravity, on one thread.
+    pub fn new(settings: StepSettings) -> Self {
+        Self {
+            settings,
+            gravity: Vector::ZERO,
+            bodies: Bodies::new(),
+            colliders: Colliders {
+                body: Vec::new(),
+                shapes: Vec::new(),
+                local: Vec::new(),
+                poses: Vec::new(),
+                material: Vec::new(),
+                filter: Vec::new(),
+                removed: Vec::new(),
+            },
+            broad_phase: BroadPhase::new(),
+            pairs: Vec::new(),
+            records: Vec::new(),
+            old_records: Vec::new(),
+            system: System::new(),
+            displacements: Vec::new(),
+            travel: Vec::new(),
+            workers: Vec::new(),
+            pool: None,
+        }
+    }
+
+    /// Uses `threads` threads; results do not depend on it. Keeps to one where no more can be had.
+    pub fn set_threads(&mut self, threads: usize) {
+        self.pool = (threads > 1)
+            .then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok())
+            .flatten();
+    }
+
+    /// Adds a body. Mass and inertia come from its shapes unless it brings its own; a dynamic
+    /// body without either cannot be moved.
+    pub fn add(&mut self, body: Body<G, L, A>) -> BodyId {
+        let inertia = match (body.motion, body.inertia) {
+            (Motion::Dynamic, Some(inertia)) => inertia,
+            (Motion::Dynamic, None) => {
+                let solid = body.colliders.iter().fold(MassProperties::ZERO, |sum, collider| {
+                    let own = G::mass(&collider.shape, collider.density);
+                    sum.joined(&own.placed(&G::frame(&collider.pose)))
+                });
+                Inertia::of(&solid)
+            }
+            _ => Inertia::FIXED,
+        };
+        let to_center = G::pose(-inertia.center, &[]);
+        let pose = G::compose(&body.pose, &G::pose(inertia.center, &[]));
+        let index = self.allocate();
+        let reach = body.colliders.iter().map(|collider| {
+            let bounds = G::bounds(&collider.shape, &G::compose(&to_center, &collider.pose));
+            let far: [f32; L] = std::array::from_fn(|i| bounds.max[i].max(-bounds.min[i]));
+            Vector(far).length()
+        });
+        let reach = reach.fold(0.0, f32::max);
+        let bodies = &mut self.bodies;
+        bodies.motion[index] = Some(body.motion);
+        bodies.poses[index] = pose;
+        bodies.frames[index] = G::frame(&pose);
+        bodies.gyroscopic[index] = body.motion == Motion::Dynamic && inertia.gyroscopic();
+        bodies.inertia[index] = inertia;
+        bodies.gravity_factor[index] = body.gravity_factor;
+        bodies.reach[index] = reach;
+        bodies.forces[index] = Velocity::ZERO;
+        let moves = body.motion != Motion::Static;
+        self.system.velocities[index] = if moves { body.velocity } else { Velocity::ZERO };
+        self.update_mass(index);
+        for collider in body.colliders {
+            let colliders = &mut self.colliders;
+            let id = colliders.body.len() as u32;
+            let local = G::compose(&to_center, &collider.pose);
+            let world = G::compose(&pose, &local);
+            self.broad_phase.update(id, &G::bounds(&collider.shape, &world));
+            colliders.body.push(index as u32);
+            colliders.shapes.push(collider.shape);
+            colliders.local.push(local);
+            colliders.poses.push(world);
+            colliders.material.push(collider.material);
+            colliders.filter.push(collider.filter);
+            colliders.removed.push(false);
+        }
+        BodyId { index: index as u32, generation: self.bodies.generation[index] }
+    }
+
+    /// A slot for a new body: the lowest that is free.
+    fn allocate(&mut self) -> usize {
+        let bodies = &mut self.bodies;
+        if let Some(index) = bodies.motion.iter().position(Option::is_none) {
+            bodies.generation[index] += 1;
+            return index;
+        }
+        let origin = G::pose(Vector::ZERO, &[]);
+        bodies.motion.push(None);
+        bodies.generation.push(0);
+        bodies.poses.push(origin);
+        bodies.frames.push(G::frame(&origin));
+        bodies.inertia.push(Inertia::FIXED);
+        bodies.gyroscopic.push(false);
+        bodies.gravity_factor.push(1.0);
+        bodies.reach.push(0.0);
+        bodies.forces.push(Velocity::ZERO);
+        self.displacements.push(Velocity::ZERO);
+        self.travel.push(Travel::default());
+        self.system.add_body(Velocity::ZERO, InverseMass::FIXED) as usize
+    }
+
+    /// Removes a body; returns whether it was there.
+    pub fn remove(&mut self, id: BodyId) -> bool {
+        let Some(index) = self.index(id) else { return false };
+        self.bodies.motion[index] = None;
+        self.bodies.inertia[index] = Inertia::FIXED;
+        self.system.velocities[index] = Velocity::ZERO;
+        self.system.masses[index] = InverseMass::FIXED;
+        for collider in 0..self.colliders.body.len() {
+            if self.colliders.body[collider] == index as u32 && !self.colliders.removed[collider] {
+                self.colliders.removed[collider] = true;
+                self.broad_phase.remove(collider as u32);
+            }
+        }
+        true
+    }
+
+    fn index(&self, id: BodyId) -> Option<usize> {
+        let index = id.index();
+        let there = self.bodies.motion.get(index).is_some_and(Option::is_some);
+        (there && self.bodies.generation[index] == id.generation).then_some(index)
+    }
+
+    /// Slots for bodies, removed ones included: what indices run over.
+    pub fn len(&self) -> usize {
+        self.bodies.poses.len()
+    }
+
+    /// Whether the world never had a body.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Pose of a body's origin.
+    pub fn pose(&self, id: BodyId) -> Option<G::Pose> {
+        self.index(id).map(|index| self.bodies.origin(index))
+    }
+
+    /// Appends the poses of all slots, in order, as numbers ([`Geometry::write`]).
+    pub fn write_poses(&self, out: &mut Vec<f32>) {
+        for body in 0..self.len() {
+            G::write(&self.bodies.origin(body), out);
+        }
+    }
+
+    /// Velocity of a body's center of mass.
+    pub fn velocity(&self, id: BodyId) -> Option<Velocity<f32, L, A>> {
+        self.index(id).map(|index| self.system.velocities[index])
+    }
+
+    /// Sets the velocity of a dynamic or kinematic body.
+    pub fn set_velocity(&mut self, id: BodyId, velocity: Velocity<f32, L, A>) {
+        if let Some(index) = self.index(id)
+            && self.bodies.motion[index] != Some(Motion::Static)
+        {
+            self.system.velocities[index] = velocity;
+        }
+    }
+
+    /// Gives a kinematic body the velocity that takes it to `target` within `dt` \[s\].
+    pub fn move_to(&mut self, id: BodyId, target: &G::Pose, dt: f32) {
+        let Some(index) = self.index(id) else { return };
+        let from = self.bodies.origin(index);
+        let apart = G::frame(target).position - G::frame(&from).position;
+        self.system.velocities[index] = Velocity {
+            linear: apart * (1.0 / dt),
+            angular: G::turn_between(&from, target) * (1.0 / dt),
+        };
+    }
+
+    /// Adds a force \[N\] and torque \[N m\] that act through the next step.
+    pub fn add_force(&mut self, id: BodyId, force: Velocity<f32, L, A>) {
+        if let Some(index) = self.index(id) {
+            self.bodies.forces[index] += force;
+        }
+    }
+
+    /// The contact system of the last substep, as the solver left it.
+    pub fn system(&self) -> &System<f32, L, A> {
+        &self.system
+    }
+
+    /// Moves the world on by `dt` \[s\].
+    pub fn step(&mut self, dt: f32) -> StepReport {
+        let mut report = StepReport::default();
+        let mut clock = Clock::start();
+        let settings = self.settings.clone();
+        let h = dt / settings.substeps.max(1) as f32;
+
+        self.find_pairs(dt);
+        clock.lap(&mut report, Stage::Pairs);
+        self.find_manifolds();
+        clock.lap(&mut report, Stage::Manifolds);
+        rows::rows(&self.records, &self.bodies.frames, settings.softness, &mut self.system);
+        self.displacements.fill(Velocity::ZERO);
+        clock.lap(&mut report, Stage::Rows);
+
+        let repair = Repair {
+            dt: h,
+            rate: settings.repair,
+            slop: settings.slop,
+            push_speed: settings.push_speed,
+        };
+        let system = &mut self.system;
+        for _ in 0..settings.substeps.max(1) {
+            let bodies = &mut self.bodies;
+            motion::predict(bodies, &system.masses, self.gravity, h, &mut system.velocities);
+            clock.lap(&mut report, Stage::Predict);
+            system.set_targets(&self.displacements, &repair);
+            clock.lap(&mut report, Stage::Targets);
+            report.collisions +=
+                restitution::collide(system, settings.restitution_threshold, COLLISION_ROUNDS);
+            clock.lap(&mut report, Stage::Bounce);
+            system.apply_impulses();
+            clock.lap(&mut report, Stage::WarmStart);
+            for _ in 0..settings.iterations {
+                pgs::sweep(system);
+            }
+            clock.lap(&mut report, Stage::Solve);
+            motion::advance(bodies, h, &mut system.velocities, &mut self.displacements);
+            clock.lap(&mut report, Stage::Advance);
+            pgs::relax(system);
+            clock.lap(&mut report, Stage::Relax);
+            report.sweeps += settings.iterations as usize + 1;
+        }
+
+        motion::arrive(&mut self.bodies, &self.displacements);
+        self.bodies.forces.fill(Velocity::ZERO);
+        for body in 0..self.len() {
+            self.update_mass(body);
+        }
+        clock.lap(&mut report, Stage::Advance);
+        rows::remember(&self.system, &self.displacements, &mut self.records);
+        clock.lap(&mut report, Stage::Remember);
+        report.pairs = self.pairs.len();
+        report.manifolds = self.system.manifolds.len();
+        report.contacts = self.system.contacts.len();
+        report
+    }
+
+    /// M^-1 of a body at its present pose.
+    fn update_mass(&mut self, body: usize) {
+        if self.bodies.is_dynamic(body) {
+            let inertia = &self.bodies.inertia[body];
+            self.system.masses[body] = InverseMass {
+                linear: inertia.inverse_mass(),
+                angular: self.bodies.frames[body].tensor(inertia.inverse_moments),
+            };
+        } else {
+            self.system.masses[body] = InverseMass::FIXED;
+        }
+    }
+
+    /// Pairs of shapes whose boxes, enlarged by where they can get to in `dt`, overlap.
+    fn find_pairs(&mut self, dt: f32) {
+        let reach = self.settings.prediction_distance * 0.5;
+        for body in 0..self.len() {
+            let velocity = &self.system.velocities[body];
+            self.travel[body] = Travel {
+                linear: velocity.linear * dt,
+                angular: velocity.angular.length() * self.bodies.reach[body] * dt,
+            };
+        }
+        let colliders = &mut self.colliders;
+        for id in 0..colliders.body.len() {
+            let body = colliders.body[id] as usize;
+            if colliders.removed[id] || self.bodies.motion[body] == Some(Motion::Static) {
+                continue;
+            }
+            let pose = G::compose(&self.bodies.poses[body], &colliders.local[id]);
+            colliders.poses[id] = pose;
+            let mut bounds: Bounds<L> = G::bounds(&colliders.shapes[id], &pose);
+            for i in 0..L {
+                let ahead = self.travel[body].linear[i];
+                bounds.min[i] += ahead.min(0.0) - reach;
+                bounds.max[i] += ahead.max(0.0) + reach;
+            }
+            self.broad_phase.update(id as u32, &bounds);
+        }
+        let Some(found) = self.broad_phase.new_pairs() else { return };
+        let old = self.pairs.len();
+        for &pair in found {
+            let known = self.pairs[..old].binary_search_by_key(&pair, |known| known.colliders);
+            if known.is_err()
+                && let Some(pair) = new_pair(colliders, &self.bodies, pair)
+            {
+                self.pairs.push(pair);
+            }
+        }
+        let broad_phase = &self.broad_phase;
+        self.pairs.retain(|pair| broad_phase.near(pair.colliders));
+        self.pairs.sort_unstable_by_key(|pair| pair.colliders);
+    }
+
+    fn find_manifolds(&mut self) {
+        std::mem::swap(&mut self.records, &mut self.old_records);
+        let around = Surroundings::<G, L, A> {
+            shapes: &self.colliders.shapes,
+            poses: &self.colliders.poses,
+            frames: &self.bodies.frames,
+            travel: &self.travel,
+            prediction_distance: self.settings.prediction_distance,
+            reuse_distance: self.settings.reuse_distance,
+        };
+        let (pairs, old) = (&mut self.pairs, &self.old_records);
+        let (workers, records) = (&mut self.workers, &mut self.records);
+        match &self.pool {
+            None => manifolds(&around, pairs, old, workers, false, records),
+            Some(pool) => pool.install(|| manifolds(&around, pairs, old, workers, true, records)),
+        }
+    }
+
+    /// Energies, deepest overlap and residual as the last step left them.
+    pub fn measure(&self) -> Measure {
+        let mut out = Measure { finite: true, ..Measure::default() };
+        for body in 0..self.len() {
+            let frame = &self.bodies.frames[body];
+            let velocity = &self.system.velocities[body];
+            let sums = [frame.position.dot(frame.position), velocity.linear.dot(velocity.linear)];
+            out.finite &= sums.iter().all(|x| x.is_finite())
+                && velocity.angular.dot(velocity.angular).is_finite();
+            if !self.bodies.is_dynamic(body) {
+                continue;
+            }
+            let inertia = &self.bodies.inertia[body];
+            out.fastest = out.fastest.max(f64::from(velocity.linear.length()));
+            out.kinetic_energy += kinetic_energy(inertia, frame, velocity);
+            if inertia.mass.is_finite() {
+                let fall = self.gravity.map(f64::from).dot(frame.position.map(f64::from));
+                let mass = f64::from(inertia.mass * self.bodies.gravity_factor[body]);
+                out.potential_energy -= mass * fall;
+            }
+        }
+        for manifold in &self.system.manifolds {
+            let [a, b] = manifold.bodies.map(|body| &self.displacements[body as usize]);
+            for contact in &self.system.contacts[manifold.points()] {
+                let gap = contact.gap[0] + contact.normal_velocity(manifold, a, b);
+                out.deepest_penetration = out.deepest_penetration.max(f64::from(-gap));
+            }
+        }
+        out.residual = self.system.residual(true);
+        out
+    }
+}
+
+/// m v^2 / 2 + omega . I omega / 2. \[J\]
+fn kinetic_energy<const L: usize, const A: usize>(
+    inertia: &Inertia<L, A>,
+    frame: &Frame<L>,
+    velocity: &Velocity<f32, L, A>,
+) -> f64 {
+    let v = velocity.linear.map(f64::from);
+    let mass = if inertia.mass.is_finite() { f64::from(inertia.mass) } else { 0.0 };
+    let momentum = frame.tensor(inertia.moments) * velocity.angular;
+    0.5 * (mass * v.dot(v) + f64::from(momentum.dot(velocity.angular)))
+}
+
+fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
+    colliders: &Colliders<G, L, A>,
+    bodies: &Bodies<G, L, A>,
+    pair: [u32; 2],
+) -> Option<Pair> {
+    let [a, b] = pair.map(|id| id as usize);
+    let owners = [colliders.body[a], colliders.body[b]];
+    let moved = owners.iter().any(|&body| bodies.is_dynamic(body as usize));
+    if owners[0] == owners[1] || !moved || !colliders.filter[a].collides(&colliders.filter[b]) {
+        return None;
+    }
+    let (p, q) = (&colliders.material[a], &colliders.material[b]);
+    let friction = Combine::of(p.friction_combine, q.friction_combine, p.friction, q.friction);
+    let bounce =
+        Combine::of(p.restitution_combine, q.restitution_combine, p.restitution, q.restitution);
+    Some(Pair {
+        colliders: pair,
+        bodies: owners,
+        friction: friction as f32,
+        restitution: bounce as f32,
+        first: 0,
+        count: 0,
+    })
+}

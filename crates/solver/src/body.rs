@@ -1,0 +1,100 @@
+//! What the solver knows of a body: how fast it moves, and how hard it is to move.
+
+use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
+
+use crate::vector::spin;
+use crate::{Real, SymmetricMatrix, Vector, moment};
+
+/// Linear and angular velocity of a body: one block of the notes' column v.
+///
+/// The same pair serves as a displacement (velocity times time), since J maps both alike.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Velocity<T: Real, const L: usize, const A: usize> {
+    /// Of the center of mass. \[m/s\]
+    pub linear: Vector<T, L>,
+    /// About the center of mass, world axes. \[rad/s\]
+    pub angular: Vector<T, A>,
+}
+
+impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
+    /// At rest.
+    pub const ZERO: Self = Self { linear: Vector::ZERO, angular: Vector::ZERO };
+
+    /// Velocity \[m/s\] of the point at the lever arm `r` \[m\]: v + omega x r.
+    #[inline(always)]
+    pub fn at(&self, r: Vector<T, L>) -> Vector<T, L> {
+        self.linear + spin(self.angular, r)
+    }
+}
+
+impl<T: Real, const L: usize, const A: usize> Add for Velocity<T, L, A> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self { linear: self.linear + other.linear, angular: self.angular + other.angular }
+    }
+}
+
+impl<T: Real, const L: usize, const A: usize> Sub for Velocity<T, L, A> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { linear: self.linear - other.linear, angular: self.angular - other.angular }
+    }
+}
+
+impl<T: Real, const L: usize, const A: usize> Mul<T> for Velocity<T, L, A> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, scale: T) -> Self {
+        Self { linear: self.linear * scale, angular: self.angular * scale }
+    }
+}
+
+impl<T: Real, const L: usize, const A: usize> AddAssign for Velocity<T, L, A> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<T: Real, const L: usize, const A: usize> SubAssign for Velocity<T, L, A> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+/// One block of M^-1: (m^-1, I^-1), the latter in world axes. Zero for what nothing can move.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct InverseMass<T: Real, const L: usize, const A: usize> {
+    /// m^-1. \[1/kg\]
+    pub linear: T,
+    /// W = R I_0^-1 R^T. \[1/(kg m^2)\]
+    pub angular: SymmetricMatrix<T, A>,
+}
+
+impl<T: Real, const L: usize, const A: usize> InverseMass<T, L, A> {
+    /// Of a body that nothing can move.
+    pub const FIXED: Self = Self { linear: T::ZERO, angular: SymmetricMatrix::ZERO };
+
+    /// M^-1 (p, r x p): the change of velocity from an impulse `p` \[N s\] at the lever arm `r` \[m\].
+    #[inline(always)]
+    pub fn response(&self, r: Vector<T, L>, p: Vector<T, L>) -> Velocity<T, L, A> {
+        Velocity { linear: p * self.linear, angular: self.angular * moment(r, p) }
+    }
+
+    /// m^-1 + (r x n) . W (r x n): what a unit impulse along `n` at `r` adds to the velocity
+    /// along `n` there. \[1/kg\]
+    #[inline(always)]
+    pub fn along(&self, r: Vector<T, L>, n: Vector<T, L>) -> T {
+        self.between(r, n, n)
+    }
+
+    /// What a unit impulse along `p` at `r` adds to the velocity along `n` there. \[1/kg\]
+    #[inline(always)]
+    pub fn between(&self, r: Vector<T, L>, p: Vector<T, L>, n: Vector<T, L>) -> T {
+        let angular: Vector<T, A> = moment(r, n);
+        p.dot(n) * self.linear + angular.dot(self.angular * moment(r, p))
+    }
+}

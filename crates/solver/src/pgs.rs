@@ -1,0 +1,112 @@
+//! Projected Gauss-Seidel, matrix-free: the heart.
+//!
+//! One sweep visits every contact once. A visit asks what velocity the contact has now, every
+//! other impulse included, changes its own impulse so that the velocity becomes the target, keeps
+//! the impulse within what a contact can do, and passes the change on to its two bodies. The
+//! notes: "go ahead and let the impulse for collision i be included as an other collision", with
+//! the per-body sums kept as the velocities themselves. Cost: linear in the contacts.
+
+use crate::{Contact, InverseMass, Manifold, Real, System, Vector, Velocity};
+
+impl<T: Real, const L: usize> Contact<T, L> {
+    /// gamma <- max(0, gamma - m_eff (v_n - t + epsilon gamma)): the accumulated impulse is
+    /// clamped, not its change. A `RIGID` visit leaves out epsilon and overlap repair.
+    #[inline(always)]
+    fn visit_normal<const A: usize, const RIGID: bool>(
+        &mut self,
+        manifold: &Manifold<T, L>,
+        masses: &[InverseMass<T, L, A>; 2],
+        a: &mut Velocity<T, L, A>,
+        b: &mut Velocity<T, L, A>,
+    ) {
+        let v_n = self.normal_velocity(manifold, a, b);
+        let w = if RIGID {
+            v_n - self.target[0].min(T::ZERO)
+        } else {
+            v_n - self.target[0] + self.compliance * self.impulse[0]
+        };
+        let impulse = (self.impulse[0] - self.effective_mass * w).max(T::ZERO);
+        let delta = impulse - self.impulse[0];
+        self.impulse[0] = impulse;
+        self.apply(manifold.normal() * delta, masses, a, b);
+    }
+
+    /// The impulse after a step against the slip velocity, drawn back onto Coulomb's disc of
+    /// radius mu gamma_n (in 2D: an interval). `u` is the relative velocity in the frame.
+    #[inline(always)]
+    pub(crate) fn friction_step(&self, friction: T, u: Vector<T, L>, rigid: bool) -> Vector<T, L> {
+        let mut tangential = self.impulse;
+        for i in 1..L {
+            let target = if rigid { T::ZERO } else { self.target[i] };
+            tangential[i] -= self.tangential_mass * (u[i] - target);
+        }
+        self.onto_disc(friction, tangential)
+    }
+
+    /// Scales the tangents of `impulse` down to the disc of radius mu times the normal impulse.
+    #[inline(always)]
+    pub(crate) fn onto_disc(&self, friction: T, impulse: Vector<T, L>) -> Vector<T, L> {
+        let radius = friction * (self.impulse[0] + self.impact);
+        let mut squared = T::ZERO;
+        for i in 1..L {
+            squared += impulse[i] * impulse[i];
+        }
+        let length = squared.sqrt();
+        let scale = (length - radius).choose(radius / length, T::ONE);
+        let mut out = impulse * scale;
+        out[0] = impulse[0];
+        out
+    }
+
+    #[inline(always)]
+    fn visit_friction<const A: usize, const RIGID: bool>(
+        &mut self,
+        manifold: &Manifold<T, L>,
+        masses: &[InverseMass<T, L, A>; 2],
+        a: &mut Velocity<T, L, A>,
+        b: &mut Velocity<T, L, A>,
+    ) {
+        let u = self.relative_velocity(manifold, a, b);
+        let impulse = self.friction_step(manifold.friction, u, RIGID);
+        let delta = impulse - self.impulse;
+        self.impulse = impulse;
+        self.apply(manifold.to_world(delta), masses, a, b);
+    }
+}
+
+/// One sweep towards the targets: every contact once, in order, its normal before its friction.
+pub fn sweep<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
+    visit_all::<T, L, A, false, true>(system);
+}
+
+/// One sweep that takes the velocity of overlap repair and compliance out again, once they have
+/// moved the bodies: the same contacts, as rigid ones with no repair.
+pub fn relax<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
+    visit_all::<T, L, A, true, true>(system);
+}
+
+/// [`sweep`] over the normals alone.
+pub fn sweep_normals<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
+    visit_all::<T, L, A, false, false>(system);
+}
+
+#[inline(always)]
+fn visit_all<T: Real, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
+    system: &mut System<T, L, A>,
+) {
+    for manifold in &system.manifolds {
+        let masses = system.masses_of(manifold);
+        let [mut a, mut b] = system.velocities_of(manifold);
+        let points = &mut system.contacts[manifold.points()];
+        for contact in points.iter_mut() {
+            contact.visit_normal::<A, RIGID>(manifold, &masses, &mut a, &mut b);
+        }
+        if FRICTION {
+            for contact in points.iter_mut() {
+                contact.visit_friction::<A, RIGID>(manifold, &masses, &mut a, &mut b);
+            }
+        }
+        system.velocities[manifold.bodies[0] as usize] = a;
+        system.velocities[manifold.bodies[1] as usize] = b;
+    }
+}

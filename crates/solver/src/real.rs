@@ -1,0 +1,100 @@
+//! [`Real`]: what a number must do to run through the kernels.
+//!
+//! The kernels are written once over `Real`. `f32` is the world's number, `f64` the number of
+//! tests and certificates. There is no comparison that returns `bool`: choices are made with
+//! [`max`](Real::max), [`min`](Real::min) and [`choose`](Real::choose), so that a type holding
+//! several numbers side by side can be a `Real` too.
+
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+/// A number, or several numbers that go through the same operations.
+///
+/// Every operation rounds once (IEEE 754); none is fused or approximate, so equal inputs give
+/// equal bits on every machine.
+pub trait Real:
+    Copy
+    + Debug
+    + Default
+    + PartialEq
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+{
+    /// 0.
+    const ZERO: Self;
+    /// 1.
+    const ONE: Self;
+
+    /// The nearest value of this type.
+    fn from_f64(value: f64) -> Self;
+
+    /// Square root.
+    fn sqrt(self) -> Self;
+
+    /// `self` if it is greater than `other`, else `other`.
+    fn max(self, other: Self) -> Self;
+
+    /// `self` if it is less than `other`, else `other`.
+    fn min(self, other: Self) -> Self;
+
+    /// `positive` if `self > 0`, else `otherwise`.
+    fn choose(self, positive: Self, otherwise: Self) -> Self;
+}
+
+/// A single number, which can be looked at.
+pub trait Scalar: Real + PartialOrd {
+    /// Its value.
+    fn to_f64(self) -> f64;
+}
+
+macro_rules! scalar {
+    ($t:ty) => {
+        impl Real for $t {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+
+            #[inline(always)]
+            fn from_f64(value: f64) -> Self {
+                value as $t
+            }
+
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                <$t>::sqrt(self)
+            }
+
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                if self > other { self } else { other }
+            }
+
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                if self < other { self } else { other }
+            }
+
+            #[inline(always)]
+            fn choose(self, positive: Self, otherwise: Self) -> Self {
+                if self > 0.0 { positive } else { otherwise }
+            }
+        }
+
+        impl Scalar for $t {
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+        }
+    };
+}
+
+scalar!(f32);
+scalar!(f64);

@@ -1,0 +1,114 @@
+//! Bouncing: target velocities from the pre-step velocity, and collisions one manifold at a time.
+
+use crate::{Real, Scalar, System, Velocity};
+
+/// t_i = max(t_i, -c_r v_i^-) where a contact approached faster than `threshold` \[m/s\] before the
+/// step: the notes' restitution hypothesis, combined with overlap repair by maximum.
+///
+/// `before` are the velocities before the step's forces, not the prospective ones: otherwise
+/// every resting contact would bounce off gravity.
+pub fn set_targets<T: Real, const L: usize, const A: usize>(
+    system: &mut System<T, L, A>,
+    before: &[Velocity<T, L, A>],
+    threshold: T,
+) {
+    for manifold in &system.manifolds {
+        let [a, b] = manifold.bodies.map(|body| &before[body as usize]);
+        for contact in &mut system.contacts[manifold.points()] {
+            let approach = -contact.normal_velocity(manifold, a, b);
+            let bounce = (approach - threshold).choose(manifold.restitution * approach, T::ZERO);
+            contact.target[0] = contact.target[0].max(bounce);
+        }
+    }
+}
+
+/// Sweeps over the points of one manifold within a collision.
+const MANIFOLD_SWEEPS: usize = 10;
+
+/// The most points of a manifold that collide at once.
+const MAX_POINTS: usize = 4;
+
+/// Resolves collisions manifold by manifold until none that closes in this step approaches faster
+/// than `threshold` \[m/s\], or `rounds` have passed. Returns the number of collisions.
+///
+/// Within a manifold the points collide together (equation (2) with gamma >= 0); between manifolds
+/// one after the other, each from the velocities that the last one left, as the notes' isolated
+/// collisions (1). So a blow passes through a row of touching balls. Kinetic energy never grows:
+/// a collision changes it by 1/2 gamma . (u- + u+), and gamma is scaled down where that is positive.
+///
+/// Contacts that do not bounce are left to the sweeps. The impulses go into
+/// [`Contact::impact`](crate::Contact::impact).
+pub fn collide<T: Scalar, const L: usize, const A: usize>(
+    system: &mut System<T, L, A>,
+    threshold: T,
+    rounds: usize,
+) -> usize {
+    let mut collisions = 0;
+    for _ in 0..rounds {
+        let before = collisions;
+        for index in 0..system.manifolds.len() {
+            if system.manifolds[index].restitution > T::ZERO {
+                collisions += usize::from(collide_manifold(system, index, threshold));
+            }
+        }
+        if collisions == before {
+            break;
+        }
+    }
+    collisions
+}
+
+fn collide_manifold<T: Scalar, const L: usize, const A: usize>(
+    system: &mut System<T, L, A>,
+    index: usize,
+    threshold: T,
+) -> bool {
+    let manifold = system.manifolds[index];
+    let masses = system.masses_of(&manifold);
+    let before = system.velocities_of(&manifold);
+    let points = &mut system.contacts[manifold.points()];
+    let count = points.len().min(MAX_POINTS);
+    let mut u_before = [T::ZERO; MAX_POINTS];
+    let mut target = [T::ZERO; MAX_POINTS];
+    let mut closing = false;
+    for i in 0..count {
+        let u = points[i].normal_velocity(&manifold, &before[0], &before[1]);
+        let open = points[i].target[0].min(T::ZERO);
+        u_before[i] = u;
+        target[i] = open;
+        if u < open && u < -threshold {
+            target[i] = -manifold.restitution * u;
+            closing = true;
+        }
+    }
+    if !closing {
+        return false;
+    }
+    let [mut a, mut b] = before;
+    let mut gamma = [T::ZERO; MAX_POINTS];
+    for _ in 0..MANIFOLD_SWEEPS {
+        for i in 0..count {
+            let u = points[i].normal_velocity(&manifold, &a, &b);
+            let next = (gamma[i] + points[i].effective_mass * (target[i] - u)).max(T::ZERO);
+            points[i].apply(manifold.normal() * (next - gamma[i]), &masses, &mut a, &mut b);
+            gamma[i] = next;
+        }
+    }
+    // Delta T = s gamma . u- + s^2/2 gamma^T A gamma <= 0  <=>  s <= -2 gamma . u- / gamma^T A gamma.
+    let (mut work, mut quadratic) = (T::ZERO, T::ZERO);
+    for i in 0..count {
+        let u = points[i].normal_velocity(&manifold, &a, &b);
+        work += gamma[i] * u_before[i];
+        quadratic += gamma[i] * (u - u_before[i]);
+    }
+    let limit = quadratic.choose(T::from_f64(-2.0) * work / quadratic, T::ONE);
+    let scale = T::ONE.min(limit.max(T::ZERO));
+    [a, b] = before;
+    for i in 0..count {
+        points[i].impact += gamma[i] * scale;
+        points[i].apply(manifold.normal() * (gamma[i] * scale), &masses, &mut a, &mut b);
+    }
+    system.velocities[manifold.bodies[0] as usize] = a;
+    system.velocities[manifold.bodies[1] as usize] = b;
+    true
+}

@@ -1,0 +1,148 @@
+//! [`System`]: bodies and contacts of one step, as a plain value.
+
+use crate::{Contact, InverseMass, Manifold, Real, Scalar, Velocity};
+
+/// The contact problem of a step:
+///
+/// find gamma >= 0 with w = J v+ - t + epsilon gamma >= 0, gamma . w = 0, v+ = v + M^-1 J^T gamma,
+///
+/// that is the notes' A gamma - b >= 0 with b = t - J v, v the prospective velocities.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct System<T: Real, const L: usize, const A: usize> {
+    /// v of each body: prospective before solving, v+ after.
+    pub velocities: Vec<Velocity<T, L, A>>,
+    /// M^-1 of each body.
+    pub masses: Vec<InverseMass<T, L, A>>,
+    /// Manifolds, in the order in which a sweep visits them.
+    pub manifolds: Vec<Manifold<T, L>>,
+    /// The points of the manifolds, one manifold after the other.
+    pub contacts: Vec<Contact<T, L>>,
+}
+
+/// How overlaps and gaps become target velocities ([`System::set_targets`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Repair<T> {
+    /// The step h that the velocities will act for. \[s\]
+    pub dt: T,
+    /// c_d h, 0..1: the part of an overlap that one step repairs. \[1\]
+    pub rate: T,
+    /// Overlap left alone. \[m\]
+    pub slop: T,
+    /// Fastest repair. \[m/s\]
+    pub push_speed: T,
+}
+
+impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
+    /// A system without bodies or contacts.
+    pub fn new() -> Self {
+        Self {
+            velocities: Vec::new(),
+            masses: Vec::new(),
+            manifolds: Vec::new(),
+            contacts: Vec::new(),
+        }
+    }
+
+    /// Adds a body and returns its index.
+    pub fn add_body(&mut self, velocity: Velocity<T, L, A>, mass: InverseMass<T, L, A>) -> u32 {
+        self.velocities.push(velocity);
+        self.masses.push(mass);
+        self.velocities.len() as u32 - 1
+    }
+
+    /// Adds a manifold with these points; sets `first` and `count`.
+    pub fn add_manifold(&mut self, mut manifold: Manifold<T, L>, points: &[Contact<T, L>]) {
+        manifold.first = self.contacts.len() as u32;
+        manifold.count = points.len() as u32;
+        self.manifolds.push(manifold);
+        self.contacts.extend_from_slice(points);
+    }
+
+    /// The inverse masses of the two bodies of a manifold.
+    #[inline(always)]
+    pub fn masses_of(&self, manifold: &Manifold<T, L>) -> [InverseMass<T, L, A>; 2] {
+        manifold.bodies.map(|body| self.masses[body as usize])
+    }
+
+    /// The velocities of the two bodies of a manifold.
+    #[inline(always)]
+    pub fn velocities_of(&self, manifold: &Manifold<T, L>) -> [Velocity<T, L, A>; 2] {
+        manifold.bodies.map(|body| self.velocities[body as usize])
+    }
+
+    /// Sets the effective masses of every contact ([`Contact::prepare`]).
+    pub fn prepare(&mut self, softness: T) {
+        for manifold in &self.manifolds {
+            let masses = manifold.bodies.map(|body| self.masses[body as usize]);
+            for contact in &mut self.contacts[manifold.points()] {
+                contact.prepare(manifold, &masses, softness);
+            }
+        }
+    }
+
+    /// t: the velocity that each contact should have after the step. `displacements` is what each
+    /// body has moved since the gaps were measured.
+    ///
+    /// Overlap: min(c_d max(0, d - slop), push speed). Gap s: -s/h, so that it closes and no more.
+    /// Slip of a sticking point: -c_d slip, which returns it to where it stuck.
+    pub fn set_targets(&mut self, displacements: &[Velocity<T, L, A>], repair: &Repair<T>) {
+        let over_dt = T::ONE / repair.dt;
+        let rate = repair.rate * over_dt;
+        for manifold in &self.manifolds {
+            let [a, b] = manifold.bodies.map(|body| &displacements[body as usize]);
+            for contact in &mut self.contacts[manifold.points()] {
+                let gap = contact.gap + contact.relative_velocity(manifold, a, b);
+                let overlap = T::ZERO.max(-gap[0] - repair.slop);
+                contact.target = gap * -rate;
+                contact.target[0] =
+                    gap[0].choose(-gap[0] * over_dt, (overlap * rate).min(repair.push_speed));
+            }
+        }
+    }
+
+    /// Adds the impulses that the contacts hold to the velocities: v += M^-1 J^T gamma.
+    pub fn apply_impulses(&mut self) {
+        for manifold in &self.manifolds {
+            let masses = self.masses_of(manifold);
+            let [mut a, mut b] = self.velocities_of(manifold);
+            for contact in &self.contacts[manifold.points()] {
+                contact.apply(manifold.to_world(contact.impulse), &masses, &mut a, &mut b);
+            }
+            self.velocities[manifold.bodies[0] as usize] = a;
+            self.velocities[manifold.bodies[1] as usize] = b;
+        }
+    }
+}
+
+impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
+    /// How far the contacts are from their laws: the largest velocity error, over all contacts, of
+    /// |min(gamma / m_eff, w)| along the normal and of the friction's projection. \[m/s\]
+    ///
+    /// Zero exactly at a solution. `rigid` leaves out compliance and overlap repair, as
+    /// [`relax`](crate::pgs::relax) does.
+    pub fn residual(&self, rigid: bool) -> f64 {
+        let mut worst = 0.0f64;
+        for manifold in &self.manifolds {
+            let [a, b] = self.velocities_of(manifold);
+            for contact in &self.contacts[manifold.points()] {
+                if contact.effective_mass.to_f64() == 0.0 {
+                    continue;
+                }
+                let u = contact.relative_velocity(manifold, &a, &b);
+                let held = contact.impulse[0].to_f64();
+                let w = if rigid {
+                    u[0] - contact.target[0].min(T::ZERO)
+                } else {
+                    u[0] - contact.target[0] + contact.compliance * contact.impulse[0]
+                };
+                worst = worst.max((held / contact.effective_mass.to_f64()).min(w.to_f64()).abs());
+                if contact.tangential_mass.to_f64() > 0.0 {
+                    let step = contact.friction_step(manifold.friction, u, rigid);
+                    let slip = (step - contact.impulse).length() / contact.tangential_mass;
+                    worst = worst.max(slip.to_f64());
+                }
+            }
+        }
+        worst
+    }
+}

@@ -1,0 +1,197 @@
+//! [`Vector`] and [`SymmetricMatrix`] of any size, zero included, and the two products of mechanics that
+//! depend on the dimension: [`moment`] (r x f) and [`spin`] (omega x r).
+
+use std::array::from_fn;
+use std::ops::{Add, AddAssign, Index, IndexMut, Mul, Neg, Sub, SubAssign};
+
+use crate::Real;
+
+/// A column of `N` numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(transparent)]
+pub struct Vector<T, const N: usize>(pub [T; N]);
+
+impl<T: Real, const N: usize> Vector<T, N> {
+    /// The zero vector.
+    pub const ZERO: Self = Self([T::ZERO; N]);
+
+    /// Sum of the products of the components.
+    #[inline(always)]
+    pub fn dot(self, other: Self) -> T {
+        let mut sum = T::ZERO;
+        for i in 0..N {
+            sum += self.0[i] * other.0[i];
+        }
+        sum
+    }
+
+    /// Euclidean length.
+    #[inline(always)]
+    pub fn length(self) -> T {
+        self.dot(self).sqrt()
+    }
+
+    /// Each component through `f`.
+    #[inline(always)]
+    pub fn map<U: Real>(self, f: impl FnMut(T) -> U) -> Vector<U, N> {
+        Vector(self.0.map(f))
+    }
+}
+
+impl<T: Real, const N: usize> Default for Vector<T, N> {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+impl<T: Real, const N: usize> Add for Vector<T, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self(from_fn(|i| self.0[i] + other.0[i]))
+    }
+}
+
+impl<T: Real, const N: usize> Sub for Vector<T, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(from_fn(|i| self.0[i] - other.0[i]))
+    }
+}
+
+impl<T: Real, const N: usize> Neg for Vector<T, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(from_fn(|i| -self.0[i]))
+    }
+}
+
+impl<T: Real, const N: usize> Mul<T> for Vector<T, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, scale: T) -> Self {
+        Self(from_fn(|i| self.0[i] * scale))
+    }
+}
+
+impl<T: Real, const N: usize> AddAssign for Vector<T, N> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<T: Real, const N: usize> SubAssign for Vector<T, N> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl<T, const N: usize> Index<usize> for Vector<T, N> {
+    type Output = T;
+    #[inline(always)]
+    fn index(&self, i: usize) -> &T {
+        &self.0[i]
+    }
+}
+
+impl<T, const N: usize> IndexMut<usize> for Vector<T, N> {
+    #[inline(always)]
+    fn index_mut(&mut self, i: usize) -> &mut T {
+        &mut self.0[i]
+    }
+}
+
+/// A symmetric `N` x `N` matrix, stored by rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(transparent)]
+pub struct SymmetricMatrix<T, const N: usize>(pub [Vector<T, N>; N]);
+
+impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
+    /// The zero matrix.
+    pub const ZERO: Self = Self([Vector::ZERO; N]);
+
+    /// The matrix with these entries on its diagonal.
+    pub fn diagonal(entries: Vector<T, N>) -> Self {
+        let mut matrix = Self::ZERO;
+        for i in 0..N {
+            matrix.0[i][i] = entries[i];
+        }
+        matrix
+    }
+
+    /// R D R^T, where `axes` are the columns of R.
+    pub fn rotated(self, axes: &[Vector<T, N>; N]) -> Self {
+        let mut out = Self::ZERO;
+        // D R^T, row by row.
+        let half: [Vector<T, N>; N] = from_fn(|k| {
+            let mut row = Vector::ZERO;
+            for (l, axis) in axes.iter().enumerate() {
+                row += *axis * self.0[k][l];
+            }
+            row
+        });
+        for i in 0..N {
+            for j in 0..=i {
+                let mut sum = T::ZERO;
+                for k in 0..N {
+                    sum += axes[k][i] * half[k][j];
+                }
+                out.0[i][j] = sum;
+                out.0[j][i] = sum;
+            }
+        }
+        out
+    }
+}
+
+impl<T: Real, const N: usize> Default for SymmetricMatrix<T, N> {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+impl<T: Real, const N: usize> Mul<Vector<T, N>> for SymmetricMatrix<T, N> {
+    type Output = Vector<T, N>;
+    #[inline(always)]
+    fn mul(self, vector: Vector<T, N>) -> Vector<T, N> {
+        Vector(from_fn(|i| self.0[i].dot(vector)))
+    }
+}
+
+/// r x f: the moment \[N m s\] of an impulse `f` at the lever arm `r` \[m\].
+///
+/// `A` = 0: bodies do not turn; (2,1): r_x f_y - r_y f_x; (3,3): the cross product.
+#[inline(always)]
+pub fn moment<T: Real, const L: usize, const A: usize>(
+    r: Vector<T, L>,
+    f: Vector<T, L>,
+) -> Vector<T, A> {
+    match (L, A) {
+        (2, 1) => Vector(from_fn(|_| r[0] * f[1] - r[1] * f[0])),
+        (3, 3) => Vector(from_fn(|i| {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            r[j] * f[k] - r[k] * f[j]
+        })),
+        _ => Vector::ZERO,
+    }
+}
+
+/// omega x r: the velocity \[m/s\] at the lever arm `r` \[m\] that turning at `omega` \[rad/s\] adds.
+#[inline(always)]
+pub fn spin<T: Real, const L: usize, const A: usize>(
+    omega: Vector<T, A>,
+    r: Vector<T, L>,
+) -> Vector<T, L> {
+    match (L, A) {
+        (2, 1) => Vector(from_fn(|i| if i == 0 { -omega[0] * r[1] } else { omega[0] * r[0] })),
+        (3, 3) => Vector(from_fn(|i| {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            omega[j] * r[k] - omega[k] * r[j]
+        })),
+        _ => Vector::ZERO,
+    }
+}
