@@ -24,6 +24,9 @@ pub struct StepSettings {
     pub slop: f32,
     /// Fastest speed at which overlap is repaired. \[m/s\]
     pub push_speed: f32,
+    /// Part of its slip by which a contact that sticks returns to where it stuck, per second.
+    /// \[1/s\]
+    pub hold: f32,
     /// Approach below this speed does not bounce. \[m/s\]
     pub restitution_threshold: f32,
     /// Shapes nearer than this have a contact before they touch. \[m\]
@@ -42,6 +45,7 @@ impl StepSettings {
             softness: 0.02,
             slop: 0.0,
             push_speed: 1.0,
+            hold: 2.0,
             restitution_threshold: 0.1,
             prediction_distance: 0.02,
             reuse_distance: 0.0,

@@ -259,6 +259,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             rate: settings.repair,
             slop: settings.slop,
             push_speed: settings.push_speed,
+            hold: settings.hold,
         };
         let system = &mut self.system;
         for _ in 0..settings.substeps.max(1) {
@@ -273,7 +274,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             system.apply_impulses();
             clock.lap(&mut report, Stage::WarmStart);
             for _ in 0..settings.iterations {
-                pgs::sweep(system);
+                pgs::sweep_normals(system);
             }
             clock.lap(&mut report, Stage::Solve);
             motion::advance(bodies, h, &mut system.velocities, &mut self.displacements);

@@ -34,11 +34,10 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// The impulse after a step against the slip velocity, drawn back onto Coulomb's disc of
     /// radius mu gamma_n (in 2D: an interval). `u` is the relative velocity in the frame.
     #[inline(always)]
-    pub(crate) fn friction_step(&self, friction: T, u: Vector<T, L>, rigid: bool) -> Vector<T, L> {
+    pub(crate) fn friction_step(&self, friction: T, u: Vector<T, L>) -> Vector<T, L> {
         let mut tangential = self.impulse;
         for i in 1..L {
-            let target = if rigid { T::ZERO } else { self.target[i] };
-            tangential[i] -= self.tangential_mass * (u[i] - target);
+            tangential[i] -= self.tangential_mass * (u[i] - self.target[i]);
         }
         self.onto_disc(friction, tangential)
     }
@@ -59,7 +58,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
     }
 
     #[inline(always)]
-    fn visit_friction<const A: usize, const RIGID: bool>(
+    fn visit_friction<const A: usize>(
         &mut self,
         manifold: &Manifold<T, L>,
         masses: &[InverseMass<T, L, A>; 2],
@@ -67,7 +66,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
         b: &mut Velocity<T, L, A>,
     ) {
         let u = self.relative_velocity(manifold, a, b);
-        let impulse = self.friction_step(manifold.friction, u, RIGID);
+        let impulse = self.friction_step(manifold.friction, u);
         let delta = impulse - self.impulse;
         self.impulse = impulse;
         self.apply(manifold.to_world(delta), masses, a, b);
@@ -103,7 +102,7 @@ fn visit_all<T: Real, const L: usize, const A: usize, const RIGID: bool, const F
         }
         if FRICTION {
             for contact in points.iter_mut() {
-                contact.visit_friction::<A, RIGID>(manifold, &masses, &mut a, &mut b);
+                contact.visit_friction::<A>(manifold, &masses, &mut a, &mut b);
             }
         }
         system.velocities[manifold.bodies[0] as usize] = a;

@@ -30,6 +30,8 @@ pub struct Repair<T> {
     pub slop: T,
     /// Fastest repair. \[m/s\]
     pub push_speed: T,
+    /// Part of its slip by which a sticking point returns per second. \[1/s\]
+    pub hold: T,
 }
 
 impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
@@ -84,7 +86,7 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
     /// body has moved since the gaps were measured.
     ///
     /// Overlap: min(c_d max(0, d - slop), push speed). Gap s: -s/h, so that it closes and no more.
-    /// Slip of a sticking point: -c_d slip, which returns it to where it stuck.
+    /// Slip of a sticking point: -hold slip, which returns it to where it stuck.
     pub fn set_targets(&mut self, displacements: &[Velocity<T, L, A>], repair: &Repair<T>) {
         let over_dt = T::ONE / repair.dt;
         let rate = repair.rate * over_dt;
@@ -93,7 +95,7 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
             for contact in &mut self.contacts[manifold.points()] {
                 let gap = contact.gap + contact.relative_velocity(manifold, a, b);
                 let overlap = T::ZERO.max(-gap[0] - repair.slop);
-                contact.target = gap * -rate;
+                contact.target = gap * -repair.hold;
                 contact.target[0] =
                     gap[0].choose(-gap[0] * over_dt, (overlap * rate).min(repair.push_speed));
             }
@@ -137,7 +139,7 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
                 };
                 worst = worst.max((held / contact.effective_mass.to_f64()).min(w.to_f64()).abs());
                 if contact.tangential_mass.to_f64() > 0.0 {
-                    let step = contact.friction_step(manifold.friction, u, rigid);
+                    let step = contact.friction_step(manifold.friction, u);
                     let slip = (step - contact.impulse).length() / contact.tangential_mass;
                     worst = worst.max(slip.to_f64());
                 }
