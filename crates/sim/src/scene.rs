@@ -6,14 +6,19 @@
 // An error is made once per file: its size does not matter.
 #![allow(clippy::result_large_err)]
 
+mod document;
 mod error;
 mod file;
 pub mod format;
 pub mod gltf;
+pub mod schema;
 mod settings;
+pub mod write;
 
 pub use error::{Place, SceneError, Warning};
 pub use file::read;
+pub use schema::json_schema;
+pub use write::{to_json, to_toml};
 
 use std::collections::BTreeMap;
 
