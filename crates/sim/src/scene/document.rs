@@ -64,6 +64,7 @@ pub(super) struct SceneDocument {
 #[derive(Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(rename = "BodiesAs")]
+#[allow(dead_code, reason = "a default is in the schema, but never written")]
 pub(super) enum BodiesAsDocument {
     /// They turn.
     Rigid,
@@ -190,6 +191,7 @@ pub(super) struct BodyDocument {
 #[derive(Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(rename = "Motion")]
+#[allow(dead_code, reason = "a default is in the schema, but never written")]
 pub(super) enum MotionDocument {
     /// Forces and contacts.
     Dynamic,

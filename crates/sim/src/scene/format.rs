@@ -131,14 +131,14 @@ fn read_bodies(
     dimension: usize,
     bodies_as: BodiesAs,
 ) -> Result<Vec<Body>, SceneError> {
-    let Some(list) = table.get("bodies") else {
-        return Ok(Vec::new());
-    };
     let setup = Setup {
         dimension,
         particles: bodies_as == BodiesAs::Particles,
         materials: read_materials(table)?,
         systems: RefCell::new(Systems::default()),
+    };
+    let Some(list) = table.get("bodies") else {
+        return Ok(Vec::new());
     };
     let items = list.items("a list of bodies")?;
     if items.len() > MAX_BODIES {
@@ -172,38 +172,46 @@ fn read_materials(table: &Table<'_>) -> Result<BTreeMap<String, Surface>, SceneE
 /// A particle is a sphere about its position that neither turns nor rubs.
 fn check_particle(field: &Field<'_>, index: usize, body: &Body) -> Result<(), SceneError> {
     let owner = body::body_name(index, body.name.as_deref());
-    let refuse = |what: &str, accepted: &str| {
+    let refuse = |what: &str, value: String, accepted: &str| {
+        let item = format!("{what} of {owner}");
         let help = "or leave bodies_as = \"particles\" out";
-        Err(field.refuse_as(format!("{what} of {owner}"), format!("{accepted}, {help}")))
+        Err(SceneError { item, ..field.refuse_value(value, format_args!("{accepted}, {help}")) })
     };
     if body.motion != Motion::Dynamic {
-        let fits = |kind: &ShapeKind| {
-            matches!(kind, ShapeKind::Sphere { .. } | ShapeKind::Halfspace { .. })
-        };
-        return match body.shapes.iter().position(|shape| !fits(&shape.kind)) {
-            None => Ok(()),
-            Some(i) => refuse(
-                &format!("type of shape {i}"),
-                "\"sphere\" or \"halfspace\" in a scene of particles",
-            ),
-        };
+        let odd = body.shapes.iter().enumerate().find(|(_, shape)| !fits_particles(&shape.kind));
+        return odd.map_or(Ok(()), |(i, shape)| {
+            let accepted = "\"sphere\" or \"halfspace\" in a scene of particles";
+            refuse(&format!("type of shape {i}"), type_of(&shape.kind), accepted)
+        });
     }
     let [shape] = body.shapes.as_slice() else {
-        return refuse("shapes", "a single sphere for a particle");
+        let value = format!("a list of {}", body.shapes.len());
+        return refuse("shapes", value, "a single sphere for a particle");
     };
     if !matches!(shape.kind, ShapeKind::Sphere { .. }) {
-        return refuse("type of shape 0", "\"sphere\" for a particle");
+        return refuse("type of shape 0", type_of(&shape.kind), "\"sphere\" for a particle");
     }
     if shape.position.iter().any(|x| *x != 0.0) {
-        return refuse("position of shape 0", "a sphere at the origin of a particle");
+        let value = format!("{:?}", shape.position);
+        return refuse("position of shape 0", value, "0 for a particle");
     }
     if shape.material.friction != 0.0 {
-        return refuse("friction", "0 for a particle");
+        return refuse("friction", shape.material.friction.to_string(), "0 for a particle");
     }
     if body.angular_velocity.iter().any(|x| *x != 0.0) {
-        return refuse("angular_velocity", "0 for a particle");
+        let value = format!("{:?}", body.angular_velocity);
+        return refuse("angular_velocity", value, "0 for a particle");
     }
     Ok(())
+}
+
+/// Whether particles can touch it.
+fn fits_particles(kind: &ShapeKind) -> bool {
+    matches!(kind, ShapeKind::Sphere { .. } | ShapeKind::Halfspace { .. })
+}
+
+fn type_of(kind: &ShapeKind) -> String {
+    format!("\"{}\"", shape::type_name(kind))
 }
 
 fn read_solver(field: &Field<'_>) -> Result<serde_json::Map<String, Value>, SceneError> {

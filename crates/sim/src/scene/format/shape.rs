@@ -37,6 +37,19 @@ const TYPES: &str =
 const ANY_KEYS: &[&str] =
     keys!("radius", "half_extents", "half_height", "points", "normal", "vertices", "triangles");
 
+/// The name under which a file has it.
+pub(super) fn type_name(kind: &ShapeKind) -> &'static str {
+    match kind {
+        ShapeKind::Sphere { .. } => "sphere",
+        ShapeKind::Box { .. } => "box",
+        ShapeKind::Capsule { .. } => "capsule",
+        ShapeKind::Cylinder { .. } => "cylinder",
+        ShapeKind::ConvexHull { .. } => "convex_hull",
+        ShapeKind::Halfspace { .. } => "halfspace",
+        ShapeKind::Trimesh { .. } => "trimesh",
+    }
+}
+
 const SIZE: Range = Range::new(1e-5, 1e6, "m");
 
 pub(super) fn read_shape(
@@ -113,12 +126,8 @@ fn read_hull(table: &Table<'_>, dimension: usize) -> Result<ShapeKind, SceneErro
     let items = field.items(&accepted)?;
     let points =
         items.map(|item| item.vector(dimension, &POSITION)).collect::<Result<Vec<_>, _>>()?;
-    if points.len() < least {
-        let value = format!("a list of {}", points.len());
-        return Err(field.refuse_value(value, accepted));
-    }
-    if !spans_space(&points) {
-        return Err(field.refuse(accepted));
+    if points.len() < least || !spans_space(&points) {
+        return Err(field.refuse_value(format!("a list of {}", points.len()), accepted));
     }
     Ok(ShapeKind::ConvexHull { points })
 }

@@ -95,8 +95,9 @@ pub(super) struct Number(pub(super) f64);
 
 impl Display for Number {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let x = self.0;
-        if x == 0.0 || (1e-3..1e5).contains(&x.abs()) {
+        // Single precision is enough for a message, and is shorter.
+        let x = self.0 as f32;
+        if x == 0.0 || (1e-3..1e6).contains(&x.abs()) {
             write!(f, "{x}")
         } else {
             write!(f, "{x:e}")
@@ -106,7 +107,11 @@ impl Display for Number {
 
 impl<'a> Walk<'a> {
     pub(super) fn place(&self, start: usize, path: &Path<'_>) -> Place {
-        if self.json { Place::Pointer(path.pointer()) } else { self.text.line_at(start) }
+        match path.pointer() {
+            _ if !self.json => self.text.line_at(start),
+            root if root.is_empty() => Place::File,
+            pointer => Place::Pointer(pointer),
+        }
     }
 
     pub(super) fn root(&'a self, node: &'a Node<'a>, owner: &'a dyn Display) -> Field<'a> {
@@ -149,18 +154,6 @@ impl<'a> Field<'a> {
             place: self.walk.place(self.node.start, &self.path),
             item: self.item(),
             value,
-            accepted: format!("accepted: {accepted}"),
-            unreadable: false,
-        }
-    }
-
-    /// The error that a part of this is not what is accepted.
-    pub(super) fn refuse_as(&self, item: String, accepted: String) -> SceneError {
-        SceneError {
-            file: self.walk.text.file.to_owned(),
-            place: self.walk.place(self.node.start, &self.path),
-            item,
-            value: String::new(),
             accepted: format!("accepted: {accepted}"),
             unreadable: false,
         }
