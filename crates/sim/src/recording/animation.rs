@@ -16,7 +16,8 @@ pub struct GlbOptions {
     pub position_tolerance: f64,
     /// Largest angle between the clip and a sample of the recording. \[rad\]
     pub rotation_tolerance: f64,
-    /// Samples per second; absent: every recorded frame. \[1/s\]
+    /// Samples per second; absent, or as many as there are frames: every recorded frame.
+    /// \[1/s\]
     pub fps: Option<f64>,
 }
 
@@ -128,7 +129,8 @@ fn sample_times(recording: &Recording, options: &GlbOptions) -> Vec<f32> {
         return Vec::new();
     };
     let end = last as f64 * recording.frame_time;
-    let exact: Vec<f64> = match options.fps.filter(|fps| fps.is_finite() && *fps > 0.0) {
+    let fewer = |fps: &f64| *fps > 0.0 && *fps * recording.frame_time < 1.0;
+    let exact: Vec<f64> = match options.fps.filter(fewer) {
         None => (0..=last).map(|frame| frame as f64 * recording.frame_time).collect(),
         Some(fps) => {
             let whole = (end * fps + 1e-6).floor() as u64;

@@ -44,8 +44,7 @@ impl Mesh {
     }
 }
 
-/// The mesh of a shape, and the scale under which it has the shape's size: spheres and boxes of
-/// all sizes share one mesh.
+/// The mesh of a shape, up to [`scale_of`]: spheres and boxes of all sizes share one mesh.
 pub(super) fn mesh_of(kind: &ShapeKind, dimension: usize) -> Mesh {
     if dimension == 2 {
         return extrude(&outline(kind));

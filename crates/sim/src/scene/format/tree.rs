@@ -50,7 +50,7 @@ impl<'a> Text<'a> {
             let at = error.span().map_or(0, |span| span.start);
             self.syntax("TOML", error.message(), self.line_at(at))
         })?;
-        Ok(Node { start: 0, value: self.from_table(document.into_inner())? })
+        Ok(Node { start: 0, value: self.toml_table(document.into_inner())? })
     }
 
     pub(super) fn json(self) -> Result<Node<'a>, SceneError> {
@@ -89,18 +89,18 @@ impl<'a> Text<'a> {
         }
     }
 
-    fn from_table(self, table: DeTable<'a>) -> Result<Tree<'a>, SceneError> {
+    fn toml_table(self, table: DeTable<'a>) -> Result<Tree<'a>, SceneError> {
         let entries = table.into_iter().map(|(key, value)| {
             Ok(Entry {
                 start: key.span().start,
                 key: key.into_inner(),
-                node: self.from_value(value.span().start, value.into_inner())?,
+                node: self.toml_value(value.span().start, value.into_inner())?,
             })
         });
         entries.collect::<Result<_, _>>().map(Tree::Table)
     }
 
-    fn from_value(self, start: usize, value: DeValue<'a>) -> Result<Node<'a>, SceneError> {
+    fn toml_value(self, start: usize, value: DeValue<'a>) -> Result<Node<'a>, SceneError> {
         let value = match value {
             DeValue::String(text) => Tree::Text(text),
             DeValue::Boolean(value) => Tree::Bool(value),
@@ -119,10 +119,10 @@ impl<'a> Text<'a> {
             },
             DeValue::Array(items) => {
                 let items = items.into_iter();
-                let nodes = items.map(|v| self.from_value(v.span().start, v.into_inner()));
+                let nodes = items.map(|v| self.toml_value(v.span().start, v.into_inner()));
                 Tree::Array(nodes.collect::<Result<_, _>>()?)
             }
-            DeValue::Table(table) => self.from_table(table)?,
+            DeValue::Table(table) => self.toml_table(table)?,
         };
         Ok(Node { start, value })
     }
