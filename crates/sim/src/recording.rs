@@ -1,5 +1,15 @@
 //! Poses over time, as they leave Drystone.
 
+pub mod animation;
+pub mod buffer;
+pub mod file;
+pub mod glb;
+mod mesh;
+pub mod poses;
+
+pub use animation::GlbOptions;
+pub use file::write_whole;
+
 /// What a bake produced: the pose of every body at every frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {

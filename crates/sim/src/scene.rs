@@ -3,13 +3,35 @@
 //! [`Scene`] is the one description that every reader produces and every world is built from.
 //! SI units, right-handed, +y up. Vectors have as many components as the scene has dimensions.
 
+// An error is made once per file: its size does not matter.
+#![allow(clippy::result_large_err)]
+
+mod document;
 mod error;
+mod file;
+pub mod format;
+pub mod gltf;
+pub mod schema;
+mod settings;
+pub mod write;
 
 pub use error::{Place, SceneError, Warning};
+pub use file::read;
+pub use schema::json_schema;
+pub use write::{to_json, to_toml};
 
 use std::collections::BTreeMap;
 
 use serde_json::Value;
+
+/// What a reader makes of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Read {
+    /// The scene.
+    pub scene: Scene,
+    /// What was understood but does not act as one may think.
+    pub warnings: Vec<Warning>,
+}
 
 /// A scene: what is there, how it starts, how long it runs.
 #[derive(Clone, Debug, PartialEq)]

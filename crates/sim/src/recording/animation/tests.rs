@@ -1,0 +1,153 @@
+use proptest::prelude::*;
+
+use super::*;
+
+fn recording(poses: Vec<f32>) -> Recording {
+    Recording { dimension: 3, bodies: 1, frame_time: 1.0 / 60.0, poses }
+}
+
+/// Falls, then rests; spins while it falls, turning by more than half a turn.
+fn falling(frames: usize) -> Recording {
+    let mut poses = Vec::new();
+    for frame in 0..frames {
+        let t = frame.min(60) as f32 / 60.0;
+        let half = 3.0 * t;
+        poses.extend([t, 10.0 - 4.9 * t * t, 0.0, half.sin(), 0.0, 0.0, half.cos()]);
+    }
+    recording(poses)
+}
+
+fn clip(recording: &Recording, options: &GlbOptions) -> (Value, Vec<u8>, bool) {
+    let (mut document, mut bytes) = (json!({}), Vec::new());
+    let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
+    let targets = [Target { node: 0, body: 0, local: &as_body }];
+    let moves = append_clip(&mut gltf, "clip", recording, &targets, options).unwrap();
+    (document, bytes, moves)
+}
+
+fn floats(document: &Value, bytes: &[u8], accessor: &Value) -> Vec<f32> {
+    let accessor = &document["accessors"][accessor.as_u64().unwrap() as usize];
+    let view = &document["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+    let number = |x: &Value| x.as_u64().unwrap() as usize;
+    let start = number(&view["byteOffset"]) + number(&accessor["byteOffset"]);
+    let parts = match accessor["type"].as_str().unwrap() {
+        "SCALAR" => 1,
+        "VEC3" => 3,
+        _ => 4,
+    };
+    let data = &bytes[start..start + 4 * parts * number(&accessor["count"])];
+    data.chunks(4).map(|x| f32::from_le_bytes(x.try_into().unwrap())).collect()
+}
+
+/// The value of a channel at a time, as a viewer finds it.
+fn play<const N: usize>(keys: &[f32], values: &[f32], time: f32) -> [f64; N] {
+    let next = keys.iter().position(|key| *key >= time).unwrap_or(keys.len() - 1).max(1);
+    let part = f64::from(time - keys[next - 1]) / f64::from(keys[next] - keys[next - 1]);
+    let at = |i: usize| -> [f64; N] { std::array::from_fn(|k| f64::from(values[N * i + k])) };
+    let (a, b) = (at(next - 1), at(next));
+    if N == 4 {
+        let q = slerp(std::array::from_fn(|k| a[k]), std::array::from_fn(|k| b[k]), part);
+        return std::array::from_fn(|k| q[k]);
+    }
+    lerp(a, b, part.clamp(0.0, 1.0))
+}
+
+#[test]
+fn a_clip_stays_within_its_tolerance_and_is_short() {
+    let run = falling(600);
+    let options = GlbOptions::default();
+    let (document, bytes, _) = clip(&run, &options);
+    let samplers = document["animations"][0]["samplers"].as_array().unwrap();
+    for (path, sampler) in samplers.iter().enumerate() {
+        let keys = floats(&document, &bytes, &sampler["input"]);
+        let values = floats(&document, &bytes, &sampler["output"]);
+        assert!(keys.len() < 70, "{} keys", keys.len());
+        for frame in 0..run.frames() {
+            let pose = pose_at(&run, 0, frame as f64 * run.frame_time);
+            let time = (frame as f64 * run.frame_time) as f32;
+            let error = if path == 0 {
+                distance(play::<3>(&keys, &values, time), pose.position)
+            } else {
+                angle(play::<4>(&keys, &values, time), pose.rotation)
+            };
+            assert!(error < 1.1e-5, "frame {frame}: {error}");
+        }
+    }
+}
+
+#[test]
+fn rotations_change_their_sign_nowhere() {
+    let mut run = falling(60);
+    run.poses.chunks_mut(14).for_each(|pose| pose[3..7].iter_mut().for_each(|x| *x = -*x));
+    let (document, bytes, _) = clip(&run, &GlbOptions::default());
+    let output = &document["animations"][0]["samplers"][1]["output"];
+    let values = floats(&document, &bytes, output);
+    let keys: Vec<[f64; 4]> =
+        values.chunks(4).map(|q| std::array::from_fn(|i| f64::from(q[i]))).collect();
+    assert!(keys.windows(2).all(|pair| dot(pair[0], pair[1]) > 0.0));
+}
+
+#[test]
+fn what_rests_has_no_channel() {
+    let run = recording([1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0].repeat(100));
+    assert!(!clip(&run, &GlbOptions::default()).2);
+}
+
+#[test]
+fn a_straight_motion_has_two_keys() {
+    let poses = (0..1000).flat_map(|i| [i as f32 / 64.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    let (document, ..) = clip(&recording(poses.collect()), &GlbOptions::default());
+    assert_eq!(document["accessors"][0]["count"], 2);
+    assert_eq!(document["animations"][0]["channels"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn equal_keys_are_stored_once() {
+    let poses = (0..30).flat_map(|i| {
+        let half = i as f32 / 100.0;
+        [i as f32, 0.0, 0.0, half.sin(), 0.0, 0.0, half.cos()]
+    });
+    let (document, ..) = clip(
+        &recording(poses.collect()),
+        &GlbOptions { rotation_tolerance: 1e-3, ..GlbOptions::default() },
+    );
+    let samplers = &document["animations"][0]["samplers"];
+    assert_eq!(samplers[0]["input"], samplers[1]["input"]);
+}
+
+#[test]
+fn other_rates_end_at_the_last_frame() {
+    let run = falling(62);
+    let options = GlbOptions { fps: Some(24.0), ..GlbOptions::default() };
+    let times = sample_times(&run, &options);
+    assert_eq!(times.len(), 26);
+    assert_eq!(*times.last().unwrap(), (61.0 / 60.0) as f32);
+}
+
+#[test]
+fn a_pose_that_is_not_finite_is_an_error() {
+    let mut run = falling(3);
+    run.poses[8] = f32::NAN;
+    let (mut document, mut bytes) = (json!({}), Vec::new());
+    let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
+    let targets = [Target { node: 0, body: 0, local: &as_body }];
+    let error = append_clip(&mut gltf, "", &run, &targets, &GlbOptions::default()).unwrap_err();
+    assert!(error.to_string().starts_with("the pose of body 0 at 0.0166"), "{error}");
+}
+
+proptest! {
+    #[test]
+    fn thinning_keeps_any_track_within_its_tolerance(values in prop::collection::vec(-1.0f32..1.0, 2..60)) {
+        let times: Vec<f32> = (0..values.len()).map(|i| i as f32 / 60.0).collect();
+        let points: Vec<[f32; 1]> = values.iter().map(|x| [*x]).collect();
+        let track = thin(&times, &points, |a, b, part, x| distance(lerp(a, b, part), x) <= 0.2);
+        if !track.kept.is_empty() {
+            let keys: Vec<f32> = track.kept.iter().map(|i| times[*i as usize]).collect();
+            let kept: Vec<f32> = track.values.as_flattened().to_vec();
+            for (time, value) in times.iter().zip(&values) {
+                let [x] = play::<1>(&keys, &kept, *time);
+                prop_assert!((x - f64::from(*value)).abs() <= 0.2 + 1e-5);
+            }
+        }
+    }
+}

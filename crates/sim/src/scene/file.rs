@@ -1,0 +1,78 @@
+//! Reading a scene from a file of any format.
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing))]
+
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::Path;
+
+use super::{Place, Read, SceneError, format, gltf};
+
+/// Largest scene file. \[byte\]
+const MAX_SIZE: u64 = 1 << 30;
+
+/// Reads a scene from a file: `.toml`, `.json`, `.gltf` or `.glb`, in upper or lower case.
+///
+/// # Errors
+/// [`SceneError::unreadable`] if the operating system does not give the file; otherwise what is
+/// wrong in it.
+pub fn read(file: &Path) -> Result<Read, SceneError> {
+    let extension = file.extension().and_then(|name| name.to_str()).unwrap_or("");
+    match extension.to_ascii_lowercase().as_str() {
+        "toml" => format::read_toml(file, &read_text(file)?),
+        "json" => format::read_json(file, &read_text(file)?),
+        "gltf" | "glb" => gltf::read(file),
+        other => Err(SceneError {
+            file: file.to_owned(),
+            place: Place::File,
+            item: "the format".to_owned(),
+            value: if other.is_empty() { "not named".to_owned() } else { format!("\".{other}\"") },
+            accepted: "accepted: .toml, .json, .gltf, .glb".to_owned(),
+            unreadable: false,
+        }),
+    }
+}
+
+fn read_text(file: &Path) -> Result<String, SceneError> {
+    let bytes = read_bytes(file).map_err(|error| SceneError {
+        file: file.to_owned(),
+        place: Place::File,
+        item: "the file cannot be read".to_owned(),
+        value: String::new(),
+        accepted: error.to_string(),
+        unreadable: true,
+    })?;
+    let refuse = |place, item: &str, value: String, accepted: &str| SceneError {
+        file: file.to_owned(),
+        place,
+        item: item.to_owned(),
+        value,
+        accepted: format!("accepted: {accepted}"),
+        unreadable: false,
+    };
+    let Some(bytes) = bytes else {
+        return Err(refuse(Place::File, "the size", "over 1 GiB".to_owned(), "at most 1 GiB"));
+    };
+    String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        let byte = error.as_bytes().get(at).copied().unwrap_or(0);
+        refuse(Place::Byte(at as u64), "the text", format!("byte 0x{byte:02x}"), "UTF-8")
+    })
+}
+
+/// All bytes; none if there are too many.
+fn read_bytes(file: &Path) -> io::Result<Option<Vec<u8>>> {
+    let data = std::fs::metadata(file)?;
+    if data.is_dir() {
+        return Err(io::Error::other("Is a directory"));
+    }
+    if !data.is_file() {
+        return Err(io::Error::other("Not a regular file"));
+    }
+    if data.len() > MAX_SIZE {
+        return Ok(None);
+    }
+    let mut bytes = Vec::new();
+    // The file may grow while it is read.
+    File::open(file)?.take(MAX_SIZE + 1).read_to_end(&mut bytes)?;
+    Ok(if bytes.len() as u64 > MAX_SIZE { None } else { Some(bytes) })
+}

@@ -1,0 +1,101 @@
+//! The JSON Schema of Drystone's own scene format.
+
+use serde_json::Value;
+
+use super::document::SceneDocument;
+
+/// JSON Schema (draft 2020-12) of the format, for editors and other programs.
+///
+/// It says which keys and types there are; ranges that depend on other values are checked by
+/// [`read`](super::read) alone.
+pub fn json_schema() -> Value {
+    let mut schema = schemars::schema_for!(SceneDocument).to_value();
+    remove_null(&mut schema);
+    schema
+}
+
+/// What is absent is left out; null is not accepted in its place.
+fn remove_null(schema: &mut Value) {
+    let null = |value: &Value| value == "null" || value.get("type").is_some_and(|t| t == "null");
+    if let Value::Object(object) = &mut *schema {
+        for key in ["type", "anyOf"] {
+            let Some(Value::Array(choices)) = object.get_mut(key) else { continue };
+            choices.retain(|choice| !null(choice));
+            let [only] = choices.as_slice() else { continue };
+            let only = only.clone();
+            object.remove(key);
+            match only {
+                Value::Object(inner) => object.extend(inner),
+                name => _ = object.insert(key.to_owned(), name),
+            }
+        }
+        object.values_mut().for_each(remove_null);
+    } else if let Value::Array(items) = schema {
+        items.iter_mut().for_each(remove_null);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::scene::format::SCENE_KEYS;
+    use crate::scene::format::body::{BODY_KEYS, KEY_KEYS};
+    use crate::scene::format::shape::SHAPE_KEYS;
+    use crate::scene::format::surface::{COLLISION_KEYS, COMBINE, MATERIAL_KEYS};
+
+    fn keys_of(schema: &Value) -> BTreeSet<&str> {
+        let properties = schema.get("properties").and_then(Value::as_object);
+        properties.into_iter().flatten().map(|(key, _)| key.as_str()).collect()
+    }
+
+    fn set<'a>(keys: &[&'a str]) -> BTreeSet<&'a str> {
+        keys.iter().copied().collect()
+    }
+
+    #[test]
+    fn the_schema_has_the_keys_that_are_read() {
+        let schema = json_schema();
+        let of = |name: &str| keys_of(&schema["$defs"][name]);
+        assert_eq!(keys_of(&schema), set(SCENE_KEYS));
+        assert_eq!(of("Body"), set(BODY_KEYS));
+        assert_eq!(of("Key"), set(KEY_KEYS));
+        assert_eq!(of("Material"), set(MATERIAL_KEYS));
+        assert_eq!(of("Collision"), set(COLLISION_KEYS));
+    }
+
+    #[test]
+    fn the_schema_has_the_shapes_that_are_read() {
+        let schema = json_schema();
+        let shape = &schema["$defs"]["Shape"];
+        let variants = shape["oneOf"].as_array().unwrap();
+        assert_eq!(variants.len(), SHAPE_KEYS.len());
+        for (variant, (name, keys)) in variants.iter().zip(SHAPE_KEYS) {
+            assert_eq!(variant["properties"]["type"]["const"], name);
+            let all: BTreeSet<_> = keys_of(shape).union(&keys_of(variant)).copied().collect();
+            assert_eq!(all, set(keys), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_schema_has_the_combinations_that_are_read() {
+        let schema = json_schema();
+        let variants = schema["$defs"]["Combine"]["oneOf"].as_array().unwrap();
+        let names: Vec<_> = variants.iter().map(|v| v["const"].as_str().unwrap()).collect();
+        assert_eq!(names, COMBINE.map(|(name, _)| name));
+    }
+
+    #[test]
+    fn null_is_no_value() {
+        assert!(!json_schema().to_string().contains("\"null\""));
+    }
+
+    #[test]
+    fn nothing_is_required_that_has_a_default() {
+        let schema = json_schema();
+        assert_eq!(schema.get("required"), None);
+        assert_eq!(schema["$defs"]["Body"].get("required"), None);
+        assert_eq!(schema["$defs"]["Key"]["required"], serde_json::json!(["time"]));
+    }
+}

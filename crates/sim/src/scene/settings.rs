@@ -1,0 +1,92 @@
+//! The table `solver`: step settings by name, laid over others.
+
+use serde_json::{Map, Value};
+
+use super::format::nearest_known;
+use super::{Place, Scene, SceneError};
+use crate::StepSettings;
+
+/// A setting that is refused.
+pub(super) struct Fault {
+    pub(super) key: String,
+    /// There is no such setting.
+    pub(super) unknown: bool,
+    pub(super) accepted: String,
+}
+
+impl Fault {
+    pub(super) fn item(&self) -> String {
+        if self.unknown {
+            format!("unknown key '{}' of solver", self.key)
+        } else {
+            format!("{} of solver", self.key)
+        }
+    }
+}
+
+/// Smallest and largest sensible values; a setting that is not here only has to fit its type.
+const RANGES: [(&str, f64, f64); 9] = [
+    ("substeps", 1.0, 1000.0),
+    ("iterations", 1.0, 10_000.0),
+    ("repair", 0.0, 1.0),
+    ("softness", 0.0, 0.999),
+    ("slop", 0.0, 1.0),
+    ("push_speed", 0.0, 1e6),
+    ("restitution_threshold", 0.0, 1e6),
+    ("prediction_distance", 0.0, 1e3),
+    ("reuse_distance", 0.0, 1e3),
+];
+
+/// The settings with those of the table in place of theirs.
+pub(super) fn merge(table: &Map<String, Value>, base: StepSettings) -> Result<StepSettings, Fault> {
+    let mut merged = base;
+    for (key, value) in table {
+        merged = set(merged, key, value)?;
+    }
+    Ok(merged)
+}
+
+fn set(settings: StepSettings, key: &str, value: &Value) -> Result<StepSettings, Fault> {
+    let fault = |unknown, accepted| Fault { key: key.to_owned(), unknown, accepted };
+    let Ok(Value::Object(mut all)) = serde_json::to_value(&settings) else {
+        return Err(fault(false, "settings that can be written".to_owned()));
+    };
+    if !all.contains_key(key) {
+        let known: Vec<_> = all.keys().collect();
+        return Err(fault(true, nearest_known(key, &known)));
+    }
+    if let Some((_, min, max)) = RANGES.iter().find(|(name, ..)| *name == key) {
+        let whole = all.get(key).is_some_and(Value::is_u64);
+        let fits =
+            value.as_f64().is_some_and(|x| *min <= x && x <= *max) && (!whole || value.is_u64());
+        if !fits {
+            let kind = if whole { "a whole number" } else { "a number" };
+            return Err(fault(false, format!("accepted: {kind} from {min} to {max}")));
+        }
+    }
+    all.insert(key.to_owned(), value.clone());
+    serde_json::from_value(Value::Object(all))
+        .map_err(|error| fault(false, format!("accepted: {error}")))
+}
+
+impl Scene {
+    /// These settings with those of the table `solver` in place of theirs.
+    ///
+    /// # Errors
+    /// A setting that does not exist or is out of range; a scene that was read from a file has
+    /// none.
+    pub fn settings(&self, base: StepSettings) -> Result<StepSettings, SceneError> {
+        merge(&self.solver, base).map_err(|fault| SceneError {
+            file: "scene".into(),
+            place: Place::Pointer(format!("/solver/{}", fault.key)),
+            item: fault.item(),
+            value: self
+                .solver
+                .get(&fault.key)
+                .filter(|_| !fault.unknown)
+                .map_or_else(String::new, Value::to_string),
+            accepted: fault.accepted,
+            unreadable: false,
+        })
+    }
+}

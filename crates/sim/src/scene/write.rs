@@ -1,0 +1,202 @@
+//! Writing a scene in Drystone's own format; what equals its default is left out.
+
+use super::document::{
+    BodiesAsDocument, BodyDocument, CollisionDocument, CombineDocument, InertiaDocument,
+    KeyDocument, KindDocument, MotionDocument, RotationDocument, SceneDocument, ShapeDocument,
+    SpinDocument, SurfaceDocument, Unbounded,
+};
+use super::format::body::identity;
+use super::format::surface::default_material;
+use super::format::{GRAVITY, TIME_STEP};
+use super::{
+    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind, Track,
+};
+
+/// The scene as JSON. Reading it gives the same scene.
+pub fn to_json(scene: &Scene) -> String {
+    // A document has text keys and finite numbers only, which always can be written.
+    serde_json::to_string_pretty(&document(scene)).unwrap_or_default() + "\n"
+}
+
+/// The scene as TOML. Reading it gives the same scene.
+pub fn to_toml(scene: &Scene) -> String {
+    toml::to_string(&document(scene)).unwrap_or_default()
+}
+
+fn document(scene: &Scene) -> SceneDocument {
+    let particles = scene.bodies_as == BodiesAs::Particles;
+    let mut gravity = vec![0.0; scene.dimension];
+    gravity[1] = GRAVITY;
+    SceneDocument {
+        name: scene.name.clone(),
+        dimension: (scene.dimension != 3).then_some(scene.dimension),
+        gravity: unless(&scene.gravity, &gravity),
+        time_step: (scene.time_step != TIME_STEP).then_some(scene.time_step),
+        steps: scene.steps,
+        bodies_as: particles.then_some(BodiesAsDocument::Particles),
+        solver: scene.solver.clone(),
+        bodies: scene.bodies.iter().map(|body| body_document(body, scene)).collect(),
+        ..SceneDocument::default()
+    }
+}
+
+fn body_document(body: &Body, scene: &Scene) -> BodyDocument {
+    let dimension = scene.dimension;
+    let zero = vec![0.0; dimension];
+    let default = default_material(scene.bodies_as == BodiesAs::Particles);
+    let material = common(body, |shape| &shape.material).unwrap_or(&default);
+    let filter = common(body, |shape| &shape.filter).copied().unwrap_or_default();
+    BodyDocument {
+        name: body.name.clone(),
+        motion: match body.motion {
+            Motion::Dynamic => None,
+            Motion::Static => Some(MotionDocument::Static),
+            Motion::Kinematic => Some(MotionDocument::Kinematic),
+        },
+        position: unless(&body.position, &zero),
+        rotation: rotation_unless(body.rotation, identity(dimension)),
+        linear_velocity: unless(&body.linear_velocity, &zero),
+        angular_velocity: spin(&body.angular_velocity),
+        gravity_factor: (body.gravity_factor != 1.0).then_some(body.gravity_factor),
+        density: body.mass.density,
+        mass: body.mass.mass.map(Unbounded::Number),
+        center_of_mass: body.mass.center.clone(),
+        inertia: body.mass.inertia.as_deref().map(inertia),
+        inertia_rotation: body.mass.inertia_rotation,
+        material: None,
+        surface: surface(material, &default),
+        collision: collision(filter, Filter::default()),
+        shapes: body
+            .shapes
+            .iter()
+            .map(|s| shape_document(s, material, filter, dimension))
+            .collect(),
+        track: keys(&body.track),
+        extras: None,
+    }
+}
+
+/// What all shapes of a body have in common, which is then said once.
+fn common<T: PartialEq>(body: &Body, of: impl Fn(&Shape) -> &T) -> Option<&T> {
+    let first = of(body.shapes.first()?);
+    body.shapes.iter().all(|shape| of(shape) == first).then_some(first)
+}
+
+fn shape_document(
+    shape: &Shape,
+    material: &Material,
+    filter: Filter,
+    dimension: usize,
+) -> ShapeDocument {
+    ShapeDocument {
+        kind: kind_document(&shape.kind),
+        position: unless(&shape.position, &vec![0.0; dimension]),
+        rotation: rotation_unless(shape.rotation, identity(dimension)),
+        surface: surface(&shape.material, material),
+        collision: collision(shape.filter, filter),
+        extras: None,
+    }
+}
+
+fn kind_document(kind: &ShapeKind) -> KindDocument {
+    match kind.clone() {
+        ShapeKind::Sphere { radius } => KindDocument::Sphere { radius },
+        ShapeKind::Box { half_extents } => KindDocument::Box { half_extents },
+        ShapeKind::Capsule { radius, half_height } => KindDocument::Capsule { radius, half_height },
+        ShapeKind::Cylinder { radius, half_height } => {
+            KindDocument::Cylinder { radius, half_height }
+        }
+        ShapeKind::ConvexHull { points } => KindDocument::ConvexHull { points },
+        ShapeKind::Halfspace { normal } => KindDocument::Halfspace { normal },
+        ShapeKind::Trimesh { vertices, triangles } => KindDocument::Trimesh { vertices, triangles },
+    }
+}
+
+/// Bits are compared, so that -0 is written.
+fn same(a: &[f64], b: &[f64]) -> bool {
+    a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()))
+}
+
+fn unless(vector: &[f64], default: &[f64]) -> Option<Vec<f64>> {
+    (!same(vector, default)).then(|| vector.to_vec())
+}
+
+fn rotation_document(rotation: Rotation) -> RotationDocument {
+    match rotation {
+        Rotation::Angle(angle) => RotationDocument::Angle(angle),
+        Rotation::Quaternion(quaternion) => RotationDocument::Quaternion(quaternion),
+    }
+}
+
+fn rotation_unless(rotation: Rotation, default: Rotation) -> Option<RotationDocument> {
+    let equal = match (rotation, default) {
+        (Rotation::Angle(a), Rotation::Angle(b)) => same(&[a], &[b]),
+        (Rotation::Quaternion(a), Rotation::Quaternion(b)) => same(&a, &b),
+        _ => false,
+    };
+    (!equal).then(|| rotation_document(rotation))
+}
+
+fn spin(velocity: &[f64]) -> Option<SpinDocument> {
+    let moving = unless(velocity, &vec![0.0; velocity.len()])?;
+    Some(match moving.as_slice() {
+        [number] => SpinDocument::Number(*number),
+        _ => SpinDocument::Vector(moving),
+    })
+}
+
+fn inertia(moments: &[f64]) -> InertiaDocument {
+    match moments {
+        [number] => InertiaDocument::Number(Unbounded::Number(*number)),
+        _ => InertiaDocument::Principal(moments.iter().copied().map(Unbounded::Number).collect()),
+    }
+}
+
+fn surface(material: &Material, default: &Material) -> SurfaceDocument {
+    let number = |x: f64, y: f64| (x.to_bits() != y.to_bits()).then_some(x);
+    let combine = |x: Combine, y: Combine| (x != y).then(|| combine_document(x));
+    SurfaceDocument {
+        friction: number(material.friction, default.friction),
+        restitution: number(material.restitution, default.restitution),
+        friction_combine: combine(material.friction_combine, default.friction_combine),
+        restitution_combine: combine(material.restitution_combine, default.restitution_combine),
+    }
+}
+
+fn combine_document(combine: Combine) -> CombineDocument {
+    match combine {
+        Combine::Average => CombineDocument::Average,
+        Combine::Minimum => CombineDocument::Minimum,
+        Combine::Maximum => CombineDocument::Maximum,
+        Combine::Multiply => CombineDocument::Multiply,
+        Combine::GeometricMean => CombineDocument::GeometricMean,
+    }
+}
+
+/// Systems are named by their numbers, which reading takes as such.
+fn collision(filter: Filter, default: Filter) -> Option<CollisionDocument> {
+    let names = |mask: u64| -> Vec<String> {
+        (0..64).filter(|bit| mask & (1 << bit) != 0).map(|bit: u32| bit.to_string()).collect()
+    };
+    let all_but = filter.collides_with_unnamed;
+    // A shape that collides with everything says so when its body does not.
+    let listed = filter.collides_with != u64::MAX || !all_but;
+    (filter != default).then(|| CollisionDocument {
+        systems: names(filter.systems),
+        collides_with: (!all_but).then(|| names(filter.collides_with)),
+        not_collides_with: (all_but && listed).then(|| names(!filter.collides_with)),
+    })
+}
+
+fn keys(track: &Track) -> Vec<KeyDocument> {
+    let poses = track.positions.iter().zip(&track.rotations);
+    let key = |(time, (position, rotation)): (&f64, (&Vec<f64>, &Rotation))| KeyDocument {
+        time: *time,
+        position: Some(position.clone()),
+        rotation: Some(rotation_document(*rotation)),
+    };
+    track.times.iter().zip(poses).map(key).collect()
+}
+
+#[cfg(test)]
+mod tests;
