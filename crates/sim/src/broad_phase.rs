@@ -61,9 +61,7 @@ impl<const L: usize> BroadPhase<L> {
     /// Whether the boxes of two shapes overlap.
     pub(crate) fn near(&self, pair: [u32; 2]) -> bool {
         let [a, b] = pair.map(|shape| self.boxes[shape as usize]);
-        a.zip(b).is_some_and(|(a, b)| {
-            (0..L).all(|i| a.min[i] <= b.max[i] && b.min[i] <= a.max[i])
-        })
+        a.zip(b).is_some_and(|(a, b)| (0..L).all(|i| a.min[i] <= b.max[i] && b.min[i] <= a.max[i]))
     }
 
     /// Pairs of shapes whose boxes have come to overlap, lower index first, sorted; none if no

@@ -1,6 +1,7 @@
 //! What a dimension must supply: poses that advance, shapes with bounds and mass, and the points
 //! where two shapes touch. Everything else in a world is written once for all of them.
 
+mod polyhedra;
 mod rigid;
 pub mod spheres;
 
@@ -96,7 +97,10 @@ impl<const L: usize> Frame<L> {
     }
 
     /// A tensor of the local frame in world axes: R D R^T (in 2D a number, in particles nothing).
-    pub fn tensor<const A: usize>(&self, local: SymmetricMatrix<f32, A>) -> SymmetricMatrix<f32, A> {
+    pub fn tensor<const A: usize>(
+        &self,
+        local: SymmetricMatrix<f32, A>,
+    ) -> SymmetricMatrix<f32, A> {
         if A != L {
             return local;
         }
@@ -126,8 +130,7 @@ pub struct MassProperties<const L: usize, const A: usize> {
 
 impl<const L: usize, const A: usize> MassProperties<L, A> {
     /// Nothing.
-    pub const ZERO: Self =
-        Self { mass: 0.0, center: Vector::ZERO, inertia: SymmetricMatrix::ZERO };
+    pub const ZERO: Self = Self { mass: 0.0, center: Vector::ZERO, inertia: SymmetricMatrix::ZERO };
 
     /// The same mass, given in a frame, in that frame's surroundings.
     pub fn placed(&self, frame: &Frame<L>) -> Self {

@@ -110,9 +110,8 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             + (travel_a.linear - travel_b.linear).length()
             + travel_a.angular
             + travel_b.angular;
-        let [shape_a, shape_b] = pair
-            .colliders
-            .map(|c| (&around.shapes[c as usize], &around.poses[c as usize]));
+        let [shape_a, shape_b] =
+            pair.colliders.map(|c| (&around.shapes[c as usize], &around.poses[c as usize]));
         G::collide(shape_a, shape_b, prediction, scratch, &mut |touch| {
             let mut record = Record {
                 bodies: pair.bodies,

@@ -97,7 +97,9 @@ impl FromScene<2, 1> for Rigid2 {
             kind,
             2,
             |[x, y]: [f32; 2]| SharedShape::cuboid(x, y),
-            |_: &ShapeKind| Err("is not a shape of 2D; use sphere, box, capsule, convex_hull or halfspace")
+            |_: &ShapeKind| Err(
+                "is not a shape of 2D; use sphere, box, capsule, convex_hull or halfspace"
+            )
         )
     }
 }
@@ -263,8 +265,7 @@ fn inertia<G: Geometry<L, A>, const L: usize, const A: usize>(
         let principal = |f: fn(f64) -> f64| {
             let diagonal = Vector(from_fn(|i| f(moments.get(i).copied().unwrap_or(0.0)) as f32));
             let rotation = body.mass.inertia_rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-            let frame: Frame<L> =
-                G::frame(&place::<G, L, A>(&[], &Rotation::Quaternion(rotation)));
+            let frame: Frame<L> = G::frame(&place::<G, L, A>(&[], &Rotation::Quaternion(rotation)));
             frame.tensor(SymmetricMatrix::diagonal(diagonal))
         };
         inertia.moments = principal(|moment| if moment.is_finite() { moment } else { 0.0 });

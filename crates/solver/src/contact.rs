@@ -159,7 +159,9 @@ impl<T: Real, const L: usize> Contact<T, L> {
 pub fn contact_frame<T: Scalar, const L: usize>(normal: Vector<T, L>) -> [Vector<T, L>; L] {
     let mut frame = [normal; L];
     match L {
-        2 => frame[1] = Vector(std::array::from_fn(|i| if i == 0 { -normal[1] } else { normal[0] })),
+        2 => {
+            frame[1] = Vector(std::array::from_fn(|i| if i == 0 { -normal[1] } else { normal[0] }))
+        }
         3 => {
             // The axis least along the normal, made orthogonal to it.
             let mut least = 0;

@@ -2,7 +2,7 @@
 
 use drystone_solver::{SymmetricMatrix, Vector};
 
-use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint};
+use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, polyhedra};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
@@ -42,7 +42,7 @@ impl From<Pose2> for parry2d::math::Pose {
 
 /// The part of [`Geometry`] that reads the same over parry2d and parry3d.
 macro_rules! over_parry {
-    ($parry:ident, $l:literal, $a:literal) => {
+    ($parry:ident, $polyhedra:ident, $l:literal, $a:literal) => {
         type Shape = $parry::shape::SharedShape;
         type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $l>;
 
@@ -78,10 +78,13 @@ macro_rules! over_parry {
                 manifold.points.clear();
                 manifold.local_n1 = $parry::math::Vector::ZERO;
                 manifold.local_n2 = $parry::math::Vector::ZERO;
-                // The only error is an unsupported pair: a half-space against a half-space.
-                let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
-                    &from_b, shape_a, shape_b, normals[0], normals[1], prediction, manifold,
-                );
+                if !polyhedra::$polyhedra::collide(&from_b, shape_a, shape_b, prediction, manifold)
+                {
+                    // The only error is an unsupported pair: a half-space against a half-space.
+                    let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
+                        &from_b, shape_a, shape_b, normals[0], normals[1], prediction, manifold,
+                    );
+                }
                 let touch = &mut scratch.touch;
                 touch.points.clear();
                 // parry's normal points from its first shape to its second; ours from b to a.
@@ -144,7 +147,10 @@ impl Geometry<2, 1> for Rigid2 {
 
     fn frame(pose: &Pose2) -> Frame<2> {
         let (c, s) = (pose.rotation.cos(), pose.rotation.sin());
-        Frame { position: Vector(pose.position.to_array()), axes: [Vector([c, s]), Vector([-s, c])] }
+        Frame {
+            position: Vector(pose.position.to_array()),
+            axes: [Vector([c, s]), Vector([-s, c])],
+        }
     }
 
     fn advance(pose: &Pose2, by: Vector<f32, 2>, turn: Vector<f32, 1>) -> Pose2 {
@@ -183,7 +189,7 @@ impl Geometry<2, 1> for Rigid2 {
         }
     }
 
-    over_parry!(parry2d, 2, 1);
+    over_parry!(parry2d, plane, 2, 1);
 }
 
 impl Geometry<3, 3> for Rigid3 {
@@ -248,7 +254,7 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, 3, 3);
+    over_parry!(parry3d, space, 3, 3);
 }
 
 /// sin(t/2)/t from t^2; the series' error is below one rounding for t < 0.5.

@@ -60,10 +60,12 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
     }
 
     fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<L> {
-        let reach = Vector([match shape {
-            SphereShape::Sphere { radius } => *radius,
-            SphereShape::Halfspace { .. } => UNBOUNDED,
-        }; L]);
+        let reach = Vector(
+            [match shape {
+                SphereShape::Sphere { radius } => *radius,
+                SphereShape::Halfspace { .. } => UNBOUNDED,
+            }; L],
+        );
         Bounds { min: *pose - reach, max: *pose + reach }
     }
 
@@ -98,7 +100,9 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
                 let first = Vector(std::array::from_fn(|i| if i == 0 { 1.0 } else { 0.0 }));
                 (if apart { between * (1.0 / distance) } else { first }, *r_a, *r_b, distance)
             }
-            (Sphere { radius }, Halfspace { normal }) => (*normal, *radius, 0.0, between.dot(*normal)),
+            (Sphere { radius }, Halfspace { normal }) => {
+                (*normal, *radius, 0.0, between.dot(*normal))
+            }
             (Halfspace { normal }, Sphere { radius }) => {
                 (-*normal, 0.0, *radius, -between.dot(*normal))
             }
