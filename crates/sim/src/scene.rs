@@ -4,12 +4,24 @@
 //! SI units, right-handed, +y up. Vectors have as many components as the scene has dimensions.
 
 mod error;
+pub mod gltf;
 
 pub use error::{Place, SceneError, Warning};
 
 use std::collections::BTreeMap;
 
 use serde_json::Value;
+
+/// What reading a file gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Read {
+    /// The scene.
+    pub scene: Scene,
+    /// What will not act, or acts differently than one may think.
+    pub warnings: Vec<Warning>,
+    /// For a glTF: what it takes to write it again with an animation.
+    pub source: Option<gltf::Source>,
+}
 
 /// A scene: what is there, how it starts, how long it runs.
 #[derive(Clone, Debug, PartialEq)]
