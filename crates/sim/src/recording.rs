@@ -1,5 +1,7 @@
 //! Poses over time, as they leave Drystone.
 
+pub mod gltf;
+
 /// What a bake produced: the pose of every body at every frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {

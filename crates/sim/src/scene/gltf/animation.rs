@@ -127,19 +127,20 @@ impl Animation {
 
     /// Poses of a node in the world, as it and its ancestors are moved.
     pub(super) fn track(&self, nodes: &[Node<'_>], node: usize) -> Result<Track, SceneError> {
+        let Some(owner) = nodes.get(node) else { return Ok(Track::default()) };
         let chain = chain(nodes, node);
         let channels: Vec<(usize, &Channel)> = chain
             .iter()
             .flat_map(|index| {
                 let range = (*index, Path::Translation)..=(*index, Path::Rotation);
-                self.channels.range(range).map(|((owner, _), channel)| (*owner, channel))
+                self.channels.range(range).map(|((mover, _), channel)| (*mover, channel))
             })
             .collect();
         let mut times = Vec::new();
-        let mut owners: Vec<usize> = Vec::new();
-        for (owner, channel) in &channels {
-            if owners.last() != Some(owner) {
-                owners.push(*owner);
+        let mut movers: Vec<usize> = Vec::new();
+        for (mover, channel) in &channels {
+            if movers.last() != Some(mover) {
+                movers.push(*mover);
             }
             times.extend(&channel.times);
             if channel.interpolation == Interpolation::Step {
@@ -149,21 +150,15 @@ impl Animation {
         }
         // Keys say all when a single node moves and swings nothing on an arc.
         let cubic = channels.iter().any(|(_, c)| c.interpolation == Interpolation::Cubic);
-        let swings = channels.iter().any(|(o, c)| c.path == Path::Rotation && *o != node);
-        let exact = owners.len() <= 1 && !cubic && !swings;
+        let swings = channels.iter().any(|(m, c)| c.path == Path::Rotation && *m != node);
+        let exact = movers.len() <= 1 && !cubic && !swings;
         let first = times.iter().copied().fold(f64::INFINITY, f64::min);
         let last = times.iter().copied().fold(0.0, f64::max);
         if !exact && first < last {
             if last - first > LONGEST {
-                let cursor = nodes.get(node).map(|n| &n.cursor);
-                return Err(cursor.map_or_else(
-                    || unreachable_node(nodes),
-                    |c| {
-                        c.fault(
-                            format!("animation of the node, {} s long", last - first),
-                            format!("up to {LONGEST} s are accepted"),
-                        )
-                    },
+                return Err(owner.cursor.fault(
+                    format!("animation of the node, {} s long", last - first),
+                    format!("up to {LONGEST} s are accepted"),
                 ));
             }
             let samples = ((last - first) * RATE).floor() as usize;
@@ -220,17 +215,6 @@ pub(super) fn chain(nodes: &[Node<'_>], node: usize) -> Vec<usize> {
         std::iter::successors(Some(node), |i| nodes.get(*i).and_then(|n| n.parent)).collect();
     chain.reverse();
     chain
-}
-
-fn unreachable_node(nodes: &[Node<'_>]) -> SceneError {
-    SceneError {
-        file: std::path::PathBuf::new(),
-        place: super::super::Place::File,
-        item: format!("node outside of {}", nodes.len()),
-        value: String::new(),
-        accepted: String::new(),
-        unreadable: false,
-    }
 }
 
 fn read_channel(
