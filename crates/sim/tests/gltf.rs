@@ -1,5 +1,7 @@
 //! Reading and writing glTF with physics.
 
+#![allow(clippy::result_large_err)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -650,6 +652,11 @@ fn omi_bodies() {
     assert_eq!(dynamic.linear_velocity, [1.0, 2.0, 3.0]);
     let capsule = ShapeKind::Capsule { radius: 0.5, half_height: 0.5 };
     assert_eq!(dynamic.shapes[0].kind, capsule);
+
+    let mut both = document.clone();
+    both["extensionsUsed"] = json!(["OMI_physics_body", "KHR_physics_rigid_bodies"]);
+    let read = self::read("both", &both).unwrap();
+    assert!(warned(&read, &["OMI_physics_body", "ignored"]));
 }
 
 /// An animation of node 0 with one channel.

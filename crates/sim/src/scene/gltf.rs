@@ -125,6 +125,21 @@ pub fn read(file: &Path) -> Result<Read, SceneError> {
             unreadable: false,
         });
     };
+    if dialect == Dialect::Khronos
+        && let Some(other) = root
+            .list("extensionsUsed")?
+            .iter()
+            .find(|e| e.value.as_str() == Some(Dialect::Omi.bodies()))
+    {
+        warnings.push(Warning {
+            place: other.place(),
+            message: format!(
+                "{} is ignored beside {}",
+                Dialect::Omi.bodies(),
+                Dialect::Khronos.bodies()
+            ),
+        });
+    }
     let tables = tables::read(&root, dialect, meshes.len(), &mut warnings)?;
     let builder =
         Builder { nodes: &nodes, meshes: &meshes, tables: &tables, animation: &animation, dialect };
