@@ -4,6 +4,7 @@ pub mod animation;
 pub mod buffer;
 pub mod file;
 pub mod glb;
+pub mod gltf;
 mod mesh;
 pub mod poses;
 

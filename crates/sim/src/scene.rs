@@ -29,8 +29,10 @@ use serde_json::Value;
 pub struct Read {
     /// The scene.
     pub scene: Scene,
-    /// What was understood but does not act as one may think.
+    /// What will not act, or acts differently than one may think.
     pub warnings: Vec<Warning>,
+    /// For a glTF: what it takes to write it again with an animation.
+    pub source: Option<gltf::Source>,
 }
 
 /// A scene: what is there, how it starts, how long it runs.

@@ -70,7 +70,7 @@ pub fn read_json(file: &Path, text: &str) -> Result<Read, SceneError> {
 fn read_tree(text: Text<'_>, tree: &Node<'_>, json: bool) -> Result<Read, SceneError> {
     let walk = Walk { text, json, warnings: RefCell::default() };
     let scene = read_scene(&walk.root(tree, &""))?;
-    Ok(Read { scene, warnings: walk.warnings.into_inner() })
+    Ok(Read { scene, warnings: walk.warnings.into_inner(), source: None })
 }
 
 fn read_scene(field: &Field<'_>) -> Result<Scene, SceneError> {

@@ -1,20 +1,233 @@
-//! Placeholder until the glTF reader is merged, which replaces this file as a whole.
+//! glTF 2.0 with `KHR_physics_rigid_bodies` and `KHR_implicit_shapes`, or the OMI extensions.
+//!
+//! Nothing in a file is taken on trust: every index, length, path and number is checked before it
+//! is used, and an error names its place.
 
-use std::path::Path;
+#![deny(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects
+)]
+// An error ends the reading of a file: its size does not matter.
+#![allow(clippy::result_large_err)]
 
-use super::{Place, Read, SceneError};
+mod accessors;
+mod animation;
+pub(crate) mod container;
+mod json;
+pub(crate) mod math;
+mod meshes;
+pub(crate) mod nodes;
+mod physics;
+mod shapes;
+mod tables;
 
-/// Reads a scene from `.gltf` or `.glb`.
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use self::accessors::Accessors;
+use self::animation::Animation;
+use self::json::Cursor;
+use self::math::{Mat3, Quat};
+use self::meshes::Meshes;
+use self::nodes::{Affine, Trs};
+use self::physics::Builder;
+use self::tables::Dialect;
+use super::{BodiesAs, Place, Read, Scene, SceneError, Warning};
+
+/// Largest coordinate, size and scale. \[m\]
+const FAR: f64 = 1e9;
+/// Smallest size of a shape. \[m\]
+const NEAR: f64 = 1e-9;
+/// Largest velocity. \[m/s, rad/s\]
+const FAST: f64 = 1e9;
+/// How far the length of a quaternion may be from 1, as exporters round it.
+const TURN_SLACK: f64 = 0.01;
+
+/// What it takes to write the glTF of a scene again, with an animation added.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Source {
+    /// The document as read.
+    pub(crate) document: Value,
+    /// Bytes of each buffer; none where the file does not say where they are.
+    pub(crate) buffers: Vec<Option<Vec<u8>>>,
+    /// Folder that relative paths start from.
+    pub(crate) folder: PathBuf,
+    /// The node of each body of the scene, in the same order.
+    pub(crate) bodies: Vec<BodyNode>,
+}
+
+impl Source {
+    /// The document as read.
+    pub fn document(&self) -> &Value {
+        &self.document
+    }
+
+    /// The node that a body of the scene moves.
+    pub fn node(&self, body: usize) -> Option<usize> {
+        self.bodies.get(body).map(|b| b.node)
+    }
+}
+
+/// The node of a body, and what turns the body's pose into the node's local transform.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct BodyNode {
+    pub(crate) node: usize,
+    /// Whether the body can move.
+    pub(crate) moves: bool,
+    /// Whether an animation of the file moves it.
+    pub(crate) driven: bool,
+    /// Number of ancestors of the node.
+    pub(crate) depth: usize,
+    /// The nearest body above that can move.
+    pub(crate) carrier: Option<usize>,
+    /// From the space of the node's parent to that of the carrier's node, or to the world.
+    pub(crate) parent: Affine,
+    /// Rotation of the node's parent in the carrier's node, or in the world.
+    pub(crate) parent_turn: Quat,
+    /// Local transform as read.
+    pub(crate) local: Trs,
+    /// From the node's space to the body's frame: the scale.
+    pub(crate) rest: Mat3,
+}
+
+/// Reads a scene from a `.gltf` or `.glb` file.
 ///
 /// # Errors
-/// Always.
+///
+/// Where the file cannot be read, breaks the rules of glTF or of the physics extensions, or
+/// describes no physics.
 pub fn read(file: &Path) -> Result<Read, SceneError> {
-    Err(SceneError {
-        file: file.to_owned(),
-        place: Place::File,
-        item: "glTF".to_owned(),
-        value: "not supported yet".to_owned(),
-        accepted: "accepted: .toml, .json".to_owned(),
-        unreadable: false,
-    })
+    let mut warnings = Vec::new();
+    let mut container = container::open(file, &mut warnings)?;
+    let document = std::mem::take(&mut container.document);
+    let root = Cursor::root(&document, file);
+    check_head(&root, &mut warnings)?;
+
+    let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
+    let buffers = container::buffers(&root, &folder, &mut container)?;
+    let accessors = Accessors::read(&root, &buffers)?;
+    let meshes = Meshes::read(&root, &accessors)?;
+    let nodes = nodes::read(&root, meshes.len(), &mut warnings)?;
+    let animation = Animation::read(&root, &accessors, &nodes, &mut warnings)?;
+
+    let Some(dialect) = Dialect::find(&root)? else {
+        return Err(SceneError {
+            file: file.to_path_buf(),
+            place: Place::File,
+            item: "glTF without physics".into(),
+            value: String::new(),
+            accepted: "give nodes a 'motion' and a 'collider' of the extension \
+                       KHR_physics_rigid_bodies, with shapes of KHR_implicit_shapes"
+                .into(),
+            unreadable: false,
+        });
+    };
+    if dialect == Dialect::Khronos
+        && let Some(other) = root
+            .list("extensionsUsed")?
+            .iter()
+            .find(|e| e.value.as_str() == Some(Dialect::Omi.bodies()))
+    {
+        warnings.push(Warning {
+            place: other.place(),
+            message: format!(
+                "{} is ignored beside {}",
+                Dialect::Omi.bodies(),
+                Dialect::Khronos.bodies()
+            ),
+        });
+    }
+    let tables = tables::read(&root, dialect, meshes.len(), &mut warnings)?;
+    let builder =
+        Builder { nodes: &nodes, meshes: &meshes, tables: &tables, animation: &animation, dialect };
+    let (bodies, body_nodes) = builder.bodies(&mut warnings)?;
+    if bodies.is_empty() {
+        warnings.push(Warning {
+            place: Place::File,
+            message: "no node of the scene has a collider that acts: there is nothing to simulate"
+                .into(),
+        });
+    }
+    let scene = Scene {
+        name: scene_name(&root)?,
+        dimension: 3,
+        gravity: vec![0.0, -9.81, 0.0],
+        time_step: 1.0 / 60.0,
+        steps: None,
+        bodies_as: BodiesAs::Rigid,
+        bodies,
+        solver: serde_json::Map::new(),
+    };
+    let source = Source { document, buffers, folder, bodies: body_nodes };
+    Ok(Read { scene, warnings, source: Some(source) })
+}
+
+/// Checks what comes before the contents: version, required extensions, form of extensions.
+fn check_head(root: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
+    let version = root.require("asset")?.require("version")?;
+    let (major, minor) = version.text()?.split_once('.').unwrap_or_default();
+    if major != "2" || minor.is_empty() || !minor.bytes().all(|c| c.is_ascii_digit()) {
+        return Err(version.error("\"2.0\" is accepted"));
+    }
+    if let Some(least) = root.require("asset")?.get("minVersion")?
+        && least.text()? != "2.0"
+    {
+        return Err(least.error("\"2.0\" is accepted"));
+    }
+    for extension in root.list("extensionsRequired")? {
+        if !harmless(extension.text()?) {
+            return Err(extension.error("a file that does not require this extension is accepted"));
+        }
+    }
+    for extension in root.list("extensionsUsed")? {
+        let name = extension.text()?;
+        if matches!(name, "OMI_physics_gravity" | "OMI_physics_joint" | "EXT_mesh_gpu_instancing") {
+            warnings.push(Warning {
+                place: extension.place(),
+                message: format!("{name} is not simulated"),
+            });
+        }
+    }
+    if let Some(extensions) = root.get("extensions")? {
+        for key in extensions.object()?.keys() {
+            extensions.require(key)?.object()?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a file that requires an extension can be simulated all the same.
+fn harmless(extension: &str) -> bool {
+    const KNOWN: [&str; 7] = [
+        "KHR_implicit_shapes",
+        "KHR_physics_rigid_bodies",
+        "OMI_physics_body",
+        "OMI_physics_shape",
+        "KHR_mesh_quantization",
+        "KHR_lights_punctual",
+        "KHR_xmp_json_ld",
+    ];
+    // They change how surfaces look, and nothing else.
+    const LOOKS: [&str; 6] = [
+        "KHR_materials_",
+        "KHR_texture_",
+        "EXT_texture_",
+        "MSFT_texture_",
+        "EXT_lights_",
+        "ADOBE_materials_",
+    ];
+    KNOWN.contains(&extension) || LOOKS.iter().any(|prefix| extension.starts_with(prefix))
+}
+
+fn scene_name(root: &Cursor<'_>) -> Result<Option<String>, SceneError> {
+    let scenes = root.list("scenes")?;
+    let index = root.get("scene")?.map_or(Ok(0), |s| s.index(scenes.len(), "scenes"))?;
+    let name = match scenes.get(index) {
+        Some(scene) => scene.get("name")?,
+        None => None,
+    };
+    Ok(name.map(|n| n.text()).transpose()?.map(String::from))
 }

@@ -1,0 +1,176 @@
+//! A place in the document, and checked ways to take values from it.
+
+use std::path::Path;
+
+use serde_json::{Map, Value};
+
+use super::super::{Place, SceneError};
+
+/// Longest part of an offending value that an error shows.
+const SHOWN: usize = 60;
+
+/// A value of the document together with where it stands.
+#[derive(Clone, Debug)]
+pub(super) struct Cursor<'a> {
+    pub(super) value: &'a Value,
+    pub(super) pointer: String,
+    file: &'a Path,
+}
+
+impl<'a> Cursor<'a> {
+    pub(super) fn root(value: &'a Value, file: &'a Path) -> Self {
+        Self { value, pointer: String::new(), file }
+    }
+
+    fn child(&self, token: &str, value: &'a Value) -> Self {
+        let token = token.replace('~', "~0").replace('/', "~1");
+        Self { value, pointer: format!("{}/{token}", self.pointer), file: self.file }
+    }
+
+    /// What the value is called in messages: its key, with the key of its array.
+    pub(super) fn name(&self) -> String {
+        let mut tokens = self.pointer.rsplit('/');
+        let last = tokens.next().unwrap_or_default();
+        if last.is_empty() {
+            return "document".into();
+        }
+        if last.bytes().all(|c| c.is_ascii_digit()) {
+            return format!("{}[{last}]", tokens.next().unwrap_or_default());
+        }
+        last.replace("~1", "/").replace("~0", "~")
+    }
+
+    /// An error about this value.
+    pub(super) fn error(&self, accepted: impl Into<String>) -> SceneError {
+        let shown = match self.value {
+            Value::Object(_) => String::new(),
+            other => other.to_string(),
+        };
+        self.report(self.name(), shown, accepted)
+    }
+
+    /// An error about this value under another name and without the value.
+    pub(super) fn fault(&self, item: impl Into<String>, accepted: impl Into<String>) -> SceneError {
+        self.report(item.into(), String::new(), accepted)
+    }
+
+    fn report(&self, item: String, value: String, accepted: impl Into<String>) -> SceneError {
+        let value = if value.chars().count() > SHOWN {
+            value.chars().take(SHOWN).chain("...".chars()).collect()
+        } else {
+            value
+        };
+        SceneError {
+            file: self.file.to_path_buf(),
+            place: self.place(),
+            item,
+            value,
+            accepted: accepted.into(),
+            unreadable: false,
+        }
+    }
+
+    pub(super) fn place(&self) -> Place {
+        if self.pointer.is_empty() { Place::File } else { Place::Pointer(self.pointer.clone()) }
+    }
+
+    pub(super) fn object(&self) -> Result<&'a Map<String, Value>, SceneError> {
+        self.value.as_object().ok_or_else(|| self.error("an object is accepted"))
+    }
+
+    /// The member `key`, if there is one; an error where this is no object.
+    pub(super) fn get(&self, key: &str) -> Result<Option<Self>, SceneError> {
+        Ok(self.object()?.get(key).map(|value| self.child(key, value)))
+    }
+
+    pub(super) fn require(&self, key: &str) -> Result<Self, SceneError> {
+        self.get(key)?.ok_or_else(|| {
+            self.fault(format!("{} without '{key}'", self.name()), format!("'{key}' is required"))
+        })
+    }
+
+    /// A member of `extensions`, if there is one.
+    pub(super) fn extension(&self, name: &str) -> Result<Option<Self>, SceneError> {
+        match self.get("extensions")? {
+            Some(extensions) => extensions.get(name),
+            None => Ok(None),
+        }
+    }
+
+    pub(super) fn items(&self) -> Result<Vec<Self>, SceneError> {
+        let array = self.value.as_array().ok_or_else(|| self.error("an array is accepted"))?;
+        Ok(array.iter().enumerate().map(|(i, v)| self.child(&i.to_string(), v)).collect())
+    }
+
+    /// The items of the member `key`; none where it is absent.
+    pub(super) fn list(&self, key: &str) -> Result<Vec<Self>, SceneError> {
+        self.get(key)?.map_or_else(|| Ok(Vec::new()), |list| list.items())
+    }
+
+    /// A whole number; the JSON may write it as a float.
+    pub(super) fn integer(&self) -> Result<u64, SceneError> {
+        const EXACT: f64 = 9_007_199_254_740_992.0;
+        let whole = self.value.as_u64().or_else(|| {
+            let number = self.value.as_f64()?;
+            (number.fract() == 0.0 && (0.0..=EXACT).contains(&number)).then_some(number as u64)
+        });
+        whole.ok_or_else(|| self.error("a whole number of at least 0 is accepted"))
+    }
+
+    /// An index into `count` things called `what`.
+    pub(super) fn index(&self, count: usize, what: &str) -> Result<usize, SceneError> {
+        let index = self.integer()?;
+        usize::try_from(index).ok().filter(|i| *i < count).ok_or_else(|| {
+            let accepted = match count {
+                0 => format!("the file has no {what}"),
+                1 => format!("0 is accepted: the file has one of {what}"),
+                n => format!("0..{} is accepted: the file has {n} {what}", n.saturating_sub(1)),
+            };
+            self.error(accepted)
+        })
+    }
+
+    /// A number of magnitude up to `limit`.
+    pub(super) fn number(&self, limit: f64) -> Result<f64, SceneError> {
+        let number = self.value.as_f64().ok_or_else(|| self.error("a number is accepted"))?;
+        if number.abs() <= limit {
+            Ok(number)
+        } else {
+            Err(self.error(format!("{:e} to {limit:e} is accepted", -limit)))
+        }
+    }
+
+    /// A number from `low` to `high`.
+    pub(super) fn within(&self, low: f64, high: f64) -> Result<f64, SceneError> {
+        let number = self.value.as_f64().ok_or_else(|| self.error("a number is accepted"))?;
+        if (low..=high).contains(&number) {
+            Ok(number)
+        } else {
+            Err(self.error(format!("{low:?} to {high:e} is accepted")))
+        }
+    }
+
+    /// An array of exactly `N` numbers of magnitude up to `limit`.
+    pub(super) fn numbers<const N: usize>(&self, limit: f64) -> Result<[f64; N], SceneError> {
+        let items = self.items()?;
+        let numbers =
+            items.iter().map(|item| item.number(limit)).collect::<Result<Vec<f64>, _>>()?;
+        numbers.try_into().map_err(|_| self.error(format!("{N} numbers are accepted")))
+    }
+
+    pub(super) fn boolean(&self) -> Result<bool, SceneError> {
+        self.value.as_bool().ok_or_else(|| self.error("true or false is accepted"))
+    }
+
+    pub(super) fn text(&self) -> Result<&'a str, SceneError> {
+        self.value.as_str().ok_or_else(|| self.error("a text is accepted"))
+    }
+
+    /// Keys of this object outside of `known`.
+    pub(super) fn unknown(&self, known: &[&str]) -> Vec<&'a str> {
+        let keys = self.value.as_object().into_iter().flat_map(|map| map.keys());
+        keys.map(String::as_str)
+            .filter(|key| !known.contains(key) && !matches!(*key, "extensions" | "extras"))
+            .collect()
+    }
+}

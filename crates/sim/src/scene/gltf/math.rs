@@ -1,0 +1,136 @@
+//! Vectors, quaternions (x, y, z, w) and 3x3 matrices (as three columns).
+
+pub(crate) type Vec3 = [f64; 3];
+pub(crate) type Quat = [f64; 4];
+pub(crate) type Mat3 = [Vec3; 3];
+
+pub(crate) const IDENTITY: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+pub(crate) const NO_TURN: Quat = [0.0, 0.0, 0.0, 1.0];
+
+pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub(crate) fn scale(a: Vec3, s: f64) -> Vec3 {
+    [a[0] * s, a[1] * s, a[2] * s]
+}
+
+pub(crate) fn dot(a: Vec3, b: Vec3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(crate) fn length(a: Vec3) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// The unit vector along `a`; none for a vector without a direction.
+pub(crate) fn unit(a: Vec3) -> Option<Vec3> {
+    let l = length(a);
+    (l > 0.0 && l.is_finite()).then(|| scale(a, 1.0 / l))
+}
+
+pub(crate) fn apply(m: Mat3, v: Vec3) -> Vec3 {
+    add(add(scale(m[0], v[0]), scale(m[1], v[1])), scale(m[2], v[2]))
+}
+
+pub(crate) fn mul(a: Mat3, b: Mat3) -> Mat3 {
+    [apply(a, b[0]), apply(a, b[1]), apply(a, b[2])]
+}
+
+pub(crate) fn transpose(m: Mat3) -> Mat3 {
+    [[m[0][0], m[1][0], m[2][0]], [m[0][1], m[1][1], m[2][1]], [m[0][2], m[1][2], m[2][2]]]
+}
+
+pub(crate) fn determinant(m: Mat3) -> f64 {
+    dot(m[0], cross(m[1], m[2]))
+}
+
+/// The inverse; none where there is none.
+pub(crate) fn inverse(m: Mat3) -> Option<Mat3> {
+    let det = determinant(m);
+    let rows = [cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])];
+    let inverse = transpose(rows.map(|row| scale(row, 1.0 / det)));
+    inverse.iter().flatten().all(|x| x.is_finite()).then_some(inverse)
+}
+
+pub(crate) fn diagonal(s: Vec3) -> Mat3 {
+    [[s[0], 0.0, 0.0], [0.0, s[1], 0.0], [0.0, 0.0, s[2]]]
+}
+
+pub(crate) fn quat_mul(a: Quat, b: Quat) -> Quat {
+    [
+        a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
+        a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
+        a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3],
+        a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
+    ]
+}
+
+pub(crate) fn conjugate(q: Quat) -> Quat {
+    [-q[0], -q[1], -q[2], q[3]]
+}
+
+pub(crate) fn quat_dot(a: Quat, b: Quat) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+}
+
+/// The unit quaternion along `q`; none for a quaternion without a direction.
+pub(crate) fn quat_unit(q: Quat) -> Option<Quat> {
+    let l = quat_dot(q, q).sqrt();
+    (l > 1e-12 && l.is_finite()).then(|| q.map(|x| x / l))
+}
+
+/// The matrix of a unit quaternion.
+pub(crate) fn rotation(q: Quat) -> Mat3 {
+    let [x, y, z, w] = q;
+    [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w), 2.0 * (x * z - y * w)],
+        [2.0 * (x * y - z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + x * w)],
+        [2.0 * (x * z + y * w), 2.0 * (y * z - x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+}
+
+pub(crate) fn turn(q: Quat, v: Vec3) -> Vec3 {
+    apply(rotation(q), v)
+}
+
+/// The unit quaternion of a rotation matrix.
+pub(crate) fn from_rotation(m: Mat3) -> Quat {
+    let [[m00, m10, m20], [m01, m11, m21], [m02, m12, m22]] = m;
+    let trace = m00 + m11 + m22;
+    let q = if trace > 0.0 {
+        [m21 - m12, m02 - m20, m10 - m01, 1.0 + trace]
+    } else if m00 >= m11 && m00 >= m22 {
+        [1.0 + m00 - m11 - m22, m01 + m10, m02 + m20, m21 - m12]
+    } else if m11 >= m22 {
+        [m01 + m10, 1.0 + m11 - m00 - m22, m12 + m21, m02 - m20]
+    } else {
+        [m02 + m20, m12 + m21, 1.0 + m22 - m00 - m11, m10 - m01]
+    };
+    quat_unit(q).unwrap_or(NO_TURN)
+}
+
+/// From `a` to `b` along the shorter arc, at `t` in 0..1.
+pub(crate) fn slerp(a: Quat, b: Quat, t: f64) -> Quat {
+    let d = quat_dot(a, b);
+    let (b, d) = if d < 0.0 { (b.map(|x| -x), -d) } else { (b, d) };
+    let (wa, wb) = if d > 0.9995 {
+        (1.0 - t, t)
+    } else {
+        let angle = d.clamp(-1.0, 1.0).acos();
+        let s = angle.sin();
+        (((1.0 - t) * angle).sin() / s, (t * angle).sin() / s)
+    };
+    let [a0, a1, a2, a3] = a;
+    let [b0, b1, b2, b3] = b;
+    quat_unit([wa * a0 + wb * b0, wa * a1 + wb * b1, wa * a2 + wb * b2, wa * a3 + wb * b3])
+        .unwrap_or(a)
+}

@@ -1,0 +1,279 @@
+//! The node tree: local and world transforms, checked for loops.
+
+use super::super::{SceneError, Warning};
+use super::json::Cursor;
+use super::math::{self, Mat3, Quat, Vec3};
+use super::{FAR, TURN_SLACK};
+
+/// A linear map and a shift.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Affine {
+    pub(crate) linear: Mat3,
+    pub(crate) shift: Vec3,
+}
+
+impl Affine {
+    pub(crate) const IDENTITY: Self = Self { linear: math::IDENTITY, shift: [0.0; 3] };
+
+    /// `self` after `inner`.
+    pub(crate) fn after(&self, inner: &Self) -> Self {
+        Self {
+            linear: math::mul(self.linear, inner.linear),
+            shift: math::add(math::apply(self.linear, inner.shift), self.shift),
+        }
+    }
+
+    pub(crate) fn point(&self, p: Vec3) -> Vec3 {
+        math::add(math::apply(self.linear, p), self.shift)
+    }
+}
+
+/// Translation, rotation and scale of a node in its parent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Trs {
+    pub(crate) translation: Vec3,
+    pub(crate) rotation: Quat,
+    pub(crate) scale: Vec3,
+}
+
+impl Trs {
+    pub(crate) fn affine(&self) -> Affine {
+        let linear = math::mul(math::rotation(self.rotation), math::diagonal(self.scale));
+        Affine { linear, shift: self.translation }
+    }
+}
+
+/// A node.
+pub(super) struct Node<'a> {
+    pub(super) cursor: Cursor<'a>,
+    pub(super) name: Option<&'a str>,
+    pub(super) parent: Option<usize>,
+    pub(super) children: Vec<usize>,
+    pub(super) local: Trs,
+    /// As written, with whatever shear a matrix has.
+    pub(super) matrix: Affine,
+    pub(super) world: Affine,
+    /// Product of the rotations from the root, which no scale distorts.
+    pub(super) turn: Quat,
+    /// Whether it is part of the scene.
+    pub(super) present: bool,
+    pub(super) mesh: Option<usize>,
+}
+
+impl Node<'_> {
+    /// What the node is called in messages.
+    pub(super) fn label(&self, index: usize) -> String {
+        match self.name {
+            Some(name) if !name.is_empty() => format!("node '{name}'"),
+            _ => format!("node {index}"),
+        }
+    }
+}
+
+/// Reads all nodes; `present` marks those of the scene that is simulated.
+pub(super) fn read<'a>(
+    root: &Cursor<'a>,
+    meshes: usize,
+    warnings: &mut Vec<Warning>,
+) -> Result<Vec<Node<'a>>, SceneError> {
+    let cursors = root.list("nodes")?;
+    let count = cursors.len();
+    let mut nodes = Vec::with_capacity(count);
+    for cursor in cursors {
+        let mesh = cursor.get("mesh")?.map(|mesh| mesh.index(meshes, "meshes")).transpose()?;
+        let name = cursor.get("name")?.map(|name| name.text()).transpose()?;
+        let (local, matrix) = transform(&cursor, warnings)?;
+        nodes.push(Node {
+            name,
+            parent: None,
+            children: Vec::new(),
+            local,
+            matrix,
+            world: Affine::IDENTITY,
+            turn: math::NO_TURN,
+            present: false,
+            mesh,
+            cursor,
+        });
+    }
+    adopt(&mut nodes)?;
+
+    let order = top_down(&nodes)?;
+    for index in order {
+        let above = nodes.get(index).and_then(|n| n.parent).and_then(|p| nodes.get(p));
+        let (world, turn) = above.map_or((Affine::IDENTITY, math::NO_TURN), |p| (p.world, p.turn));
+        if let Some(node) = nodes.get_mut(index) {
+            node.world = world.after(&node.matrix);
+            node.turn =
+                math::quat_unit(math::quat_mul(turn, node.local.rotation)).unwrap_or(math::NO_TURN);
+            let numbers = node.world.linear.iter().flatten().chain(&node.world.shift);
+            if !numbers.copied().all(|x| x.abs() <= FAR) {
+                return Err(node.cursor.fault(
+                    "transform of the node in the scene",
+                    format!("coordinates and scales up to {FAR:e} are accepted"),
+                ));
+            }
+        }
+    }
+    mark_scene(root, &mut nodes)?;
+    Ok(nodes)
+}
+
+/// Links children and parents; a node has at most one parent.
+fn adopt(nodes: &mut [Node<'_>]) -> Result<(), SceneError> {
+    let count = nodes.len();
+    for index in 0..count {
+        let Some(cursor) = nodes.get(index).map(|n| n.cursor.clone()) else { continue };
+        for child in cursor.list("children")? {
+            let target = child.index(count, "nodes")?;
+            if target == index {
+                return Err(child.error("a node is no child of itself"));
+            }
+            if let Some(node) = nodes.get_mut(target) {
+                if let Some(parent) = node.parent {
+                    return Err(child.error(format!("it already is a child of node {parent}")));
+                }
+                node.parent = Some(index);
+            }
+            if let Some(node) = nodes.get_mut(index) {
+                node.children.push(target);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// All nodes, parents before children.
+fn top_down(nodes: &[Node<'_>]) -> Result<Vec<usize>, SceneError> {
+    let mut stack: Vec<usize> =
+        nodes.iter().enumerate().filter(|(_, n)| n.parent.is_none()).map(|(i, _)| i).collect();
+    stack.reverse();
+    let mut order = Vec::with_capacity(nodes.len());
+    let mut reached = vec![false; nodes.len()];
+    while let Some(index) = stack.pop() {
+        order.push(index);
+        if let Some(flag) = reached.get_mut(index) {
+            *flag = true;
+        }
+        if let Some(node) = nodes.get(index) {
+            stack.extend(node.children.iter().rev());
+        }
+    }
+    // With one parent each, only nodes of a loop are out of reach from the roots.
+    match nodes.iter().zip(&reached).find(|(_, reached)| !**reached) {
+        Some((node, _)) => {
+            let children = node.cursor.get("children")?.unwrap_or_else(|| node.cursor.clone());
+            Err(children.error("nodes that are their own ancestors are not accepted"))
+        }
+        None => Ok(order),
+    }
+}
+
+fn mark_scene(root: &Cursor<'_>, nodes: &mut [Node<'_>]) -> Result<(), SceneError> {
+    let count = nodes.len();
+    let scenes = root.list("scenes")?;
+    let chosen = match root.get("scene")? {
+        Some(scene) => Some(scene.index(scenes.len(), "scenes")?),
+        None if scenes.is_empty() => None,
+        None => Some(0),
+    };
+    let mut roots = Vec::new();
+    for (index, scene) in scenes.iter().enumerate() {
+        for entry in scene.list("nodes")? {
+            let target = entry.index(count, "nodes")?;
+            if nodes.get(target).is_some_and(|n| n.parent.is_some()) {
+                return Err(entry.error("nodes without a parent are accepted"));
+            }
+            if Some(index) == chosen {
+                roots.push(target);
+            }
+        }
+    }
+    if chosen.is_none() {
+        roots = (0..count).filter(|i| nodes.get(*i).is_some_and(|n| n.parent.is_none())).collect();
+    }
+    while let Some(index) = roots.pop() {
+        if let Some(node) = nodes.get_mut(index) {
+            // A root listed twice is visited once.
+            if !node.present {
+                node.present = true;
+                roots.extend(&node.children);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Local transform of a node: translation, rotation and scale, and the map as written.
+fn transform(node: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(Trs, Affine), SceneError> {
+    let mut trs = Trs { translation: [0.0; 3], rotation: math::NO_TURN, scale: [1.0; 3] };
+    if let Some(translation) = node.get("translation")? {
+        trs.translation = translation.numbers(FAR)?;
+    }
+    if let Some(rotation) = node.get("rotation")? {
+        trs.rotation = unit_quaternion(&rotation)?;
+    }
+    if let Some(scale) = node.get("scale")? {
+        trs.scale = scale.numbers(FAR)?;
+    }
+    let Some(matrix) = node.get("matrix")? else {
+        return Ok((trs, trs.affine()));
+    };
+    for key in ["translation", "rotation", "scale"] {
+        if let Some(other) = node.get(key)? {
+            return Err(other.error("a node has either a 'matrix' or this"));
+        }
+    }
+    let [a0, a1, a2, a3, b0, b1, b2, b3, c0, c1, c2, c3, t0, t1, t2, t3] =
+        matrix.numbers::<16>(FAR)?;
+    if [a3, b3, c3, t3] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(matrix.error("a matrix with the last row 0, 0, 0, 1 is accepted"));
+    }
+    let linear = [[a0, a1, a2], [b0, b1, b2], [c0, c1, c2]];
+    let affine = Affine { linear, shift: [t0, t1, t2] };
+    let (rotation, scale, shear) = split(linear)
+        .ok_or_else(|| matrix.error("a matrix made of translation, rotation and scale"))?;
+    if shear > 1e-4 {
+        warnings.push(Warning {
+            place: matrix.place(),
+            message: "this matrix shears: meshes follow it, implicit shapes become convex hulls, \
+                      and an animated node loses the shear"
+                .into(),
+        });
+    }
+    Ok((Trs { translation: affine.shift, rotation, scale }, affine))
+}
+
+/// Rotation, scale and relative shear of a linear map; none where an axis collapses.
+pub(crate) fn split(linear: Mat3) -> Option<(Quat, Vec3, f64)> {
+    let [x, y, z] = linear;
+    let mut sizes = [math::length(x), math::length(y), math::length(z)];
+    let ux = math::unit(x)?;
+    let uy = math::unit(math::sub(y, math::scale(ux, math::dot(ux, y))))?;
+    let uz = math::cross(ux, uy);
+    let mirrored = math::determinant(linear) < 0.0;
+    if math::dot(uz, z) == 0.0 {
+        return None;
+    }
+    let mut axes = [ux, uy, uz];
+    if mirrored {
+        // One axis takes the mirror; the rotation stays proper.
+        sizes[0] = -sizes[0];
+        axes = [math::scale(ux, -1.0), uy, math::scale(uz, -1.0)];
+    }
+    let exact = math::mul(axes, math::diagonal(sizes));
+    let largest = sizes.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
+    let off = exact.iter().flatten().zip(linear.iter().flatten());
+    let shear = off.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs())) / largest;
+    Some((math::from_rotation(axes), sizes, shear))
+}
+
+/// A quaternion of unit length, up to the rounding of exporters.
+pub(super) fn unit_quaternion(cursor: &Cursor<'_>) -> Result<Quat, SceneError> {
+    let q: Quat = cursor.numbers(FAR)?;
+    let off = (math::quat_dot(q, q).sqrt() - 1.0).abs();
+    match math::quat_unit(q) {
+        Some(unit) if off <= TURN_SLACK => Ok(unit),
+        _ => Err(cursor.error("a quaternion x, y, z, w of length 1 is accepted")),
+    }
+}

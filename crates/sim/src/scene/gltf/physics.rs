@@ -1,0 +1,580 @@
+//! Motions and colliders of the nodes, and the bodies they make.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::super::{
+    Body, Filter, Mass, Material, Motion, Rotation, SceneError, Shape, ShapeKind, Track, Warning,
+};
+use super::animation::{self, Animation};
+use super::json::Cursor;
+use super::math::{self, Mat3, Quat, Vec3};
+use super::meshes::{Meshes, Triangles};
+use super::nodes::{self, Affine, Node};
+use super::shapes::{self, Implicit, Placed};
+use super::tables::{self, Dialect, Tables};
+use super::{BodyNode, FAR, FAST};
+
+/// Largest mass and moment of inertia. \[kg, kg m^2\]
+const HEAVY: f64 = 1e18;
+/// Smallest mass and moment of inertia other than 0, which means infinity. \[kg, kg m^2\]
+const LIGHT: f64 = 1e-18;
+/// Largest factor on gravity, either way.
+const MOST_GRAVITY: f64 = 1e6;
+
+/// How a node with a motion moves.
+struct Moving {
+    motion: Motion,
+    mass: Mass,
+    linear: Vec3,
+    angular: Vec3,
+    gravity: f64,
+}
+
+/// Where a collider takes its form from.
+#[derive(Clone, Copy)]
+enum Geometry {
+    Shape(usize),
+    Node(usize),
+    Mesh(usize),
+}
+
+struct Collider<'a> {
+    at: Cursor<'a>,
+    geometry: Geometry,
+    convex: bool,
+    material: Material,
+    filter: Filter,
+}
+
+/// What the extension says about the nodes.
+struct Properties<'a> {
+    moving: BTreeMap<usize, Moving>,
+    colliders: BTreeMap<usize, Collider<'a>>,
+}
+
+/// Everything that the bodies are built from.
+pub(super) struct Builder<'a> {
+    pub(super) nodes: &'a [Node<'a>],
+    pub(super) meshes: &'a Meshes<'a>,
+    pub(super) tables: &'a Tables,
+    pub(super) animation: &'a Animation,
+    pub(super) dialect: Dialect,
+}
+
+impl Builder<'_> {
+    fn warn(&self, node: usize, what: impl std::fmt::Display, warnings: &mut Vec<Warning>) {
+        if let Some(n) = self.nodes.get(node) {
+            let message = format!("{}: {what}", n.label(node));
+            warnings.push(Warning { place: n.cursor.place(), message });
+        }
+    }
+
+    /// The bodies of the scene, and the nodes that they move.
+    pub(super) fn bodies(
+        &self,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<(Vec<Body>, Vec<BodyNode>), SceneError> {
+        let properties = self.properties(warnings)?;
+        // Colliders by the node that carries them: the nearest with a motion, else their own.
+        let mut carried: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (node, _) in properties.moving.iter().filter(|(node, _)| self.present(**node)) {
+            carried.insert(*node, Vec::new());
+        }
+        for node in properties.colliders.keys().filter(|node| self.present(**node)) {
+            let mut up = Some(*node);
+            while let Some(above) = up.filter(|above| !properties.moving.contains_key(above)) {
+                up = self.nodes.get(above).and_then(|n| n.parent);
+            }
+            carried.entry(up.unwrap_or(*node)).or_default().push(*node);
+        }
+        let mut names = BTreeSet::new();
+        let mut bodies = Vec::new();
+        let mut body_nodes = Vec::new();
+        for (node, colliders) in &carried {
+            if let Some((body, body_node)) =
+                self.body(*node, colliders, &properties, &mut names, warnings)?
+            {
+                bodies.push(body);
+                body_nodes.push(body_node);
+            }
+        }
+        self.link(&mut body_nodes);
+        Ok((bodies, body_nodes))
+    }
+
+    fn present(&self, node: usize) -> bool {
+        self.nodes.get(node).is_some_and(|n| n.present)
+    }
+
+    /// Tells each body what it hangs on: another body that moves, or the world.
+    fn link(&self, bodies: &mut [BodyNode]) {
+        let moving: BTreeMap<usize, usize> = bodies
+            .iter()
+            .enumerate()
+            .filter(|(_, body)| body.moves)
+            .map(|(index, body)| (body.node, index))
+            .collect();
+        for body in bodies.iter_mut() {
+            let mut above = self.nodes.get(body.node).and_then(|n| n.parent);
+            while let Some(node) = above.and_then(|i| self.nodes.get(i)) {
+                body.depth = body.depth.saturating_add(1);
+                if body.carrier.is_none() {
+                    body.carrier = above.and_then(|i| moving.get(&i)).copied();
+                    if body.carrier.is_none() {
+                        body.parent = node.matrix.after(&body.parent);
+                        body.parent_turn = math::quat_mul(node.local.rotation, body.parent_turn);
+                    }
+                }
+                above = node.parent;
+            }
+        }
+    }
+
+    fn body(
+        &self,
+        index: usize,
+        colliders: &[usize],
+        properties: &Properties<'_>,
+        names: &mut BTreeSet<String>,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Option<(Body, BodyNode)>, SceneError> {
+        let Some(node) = self.nodes.get(index) else { return Ok(None) };
+        let moving = properties.moving.get(&index);
+        let chain = animation::chain(self.nodes, index);
+        let driven = chain.iter().any(|i| self.animation.moves(*i));
+        let motion = match moving {
+            _ if driven => Motion::Kinematic,
+            Some(moving) => moving.motion,
+            None => Motion::Static,
+        };
+        if driven && moving.is_some_and(|m| m.motion == Motion::Dynamic) {
+            let what = "an animation of the file moves it: contacts do not";
+            self.warn(index, what, warnings);
+        }
+        if driven && chain.iter().any(|i| *i != index && properties.moving.contains_key(i)) {
+            let what = "its animation plays as if the body above it stayed where it starts";
+            self.warn(index, what, warnings);
+        }
+
+        let mut parts = Vec::new();
+        for at in colliders {
+            let mut between = Some(*at);
+            while let Some(step) = between.filter(|step| *step != index) {
+                if self.animation.moves(step) {
+                    let what = "its animation inside of a body is not simulated: its collider \
+                                keeps its place on the body";
+                    self.warn(step, what, warnings);
+                }
+                between = self.nodes.get(step).and_then(|n| n.parent);
+            }
+            if let (Some(collider), Some(part)) =
+                (properties.colliders.get(at), self.nodes.get(*at))
+            {
+                parts.extend(self.shape(*at, part, collider, node, motion, warnings)?);
+            }
+        }
+        if parts.is_empty() {
+            if moving.is_some() {
+                let what = "it has a motion and no collider that acts: it is not simulated";
+                self.warn(index, what, warnings);
+            }
+            return Ok(None);
+        }
+
+        let turn = node.turn;
+        let rest = math::mul(math::transpose(math::rotation(turn)), node.world.linear);
+        let mut position = node.world.shift;
+        let mut rotation = turn;
+        let mut track = Track::default();
+        if driven {
+            track = self.animation.track(self.nodes, index)?;
+            if let (Some(p), Some(Rotation::Quaternion(q))) =
+                (track.positions.first(), track.rotations.first())
+                && let Ok(p) = Vec3::try_from(p.as_slice())
+            {
+                (position, rotation) = (p, *q);
+            }
+            if let Some(far) = track.positions.iter().flatten().find(|x| x.abs() > FAR) {
+                return Err(node.cursor.fault(
+                    format!("animated position {far} of {}", node.label(index)),
+                    format!("coordinates up to {FAR:e} are accepted"),
+                ));
+            }
+        }
+        let mut body = Body {
+            name: node.name.filter(|n| !n.is_empty()).map(|n| unique(n, index, names)),
+            motion,
+            position: position.into(),
+            rotation: Rotation::Quaternion(rotation),
+            linear_velocity: vec![0.0; 3],
+            angular_velocity: vec![0.0; 3],
+            mass: Mass::default(),
+            gravity_factor: 1.0,
+            shapes: parts,
+            track,
+        };
+        if let Some(moving) = moving {
+            body.mass = moving.mass.clone();
+            if let Some(center) = &mut body.mass.center
+                && let Ok(c) = Vec3::try_from(center.as_slice())
+            {
+                *center = math::apply(rest, c).into();
+            }
+            body.gravity_factor = moving.gravity;
+            if !driven && motion != Motion::Static {
+                body.linear_velocity = math::turn(turn, moving.linear).into();
+                body.angular_velocity = math::turn(turn, moving.angular).into();
+            }
+        }
+        let body_node = BodyNode {
+            node: index,
+            moves: motion != Motion::Static,
+            driven,
+            depth: 0,
+            carrier: None,
+            parent: Affine::IDENTITY,
+            parent_turn: math::NO_TURN,
+            local: node.local,
+            rest,
+        };
+        Ok(Some((body, body_node)))
+    }
+
+    /// The shape of a collider in the frame of its body; none where it does not act.
+    fn shape(
+        &self,
+        index: usize,
+        node: &Node<'_>,
+        collider: &Collider<'_>,
+        body: &Node<'_>,
+        motion: Motion,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Option<Shape>, SceneError> {
+        let turn = math::quat_mul(math::conjugate(body.turn), node.turn);
+        let turn = math::quat_unit(turn).unwrap_or(math::NO_TURN);
+        let away = math::sub(node.world.shift, body.world.shift);
+        let position = math::turn(math::conjugate(body.turn), away);
+        let map = math::mul(math::transpose(math::rotation(node.turn)), node.world.linear);
+
+        let mut solid = |triangles: Triangles, convex: bool| {
+            self.mesh(index, &triangles, map, convex, motion, warnings)
+        };
+        let kind = match collider.geometry {
+            Geometry::Shape(shape) => match self.tables.shapes.get(shape) {
+                Some(Implicit::Mesh { mesh, convex }) => {
+                    solid(self.meshes.triangles(*mesh)?, *convex || collider.convex)
+                }
+                Some(implicit) => {
+                    let fixed = motion == Motion::Static;
+                    match shapes::place(implicit, map, fixed, motion == Motion::Kinematic) {
+                        Placed::Shape(kind) => Some(kind),
+                        Placed::Instead(kind, why) => {
+                            self.warn(index, format!("collider: {why}"), warnings);
+                            Some(kind)
+                        }
+                        Placed::Nothing(why) => {
+                            self.warn(index, format!("no collider acts: {why}"), warnings);
+                            None
+                        }
+                    }
+                }
+                None => None,
+            },
+            Geometry::Mesh(mesh) => solid(self.meshes.triangles(mesh)?, collider.convex),
+            Geometry::Node(source) => {
+                let (triangles, deformed) = self.meshes.below(self.nodes, source)?;
+                if triangles.triangles.is_empty() {
+                    return Err(collider.at.fault(
+                        format!("geometry of {}, without triangles", node.label(index)),
+                        "a node with a mesh, on it or below it, is accepted",
+                    ));
+                }
+                let kind = solid(triangles, collider.convex);
+                if deformed {
+                    let what = "its collider leaves out the skin and the morph targets of the mesh";
+                    self.warn(index, what, warnings);
+                }
+                kind
+            }
+        };
+        Ok(kind.map(|kind| Shape {
+            kind,
+            position: position.into(),
+            rotation: Rotation::Quaternion(turn),
+            material: collider.material.clone(),
+            filter: collider.filter,
+        }))
+    }
+
+    /// The shape of triangles under the scale of their node.
+    fn mesh(
+        &self,
+        index: usize,
+        triangles: &Triangles,
+        map: Mat3,
+        convex: bool,
+        motion: Motion,
+        warnings: &mut Vec<Warning>,
+    ) -> Option<ShapeKind> {
+        if map.iter().flatten().all(|x| *x == 0.0) {
+            let what = "no collider acts: its node has scale 0, which disables it";
+            self.warn(index, what, warnings);
+            return None;
+        }
+        let moved = triangles.moved(&Affine { linear: map, shift: [0.0; 3] });
+        if moved.triangles.is_empty() {
+            self.warn(index, "no collider acts: its mesh has no triangles", warnings);
+            return None;
+        }
+        let dynamic = motion == Motion::Dynamic;
+        if dynamic || convex {
+            let flat = flat(&moved.vertices);
+            if dynamic && flat {
+                let what = "no collider acts: its mesh is flat, and a moving body needs a volume";
+                self.warn(index, what, warnings);
+                return None;
+            }
+            if !convex {
+                let what = "collider: a convex hull stands for the mesh of a moving body";
+                self.warn(index, what, warnings);
+            }
+            if !flat {
+                return Some(ShapeKind::ConvexHull { points: moved.points() });
+            }
+            self.warn(index, "collider: its mesh is flat and stays a mesh", warnings);
+        }
+        Some(ShapeKind::Trimesh { vertices: moved.vertices, triangles: moved.triangles })
+    }
+
+    /// Reads what every node says, whether or not it is part of the scene.
+    fn properties(&self, warnings: &mut Vec<Warning>) -> Result<Properties<'_>, SceneError> {
+        let mut properties = Properties { moving: BTreeMap::new(), colliders: BTreeMap::new() };
+        for (index, node) in self.nodes.iter().enumerate() {
+            if node.cursor.extension("OMI_physics_joint")?.is_some() && node.present {
+                self.warn(index, "its OMI_physics_joint is not simulated", warnings);
+            }
+            let Some(physics) = node.cursor.extension(self.dialect.bodies())? else { continue };
+            tables::strangers(&physics, &["motion", "collider", "trigger", "joint"], warnings);
+            if let Some(motion) = physics.get("motion")? {
+                properties.moving.insert(index, self.motion(&motion, warnings)?);
+            }
+            if let Some(collider) = physics.get("collider")?
+                && let Some(collider) = self.collider(collider, warnings)?
+            {
+                properties.colliders.insert(index, collider);
+            }
+            if let Some(trigger) = physics.get("trigger")? {
+                self.trigger(&trigger, warnings)?;
+                if node.present {
+                    self.warn(index, "its trigger is not simulated: it makes no contact", warnings);
+                }
+            }
+            if let Some(joint) = physics.get("joint")? {
+                joint.require("joint")?.index(self.tables.joints, "physics joints")?;
+                joint.require("connectedNode")?.index(self.nodes.len(), "nodes")?;
+                let known = ["connectedNode", "joint", "enableCollision"];
+                tables::strangers(&joint, &known, warnings);
+                if node.present {
+                    let what = "its joint is not simulated: nothing holds the bodies together";
+                    self.warn(index, what, warnings);
+                }
+            }
+        }
+        Ok(properties)
+    }
+
+    fn motion(
+        &self,
+        motion: &Cursor<'_>,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Moving, SceneError> {
+        const KEYS: [&str; 9] = [
+            "isKinematic",
+            "type",
+            "mass",
+            "centerOfMass",
+            "inertiaDiagonal",
+            "inertiaOrientation",
+            "linearVelocity",
+            "angularVelocity",
+            "gravityFactor",
+        ];
+        tables::strangers(motion, &KEYS, warnings);
+        let omi = self.dialect == Dialect::Omi;
+        let kind = match motion.get("type")? {
+            Some(kind) if omi => match kind.text()? {
+                "static" => Motion::Static,
+                "kinematic" => Motion::Kinematic,
+                "dynamic" => Motion::Dynamic,
+                _ => return Err(kind.error("static, kinematic or dynamic is accepted")),
+            },
+            _ => match motion.get("isKinematic")?.map(|k| k.boolean()).transpose()? {
+                Some(true) => Motion::Kinematic,
+                _ => Motion::Dynamic,
+            },
+        };
+        // Zero stands for infinity, which JSON cannot write.
+        let amount = |cursor: &Cursor<'_>| -> Result<f64, SceneError> {
+            let number = cursor.within(0.0, HEAVY)?;
+            if number == 0.0 {
+                Ok(f64::INFINITY)
+            } else if number < LIGHT {
+                Err(cursor.error(format!("0 (infinity) or {LIGHT:e} to {HEAVY:e} is accepted")))
+            } else {
+                Ok(number)
+            }
+        };
+        let mut mass = Mass::default();
+        if let Some(cursor) = motion.get("mass")? {
+            mass.mass = Some(amount(&cursor)?);
+        } else if omi {
+            mass.mass = Some(1.0);
+        }
+        if let Some(center) = motion.get("centerOfMass")? {
+            mass.center = Some(center.numbers::<3>(FAR)?.into());
+        } else if omi {
+            mass.center = Some(vec![0.0; 3]);
+        }
+        if let Some(inertia) = motion.get("inertiaDiagonal")? {
+            let written = inertia.numbers::<3>(f64::MAX)?;
+            let moments = inertia.items()?.iter().map(amount).collect::<Result<Vec<_>, _>>()?;
+            // In OMI files zero asks for the inertia of the shapes.
+            if !(omi && written == [0.0; 3]) {
+                mass.inertia = Some(moments);
+            }
+        }
+        if let Some(turn) = motion.get("inertiaOrientation")? {
+            let turn: Quat = nodes::unit_quaternion(&turn)?;
+            mass.inertia_rotation = mass.inertia.is_some().then_some(turn);
+        }
+        let velocity = |key: &str| -> Result<Vec3, SceneError> {
+            motion.get(key)?.map_or(Ok([0.0; 3]), |v| v.numbers(FAST))
+        };
+        Ok(Moving {
+            motion: kind,
+            mass,
+            linear: velocity("linearVelocity")?,
+            angular: velocity("angularVelocity")?,
+            gravity: motion.get("gravityFactor")?.map_or(Ok(1.0), |g| g.number(MOST_GRAVITY))?,
+        })
+    }
+
+    fn collider<'c>(
+        &self,
+        collider: Cursor<'c>,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Option<Collider<'c>>, SceneError> {
+        const FORM: [&str; 4] = ["shape", "node", "mesh", "convexHull"];
+        let geometry = match collider.get("geometry")? {
+            Some(geometry) => {
+                let known = ["geometry", "physicsMaterial", "collisionFilter"];
+                tables::strangers(&collider, &known, warnings);
+                tables::strangers(&geometry, &FORM, warnings);
+                geometry
+            }
+            // An OMI collider without a shape names the colliders below it.
+            None if self.dialect == Dialect::Omi && collider.get("shape")?.is_none() => {
+                return Ok(None);
+            }
+            None => collider.clone(),
+        };
+        let form = self.geometry(&geometry)?;
+        let material = match collider.get("physicsMaterial")? {
+            Some(material) => {
+                let index = material.index(self.tables.materials.len(), "physics materials")?;
+                self.tables.materials.get(index).cloned()
+            }
+            None => None,
+        };
+        let filter = match collider.get("collisionFilter")? {
+            Some(filter) => {
+                let index = filter.index(self.tables.filters.len(), "collision filters")?;
+                self.tables.filters.get(index).copied()
+            }
+            None => None,
+        };
+        Ok(Some(Collider {
+            convex: geometry.get("convexHull")?.map_or(Ok(false), |c| c.boolean())?,
+            geometry: form,
+            at: geometry,
+            material: material.unwrap_or(tables::PLAIN),
+            filter: filter.unwrap_or_default(),
+        }))
+    }
+
+    fn geometry(&self, geometry: &Cursor<'_>) -> Result<Geometry, SceneError> {
+        let shape = geometry.get("shape")?;
+        let node = geometry.get("node")?;
+        let mesh = geometry.get("mesh")?;
+        Ok(match (shape, node, mesh) {
+            (Some(shape), None, None) => {
+                Geometry::Shape(shape.index(self.tables.shapes.len(), "shapes")?)
+            }
+            (None, Some(node), None) => Geometry::Node(node.index(self.nodes.len(), "nodes")?),
+            (None, None, Some(mesh)) => Geometry::Mesh(mesh.index(self.meshes.len(), "meshes")?),
+            _ => {
+                return Err(geometry.fault(
+                    geometry.name(),
+                    "exactly one of 'shape', 'node' and 'mesh' is accepted",
+                ));
+            }
+        })
+    }
+
+    /// Triggers do not act; what is wrong with them is still said.
+    fn trigger(&self, trigger: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
+        tables::strangers(trigger, &["geometry", "nodes", "shape", "collisionFilter"], warnings);
+        if let Some(filter) = trigger.get("collisionFilter")? {
+            filter.index(self.tables.filters.len(), "collision filters")?;
+        }
+        match trigger.get("geometry")? {
+            Some(geometry) => {
+                self.geometry(&geometry)?;
+            }
+            None => {
+                if let Some(shape) = trigger.get("shape")? {
+                    shape.index(self.tables.shapes.len(), "shapes")?;
+                }
+            }
+        }
+        for part in trigger.list("nodes")? {
+            let index = part.index(self.nodes.len(), "nodes")?;
+            let extension =
+                self.nodes.get(index).map(|n| n.cursor.extension(self.dialect.bodies()));
+            let inner = extension.transpose()?.flatten().map(|e| e.get("trigger")).transpose()?;
+            let simple = match inner.flatten() {
+                Some(inner) => inner.get("nodes")?.is_none(),
+                None => false,
+            };
+            if !simple {
+                return Err(part.error("a node with a trigger that has a geometry is accepted"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `name`, changed where another body already has it.
+fn unique(name: &str, node: usize, names: &mut BTreeSet<String>) -> String {
+    let mut unique = name.to_string();
+    while !names.insert(unique.clone()) {
+        unique = format!("{unique} (node {node})");
+    }
+    unique
+}
+
+/// Whether all points lie in a plane, for the accuracy of what they span.
+fn flat(points: &[Vec3]) -> bool {
+    let farthest = |measure: &dyn Fn(Vec3) -> f64| {
+        points.iter().copied().max_by(|a, b| measure(*a).total_cmp(&measure(*b)))
+    };
+    let Some(origin) = points.first().copied() else { return true };
+    let from = |p: Vec3| math::sub(p, origin);
+    let Some(a) = farthest(&|p| math::length(from(p))).map(from) else { return true };
+    let Some(b) = farthest(&|p| math::length(math::cross(a, from(p)))).map(from) else {
+        return true;
+    };
+    let Some(normal) = math::unit(math::cross(a, b)) else { return true };
+    let height = points.iter().fold(0.0_f64, |most, p| most.max(math::dot(normal, from(*p)).abs()));
+    height <= 1e-6 * math::length(a)
+}

@@ -1,0 +1,295 @@
+//! Implicit shapes, brought to the scale of their node.
+
+use std::f64::consts::TAU;
+
+use super::super::{SceneError, ShapeKind};
+use super::json::Cursor;
+use super::math::{self, Mat3, Vec3};
+use super::{FAR, NEAR};
+
+/// Points around a ring of a sampled round shape.
+const RING: usize = 24;
+/// Thickness of the box that stands for a plane on a moving body, relative to its shorter side.
+const SHEET: f64 = 0.01;
+/// Half the size of a plane along an axis without an end, when the other axis has one. \[m\]
+const ENDLESS: f64 = 1000.0;
+
+/// A shape as the file describes it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Implicit {
+    Sphere {
+        radius: f64,
+    },
+    Box {
+        size: Vec3,
+    },
+    Capsule {
+        height: f64,
+        top: f64,
+        bottom: f64,
+    },
+    Cylinder {
+        height: f64,
+        top: f64,
+        bottom: f64,
+    },
+    Plane {
+        x: Option<f64>,
+        z: Option<f64>,
+        double: bool,
+    },
+    /// A mesh of the file, as OMI shapes name it.
+    Mesh {
+        mesh: usize,
+        convex: bool,
+    },
+}
+
+/// Defaults that differ between the extensions.
+#[derive(Clone, Copy)]
+pub(super) struct Defaults {
+    pub(super) capsule: (f64, f64),
+    pub(super) cylinder: (f64, f64),
+    pub(super) meshes: bool,
+}
+
+pub(super) const KHRONOS: Defaults =
+    Defaults { capsule: (0.5, 0.25), cylinder: (0.5, 0.25), meshes: false };
+pub(super) const OMI: Defaults =
+    Defaults { capsule: (1.0, 0.5), cylinder: (2.0, 0.5), meshes: true };
+
+/// Reads a shape of `KHR_implicit_shapes` or `OMI_physics_shape`.
+pub(super) fn read(
+    shape: &Cursor<'_>,
+    defaults: Defaults,
+    meshes: usize,
+) -> Result<Implicit, SceneError> {
+    const TYPES: [&str; 7] = ["box", "sphere", "capsule", "cylinder", "plane", "convex", "trimesh"];
+    let kind_cursor = shape.require("type")?;
+    let kind = kind_cursor.text()?;
+    let known = if defaults.meshes { &TYPES[..] } else { TYPES.get(..5).unwrap_or_default() };
+    if !known.contains(&kind) {
+        return Err(kind_cursor.error(format!("one of {} is accepted", known.join(", "))));
+    }
+    for other in TYPES.iter().filter(|other| **other != kind) {
+        if let Some(other) = shape.get(other)? {
+            return Err(other.fault(
+                format!("'{}' in a shape of type {kind}", other.name()),
+                format!("only '{kind}' is accepted"),
+            ));
+        }
+    }
+    let own = shape.get(kind)?;
+    let size = |key: &str, default: f64, low: f64| -> Result<f64, SceneError> {
+        match own.as_ref().map(|o| o.get(key)).transpose()?.flatten() {
+            Some(cursor) => cursor.within(low, FAR),
+            None => Ok(default),
+        }
+    };
+    let tapered = |(height, radius): (f64, f64)| -> Result<(f64, f64, f64), SceneError> {
+        let h = size("height", height, NEAR)?;
+        let (top, bottom) = (size("radiusTop", radius, 0.0)?, size("radiusBottom", radius, 0.0)?);
+        if top.max(bottom) < NEAR {
+            let at = own.as_ref().unwrap_or(shape);
+            return Err(at.fault(
+                format!("radiusTop and radiusBottom of the {kind}, both {top:?}"),
+                format!("one of them must be at least {NEAR:e}"),
+            ));
+        }
+        Ok((h, top, bottom))
+    };
+    Ok(match kind {
+        "sphere" => Implicit::Sphere { radius: size("radius", 0.5, NEAR)? },
+        "box" => {
+            let mut extents = [1.0; 3];
+            if let Some(at) = own.as_ref().map(|o| o.get("size")).transpose()?.flatten() {
+                extents = at.numbers(FAR)?;
+                for item in at.items()? {
+                    item.within(NEAR, FAR)?;
+                }
+            }
+            Implicit::Box { size: extents }
+        }
+        "capsule" => {
+            let (height, top, bottom) = tapered(defaults.capsule)?;
+            Implicit::Capsule { height, top, bottom }
+        }
+        "cylinder" => {
+            let (height, top, bottom) = tapered(defaults.cylinder)?;
+            Implicit::Cylinder { height, top, bottom }
+        }
+        "plane" => {
+            let side = |key: &str| -> Result<Option<f64>, SceneError> {
+                let cursor = own.as_ref().map(|o| o.get(key)).transpose()?.flatten();
+                cursor.map(|c| c.within(NEAR, FAR)).transpose()
+            };
+            let double = own.as_ref().map(|o| o.get("doubleSided")).transpose()?.flatten();
+            let double = double.map_or(Ok(false), |d| d.boolean())?;
+            Implicit::Plane { x: side("sizeX")?, z: side("sizeZ")?, double }
+        }
+        _ => {
+            let own = shape.require(kind)?;
+            let mesh = own.require("mesh")?.index(meshes, "meshes")?;
+            Implicit::Mesh { mesh, convex: kind == "convex" }
+        }
+    })
+}
+
+/// What became of an implicit shape under the scale of its node.
+pub(super) enum Placed {
+    /// A shape of the scene.
+    Shape(ShapeKind),
+    /// A shape that stands in for another, and how.
+    Instead(ShapeKind, String),
+    /// Nothing, and why.
+    Nothing(String),
+}
+
+/// Brings a shape to scale. `map` is what remains of the node's transform without its rotation:
+/// a scale, or more where scaled parents shear it.
+pub(super) fn place(shape: &Implicit, map: Mat3, fixed: bool, kinematic: bool) -> Placed {
+    let [[sx, yx, zx], [xy, sy, zy], [xz, yz, sz]] = map;
+    let largest = map.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+    if largest == 0.0 {
+        return Placed::Nothing("its node has scale 0, which disables it".into());
+    }
+    if math::determinant(map).abs() < NEAR.powi(3) {
+        return Placed::Nothing("the scale of its node flattens it".into());
+    }
+    let shear = [yx, zx, xy, zy, xz, yz].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let straight = shear <= 1e-6 * largest;
+    let [ax, ay, az] = [sx.abs(), sy.abs(), sz.abs()];
+    let same = |a: f64, b: f64| (a - b).abs() <= 1e-6 * largest;
+    let round = straight && same(ax, az);
+    let even = round && same(ax, ay);
+    let hull = |points: Vec<Vec3>, why: &str| {
+        let moved = points.into_iter().map(|p| {
+            // Only the size counts along an axis that a scale mirrors.
+            Vec::from(if straight {
+                math::apply(math::diagonal([ax, ay, az]), p)
+            } else {
+                math::apply(map, p)
+            })
+        });
+        Placed::Instead(ShapeKind::ConvexHull { points: moved.collect() }, why.into())
+    };
+    let squeezed = "its scale is not even: a convex hull of sampled points stands for it";
+    let pointed = "its radii differ: a convex hull of sampled points stands for it";
+    match *shape {
+        Implicit::Sphere { radius } if even => {
+            Placed::Shape(ShapeKind::Sphere { radius: radius * ax })
+        }
+        Implicit::Sphere { radius } => hull(ball(radius, 0.0), squeezed),
+        Implicit::Box { size: [x, y, z] } if straight => {
+            let half_extents = vec![x * ax / 2.0, y * ay / 2.0, z * az / 2.0];
+            Placed::Shape(ShapeKind::Box { half_extents })
+        }
+        Implicit::Box { size: [x, y, z] } => {
+            let signs = [-0.5, 0.5];
+            let corners = signs.into_iter().flat_map(|i| {
+                signs
+                    .into_iter()
+                    .flat_map(move |j| signs.into_iter().map(move |k| [x * i, y * j, z * k]))
+            });
+            hull(corners.collect(), "scaled parents shear it: a convex hull stands for it")
+        }
+        Implicit::Capsule { height, top, bottom } => {
+            let (radius, half) = (top.max(bottom), height / 2.0);
+            if even && top == bottom {
+                let (radius, half_height) = (radius * ax, half * ay);
+                return Placed::Shape(ShapeKind::Capsule { radius, half_height });
+            }
+            let mut points = ball(top, half);
+            points.extend(ball(bottom, -half));
+            hull(points, if top == bottom { squeezed } else { pointed })
+        }
+        Implicit::Cylinder { height, top, bottom } => {
+            let half = height / 2.0;
+            if round && top == bottom {
+                let (radius, half_height) = (top * ax, half * ay);
+                return Placed::Shape(ShapeKind::Cylinder { radius, half_height });
+            }
+            let mut points = ring(top, half);
+            points.extend(ring(bottom, -half));
+            hull(points, if top == bottom { squeezed } else { pointed })
+        }
+        Implicit::Plane { x: None, z: None, double } => {
+            if !fixed {
+                let why = "an endless plane acts on static bodies only: it is ignored";
+                return Placed::Nothing(why.into());
+            }
+            let normal = if straight {
+                [0.0, 1.0, 0.0]
+            } else {
+                let across = math::cross([xz, yz, sz], [sx, yx, zx]);
+                let up = math::unit(across).unwrap_or([0.0, 1.0, 0.0]);
+                if math::dot(up, [xy, sy, zy]) < 0.0 { math::scale(up, -1.0) } else { up }
+            };
+            let plane = ShapeKind::Halfspace { normal: normal.into() };
+            if double {
+                let why = "an endless plane acts on its upper side only, although doubleSided";
+                Placed::Instead(plane, why.into())
+            } else {
+                Placed::Shape(plane)
+            }
+        }
+        Implicit::Plane { x, z, double } => {
+            let half = |side: Option<f64>, scale: f64| side.map_or(ENDLESS, |s| s * scale / 2.0);
+            let (hx, hz) = (half(x, ax), half(z, az));
+            let ends = x.is_none() || z.is_none();
+            if fixed || kinematic {
+                let vertices = vec![[-hx, 0.0, -hz], [-hx, 0.0, hz], [hx, 0.0, hz], [hx, 0.0, -hz]];
+                let mut triangles = vec![[0, 1, 2], [0, 2, 3]];
+                if double {
+                    triangles.extend([[0, 2, 1], [0, 3, 2]]);
+                }
+                let sheet = ShapeKind::Trimesh { vertices, triangles };
+                return match (ends, straight) {
+                    (false, true) => Placed::Shape(sheet),
+                    (true, _) => Placed::Instead(
+                        sheet,
+                        format!("the plane ends {ENDLESS} m from its middle where it has no size"),
+                    ),
+                    (false, false) => Placed::Instead(
+                        sheet,
+                        "scaled parents shear it, which this plane does not follow".into(),
+                    ),
+                };
+            }
+            let thick = SHEET * hx.min(hz) * 2.0;
+            let points = [[hx, hz], [hx, -hz], [-hx, hz], [-hx, -hz]]
+                .into_iter()
+                .flat_map(|[x, z]| [vec![x, 0.0, z], vec![x, -thick, z]])
+                .collect();
+            Placed::Instead(
+                ShapeKind::ConvexHull { points },
+                format!("a plane on a moving body is a plate of thickness {thick} m below it"),
+            )
+        }
+        Implicit::Mesh { .. } => Placed::Nothing("it is a mesh".into()),
+    }
+}
+
+fn ring(radius: f64, y: f64) -> Vec<Vec3> {
+    if radius == 0.0 {
+        return vec![[0.0, y, 0.0]];
+    }
+    (0..RING)
+        .map(|i| {
+            let (sin, cos) = (i as f64 / RING as f64 * TAU).sin_cos();
+            [radius * cos, y, radius * sin]
+        })
+        .collect()
+}
+
+/// Rings of a sphere at height `y`, with both poles.
+fn ball(radius: f64, y: f64) -> Vec<Vec3> {
+    let rows = RING / 2;
+    let mut points = Vec::new();
+    for row in 0..=rows {
+        let angle = row as f64 / rows as f64 * TAU / 2.0;
+        let at = if row == 0 || row == rows { 0.0 } else { radius * angle.sin() };
+        points.extend(ring(at, y + radius * angle.cos()));
+    }
+    points
+}

@@ -1,0 +1,262 @@
+//! What the nodes share: shapes, materials, filters and joints of the document.
+
+use std::collections::BTreeMap;
+
+use super::super::{Combine, Filter, Material, SceneError, Warning};
+use super::FAR;
+use super::json::Cursor;
+use super::shapes::{self, Implicit};
+
+/// Which of the two families of extensions a file uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Dialect {
+    Khronos,
+    Omi,
+}
+
+impl Dialect {
+    /// The extension of bodies, materials and filters.
+    pub(super) fn bodies(self) -> &'static str {
+        match self {
+            Self::Khronos => "KHR_physics_rigid_bodies",
+            Self::Omi => "OMI_physics_body",
+        }
+    }
+
+    fn shapes(self) -> &'static str {
+        match self {
+            Self::Khronos => "KHR_implicit_shapes",
+            Self::Omi => "OMI_physics_shape",
+        }
+    }
+
+    /// The dialect of a file, if it uses physics at all.
+    pub(super) fn find(root: &Cursor<'_>) -> Result<Option<Self>, SceneError> {
+        for dialect in [Self::Khronos, Self::Omi] {
+            for name in [dialect.bodies(), dialect.shapes()] {
+                let used = root.list("extensionsUsed")?;
+                if used.iter().any(|e| e.value.as_str() == Some(name))
+                    || root.extension(name)?.is_some()
+                {
+                    return Ok(Some(dialect));
+                }
+            }
+            for node in root.list("nodes")? {
+                if node.extension(dialect.bodies())?.is_some() {
+                    return Ok(Some(dialect));
+                }
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// The shared objects.
+pub(super) struct Tables {
+    pub(super) shapes: Vec<Implicit>,
+    pub(super) materials: Vec<Material>,
+    pub(super) filters: Vec<Filter>,
+    pub(super) joints: usize,
+}
+
+/// A surface that names no material.
+pub(super) const PLAIN: Material = Material {
+    friction: 0.6,
+    restitution: 0.0,
+    friction_combine: Combine::Average,
+    restitution_combine: Combine::Average,
+};
+
+pub(super) fn read(
+    root: &Cursor<'_>,
+    dialect: Dialect,
+    meshes: usize,
+    warnings: &mut Vec<Warning>,
+) -> Result<Tables, SceneError> {
+    let mut tables =
+        Tables { shapes: Vec::new(), materials: Vec::new(), filters: Vec::new(), joints: 0 };
+    if let Some(extension) = root.extension(dialect.shapes())? {
+        let defaults = if dialect == Dialect::Omi { shapes::OMI } else { shapes::KHRONOS };
+        for shape in extension.list("shapes")? {
+            tables.shapes.push(shapes::read(&shape, defaults, meshes)?);
+        }
+    }
+    let Some(extension) = root.extension(dialect.bodies())? else { return Ok(tables) };
+    strangers(&extension, &["physicsMaterials", "collisionFilters", "physicsJoints"], warnings);
+    for (index, material) in extension.list("physicsMaterials")?.iter().enumerate() {
+        tables.materials.push(read_material(material, index, warnings)?);
+    }
+    let mut systems = BTreeMap::new();
+    for filter in extension.list("collisionFilters")? {
+        tables.filters.push(read_filter(&filter, &mut systems, warnings)?);
+    }
+    for joint in extension.list("physicsJoints")? {
+        check_joint(&joint, warnings)?;
+        tables.joints = tables.joints.saturating_add(1);
+    }
+    Ok(tables)
+}
+
+/// Warns of properties that mean nothing here.
+pub(super) fn strangers(cursor: &Cursor<'_>, known: &[&str], warnings: &mut Vec<Warning>) {
+    for key in cursor.unknown(known) {
+        warnings.push(Warning {
+            place: cursor.place(),
+            message: format!("'{key}' is not a property of {}: it is ignored", cursor.name()),
+        });
+    }
+}
+
+fn read_material(
+    cursor: &Cursor<'_>,
+    index: usize,
+    warnings: &mut Vec<Warning>,
+) -> Result<Material, SceneError> {
+    const KEYS: [&str; 6] = [
+        "name",
+        "staticFriction",
+        "dynamicFriction",
+        "restitution",
+        "frictionCombine",
+        "restitutionCombine",
+    ];
+    strangers(cursor, &KEYS, warnings);
+    let coefficient = |key: &str| -> Result<Option<f64>, SceneError> {
+        cursor.get(key)?.map(|c| c.within(0.0, FAR)).transpose()
+    };
+    let name = match cursor.get("name")? {
+        Some(name) => format!("physics material '{}'", name.text()?),
+        None => format!("physics material {index}"),
+    };
+    let (fixed, sliding) = (coefficient("staticFriction")?, coefficient("dynamicFriction")?);
+    if let (Some(fixed), Some(sliding)) = (fixed, sliding)
+        && (fixed - sliding).abs() > 1e-6
+    {
+        warnings.push(Warning {
+            place: cursor.place(),
+            message: format!(
+                "{name} has staticFriction {fixed} and dynamicFriction {sliding}: {sliding} acts, \
+                 at rest and sliding"
+            ),
+        });
+    }
+    let mut restitution = coefficient("restitution")?.unwrap_or(0.0);
+    if restitution > 1.0 {
+        warnings.push(Warning {
+            place: cursor.require("restitution")?.place(),
+            message: format!("restitution {restitution} of {name} is taken as 1"),
+        });
+        restitution = 1.0;
+    }
+    let mut combine = |key: &str| -> Result<Combine, SceneError> {
+        let Some(cursor) = cursor.get(key)? else { return Ok(Combine::Average) };
+        Ok(match cursor.text()? {
+            "average" => Combine::Average,
+            "minimum" => Combine::Minimum,
+            "maximum" => Combine::Maximum,
+            "multiply" => Combine::Multiply,
+            other => {
+                warnings.push(Warning {
+                    place: cursor.place(),
+                    message: format!("{key} '{other}' of {name} is unknown: 'average' acts"),
+                });
+                Combine::Average
+            }
+        })
+    };
+    Ok(Material {
+        friction: sliding.or(fixed).unwrap_or(PLAIN.friction),
+        restitution,
+        friction_combine: combine("frictionCombine")?,
+        restitution_combine: combine("restitutionCombine")?,
+    })
+}
+
+fn read_filter(
+    cursor: &Cursor<'_>,
+    systems: &mut BTreeMap<String, u32>,
+    warnings: &mut Vec<Warning>,
+) -> Result<Filter, SceneError> {
+    const ONLY: &str = "collideWithSystems";
+    const NOT: &str = "notCollideWithSystems";
+    strangers(cursor, &["name", "collisionSystems", ONLY, NOT], warnings);
+    let mut bits = |key: &str| -> Result<Option<u64>, SceneError> {
+        let Some(list) = cursor.get(key)? else { return Ok(None) };
+        let mut bits = 0_u64;
+        for name in list.items()? {
+            let next = u32::try_from(systems.len()).unwrap_or(u32::MAX);
+            let bit = *systems.entry(name.text()?.to_string()).or_insert(next);
+            let mask = 1_u64.checked_shl(bit);
+            bits |= mask.ok_or_else(|| name.error("up to 64 different systems are accepted"))?;
+        }
+        Ok(Some(bits))
+    };
+    let own = bits("collisionSystems")?;
+    let (only, not) = (bits(ONLY)?, bits(NOT)?);
+    let (collides_with, unnamed) = match (only, not) {
+        (Some(_), Some(_)) => {
+            return Err(cursor.fault(
+                format!("collision filter with both {ONLY} and {NOT}"),
+                "one of them is accepted",
+            ));
+        }
+        (Some(only), None) => (only, false),
+        (None, not) => (!not.unwrap_or(0), true),
+    };
+    Ok(Filter { systems: own.unwrap_or(0), collides_with, collides_with_unnamed: unnamed })
+}
+
+/// Joints do not act; what is wrong with them is still said.
+fn check_joint(joint: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
+    strangers(joint, &["name", "limits", "drives"], warnings);
+    let positive = |cursor: &Cursor<'_>, keys: &[&str]| -> Result<(), SceneError> {
+        for key in keys {
+            if let Some(number) = cursor.get(key)? {
+                number.within(0.0, f64::MAX)?;
+            }
+        }
+        Ok(())
+    };
+    for limit in joint.list("limits")? {
+        const KEYS: [&str; 6] = ["linearAxes", "angularAxes", "min", "max", "stiffness", "damping"];
+        strangers(&limit, &KEYS, warnings);
+        let (linear, angular) = (limit.get("linearAxes")?, limit.get("angularAxes")?);
+        let axes = match (linear, angular) {
+            (Some(axes), None) | (None, Some(axes)) => axes,
+            _ => {
+                return Err(limit.fault(
+                    "joint limit",
+                    "exactly one of 'linearAxes' and 'angularAxes' is accepted",
+                ));
+            }
+        };
+        for axis in axes.items()? {
+            axis.index(3, "axes")?;
+        }
+        positive(&limit, &["stiffness", "damping"])?;
+        for key in ["min", "max"] {
+            limit.get(key)?.map(|c| c.number(f64::MAX)).transpose()?;
+        }
+    }
+    for drive in joint.list("drives")? {
+        const KEYS: [&str; 8] = [
+            "type",
+            "mode",
+            "axis",
+            "maxForce",
+            "positionTarget",
+            "velocityTarget",
+            "stiffness",
+            "damping",
+        ];
+        strangers(&drive, &KEYS, warnings);
+        drive.require("axis")?.index(3, "axes")?;
+        drive.require("type")?.text()?;
+        drive.require("mode")?.text()?;
+        positive(&drive, &["maxForce", "stiffness", "damping"])?;
+        for key in ["positionTarget", "velocityTarget"] {
+            drive.get(key)?.map(|c| c.number(f64::MAX)).transpose()?;
+        }
+    }
+    Ok(())
+}
