@@ -290,7 +290,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.update_mass(body);
         }
         clock.lap(&mut report, Stage::Advance);
-        rows::remember(&self.system, &self.displacements, &mut self.records);
+        rows::remember(&self.system, &self.displacements, settings.hold, &mut self.records);
         clock.lap(&mut report, Stage::Remember);
         report.pairs = self.pairs.len();
         report.manifolds = self.system.manifolds.len();

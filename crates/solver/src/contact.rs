@@ -111,15 +111,19 @@ impl<T: Real, const L: usize> Contact<T, L> {
         *b -= masses[1].response(self.anchor_b, p);
     }
 
-    /// Whether the point holds by friction: it pushes, and its friction is within the disc.
-    pub fn sticks(&self, friction: T) -> bool
-    where
-        T: Scalar,
-    {
-        let mut tangential = self.impulse;
-        tangential[0] = T::ZERO;
-        let radius = friction * self.impulse[0] * T::from_f64(0.999);
-        self.impulse[0] > T::ZERO && tangential.length() < radius
+    /// epsilon over A_ii + epsilon: 0 rigid, towards 1 ever softer. \[1\]
+    #[inline(always)]
+    pub fn softness(&self) -> T {
+        self.compliance * self.effective_mass
+    }
+
+    /// The slip that is kept of `slip` \[m\]: no more than what friction, as a spring that gives
+    /// way like the normal does, can hold at the present normal impulse.
+    pub fn held_slip(&self, friction: T, hold: T, slip: Vector<T, L>) -> Vector<T, L> {
+        let softness = self.softness();
+        let stiffness = self.tangential_mass * hold * (T::ONE - softness);
+        let limit = friction * self.impulse[0] * softness;
+        self.onto_disc(stiffness.choose(limit / stiffness, T::ZERO), slip)
     }
 
     /// Sets the effective masses from the anchors, the frame and the inverse masses:

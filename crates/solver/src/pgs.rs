@@ -39,21 +39,23 @@ impl<T: Real, const L: usize> Contact<T, L> {
         for i in 1..L {
             tangential[i] -= self.tangential_mass * (u[i] - self.target[i]);
         }
-        self.onto_disc(friction, tangential)
+        let kept = T::ONE - self.softness();
+        let mut eased = tangential * kept;
+        eased[0] = tangential[0];
+        self.onto_disc(friction * (self.impulse[0] + self.impact), eased)
     }
 
-    /// Scales the tangents of `impulse` down to the disc of radius mu times the normal impulse.
+    /// Scales the tangents of `v` down to the disc of this radius.
     #[inline(always)]
-    pub(crate) fn onto_disc(&self, friction: T, impulse: Vector<T, L>) -> Vector<T, L> {
-        let radius = friction * (self.impulse[0] + self.impact);
+    pub(crate) fn onto_disc(&self, radius: T, v: Vector<T, L>) -> Vector<T, L> {
         let mut squared = T::ZERO;
         for i in 1..L {
-            squared += impulse[i] * impulse[i];
+            squared += v[i] * v[i];
         }
         let length = squared.sqrt();
         let scale = (length - radius).choose(radius / length, T::ONE);
-        let mut out = impulse * scale;
-        out[0] = impulse[0];
+        let mut out = v * scale;
+        out[0] = v[0];
         out
     }
 
