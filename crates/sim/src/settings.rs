@@ -39,7 +39,7 @@ impl StepSettings {
     /// For baking: stiff contacts, small overlaps, exact motion.
     pub const fn quality() -> Self {
         Self {
-            substeps: 16,
+            substeps: 32,
             iterations: 1,
             repair: 0.2,
             softness: 0.1,
@@ -54,7 +54,7 @@ impl StepSettings {
 
     /// For games: the least work that keeps piles and stacks standing.
     pub const fn realtime() -> Self {
-        Self { substeps: 4, push_speed: 3.0, reuse_distance: 0.005, ..Self::quality() }
+        Self { substeps: 4, push_speed: 3.0, reuse_distance: 0.002, ..Self::quality() }
     }
 }
 
