@@ -1,6 +1,6 @@
 //! A contact point, and the manifold of points that share two bodies and a frame.
 
-use crate::{InverseMass, Real, Scalar, Vector, Velocity, moment};
+use crate::{InverseMass, Real, Repair, Scalar, Vector, Velocity, moment};
 
 /// What the points of a manifold share.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,6 +96,26 @@ impl<T: Real, const L: usize> Contact<T, L> {
         b: &Velocity<T, L, A>,
     ) -> T {
         manifold.normal().dot(a.at(self.anchor_a) - b.at(self.anchor_b))
+    }
+
+    /// t: the velocity that the contact should have after the step. `a` and `b` are what the bodies
+    /// have moved since the gap was measured.
+    ///
+    /// Overlap: min(c_d max(0, d - slop), push speed). Gap s: -s/h, so that it closes and no more.
+    /// Slip of a sticking point: -hold slip, which returns it to where it stuck.
+    #[inline(always)]
+    pub fn set_target<const A: usize>(
+        &mut self,
+        manifold: &Manifold<T, L>,
+        a: &Velocity<T, L, A>,
+        b: &Velocity<T, L, A>,
+        repair: &Repair<T>,
+    ) {
+        let gap = self.gap + self.relative_velocity(manifold, a, b);
+        let overlap = T::ZERO.max(-gap[0] - repair.slop);
+        let push = (overlap * repair.rate / repair.dt).min(repair.push_speed);
+        self.target = gap * -repair.hold;
+        self.target[0] = gap[0].choose(-gap[0] / repair.dt, push);
     }
 
     /// v += M^-1 J_i^T p for a world impulse `p` on a, and its opposite on b. \[N s\]
