@@ -9,7 +9,6 @@ use crate::geometry::Frame;
 pub(crate) fn rows<const L: usize, const A: usize>(
     records: &[Record<L>],
     frames: &[Frame<L>],
-    softness: f32,
     system: &mut System<f32, L, A>,
 ) {
     system.manifolds.clear();
@@ -42,7 +41,6 @@ pub(crate) fn rows<const L: usize, const A: usize>(
         }
         system.manifolds.push(manifold);
     }
-    system.prepare(softness);
 }
 
 /// Impulses and slips back into the records.

@@ -254,7 +254,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         clock.lap(&mut report, Stage::Pairs);
         self.find_manifolds();
         clock.lap(&mut report, Stage::Manifolds);
-        rows::rows(&self.records, &self.bodies.frames, settings.softness, &mut self.system);
+        rows::rows(&self.records, &self.bodies.frames, &mut self.system);
         self.displacements.fill(Velocity::ZERO);
         clock.lap(&mut report, Stage::Rows);
 
@@ -266,7 +266,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             hold: settings.hold,
         };
         let (system, wide) = (&mut self.system, &mut self.wide);
-        wide.pack(system);
+        wide.pack(system, settings.softness);
         clock.lap(&mut report, Stage::Rows);
         let bouncing = system.manifolds.iter().any(|manifold| manifold.restitution > 0.0);
         for _ in 0..settings.substeps.max(1) {

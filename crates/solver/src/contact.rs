@@ -146,30 +146,43 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.onto_disc(stiffness.choose(limit / stiffness, T::ZERO), slip)
     }
 
+    /// What a unit impulse along axis `i` of the frame adds to the velocity along axis `j`: an entry
+    /// of this contact's block of A. \[1/kg\]
+    #[inline(always)]
+    fn entry<const A: usize>(
+        &self,
+        manifold: &Manifold<T, L>,
+        masses: &[InverseMass<T, L, A>; 2],
+        i: usize,
+        j: usize,
+    ) -> T {
+        let (p, n) = (manifold.frame[i], manifold.frame[j]);
+        masses[0].between(self.anchor_a, p, n) + masses[1].between(self.anchor_b, p, n)
+    }
+
     /// Sets the effective masses from the anchors, the frame and the inverse masses:
     /// m_eff = (m_a^-1 + m_b^-1 + (r_a x n) . W_a (r_a x n) + (r_b x n) . W_b (r_b x n) + epsilon)^-1
     /// (the notes' rigid m_eff, with I^-1 on r x n). Where nothing can move, they are 0.
     ///
     /// `softness` is epsilon over A_ii + epsilon: 0 rigid, towards 1 ever softer.
+    #[inline(always)]
     pub fn prepare<const A: usize>(
         &mut self,
         manifold: &Manifold<T, L>,
         masses: &[InverseMass<T, L, A>; 2],
         softness: T,
     ) {
-        let entry = |i: usize, j: usize| {
-            masses[0].between(self.anchor_a, manifold.frame[i], manifold.frame[j])
-                + masses[1].between(self.anchor_b, manifold.frame[i], manifold.frame[j])
-        };
         let stiff = T::ONE - softness;
-        let a_ii = entry(0, 0);
+        let a_ii = self.entry(manifold, masses, 0, 0);
         self.compliance = a_ii * softness / stiff;
         self.effective_mass = a_ii.choose(stiff / a_ii, T::ZERO);
         let largest = match L {
-            2 => entry(1, 1),
+            2 => self.entry(manifold, masses, 1, 1),
             3 => {
                 let half = T::from_f64(0.5);
-                let (p, q, r) = (entry(1, 1), entry(1, 2), entry(2, 2));
+                let p = self.entry(manifold, masses, 1, 1);
+                let q = self.entry(manifold, masses, 1, 2);
+                let r = self.entry(manifold, masses, 2, 2);
                 let (mean, half_difference) = ((p + r) * half, (p - r) * half);
                 mean + (half_difference * half_difference + q * q).sqrt()
             }

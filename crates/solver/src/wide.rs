@@ -3,18 +3,89 @@
 //! The kernels are those of [`pgs`](crate::pgs), run on a number that is eight numbers. The velocities of
 //! the bodies are gathered once per visit to a block and serve all its points.
 
-use std::array::from_fn;
-
 use crate::color::Coloring;
-use crate::lanes::{Lanes, WIDTH, fastest};
+use crate::lanes::{Halves, Lanes, WIDTH};
 use crate::pgs::visit;
-use crate::{Contact, InverseMass, Manifold, Real, Repair, System, Vector, Velocity};
+use crate::{Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
 
-/// A system of `f32` contacts, packed.
+/// A system of `f32` contacts, packed, on the best lanes of this machine.
+#[derive(Clone, Debug)]
+pub enum Wide<const L: usize, const A: usize> {
+    /// On any machine.
+    Halves(Packed<Halves, L, A>),
+    /// On one with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Packed<crate::lanes::Avx2, L, A>),
+}
+
+/// Does the same on whichever lanes there are.
+macro_rules! on_lanes {
+    ($wide:expr, $packed:ident => $do:expr) => {
+        match $wide {
+            Wide::Halves($packed) => $do,
+            #[cfg(target_arch = "x86_64")]
+            Wide::Avx2($packed) => $do,
+        }
+    };
+}
+
+impl<const L: usize, const A: usize> Wide<L, A> {
+    /// An empty one.
+    pub fn new() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if crate::lanes::avx2_available() {
+            return Self::Avx2(Packed::new());
+        }
+        Self::Halves(Packed::new())
+    }
+
+    /// [`Packed::pack`].
+    pub fn pack(&mut self, system: &mut System<f32, L, A>, softness: f32) {
+        on_lanes!(self, packed => packed.pack(system, softness));
+    }
+
+    /// [`Packed::unpack`].
+    pub fn unpack(&self, system: &mut System<f32, L, A>) {
+        on_lanes!(self, packed => packed.unpack(system));
+    }
+
+    /// [`Packed::take_impacts`].
+    pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
+        on_lanes!(self, packed => packed.take_impacts(system));
+    }
+
+    /// [`Packed::start`].
+    pub fn start(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        displacements: &[Velocity<f32, L, A>],
+        repair: &Repair<f32>,
+    ) {
+        on_lanes!(self, packed => packed.start(velocities, displacements, repair));
+    }
+
+    /// [`Packed::sweep_normals`].
+    pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, packed => packed.sweep_normals(velocities));
+    }
+
+    /// [`Packed::relax`].
+    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, packed => packed.relax(velocities));
+    }
+}
+
+impl<const L: usize, const A: usize> Default for Wide<L, A> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A system of `f32` contacts, packed into lanes of type `V`.
 #[derive(Clone, Debug, Default)]
-pub struct Wide<const L: usize, const A: usize> {
-    blocks: Vec<Block<L, A>>,
-    contacts: Vec<Contact<Lanes, L>>,
+pub struct Packed<V: Lanes, const L: usize, const A: usize> {
+    blocks: Vec<Block<V, L, A>>,
+    contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
     /// Manifolds of a color, by number of points.
     sorted: Vec<u32>,
@@ -22,18 +93,18 @@ pub struct Wide<const L: usize, const A: usize> {
 
 /// Up to eight manifolds that move different bodies.
 #[derive(Clone, Debug)]
-struct Block<const L: usize, const A: usize> {
+struct Block<V: Lanes, const L: usize, const A: usize> {
     /// How many of the lanes are in use.
     lanes: usize,
     /// Which manifold of the system each lane is.
     source: [u32; WIDTH],
     bodies: [[u32; WIDTH]; 2],
-    masses: [InverseMass<Lanes, L, A>; 2],
+    masses: [InverseMass<V, L, A>; 2],
     /// `bodies` of this one mean nothing: each lane has its own.
-    manifold: Manifold<Lanes, L>,
+    manifold: Manifold<V, L>,
 }
 
-impl<const L: usize, const A: usize> Wide<L, A> {
+impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// An empty one.
     pub fn new() -> Self {
         Self {
@@ -44,8 +115,9 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         }
     }
 
-    /// Takes over the manifolds and contacts of `system`.
-    pub fn pack(&mut self, system: &System<f32, L, A>) {
+    /// Takes over the manifolds and contacts of `system`, and sets the effective masses of both
+    /// ([`Contact::prepare`]).
+    pub fn pack(&mut self, system: &mut System<f32, L, A>, softness: f32) {
         self.coloring.assign(
             system.velocities.len(),
             system.manifolds.iter().map(|manifold| manifold.bodies),
@@ -65,17 +137,49 @@ impl<const L: usize, const A: usize> Wide<L, A> {
             }
             start = end;
         }
+        self.prepare(splat(softness));
+        self.copy_back(system, |contact, wide, lane| {
+            contact.effective_mass = wide.effective_mass.get(lane);
+            contact.tangential_mass = wide.tangential_mass.get(lane);
+            contact.compliance = wide.compliance.get(lane);
+        });
+    }
+
+    fn prepare(&mut self, softness: V) {
+        V::run(
+            #[inline(always)]
+            || {
+                for block in &self.blocks {
+                    for contact in &mut self.contacts[block.manifold.points()] {
+                        contact.prepare(&block.manifold, &block.masses, softness);
+                    }
+                }
+            },
+        );
     }
 
     /// Gives impulses and targets back to the contacts of `system`.
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
+        self.copy_back(system, |contact, wide, lane| {
+            for i in 0..L {
+                contact.impulse[i] = wide.impulse[i].get(lane);
+                contact.target[i] = wide.target[i].get(lane);
+            }
+        });
+    }
+
+    /// `copy` for each contact of `system` and its lane.
+    fn copy_back(
+        &self,
+        system: &mut System<f32, L, A>,
+        copy: impl Fn(&mut Contact<f32, L>, &Contact<V, L>, usize),
+    ) {
         for block in &self.blocks {
+            let wide = &self.contacts[block.manifold.points()];
             for lane in 0..block.lanes {
                 let points = system.manifolds[block.source[lane] as usize].points();
-                let wide = &self.contacts[block.manifold.points()];
                 for (contact, wide) in system.contacts[points].iter_mut().zip(wide) {
-                    contact.impulse = Vector(from_fn(|i| wide.impulse[i].0[lane]));
-                    contact.target = Vector(from_fn(|i| wide.target[i].0[lane]));
+                    copy(contact, wide, lane);
                 }
             }
         }
@@ -88,7 +192,7 @@ impl<const L: usize, const A: usize> Wide<L, A> {
                 let points = system.manifolds[block.source[lane] as usize].points();
                 let wide = &mut self.contacts[block.manifold.points()];
                 for (contact, wide) in system.contacts[points].iter().zip(wide) {
-                    wide.impact.0[lane] = contact.impact;
+                    wide.impact.set(lane, contact.impact);
                 }
             }
         }
@@ -108,7 +212,7 @@ impl<const L: usize, const A: usize> Wide<L, A> {
             push_speed: splat(repair.push_speed),
             hold: splat(repair.hold),
         };
-        fastest(
+        V::run(
             #[inline(always)]
             || {
                 for block in &self.blocks {
@@ -140,7 +244,7 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
     ) {
-        fastest(
+        V::run(
             #[inline(always)]
             || {
                 for block in &self.blocks {
@@ -148,7 +252,7 @@ impl<const L: usize, const A: usize> Wide<L, A> {
                     let [mut a, mut b] = block.gather(velocities);
                     let points = &mut self.contacts[manifold.points()];
                     let masses = &block.masses;
-                    visit::<Lanes, L, A, RIGID, FRICTION>(manifold, points, masses, &mut a, &mut b);
+                    visit::<V, L, A, RIGID, FRICTION>(manifold, points, masses, &mut a, &mut b);
                     block.scatter([a, b], velocities);
                 }
             },
@@ -156,40 +260,56 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 }
 
-impl<const L: usize, const A: usize> Block<L, A> {
+impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     #[inline(always)]
-    fn gather(&self, from: &[Velocity<f32, L, A>]) -> [Velocity<Lanes, L, A>; 2] {
-        self.bodies.map(|bodies| {
-            let each = bodies.map(|body| &from[body as usize]);
-            Velocity {
-                linear: Vector(from_fn(|i| Lanes(each.map(|velocity| velocity.linear[i])))),
-                angular: Vector(from_fn(|i| Lanes(each.map(|velocity| velocity.angular[i])))),
+    fn gather(&self, from: &[Velocity<f32, L, A>]) -> [Velocity<V, L, A>; 2] {
+        let mut out = [Velocity::ZERO; 2];
+        for (bodies, out) in self.bodies.iter().zip(&mut out) {
+            let (mut linear, mut angular) = ([[0.0; WIDTH]; L], [[0.0; WIDTH]; A]);
+            for lane in 0..WIDTH {
+                let velocity = &from[bodies[lane] as usize];
+                for i in 0..L {
+                    linear[i][lane] = velocity.linear[i];
+                }
+                for i in 0..A {
+                    angular[i][lane] = velocity.angular[i];
+                }
             }
-        })
+            for i in 0..L {
+                out.linear[i] = V::from_array(linear[i]);
+            }
+            for i in 0..A {
+                out.angular[i] = V::from_array(angular[i]);
+            }
+        }
+        out
     }
 
     #[inline(always)]
-    fn scatter(&self, velocities: [Velocity<Lanes, L, A>; 2], to: &mut [Velocity<f32, L, A>]) {
+    fn scatter(&self, velocities: [Velocity<V, L, A>; 2], to: &mut [Velocity<f32, L, A>]) {
         for (bodies, velocity) in self.bodies.iter().zip(&velocities) {
             for lane in 0..self.lanes {
-                to[bodies[lane] as usize] = Velocity {
-                    linear: Vector(from_fn(|i| velocity.linear[i].0[lane])),
-                    angular: Vector(from_fn(|i| velocity.angular[i].0[lane])),
-                };
+                let body = &mut to[bodies[lane] as usize];
+                for i in 0..L {
+                    body.linear[i] = velocity.linear[i].get(lane);
+                }
+                for i in 0..A {
+                    body.angular[i] = velocity.angular[i].get(lane);
+                }
             }
         }
     }
 }
 
-fn splat(value: f32) -> Lanes {
-    Lanes([value; WIDTH])
+fn splat<V: Lanes>(value: f32) -> V {
+    V::from_array([value; WIDTH])
 }
 
-fn pack_block<const L: usize, const A: usize>(
+fn pack_block<V: Lanes, const L: usize, const A: usize>(
     system: &System<f32, L, A>,
     group: &[u32],
-    contacts: &mut Vec<Contact<Lanes, L>>,
-) -> Block<L, A> {
+    contacts: &mut Vec<Contact<V, L>>,
+) -> Block<V, L, A> {
     let first = contacts.len();
     let most = group.iter().map(|&index| system.manifolds[index as usize].count).max();
     // What a lane has too few points for stays zero: masses of 0 take no impulse.
@@ -204,8 +324,8 @@ fn pack_block<const L: usize, const A: usize>(
         manifold: Manifold {
             bodies: [0, 0],
             frame: [Vector::ZERO; L],
-            friction: Lanes::ZERO,
-            restitution: Lanes::ZERO,
+            friction: V::ZERO,
+            restitution: V::ZERO,
             first: first as u32,
             count: most.unwrap_or(0),
         },
@@ -213,7 +333,7 @@ fn pack_block<const L: usize, const A: usize>(
     for (lane, &index) in group.iter().enumerate() {
         let manifold = &system.manifolds[index as usize];
         block.source[lane] = index;
-        block.manifold.friction.0[lane] = manifold.friction;
+        block.manifold.friction.set(lane, manifold.friction);
         for (wide, axis) in block.manifold.frame.iter_mut().zip(&manifold.frame) {
             set(wide, lane, axis);
         }
@@ -221,28 +341,24 @@ fn pack_block<const L: usize, const A: usize>(
             let body = manifold.bodies[side];
             let mass = &system.masses[body as usize];
             block.bodies[side][lane] = body;
-            block.masses[side].linear.0[lane] = mass.linear;
+            block.masses[side].linear.set(lane, mass.linear);
             for (wide, row) in block.masses[side].angular.0.iter_mut().zip(&mass.angular.0) {
                 set(wide, lane, row);
             }
         }
-        for (wide, contact) in
-            contacts[first..].iter_mut().zip(&system.contacts[manifold.points()])
+        for (wide, contact) in contacts[first..].iter_mut().zip(&system.contacts[manifold.points()])
         {
             set(&mut wide.anchor_a, lane, &contact.anchor_a);
             set(&mut wide.anchor_b, lane, &contact.anchor_b);
             set(&mut wide.gap, lane, &contact.gap);
             set(&mut wide.impulse, lane, &contact.impulse);
-            wide.effective_mass.0[lane] = contact.effective_mass;
-            wide.tangential_mass.0[lane] = contact.tangential_mass;
-            wide.compliance.0[lane] = contact.compliance;
         }
     }
     block
 }
 
-fn set<const N: usize>(wide: &mut Vector<Lanes, N>, lane: usize, of: &Vector<f32, N>) {
+fn set<V: Lanes, const N: usize>(wide: &mut Vector<V, N>, lane: usize, of: &Vector<f32, N>) {
     for i in 0..N {
-        wide[i].0[lane] = of[i];
+        wide[i].set(lane, of[i]);
     }
 }
