@@ -8,9 +8,9 @@ mod common;
 
 use common::{Random, Recipe, Scene, assert_all_close, assert_close, random_scene};
 use drystone_solver::assembled::{
-    Column, Matrix, compliance, contacts_of, equality, friction_impulses,
-    friction_jacobian, gauss_seidel, impulses, inverse_mass, jacobian, pattern, rhs, soften,
-    system_matrix, targets, velocities,
+    Column, Matrix, compliance, contacts_of, equality, friction_impulses, friction_jacobian,
+    gauss_seidel, impulses, inverse_mass, jacobian, pattern, rhs, soften, system_matrix, targets,
+    velocities,
 };
 use drystone_solver::{Repair, System, Vector, Velocity, pgs, restitution};
 use proptest::prelude::*;
@@ -75,8 +75,7 @@ mod spherical_particles_without_friction {
         scene.system.velocities[0].linear = Vector([7.0, 2.0]);
         scene.system.velocities[1].linear = Vector([5.0, -3.0]);
         let [va, vb] = scene.system.velocities_of(&scene.system.manifolds[0]);
-        let v_n =
-            scene.system.contacts[0].normal_velocity(&scene.system.manifolds[0], &va, &vb);
+        let v_n = scene.system.contacts[0].normal_velocity(&scene.system.manifolds[0], &va, &vb);
         assert_eq!(v_n, 5.0, "positive: a leaves b upwards");
     }
 
@@ -275,11 +274,12 @@ mod overlap_repair {
         scene
     }
 
-    /// One step of position by the velocity; forgets the impulse.
+    /// One step of position by the velocity.
     fn advance(scene: &mut Scene<2, 0>) {
         scene.system.contacts[0].gap[0] += REPAIR.dt * scene.system.velocities[0].linear[1];
     }
 
+    /// Targets from the overlap, then impulses from zero.
     fn solve(scene: &mut Scene<2, 0>) {
         scene.system.contacts[0].impulse = Vector::ZERO;
         scene.system.set_targets(&[Velocity::ZERO; 2], &REPAIR);
@@ -541,7 +541,7 @@ mod why_does_it_work {
         let gamma = Column::from_fn(a.nrows(), |_| random.within(-1.0, 1.0));
         let energy = gamma.transpose() * (&a * &gamma);
         assert!(energy >= -1e-12 * gamma.norm_l2(), "{energy}");
-        // More contacts than velocities: the contacts are redundant, A singular.
+        // Zero where contacts are redundant, as where they outnumber the velocities.
         let smallest = a.self_adjoint_eigenvalues(faer::Side::Lower).unwrap()[0];
         assert!(smallest > -1e-11, "{smallest}");
     }
@@ -809,8 +809,8 @@ mod why_does_it_work {
                 terms.sum()
             };
             let [w_a, w_b] = [body_a, body_b].map(|body| 1.0 / scene.masses[body as usize]);
-            let expanded = (-(1.0 + c_r) * v_n[i] - w_a * sum(body_a) + w_b * sum(body_b))
-                / (w_a + w_b);
+            let expanded =
+                (-(1.0 + c_r) * v_n[i] - w_a * sum(body_a) + w_b * sum(body_b)) / (w_a + w_b);
             assert_close(gauss_seidel::solve_row(&a, &b, &gamma, i), expanded, 1e-11);
         }
     }
@@ -871,7 +871,11 @@ mod why_does_it_work {
             pgs::sweep_normals(&mut scene.system);
             let expected = [f64::from(2 * n + 1), f64::from(2 * n + 2)];
             assert_all_close(numbers(&impulses(&scene.system)), expected, 1e-12);
-            assert_all_close(numbers(&gauss_seidel::solve(&a, &b, n as usize + 1)), expected, 1e-12);
+            assert_all_close(
+                numbers(&gauss_seidel::solve(&a, &b, n as usize + 1)),
+                expected,
+                1e-12,
+            );
             assert!(scene.system.residual(false) > 0.5);
         }
         let mut soft = start;
@@ -941,8 +945,7 @@ mod rigid_bodies {
         let scene = two_bars();
         let Row { n, anchors, .. } = row(&scene);
         let [a, b] = scene.system.velocities_of(&scene.system.manifolds[0]);
-        let v_n = dot(n, a.linear.0) - dot(n, b.linear.0)
-            + dot(n, cross(a.angular.0, anchors[0]))
+        let v_n = dot(n, a.linear.0) - dot(n, b.linear.0) + dot(n, cross(a.angular.0, anchors[0]))
             - dot(n, cross(b.angular.0, anchors[1]));
         assert_close((jacobian(&scene.system) * velocities(&scene.system))[0], v_n, ROUNDING);
         let contact = scene.system.contacts[0];
@@ -1263,8 +1266,6 @@ mod identities {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(300))]
-
         #[test]
         fn kinetic_energy_with_one_restitution(seed in any::<u64>()) {
             in_all_four!(energy_of_the_equality, seed);

@@ -1,5 +1,6 @@
 //! Random systems of contacts, and what the tests measure on them with arithmetic of their own.
-#![allow(dead_code)] // Each test file uses its part.
+// Each test file is a crate that uses its part of this.
+#![allow(dead_code, unreachable_pub)]
 
 use drystone_solver::{
     Contact, InverseMass, Manifold, Scalar, SymmetricMatrix, System, Vector, Velocity,
@@ -105,8 +106,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         self.positions.push(position);
         self.masses.push(mass);
         self.inertias.push(SymmetricMatrix::diagonal(moments).rotated(axes));
-        self.system
-            .add_body(Velocity::ZERO, InverseMass { linear: 1.0 / mass, angular: inverse })
+        self.system.add_body(Velocity::ZERO, InverseMass { linear: 1.0 / mass, angular: inverse })
     }
 
     /// A ball: a sphere of unit radius of gyration, at the origin of its own axes.
