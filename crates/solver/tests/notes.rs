@@ -1013,7 +1013,7 @@ mod rigid_bodies {
         let wall = scene.wall();
         scene.touch([body, wall], Vector([0.6, 0.8]), &[Vector([0.5, -1.0])]);
         scene.system.prepare(0.0);
-        let alpha = 0.5 * 0.8 - -1.0 * 0.6;
+        let alpha = 0.5 * 0.8 + 1.0 * 0.6;
         let expected = 1.0 / (1.0 / 2.0 + alpha * alpha / 0.3);
         assert_close(scene.system.contacts[0].effective_mass, expected, ROUNDING);
     }
