@@ -1171,7 +1171,9 @@ mod identities {
         scene.system.apply_impulses();
         let quadratic = gamma.transpose() * (&a * &gamma);
         let expected = -(1.0 - e) / (2.0 * (1.0 + e)) * quadratic;
-        assert_close(scene.kinetic_energy() - before, expected, 1e-6);
+        // Nearly redundant contacts have large impulses, and rounding in proportion.
+        let error = scene.kinetic_energy() - before - expected;
+        assert!(error.abs() < 1e-9 * (1.0 + gamma.squared_norm_l2()), "{error} {expected}");
     }
 
     /// Delta T = 1/2 gamma . (u^- + u^+) for any impulses, along tangents too.
