@@ -58,7 +58,8 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
             let middle = G::advance(pose, Vector::ZERO, turn * 0.5);
             let turn = omega(&G::frame(&middle)) * h;
             let end = G::advance(pose, Vector::ZERO, turn);
-            velocity.angular = omega(&G::frame(&end));
+            // A difference, so that the rounding of I I^-1 does not add up from step to step.
+            velocity.angular += omega(&G::frame(&end)) - omega(&frame);
             bodies.poses[body] = end;
         } else {
             bodies.poses[body] = G::advance(pose, Vector::ZERO, turn);

@@ -1,0 +1,139 @@
+//! A step of a settled scene takes no memory.
+
+#![allow(unsafe_code)]
+
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use common::*;
+use drystone::World;
+use drystone::geometry::spheres::SphereShape;
+use drystone::geometry::{Rigid2, Rigid3, Spheres};
+use drystone::scene::Motion;
+use drystone_solver::Vector;
+
+/// The system's allocator; counts what each thread asks of it.
+struct Counter;
+
+thread_local! {
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+    /// Set: the next allocation shows where it comes from.
+    static TRAP: Cell<bool> = const { Cell::new(false) };
+}
+
+fn count() {
+    let count = COUNT.with(Cell::get) + 1;
+    COUNT.with(|all| all.set(count));
+    if TRAP.with(|trap| trap.replace(false)) {
+        eprintln!("{}", std::backtrace::Backtrace::force_capture());
+        COUNT.with(|all| all.set(count));
+    }
+}
+
+// SAFETY: passes everything on to the system's allocator; counting takes no memory.
+unsafe impl GlobalAlloc for Counter {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counter = Counter;
+
+fn allocations(mut work: impl FnMut()) -> usize {
+    let before = COUNT.with(Cell::get);
+    TRAP.with(|trap| trap.set(true));
+    work();
+    TRAP.with(|trap| trap.set(false));
+    COUNT.with(Cell::get) - before
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations(|| drop(std::hint::black_box(Box::new(1)))), 1);
+    assert_eq!(allocations(|| ()), 0);
+}
+
+/// Drops these shapes in turn into a tray, waits until they lie, and counts.
+fn settled<G: Round<L, A>, const L: usize, const A: usize>(
+    name: &str,
+    wall: impl Fn(usize, f32) -> G::Shape,
+    shapes: &[G::Shape],
+) {
+    let material = surface(0.5, 0.0);
+    let mut world: World<G, L, A> = world();
+    for (axis, side) in [(0, -1.0), (0, 1.0), (1, -1.0), (2, -1.0), (2, 1.0)] {
+        if axis < L {
+            let mut position = [0.0; L];
+            position[axis] = side * 2.0 - if axis == 1 { -1.5 } else { 0.0 };
+            let wall = wall(axis, -side);
+            world.add(body(Motion::Static, position, wall, &material));
+        }
+    }
+    let mut random = Random(3);
+    for index in 0..if L == 2 { 30 } else { 64 } {
+        let cell = |axis: u32| (index / 4usize.pow(axis) % 4) as f32 * 0.8 - 1.2;
+        let height = if L == 2 { index / 4 } else { index / 16 };
+        let aside: f32 = random.between(-0.05, 0.05);
+        let position = v(cell(0) + aside, 0.5 + 0.7 * height as f32, cell(1) + aside);
+        world.add(dynamic(position, shapes[index % shapes.len()].clone(), &material));
+    }
+    for _ in 0..300 {
+        world.step(DT);
+    }
+    let mut contacts = 0;
+    let taken = allocations(|| {
+        for _ in 0..50 {
+            contacts = world.step(DT).contacts;
+        }
+    });
+    assert!(contacts >= 20, "({L},{A}) {name}: only {contacts} contacts");
+    assert_eq!(taken, 0, "({L},{A}) {name}: allocations in 50 steps");
+}
+
+fn solid<G: Rigid<L, A>, const L: usize, const A: usize>(name: &str, shapes: &[G::Shape]) {
+    let wall = |axis: usize, _| {
+        let mut half = [4.0; L];
+        half[axis] = 0.5;
+        G::cuboid(half)
+    };
+    settled::<G, L, A>(name, wall, shapes);
+}
+
+fn plane<const L: usize>(axis: usize, side: f32) -> SphereShape<L> {
+    let mut normal = Vector([0.0; L]);
+    normal[axis] = side;
+    SphereShape::Halfspace { normal }
+}
+
+#[test]
+fn a_settled_pile_takes_no_memory() {
+    settled::<Spheres, 2, 0>("particles", plane, &[Spheres::ball(0.3)]);
+    settled::<Spheres, 3, 0>("particles", plane, &[Spheres::ball(0.3)]);
+    let (ball, block) = (Rigid2::ball(0.3), Rigid2::cuboid([0.3; 2]));
+    let hull = Rigid2::hull(&[[-0.3, -0.2], [0.3, -0.2], [0.2, 0.2], [-0.1, 0.3]]);
+    solid::<Rigid2, 2, 1>("balls", std::slice::from_ref(&ball));
+    solid::<Rigid2, 2, 1>("boxes", std::slice::from_ref(&block));
+    solid::<Rigid2, 2, 1>("hulls", std::slice::from_ref(&hull));
+    solid::<Rigid2, 2, 1>("mixed", &[ball, block, hull, Rigid2::capsule(0.15, 0.2)]);
+}
+
+#[test]
+fn a_settled_pile_in_space_takes_no_memory() {
+    let (ball, block) = (Rigid3::ball(0.3), Rigid3::cuboid([0.3; 3]));
+    solid::<Rigid3, 3, 3>("balls", std::slice::from_ref(&ball));
+    solid::<Rigid3, 3, 3>("boxes", std::slice::from_ref(&block));
+    solid::<Rigid3, 3, 3>("mixed", &[ball, block]);
+}

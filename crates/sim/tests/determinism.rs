@@ -1,0 +1,143 @@
+//! The same input gives the same bits: run to run, on any number of threads, in any build.
+
+mod common;
+
+use common::*;
+use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::{ParticleWorld3, World, World2, World3};
+use drystone_solver::Vector;
+
+/// Hashes of the poses of small scenes after 100 steps. A change of the method changes them: the
+/// failing test shows the new ones.
+const GOLDEN: [(&str, u64); 3] = [
+    ("pyramid", 0x69d79d30b989f3e7),
+    ("mixed pile", 0x193f47e2f4e578cd),
+    ("particles", 0xa86bc6fc94b46bf0),
+];
+
+/// FNV-1a of the poses, bit by bit.
+fn hash<G: Geometry<L, A>, const L: usize, const A: usize>(world: &World<G, L, A>) -> u64 {
+    let mut poses = Vec::new();
+    world.write_poses(&mut poses);
+    assert!(poses.iter().all(|x| x.is_finite()));
+    poses
+        .iter()
+        .flat_map(|x| x.to_bits().to_le_bytes())
+        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
+        })
+}
+
+fn after_steps<G: Geometry<L, A>, const L: usize, const A: usize>(
+    mut world: World<G, L, A>,
+    threads: usize,
+) -> u64 {
+    world.set_threads(threads);
+    for _ in 0..100 {
+        world.step(DT);
+    }
+    hash(&world)
+}
+
+/// A pyramid whose rows are a little apart.
+fn pyramid(rows: usize) -> World2 {
+    let material = surface(0.5, 0.1);
+    let mut world = world::<Rigid2, 2, 1>();
+    add_floor(&mut world, &material);
+    for row in 0..rows {
+        for column in 0..rows - row {
+            let position = [column as f32 * 1.1 + row as f32 * 0.55, 0.55 + row as f32 * 1.05];
+            world.add(dynamic(position, Rigid2::cuboid([0.5; 2]), &material));
+        }
+    }
+    world
+}
+
+/// Boxes, balls, capsules and hulls that fall on one another.
+fn mixed_pile(side: usize, layers: usize) -> World3 {
+    let material = surface(0.5, 0.2);
+    let mut world = world::<Rigid3, 3, 3>();
+    add_floor(&mut world, &material);
+    let mut random = Random(1);
+    let hull = [
+        [-0.3, -0.2, -0.2],
+        [0.3, -0.2, -0.3],
+        [0.0, -0.25, 0.3],
+        [0.1, 0.3, 0.0],
+        [-0.2, 0.2, 0.1],
+    ];
+    for index in 0..side * side * layers {
+        let (x, z, y) = (index % side, index / side % side, index / (side * side));
+        let offset: [f32; 3] = random.vector(0.1);
+        let position = [x as f32 * 0.8, 0.6 + y as f32 * 0.8, z as f32 * 0.8];
+        let position = std::array::from_fn(|i| position[i] + offset[i]);
+        let shape = match index % 4 {
+            0 => Rigid3::cuboid([0.3, 0.25, 0.2]),
+            1 => Rigid3::ball(0.3),
+            2 => Rigid3::capsule(0.2, 0.15),
+            _ => Rigid3::hull(&hull),
+        };
+        let mut thrown = dynamic(position, shape, &material);
+        thrown.pose = Rigid3::pose(Vector(position), &random.quaternion());
+        world.add(thrown);
+    }
+    world
+}
+
+fn particles(side: usize) -> ParticleWorld3 {
+    let material = surface(0.0, 0.5);
+    let mut world = world::<Spheres, 3, 0>();
+    add_floor(&mut world, &material);
+    let mut random = Random(2);
+    for index in 0..side * side * side {
+        let cell = |axis: u32| (index / side.pow(axis) % side) as f32;
+        let offset: [f32; 3] = random.vector(0.04);
+        let position = [cell(0) + offset[0], cell(1) + 0.6 + offset[1], cell(2) + offset[2]];
+        world.add(dynamic(position, Spheres::ball(0.45), &material));
+    }
+    world
+}
+
+#[test]
+fn runs_repeat_bit_by_bit() {
+    assert_eq!(after_steps(pyramid(10), 1), after_steps(pyramid(10), 1));
+    assert_eq!(after_steps(mixed_pile(4, 4), 1), after_steps(mixed_pile(4, 4), 1));
+    assert_eq!(after_steps(particles(6), 1), after_steps(particles(6), 1));
+}
+
+#[test]
+fn bits_do_not_depend_on_the_threads() {
+    // Enough pairs to be shared out.
+    let (mut flat, mut pile, mut balls) = (pyramid(24), mixed_pile(7, 6), particles(8));
+    for _ in 0..50 {
+        flat.step(DT);
+        pile.step(DT);
+        balls.step(DT);
+    }
+    assert!(flat.step(DT).pairs.min(pile.step(DT).pairs).min(balls.step(DT).pairs) > 256);
+    let one = [
+        after_steps(pyramid(24), 1),
+        after_steps(mixed_pile(7, 6), 1),
+        after_steps(particles(8), 1),
+    ];
+    for threads in [2, 4] {
+        let more = [
+            after_steps(pyramid(24), threads),
+            after_steps(mixed_pile(7, 6), threads),
+            after_steps(particles(8), threads),
+        ];
+        assert_eq!(one, more, "1 and {threads} threads");
+    }
+}
+
+#[test]
+fn bits_are_the_same_everywhere() {
+    let actual = [
+        ("pyramid", after_steps(pyramid(5), 1)),
+        ("mixed pile", after_steps(mixed_pile(3, 3), 1)),
+        ("particles", after_steps(particles(4), 1)),
+    ];
+    let table: Vec<_> =
+        actual.iter().map(|(name, hash)| format!("(\"{name}\", {hash:#018x})")).collect();
+    assert!(actual == GOLDEN, "the hashes are now [{}]", table.join(", "));
+}

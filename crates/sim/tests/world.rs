@@ -1,0 +1,535 @@
+//! What a world promises of any scene: conservation, rest, and the bodies it is told of.
+
+mod common;
+
+use common::*;
+use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::scene::{Filter, Motion};
+use drystone::{Body, BodyId, Collider, Inertia, World, World2, World3};
+use drystone_solver::{SymmetricMatrix, Vector, Velocity};
+
+// Conservation
+
+/// Bodies on a loose grid with random velocities, spins and restitutions, no two overlapping;
+/// each with its mass.
+fn scatter<G: Rigid<L, A>, const L: usize, const A: usize>(
+    world: &mut World<G, L, A>,
+    random: &mut Random,
+    side: usize,
+    floor: f32,
+    speed: f32,
+) -> Vec<(BodyId, f32)> {
+    let mut out = Vec::new();
+    for index in 0..side.pow(L as u32) {
+        let cell = |axis: u32| (index / side.pow(axis) % side) as f32;
+        let middle = 0.5 * (side - 1) as f32;
+        let position = v(cell(0) - middle, cell(1) + floor, cell(2) - middle);
+        let size = random.between(0.15, 0.25);
+        let shape = if index % 2 == 0 { G::ball(size) } else { G::cuboid([size; L]) };
+        let material =
+            surface(f64::from(random.between(0.0, 1.0)), f64::from(random.between(0.0, 1.0)));
+        let mass = G::mass(&shape, 1000.0).mass;
+        let mut body = moving(dynamic(position, shape, &material), random.vector(speed));
+        body.pose = G::turned(position, random.between(-1.0, 1.0));
+        body.velocity.angular = Vector(random.vector(speed));
+        out.push((world.add(body), mass));
+    }
+    out
+}
+
+fn momentum<G: Geometry<L, A>, const L: usize, const A: usize>(
+    world: &World<G, L, A>,
+    bodies: &[(BodyId, f32)],
+) -> Vector<f64, L> {
+    let mut sum = Vector::ZERO;
+    for (id, mass) in bodies {
+        sum += velocity(world, *id).linear.map(f64::from) * f64::from(*mass);
+    }
+    sum
+}
+
+fn free_collisions<G: Rigid<L, A>, const L: usize, const A: usize>(seed: u64) {
+    let mut world = weightless::<G, L, A>();
+    let side = if L == 2 { 5 } else { 3 };
+    let bodies = scatter(&mut world, &mut Random(seed), side, -1.0, 3.0);
+    let total: f64 = bodies.iter().map(|(_, mass)| 3.0 * f64::from(*mass)).sum();
+    let before = momentum(&world, &bodies);
+    let start = energy(&world);
+    let mut contacts = 0;
+    for _ in 0..120 {
+        contacts += world.step(DT).contacts;
+    }
+    assert!(contacts > 20, "only {contacts} contacts");
+    let change = (momentum(&world, &bodies) - before).length() / total;
+    assert_below(&format!("{L}D, {seed}: change of the momentum"), change as f32, 1e-5);
+    let kept = (energy(&world) / start) as f32;
+    assert_below(&format!("{L}D, {seed}: energy, part of that before"), kept, 1.001);
+}
+
+#[test]
+fn free_collisions_keep_the_momentum() {
+    for seed in 0..4 {
+        free_collisions::<Rigid2, 2, 1>(seed);
+        free_collisions::<Rigid3, 3, 3>(seed);
+    }
+}
+
+fn piles<G: Rigid<L, A>, const L: usize, const A: usize>(seed: u64) {
+    let mut random = Random(seed);
+    let mut world = world::<G, L, A>();
+    add_floor(&mut world, &surface(0.5, f64::from(random.between(0.0, 1.0))));
+    scatter(&mut world, &mut random, if L == 2 { 5 } else { 3 }, 0.5, 3.0);
+    let start = energy(&world);
+    let mut most = f64::NEG_INFINITY;
+    for _ in 0..300 {
+        world.step(DT);
+        most = most.max(energy(&world) / start);
+        assert!(world.measure().finite);
+    }
+    assert_below(&format!("{L}D, {seed}: most energy, part of the first"), most as f32, 1.001);
+}
+
+#[test]
+fn a_pile_never_gains_energy() {
+    for seed in 10..16 {
+        piles::<Rigid2, 2, 1>(seed);
+        piles::<Rigid3, 3, 3>(seed);
+    }
+}
+
+/// Sixty bodies of all shapes thrown into a box of thin walls.
+fn container<G: Rigid<L, A>, const L: usize, const A: usize>(hull: &[[f32; L]]) {
+    let material = surface(0.4, 0.3);
+    let mut world = world::<G, L, A>();
+    let mut random = Random(7);
+    let (half, thin) = (3.0, 0.1);
+    for axis in 0..L {
+        for side in [-1.0, 1.0] {
+            let mut position = [0.0; L];
+            position[axis] = side * (half + thin);
+            let mut size = [half + 2.0 * thin; L];
+            size[axis] = thin;
+            world.add(body(Motion::Static, position, G::cuboid(size), &material));
+        }
+    }
+    let mut bodies = Vec::new();
+    let side = if L == 2 { 8 } else { 4 };
+    for index in 0..60 {
+        let cell = |axis: u32| (index / usize::pow(side, axis) % side) as f32;
+        let at = |axis: u32| (cell(axis) + 0.5) / side as f32 * 5.6 - 2.8;
+        let position = v(at(0), at(1), at(2));
+        let shape = match index % 4 {
+            0 => G::ball(0.25),
+            1 => G::cuboid([0.2; L]),
+            2 => G::capsule(0.15, 0.12),
+            _ => G::hull(hull),
+        };
+        let mut thrown = moving(dynamic(position, shape, &material), random.vector(15.0));
+        thrown.pose = G::turned(position, random.between(-3.0, 3.0));
+        thrown.velocity.angular = Vector(random.vector(10.0));
+        bodies.push(world.add(thrown));
+    }
+    let mut farthest = 0.0f32;
+    for _ in 0..480 {
+        world.step(DT);
+        for &id in &bodies {
+            let at = place(&world, id);
+            farthest = at.0.iter().fold(farthest, |far, x| far.max(x.abs()));
+        }
+    }
+    assert_below(&format!("{L}D: farthest center [m]"), farthest, half - 0.05);
+    // Balls roll on.
+    assert_below(&format!("{L}D: fastest at the end [m/s]"), world.measure().fastest as f32, 1.0);
+    let deepest = world.measure().deepest_penetration as f32;
+    assert_below(&format!("{L}D: deepest overlap at the end [m]"), deepest, 1e-3);
+}
+
+#[test]
+fn nothing_escapes_a_container() {
+    container::<Rigid2, 2, 1>(&[[-0.2, -0.15], [0.25, -0.1], [0.15, 0.2], [-0.1, 0.22]]);
+    container::<Rigid3, 3, 3>(&[
+        [-0.2, -0.15, -0.1],
+        [0.25, -0.1, -0.2],
+        [0.0, -0.1, 0.25],
+        [0.05, 0.25, 0.0],
+        [-0.15, 0.2, 0.1],
+    ]);
+}
+
+// Rest
+
+/// A pyramid of boxes and a heap of balls between blocks, added in this order of the whole.
+fn settled<G: Rigid<L, A>, const L: usize, const A: usize>(
+    order: impl Fn(usize) -> usize,
+) -> Vec<Vector<f32, L>> {
+    let material = surface(0.6, 0.0);
+    let mut bodies = Vec::new();
+    for row in 0..5 {
+        for column in 0..5 - row {
+            let position = v(2.0 + column as f32 + 0.5 * row as f32, 0.4 + 0.8 * row as f32, 0.0);
+            bodies.push(dynamic(position, G::cuboid(v(0.45, 0.4, 0.4)), &material));
+        }
+    }
+    for x in [-4.0, -1.0] {
+        bodies.push(body(Motion::Static, v(x, 0.0, 0.0), G::cuboid(v(1.0, 0.3, 1.0)), &material));
+    }
+    bodies.push(dynamic(v(-2.5, 1.0, 0.0), G::ball(0.6), &material));
+    bodies.push(body(Motion::Static, [0.0; L], G::halfspace(v(0.0, 1.0, 0.0)), &material));
+    let mut world = world::<G, L, A>();
+    let mut ids = vec![None; bodies.len()];
+    let mut bodies: Vec<_> = bodies.into_iter().map(Some).collect();
+    for i in 0..bodies.len() {
+        let index = order(i);
+        ids[index] = bodies[index].take().map(|body| world.add(body));
+    }
+    run(&mut world, 5.0);
+    ids.into_iter().map(|id| place(&world, id.unwrap())).collect()
+}
+
+fn permutation<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let first = settled::<G, L, A>(|i| i);
+    let count = first.len();
+    // Backwards, and by steps of 7, which does not divide 19.
+    for (name, other) in [
+        ("backwards", settled::<G, L, A>(|i| count - 1 - i)),
+        ("mixed", settled::<G, L, A>(|i| i * 7 % count)),
+    ] {
+        let apart = first.iter().zip(&other).map(|(p, q)| (*p - *q).length()).fold(0.0, f32::max);
+        assert_below(&format!("{L}D: places of rest, {name} [m]"), apart, 1e-3);
+    }
+}
+
+#[test]
+fn rest_does_not_depend_on_the_order_of_the_bodies() {
+    permutation::<Rigid2, 2, 1>();
+    permutation::<Rigid3, 3, 3>();
+}
+
+fn ten_minutes<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let (sin, cos) = 20.0f32.to_radians().sin_cos();
+    let material = surface(0.5, 0.0);
+    let mut world = world::<G, L, A>();
+    world.add(body(Motion::Static, [0.0; L], G::halfspace(v(-sin, cos, 0.0)), &material));
+    let mut block = dynamic([0.0; L], G::cuboid([0.5; L]), &material);
+    block.pose = G::turned(v(-0.5 * sin, 0.5 * cos, 0.0), 20.0f32.to_radians());
+    let block = world.add(block);
+    run(&mut world, 1.0);
+    let start = place(&world, block);
+    run(&mut world, 600.0);
+    let moved = (place(&world, block) - start).length();
+    assert_below(&format!("{L}D: creep in 10 minutes [m]"), moved, 5e-5);
+}
+
+#[test]
+fn a_box_on_a_slope_stays_for_ten_minutes() {
+    ten_minutes::<Rigid2, 2, 1>();
+    ten_minutes::<Rigid3, 3, 3>();
+}
+
+// Kinematic bodies
+
+fn pushing<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let material = surface(0.5, 0.0);
+    let mut world = world::<G, L, A>();
+    add_floor(&mut world, &material);
+    let pusher = body(Motion::Kinematic, v(-2.0, 0.5, 0.0), G::cuboid([0.45; L]), &material);
+    let pusher = world.add(moving(pusher, v(1.0, 0.0, 0.0)));
+    let heavy = dynamic(v(0.0, 0.5, 0.0), G::cuboid([0.5; L]), &material);
+    let heavy = world.add(weighing(heavy, 1e5));
+    for step in 1..=180 {
+        world.step(DT);
+        let expected = -2.0 + step as f32 * DT;
+        let at = place(&world, pusher);
+        assert!((at[0] - expected).abs() < 1e-4, "{L}D: the pusher is at {at:?}");
+        assert_eq!(at[1], 0.5, "{L}D: the pusher was pushed");
+    }
+    assert_within(&format!("{L}D: pushed to [m]"), place(&world, heavy)[0], 1.95, 0.005);
+    let speed = velocity(&world, heavy).linear[0];
+    assert_within(&format!("{L}D: speed of the pushed [m/s]"), speed, 1.0, 0.01);
+}
+
+#[test]
+fn a_kinematic_body_pushes_and_is_never_pushed() {
+    pushing::<Rigid2, 2, 1>();
+    pushing::<Rigid3, 3, 3>();
+}
+
+fn carrying<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let material = surface(0.5, 0.0);
+    let mut world = world::<G, L, A>();
+    let platform = body(Motion::Kinematic, [0.0; L], G::cuboid(v(2.0, 0.1, 2.0)), &material);
+    let platform = world.add(platform);
+    let block = world.add(dynamic(v(0.3, 0.35, 0.0), G::cuboid([0.25; L]), &material));
+    run(&mut world, 0.5);
+    let start = place(&world, block);
+    let mut worst = 0.0f32;
+    for step in 1..=300 {
+        // Accelerations up to 2 m/s^2, below mu g.
+        let x = 0.5 * (1.0 - (2.0 * step as f32 * DT).cos());
+        let target = G::pose(Vector(v(x, 0.0, 0.0)), &[]);
+        world.move_to(platform, &target, DT);
+        world.step(DT);
+        let along = (place(&world, platform)[0] - x).abs();
+        assert!(along < 1e-5, "{L}D: the platform is off by {along} m");
+        let carried = place(&world, block) - start;
+        worst = worst.max((carried - Vector(v(x, 0.0, 0.0))).length());
+    }
+    assert_below(&format!("{L}D: slip on a moving platform [m]"), worst, 2e-3);
+}
+
+#[test]
+fn a_moving_platform_carries_by_friction() {
+    carrying::<Rigid2, 2, 1>();
+    carrying::<Rigid3, 3, 3>();
+}
+
+// Shapes
+
+fn compounds<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let material = surface(0.5, 0.0);
+    let drop = |compound: bool| {
+        let mut world = world::<G, L, A>();
+        add_floor(&mut world, &material);
+        let mut block = dynamic(v(0.0, 2.0, 0.0), G::cuboid(v(1.0, 0.5, 0.5)), &material);
+        if compound {
+            let half = G::cuboid([0.5; L]);
+            block.colliders = [-0.5, 0.5]
+                .map(|x| Collider {
+                    pose: G::pose(Vector(v(x, 0.0, 0.0)), &[]),
+                    material: material.clone(),
+                    ..Collider::new(half.clone())
+                })
+                .into();
+        }
+        block.pose = G::turned(v(0.0, 2.0, 0.0), 0.3);
+        let block = world.add(block);
+        let mut force = Velocity::ZERO;
+        force.linear[0] = 1e4;
+        force.angular = Vector(std::array::from_fn(|i| if i + 1 == A { 1e4 } else { 0.0 }));
+        world.add_force(block, force);
+        world.step(DT);
+        let pushed = velocity(&world, block);
+        run(&mut world, 4.0);
+        (pushed, place(&world, block)[1], upright(&world, block))
+    };
+    let (one, two) = (drop(false), drop(true));
+    let scale = one.0.angular.length() + one.0.linear.length();
+    let apart = (one.0.linear - two.0.linear).length() + (one.0.angular - two.0.angular).length();
+    assert_below(&format!("{L}D: one box against two halves"), apart / scale, 1e-5);
+    for (name, (_, height, upright)) in [("one box", one), ("two halves", two)] {
+        assert_within(&format!("{L}D: {name}: height of rest [m]"), height, 0.5, 1e-3);
+        assert_within(&format!("{L}D: {name}: upright"), upright, 1.0, 1e-4);
+    }
+}
+
+#[test]
+fn a_compound_moves_as_one_body() {
+    compounds::<Rigid2, 2, 1>();
+    compounds::<Rigid3, 3, 3>();
+}
+
+/// A tee of a light head and a heavy foot off center: it stands only over its center of mass.
+fn center_of_mass<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    for (reach, stands) in [(0.9, true), (1.3, false)] {
+        let material = surface(0.8, 0.0);
+        let mut world = world::<G, L, A>();
+        add_floor(&mut world, &material);
+        // A cube foot of half width 0.5, and a cube on top of it, aside by `reach`.
+        let mut tee = dynamic(v(0.0, 0.5, 0.0), G::cuboid([0.5; L]), &material);
+        tee.colliders.push(Collider {
+            pose: G::pose(Vector(v(reach, 1.0, 0.0)), &[]),
+            material: material.clone(),
+            ..Collider::new(G::cuboid([0.5; L]))
+        });
+        let tee = world.add(tee);
+        run(&mut world, 3.0);
+        let upright = upright(&world, tee);
+        assert!((upright > 0.9999) == stands, "{L}D: reach {reach}: upright {upright}");
+    }
+}
+
+#[test]
+fn a_compound_tips_about_its_own_center() {
+    center_of_mass::<Rigid2, 2, 1>();
+    center_of_mass::<Rigid3, 3, 3>();
+}
+
+#[test]
+fn inner_edges_of_a_mesh_are_not_felt() {
+    let smooth = surface(0.0, 0.0);
+    let shapes = [
+        ("box", Rigid3::cuboid([0.3, 0.2, 0.25]), 0.2),
+        ("ball", Rigid3::ball(0.2), 0.2),
+        ("capsule", Rigid3::capsule(0.3, 0.15), 0.15),
+    ];
+    for (name, shape, height) in shapes {
+        let mut world: World3 = world();
+        world.add(body(Motion::Static, [0.0; 3], grid(20, 20.0), &smooth));
+        let mut slider = dynamic([-6.3, height, -1.7], shape, &smooth);
+        if name == "capsule" {
+            slider.pose = Rigid3::turned([-6.3, height, -1.7], std::f32::consts::FRAC_PI_2);
+        }
+        let slider = world.add(moving(slider, [3.0, 0.0, 0.7]));
+        let mut off = 0.0f32;
+        for _ in 0..240 {
+            world.step(DT);
+            off = off.max((place(&world, slider)[1] - height).abs());
+        }
+        let speed = velocity(&world, slider);
+        assert_below(&format!("{name}: off the plane [m]"), off, 1e-3);
+        let change = (speed.linear - Vector([3.0, 0.0, 0.7])).length();
+        assert_below(&format!("{name}: change of the velocity [m/s]"), change, 3e-3);
+        assert_below(&format!("{name}: spin [rad/s]"), speed.angular.length(), 1e-2);
+    }
+}
+
+#[test]
+fn a_ball_rolls_evenly_over_a_mesh() {
+    let rough = surface(0.5, 0.0);
+    let mut world: World3 = world();
+    world.add(body(Motion::Static, [0.0; 3], grid(20, 20.0), &rough));
+    let mut ball = dynamic([-6.3, 0.25, -1.7], Rigid3::ball(0.25), &rough);
+    ball.velocity = Velocity { linear: Vector([2.0, 0.0, 0.0]), angular: Vector([0.0, 0.0, -8.0]) };
+    let ball = world.add(ball);
+    run(&mut world, 4.0);
+    assert_within("speed [m/s]", velocity(&world, ball).linear[0], 2.0, 2e-3);
+    assert_within("way [m]", place(&world, ball)[0], 1.7, 2e-3);
+}
+
+// What bodies are told to be
+
+#[test]
+fn filters_say_who_collides() {
+    let material = surface(0.5, 0.0);
+    let only =
+        |systems, collides_with| Filter { systems, collides_with, collides_with_unnamed: false };
+    // Each must accept the other.
+    let cases = [
+        (only(1, 2), only(2, 1), true),
+        (only(1, 2), only(2, 4), false),
+        (only(1, 4), only(2, 1), false),
+        (only(0, 2), only(2, 1), false),
+        (Filter::default(), only(2, 1), false),
+        (Filter::default(), Filter::default(), true),
+    ];
+    for (above, below, rests) in cases {
+        let mut world: World2 = world();
+        let mut slab = body(Motion::Static, [0.0, -0.5], Rigid2::cuboid([5.0, 0.5]), &material);
+        slab.colliders[0].filter = below;
+        world.add(slab);
+        let mut ball = dynamic([0.0, 1.0], Rigid2::ball(0.5), &material);
+        ball.colliders[0].filter = above;
+        let ball = world.add(ball);
+        run(&mut world, 2.0);
+        let height = place(&world, ball)[1];
+        assert!((height > 0.4) == rests, "{above:?} on {below:?}: {height} m");
+    }
+}
+
+#[test]
+fn removed_bodies_are_gone_and_never_mistaken() {
+    let material = surface(0.5, 0.0);
+    let mut world: World3 = world();
+    let floor = add_floor(&mut world, &material);
+    let low = world.add(dynamic([0.0, 0.5, 0.0], Rigid3::cuboid([0.5; 3]), &material));
+    let high = world.add(dynamic([0.0, 1.5, 0.0], Rigid3::cuboid([0.5; 3]), &material));
+    run(&mut world, 1.0);
+    assert!(world.remove(low));
+    assert!(!world.remove(low), "removed twice");
+    assert_eq!(world.pose(low), None);
+    assert_eq!(world.velocity(low), None);
+    world.set_velocity(low, Velocity { linear: Vector([9.0; 3]), angular: Vector::ZERO });
+    run(&mut world, 2.0);
+    assert_within("the upper box has come down [m]", place(&world, high)[1], 0.5, 1e-3);
+
+    let again = world.add(dynamic([3.0, 0.5, 0.0], Rigid3::cuboid([0.5; 3]), &material));
+    assert_eq!(again.index(), low.index(), "the slot is used again");
+    assert_ne!(again, low);
+    assert_eq!(world.pose(low), None, "the old name has come to life");
+    assert!(!world.remove(low), "the old name removed the new body");
+    world.add_force(low, Velocity { linear: Vector([1e9; 3]), angular: Vector::ZERO });
+    run(&mut world, 1.0);
+    assert_within("the new box [m]", place(&world, again)[1], 0.5, 1e-3);
+    assert_below("way of the new box [m]", (place(&world, again)[0] - 3.0).abs(), 1e-3);
+
+    assert!(world.remove(floor));
+    run(&mut world, 1.0);
+    assert_below("fallen without a floor [m]", place(&world, high)[1], -3.0);
+    assert_eq!(world.len(), 3);
+}
+
+fn masses<G: Round<L, A>, const L: usize, const A: usize>() {
+    let hard = surface(0.0, 1.0);
+    let mut world = weightless::<G, L, A>();
+    let light = dynamic(v(-1.5, 0.0, 0.0), G::ball(0.5), &hard);
+    let light = world.add(moving(weighing(light, 1.0), v(4.0, 0.0, 0.0)));
+    let heavy = world.add(weighing(dynamic([0.0; L], G::ball(0.5), &hard), 3.0));
+    run(&mut world, 0.5);
+    // (m - M) / (m + M) and 2 m / (m + M) of the speed.
+    let what = format!("({L},{A}): after a blow of 1 kg on 3 kg [m/s]");
+    assert_within(&what, velocity(&world, light).linear[0], -2.0, 1e-5);
+    assert_within(&what, velocity(&world, heavy).linear[0], 2.0, 1e-5);
+}
+
+#[test]
+fn a_body_weighs_what_it_is_said_to() {
+    masses::<Spheres, 2, 0>();
+    masses::<Spheres, 3, 0>();
+    masses::<Rigid2, 2, 1>();
+    masses::<Rigid3, 3, 3>();
+}
+
+#[test]
+fn infinite_mass_and_inertia_are_not_moved() {
+    let material = surface(0.5, 0.0);
+    // No push moves what is infinitely heavy: not even gravity.
+    let mut world: World3 = world();
+    let mut anvil = dynamic([0.0, 2.0, 0.0], Rigid3::cuboid([0.5; 3]), &material);
+    anvil.inertia = Some(Inertia::FIXED);
+    let anvil = world.add(anvil);
+    let ball = dynamic([0.3, 3.5, 0.1], Rigid3::ball(0.5), &material);
+    world.add(moving(ball, [0.0, -20.0, 0.0]));
+    run(&mut world, 1.0);
+    assert_eq!(place(&world, anvil).0, [0.0, 2.0, 0.0]);
+    assert_eq!(velocity(&world, anvil), Velocity::ZERO);
+
+    // What does not turn lands beyond its balance, and stays level.
+    let mut world: World3 = weightless();
+    world.gravity = Vector([0.0, -GRAVITY, 0.0]);
+    world.add(body(Motion::Static, [0.0; 3], Rigid3::cuboid([0.5; 3]), &material));
+    let mut stiff = dynamic([0.8, 1.5, 0.0], Rigid3::cuboid([0.5; 3]), &material);
+    stiff.inertia = Some(Inertia {
+        mass: 1.0,
+        center: Vector::ZERO,
+        moments: SymmetricMatrix::ZERO,
+        inverse_moments: SymmetricMatrix::ZERO,
+    });
+    let pose = |world: &World3, id| world.pose(id).unwrap();
+    let stiff = world.add(stiff);
+    let before = pose(&world, stiff).rotation;
+    run(&mut world, 2.0);
+    assert_eq!(pose(&world, stiff).rotation, before);
+    assert_within("height of rest [m]", place(&world, stiff)[1], 1.0, 1e-3);
+}
+
+fn gravity_factors<G: Round<L, A>, const L: usize, const A: usize>() {
+    let mut world = world::<G, L, A>();
+    let factors = [-1.0, 0.0, 0.5, 2.0];
+    let bodies = factors.map(|factor| {
+        let ball = dynamic(v(3.0 * factor, 0.0, 0.0), G::ball(0.5), &surface(0.5, 0.0));
+        world.add(Body { gravity_factor: factor, ..ball })
+    });
+    run(&mut world, 1.0);
+    for (factor, id) in factors.into_iter().zip(bodies) {
+        let speed = velocity(&world, id).linear[1];
+        assert_within(&format!("({L},{A}): {factor} g for 1 s"), speed, -GRAVITY * factor, 1e-4);
+    }
+}
+
+#[test]
+fn gravity_acts_by_its_factor() {
+    gravity_factors::<Spheres, 2, 0>();
+    gravity_factors::<Spheres, 3, 0>();
+    gravity_factors::<Rigid2, 2, 1>();
+    gravity_factors::<Rigid3, 3, 3>();
+}
