@@ -195,6 +195,15 @@ pub struct TouchPoint<const L: usize> {
 }
 
 impl<const L: usize> Touch<L> {
+    /// From the coordinates of `frame` to those around it.
+    fn place(&mut self, frame: &Frame<L>) {
+        self.normal = frame.direction(self.normal);
+        for point in &mut self.points {
+            point.on_a = frame.point(point.on_a);
+            point.on_b = frame.point(point.on_b);
+        }
+    }
+
     /// Keeps at most as many points as the dimension needs (2D: 2, 3D: 4): the deepest, then
     /// those that span the most. The deepest is never dropped.
     pub fn reduce(&mut self) {

@@ -9,15 +9,13 @@ pub enum Stage {
     Pairs,
     /// Shapes that touch: the narrow phase.
     Manifolds,
-    /// Anchors, gaps and effective masses of each contact.
+    /// Anchors, gaps and effective masses of each contact; packing.
     Rows,
     /// v* = v + h M^-1 f.
     Predict,
     /// Collisions that bounce.
     Bounce,
-    /// Target velocities from gaps.
-    Targets,
-    /// v += M^-1 J^T gamma of the step before.
+    /// Target velocities from gaps, and v += M^-1 J^T gamma of the step before.
     WarmStart,
     /// Sweeps towards the targets.
     Solve,
@@ -31,13 +29,12 @@ pub enum Stage {
 
 impl Stage {
     /// All of them, in order.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 10] = [
         Self::Pairs,
         Self::Manifolds,
         Self::Rows,
         Self::Predict,
         Self::Bounce,
-        Self::Targets,
         Self::WarmStart,
         Self::Solve,
         Self::Advance,
@@ -53,7 +50,6 @@ impl Stage {
             Self::Rows => "rows",
             Self::Predict => "predict",
             Self::Bounce => "bounce",
-            Self::Targets => "targets",
             Self::WarmStart => "warm_start",
             Self::Solve => "solve",
             Self::Advance => "advance",

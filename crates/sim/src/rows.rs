@@ -1,6 +1,6 @@
 //! Between manifolds and the contact system: what the solver is given, and what it gives back.
 
-use drystone_solver::{Contact, Manifold, System, Vector, Velocity, contact_frame};
+use drystone_solver::{Contact, Manifold, System, Velocity, contact_frame};
 
 use crate::cache::Record;
 use crate::geometry::Frame;
@@ -9,7 +9,6 @@ use crate::geometry::Frame;
 pub(crate) fn rows<const L: usize, const A: usize>(
     records: &[Record<L>],
     frames: &[Frame<L>],
-    softness: f32,
     system: &mut System<f32, L, A>,
 ) {
     system.manifolds.clear();
@@ -42,13 +41,13 @@ pub(crate) fn rows<const L: usize, const A: usize>(
         }
         system.manifolds.push(manifold);
     }
-    system.prepare(softness);
 }
 
-/// Impulses and slips back into the records. A point that slides, or is open, has no slip.
+/// Impulses and slips back into the records.
 pub(crate) fn remember<const L: usize, const A: usize>(
     system: &System<f32, L, A>,
     displacements: &[Velocity<f32, L, A>],
+    hold: f32,
     records: &mut [Record<L>],
 ) {
     for (record, manifold) in records.iter_mut().zip(&system.manifolds) {
@@ -56,12 +55,10 @@ pub(crate) fn remember<const L: usize, const A: usize>(
         let contacts = &system.contacts[manifold.points()];
         for (point, contact) in record.points.iter_mut().zip(contacts) {
             point.impulse = manifold.to_world(contact.impulse);
-            point.slip = Vector::ZERO;
-            if contact.sticks(manifold.friction) {
-                let mut slip = contact.gap + contact.relative_velocity(manifold, a, b);
-                slip[0] = 0.0;
-                point.slip = manifold.to_world(slip);
-            }
+            let slip = contact.gap + contact.relative_velocity(manifold, a, b);
+            let mut slip = contact.held_slip(manifold.friction, hold, slip);
+            slip[0] = 0.0;
+            point.slip = manifold.to_world(slip);
         }
     }
 }

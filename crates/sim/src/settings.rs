@@ -39,13 +39,13 @@ impl StepSettings {
     /// For baking: stiff contacts, small overlaps, exact motion.
     pub const fn quality() -> Self {
         Self {
-            substeps: 16,
+            substeps: 32,
             iterations: 1,
-            repair: 0.1,
-            softness: 0.02,
+            repair: 0.2,
+            softness: 0.1,
             slop: 0.0,
             push_speed: 1.0,
-            hold: 2.0,
+            hold: 20.0,
             restitution_threshold: 0.1,
             prediction_distance: 0.02,
             reuse_distance: 0.0,
@@ -54,7 +54,7 @@ impl StepSettings {
 
     /// For games: the least work that keeps piles and stacks standing.
     pub const fn realtime() -> Self {
-        Self { substeps: 4, push_speed: 3.0, reuse_distance: 0.005, ..Self::quality() }
+        Self { substeps: 4, push_speed: 3.0, reuse_distance: 0.002, ..Self::quality() }
     }
 }
 

@@ -1,6 +1,7 @@
 //! [`World`]: bodies, their contacts, and the step that moves both on.
 
-use drystone_solver::{InverseMass, Repair, System, Vector, Velocity, pgs, restitution};
+use drystone_solver::wide::Wide;
+use drystone_solver::{InverseMass, Repair, System, Vector, Velocity, restitution};
 
 use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
@@ -30,6 +31,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     old_records: Vec<Record<L>>,
     /// Velocities and inverse masses of the bodies live here, where the solver works on them.
     system: System<f32, L, A>,
+    /// The contacts of `system`, eight side by side, for the sweeps.
+    wide: Wide<L, A>,
     displacements: Vec<Velocity<f32, L, A>>,
     travel: Vec<Travel<L>>,
     workers: Vec<Worker<G, L, A>>,
@@ -70,6 +73,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             records: Vec::new(),
             old_records: Vec::new(),
             system: System::new(),
+            wide: Wide::new(),
             displacements: Vec::new(),
             travel: Vec::new(),
             workers: Vec::new(),
@@ -250,7 +254,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         clock.lap(&mut report, Stage::Pairs);
         self.find_manifolds();
         clock.lap(&mut report, Stage::Manifolds);
-        rows::rows(&self.records, &self.bodies.frames, settings.softness, &mut self.system);
+        rows::rows(&self.records, &self.bodies.frames, &mut self.system);
         self.displacements.fill(Velocity::ZERO);
         clock.lap(&mut report, Stage::Rows);
 
@@ -261,28 +265,34 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             push_speed: settings.push_speed,
             hold: settings.hold,
         };
-        let system = &mut self.system;
+        let (system, wide) = (&mut self.system, &mut self.wide);
+        wide.pack(system, settings.softness);
+        clock.lap(&mut report, Stage::Rows);
+        let bouncing = system.manifolds.iter().any(|manifold| manifold.restitution > 0.0);
         for _ in 0..settings.substeps.max(1) {
             let bodies = &mut self.bodies;
             motion::predict(bodies, &system.masses, self.gravity, h, &mut system.velocities);
             clock.lap(&mut report, Stage::Predict);
-            system.set_targets(&self.displacements, &repair);
-            clock.lap(&mut report, Stage::Targets);
-            report.collisions +=
-                restitution::collide(system, settings.restitution_threshold, COLLISION_ROUNDS);
-            clock.lap(&mut report, Stage::Bounce);
-            system.apply_impulses();
+            if bouncing {
+                let threshold = settings.restitution_threshold;
+                system.set_targets(&self.displacements, &repair);
+                report.collisions += restitution::collide(system, threshold, COLLISION_ROUNDS);
+                wide.take_impacts(system);
+                clock.lap(&mut report, Stage::Bounce);
+            }
+            wide.start(&mut system.velocities, &self.displacements, &repair);
             clock.lap(&mut report, Stage::WarmStart);
             for _ in 0..settings.iterations {
-                pgs::sweep_normals(system);
+                wide.sweep_normals(&mut system.velocities);
             }
             clock.lap(&mut report, Stage::Solve);
             motion::advance(bodies, h, &mut system.velocities, &mut self.displacements);
             clock.lap(&mut report, Stage::Advance);
-            pgs::relax(system);
+            wide.relax(&mut system.velocities);
             clock.lap(&mut report, Stage::Relax);
             report.sweeps += settings.iterations as usize + 1;
         }
+        wide.unpack(system);
 
         motion::arrive(&mut self.bodies, &self.displacements);
         self.bodies.forces.fill(Velocity::ZERO);
@@ -290,7 +300,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.update_mass(body);
         }
         clock.lap(&mut report, Stage::Advance);
-        rows::remember(&self.system, &self.displacements, &mut self.records);
+        rows::remember(&self.system, &self.displacements, settings.hold, &mut self.records);
         clock.lap(&mut report, Stage::Remember);
         report.pairs = self.pairs.len();
         report.manifolds = self.system.manifolds.len();

@@ -1,6 +1,6 @@
 //! A contact point, and the manifold of points that share two bodies and a frame.
 
-use crate::{InverseMass, Real, Scalar, Vector, Velocity, moment};
+use crate::{InverseMass, Real, Repair, Scalar, Vector, Velocity, moment};
 
 /// What the points of a manifold share.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,6 +98,26 @@ impl<T: Real, const L: usize> Contact<T, L> {
         manifold.normal().dot(a.at(self.anchor_a) - b.at(self.anchor_b))
     }
 
+    /// t: the velocity that the contact should have after the step. `a` and `b` are what the bodies
+    /// have moved since the gap was measured.
+    ///
+    /// Overlap: min(c_d max(0, d - slop), push speed). Gap s: -s/h, so that it closes and no more.
+    /// Slip of a sticking point: -hold slip, which returns it to where it stuck.
+    #[inline(always)]
+    pub fn set_target<const A: usize>(
+        &mut self,
+        manifold: &Manifold<T, L>,
+        a: &Velocity<T, L, A>,
+        b: &Velocity<T, L, A>,
+        repair: &Repair<T>,
+    ) {
+        let gap = self.gap + self.relative_velocity(manifold, a, b);
+        let overlap = T::ZERO.max(-gap[0] - repair.slop);
+        let push = (overlap * repair.rate / repair.dt).min(repair.push_speed);
+        self.target = gap * -repair.hold;
+        self.target[0] = gap[0].choose(-gap[0] / repair.dt, push);
+    }
+
     /// v += M^-1 J_i^T p for a world impulse `p` on a, and its opposite on b. \[N s\]
     #[inline(always)]
     pub fn apply<const A: usize>(
@@ -111,15 +131,33 @@ impl<T: Real, const L: usize> Contact<T, L> {
         *b -= masses[1].response(self.anchor_b, p);
     }
 
-    /// Whether the point holds by friction: it pushes, and its friction is within the disc.
-    pub fn sticks(&self, friction: T) -> bool
-    where
-        T: Scalar,
-    {
-        let mut tangential = self.impulse;
-        tangential[0] = T::ZERO;
-        let radius = friction * self.impulse[0] * T::from_f64(0.999);
-        self.impulse[0] > T::ZERO && tangential.length() < radius
+    /// epsilon over A_ii + epsilon: 0 rigid, towards 1 ever softer. \[1\]
+    #[inline(always)]
+    pub fn softness(&self) -> T {
+        self.compliance * self.effective_mass
+    }
+
+    /// The slip that is kept of `slip` \[m\]: no more than what friction, as a spring that gives
+    /// way like the normal does, can hold at the present normal impulse.
+    pub fn held_slip(&self, friction: T, hold: T, slip: Vector<T, L>) -> Vector<T, L> {
+        let softness = self.softness();
+        let stiffness = self.tangential_mass * hold * (T::ONE - softness);
+        let limit = friction * self.impulse[0] * softness;
+        self.onto_disc(stiffness.choose(limit / stiffness, T::ZERO), slip)
+    }
+
+    /// What a unit impulse along axis `i` of the frame adds to the velocity along axis `j`: an entry
+    /// of this contact's block of A. \[1/kg\]
+    #[inline(always)]
+    fn entry<const A: usize>(
+        &self,
+        manifold: &Manifold<T, L>,
+        masses: &[InverseMass<T, L, A>; 2],
+        i: usize,
+        j: usize,
+    ) -> T {
+        let (p, n) = (manifold.frame[i], manifold.frame[j]);
+        masses[0].between(self.anchor_a, p, n) + masses[1].between(self.anchor_b, p, n)
     }
 
     /// Sets the effective masses from the anchors, the frame and the inverse masses:
@@ -127,25 +165,24 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// (the notes' rigid m_eff, with I^-1 on r x n). Where nothing can move, they are 0.
     ///
     /// `softness` is epsilon over A_ii + epsilon: 0 rigid, towards 1 ever softer.
+    #[inline(always)]
     pub fn prepare<const A: usize>(
         &mut self,
         manifold: &Manifold<T, L>,
         masses: &[InverseMass<T, L, A>; 2],
         softness: T,
     ) {
-        let entry = |i: usize, j: usize| {
-            masses[0].between(self.anchor_a, manifold.frame[i], manifold.frame[j])
-                + masses[1].between(self.anchor_b, manifold.frame[i], manifold.frame[j])
-        };
         let stiff = T::ONE - softness;
-        let a_ii = entry(0, 0);
+        let a_ii = self.entry(manifold, masses, 0, 0);
         self.compliance = a_ii * softness / stiff;
         self.effective_mass = a_ii.choose(stiff / a_ii, T::ZERO);
         let largest = match L {
-            2 => entry(1, 1),
+            2 => self.entry(manifold, masses, 1, 1),
             3 => {
                 let half = T::from_f64(0.5);
-                let (p, q, r) = (entry(1, 1), entry(1, 2), entry(2, 2));
+                let p = self.entry(manifold, masses, 1, 1);
+                let q = self.entry(manifold, masses, 1, 2);
+                let r = self.entry(manifold, masses, 2, 2);
                 let (mean, half_difference) = ((p + r) * half, (p - r) * half);
                 mean + (half_difference * half_difference + q * q).sqrt()
             }

@@ -39,21 +39,23 @@ impl<T: Real, const L: usize> Contact<T, L> {
         for i in 1..L {
             tangential[i] -= self.tangential_mass * (u[i] - self.target[i]);
         }
-        self.onto_disc(friction, tangential)
+        let kept = T::ONE - self.softness();
+        let mut eased = tangential * kept;
+        eased[0] = tangential[0];
+        self.onto_disc(friction * (self.impulse[0] + self.impact), eased)
     }
 
-    /// Scales the tangents of `impulse` down to the disc of radius mu times the normal impulse.
+    /// Scales the tangents of `v` down to the disc of this radius.
     #[inline(always)]
-    pub(crate) fn onto_disc(&self, friction: T, impulse: Vector<T, L>) -> Vector<T, L> {
-        let radius = friction * (self.impulse[0] + self.impact);
+    pub(crate) fn onto_disc(&self, radius: T, v: Vector<T, L>) -> Vector<T, L> {
         let mut squared = T::ZERO;
         for i in 1..L {
-            squared += impulse[i] * impulse[i];
+            squared += v[i] * v[i];
         }
         let length = squared.sqrt();
         let scale = (length - radius).choose(radius / length, T::ONE);
-        let mut out = impulse * scale;
-        out[0] = impulse[0];
+        let mut out = v * scale;
+        out[0] = v[0];
         out
     }
 
@@ -89,7 +91,6 @@ pub fn sweep_normals<T: Real, const L: usize, const A: usize>(system: &mut Syste
     visit_all::<T, L, A, false, false>(system);
 }
 
-#[inline(always)]
 fn visit_all<T: Real, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
     system: &mut System<T, L, A>,
 ) {
@@ -97,15 +98,33 @@ fn visit_all<T: Real, const L: usize, const A: usize, const RIGID: bool, const F
         let masses = system.masses_of(manifold);
         let [mut a, mut b] = system.velocities_of(manifold);
         let points = &mut system.contacts[manifold.points()];
-        for contact in points.iter_mut() {
-            contact.visit_normal::<A, RIGID>(manifold, &masses, &mut a, &mut b);
-        }
-        if FRICTION {
-            for contact in points.iter_mut() {
-                contact.visit_friction::<A>(manifold, &masses, &mut a, &mut b);
-            }
-        }
+        visit::<T, L, A, RIGID, FRICTION>(manifold, points, &masses, &mut a, &mut b);
         system.velocities[manifold.bodies[0] as usize] = a;
         system.velocities[manifold.bodies[1] as usize] = b;
+    }
+}
+
+/// One visit to a manifold: the normals of its points, then their friction.
+#[inline(always)]
+pub(crate) fn visit<
+    T: Real,
+    const L: usize,
+    const A: usize,
+    const RIGID: bool,
+    const FRICTION: bool,
+>(
+    manifold: &Manifold<T, L>,
+    points: &mut [Contact<T, L>],
+    masses: &[InverseMass<T, L, A>; 2],
+    a: &mut Velocity<T, L, A>,
+    b: &mut Velocity<T, L, A>,
+) {
+    for contact in points.iter_mut() {
+        contact.visit_normal::<A, RIGID>(manifold, masses, a, b);
+    }
+    if FRICTION {
+        for contact in points.iter_mut() {
+            contact.visit_friction::<A>(manifold, masses, a, b);
+        }
     }
 }

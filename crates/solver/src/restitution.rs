@@ -6,7 +6,8 @@ use crate::{Real, Scalar, System, Velocity};
 /// step: the notes' restitution hypothesis, combined with overlap repair by maximum.
 ///
 /// `before` are the velocities before the step's forces, not the prospective ones: otherwise
-/// every resting contact would bounce off gravity.
+/// every resting contact would bounce off gravity. An open contact bounces only if that approach
+/// closes it within the step (its t_i is -gap / h), else it keeps its target.
 pub fn set_targets<T: Real, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     before: &[Velocity<T, L, A>],
@@ -16,8 +17,9 @@ pub fn set_targets<T: Real, const L: usize, const A: usize>(
         let [a, b] = manifold.bodies.map(|body| &before[body as usize]);
         for contact in &mut system.contacts[manifold.points()] {
             let approach = -contact.normal_velocity(manifold, a, b);
-            let bounce = (approach - threshold).choose(manifold.restitution * approach, T::ZERO);
-            contact.target[0] = contact.target[0].max(bounce);
+            let repair = contact.target[0];
+            let bounce = repair.max(manifold.restitution * approach);
+            contact.target[0] = (approach - threshold.max(-repair)).choose(bounce, repair);
         }
     }
 }

@@ -84,20 +84,11 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
 
     /// t: the velocity that each contact should have after the step. `displacements` is what each
     /// body has moved since the gaps were measured.
-    ///
-    /// Overlap: min(c_d max(0, d - slop), push speed). Gap s: -s/h, so that it closes and no more.
-    /// Slip of a sticking point: -hold slip, which returns it to where it stuck.
     pub fn set_targets(&mut self, displacements: &[Velocity<T, L, A>], repair: &Repair<T>) {
-        let over_dt = T::ONE / repair.dt;
-        let rate = repair.rate * over_dt;
         for manifold in &self.manifolds {
             let [a, b] = manifold.bodies.map(|body| &displacements[body as usize]);
             for contact in &mut self.contacts[manifold.points()] {
-                let gap = contact.gap + contact.relative_velocity(manifold, a, b);
-                let overlap = T::ZERO.max(-gap[0] - repair.slop);
-                contact.target = gap * -repair.hold;
-                contact.target[0] =
-                    gap[0].choose(-gap[0] * over_dt, (overlap * rate).min(repair.push_speed));
+                contact.set_target(manifold, a, b, repair);
             }
         }
     }

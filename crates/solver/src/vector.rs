@@ -44,6 +44,12 @@ impl<T: Real, const N: usize> Default for Vector<T, N> {
     }
 }
 
+impl<T, const N: usize> From<[T; N]> for Vector<T, N> {
+    fn from(components: [T; N]) -> Self {
+        Self(components)
+    }
+}
+
 impl<T: Real, const N: usize> Add for Vector<T, N> {
     type Output = Self;
     #[inline(always)]

@@ -1,208 +1,344 @@
-//! Contact between boxes and hulls: the axis along which they overlap least, faces before edges.
+//! Contact between boxes and hulls: the axis along which they overlap least, and the points where
+//! the face there meets the other's face.
 //!
 //! Where two faces lie on each other, every axis near their normal is as good to within rounding,
-//! and an axis that changes from step to step shakes what rests there. So an edge must win by
-//! more than [`PREFERENCE`], and so must b's face against a's. Faces are tested exactly; the axis of
-//! two edges comes from parry, and counts only for what it really separates.
+//! and an axis or a point that changes from step to step shakes what rests there. So an edge must
+//! win by more than [`PREFERENCE`], b's face likewise against a's, and clipping never loses a
+//! corner that lies on a side.
+
+use drystone_solver::{Vector, moment};
+
+use super::{Frame, Touch, TouchPoint};
 
 /// By how much an axis must win, as part of the prediction distance.
 const PREFERENCE: f32 = 0.01;
 
-/// The same code over parry2d and parry3d: `$faces` lists the faces of a hull, `$edges` proposes an
-/// axis that is no face's normal.
-macro_rules! polyhedra {
-    ($module:ident, $parry:ident, $hull:ident, $as_hull:ident, $faces:ident, $edges:ident) => {
-        pub(super) mod $module {
-            use $parry::math::{Pose, Vector};
-            use $parry::query::ContactManifold;
-            use $parry::shape::{Cuboid, PolygonalFeature, PolygonalFeatureMap, Shape, $hull};
+/// A convex solid with flat faces, in its own frame.
+pub(super) trait Solid<const L: usize> {
+    /// The farthest vertex along `direction`.
+    fn support(&self, direction: Vector<f32, L>) -> Vector<f32, L>;
 
-            /// A solid with flat faces.
-            #[derive(Clone, Copy)]
-            pub(in super::super) enum Polyhedron<'a> {
-                Box(&'a Cuboid),
-                Hull(&'a $hull),
-            }
+    /// Number of faces (2D: sides).
+    fn faces(&self) -> usize;
 
-            impl<'a> Polyhedron<'a> {
-                fn of(shape: &'a dyn Shape) -> Option<Self> {
-                    let hull = || shape.$as_hull().map(Self::Hull);
-                    shape.as_cuboid().map(Self::Box).or_else(hull)
-                }
+    /// Outward unit normal of a face, and one of its vertices.
+    fn face(&self, index: usize) -> (Vector<f32, L>, Vector<f32, L>);
 
-                /// The farthest vertex along `direction`.
-                pub(super) fn support(self, direction: Vector) -> Vector {
-                    match self {
-                        Self::Box(cuboid) => cuboid.half_extents.copysign(direction),
-                        Self::Hull(hull) => {
-                            let points = hull.points();
-                            let mut best = (f32::NEG_INFINITY, 0);
-                            for (i, point) in points.iter().enumerate() {
-                                let along = point.dot(direction);
-                                if along > best.0 {
-                                    best = (along, i);
-                                }
-                            }
-                            points[best.1]
-                        }
-                    }
-                }
-
-                fn features(&self) -> &dyn PolygonalFeatureMap {
-                    match *self {
-                        Self::Box(cuboid) => cuboid,
-                        Self::Hull(hull) => hull,
-                    }
-                }
-
-                /// The face that the other is farthest outside of (or least inside): distance and
-                /// normal. `other` gives the other's farthest point along a direction.
-                fn best_face(self, other: impl Fn(Vector) -> Vector) -> (f32, Vector) {
-                    let mut best = (f32::NEG_INFINITY, Vector::ZERO);
-                    let mut face = |normal: Vector, vertex: Vector| {
-                        let separation = normal.dot(other(-normal) - vertex);
-                        if separation > best.0 {
-                            best = (separation, normal);
-                        }
-                    };
-                    match self {
-                        Self::Box(cuboid) => {
-                            for axis in Vector::AXES {
-                                let vertex = axis * cuboid.half_extents;
-                                face(axis, vertex);
-                                face(-axis, -vertex);
-                            }
-                        }
-                        Self::Hull(hull) => super::$faces(hull, &mut face),
-                    }
-                    best
-                }
-            }
-
-            /// Fills `manifold` if both shapes are boxes or hulls; returns whether they are.
-            pub(in super::super) fn collide(
-                from_b: &Pose,
-                shape_a: &dyn Shape,
-                shape_b: &dyn Shape,
-                prediction: f32,
-                manifold: &mut ContactManifold<(), ()>,
-            ) -> bool {
-                let (Some(a), Some(b)) = (Polyhedron::of(shape_a), Polyhedron::of(shape_b)) else {
-                    return false;
-                };
-                let from_a = from_b.inverse();
-                let of_a = a.best_face(|d| from_b * b.support(from_a.rotation * d));
-                if of_a.0 > prediction {
-                    return true;
-                }
-                let of_b = b.best_face(|d| from_a * a.support(from_b.rotation * d));
-                if of_b.0 > prediction {
-                    return true;
-                }
-                let margin = super::PREFERENCE * prediction;
-                let mut best = of_a;
-                if of_b.0 > of_a.0 + margin {
-                    best = (of_b.0, from_b.rotation * -of_b.1);
-                }
-                let mut witness = None;
-                if let Some((axis, points)) = super::$edges(from_b, a, b, prediction) {
-                    let gap =
-                        axis.dot(from_b * b.support(from_a.rotation * -axis) - a.support(axis));
-                    if gap > prediction {
-                        return true;
-                    }
-                    if gap > best.0 + margin {
-                        best = (gap, axis);
-                        witness = points;
-                    }
-                }
-                let (n_a, n_b) = (best.1, from_a.rotation * -best.1);
-                let mut feature_a = PolygonalFeature::default();
-                let mut feature_b = PolygonalFeature::default();
-                a.features().local_support_feature(n_a, &mut feature_a);
-                b.features().local_support_feature(n_b, &mut feature_b);
-                PolygonalFeature::contacts(
-                    from_b, &from_a, n_a, n_b, &feature_a, &feature_b, manifold, false,
-                );
-                if let Some((on_a, on_b)) = witness {
-                    let feature = $parry::shape::PackedFeatureId::UNKNOWN;
-                    manifold.points.push($parry::query::TrackedContact::new(
-                        on_a,
-                        from_a * on_b,
-                        feature,
-                        feature,
-                        n_a.dot(on_b - on_a),
-                    ));
-                }
-                manifold.local_n1 = n_a;
-                manifold.local_n2 = n_b;
-                true
-            }
-        }
-    };
+    /// Appends the vertices of a face, in order around it.
+    fn corners(&self, face: usize, out: &mut Vec<Corner<L>>);
 }
 
-polyhedra!(plane, parry2d, ConvexPolygon, as_convex_polygon, sides, no_edges);
-polyhedra!(space, parry3d, ConvexPolyhedron, as_convex_polyhedron, faces, edges);
-
-fn sides(
-    hull: &parry2d::shape::ConvexPolygon,
-    face: &mut dyn FnMut(parry2d::math::Vector, parry2d::math::Vector),
-) {
-    for (normal, vertex) in hull.normals().iter().zip(hull.points()) {
-        face(*normal, *vertex);
-    }
+/// A vertex of a polygon that is being clipped.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner<const L: usize> {
+    pub(super) position: Vector<f32, L>,
+    /// What it comes from: a vertex, or an edge cut by a side.
+    pub(super) feature: u32,
 }
 
-fn faces(
-    hull: &parry3d::shape::ConvexPolyhedron,
-    face: &mut dyn FnMut(parry3d::math::Vector, parry3d::math::Vector),
-) {
-    for side in hull.faces() {
-        let vertex = hull.vertices_adj_to_face()[side.first_vertex_or_edge as usize];
-        face(side.normal, hull.points()[vertex as usize]);
-    }
+/// Two edges that cross: the axis between them, from a to b, and the nearest points, in the frame
+/// of a.
+pub(super) struct Crossing<const L: usize> {
+    pub(super) axis: Vector<f32, L>,
+    pub(super) on_a: Vector<f32, L>,
+    pub(super) on_b: Vector<f32, L>,
 }
 
-/// An axis and, where they are known, the closest points on a and b, all in the frame of a.
-type Axis<V> = Option<(V, Option<(V, V)>)>;
-
-/// In the plane, faces are all the axes there are.
-fn no_edges(
-    _from_b: &parry2d::math::Pose,
-    _a: plane::Polyhedron<'_>,
-    _b: plane::Polyhedron<'_>,
-    _prediction: f32,
-) -> Axis<parry2d::math::Vector> {
-    None
+/// Polygons that are reused.
+#[derive(Default)]
+pub(super) struct Clipper<const L: usize> {
+    reference: Vec<Corner<L>>,
+    incident: Vec<Corner<L>>,
+    next: Vec<Corner<L>>,
 }
 
-fn edges(
-    from_b: &parry3d::math::Pose,
-    a: space::Polyhedron<'_>,
-    b: space::Polyhedron<'_>,
+/// Fills `touch`, in the frame of a, with where `a` and `b` overlap or are within `prediction` \[m\].
+/// `from_b` is the frame of b as seen from a; `crossing` proposes an axis that is no face's normal.
+pub(super) fn collide<const L: usize>(
+    a: &impl Solid<L>,
+    b: &impl Solid<L>,
+    from_b: &Frame<L>,
     prediction: f32,
-) -> Axis<parry3d::math::Vector> {
-    use parry3d::query::details::contact_support_map_support_map_with_params;
-    use parry3d::query::gjk::{GJKResult, VoronoiSimplex};
-    use parry3d::query::sat::cuboid_cuboid_find_local_separating_edge_twoway;
-    use space::Polyhedron::{Box, Hull};
-
-    let closest = |a: &dyn parry3d::shape::SupportMap, b: &dyn parry3d::shape::SupportMap| {
-        let simplex = &mut VoronoiSimplex::new();
-        match contact_support_map_support_map_with_params(from_b, a, b, prediction, simplex, None) {
-            GJKResult::ClosestPoints(on_a, on_b, axis) => Some((axis, Some((on_a, on_b)))),
-            GJKResult::NoIntersection(axis) => Some((axis, None)),
-            _ => None,
-        }
-    };
-    match (a, b) {
-        (Box(a), Box(b)) => {
-            let (_, axis) = cuboid_cuboid_find_local_separating_edge_twoway(a, b, from_b);
-            (axis != parry3d::math::Vector::ZERO).then_some((axis, None))
-        }
-        (Box(a), Hull(b)) => closest(a, b),
-        (Hull(a), Box(b)) => closest(a, b),
-        (Hull(a), Hull(b)) => closest(a, b),
+    crossing: impl FnOnce() -> Option<Crossing<L>>,
+    clipper: &mut Clipper<L>,
+    touch: &mut Touch<L>,
+) {
+    let margin = PREFERENCE * prediction;
+    let (gap_a, face_a) = best_face(a, |d| from_b.point(b.support(from_b.local_direction(d))));
+    if gap_a > prediction {
+        return;
     }
+    let (gap_b, face_b) = best_face(b, |d| from_b.local_point(a.support(from_b.direction(d))));
+    if gap_b > prediction {
+        return;
+    }
+    if let Some(Crossing { axis, on_a, on_b }) = crossing() {
+        // What the axis really separates, whoever proposed it.
+        let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
+        let gap = axis.dot(far_b - a.support(axis));
+        if gap > prediction {
+            return;
+        }
+        if gap > gap_a.max(gap_b) + margin {
+            touch.normal = -axis;
+            touch.points.push(TouchPoint { on_a, on_b, gap: axis.dot(on_b - on_a), feature: 0 });
+            return;
+        }
+    }
+    if gap_b > gap_a + margin {
+        let from_a = Frame {
+            position: from_b.local_point(Vector::ZERO),
+            axes: std::array::from_fn(|i| Vector(std::array::from_fn(|j| from_b.axes[j][i]))),
+        };
+        let normal = clip(b, face_b, a, &from_a, clipper);
+        touch.normal = from_b.direction(normal);
+        let plane = b.face(face_b).1;
+        for corner in &clipper.incident {
+            let gap = normal.dot(corner.position - plane);
+            touch.points.push(TouchPoint {
+                on_a: from_b.point(corner.position),
+                on_b: from_b.point(corner.position - normal * gap),
+                gap,
+                feature: name(1, face_b, corner),
+            });
+        }
+    } else {
+        let normal = clip(a, face_a, b, from_b, clipper);
+        touch.normal = -normal;
+        let plane = a.face(face_a).1;
+        for corner in &clipper.incident {
+            let gap = normal.dot(corner.position - plane);
+            touch.points.push(TouchPoint {
+                on_a: corner.position - normal * gap,
+                on_b: corner.position,
+                gap,
+                feature: name(2, face_a, corner),
+            });
+        }
+    }
+    touch.points.retain(|point| point.gap <= prediction);
+}
+
+fn name<const L: usize>(side: u64, face: usize, corner: &Corner<L>) -> u64 {
+    side << 62 | (face as u64) << 32 | u64::from(corner.feature)
+}
+
+/// The face that the other solid is farthest outside of (or least inside): distance and index.
+fn best_face<const L: usize>(
+    solid: &impl Solid<L>,
+    other: impl Fn(Vector<f32, L>) -> Vector<f32, L>,
+) -> (f32, usize) {
+    let mut best = (f32::NEG_INFINITY, 0);
+    for face in 0..solid.faces() {
+        let (normal, vertex) = solid.face(face);
+        let gap = normal.dot(other(-normal) - vertex);
+        if gap > best.0 {
+            best = (gap, face);
+        }
+    }
+    best
+}
+
+/// Leaves in `clipper.incident` the part of the incident solid's facing face that lies over the
+/// reference face, in the reference solid's frame; returns the reference normal.
+fn clip<const L: usize>(
+    reference: &impl Solid<L>,
+    face: usize,
+    incident: &impl Solid<L>,
+    from_incident: &Frame<L>,
+    clipper: &mut Clipper<L>,
+) -> Vector<f32, L> {
+    let (normal, _) = reference.face(face);
+    let toward = from_incident.local_direction(normal);
+    let mut facing = (f32::INFINITY, 0);
+    for index in 0..incident.faces() {
+        let along = incident.face(index).0.dot(toward);
+        if along < facing.0 {
+            facing = (along, index);
+        }
+    }
+    clipper.reference.clear();
+    clipper.incident.clear();
+    reference.corners(face, &mut clipper.reference);
+    incident.corners(facing.1, &mut clipper.incident);
+    for corner in &mut clipper.incident {
+        corner.position = from_incident.point(corner.position);
+    }
+    let count = clipper.reference.len();
+    for side in 0..count {
+        let start = clipper.reference[side].position;
+        let end = clipper.reference[(side + 1) % count].position;
+        // In the plane, the sides of a side are its ends.
+        let outward = if L == 2 { start - end } else { moment(end - start, normal) };
+        cut(clipper, side as u32, start, outward);
+    }
+    normal
+}
+
+/// Keeps the part of the incident polygon behind a plane (Sutherland-Hodgman).
+fn cut<const L: usize>(
+    clipper: &mut Clipper<L>,
+    side: u32,
+    point: Vector<f32, L>,
+    outward: Vector<f32, L>,
+) {
+    // A corner that lies on the plane is inside.
+    let tolerance = 1e-4 * outward.dot(outward);
+    let height = |corner: &Corner<L>| outward.dot(corner.position - point);
+    clipper.next.clear();
+    let count = clipper.incident.len();
+    for i in 0..count {
+        let (here, there) = (clipper.incident[i], clipper.incident[(i + 1) % count]);
+        let (h, t) = (height(&here), height(&there));
+        if h <= tolerance {
+            clipper.next.push(here);
+        }
+        if (h <= tolerance) != (t <= tolerance) {
+            let part = h / (h - t);
+            clipper.next.push(Corner {
+                position: here.position + (there.position - here.position) * part,
+                feature: 1 << 31 | side << 16 | (here.feature.min(there.feature) & 0xffff),
+            });
+        }
+    }
+    std::mem::swap(&mut clipper.incident, &mut clipper.next);
+}
+
+/// A box of any dimension, by its half extents.
+pub(super) struct Cuboid<const L: usize>(pub(super) Vector<f32, L>);
+
+impl<const L: usize> Solid<L> for Cuboid<L> {
+    fn support(&self, direction: Vector<f32, L>) -> Vector<f32, L> {
+        Vector(std::array::from_fn(|i| self.0[i].copysign(direction[i])))
+    }
+
+    fn faces(&self) -> usize {
+        2 * L
+    }
+
+    fn face(&self, index: usize) -> (Vector<f32, L>, Vector<f32, L>) {
+        let sign = if index < L { 1.0 } else { -1.0 };
+        let mut normal = Vector::ZERO;
+        normal[index % L] = sign;
+        (normal, self.0 * sign)
+    }
+
+    fn corners(&self, face: usize, out: &mut Vec<Corner<L>>) {
+        let axis = face % L;
+        let sign = if face < L { 1.0 } else { -1.0 };
+        let (u, v) = ((axis + 1) % L, (axis + 2) % L);
+        // Counter-clockwise seen from outside, as clip's sides need them.
+        let around: &[(f32, f32)] = match (L, sign > 0.0) {
+            (2, true) => &[(-1.0, 0.0), (1.0, 0.0)],
+            (2, false) => &[(1.0, 0.0), (-1.0, 0.0)],
+            (_, true) => &[(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)],
+            (_, false) => &[(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)],
+        };
+        for &(s, t) in around {
+            let mut position = self.0;
+            position[axis] *= sign;
+            position[u] = s * self.0[u];
+            if L > 2 {
+                position[v] = t * self.0[v];
+            }
+            let mut feature = 0;
+            for i in 0..L {
+                feature |= u32::from(position[i] > 0.0) << i;
+            }
+            out.push(Corner { position, feature });
+        }
+    }
+}
+
+impl Solid<2> for parry2d::shape::ConvexPolygon {
+    fn support(&self, direction: Vector<f32, 2>) -> Vector<f32, 2> {
+        farthest(self.points(), direction.0.into(), |p, d| p.dot(d)).to_array().into()
+    }
+
+    fn faces(&self) -> usize {
+        self.points().len()
+    }
+
+    fn face(&self, index: usize) -> (Vector<f32, 2>, Vector<f32, 2>) {
+        (self.normals()[index].to_array().into(), self.points()[index].to_array().into())
+    }
+
+    fn corners(&self, face: usize, out: &mut Vec<Corner<2>>) {
+        for index in [face, (face + 1) % self.points().len()] {
+            let position = self.points()[index].to_array().into();
+            out.push(Corner { position, feature: index as u32 });
+        }
+    }
+}
+
+impl Solid<3> for parry3d::shape::ConvexPolyhedron {
+    fn support(&self, direction: Vector<f32, 3>) -> Vector<f32, 3> {
+        farthest(self.points(), direction.0.into(), |p, d| p.dot(d)).to_array().into()
+    }
+
+    fn faces(&self) -> usize {
+        parry3d::shape::ConvexPolyhedron::faces(self).len()
+    }
+
+    fn face(&self, index: usize) -> (Vector<f32, 3>, Vector<f32, 3>) {
+        let face = &parry3d::shape::ConvexPolyhedron::faces(self)[index];
+        let vertex = self.vertices_adj_to_face()[face.first_vertex_or_edge as usize];
+        (face.normal.to_array().into(), self.points()[vertex as usize].to_array().into())
+    }
+
+    fn corners(&self, face: usize, out: &mut Vec<Corner<3>>) {
+        let face = &parry3d::shape::ConvexPolyhedron::faces(self)[face];
+        let first = face.first_vertex_or_edge as usize;
+        let range = first..first + face.num_vertices_or_edges as usize;
+        for &vertex in &self.vertices_adj_to_face()[range] {
+            let position = self.points()[vertex as usize].to_array().into();
+            out.push(Corner { position, feature: vertex });
+        }
+    }
+}
+
+fn farthest<V: Copy>(points: &[V], direction: V, dot: impl Fn(V, V) -> f32) -> V {
+    let mut best = (f32::NEG_INFINITY, 0);
+    for (i, point) in points.iter().enumerate() {
+        let along = dot(*point, direction);
+        if along > best.0 {
+            best = (along, i);
+        }
+    }
+    points[best.1]
+}
+
+/// The axis across two edges, one of each box, that separates them most, with the points where
+/// the edges are nearest.
+pub(super) fn box_edges(a: &Cuboid<3>, b: &Cuboid<3>, from_b: &Frame<3>) -> Option<Crossing<3>> {
+    let mut best: Option<(f32, Crossing<3>)> = None;
+    for i in 0..3 {
+        let mut edge_a = Vector::ZERO;
+        edge_a[i] = 1.0;
+        for edge_b in from_b.axes {
+            let across: Vector<f32, 3> = moment(edge_a, edge_b);
+            let length = across.length();
+            // Parallel edges: a face's normal is as good.
+            if length < 1e-3 {
+                continue;
+            }
+            let outward = if across.dot(from_b.position) < 0.0 { -1.0 } else { 1.0 };
+            let axis = across * (outward / length);
+            let far_a = a.support(axis);
+            let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
+            let gap = axis.dot(far_b - far_a);
+            if best.as_ref().is_none_or(|(most, _)| gap > *most) {
+                // Nearest points of the lines far_a + s edge_a and far_b + t edge_b.
+                let between = far_b - far_a;
+                let skew = edge_a.dot(edge_b);
+                let (p, q) = (between.dot(edge_a), between.dot(edge_b));
+                let squared = 1.0 - skew * skew;
+                let (s, t) = ((p - skew * q) / squared, (skew * p - q) / squared);
+                let crossing =
+                    Crossing { axis, on_a: far_a + edge_a * s, on_b: far_b + edge_b * t };
+                best = Some((gap, crossing));
+            }
+        }
+    }
+    best.map(|(_, crossing)| crossing)
 }

@@ -2,7 +2,8 @@
 
 use drystone_solver::{SymmetricMatrix, Vector};
 
-use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, polyhedra};
+use super::polyhedra::{Clipper, Crossing, Cuboid, box_edges, collide};
+use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
@@ -78,30 +79,29 @@ macro_rules! over_parry {
                 manifold.points.clear();
                 manifold.local_n1 = $parry::math::Vector::ZERO;
                 manifold.local_n2 = $parry::math::Vector::ZERO;
-                if !polyhedra::$polyhedra::collide(&from_b, shape_a, shape_b, prediction, manifold)
-                {
+                let touch = &mut scratch.touch;
+                touch.points.clear();
+                touch.part = part;
+                let clipper = &mut scratch.clipper;
+                if $polyhedra(&from_b, shape_a, shape_b, prediction, clipper, touch) {
+                    touch.place(&<Self as Geometry<$l, $a>>::frame(a.1));
+                } else {
                     // The only error is an unsupported pair: a half-space against a half-space.
                     let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
                         &from_b, shape_a, shape_b, normals[0], normals[1], prediction, manifold,
                     );
-                }
-                let touch = &mut scratch.touch;
-                touch.points.clear();
-                // parry's normal points from its first shape to its second; ours from b to a.
-                let normal = -(pose_a.rotation * manifold.local_n1);
-                touch.normal = Vector(normal.to_array());
-                touch.part = part;
-                for point in &manifold.points {
-                    if point.dist > prediction {
-                        continue;
+                    // parry's normal points from its first shape to its second; ours from b to a.
+                    let normal = -(pose_a.rotation * manifold.local_n1);
+                    touch.normal = normal.to_array().into();
+                    for point in manifold.points.iter().filter(|point| point.dist <= prediction) {
+                        let on_b = pose_b * point.local_p2;
+                        touch.points.push(TouchPoint {
+                            on_a: (on_b + normal * point.dist).to_array().into(),
+                            on_b: on_b.to_array().into(),
+                            gap: point.dist,
+                            feature: u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0),
+                        });
                     }
-                    let on_b = pose_b * point.local_p2;
-                    touch.points.push(TouchPoint {
-                        on_a: Vector((on_b + normal * point.dist).to_array()),
-                        on_b: Vector(on_b.to_array()),
-                        gap: point.dist,
-                        feature: u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0),
-                    });
                 }
                 if !touch.points.is_empty() {
                     touch.reduce();
@@ -135,6 +135,97 @@ macro_rules! over_parry {
 pub struct Scratch<M, const L: usize> {
     manifold: M,
     touch: Touch<L>,
+    clipper: Clipper<L>,
+}
+
+/// Contact between two boxes or polygons; false: the shapes are something else.
+fn polygons(
+    from_b: &parry2d::math::Pose,
+    a: &dyn parry2d::shape::Shape,
+    b: &dyn parry2d::shape::Shape,
+    prediction: f32,
+    clipper: &mut Clipper<2>,
+    touch: &mut Touch<2>,
+) -> bool {
+    let (c, s) = (from_b.rotation.cos(), from_b.rotation.sin());
+    let frame = Frame {
+        position: from_b.translation.to_array().into(),
+        axes: [Vector([c, s]), Vector([-s, c])],
+    };
+    let cuboid = |shape: &dyn parry2d::shape::Shape| {
+        shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
+    };
+    // In the plane, sides are all the axes there are.
+    let none = || None;
+    match (cuboid(a), a.as_convex_polygon(), cuboid(b), b.as_convex_polygon()) {
+        (Some(a), _, Some(b), _) => collide(&a, &b, &frame, prediction, none, clipper, touch),
+        (Some(a), _, _, Some(b)) => collide(&a, b, &frame, prediction, none, clipper, touch),
+        (_, Some(a), Some(b), _) => collide(a, &b, &frame, prediction, none, clipper, touch),
+        (_, Some(a), _, Some(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
+        _ => return false,
+    }
+    true
+}
+
+/// Contact between two boxes or hulls; false: the shapes are something else.
+fn solids(
+    from_b: &parry3d::math::Pose,
+    a: &dyn parry3d::shape::Shape,
+    b: &dyn parry3d::shape::Shape,
+    prediction: f32,
+    clipper: &mut Clipper<3>,
+    touch: &mut Touch<3>,
+) -> bool {
+    let frame = Rigid3::frame(from_b);
+    let cuboid = |shape: &dyn parry3d::shape::Shape| {
+        shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
+    };
+    match (cuboid(a), a.as_convex_polyhedron(), cuboid(b), b.as_convex_polyhedron()) {
+        (Some(a), _, Some(b), _) => {
+            let edges = || box_edges(&a, &b, &frame);
+            collide(&a, &b, &frame, prediction, edges, clipper, touch);
+        }
+        (Some(box_a), _, _, Some(hull_b)) => {
+            let nearest = || closest(from_b, a, b, prediction);
+            collide(&box_a, hull_b, &frame, prediction, nearest, clipper, touch);
+        }
+        (_, Some(hull_a), Some(box_b), _) => {
+            let nearest = || closest(from_b, a, b, prediction);
+            collide(hull_a, &box_b, &frame, prediction, nearest, clipper, touch);
+        }
+        (_, Some(hull_a), _, Some(hull_b)) => {
+            let nearest = || closest(from_b, a, b, prediction);
+            collide(hull_a, hull_b, &frame, prediction, nearest, clipper, touch);
+        }
+        _ => return false,
+    }
+    true
+}
+
+/// The nearest points of two solids, or their least overlap, after GJK and EPA. Close to touching
+/// its axis may be wrong, so it only counts for what it separates.
+fn closest(
+    from_b: &parry3d::math::Pose,
+    a: &dyn parry3d::shape::Shape,
+    b: &dyn parry3d::shape::Shape,
+    prediction: f32,
+) -> Option<Crossing<3>> {
+    use parry3d::query::details::contact_support_map_support_map_with_params;
+    use parry3d::query::gjk::{GJKResult, VoronoiSimplex};
+    let (a, b) = (a.as_support_map()?, b.as_support_map()?);
+    let simplex = &mut VoronoiSimplex::new();
+    let found =
+        contact_support_map_support_map_with_params(from_b, a, b, prediction, simplex, None);
+    let (axis, on_a, on_b) = match found {
+        GJKResult::ClosestPoints(on_a, on_b, axis) => (axis, on_a, on_b),
+        GJKResult::NoIntersection(axis) => {
+            let back = from_b.rotation.inverse() * -axis;
+            (axis, a.local_support_point(axis), from_b * b.local_support_point(back))
+        }
+        _ => return None,
+    };
+    let [axis, on_a, on_b] = [axis, on_a, on_b].map(|v| Vector(v.to_array()));
+    Some(Crossing { axis, on_a, on_b })
 }
 
 impl Geometry<2, 1> for Rigid2 {
@@ -189,7 +280,7 @@ impl Geometry<2, 1> for Rigid2 {
         }
     }
 
-    over_parry!(parry2d, plane, 2, 1);
+    over_parry!(parry2d, polygons, 2, 1);
 }
 
 impl Geometry<3, 3> for Rigid3 {
@@ -254,7 +345,7 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, space, 3, 3);
+    over_parry!(parry3d, solids, 3, 3);
 }
 
 /// sin(t/2)/t from t^2; the series' error is below one rounding for t < 0.5.

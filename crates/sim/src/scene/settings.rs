@@ -25,13 +25,14 @@ impl Fault {
 }
 
 /// Smallest and largest sensible values; a setting that is not here only has to fit its type.
-const RANGES: [(&str, f64, f64); 9] = [
+const RANGES: [(&str, f64, f64); 10] = [
     ("substeps", 1.0, 1000.0),
     ("iterations", 1.0, 10_000.0),
     ("repair", 0.0, 1.0),
     ("softness", 0.0, 0.999),
     ("slop", 0.0, 1.0),
     ("push_speed", 0.0, 1e6),
+    ("hold", 0.0, 1e6),
     ("restitution_threshold", 0.0, 1e6),
     ("prediction_distance", 0.0, 1e3),
     ("reuse_distance", 0.0, 1e3),

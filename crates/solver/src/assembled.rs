@@ -1,0 +1,108 @@
+//! The same system as matrices: J, M^-1, A = J M^-1 J^T and b, to read, to test against and to
+//! hand to other solvers. Feature `assembled`.
+//!
+//! [`pgs`](crate::pgs) never forms these. They are here because the theory is written with them,
+//! and because a second, independent way to the same numbers is the best test of the first: a
+//! sweep of [`gauss_seidel`] over the rows of A gives the impulses that
+//! [`pgs::sweep_normals`](crate::pgs::sweep_normals) gives, sweep by sweep.
+//!
+//! With k contacts, N bodies and D = L + A velocities per body:
+//!
+//! | | size | what one block is | from |
+//! |---|---|---|---|
+//! | v | D N | (v, omega) of a body | [`velocities`] |
+//! | J | k x D N | (n, r_a x n) for body a, (-n, -r_b x n) for body b | [`jacobian`] |
+//! | M^-1 | D N x D N | m^-1 on L diagonal places, then W = I^-1 | [`inverse_mass`] |
+//! | A | k x k | what impulse j does to normal velocity i | [`system_matrix`] |
+//! | E | k x k | epsilon on the diagonal | [`soften`] adds it to A |
+//! | t, b | k | wanted velocities; b = t - J v | [`targets`], [`rhs`] |
+//! | gamma | k | impulses | [`impulses`] |
+//!
+//! What is fixed is a body whose block of M^-1 is empty. So a wall has its columns in J (a moving
+//! wall pushes), but couples no two contacts in A.
+//!
+//! Everything here is `f64`, converted before the first product, whatever the number of the system.
+//!
+//! ```
+//! use drystone_solver::assembled::{equality, gauss_seidel, rhs, system_matrix};
+//! use drystone_solver::{Contact, InverseMass, Manifold, System, Vector, Velocity, contact_frame};
+//!
+//! // Two balls of 1 kg meet, each at 1 m/s; the left one is body a, so n points to the left.
+//! let mut system = System::<f64, 2, 0>::new();
+//! let ball = InverseMass { linear: 1.0, ..InverseMass::FIXED };
+//! let moving = |x| Velocity { linear: Vector([x, 0.0]), ..Velocity::ZERO };
+//! let bodies = [system.add_body(moving(1.0), ball), system.add_body(moving(-1.0), ball)];
+//! let frame = contact_frame(Vector([-1.0, 0.0]));
+//! let manifold = Manifold { bodies, frame, friction: 0.0, restitution: 0.0, first: 0, count: 0 };
+//! system.add_manifold(manifold, &[Contact::default()]);
+//!
+//! let (a, b) = (system_matrix(&system), rhs(&system));
+//! assert_eq!((a[(0, 0)], b[0]), (2.0, 2.0));
+//! assert_eq!(equality::solve(&a, &b).unwrap().impulses[0], 1.0);
+//! assert_eq!(gauss_seidel::solve(&a, &b, 1)[0], 1.0);
+//! ```
+
+pub mod equality;
+pub mod gauss_seidel;
+mod matrices;
+mod pattern;
+
+pub use matrices::{friction_jacobian, inverse_mass, jacobian, soften, system_matrix};
+pub use pattern::{contacts_of, pattern};
+
+use crate::{Contact, Scalar, System};
+
+/// A sparse matrix stored by rows.
+pub type Matrix = faer::sparse::SparseRowMat<usize, f64>;
+
+/// A column of numbers.
+pub type Column = faer::Col<f64>;
+
+/// v: (v, omega) of every body, one after the other. \[m/s, rad/s\]
+pub fn velocities<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
+    let width = L + A;
+    Column::from_fn(width * system.velocities.len(), |row| {
+        let (velocity, i) = (&system.velocities[row / width], row % width);
+        if i < L { velocity.linear[i].to_f64() } else { velocity.angular[i - L].to_f64() }
+    })
+}
+
+fn of_contacts<T: Scalar, const L: usize, const A: usize>(
+    system: &System<T, L, A>,
+    value: impl Fn(&Contact<T, L>) -> T,
+) -> Column {
+    Column::from_fn(system.contacts.len(), |i| value(&system.contacts[i]).to_f64())
+}
+
+/// t: the normal velocity that each contact should have after the step. \[m/s\]
+pub fn targets<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
+    of_contacts(system, |contact| contact.target[0])
+}
+
+/// gamma: the accumulated normal impulses. \[N s\]
+pub fn impulses<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
+    of_contacts(system, |contact| contact.impulse[0])
+}
+
+/// The accumulated impulses along the whole frame of each contact, normal first: what
+/// [`friction_jacobian`] takes to the bodies. \[N s\]
+pub fn friction_impulses<T: Scalar, const L: usize, const A: usize>(
+    system: &System<T, L, A>,
+) -> Column {
+    Column::from_fn(L * system.contacts.len(), |row| {
+        system.contacts[row / L].impulse[row % L].to_f64()
+    })
+}
+
+/// epsilon: the diagonal of E. \[1/kg\]
+pub fn compliance<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
+    of_contacts(system, |contact| contact.compliance)
+}
+
+/// b = t - J v, with the velocities that the system has now. \[m/s\]
+///
+/// It is the b of the problem while the velocities are the prospective ones, that is before any
+/// impulse has been applied to them. With t = -c_r J v it is the notes' -(1 + c_r) J v.
+pub fn rhs<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
+    targets(system) - jacobian(system) * velocities(system)
+}

@@ -1,0 +1,104 @@
+//! J, M^-1, A and A + E.
+
+use faer::sparse::Triplet;
+
+use super::{Column, Matrix};
+use crate::{Scalar, System, Vector, moment};
+
+type Entry = Triplet<usize, usize, f64>;
+
+/// Indices below count contacts, bodies and coordinates of one system, so no entry is outside.
+fn matrix(rows: usize, columns: usize, entries: &[Entry]) -> Matrix {
+    Matrix::try_new_from_triplets(rows, columns, entries).expect("entries within the matrix")
+}
+
+/// The part of a row of J that belongs to one body: `sign` (n, r x n).
+fn block<const L: usize, const A: usize>(
+    row: usize,
+    body: u32,
+    sign: f64,
+    anchor: Vector<f64, L>,
+    direction: Vector<f64, L>,
+    entries: &mut Vec<Entry>,
+) {
+    let column = (L + A) * body as usize;
+    let angular: Vector<f64, A> = moment(anchor, direction);
+    let values = direction.0.into_iter().chain(angular.0);
+    entries.extend(values.enumerate().map(|(i, x)| Entry::new(row, column + i, sign * x)));
+}
+
+/// Rows for the first `directions` vectors of the frame of each contact.
+fn rows<T: Scalar, const L: usize, const A: usize>(
+    system: &System<T, L, A>,
+    directions: usize,
+) -> Matrix {
+    let mut entries = Vec::new();
+    for manifold in &system.manifolds {
+        let [a, b] = manifold.bodies;
+        for i in manifold.points() {
+            let anchor_a = system.contacts[i].anchor_a.map(T::to_f64);
+            let anchor_b = system.contacts[i].anchor_b.map(T::to_f64);
+            for (j, direction) in manifold.frame[..directions].iter().enumerate() {
+                let (row, direction) = (directions * i + j, direction.map(T::to_f64));
+                block::<L, A>(row, a, 1.0, anchor_a, direction, &mut entries);
+                block::<L, A>(row, b, -1.0, anchor_b, direction, &mut entries);
+            }
+        }
+    }
+    let width = (L + A) * system.velocities.len();
+    matrix(directions * system.contacts.len(), width, &entries)
+}
+
+/// J, k x (L + A) N: normal velocities from the velocities of the bodies, v_n = J v.
+///
+/// Row i has (n, r_a x n) in the columns of body a of contact i, (-n, -r_b x n) in those of body
+/// b, and nothing elsewhere.
+pub fn jacobian<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Matrix {
+    rows(system, 1)
+}
+
+/// The Jacobian of contacts with friction, k L x (L + A) N: L rows for each contact, along its
+/// normal and its tangents.
+pub fn friction_jacobian<T: Scalar, const L: usize, const A: usize>(
+    system: &System<T, L, A>,
+) -> Matrix {
+    rows(system, L)
+}
+
+/// M^-1, block diagonal: for each body m^-1 on L places, then its A x A inverse inertia in world
+/// axes. A fixed body has no entries.
+pub fn inverse_mass<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Matrix {
+    let width = L + A;
+    let mut entries = Vec::new();
+    for (body, mass) in system.masses.iter().enumerate() {
+        let (first, linear) = (width * body, mass.linear.to_f64());
+        if linear != 0.0 {
+            entries.extend((0..L).map(|i| Entry::new(first + i, first + i, linear)));
+        }
+        let angular = mass.angular.0.map(|row| row.map(T::to_f64));
+        if angular.iter().flat_map(|row| row.0).any(|x| x != 0.0) {
+            for i in 0..A {
+                let row = first + L + i;
+                entries.extend((0..A).map(|j| Entry::new(row, first + L + j, angular[i][j])));
+            }
+        }
+    }
+    matrix(width * system.masses.len(), width * system.masses.len(), &entries)
+}
+
+/// A = J M^-1 J^T, k x k: what a unit impulse at contact j adds to the normal velocity of contact
+/// i. Symmetric, positive semidefinite; A_ii = 1 / m_eff of a rigid contact. Without compliance.
+pub fn system_matrix<T: Scalar, const L: usize, const A: usize>(
+    system: &System<T, L, A>,
+) -> Matrix {
+    let jacobian = jacobian(system);
+    let transposed = jacobian.transpose().to_row_major().expect("as large as J");
+    &jacobian * (inverse_mass(system) * transposed)
+}
+
+/// A + E, the matrix of soft contacts: positive definite if every epsilon is positive.
+pub fn soften(a: &Matrix, compliance: &Column) -> Matrix {
+    let k = compliance.nrows();
+    let diagonal: Vec<_> = (0..k).map(|i| Entry::new(i, i, compliance[i])).collect();
+    a + matrix(k, k, &diagonal)
+}

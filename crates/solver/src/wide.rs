@@ -1,0 +1,364 @@
+//! Eight manifolds at a time: a [`System`] packed into [`Lanes`], color by color.
+//!
+//! The kernels are those of [`pgs`](crate::pgs), run on a number that is eight numbers. The velocities of
+//! the bodies are gathered once per visit to a block and serve all its points.
+
+use crate::color::Coloring;
+use crate::lanes::{Halves, Lanes, WIDTH};
+use crate::pgs::visit;
+use crate::{Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
+
+/// A system of `f32` contacts, packed, on the best lanes of this machine.
+#[derive(Clone, Debug)]
+pub enum Wide<const L: usize, const A: usize> {
+    /// On any machine.
+    Halves(Packed<Halves, L, A>),
+    /// On one with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Packed<crate::lanes::Avx2, L, A>),
+}
+
+/// Does the same on whichever lanes there are.
+macro_rules! on_lanes {
+    ($wide:expr, $packed:ident => $do:expr) => {
+        match $wide {
+            Wide::Halves($packed) => $do,
+            #[cfg(target_arch = "x86_64")]
+            Wide::Avx2($packed) => $do,
+        }
+    };
+}
+
+impl<const L: usize, const A: usize> Wide<L, A> {
+    /// An empty one.
+    pub fn new() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if crate::lanes::avx2_available() {
+            return Self::Avx2(Packed::new());
+        }
+        Self::Halves(Packed::new())
+    }
+
+    /// [`Packed::pack`].
+    pub fn pack(&mut self, system: &mut System<f32, L, A>, softness: f32) {
+        on_lanes!(self, packed => packed.pack(system, softness));
+    }
+
+    /// [`Packed::unpack`].
+    pub fn unpack(&self, system: &mut System<f32, L, A>) {
+        on_lanes!(self, packed => packed.unpack(system));
+    }
+
+    /// [`Packed::take_impacts`].
+    pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
+        on_lanes!(self, packed => packed.take_impacts(system));
+    }
+
+    /// [`Packed::start`].
+    pub fn start(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        displacements: &[Velocity<f32, L, A>],
+        repair: &Repair<f32>,
+    ) {
+        on_lanes!(self, packed => packed.start(velocities, displacements, repair));
+    }
+
+    /// [`Packed::sweep_normals`].
+    pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, packed => packed.sweep_normals(velocities));
+    }
+
+    /// [`Packed::relax`].
+    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, packed => packed.relax(velocities));
+    }
+}
+
+impl<const L: usize, const A: usize> Default for Wide<L, A> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A system of `f32` contacts, packed into lanes of type `V`.
+#[derive(Clone, Debug, Default)]
+pub struct Packed<V: Lanes, const L: usize, const A: usize> {
+    blocks: Vec<Block<V, L, A>>,
+    contacts: Vec<Contact<V, L>>,
+    coloring: Coloring,
+    /// Manifolds of a color, by number of points.
+    sorted: Vec<u32>,
+}
+
+/// Up to eight manifolds that move different bodies.
+#[derive(Clone, Debug)]
+struct Block<V: Lanes, const L: usize, const A: usize> {
+    /// How many of the lanes are in use.
+    lanes: usize,
+    /// Which manifold of the system each lane is.
+    source: [u32; WIDTH],
+    bodies: [[u32; WIDTH]; 2],
+    masses: [InverseMass<V, L, A>; 2],
+    /// `bodies` of this one mean nothing: each lane has its own.
+    manifold: Manifold<V, L>,
+}
+
+impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
+    /// An empty one.
+    pub fn new() -> Self {
+        Self {
+            blocks: Vec::new(),
+            contacts: Vec::new(),
+            coloring: Coloring::default(),
+            sorted: Vec::new(),
+        }
+    }
+
+    /// Takes over the manifolds and contacts of `system`, and sets the effective masses of both
+    /// ([`Contact::prepare`]).
+    pub fn pack(&mut self, system: &mut System<f32, L, A>, softness: f32) {
+        self.coloring.assign(
+            system.velocities.len(),
+            system.manifolds.iter().map(|manifold| manifold.bodies),
+            |body| system.masses[body as usize] != InverseMass::FIXED,
+        );
+        self.blocks.clear();
+        self.contacts.clear();
+        let mut start = 0;
+        for &end in &self.coloring.ends {
+            self.sorted.clear();
+            self.sorted.extend(&self.coloring.order[start as usize..end as usize]);
+            // Alike in length, so that few lanes idle; stable, so that the order stays defined.
+            self.sorted.sort_by_key(|&index| system.manifolds[index as usize].count);
+            for group in self.sorted.chunks(WIDTH) {
+                let block = pack_block(system, group, &mut self.contacts);
+                self.blocks.push(block);
+            }
+            start = end;
+        }
+        self.prepare(splat(softness));
+        self.copy_back(system, |contact, wide, lane| {
+            contact.effective_mass = wide.effective_mass.get(lane);
+            contact.tangential_mass = wide.tangential_mass.get(lane);
+            contact.compliance = wide.compliance.get(lane);
+        });
+    }
+
+    fn prepare(&mut self, softness: V) {
+        V::run(
+            #[inline(always)]
+            || {
+                for block in &self.blocks {
+                    for contact in &mut self.contacts[block.manifold.points()] {
+                        contact.prepare(&block.manifold, &block.masses, softness);
+                    }
+                }
+            },
+        );
+    }
+
+    /// Gives impulses and targets back to the contacts of `system`.
+    pub fn unpack(&self, system: &mut System<f32, L, A>) {
+        self.copy_back(system, |contact, wide, lane| {
+            for i in 0..L {
+                contact.impulse[i] = wide.impulse[i].get(lane);
+                contact.target[i] = wide.target[i].get(lane);
+            }
+        });
+    }
+
+    /// `copy` for each contact of `system` and its lane.
+    fn copy_back(
+        &self,
+        system: &mut System<f32, L, A>,
+        copy: impl Fn(&mut Contact<f32, L>, &Contact<V, L>, usize),
+    ) {
+        for block in &self.blocks {
+            let wide = &self.contacts[block.manifold.points()];
+            for lane in 0..block.lanes {
+                let points = system.manifolds[block.source[lane] as usize].points();
+                for (contact, wide) in system.contacts[points].iter_mut().zip(wide) {
+                    copy(contact, wide, lane);
+                }
+            }
+        }
+    }
+
+    /// Takes over the impulses of collisions from the contacts of `system`.
+    pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
+        for block in &self.blocks {
+            for lane in 0..block.lanes {
+                let points = system.manifolds[block.source[lane] as usize].points();
+                let wide = &mut self.contacts[block.manifold.points()];
+                for (contact, wide) in system.contacts[points].iter().zip(wide) {
+                    wide.impact.set(lane, contact.impact);
+                }
+            }
+        }
+    }
+
+    /// [`System::set_targets`] and [`System::apply_impulses`] in one pass.
+    pub fn start(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        displacements: &[Velocity<f32, L, A>],
+        repair: &Repair<f32>,
+    ) {
+        let repair = Repair {
+            dt: splat(repair.dt),
+            rate: splat(repair.rate),
+            slop: splat(repair.slop),
+            push_speed: splat(repair.push_speed),
+            hold: splat(repair.hold),
+        };
+        V::run(
+            #[inline(always)]
+            || {
+                for block in &self.blocks {
+                    let manifold = &block.manifold;
+                    let [moved_a, moved_b] = block.gather(displacements);
+                    let [mut a, mut b] = block.gather(velocities);
+                    for contact in &mut self.contacts[manifold.points()] {
+                        contact.set_target(manifold, &moved_a, &moved_b, &repair);
+                        let impulse = manifold.to_world(contact.impulse);
+                        contact.apply(impulse, &block.masses, &mut a, &mut b);
+                    }
+                    block.scatter([a, b], velocities);
+                }
+            },
+        );
+    }
+
+    /// [`pgs::sweep_normals`](crate::pgs::sweep_normals).
+    pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.visit_all::<false, false>(velocities);
+    }
+
+    /// [`pgs::relax`](crate::pgs::relax).
+    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.visit_all::<true, true>(velocities);
+    }
+
+    fn visit_all<const RIGID: bool, const FRICTION: bool>(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+    ) {
+        V::run(
+            #[inline(always)]
+            || {
+                for block in &self.blocks {
+                    let manifold = &block.manifold;
+                    let [mut a, mut b] = block.gather(velocities);
+                    let points = &mut self.contacts[manifold.points()];
+                    let masses = &block.masses;
+                    visit::<V, L, A, RIGID, FRICTION>(manifold, points, masses, &mut a, &mut b);
+                    block.scatter([a, b], velocities);
+                }
+            },
+        );
+    }
+}
+
+impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
+    #[inline(always)]
+    fn gather(&self, from: &[Velocity<f32, L, A>]) -> [Velocity<V, L, A>; 2] {
+        let mut out = [Velocity::ZERO; 2];
+        for (bodies, out) in self.bodies.iter().zip(&mut out) {
+            let (mut linear, mut angular) = ([[0.0; WIDTH]; L], [[0.0; WIDTH]; A]);
+            for lane in 0..WIDTH {
+                let velocity = &from[bodies[lane] as usize];
+                for i in 0..L {
+                    linear[i][lane] = velocity.linear[i];
+                }
+                for i in 0..A {
+                    angular[i][lane] = velocity.angular[i];
+                }
+            }
+            for i in 0..L {
+                out.linear[i] = V::from_array(linear[i]);
+            }
+            for i in 0..A {
+                out.angular[i] = V::from_array(angular[i]);
+            }
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn scatter(&self, velocities: [Velocity<V, L, A>; 2], to: &mut [Velocity<f32, L, A>]) {
+        for (bodies, velocity) in self.bodies.iter().zip(&velocities) {
+            for lane in 0..self.lanes {
+                let body = &mut to[bodies[lane] as usize];
+                for i in 0..L {
+                    body.linear[i] = velocity.linear[i].get(lane);
+                }
+                for i in 0..A {
+                    body.angular[i] = velocity.angular[i].get(lane);
+                }
+            }
+        }
+    }
+}
+
+fn splat<V: Lanes>(value: f32) -> V {
+    V::from_array([value; WIDTH])
+}
+
+fn pack_block<V: Lanes, const L: usize, const A: usize>(
+    system: &System<f32, L, A>,
+    group: &[u32],
+    contacts: &mut Vec<Contact<V, L>>,
+) -> Block<V, L, A> {
+    let first = contacts.len();
+    let most = group.iter().map(|&index| system.manifolds[index as usize].count).max();
+    // What a lane has too few points for stays zero: masses of 0 take no impulse.
+    contacts.resize(first + most.unwrap_or(0) as usize, Contact::default());
+    // Idle lanes read the bodies of the first, and are not written back.
+    let leader = system.manifolds[group[0] as usize].bodies;
+    let mut block = Block {
+        lanes: group.len(),
+        source: [0; WIDTH],
+        bodies: leader.map(|body| [body; WIDTH]),
+        masses: [InverseMass::default(); 2],
+        manifold: Manifold {
+            bodies: [0, 0],
+            frame: [Vector::ZERO; L],
+            friction: V::ZERO,
+            restitution: V::ZERO,
+            first: first as u32,
+            count: most.unwrap_or(0),
+        },
+    };
+    for (lane, &index) in group.iter().enumerate() {
+        let manifold = &system.manifolds[index as usize];
+        block.source[lane] = index;
+        block.manifold.friction.set(lane, manifold.friction);
+        for (wide, axis) in block.manifold.frame.iter_mut().zip(&manifold.frame) {
+            set(wide, lane, axis);
+        }
+        for side in 0..2 {
+            let body = manifold.bodies[side];
+            let mass = &system.masses[body as usize];
+            block.bodies[side][lane] = body;
+            block.masses[side].linear.set(lane, mass.linear);
+            for (wide, row) in block.masses[side].angular.0.iter_mut().zip(&mass.angular.0) {
+                set(wide, lane, row);
+            }
+        }
+        for (wide, contact) in contacts[first..].iter_mut().zip(&system.contacts[manifold.points()])
+        {
+            set(&mut wide.anchor_a, lane, &contact.anchor_a);
+            set(&mut wide.anchor_b, lane, &contact.anchor_b);
+            set(&mut wide.gap, lane, &contact.gap);
+            set(&mut wide.impulse, lane, &contact.impulse);
+        }
+    }
+    block
+}
+
+fn set<V: Lanes, const N: usize>(wide: &mut Vector<V, N>, lane: usize, of: &Vector<f32, N>) {
+    for i in 0..N {
+        wide[i].set(lane, of[i]);
+    }
+}

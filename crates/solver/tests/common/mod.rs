@@ -1,0 +1,292 @@
+//! Random systems of contacts, and what the tests measure on them with arithmetic of their own.
+// Each test file is a crate that uses its part of this.
+#![allow(dead_code, unreachable_pub)]
+
+use drystone_solver::{
+    Contact, InverseMass, Manifold, Scalar, SymmetricMatrix, System, Vector, Velocity,
+    contact_frame,
+};
+
+/// Runs a generic check for particles and rigid bodies, in two and three dimensions.
+#[macro_export]
+macro_rules! in_all_four {
+    ($check:ident $(, $argument:expr)*) => {{
+        $check::<2, 0>($($argument),*);
+        $check::<3, 0>($($argument),*);
+        $check::<2, 1>($($argument),*);
+        $check::<3, 3>($($argument),*);
+    }};
+}
+
+/// |a - b| within `tolerance` of the larger of 1 and their sizes.
+#[track_caller]
+pub fn assert_close(a: f64, b: f64, tolerance: f64) {
+    let scale = 1f64.max(a.abs()).max(b.abs());
+    assert!((a - b).abs() <= tolerance * scale, "{a} is not {b}");
+}
+
+#[track_caller]
+pub fn assert_all_close(
+    a: impl IntoIterator<Item = f64>,
+    b: impl IntoIterator<Item = f64>,
+    tolerance: f64,
+) {
+    let (a, b): (Vec<_>, Vec<_>) = (a.into_iter().collect(), b.into_iter().collect());
+    assert_eq!(a.len(), b.len());
+    let scale = a.iter().chain(&b).fold(1f64, |largest, x| largest.max(x.abs()));
+    for (i, (x, y)) in a.iter().zip(&b).enumerate() {
+        assert!((x - y).abs() <= tolerance * scale, "entry {i}: {x} is not {y}\n{a:?}\n{b:?}");
+    }
+}
+
+/// SplitMix64: a seed names a system.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.bits() % count as u64) as usize
+    }
+
+    pub fn vector<const N: usize>(&mut self) -> Vector<f64, N> {
+        Vector(std::array::from_fn(|_| self.within(-1.0, 1.0)))
+    }
+
+    pub fn unit<const N: usize>(&mut self) -> Vector<f64, N> {
+        loop {
+            let v = self.vector::<N>();
+            let length = v.length();
+            if N == 0 || (0.1..1.0).contains(&length) {
+                return v * (1.0 / length);
+            }
+        }
+    }
+}
+
+/// A system, and what only a test needs to know of its bodies.
+#[derive(Clone)]
+pub struct Scene<const L: usize, const A: usize> {
+    pub system: System<f64, L, A>,
+    pub positions: Vec<Vector<f64, L>>,
+    /// Infinite for what is fixed.
+    pub masses: Vec<f64>,
+    pub inertias: Vec<SymmetricMatrix<f64, A>>,
+}
+
+impl<const L: usize, const A: usize> Scene<L, A> {
+    pub fn new() -> Self {
+        Self {
+            system: System::new(),
+            positions: Vec::new(),
+            masses: Vec::new(),
+            inertias: Vec::new(),
+        }
+    }
+
+    /// A body at rest with these principal moments of inertia about these axes.
+    pub fn body(
+        &mut self,
+        position: Vector<f64, L>,
+        mass: f64,
+        moments: Vector<f64, A>,
+        axes: &[Vector<f64, A>; A],
+    ) -> u32 {
+        let inverse = SymmetricMatrix::diagonal(moments.map(|i| 1.0 / i)).rotated(axes);
+        self.positions.push(position);
+        self.masses.push(mass);
+        self.inertias.push(SymmetricMatrix::diagonal(moments).rotated(axes));
+        self.system.add_body(Velocity::ZERO, InverseMass { linear: 1.0 / mass, angular: inverse })
+    }
+
+    /// A ball: a sphere of unit radius of gyration, at the origin of its own axes.
+    pub fn ball(&mut self, position: Vector<f64, L>, mass: f64) -> u32 {
+        let axes = std::array::from_fn(|i| {
+            Vector(std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }))
+        });
+        self.body(position, mass, Vector([mass; A]), &axes)
+    }
+
+    /// A body that nothing moves.
+    pub fn wall(&mut self) -> u32 {
+        self.positions.push(Vector::ZERO);
+        self.masses.push(f64::INFINITY);
+        self.inertias.push(SymmetricMatrix::ZERO);
+        self.system.add_body(Velocity::ZERO, InverseMass::FIXED)
+    }
+
+    /// Contacts at these points between two bodies, the normal from the second to the first.
+    pub fn touch(&mut self, bodies: [u32; 2], normal: Vector<f64, L>, points: &[Vector<f64, L>]) {
+        let contacts: Vec<_> = points
+            .iter()
+            .map(|&point| Contact {
+                anchor_a: point - self.positions[bodies[0] as usize],
+                anchor_b: point - self.positions[bodies[1] as usize],
+                ..Contact::default()
+            })
+            .collect();
+        let manifold = Manifold {
+            bodies,
+            frame: contact_frame(normal),
+            friction: 0.0,
+            restitution: 0.0,
+            first: 0,
+            count: 0,
+        };
+        self.system.add_manifold(manifold, &contacts);
+    }
+
+    /// One contact, for systems where the place does not matter.
+    pub fn push(&mut self, a: u32, b: u32, normal: Vector<f64, L>) {
+        let middle = |x: Vector<f64, L>, y: Vector<f64, L>| (x + y) * 0.5;
+        let point = middle(self.positions[a as usize], self.positions[b as usize]);
+        self.touch([a, b], normal, &[point]);
+    }
+
+    /// Sum of 1/2 m v^2 + 1/2 omega . I omega. \[J\]
+    pub fn kinetic_energy(&self) -> f64 {
+        let mut energy = 0.0;
+        for (i, v) in self.system.velocities.iter().enumerate() {
+            if self.masses[i].is_finite() {
+                energy += 0.5 * self.masses[i] * v.linear.dot(v.linear);
+                energy += 0.5 * v.angular.dot(self.inertias[i] * v.angular);
+            }
+        }
+        energy
+    }
+
+    /// Sum of m v. \[N s\]
+    pub fn momentum(&self) -> Vector<f64, L> {
+        let mut sum = Vector::ZERO;
+        for (i, v) in self.system.velocities.iter().enumerate() {
+            sum += v.linear * self.masses[i];
+        }
+        sum
+    }
+
+    /// Sum of x x m v + I omega, a number for each plane of rotation. \[N m s\]
+    pub fn angular_momentum(&self) -> Vec<f64> {
+        let planes: &[[usize; 2]] = if L == 2 { &[[0, 1]] } else { &[[1, 2], [2, 0], [0, 1]] };
+        let mut sums = vec![0.0; planes.len()];
+        for (i, v) in self.system.velocities.iter().enumerate() {
+            let (x, p) = (self.positions[i], v.linear * self.masses[i]);
+            let own = self.inertias[i] * v.angular;
+            for (axis, &[j, k]) in planes.iter().enumerate() {
+                sums[axis] += x[j] * p[k] - x[k] * p[j];
+                if A > 0 {
+                    sums[axis] += own[axis];
+                }
+            }
+        }
+        sums
+    }
+}
+
+/// What a random system is made of.
+#[derive(Clone, Copy)]
+pub struct Recipe {
+    pub bodies: usize,
+    pub manifolds: usize,
+    /// Points of a manifold: 1 to this.
+    pub points: usize,
+    /// Whether contacts with walls are among them.
+    pub walls: bool,
+}
+
+/// Contacts between random bodies at random places. Particles touch along the line between them.
+/// Targets are random; effective masses are those of rigid contacts.
+pub fn random_scene<const L: usize, const A: usize>(
+    random: &mut Random,
+    recipe: Recipe,
+) -> Scene<L, A> {
+    let mut scene = Scene::new();
+    for _ in 0..recipe.bodies {
+        let mass = 2f64.powf(random.within(-2.0, 2.0));
+        let moments = Vector(std::array::from_fn(|_| mass * random.within(0.1, 0.9)));
+        let axes = contact_frame(random.unit::<A>());
+        let body = scene.body(random.vector::<L>() * 2.0, mass, moments, &axes);
+        scene.system.velocities[body as usize] =
+            Velocity { linear: random.vector(), angular: random.vector() };
+    }
+    let wall = scene.wall();
+    for _ in 0..recipe.manifolds {
+        let a = random.below(recipe.bodies) as u32;
+        let mut b = (a + 1 + random.below(recipe.bodies - 1) as u32) % recipe.bodies as u32;
+        if recipe.walls && random.below(3) == 0 {
+            b = wall;
+        }
+        let apart = scene.positions[a as usize] - scene.positions[b as usize];
+        let normal = if A == 0 { apart * (1.0 / apart.length()) } else { random.unit() };
+        let middle = (scene.positions[a as usize] + scene.positions[b as usize]) * 0.5;
+        let count = if A == 0 { 1 } else { 1 + random.below(recipe.points) };
+        let points: Vec<_> = (0..count).map(|_| middle + random.vector()).collect();
+        scene.touch([a, b], normal, &points);
+        let manifold = scene.system.manifolds.last_mut().unwrap();
+        manifold.friction = random.within(0.0, 1.0);
+        manifold.restitution = random.within(0.0, 1.0);
+    }
+    for contact in &mut scene.system.contacts {
+        contact.target[0] = random.within(-1.0, 1.0);
+    }
+    scene.system.prepare(0.0);
+    scene
+}
+
+/// The same system in other numbers.
+pub fn convert<T: Scalar, U: drystone_solver::Real, const L: usize, const A: usize>(
+    system: &System<T, L, A>,
+) -> System<U, L, A> {
+    let number = |x: T| U::from_f64(x.to_f64());
+    System {
+        velocities: system
+            .velocities
+            .iter()
+            .map(|v| Velocity { linear: v.linear.map(number), angular: v.angular.map(number) })
+            .collect(),
+        masses: system
+            .masses
+            .iter()
+            .map(|mass| InverseMass {
+                linear: number(mass.linear),
+                angular: SymmetricMatrix(mass.angular.0.map(|row| row.map(number))),
+            })
+            .collect(),
+        manifolds: system
+            .manifolds
+            .iter()
+            .map(|manifold| Manifold {
+                bodies: manifold.bodies,
+                frame: manifold.frame.map(|axis| axis.map(number)),
+                friction: number(manifold.friction),
+                restitution: number(manifold.restitution),
+                first: manifold.first,
+                count: manifold.count,
+            })
+            .collect(),
+        contacts: system
+            .contacts
+            .iter()
+            .map(|contact| Contact {
+                anchor_a: contact.anchor_a.map(number),
+                anchor_b: contact.anchor_b.map(number),
+                gap: contact.gap.map(number),
+                target: contact.target.map(number),
+                impulse: contact.impulse.map(number),
+                impact: number(contact.impact),
+                effective_mass: number(contact.effective_mass),
+                tangential_mass: number(contact.tangential_mass),
+                compliance: number(contact.compliance),
+            })
+            .collect(),
+    }
+}

@@ -1,0 +1,316 @@
+//! Two ways to one answer: matrices and sweeps, f64 and f32, any order, a scene and its mirror.
+
+mod common;
+
+use std::cell::Cell;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+use common::{Random, Recipe, Scene, assert_all_close, convert, random_scene};
+use drystone_solver::{Real, SymmetricMatrix, System, Vector, Velocity, pgs};
+use proptest::prelude::*;
+
+fn any_scene<const L: usize, const A: usize>(random: &mut Random) -> Scene<L, A> {
+    let recipe = Recipe {
+        bodies: 2 + random.below(5),
+        manifolds: 1 + random.below(8),
+        points: 4,
+        walls: true,
+    };
+    random_scene(random, recipe)
+}
+
+fn flat<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Vec<f64> {
+    system.velocities.iter().flat_map(|v| v.linear.0.into_iter().chain(v.angular.0)).collect()
+}
+
+fn normals<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Vec<f64> {
+    system.contacts.iter().map(|contact| contact.impulse[0]).collect()
+}
+
+#[cfg(feature = "assembled")]
+mod assembled {
+    use super::*;
+    use drystone_solver::assembled::{
+        compliance, gauss_seidel, impulses, inverse_mass, jacobian, rhs, soften, system_matrix,
+        velocities,
+    };
+
+    /// gamma_i <- max(0, gamma_i + m_eff (t_i - v_n)) is row i of projected Gauss-Seidel on A + E.
+    fn sweep_by_sweep<const L: usize, const A: usize>(seed: u64, softness: f64) {
+        let random = &mut Random(seed);
+        let mut system = any_scene::<L, A>(random).system;
+        system.prepare(softness);
+        let a = soften(&system_matrix(&system), &compliance(&system));
+        let (b, v) = (rhs(&system), velocities(&system));
+        // From impulses of any kind, which the system holds before they have moved anything.
+        for contact in &mut system.contacts {
+            contact.impulse[0] = random.within(0.0, 1.0);
+        }
+        let mut gamma = impulses(&system);
+        system.apply_impulses();
+        for _ in 0..8 {
+            pgs::sweep_normals(&mut system);
+            gauss_seidel::projected_sweep(&a, &b, &mut gamma);
+            assert_all_close(normals(&system), gamma.iter().copied(), 1e-9);
+            let moved = jacobian(&system).transpose() * &gamma;
+            let after = &v + inverse_mass(&system) * moved;
+            assert_all_close(flat(&system), after.iter().copied(), 1e-9);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn sweeps_of_rigid_contacts(seed in any::<u64>()) {
+            in_all_four!(sweep_by_sweep, seed, 0.0);
+        }
+
+        #[test]
+        fn sweeps_of_soft_contacts(seed in any::<u64>(), softness in 0.01..0.8) {
+            in_all_four!(sweep_by_sweep, seed, softness);
+        }
+    }
+}
+
+/// The same source in f32: equal to f64 but for the rounding of f32.
+fn single_precision<const L: usize, const A: usize>(seed: u64) {
+    let mut single: System<f32, L, A> = convert(&any_scene::<L, A>(&mut Random(seed)).system);
+    let mut double: System<f64, L, A> = convert(&single);
+    for _ in 0..4 {
+        pgs::sweep(&mut single);
+        pgs::sweep(&mut double);
+    }
+    let single: System<f64, L, A> = convert(&single);
+    assert_all_close(flat(&single), flat(&double), 1e-4);
+    assert_all_close(normals(&single), normals(&double), 1e-4);
+}
+
+/// With a soft system, whose solution is the only one, the order of visits does not change where
+/// the sweeps lead.
+fn any_order<const L: usize, const A: usize>(seed: u64) {
+    let random = &mut Random(seed);
+    let mut system = any_scene::<L, A>(random).system;
+    system.prepare(0.2);
+    let mut shuffled = System { manifolds: Vec::new(), contacts: Vec::new(), ..system.clone() };
+    let mut order: Vec<usize> = (0..system.manifolds.len()).collect();
+    for i in (1..order.len()).rev() {
+        order.swap(i, random.below(i + 1));
+    }
+    for &i in &order {
+        let manifold = system.manifolds[i];
+        let mut points = system.contacts[manifold.points()].to_vec();
+        points.reverse();
+        shuffled.add_manifold(manifold, &points);
+    }
+    for _ in 0..1500 {
+        pgs::sweep_normals(&mut system);
+        pgs::sweep_normals(&mut shuffled);
+    }
+    assert_all_close(flat(&system), flat(&shuffled), 1e-9);
+    for (place, &i) in order.iter().enumerate() {
+        let (here, there) = (system.manifolds[i], shuffled.manifolds[place]);
+        let mut expected = normals(&system)[here.points()].to_vec();
+        expected.reverse();
+        assert_all_close(normals(&shuffled)[there.points()].to_vec(), expected, 1e-9);
+    }
+}
+
+/// A vector in a mirror across the plane x = 0.
+fn reflected<const N: usize>(mut vector: Vector<f64, N>) -> Vector<f64, N> {
+    vector[0] = -vector[0];
+    vector
+}
+
+/// A rotation in that mirror: what turns in the mirror's plane keeps its sense.
+fn turned<const A: usize>(omega: Vector<f64, A>) -> Vector<f64, A> {
+    if A == 3 { reflected(-omega) } else { -omega }
+}
+
+fn mirrored<const L: usize, const A: usize>(system: &System<f64, L, A>) -> System<f64, L, A> {
+    let mut mirror = system.clone();
+    for velocity in &mut mirror.velocities {
+        *velocity =
+            Velocity { linear: reflected(velocity.linear), angular: turned(velocity.angular) };
+    }
+    for mass in &mut mirror.masses {
+        // R W R with R = diag(turned(1)): entries between the first axis and the others.
+        let sign = turned(Vector([1.0; A]));
+        let entry = |i: usize, j: usize| mass.angular.0[i][j] * sign[i] * sign[j];
+        let rows = std::array::from_fn(|i| Vector(std::array::from_fn(|j| entry(i, j))));
+        mass.angular = SymmetricMatrix(rows);
+    }
+    for manifold in &mut mirror.manifolds {
+        manifold.frame = manifold.frame.map(reflected);
+    }
+    for contact in &mut mirror.contacts {
+        contact.anchor_a = reflected(contact.anchor_a);
+        contact.anchor_b = reflected(contact.anchor_b);
+    }
+    mirror
+}
+
+/// The mirror image of a system gives the mirror image of its answer, friction included.
+fn mirror<const L: usize, const A: usize>(seed: u64) {
+    let mut system = any_scene::<L, A>(&mut Random(seed)).system;
+    let mut image = mirrored(&system);
+    image.prepare(0.1);
+    system.prepare(0.1);
+    for _ in 0..6 {
+        pgs::sweep(&mut system);
+        pgs::sweep(&mut image);
+    }
+    assert_all_close(flat(&mirrored(&image)), flat(&system), 1e-12);
+    assert_all_close(normals(&image), normals(&system), 1e-12);
+}
+
+/// Which body of a contact is called a does not matter, if the frame is turned round with it.
+fn exchange<const L: usize, const A: usize>(seed: u64) {
+    let mut system = any_scene::<L, A>(&mut Random(seed)).system;
+    let mut exchanged = system.clone();
+    for manifold in &mut exchanged.manifolds {
+        manifold.bodies.reverse();
+        manifold.frame = manifold.frame.map(|axis| -axis);
+    }
+    for contact in &mut exchanged.contacts {
+        std::mem::swap(&mut contact.anchor_a, &mut contact.anchor_b);
+    }
+    exchanged.prepare(0.0);
+    for _ in 0..6 {
+        pgs::sweep(&mut system);
+        pgs::sweep(&mut exchanged);
+    }
+    assert_all_close(flat(&exchanged), flat(&system), 1e-10);
+}
+
+proptest! {
+    #[test]
+    fn f32_and_f64(seed in any::<u64>()) {
+        in_all_four!(single_precision, seed);
+    }
+
+    #[test]
+    fn order_of_contacts(seed in any::<u64>()) {
+        in_all_four!(any_order, seed);
+    }
+
+    #[test]
+    fn mirror_images(seed in any::<u64>()) {
+        in_all_four!(mirror, seed);
+    }
+
+    #[test]
+    fn bodies_a_and_b_exchanged(seed in any::<u64>()) {
+        in_all_four!(exchange, seed);
+    }
+}
+
+thread_local! {
+    static OPERATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// A number that counts what is done with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Counting(f64);
+
+impl Counting {
+    fn new(value: f64) -> Self {
+        OPERATIONS.set(OPERATIONS.get() + 1);
+        Self(value)
+    }
+
+    fn during(work: impl FnOnce()) -> u64 {
+        let before = OPERATIONS.get();
+        work();
+        OPERATIONS.get() - before
+    }
+}
+
+macro_rules! counting {
+    ($($operator:ident $method:ident),*) => {$(
+        impl $operator for Counting {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                Self::new(self.0.$method(other.0))
+            }
+        }
+    )*};
+}
+
+counting!(Add add, Sub sub, Mul mul, Div div);
+
+impl Neg for Counting {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self::new(-self.0)
+    }
+}
+
+impl AddAssign for Counting {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl SubAssign for Counting {
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl Real for Counting {
+    const ZERO: Self = Self(0.0);
+    const ONE: Self = Self(1.0);
+
+    fn from_f64(value: f64) -> Self {
+        Self(value)
+    }
+
+    fn sqrt(self) -> Self {
+        Self::new(self.0.sqrt())
+    }
+
+    fn max(self, other: Self) -> Self {
+        Self::new(Real::max(self.0, other.0))
+    }
+
+    fn min(self, other: Self) -> Self {
+        Self::new(Real::min(self.0, other.0))
+    }
+
+    fn choose(self, positive: Self, otherwise: Self) -> Self {
+        Self::new(self.0.choose(positive.0, otherwise.0))
+    }
+}
+
+/// Operations of a sweep over a pile in which `contacts` contacts all push on one body: the worst
+/// case for anything that searches for the contacts of a body.
+fn operations<const L: usize, const A: usize>(
+    contacts: usize,
+    sweep: fn(&mut System<Counting, L, A>),
+) -> u64 {
+    let random = &mut Random(7);
+    let mut scene = Scene::<L, A>::new();
+    let hub = scene.ball(Vector::ZERO, 1.0);
+    for _ in 0..contacts {
+        let position = random.unit();
+        let ball = scene.ball(position, 1.0);
+        scene.touch([hub, ball], -position, &[position * 0.5]);
+    }
+    scene.system.prepare(0.0);
+    let mut system: System<Counting, L, A> = convert(&scene.system);
+    Counting::during(|| sweep(&mut system))
+}
+
+fn linear_cost<const L: usize, const A: usize>() {
+    for sweep in [pgs::sweep, pgs::sweep_normals, pgs::relax] as [fn(&mut System<_, L, A>); 3] {
+        let one = operations(1, sweep);
+        assert!(one > 0);
+        for contacts in [2, 10, 50, 1000] {
+            assert_eq!(operations(contacts, sweep), contacts as u64 * one);
+        }
+    }
+}
+
+#[test]
+fn a_sweep_costs_the_same_for_every_contact() {
+    in_all_four!(linear_cost);
+}
