@@ -43,6 +43,8 @@ pub struct Target<'a> {
     pub node: usize,
     /// Body in the recording.
     pub body: usize,
+    /// Length of a unit of the node's translation in the world. \[m\]
+    pub unit: f64,
     /// Translation and rotation of the node in its parent, from the time \[s\] and the pose of
     /// the body in the world. [`pose_at`] tells where other bodies are at that time.
     pub local: &'a (dyn Fn(f64, Pose) -> Pose + Sync),
@@ -92,10 +94,10 @@ pub(super) fn pose_2d([x, y]: [f64; 2], angle: f64) -> Pose {
     Pose { position: [x, y, 0.0], rotation: [0.0, 0.0, sin, cos] }
 }
 
-/// Appends a clip to a document and says whether there is one: none if nothing moves.
+/// Appends a clip to a document and tells its index: none if nothing moves.
 ///
-/// A node that moves or turns less than the tolerance gets no channel, so its own translation and
-/// rotation must be those of the first frame.
+/// A node that moves or turns less than the tolerance gets no channel; its own translation and
+/// rotation become those of the first frame, unless they are that already.
 ///
 /// # Errors
 /// A pose is not finite.
@@ -105,7 +107,7 @@ pub fn append_clip(
     recording: &Recording,
     targets: &[Target<'_>],
     options: &GlbOptions,
-) -> io::Result<bool> {
+) -> io::Result<Option<usize>> {
     let times = sample_times(recording, options);
     let thinned: Vec<_> = targets
         .par_iter()
@@ -115,12 +117,40 @@ pub fn append_clip(
     for (target, (positions, rotations)) in targets.iter().zip(&thinned) {
         clip.add(target.node, "translation", &times, positions);
         clip.add(target.node, "rotation", &times, rotations);
+        let nodes = gltf.document.get_mut("nodes");
+        if let Some(node) = nodes.and_then(|nodes| nodes.get_mut(target.node)) {
+            let move_by = target.move_by(options);
+            rest_at(node, "translation", [0.0; 3], positions, |a, b| distance(a, b) <= move_by);
+            let turn_by = options.rotation_tolerance;
+            let none = [0.0, 0.0, 0.0, 1.0];
+            rest_at(node, "rotation", none, rotations, |a, b| angle(a, b) <= turn_by);
+        }
     }
-    let moves = !clip.channels.is_empty();
-    if moves {
-        clip.append_to(gltf, name);
+    Ok((!clip.channels.is_empty()).then(|| clip.append_to(gltf, name)))
+}
+
+impl Target<'_> {
+    /// The position tolerance in units of the node's translation.
+    fn move_by(&self, options: &GlbOptions) -> f64 {
+        options.position_tolerance / if self.unit > 0.0 { self.unit } else { 1.0 }
     }
-    Ok(moves)
+}
+
+/// Gives a node without a channel the value of the first frame.
+fn rest_at<const N: usize>(
+    node: &mut Value,
+    path: &str,
+    default: [f64; N],
+    track: &Track<N>,
+    close: impl Fn([f64; N], [f64; N]) -> bool,
+) {
+    let Some(first) = track.first.filter(|_| track.kept.is_empty()) else { return };
+    let own = node.get(path).map_or(default, |own| {
+        std::array::from_fn(|i| own.get(i).and_then(Value::as_f64).unwrap_or(f64::NAN))
+    });
+    if !close(own, first.map(f64::from)) {
+        node[path] = json!(first.map(f64::from).to_vec());
+    }
 }
 
 /// Rising times of the samples, as the file holds them. \[s\]
@@ -149,6 +179,7 @@ fn sample_times(recording: &Recording, options: &GlbOptions) -> Vec<f32> {
 
 /// Kept samples and their values; none if the track is constant.
 struct Track<const N: usize> {
+    first: Option<[f32; N]>,
     kept: Vec<u32>,
     values: Vec<[f32; N]>,
 }
@@ -173,7 +204,7 @@ fn thin_target(
         let sign = if dot(before, pose.rotation) < 0.0 { -1.0 } else { 1.0 };
         rotations.push(normalized(pose.rotation).map(|x| (sign * x) as f32));
     }
-    let (move_by, turn_by) = (options.position_tolerance, options.rotation_tolerance);
+    let (move_by, turn_by) = (target.move_by(options), options.rotation_tolerance);
     Ok((
         thin(times, &positions, |a, b, part, x| distance(lerp(a, b, part), x) <= move_by),
         thin(times, &rotations, |a, b, part, q| angle(slerp(a, b, part), q) <= turn_by),
@@ -206,8 +237,9 @@ fn thin<const N: usize>(
             kept.push(from as u32);
         }
     }
+    let first = values.first().copied();
     let values = kept.iter().map(|i| values[*i as usize]).collect();
-    Track { kept, values }
+    Track { first, kept, values }
 }
 
 /// A far sample up to which a line from this one fits: strides double while they fit, then the
@@ -269,7 +301,7 @@ impl Clip {
         self.accessors.len() - 1
     }
 
-    fn append_to(self, gltf: &mut GltfBuffer<'_>, name: &str) {
+    fn append_to(self, gltf: &mut GltfBuffer<'_>, name: &str) -> usize {
         let view = gltf.push_view(&self.data, Use::Data);
         let mut first = 0;
         for (i, mut accessor) in self.accessors.into_iter().enumerate() {
@@ -285,7 +317,7 @@ impl Clip {
             }
         }
         let clip = json!({"name": name, "samplers": samplers, "channels": self.channels});
-        gltf.push("animations", clip);
+        gltf.push("animations", clip)
     }
 }
 

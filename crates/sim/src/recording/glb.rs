@@ -57,7 +57,7 @@ fn build(
     let roots = Nodes { dimension: scene.dimension, ..Nodes::default() }.add(&mut gltf, scene);
     let targets: Vec<_> = (roots.iter().enumerate())
         .filter(|(body, _)| scene.bodies[*body].motion != Motion::Static)
-        .map(|(body, node)| Target { node: *node, body, local: &as_body })
+        .map(|(body, node)| Target { node: *node, body, unit: 1.0, local: &as_body })
         .collect();
     append_clip(&mut gltf, "simulation", recording, &targets, options)?;
     let mut root = json!({});

@@ -10,147 +10,208 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::Recording;
-use crate::scene::gltf::math::{self, Quat, Vec3};
+use super::animation::{GlbOptions, Pose, Target, append_clip, pose_at};
+use super::buffer::{GltfBuffer, Use, write_glb};
+use crate::scene::gltf::math::{self, Quat};
 use crate::scene::gltf::nodes::{Affine, Trs};
-use crate::scene::gltf::{Source, container};
+use crate::scene::gltf::{BodyNode, Source, container};
 use crate::scene::{Place, Warning};
 
 /// Name of the animation that is added.
 const CLIP: &str = "Drystone";
-/// How far a position between keys may be from the recording. \[m\]
-const POSITION_SLACK: f64 = 1e-5;
-/// How far a rotation between keys may be from the recording. \[rad\]
-const TURN_SLACK: f64 = 1e-5;
-/// Buffer data starts at multiples of this, which suits every component type.
+/// Buffers start at multiples of this, which suits every component type.
 const ALIGNMENT: usize = 8;
-
-/// Local transforms of a node over time.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NodeTrack {
-    /// The node of the document.
-    pub node: usize,
-    /// Ascending. \[s\]
-    pub times: Vec<f32>,
-    /// In the node's parent, one per time.
-    pub translations: Vec<[f32; 3]>,
-    /// In the node's parent, one per time, x y z w; without jumps of sign.
-    pub rotations: Vec<[f32; 4]>,
-    /// Length of a unit of the translations in the world. \[m\]
-    pub unit: f64,
-}
 
 /// Writes `recording` into the glTF that its scene was read from, as one `.glb`.
 ///
-/// The file that `source` was read from stays as it is. What comes back are warnings about parts
-/// of the document that still need other files.
+/// The file that `source` was read from stays as it is. Static bodies get no keys, nor do bodies
+/// that an animation of the file moves: the new clip repeats that animation. What comes back are
+/// warnings about parts of the document that still need other files.
 ///
 /// # Errors
 ///
-/// Where `recording` does not belong to `source`, or the file cannot be written.
+/// Where `recording` does not belong to `source` or is not finite, or the file cannot be written.
 pub fn write(
-    out: &mut impl Write,
+    out: &mut dyn Write,
     source: &Source,
     recording: &Recording,
+    options: &GlbOptions,
 ) -> io::Result<Vec<Warning>> {
-    let tracks = node_tracks(source, recording)?;
     let (mut document, mut bin, warnings) = merge(source)?;
-    add_clip(&mut document, &mut bin, source, &tracks)?;
+    add_clip(&mut document, &mut bin, source, recording, options)?;
+    finish(&mut document, &mut bin)?;
     write_glb(out, &document, &bin)?;
+    out.flush()?;
     Ok(warnings)
 }
 
-/// Turns the poses of the bodies into local transforms of their nodes.
-///
-/// Static bodies have no track, nor have bodies that an animation of the file moves: the clip
-/// repeats that animation.
-///
-/// # Errors
-///
-/// Where `recording` has other bodies than `source`, or poses that are not finite.
-pub fn node_tracks(source: &Source, recording: &Recording) -> io::Result<Vec<NodeTrack>> {
-    let bodies = &source.bodies;
-    if recording.dimension != 3 || recording.bodies != bodies.len() {
+/// Adds the animation: the recording, and what the file's first animation moves besides.
+fn add_clip(
+    document: &mut Value,
+    bin: &mut Vec<u8>,
+    source: &Source,
+    recording: &Recording,
+    options: &GlbOptions,
+) -> io::Result<()> {
+    check(source, recording)?;
+    let written: Vec<usize> =
+        (0..source.bodies.len()).filter(|body| source.bodies[*body].is_written()).collect();
+    let locals: Vec<_> =
+        written.iter().map(|body| move |time, _| local(source, recording, *body, time)).collect();
+    let mut targets = Vec::with_capacity(written.len());
+    for (body, local) in written.iter().zip(&locals) {
+        let node = &source.bodies[*body];
+        let unit = unit(source, recording, *body)?;
+        separate_matrix(document, node)?;
+        targets.push(Target { node: node.node, body: *body, unit, local });
+    }
+    let mut gltf = GltfBuffer { document, bytes: bin, buffer: 0 };
+    let clip = append_clip(&mut gltf, CLIP, recording, &targets, options)?;
+    let nodes = targets.iter().map(|target| target.node).collect();
+    repeat(&mut gltf, clip, &nodes)
+}
+
+fn check(source: &Source, recording: &Recording) -> io::Result<()> {
+    let bodies = source.bodies.len();
+    if recording.dimension != 3 || recording.bodies != bodies {
         return Err(invalid(format!(
-            "a recording of {} bodies in {}D does not belong to a glTF with {} bodies",
-            recording.bodies,
-            recording.dimension,
-            bodies.len()
+            "a recording of {} bodies in {}D does not belong to a glTF with {bodies} bodies",
+            recording.bodies, recording.dimension,
         )));
     }
-    if let Some(at) = recording.poses.iter().position(|x| !x.is_finite()) {
-        let body = at / recording.stride() % recording.bodies.max(1);
-        return Err(invalid(format!("the recording holds a pose of body {body} without a number")));
-    }
-    let mut order: Vec<usize> = (0..bodies.len()).collect();
-    order.sort_by_key(|body| bodies[*body].depth);
-
-    let mut tracks: Vec<Option<NodeTrack>> = bodies
-        .iter()
-        .map(|body| {
-            (body.moves && !body.driven).then(|| NodeTrack {
-                node: body.node,
-                times: Vec::new(),
-                translations: Vec::new(),
-                rotations: Vec::new(),
-                unit: 1.0,
-            })
-        })
-        .collect();
-    let mut worlds = vec![(Affine::IDENTITY, math::NO_TURN); bodies.len()];
-    for frame in 0..recording.frames() {
-        let time = (frame as f64 * recording.frame_time) as f32;
-        for index in &order {
-            let body = &bodies[*index];
-            let (position, turn) = pose(recording, frame, *index);
-            let (above, above_turn) = match body.carrier {
-                Some(carrier) => {
-                    let (world, turn) = worlds[carrier];
-                    (world.after(&body.parent), math::quat_mul(turn, body.parent_turn))
-                }
-                None => (body.parent, body.parent_turn),
-            };
-            let mut world =
-                Affine { linear: math::mul(math::rotation(turn), body.rest), shift: position };
-            if let Some(track) = &mut tracks[*index] {
-                let inverse = math::inverse(above.linear).ok_or_else(|| {
-                    invalid(format!("a scale of 0 above node {} hides its motion", body.node))
-                })?;
-                let local = Trs {
-                    translation: math::apply(inverse, math::sub(position, above.shift)),
-                    rotation: math::quat_mul(math::conjugate(above_turn), turn),
-                    scale: body.local.scale,
-                };
-                world = above.after(&local.affine());
-                track.push(time, &local);
-                if frame == 0 {
-                    track.unit = above.linear.map(math::length).into_iter().fold(0.0, f64::max);
-                }
-            }
-            worlds[*index] = (world, turn);
-        }
-    }
-    Ok(tracks.into_iter().flatten().collect())
+    Ok(())
 }
 
-fn pose(recording: &Recording, frame: usize, body: usize) -> (Vec3, Quat) {
-    let pose = recording.pose(frame, body);
-    let number = |i: usize| f64::from(pose[i]);
-    let turn = [number(3), number(4), number(5), number(6)];
-    ([number(0), number(1), number(2)], math::quat_unit(turn).unwrap_or(math::NO_TURN))
+impl BodyNode {
+    /// Whether its keys come from the recording.
+    fn is_written(&self) -> bool {
+        self.moves && !self.driven
+    }
 }
 
-impl NodeTrack {
-    fn push(&mut self, time: f32, local: &Trs) {
-        let mut rotation = math::quat_unit(local.rotation).unwrap_or(math::NO_TURN);
-        if let Some(last) = self.rotations.last()
-            && math::quat_dot(last.map(f64::from), rotation) < 0.0
-        {
-            rotation = rotation.map(|x| -x);
-        }
-        self.times.push(time);
-        self.translations.push(local.translation.map(|x| x as f32));
-        self.rotations.push(rotation.map(|x| x as f32));
+/// Length of a unit of the node's translation in the world. \[m\]
+fn unit(source: &Source, recording: &Recording, body: usize) -> io::Result<f64> {
+    if recording.frames() == 0 {
+        return Ok(1.0);
     }
+    let (above, _) = above(source, recording, body, 0.0);
+    if math::inverse(above.linear).is_none() {
+        let node = source.bodies[body].node;
+        return Err(invalid(format!("a scale of 0 above node {node} hides its motion")));
+    }
+    Ok(above.linear.map(math::length).into_iter().fold(0.0, f64::max))
+}
+
+/// The node of a body in its parent at a time \[s\].
+fn local(source: &Source, recording: &Recording, body: usize, time: f64) -> Pose {
+    let (above, above_turn) = above(source, recording, body, time);
+    place(&above, above_turn, &pose_at(recording, body, time))
+}
+
+fn place(above: &Affine, above_turn: Quat, pose: &Pose) -> Pose {
+    // A singular map gives no position: the clip refuses it.
+    let inverse = math::inverse(above.linear).unwrap_or([[f64::NAN; 3]; 3]);
+    Pose {
+        position: math::apply(inverse, math::sub(pose.position, above.shift)),
+        rotation: math::quat_mul(math::conjugate(above_turn), pose.rotation),
+    }
+}
+
+/// The space of the parent of a body's node in the world, and its rotation.
+fn above(source: &Source, recording: &Recording, body: usize, time: f64) -> (Affine, Quat) {
+    let mut carriers = Vec::new();
+    let mut next = source.bodies[body].carrier;
+    while let Some(carrier) = next {
+        carriers.push(carrier);
+        next = source.bodies[carrier].carrier;
+    }
+    let mut world = (Affine::IDENTITY, math::NO_TURN);
+    let parent = |(world, turn): (Affine, Quat), body: &BodyNode| {
+        (world.after(&body.parent), math::quat_mul(turn, body.parent_turn))
+    };
+    for carrier in carriers.into_iter().rev() {
+        let node = &source.bodies[carrier];
+        let (above, above_turn) = parent(world, node);
+        let pose = pose_at(recording, carrier, time);
+        let space = if node.is_written() {
+            // Where the clip puts it, which a shear above sets apart from the body.
+            let Pose { position, rotation } = place(&above, above_turn, &pose);
+            let scale = node.local.scale;
+            above.after(&Trs { translation: position, rotation, scale }.affine())
+        } else {
+            let linear = math::mul(math::rotation(pose.rotation), node.rest);
+            Affine { linear, shift: pose.position }
+        };
+        world = (space, pose.rotation);
+    }
+    parent(world, &source.bodies[body])
+}
+
+/// An animated node is given by translation, rotation and scale.
+fn separate_matrix(document: &mut Value, body: &BodyNode) -> io::Result<()> {
+    let node = document.get_mut("nodes").and_then(|nodes| nodes.get_mut(body.node));
+    let node = node.and_then(Value::as_object_mut).ok_or_else(broken)?;
+    if node.remove("matrix").is_some() {
+        node.insert("translation".into(), json!(body.local.translation));
+        node.insert("rotation".into(), json!(body.local.rotation));
+        node.insert("scale".into(), json!(body.local.scale));
+    }
+    Ok(())
+}
+
+/// Takes the channels of the file's first animation over to the clip, but for the nodes that have
+/// poses there.
+fn repeat(
+    gltf: &mut GltfBuffer<'_>,
+    clip: Option<usize>,
+    written: &BTreeSet<usize>,
+) -> io::Result<()> {
+    let first = gltf.document.get("animations").and_then(|list| list.get(0)).cloned();
+    let Some(first) = first.filter(|_| clip != Some(0)) else { return Ok(()) };
+    let own = clip.and_then(|clip| gltf.document["animations"].get(clip));
+    let list = |of: Option<&Value>, key: &str| {
+        of.and_then(|of| of.get(key)).and_then(Value::as_array).cloned().unwrap_or_default()
+    };
+    let (mut channels, mut samplers) = (list(own, "channels"), list(own, "samplers"));
+    let (theirs, sources) = (list(Some(&first), "channels"), list(Some(&first), "samplers"));
+    let whole = |value: &Value| value.as_f64().map(|x| x as usize);
+    for mut channel in theirs {
+        let target = channel.get("target");
+        let node = target.and_then(|t| t.get("node")).and_then(whole);
+        let path = target.and_then(|t| t.get("path")).and_then(Value::as_str);
+        let ours = node.is_some_and(|node| written.contains(&node))
+            && matches!(path, Some("translation" | "rotation"));
+        let sampler = channel.get("sampler").and_then(whole).and_then(|s| sources.get(s));
+        let (false, Some(sampler)) = (ours, sampler) else { continue };
+        channel["sampler"] = json!(samplers.len());
+        samplers.push(sampler.clone());
+        channels.push(channel);
+    }
+    if channels.is_empty() {
+        return Ok(());
+    }
+    let animation = json!({ "name": CLIP, "samplers": samplers, "channels": channels });
+    match clip {
+        Some(clip) => gltf.document["animations"][clip] = animation,
+        None => _ = gltf.push("animations", animation),
+    }
+    Ok(())
+}
+
+/// States the length of the buffer, or leaves it out: a document without data has none.
+fn finish(document: &mut Value, bin: &mut Vec<u8>) -> io::Result<()> {
+    let root = document.as_object_mut().ok_or_else(broken)?;
+    let buffers = root.get_mut("buffers").and_then(Value::as_array_mut).ok_or_else(broken)?;
+    if bin.is_empty() && buffers.len() == 1 {
+        root.remove("buffers");
+        return Ok(());
+    }
+    // Buffers that stay outside count from 1, so that there must be a buffer before them.
+    bin.resize(bin.len().max(1), 0);
+    if let Some(buffer) = buffers.first_mut() {
+        *buffer = json!({ "byteLength": bin.len() });
+    }
+    Ok(())
 }
 
 fn invalid(message: String) -> io::Error {
@@ -175,7 +236,7 @@ fn merge(source: &Source) -> io::Result<(Value, Vec<u8>, Vec<Warning>)> {
     for (buffer, bytes) in old.into_iter().zip(&source.buffers) {
         match bytes {
             Some(bytes) => {
-                align(&mut bin, 0);
+                bin.resize(bin.len().next_multiple_of(ALIGNMENT), 0);
                 moved.push((0, bin.len()));
                 bin.extend_from_slice(bytes);
             }
@@ -196,7 +257,7 @@ fn merge(source: &Source) -> io::Result<(Value, Vec<u8>, Vec<Warning>)> {
         }
     }
     root.insert("buffers".into(), Value::Array(kept));
-    embed_images(root, &mut bin, &source.folder, &mut warnings)?;
+    embed_images(&mut document, &mut bin, &source.folder, &mut warnings)?;
     Ok((document, bin, warnings))
 }
 
@@ -216,15 +277,13 @@ fn move_view(view: &mut Value, moved: &[(usize, usize)]) -> Option<()> {
 
 /// Takes images beside the document into the buffer; warns of those that stay outside.
 fn embed_images(
-    root: &mut Map<String, Value>,
+    document: &mut Value,
     bin: &mut Vec<u8>,
     folder: &Path,
     warnings: &mut Vec<Warning>,
 ) -> io::Result<()> {
-    let mut views = Vec::new();
-    let first = root.get("bufferViews").and_then(Value::as_array).map_or(0, Vec::len);
-    let images = root.get_mut("images").and_then(Value::as_array_mut);
-    for (index, image) in images.into_iter().flatten().enumerate() {
+    let Some(mut images) = document.get_mut("images").map(Value::take) else { return Ok(()) };
+    for (index, image) in images.as_array_mut().into_iter().flatten().enumerate() {
         let Some(image) = image.as_object_mut() else { continue };
         let Some(uri) = image.get("uri").and_then(Value::as_str) else { continue };
         if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
@@ -245,10 +304,11 @@ fn embed_images(
         };
         image.remove("uri");
         image.insert("mimeType".into(), json!(kind));
-        image.insert("bufferView".into(), json!(first + views.len()));
-        views.push(append(bin, &bytes));
+        let mut gltf = GltfBuffer { document, bytes: bin, buffer: 0 };
+        image.insert("bufferView".into(), json!(gltf.push_view(&bytes, Use::Data)));
     }
-    extend(root, "bufferViews", views)
+    document["images"] = images;
+    Ok(())
 }
 
 fn image_type(bytes: &[u8]) -> Option<&'static str> {
@@ -263,253 +323,4 @@ fn image_type(bytes: &[u8]) -> Option<&'static str> {
     } else {
         None
     }
-}
-
-/// Adds items to an array of the document, which may not exist yet.
-fn extend(root: &mut Map<String, Value>, key: &str, items: Vec<Value>) -> io::Result<()> {
-    if !items.is_empty() {
-        let list = root.entry(key).or_insert_with(|| json!([]));
-        list.as_array_mut().ok_or_else(broken)?.extend(items);
-    }
-    Ok(())
-}
-
-fn align(bytes: &mut Vec<u8>, fill: u8) {
-    bytes.resize(bytes.len().next_multiple_of(ALIGNMENT), fill);
-}
-
-/// Appends data to the buffer; its view.
-fn append(bin: &mut Vec<u8>, data: &[u8]) -> Value {
-    align(bin, 0);
-    let view = json!({ "buffer": 0, "byteOffset": bin.len(), "byteLength": data.len() });
-    bin.extend_from_slice(data);
-    view
-}
-
-/// Adds the animation: `tracks`, and what the file's first animation moves besides.
-fn add_clip(
-    document: &mut Value,
-    bin: &mut Vec<u8>,
-    source: &Source,
-    tracks: &[NodeTrack],
-) -> io::Result<()> {
-    let root = document.as_object_mut().ok_or_else(broken)?;
-    let mut clip = Clip {
-        views: root.get("bufferViews").and_then(Value::as_array).cloned().unwrap_or_default(),
-        accessors: root.get("accessors").and_then(Value::as_array).cloned().unwrap_or_default(),
-        samplers: Vec::new(),
-        channels: Vec::new(),
-    };
-    let nodes = root.get_mut("nodes").and_then(Value::as_array_mut);
-    let nodes = nodes.map(Vec::as_mut_slice).unwrap_or_default();
-    for track in tracks {
-        let node = nodes.get_mut(track.node).and_then(Value::as_object_mut).ok_or_else(broken)?;
-        let body = source.bodies.iter().find(|b| b.node == track.node).ok_or_else(broken)?;
-        let rest = &body.local;
-        let slack = POSITION_SLACK / if track.unit > 0.0 { track.unit } else { 1.0 };
-        let moves = thin(
-            &track.times,
-            &track.translations,
-            slack,
-            |a, b, t| {
-                let [a, b] = [a, b].map(|v| v.map(f64::from));
-                math::add(math::scale(a, 1.0 - t), math::scale(b, t))
-            },
-            |a, b| math::length(math::sub(a, b.map(f64::from))),
-        );
-        let turns = thin(
-            &track.times,
-            &track.rotations,
-            TURN_SLACK,
-            |a, b, t| math::slerp(a.map(f64::from), b.map(f64::from), t),
-            |a, b| angle(a, b.map(f64::from)),
-        );
-        let start = rest.translation.map(|x| x as f32);
-        let held = |keys: &[usize]| keys.len() < 2;
-        let still = held(&moves)
-            && track.translations.first().is_none_or(|first| {
-                math::length(math::sub(first.map(f64::from), start.map(f64::from))) <= slack
-            });
-        let unturned = held(&turns)
-            && track
-                .rotations
-                .first()
-                .is_none_or(|first| angle(first.map(f64::from), rest.rotation) <= TURN_SLACK);
-        if still && unturned {
-            continue;
-        }
-        if node.remove("matrix").is_some() {
-            // An animated node is given by translation, rotation and scale.
-            node.insert("translation".into(), json!(rest.translation));
-            node.insert("rotation".into(), json!(rest.rotation));
-            node.insert("scale".into(), json!(rest.scale));
-        }
-        if !still {
-            clip.channel(bin, track, "translation", &moves, |i| track.translations[i].to_vec());
-        }
-        if !unturned {
-            clip.channel(bin, track, "rotation", &turns, |i| track.rotations[i].to_vec());
-        }
-    }
-    let written: BTreeSet<usize> = tracks.iter().map(|t| t.node).collect();
-    clip.repeat(root.get("animations").and_then(|a| a.get(0)), &written);
-    if !clip.channels.is_empty() {
-        root.insert("bufferViews".into(), Value::Array(clip.views));
-        root.insert("accessors".into(), Value::Array(clip.accessors));
-        let animation =
-            json!({ "name": CLIP, "samplers": clip.samplers, "channels": clip.channels });
-        extend(root, "animations", vec![animation])?;
-    }
-    // A document without data has no buffer, and empty arrays are not allowed. Buffers that stay
-    // outside count from 1, so that there must be a buffer before them.
-    let buffers = root.get_mut("buffers").and_then(Value::as_array_mut).ok_or_else(broken)?;
-    if bin.is_empty() && buffers.len() == 1 {
-        root.remove("buffers");
-        return Ok(());
-    }
-    bin.resize(bin.len().max(1), 0);
-    align(bin, 0);
-    if let Some(buffer) = buffers.first_mut() {
-        *buffer = json!({ "byteLength": bin.len() });
-    }
-    Ok(())
-}
-
-/// The parts of the animation as they come together.
-struct Clip {
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-    samplers: Vec<Value>,
-    channels: Vec<Value>,
-}
-
-impl Clip {
-    /// Adds the keys of one property of a node.
-    fn channel(
-        &mut self,
-        bin: &mut Vec<u8>,
-        track: &NodeTrack,
-        path: &str,
-        keys: &[usize],
-        value: impl Fn(usize) -> Vec<f32>,
-    ) {
-        let times: Vec<f32> = keys.iter().map(|key| track.times[*key]).collect();
-        let (first, last) = (times.first().copied(), times.last().copied());
-        let kind = if path == "rotation" { "VEC4" } else { "VEC3" };
-        let input = self.accessor(bin, times, keys.len(), "SCALAR");
-        if let Some(input) = self.accessors[input].as_object_mut() {
-            input.insert("min".into(), json!([first]));
-            input.insert("max".into(), json!([last]));
-        }
-        let values = keys.iter().flat_map(|key| value(*key)).collect();
-        let output = self.accessor(bin, values, keys.len(), kind);
-        self.channels.push(json!({
-            "sampler": self.samplers.len(),
-            "target": { "node": track.node, "path": path },
-        }));
-        self.samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
-    }
-
-    fn accessor(&mut self, bin: &mut Vec<u8>, data: Vec<f32>, count: usize, kind: &str) -> usize {
-        let bytes: Vec<u8> = data.into_iter().flat_map(f32::to_le_bytes).collect();
-        self.views.push(append(bin, &bytes));
-        let view = self.views.len() - 1;
-        self.accessors.push(json!({
-            "bufferView": view, "componentType": 5126, "count": count, "type": kind,
-        }));
-        self.accessors.len() - 1
-    }
-
-    /// Takes over the channels of another animation, but for the nodes that have poses here.
-    fn repeat(&mut self, animation: Option<&Value>, written: &BTreeSet<usize>) {
-        let Some(animation) = animation else { return };
-        let list = |key: &str| animation.get(key).and_then(Value::as_array);
-        let (Some(channels), Some(samplers)) = (list("channels"), list("samplers")) else {
-            return;
-        };
-        let whole = |value: &Value| value.as_f64().map(|x| x as usize);
-        for channel in channels {
-            let target = channel.get("target");
-            let node = target.and_then(|t| t.get("node")).and_then(whole);
-            let path = target.and_then(|t| t.get("path")).and_then(Value::as_str);
-            let ours = node.is_some_and(|node| written.contains(&node))
-                && matches!(path, Some("translation" | "rotation"));
-            let sampler = channel.get("sampler").and_then(whole).and_then(|s| samplers.get(s));
-            let (false, Some(sampler)) = (ours, sampler) else { continue };
-            let mut channel = channel.clone();
-            if let Some(channel) = channel.as_object_mut() {
-                channel.insert("sampler".into(), json!(self.samplers.len()));
-            }
-            self.samplers.push(sampler.clone());
-            self.channels.push(channel);
-        }
-    }
-}
-
-fn angle(a: Quat, b: Quat) -> f64 {
-    let off = math::quat_mul(math::conjugate(a), b);
-    2.0 * math::length([off[0], off[1], off[2]]).atan2(off[3].abs())
-}
-
-/// Keys that must stay so that what is between them is off by no more than `slack`; a single key
-/// where all are the same.
-fn thin<T: Copy, E>(
-    times: &[f32],
-    values: &[T],
-    slack: f64,
-    between: impl Fn(T, T, f64) -> E,
-    distance: impl Fn(E, T) -> f64,
-) -> Vec<usize> {
-    let Some(end) = values.len().checked_sub(1) else { return Vec::new() };
-    let good = |from: usize, to: usize| {
-        let span = f64::from(times[to]) - f64::from(times[from]);
-        (from + 1..to).all(|i| {
-            let t = (f64::from(times[i]) - f64::from(times[from])) / span;
-            distance(between(values[from], values[to], t), values[i]) <= slack
-        })
-    };
-    if (0..=end).all(|i| distance(between(values[0], values[0], 0.0), values[i]) <= slack) {
-        return vec![0];
-    }
-    let mut keys = vec![0];
-    let mut from = 0;
-    while from < end {
-        // Doubling steps, then halving them, finds a long stretch without trying every length.
-        let mut reach = 1;
-        while from + reach * 2 <= end && good(from, from + reach * 2) {
-            reach *= 2;
-        }
-        let mut step = reach;
-        while step > 0 {
-            if from + reach + step <= end && good(from, from + reach + step) {
-                reach += step;
-            }
-            step /= 2;
-        }
-        from += reach;
-        keys.push(from);
-    }
-    keys
-}
-
-fn write_glb(out: &mut impl Write, document: &Value, bin: &[u8]) -> io::Result<()> {
-    let mut text = serde_json::to_vec(document)?;
-    align(&mut text, b' ');
-    let chunk = if bin.is_empty() { 0 } else { 8 + bin.len() };
-    let total = 12 + 8 + text.len() + chunk;
-    let length = |n: usize| {
-        u32::try_from(n).map_err(|_| invalid("a GLB cannot hold more than 4 GiB".into()))
-    };
-    out.write_all(b"glTF")?;
-    out.write_all(&2_u32.to_le_bytes())?;
-    out.write_all(&length(total)?.to_le_bytes())?;
-    out.write_all(&length(text.len())?.to_le_bytes())?;
-    out.write_all(b"JSON")?;
-    out.write_all(&text)?;
-    if !bin.is_empty() {
-        out.write_all(&length(bin.len())?.to_le_bytes())?;
-        out.write_all(b"BIN\0")?;
-        out.write_all(bin)?;
-    }
-    out.flush()
 }

@@ -20,9 +20,9 @@ fn falling(frames: usize) -> Recording {
 fn clip(recording: &Recording, options: &GlbOptions) -> (Value, Vec<u8>, bool) {
     let (mut document, mut bytes) = (json!({}), Vec::new());
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
-    let targets = [Target { node: 0, body: 0, local: &as_body }];
+    let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
     let moves = append_clip(&mut gltf, "clip", recording, &targets, options).unwrap();
-    (document, bytes, moves)
+    (document, bytes, moves.is_some())
 }
 
 fn floats(document: &Value, bytes: &[u8], accessor: &Value) -> Vec<f32> {
@@ -94,6 +94,18 @@ fn what_rests_has_no_channel() {
 }
 
 #[test]
+fn what_rests_elsewhere_is_put_there() {
+    let run = recording([1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0].repeat(3));
+    let mut document = json!({"nodes": [{"translation": [1.0, 2.0, 3.0]}]});
+    let mut gltf = GltfBuffer { document: &mut document, bytes: &mut Vec::new(), buffer: 0 };
+    let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
+    let clip = append_clip(&mut gltf, "", &run, &targets, &GlbOptions::default()).unwrap();
+    assert_eq!(clip, None);
+    let node = json!({"translation": [1.0, 2.0, 3.0], "rotation": [0.0, 1.0, 0.0, 0.0]});
+    assert_eq!(document["nodes"][0], node);
+}
+
+#[test]
 fn a_straight_motion_has_two_keys() {
     let poses = (0..1000).flat_map(|i| [i as f32 / 64.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
     let (document, ..) = clip(&recording(poses.collect()), &GlbOptions::default());
@@ -130,7 +142,7 @@ fn a_pose_that_is_not_finite_is_an_error() {
     run.poses[8] = f32::NAN;
     let (mut document, mut bytes) = (json!({}), Vec::new());
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
-    let targets = [Target { node: 0, body: 0, local: &as_body }];
+    let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
     let error = append_clip(&mut gltf, "", &run, &targets, &GlbOptions::default()).unwrap_err();
     assert!(error.to_string().starts_with("the pose of body 0 at 0.0166"), "{error}");
 }

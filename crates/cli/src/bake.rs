@@ -1,0 +1,221 @@
+//! `drystone bake`: reads a scene, runs it and writes its motion.
+
+mod output;
+mod record;
+mod report;
+mod summary;
+
+use std::collections::BTreeSet;
+use std::io::{self, Write as _};
+use std::num::NonZero;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::{fmt, process, thread};
+
+use drystone::scene::{self, Read, Scene};
+use drystone::{Simulation, StepSettings};
+
+use crate::failure::Failure;
+use output::Outputs;
+use record::{Bake, Step};
+use summary::Summary;
+
+/// Seconds that a scene runs which does not say how long. \[s\]
+const DURATION: f64 = 10.0;
+const MAX_STEPS: u32 = 10_000_000;
+
+/// Run a scene and write its motion.
+///
+/// SCENE is a scene of Drystone's own format (.toml, .json; `drystone schema` describes it) or a
+/// glTF with physics (.gltf, .glb; extensions KHR_physics_rigid_bodies and KHR_implicit_shapes).
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+#[command(group(clap::ArgGroup::new("result").required(true).multiple(true)))]
+pub(crate) struct Arguments {
+    /// The scene: .toml, .json, .gltf or .glb
+    scene: PathBuf,
+
+    /// Where the motion goes; may be given several times. By extension: .glb, an animated glTF
+    /// (of a glTF scene: the same document with a clip added); .poses, raw 32-bit floats, frame 0
+    /// being the initial state
+    #[arg(short, long, value_name = "OUT", group = "result")]
+    output: Vec<PathBuf>,
+
+    /// Frames per second in the .glb [default: one per step]; the time step stays the scene's
+    #[arg(long, value_name = "N", value_parser = real(0.001..=100_000.0))]
+    fps: Option<f64>,
+
+    /// Seconds to simulate [default: as the scene says, or 10]
+    #[arg(long, value_name = "S", value_parser = real(0.0..=1e7), conflicts_with = "steps")]
+    duration: Option<f64>,
+
+    /// Steps to simulate, instead of seconds
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=i64::from(MAX_STEPS)))]
+    steps: Option<u32>,
+
+    /// Substeps per step: more are stiffer and more exact [default: 16, or as the scene says]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    substeps: Option<u32>,
+
+    /// Sweeps over all contacts per substep [default: 1, or as the scene says]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    iterations: Option<u32>,
+
+    /// Threads; results do not depend on it [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    threads: Option<u32>,
+
+    /// Start from the settings for games, which are faster and less exact
+    #[arg(long)]
+    realtime: bool,
+
+    /// Write what happened in each step as JSON
+    #[arg(long, value_name = "FILE.json", group = "result")]
+    report: Option<PathBuf>,
+
+    /// No progress bar and no summary; warnings and errors remain
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  drystone bake scenes/arch.toml -o arch.glb
+      ten seconds of a masonry arch; open arch.glb in Blender (File > Import > glTF 2.0),
+      or drop it on any glTF viewer, and press play
+  drystone bake workshop.gltf -o baked.glb --fps 24
+      your own scene back, with a clip 'Drystone' at 24 frames per second
+  drystone bake scenes/stones.json -o stones.poses --report stones.report.json
+      poses for NumPy: numpy.fromfile('stones.poses', '<f4').reshape(-1, bodies, 7)
+      (2D: 3), and numbers of each step
+  drystone bake scenes/tower.json -o tower.glb --substeps 32 --duration 20
+      stiffer contacts, for longer
+
+Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged, 4 a file cannot be read or
+written, 130 interrupted. A file under its final name is always whole.";
+
+/// A parser of finite numbers within a range.
+fn real(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| match f64::from_str(text) {
+        Ok(x) if range.contains(&x) => Ok(x),
+        _ => Err(format!("accepted: a number from {} to {}", range.start(), range.end())),
+    }
+}
+
+/// Set when the user wants to end.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let outputs = Outputs::new(arguments)?;
+    let read = scene::read(&arguments.scene)?;
+    print_warnings(arguments, read.warnings.iter());
+    outputs.check_folders()?;
+    listen();
+    let mut simulation = prepare(arguments, &read.scene)?;
+    let threads = threads(arguments);
+    simulation.set_threads(threads);
+    let steps = steps(arguments, &read.scene)?;
+    let bake = Bake::run(simulation.as_mut(), &read.scene, steps, progress(arguments, steps))?;
+    let summary = Summary::new(&read.scene, &bake);
+    let files = write(arguments, &outputs, &read, &bake, &summary, threads)?;
+    if !arguments.quiet {
+        let head =
+            summary::Head { file: &arguments.scene, settings: simulation.settings(), threads };
+        print(&format!("{}{files}", summary.text(&read.scene, &head)));
+    }
+    Ok(())
+}
+
+fn print_warnings(arguments: &Arguments, warnings: impl Iterator<Item = impl fmt::Display>) {
+    let mut said = BTreeSet::new();
+    for warning in warnings.map(|warning| warning.to_string()) {
+        if said.insert(warning.clone()) {
+            eprintln!("drystone: warning: {}: {warning}", arguments.scene.display());
+        }
+    }
+}
+
+/// The first signal ends the simulation between two steps; a file that is being written is
+/// finished first, so that none is left in part. A second one ends the process at once.
+fn listen() {
+    let heard = || {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            process::exit(130);
+        }
+    };
+    // Without a handler, a signal ends the process, which is all that is lost.
+    let _ = ctrlc::set_handler(heard);
+}
+
+fn prepare(arguments: &Arguments, scene: &Scene) -> Result<Box<dyn Simulation>, Failure> {
+    let in_file = |error: &dyn fmt::Display| {
+        Failure::Input(format!("{}: {error}", arguments.scene.display()))
+    };
+    drystone::build(scene, settings(arguments, scene)?).map_err(|error| in_file(&error))
+}
+
+fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failure> {
+    let preset =
+        if arguments.realtime { StepSettings::realtime() } else { StepSettings::quality() };
+    let mut settings = scene.settings(preset)?;
+    settings.substeps = arguments.substeps.unwrap_or(settings.substeps);
+    settings.iterations = arguments.iterations.unwrap_or(settings.iterations);
+    Ok(settings)
+}
+
+fn threads(arguments: &Arguments) -> usize {
+    let all = || thread::available_parallelism().map_or(1, NonZero::get);
+    arguments.threads.map_or_else(all, |threads| threads as usize)
+}
+
+fn steps(arguments: &Arguments, scene: &Scene) -> Result<u32, Failure> {
+    // Without the margin, rounding of the quotient would add a step to whole durations.
+    let of = |seconds: f64| (seconds / scene.time_step * (1.0 - 1e-9)).ceil();
+    let Some(seconds) = arguments.duration else {
+        return Ok(arguments.steps.or(scene.steps).unwrap_or(of(DURATION) as u32));
+    };
+    if of(seconds) > f64::from(MAX_STEPS) {
+        let longest = f64::from(MAX_STEPS) * scene.time_step;
+        return Err(Failure::Input(format!(
+            "--duration is {seconds} s; accepted: up to {longest} s, {MAX_STEPS} steps"
+        )));
+    }
+    Ok(of(seconds) as u32)
+}
+
+fn progress(arguments: &Arguments, steps: u32) -> indicatif::ProgressBar {
+    if arguments.quiet {
+        return indicatif::ProgressBar::hidden();
+    }
+    let style = "{bar:40} step {human_pos} of {human_len}, {eta} to go {msg}";
+    let style = indicatif::ProgressStyle::with_template(style);
+    let bar = indicatif::ProgressBar::new(u64::from(steps));
+    style.map_or(bar.clone(), |style| bar.with_style(style))
+}
+
+fn write(
+    arguments: &Arguments,
+    outputs: &Outputs,
+    read: &Read,
+    bake: &Bake,
+    summary: &Summary,
+    threads: usize,
+) -> Result<String, Failure> {
+    let (mut files, warnings) = outputs.write(read, &bake.recording, arguments.fps)?;
+    print_warnings(arguments, warnings.iter());
+    if let Some(path) = &arguments.report {
+        let settings = &bake.settings;
+        let scene = &arguments.scene;
+        report::write(path, &report::Run { scene, settings, threads, bake, summary })?;
+        files.push(path.clone());
+    }
+    Ok(files.iter().map(|path| format!("wrote        {}\n", output::describe(path))).collect())
+}
+
+fn print(text: &str) {
+    // A reader that is gone has read enough.
+    let _ = io::stdout().write_all(text.as_bytes());
+}

@@ -1,0 +1,142 @@
+//! Files that a bake writes.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use drystone::recording::{self, GlbOptions, Recording, write_whole};
+use drystone::scene::{Read, Warning};
+
+use super::Arguments;
+use crate::failure::Failure;
+
+#[derive(Clone, Copy)]
+enum Format {
+    Glb,
+    Poses,
+}
+
+/// Where the results go.
+pub(super) struct Outputs {
+    motions: Vec<(PathBuf, Format)>,
+    report: Option<PathBuf>,
+}
+
+impl Outputs {
+    /// Refuses what cannot be meant.
+    pub(super) fn new(arguments: &Arguments) -> Result<Self, Failure> {
+        let motions = arguments.output.iter().map(|path| Ok((path.clone(), format(path)?)));
+        let motions = motions.collect::<Result<_, Failure>>()?;
+        let outputs = Self { motions, report: arguments.report.clone() };
+        if let Some(path) = &outputs.report
+            && extension(path) != "json"
+        {
+            return Err(wrong_extension("--report", path, ".json"));
+        }
+        let mut seen = BTreeSet::from([place(&arguments.scene)]);
+        for path in outputs.paths() {
+            if place(path) == place(&arguments.scene) {
+                let text = format!("{}: the output is the scene itself", path.display());
+                return Err(Failure::Input(format!("{text}; give it another name")));
+            }
+            if !seen.insert(place(path)) {
+                let text = format!("{}: is given twice as an output", path.display());
+                return Err(Failure::Input(format!("{text}; give each its own name")));
+            }
+        }
+        Ok(outputs)
+    }
+
+    fn paths(&self) -> impl Iterator<Item = &PathBuf> {
+        self.motions.iter().map(|(path, _)| path).chain(&self.report)
+    }
+
+    /// Finds out whether the files can be made, before anybody waits for a simulation.
+    pub(super) fn check_folders(&self) -> Result<(), Failure> {
+        self.paths().try_for_each(|path| check_folder(path))
+    }
+
+    /// Writes the motion; tells the files and what they lack.
+    pub(super) fn write(
+        &self,
+        read: &Read,
+        recording: &Recording,
+        fps: Option<f64>,
+    ) -> Result<(Vec<PathBuf>, Vec<Warning>), Failure> {
+        let options = GlbOptions { fps, ..GlbOptions::default() };
+        let mut warnings = Vec::new();
+        for (path, format) in &self.motions {
+            let written = match (format, &read.source) {
+                (Format::Poses, _) => recording::poses::write(path, recording),
+                (Format::Glb, None) => {
+                    recording::glb::write(path, &read.scene, recording, &options)
+                }
+                (Format::Glb, Some(source)) => write_whole(path, |out| {
+                    warnings.extend(recording::gltf::write(out, source, recording, &options)?);
+                    Ok(())
+                }),
+            };
+            written.map_err(|error| Failure::cannot_write(path, &error))?;
+        }
+        Ok((self.motions.iter().map(|(path, _)| path.clone()).collect(), warnings))
+    }
+}
+
+fn format(path: &Path) -> Result<Format, Failure> {
+    match extension(path).as_str() {
+        "glb" => Ok(Format::Glb),
+        "poses" => Ok(Format::Poses),
+        _ => Err(wrong_extension("--output", path, ".glb, .poses")),
+    }
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
+}
+
+fn wrong_extension(flag: &str, path: &Path, accepted: &str) -> Failure {
+    let value = match extension(path).as_str() {
+        "" => "not named".to_owned(),
+        other => format!("\".{other}\""),
+    };
+    let path = path.display();
+    Failure::Input(format!("{path}: the format of {flag} is {value}; accepted: {accepted}"))
+}
+
+/// What tells whether two paths lead to the same file.
+fn place(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| {
+        let folder = fs::canonicalize(folder(path)).unwrap_or_else(|_| folder(path).to_owned());
+        folder.join(path.file_name().unwrap_or_default())
+    })
+}
+
+fn folder(path: &Path) -> &Path {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.unwrap_or(Path::new("."))
+}
+
+fn check_folder(path: &Path) -> Result<(), Failure> {
+    let refuse =
+        |why: &str| Err(Failure::File(format!("{}: cannot be written: {why}", path.display())));
+    match fs::metadata(path) {
+        Ok(data) if data.is_dir() => return refuse("a folder is in its place"),
+        Ok(data) if !data.is_file() => return refuse("it is not a regular file"),
+        _ => {}
+    }
+    // Only trying tells whether a folder takes files.
+    let probe = place(path).with_file_name(format!(".drystone-{}.probe", std::process::id()));
+    File::create(&probe).map_err(|error| Failure::cannot_write(path, &error))?;
+    fs::remove_file(&probe).map_err(|error| Failure::cannot_write(path, &error))
+}
+
+/// A file and its size.
+pub(super) fn describe(path: &Path) -> String {
+    let size = fs::metadata(path).map_or(0, |data| data.len()) as f64;
+    let (size, unit) = match size {
+        ..1e3 => (size, "B"),
+        ..1e6 => (size / 1e3, "kB"),
+        _ => (size / 1e6, "MB"),
+    };
+    format!("{} ({size:.0} {unit})", path.display())
+}

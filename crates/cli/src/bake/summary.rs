@@ -1,0 +1,291 @@
+//! What a run was like, in a few numbers and in plain words.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use drystone::scene::{Motion, Scene};
+use drystone::{Measure, StepSettings};
+use serde::Serialize;
+
+use super::Bake;
+use super::record::name;
+
+/// Energy above that of the start that passes for rounding, as a part of the energy that the run
+/// converts. \[1\]
+const ENERGY_TOLERANCE: f64 = 1e-3;
+/// Bodies that move less than this in the last second are at rest. \[m\]
+const AT_REST: f64 = 1e-3;
+/// Overlap at the start that is worth a word. \[m\]
+const OVERLAP: f64 = 1e-4;
+/// A body this far below every static body has left. \[m\]
+const LEFT: f64 = 10.0;
+/// How many bodies are named before the rest is counted.
+const NAMED: usize = 3;
+
+/// The numbers of a run.
+#[derive(Serialize)]
+pub(super) struct Summary {
+    dynamic: usize,
+    r#static: usize,
+    kinematic: usize,
+    /// \[s\]
+    simulated: f64,
+    contacts_mean: f64,
+    contacts_max: usize,
+    step_ms_median: f64,
+    total_ms: f64,
+    /// \[m\]
+    deepest_penetration: f64,
+    /// In the last second. \[m\]
+    settled_penetration: f64,
+    /// After the first step. \[m\]
+    initial_penetration: f64,
+    /// \[J\]
+    energy_start: f64,
+    /// \[J\]
+    energy_end: f64,
+    /// Highest energy above that of the start. \[J\]
+    energy_rise: f64,
+    /// Rise that passes for rounding. \[J\]
+    energy_tolerance: f64,
+    /// Whether energy came from nowhere; absent where kinematic bodies may bring some.
+    energy_created: Option<bool>,
+    /// \[m/s\]
+    residual_worst: f64,
+    /// \[m/s\]
+    residual_last: f64,
+    /// Fastest body at the end. \[m/s\]
+    fastest: f64,
+    fastest_body: Option<usize>,
+    /// Farthest that a body got in the last second. \[m\]
+    moved: f64,
+    moved_body: Option<usize>,
+    /// Bodies far below every static body.
+    left: Vec<usize>,
+}
+
+/// What the words say besides.
+pub(super) struct Head<'a> {
+    pub(super) file: &'a Path,
+    pub(super) settings: &'a StepSettings,
+    pub(super) threads: usize,
+}
+
+fn energy(measure: &Measure) -> f64 {
+    measure.kinetic_energy + measure.potential_energy
+}
+
+impl Summary {
+    /// Sums a run up.
+    pub(super) fn new(scene: &Scene, bake: &Bake) -> Self {
+        let count = |motion| scene.bodies.iter().filter(|body| body.motion == motion).count();
+        let steps = &bake.steps;
+        let last_second = ((1.0 / scene.time_step).round() as usize).clamp(1, steps.len().max(1));
+        let settled = &steps[steps.len().saturating_sub(last_second)..];
+        let contacts = || steps.iter().map(|step| step.report.contacts);
+        let depth = |step: &super::Step| step.measure.deepest_penetration;
+        let largest = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0, f64::max);
+        let end = steps.last().map_or(bake.start, |step| step.measure);
+        let moving = bake.moved_most(scene, last_second);
+        let start = energy(&bake.start);
+        let energy_rise = largest(&mut steps.iter().map(|step| energy(&step.measure) - start));
+        let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
+        let kinematic = count(Motion::Kinematic);
+        let mut times: Vec<f64> = steps.iter().map(|step| step.time.as_secs_f64() * 1e3).collect();
+        times.sort_unstable_by(f64::total_cmp);
+        Self {
+            dynamic: count(Motion::Dynamic),
+            r#static: count(Motion::Static),
+            kinematic,
+            simulated: steps.len() as f64 * scene.time_step,
+            contacts_mean: contacts().sum::<usize>() as f64 / steps.len().max(1) as f64,
+            contacts_max: contacts().max().unwrap_or(0),
+            step_ms_median: times.get(times.len() / 2).copied().unwrap_or(0.0),
+            total_ms: times.iter().sum(),
+            deepest_penetration: largest(&mut steps.iter().map(depth)),
+            settled_penetration: largest(&mut settled.iter().map(depth)),
+            initial_penetration: steps.first().map_or(0.0, depth),
+            energy_start: start,
+            energy_end: energy(&end),
+            energy_rise,
+            energy_tolerance,
+            energy_created: (kinematic == 0).then_some(energy_rise > energy_tolerance),
+            residual_worst: largest(&mut steps.iter().map(|step| step.measure.residual)),
+            residual_last: end.residual,
+            fastest: end.fastest,
+            fastest_body: moving_body(bake.moved_most(scene, 1)),
+            moved: moving.map_or(0.0, |(_, distance)| distance),
+            moved_body: moving_body(moving),
+            left: left(scene, bake),
+        }
+    }
+
+    /// The summary in plain words.
+    pub(super) fn text(&self, scene: &Scene, head: &Head<'_>) -> String {
+        let mut out = String::new();
+        for (title, line) in [
+            ("scene", self.scene(scene, head)),
+            ("simulated", self.length(scene, head)),
+            ("time", self.time(head)),
+            ("contacts", self.contacts()),
+            ("penetration", self.penetration()),
+            ("energy", self.energy()),
+            ("residual", self.residual()),
+            ("motion", self.motion(scene)),
+        ] {
+            let _ = writeln!(out, "{title:<12} {line}");
+        }
+        for line in self.odd(scene) {
+            let _ = writeln!(out, "{:<12} {line}", "note");
+        }
+        out
+    }
+
+    fn scene(&self, scene: &Scene, head: &Head<'_>) -> String {
+        let name = scene.name.as_ref().map_or_else(String::new, |name| format!(" ({name})"));
+        format!(
+            "{}{name}: {} bodies in {}D, {} dynamic, {} static, {} kinematic",
+            head.file.display(),
+            scene.bodies.len(),
+            scene.dimension,
+            self.dynamic,
+            self.r#static,
+            self.kinematic,
+        )
+    }
+
+    fn length(&self, scene: &Scene, head: &Head<'_>) -> String {
+        let (substeps, iterations) = (head.settings.substeps, head.settings.iterations);
+        let steps = (self.simulated / scene.time_step).round();
+        format!(
+            "{steps} steps of {:.4} ms, {:.3} s in all; {substeps} substeps, {iterations} sweep{} each",
+            scene.time_step * 1e3,
+            self.simulated,
+            if iterations == 1 { "" } else { "s" },
+        )
+    }
+
+    fn time(&self, head: &Head<'_>) -> String {
+        let threads = if head.threads == 1 { "thread" } else { "threads" };
+        format!(
+            "{:.3} ms per step (median), {:.2} s for all, on {} {threads}",
+            self.step_ms_median,
+            self.total_ms / 1e3,
+            head.threads,
+        )
+    }
+
+    fn contacts(&self) -> String {
+        format!("{:.1} points on average, {} at most", self.contacts_mean, self.contacts_max)
+    }
+
+    fn penetration(&self) -> String {
+        let mm = |depth: f64| format!("{:.3} mm", depth * 1e3);
+        let (most, settled) = (mm(self.deepest_penetration), mm(self.settled_penetration));
+        format!("{most} at the deepest, {settled} in the last second")
+    }
+
+    fn energy(&self) -> String {
+        let (start, end) = (joule(self.energy_start), joule(self.energy_end));
+        let (rise, tolerance) = (joule(self.energy_rise), joule(self.energy_tolerance));
+        let verdict = match self.energy_created {
+            None => "; kinematic bodies may add to it".to_owned(),
+            Some(false) => format!("; none was created (tolerance {tolerance})"),
+            Some(true) => {
+                format!("; {rise} above the start at its highest (tolerance {tolerance})")
+            }
+        };
+        format!("{start} at the start, {end} at the end{verdict}")
+    }
+
+    fn residual(&self) -> String {
+        format!(
+            "{:.2e} m/s at worst, {:.2e} m/s at the end",
+            self.residual_worst, self.residual_last
+        )
+    }
+
+    fn motion(&self, scene: &Scene) -> String {
+        let Some(body) = self.fastest_body else {
+            return "nothing moves at the end".to_owned();
+        };
+        format!("{} is the fastest at the end, {}", name(scene, body), speed(self.fastest))
+    }
+
+    /// What one may not expect.
+    fn odd(&self, scene: &Scene) -> Vec<String> {
+        let mut lines = Vec::new();
+        if self.energy_created == Some(true) {
+            lines.push(format!("energy was created: {}", joule(self.energy_rise)));
+        }
+        if self.initial_penetration > OVERLAP {
+            lines.push(format!(
+                "bodies overlap by {:.3} mm at the start, and are pushed apart",
+                self.initial_penetration * 1e3
+            ));
+        }
+        if !self.left.is_empty() {
+            let named: Vec<_> =
+                self.left.iter().take(NAMED).map(|body| name(scene, *body)).collect();
+            let more = self.left.len().saturating_sub(NAMED);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let named = named.join(", ");
+            lines.push(format!("fell more than {LEFT} m below everything static: {named}{more}"));
+        }
+        if let Some(body) = self.moved_body.filter(|_| self.moved > AT_REST) {
+            let far = self.moved * 1e3;
+            lines.push(format!(
+                "not at rest: {} moved {far:.1} mm in the last second",
+                name(scene, body)
+            ));
+        }
+        lines
+    }
+}
+
+/// Most energy that the run had above its lowest. \[J\]
+fn turnover(bake: &Bake) -> f64 {
+    let potential = |measure: &Measure| measure.potential_energy;
+    let start = potential(&bake.start);
+    let lowest = bake.steps.iter().map(|step| potential(&step.measure)).fold(start, f64::min);
+    let kinetic = bake.steps.iter().map(|step| step.measure.kinetic_energy);
+    kinetic.fold(bake.start.kinetic_energy + start - lowest, f64::max)
+}
+
+fn moving_body(moved: Option<(usize, f64)>) -> Option<usize> {
+    moved.filter(|(_, distance)| *distance > 0.0).map(|(body, _)| body)
+}
+
+/// Dynamic bodies far below every body that is not.
+fn left(scene: &Scene, bake: &Bake) -> Vec<usize> {
+    let Some(last) = bake.recording.frames().checked_sub(1) else { return Vec::new() };
+    let along: Vec<f64> = (0..scene.bodies.len())
+        .map(|body| {
+            let position = bake.recording.pose(last, body);
+            scene.gravity.iter().zip(position).map(|(g, x)| g * f64::from(*x)).sum()
+        })
+        .collect();
+    let moves = |body: usize| scene.bodies[body].motion == Motion::Dynamic;
+    let bodies = 0..scene.bodies.len();
+    let lowest = bodies.clone().filter(|body| !moves(*body)).map(|body| along[body]);
+    let Some(lowest) = lowest.reduce(f64::max) else { return Vec::new() };
+    let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    bodies.filter(|body| moves(*body) && along[*body] > lowest + LEFT * strength).collect()
+}
+
+fn joule(energy: f64) -> String {
+    match energy.abs() {
+        0.0 => "0 J".to_owned(),
+        ..1e-3 => format!("{energy:.2e} J"),
+        ..1e4 => format!("{energy:.3} J"),
+        _ => format!("{energy:.0} J"),
+    }
+}
+
+fn speed(speed: f64) -> String {
+    match speed {
+        ..1e-5 => "below 0.01 mm/s".to_owned(),
+        ..0.1 => format!("{:.2} mm/s", speed * 1e3),
+        _ => format!("{speed:.3} m/s"),
+    }
+}

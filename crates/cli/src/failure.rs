@@ -1,0 +1,56 @@
+//! Why a command ends without what it was asked for.
+
+use std::fmt;
+use std::io;
+use std::path::Path;
+
+use drystone::scene::SceneError;
+
+/// What went wrong, in one line.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The input or the usage is wrong.
+    Input(String),
+    /// The simulation left the realm of numbers.
+    Diverged(String),
+    /// A file cannot be read or written.
+    File(String),
+    /// The user ended it.
+    Interrupted,
+}
+
+impl Failure {
+    /// The exit code of the process.
+    pub(crate) fn code(&self) -> u8 {
+        match self {
+            Self::Input(_) => 2,
+            Self::Diverged(_) => 3,
+            Self::File(_) => 4,
+            Self::Interrupted => 130,
+        }
+    }
+
+    /// A file that the system does not let us write.
+    pub(crate) fn cannot_write(path: &Path, error: &io::Error) -> Self {
+        Self::File(format!("{}: cannot be written: {error}", path.display()))
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(text) | Self::Diverged(text) | Self::File(text) => f.write_str(text),
+            Self::Interrupted => f.write_str("interrupted; nothing was written"),
+        }
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
+        if error.unreadable {
+            Self::File(error.to_string())
+        } else {
+            Self::Input(error.to_string())
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! The command line as people use it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+const SCENE: &str = r#"
+name = "drop"
+duration = 2
+
+[[bodies]]
+name = "floor"
+motion = "static"
+shapes = [{ type = "halfspace", normal = [0, 1, 0] }]
+
+[[bodies]]
+name = "box"
+position = [0, 0.6, 0]
+rotation = [0.1, 0, 0.2, 0.9746794]
+shapes = [{ type = "box", half_extents = [0.2, 0.1, 0.3] }]
+
+[[bodies]]
+name = "ball"
+position = [0.1, 1.2, 0]
+shapes = [{ type = "sphere", radius = 0.2 }]
+"#;
+
+struct Place {
+    folder: TempDir,
+}
+
+impl Place {
+    fn new(scene: &str) -> Self {
+        let place = Self { folder: tempfile::tempdir().unwrap() };
+        fs::write(place.path("scene.toml"), scene).unwrap();
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Runs `drystone` in this folder.
+    fn run(&self, arguments: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
+        command.current_dir(self.folder.path()).args(arguments).output().unwrap()
+    }
+
+    fn fails(&self, code: i32, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+        message
+    }
+
+    fn succeeds(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {message}");
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn files(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.folder.path()).unwrap();
+        let mut names: Vec<_> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
+
+#[test]
+fn a_bake_writes_what_was_asked_for() {
+    let place = Place::new(SCENE);
+    let arguments =
+        ["bake", "scene.toml", "-o", "out.glb", "-o", "out.poses", "--report", "r.json"];
+    let summary = place.succeeds(&arguments);
+    assert_eq!(place.files(), ["out.glb", "out.poses", "r.json", "scene.toml"]);
+    assert!(summary.contains("drop") && summary.contains("none was created"), "{summary}");
+    assert_eq!(fs::metadata(place.path("out.poses")).unwrap().len(), 121 * 3 * 7 * 4);
+    let glb = fs::read(place.path("out.glb")).unwrap();
+    assert_eq!(&glb[..4], b"glTF");
+    assert_eq!(u32::from_le_bytes(glb[8..12].try_into().unwrap()) as usize, glb.len());
+    assert!((2_000..100_000).contains(&glb.len()), "{}", glb.len());
+}
+
+#[test]
+fn a_report_has_every_step() {
+    let place = Place::new(SCENE);
+    place.succeeds(&["bake", "scene.toml", "--report", "r.json", "--threads", "2", "--quiet"]);
+    let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
+    let keys: Vec<_> = report.as_object().unwrap().keys().map(String::as_str).collect();
+    let expected =
+        ["bodies", "per_step", "scene", "settings", "steps", "summary", "threads", "version"];
+    assert_eq!(keys, expected);
+    assert_eq!((&report["bodies"], &report["steps"]), (&3.into(), &120.into()));
+    assert_eq!((&report["threads"], &report["settings"]["substeps"]), (&2.into(), &16.into()));
+    let steps = report["per_step"].as_array().unwrap();
+    assert_eq!(steps.len(), 120);
+    let keys: Vec<_> = steps[0].as_object().unwrap().keys().map(String::as_str).collect();
+    let expected = [
+        "contacts",
+        "deepest_penetration",
+        "kinetic_energy",
+        "manifolds",
+        "potential_energy",
+        "residual",
+        "stage_ms",
+        "step_ms",
+        "sweeps",
+    ];
+    assert_eq!(keys, expected);
+    assert!(steps[119]["contacts"].as_u64().unwrap() > 0);
+    assert!(steps[0]["stage_ms"]["manifolds"].is_f64());
+}
+
+#[test]
+fn runs_are_the_same_to_the_last_bit() {
+    let place = Place::new(SCENE);
+    for (run, threads) in [("a", "1"), ("b", "1"), ("c", "2")] {
+        let outputs = [format!("{run}.glb"), format!("{run}.poses")];
+        let summary = place.succeeds(&[
+            "bake",
+            "scene.toml",
+            "-o",
+            &outputs[0],
+            "-o",
+            &outputs[1],
+            "--threads",
+            threads,
+            "-q",
+        ]);
+        assert_eq!(summary, "");
+    }
+    let read = |name: &str| fs::read(place.path(name)).unwrap();
+    for format in ["glb", "poses"] {
+        let first = read(&format!("a.{format}"));
+        assert!(first == read(&format!("b.{format}")), "{format} of two runs");
+        assert!(first == read(&format!("c.{format}")), "{format} of one and two threads");
+    }
+}
+
+#[test]
+fn flags_come_before_the_scene_and_the_scene_before_presets() {
+    let place = Place::new(
+        &format!("{SCENE}\n[solver]\nslop = 0.001\n")
+            .replace("name = \"drop\"", "name = \"drop\"\ntime_step = 0.01"),
+    );
+    let flags = ["--realtime", "--substeps", "7", "--iterations", "2", "--duration", "0.5"];
+    let mut arguments = vec!["bake", "scene.toml", "-o", "a.poses", "--report", "r.json"];
+    arguments.extend(flags);
+    place.succeeds(&arguments);
+    let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
+    assert_eq!(report["steps"], 50);
+    let settings = &report["settings"];
+    assert_eq!((&settings["substeps"], &settings["iterations"]), (&7.into(), &2.into()));
+    assert!((settings["slop"].as_f64().unwrap() - 0.001).abs() < 1e-9);
+    assert!(settings["reuse_distance"].as_f64().unwrap() > 0.0, "of the preset for games");
+    let summary = place.succeeds(&["bake", "scene.toml", "-o", "a.poses", "--steps", "0"]);
+    assert!(summary.contains("0 steps"));
+    assert_eq!(fs::metadata(place.path("a.poses")).unwrap().len(), 3 * 7 * 4);
+}
+
+#[test]
+fn fewer_frames_make_a_smaller_clip() {
+    let place = Place::new(SCENE);
+    place.succeeds(&["bake", "scene.toml", "-o", "all.glb", "-o", "all.poses", "-q"]);
+    let fewer = ["bake", "scene.toml", "-o", "few.glb", "-o", "few.poses", "-q", "--fps", "12"];
+    place.succeeds(&fewer);
+    let size = |name: &str| fs::metadata(place.path(name)).unwrap().len();
+    assert!(size("few.glb") < size("all.glb"));
+    assert_eq!(size("few.poses"), size("all.poses"));
+}
+
+#[test]
+fn a_wrong_scene_is_refused_with_its_place() {
+    let place = Place::new(&SCENE.replace("radius = 0.2", "radius = -0.2"));
+    let message = place.fails(2, &["bake", "scene.toml", "-o", "out.glb"]);
+    assert!(message.starts_with("drystone: scene.toml:"), "{message}");
+    for part in ["radius of shape 0 of body 'ball'", "-0.2", "1e-5"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    assert_eq!(message.lines().count(), 1);
+    assert_eq!(place.files(), ["scene.toml"]);
+}
+
+#[test]
+fn wrong_usage_is_refused_before_the_simulation() {
+    // Long enough that a test which waits for it would be noticed.
+    let place = Place::new(&SCENE.replace("duration = 2", "duration = 100000"));
+    fs::copy(place.path("scene.toml"), place.path("copy.glb")).unwrap();
+    let bake = |more: &[&str], code| place.fails(code, &[&["bake", "scene.toml"], more].concat());
+    bake(&[], 2);
+    bake(&["-o", "a.glb", "--substeps", "0"], 2);
+    bake(&["-o", "a.glb", "--fps", "nan"], 2);
+    bake(&["-o", "a.glb", "--duration", "1", "--steps", "1"], 2);
+    bake(&["-o", "a.glb", "--wings"], 2);
+    assert!(bake(&["-o", "a.fbx"], 2).contains("\".fbx\"; accepted: .glb, .poses"));
+    assert!(bake(&["-o", "a.glb", "--report", "r.txt"], 2).contains(".json"));
+    assert!(bake(&["-o", "a.glb", "-o", "./a.glb"], 2).contains("twice"));
+    let itself = place.fails(2, &["bake", "copy.glb", "-o", "./copy.glb"]);
+    assert!(itself.contains("the scene itself"), "{itself}");
+    assert!(bake(&["-o", "nowhere/a.glb"], 4).contains("nowhere/a.glb: cannot be written"));
+    assert!(bake(&["-o", "a.glb", "--report", "nowhere/r.json"], 4).contains("nowhere"));
+    fs::create_dir(place.path("folder.glb")).unwrap();
+    assert!(bake(&["-o", "folder.glb"], 4).contains("a folder is in its place"));
+    assert!(place.fails(4, &["bake", "gone.toml", "-o", "a.glb"]).contains("gone.toml"));
+    assert_eq!(place.files(), ["copy.glb", "folder.glb", "scene.toml"]);
+}
+
+#[test]
+fn divergence_names_step_and_body() {
+    let runaway = "position = [0.1, 1.2, 0]\nlinear_velocity = [1e6, 1e6, 0]";
+    let place = Place::new(&SCENE.replace("position = [0.1, 1.2, 0]", runaway));
+    let message = place.fails(3, &["bake", "scene.toml", "-o", "out.glb"]);
+    assert!(message.contains("step 1 ") && message.contains("'ball'"), "{message}");
+    assert_eq!(place.files(), ["scene.toml"]);
+}
+
+#[test]
+fn warnings_are_said_once_and_do_not_stop() {
+    let place = Place::new(&SCENE.replace("motion = \"static\"", "motion = \"static\"\nmass = 1"));
+    let output = place.run(&["bake", "scene.toml", "-o", "out.poses"]);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(message.matches("warning: scene.toml").count(), 1, "{message}");
+}
+
+#[test]
+fn the_schema_is_json() {
+    let text = Place::new("").succeeds(&["schema"]);
+    let schema: Value = serde_json::from_str(&text).unwrap();
+    assert!(schema["$defs"]["Body"].is_object());
+}
+
+#[test]
+fn a_gltf_comes_back_with_a_clip() {
+    let place = Place::new("");
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/workshop.gltf");
+    let scene = scene.to_str().unwrap();
+    place.succeeds(&["bake", scene, "-o", "out.glb", "--steps", "30", "--fps", "24"]);
+    let glb = fs::read(place.path("out.glb")).unwrap();
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let document: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+    let clips = document["animations"].as_array().unwrap();
+    assert_eq!(clips.last().unwrap()["name"], "Drystone");
+    assert!(document["extensions"]["KHR_physics_rigid_bodies"].is_object());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_bake_leaves_nothing() {
+    use std::process::Stdio;
+    use std::thread::sleep;
+    use std::time::Duration;
+
+    let place = Place::new(&SCENE.replace("duration = 2", "duration = 10000"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
+    command.current_dir(place.folder.path()).args(["bake", "scene.toml", "-o", "out.glb"]);
+    let mut child = command.stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+    sleep(Duration::from_millis(500));
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(place.files(), ["scene.toml"]);
+}
