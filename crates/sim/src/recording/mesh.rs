@@ -194,15 +194,14 @@ fn hull(points: &[Vec<f64>]) -> Mesh {
     let Ok((vertices, triangles)) = parry3d::transformation::try_convex_hull(&single) else {
         return bounding_box(points);
     };
-    let center = mean(vertices.iter().map(|v| [v.x, v.y, v.z].map(f64::from)));
     for triangle in triangles {
         let corners = triangle.map(|i| {
             let v = vertices[i as usize];
             [v.x, v.y, v.z].map(f64::from)
         });
-        let middle = sub(mean(corners.into_iter()), center);
-        let octant = middle.iter().filter(|x| **x < 0.0).count();
         let normal = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
+        // By direction, so that the triangles of a flat face have one tone.
+        let octant = normalized(normal).iter().filter(|x| **x < -1e-3).count();
         if dot(normal, normal) > 0.0 {
             mesh.face(&corners, octant % 2 == 1);
         }
