@@ -116,6 +116,7 @@ fn folder(path: &Path) -> &Path {
     parent.unwrap_or(Path::new("."))
 }
 
+/// Makes the folder of an output where it is missing, and tries whether it takes files.
 fn check_folder(path: &Path) -> Result<(), Failure> {
     let refuse =
         |why: &str| Err(Failure::File(format!("{}: cannot be written: {why}", path.display())));
@@ -124,6 +125,7 @@ fn check_folder(path: &Path) -> Result<(), Failure> {
         Ok(data) if !data.is_file() => return refuse("it is not a regular file"),
         _ => {}
     }
+    fs::create_dir_all(folder(path)).map_err(|error| Failure::cannot_write(path, &error))?;
     // Only trying tells whether a folder takes files.
     let probe = place(path).with_file_name(format!(".drystone-{}.probe", std::process::id()));
     File::create(&probe).map_err(|error| Failure::cannot_write(path, &error))?;
