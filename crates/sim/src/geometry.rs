@@ -221,7 +221,7 @@ impl<const L: usize> Touch<L> {
         if most > 2 {
             let edge = points[1].on_a - first;
             let side = |p: &TouchPoint<L>| across(edge, p.on_a - first, self.normal);
-            let left = best(points, 2, &side);
+            let left = best(points, 2, side);
             points.swap(2, left);
             let right = best(points, 3, |p| -side(p));
             points.swap(3, right);
