@@ -55,11 +55,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=i64::from(MAX_STEPS)))]
     steps: Option<u32>,
 
-    /// Substeps per step: more are stiffer and more exact [default: 32, or as the scene says]
+    /// Substeps per step: more are stiffer and more exact [default: as the scene or the preset says]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     substeps: Option<u32>,
 
-    /// Sweeps over all contacts per substep [default: 1, or as the scene says]
+    /// Sweeps over all contacts per substep [default: as the scene or the preset says]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     iterations: Option<u32>,
 

@@ -97,7 +97,8 @@ fn a_report_has_every_step() {
         ["bodies", "per_step", "scene", "settings", "steps", "summary", "threads", "version"];
     assert_eq!(keys, expected);
     assert_eq!((&report["bodies"], &report["steps"]), (&3.into(), &120.into()));
-    assert_eq!((&report["threads"], &report["settings"]["substeps"]), (&2.into(), &16.into()));
+    let quality = serde_json::to_value(drystone::StepSettings::quality()).unwrap();
+    assert_eq!((&report["threads"], &report["settings"]), (&2.into(), &quality));
     let steps = report["per_step"].as_array().unwrap();
     assert_eq!(steps.len(), 120);
     let keys: Vec<_> = steps[0].as_object().unwrap().keys().map(String::as_str).collect();

@@ -71,12 +71,14 @@ impl<const L: usize> BroadPhase<L> {
             return None;
         }
         self.tree.refit(&mut self.workspace);
-        self.tree.optimize_incremental(&mut self.workspace);
         let found = &mut self.found;
         found.clear();
         self.tree.traverse_bvtt_single_tree::<true>(&mut self.workspace, &mut |a, b| {
             found.push([a.min(b), a.max(b)]);
         });
+        // Only now: it marks parts of the tree as changed, which the traversal would skip.
+        self.tree.optimize_incremental(&mut self.workspace);
+        let found = &mut self.found;
         found.sort_unstable();
         found.dedup();
         Some(found)

@@ -9,6 +9,8 @@ use crate::geometry::{Frame, Geometry, MAX_POINTS};
 /// What the narrow phase reads.
 pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) shapes: &'a [G::Shape],
+    /// Smallest extents of the shapes. \[m\]
+    pub(crate) thickness: &'a [f32],
     /// World poses of the shapes.
     pub(crate) poses: &'a [G::Pose],
     /// Frames of the bodies at their centers of mass.
@@ -30,6 +32,9 @@ pub(crate) struct Travel<const L: usize> {
 
 /// Points are matched by place within this distance, where features do not match. \[m\]
 const MATCH_DISTANCE: f32 = 0.02;
+
+/// The prediction distance is at most this part of the thinner shape. \[1\]
+const THIN: f32 = 0.25;
 
 /// Pairs per unit of parallel work.
 const CHUNK: usize = 128;
@@ -106,7 +111,9 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         }
     } else {
         let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
-        let prediction = around.prediction_distance
+        // Never through a thin body to what is behind it.
+        let [thin_a, thin_b] = pair.colliders.map(|c| around.thickness[c as usize]);
+        let prediction = around.prediction_distance.min(THIN * thin_a.min(thin_b))
             + (travel_a.linear - travel_b.linear).length()
             + travel_a.angular
             + travel_b.angular;

@@ -43,6 +43,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
 struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     body: Vec<u32>,
     shapes: Vec<G::Shape>,
+    /// Smallest extent of a solid; unlimited for what has no volume. \[m\]
+    thickness: Vec<f32>,
     /// In the frame of the body's center of mass.
     local: Vec<G::Pose>,
     /// World.
@@ -62,6 +64,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             colliders: Colliders {
                 body: Vec::new(),
                 shapes: Vec::new(),
+                thickness: Vec::new(),
                 local: Vec::new(),
                 poses: Vec::new(),
                 material: Vec::new(),
@@ -130,6 +133,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let world = G::compose(&pose, &local);
             self.broad_phase.update(id, &G::bounds(&collider.shape, &world));
             colliders.body.push(index as u32);
+            colliders.thickness.push(thickness::<G, L, A>(&collider.shape));
             colliders.shapes.push(collider.shape);
             colliders.local.push(local);
             colliders.poses.push(world);
@@ -366,6 +370,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         std::mem::swap(&mut self.records, &mut self.old_records);
         let around = Surroundings::<G, L, A> {
             shapes: &self.colliders.shapes,
+            thickness: &self.colliders.thickness,
             poses: &self.colliders.poses,
             frames: &self.bodies.frames,
             travel: &self.travel,
@@ -411,6 +416,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         out.residual = self.system.residual(true);
         out
     }
+}
+
+/// The smallest extent of a solid; unlimited for what has no volume. \[m\]
+fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(shape: &G::Shape) -> f32 {
+    if G::mass(shape, 1.0).mass <= 0.0 {
+        return f32::INFINITY;
+    }
+    let bounds = G::bounds(shape, &G::pose(Vector::ZERO, &[]));
+    (bounds.max - bounds.min).0.into_iter().fold(f32::INFINITY, f32::min)
 }
 
 /// m v^2 / 2 + omega . I omega / 2. \[J\]

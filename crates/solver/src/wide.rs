@@ -91,6 +91,9 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     sorted: Vec<u32>,
 }
 
+/// The gap of a point that is not there. \[m\]
+const FAR: f32 = 1e6;
+
 /// Up to eight manifolds that move different bodies.
 #[derive(Clone, Debug)]
 struct Block<V: Lanes, const L: usize, const A: usize> {
@@ -312,8 +315,10 @@ fn pack_block<V: Lanes, const L: usize, const A: usize>(
 ) -> Block<V, L, A> {
     let first = contacts.len();
     let most = group.iter().map(|&index| system.manifolds[index as usize].count).max();
-    // What a lane has too few points for stays zero: masses of 0 take no impulse.
-    contacts.resize(first + most.unwrap_or(0) as usize, Contact::default());
+    // What a lane has too few points for is so far open that it never takes an impulse.
+    let mut open = Contact::default();
+    open.gap[0] = splat(FAR);
+    contacts.resize(first + most.unwrap_or(0) as usize, open);
     // Idle lanes read the bodies of the first, and are not written back.
     let leader = system.manifolds[group[0] as usize].bodies;
     let mut block = Block {
