@@ -68,6 +68,17 @@ pub struct Frame<const L: usize> {
 }
 
 impl<const L: usize> Frame<L> {
+    /// The frame that everything is seen from.
+    pub const IDENTITY: Self = {
+        let mut axes = [Vector([0.0; L]); L];
+        let mut i = 0;
+        while i < L {
+            axes[i].0[i] = 1.0;
+            i += 1;
+        }
+        Self { position: Vector([0.0; L]), axes }
+    };
+
     /// R p + x.
     #[inline]
     pub fn point(&self, local: Vector<f32, L>) -> Vector<f32, L> {

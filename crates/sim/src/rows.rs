@@ -1,14 +1,16 @@
 //! Between manifolds and the contact system: what the solver is given, and what it gives back.
 
-use drystone_solver::{Contact, Manifold, System, Velocity, contact_frame};
+use drystone_solver::{Contact, InverseMass, Manifold, System, Vector, Velocity, contact_frame};
 
 use crate::cache::Record;
 use crate::geometry::Frame;
 
-/// Fills the manifolds and contacts of `system` from the records of this step.
+/// Fills the manifolds and contacts of `system` from the records of this step, which lasts
+/// `dt` \[s\].
 pub(crate) fn rows<const L: usize, const A: usize>(
     records: &[Record<L>],
     frames: &[Frame<L>],
+    dt: f32,
     system: &mut System<f32, L, A>,
 ) {
     system.manifolds.clear();
@@ -23,6 +25,14 @@ pub(crate) fn rows<const L: usize, const A: usize>(
             first: system.contacts.len() as u32,
             count: record.count,
         };
+        // A body that carries others round gives them the velocity of where they are at half the
+        // step; that of the start would throw them outward.
+        let [v_a, v_b] = record.bodies.map(|body| system.velocities[body as usize].linear);
+        let [fixed_a, fixed_b] =
+            record.bodies.map(|body| system.masses[body as usize] == InverseMass::FIXED);
+        let halfway = (v_a - v_b) * (0.5 * dt);
+        let ahead_a = if fixed_a { -halfway } else { Vector::ZERO };
+        let ahead_b = if fixed_b { halfway } else { Vector::ZERO };
         for point in record.points() {
             // Both bodies are pushed at the same point, midway between the surfaces: so the pair
             // keeps its angular momentum.
@@ -32,8 +42,8 @@ pub(crate) fn rows<const L: usize, const A: usize>(
             let mut gap = manifold.to_frame(point.slip);
             gap[0] = point.gap;
             system.contacts.push(Contact {
-                anchor_a: place - a.position,
-                anchor_b: place - b.position,
+                anchor_a: place - a.position + ahead_a,
+                anchor_b: place - b.position + ahead_b,
                 gap,
                 impulse,
                 ..Contact::default()

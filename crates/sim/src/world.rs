@@ -33,6 +33,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     system: System<f32, L, A>,
     /// The contacts of `system`, eight side by side, for the sweeps.
     wide: Wide<L, A>,
+    /// What each body has moved since the step began.
     displacements: Vec<Velocity<f32, L, A>>,
     travel: Vec<Travel<L>>,
     workers: Vec<Worker<G, L, A>>,
@@ -258,7 +259,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         clock.lap(&mut report, Stage::Pairs);
         self.find_manifolds();
         clock.lap(&mut report, Stage::Manifolds);
-        rows::rows(&self.records, &self.bodies.frames, &mut self.system);
+        rows::rows(&self.records, &self.bodies.frames, dt, &mut self.system);
         self.displacements.fill(Velocity::ZERO);
         clock.lap(&mut report, Stage::Rows);
 
@@ -280,7 +281,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if bouncing {
                 let threshold = settings.restitution_threshold;
                 system.set_targets(&self.displacements, &repair);
-                report.collisions += restitution::collide(system, threshold, COLLISION_ROUNDS);
+                let moved = &mut self.displacements;
+                report.collisions +=
+                    restitution::collide(system, moved, h, threshold, COLLISION_ROUNDS);
                 wide.take_impacts(system);
                 clock.lap(&mut report, Stage::Bounce);
             }

@@ -9,10 +9,8 @@ use std::cell::Cell;
 
 use common::*;
 use drystone::World;
-use drystone::geometry::spheres::SphereShape;
 use drystone::geometry::{Rigid2, Rigid3, Spheres};
 use drystone::scene::Motion;
-use drystone_solver::Vector;
 
 /// The system's allocator; counts what each thread asks of it.
 struct Counter;
@@ -112,28 +110,40 @@ fn solid<G: Rigid<L, A>, const L: usize, const A: usize>(name: &str, shapes: &[G
     settled::<G, L, A>(name, wall, shapes);
 }
 
-fn plane<const L: usize>(axis: usize, side: f32) -> SphereShape<L> {
-    let mut normal = Vector([0.0; L]);
+fn halfspace<G: Round<L, A>, const L: usize, const A: usize>(axis: usize, side: f32) -> G::Shape {
+    let mut normal = [0.0; L];
     normal[axis] = side;
-    SphereShape::Halfspace { normal }
+    G::halfspace(normal)
 }
 
 #[test]
 fn a_settled_pile_takes_no_memory() {
-    settled::<Spheres, 2, 0>("particles", plane, &[Spheres::ball(0.3)]);
-    settled::<Spheres, 3, 0>("particles", plane, &[Spheres::ball(0.3)]);
+    settled::<Spheres, 2, 0>("particles", halfspace::<Spheres, 2, 0>, &[Spheres::ball(0.3)]);
+    settled::<Spheres, 3, 0>("particles", halfspace::<Spheres, 3, 0>, &[Spheres::ball(0.3)]);
     let (ball, block) = (Rigid2::ball(0.3), Rigid2::cuboid([0.3; 2]));
     let hull = Rigid2::hull(&[[-0.3, -0.2], [0.3, -0.2], [0.2, 0.2], [-0.1, 0.3]]);
     solid::<Rigid2, 2, 1>("balls", std::slice::from_ref(&ball));
     solid::<Rigid2, 2, 1>("boxes", std::slice::from_ref(&block));
     solid::<Rigid2, 2, 1>("hulls", std::slice::from_ref(&hull));
-    solid::<Rigid2, 2, 1>("mixed", &[ball, block, hull, Rigid2::capsule(0.15, 0.2)]);
+    let mixed = [ball, block, hull, Rigid2::capsule(0.15, 0.2)];
+    solid::<Rigid2, 2, 1>("mixed", &mixed);
+    settled::<Rigid2, 2, 1>("mixed between planes", halfspace::<Rigid2, 2, 1>, &mixed);
 }
 
 #[test]
 fn a_settled_pile_in_space_takes_no_memory() {
     let (ball, block) = (Rigid3::ball(0.3), Rigid3::cuboid([0.3; 3]));
+    let (low, high) = ([-0.3, -0.2, -0.3], [0.3, 0.2, 0.25]);
+    let corner = |i: usize| std::array::from_fn(|k| if i >> k & 1 == 0 { low[k] } else { high[k] });
+    let mut corners: Vec<[f32; 3]> = (0..8).map(corner).collect();
+    corners.push([0.05, 0.35, 0.0]);
+    let hull = Rigid3::hull(&corners);
+    let capsule = Rigid3::capsule(0.15, 0.2);
     solid::<Rigid3, 3, 3>("balls", std::slice::from_ref(&ball));
     solid::<Rigid3, 3, 3>("boxes", std::slice::from_ref(&block));
-    solid::<Rigid3, 3, 3>("mixed", &[ball, block]);
+    solid::<Rigid3, 3, 3>("hulls", std::slice::from_ref(&hull));
+    solid::<Rigid3, 3, 3>("capsules", std::slice::from_ref(&capsule));
+    let mixed = [ball, block, hull, capsule];
+    solid::<Rigid3, 3, 3>("mixed", &mixed);
+    settled::<Rigid3, 3, 3>("mixed between planes", halfspace::<Rigid3, 3, 3>, &mixed);
 }

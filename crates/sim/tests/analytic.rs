@@ -327,13 +327,13 @@ fn bouncing<G: Round<L, A>, const L: usize, const A: usize>() {
     let (apexes, speed) = bounces::<G, L, A>(f64::from(e), height, 1.05 * zeno);
     for n in 0..4 {
         let expected = height * e.powi(2 * (n as i32 + 1));
-        assert_within(&format!("({L},{A}): apex {} [m]", n + 1), apexes[n], expected, 0.03);
+        assert_within(&format!("({L},{A}): apex {} [m]", n + 1), apexes[n], expected, 0.003);
     }
     assert_below(&format!("({L},{A}): speed after all bounces [m/s]"), speed, 1e-3);
     let (apexes, _) = bounces::<G, L, A>(1.0, height, 12.0);
     for n in 0..5 {
         let what = format!("({L},{A}): apex {} without loss [m]", n + 1);
-        assert_within(&what, apexes[n], height, 0.02);
+        assert_within(&what, apexes[n], height, 0.001);
     }
 }
 

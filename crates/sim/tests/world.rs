@@ -283,6 +283,24 @@ fn a_moving_platform_carries_by_friction() {
     carrying::<Rigid3, 3, 3>();
 }
 
+#[test]
+fn a_turning_platform_carries_a_box_around() {
+    let material = surface(0.8, 0.0);
+    let mut world: World3 = world();
+    let mut disk = body(Motion::Kinematic, [0.0; 3], Rigid3::cuboid([3.0, 0.1, 3.0]), &material);
+    disk.velocity.angular = Vector([0.0, 1.0, 0.0]);
+    world.add(disk);
+    let mut block = dynamic([2.0, 0.35, 0.0], Rigid3::cuboid([0.25; 3]), &material);
+    // At once at the speed of the platform.
+    block.velocity =
+        Velocity { linear: Vector([0.0, 0.0, -2.0]), angular: Vector([0.0, 1.0, 0.0]) };
+    let block = world.add(block);
+    run(&mut world, 2.0);
+    let (sin, cos) = 2.0f32.sin_cos();
+    let off = place(&world, block) - Vector([2.0 * cos, 0.35, -2.0 * sin]);
+    assert_below("off the circle after 2 rad [m]", off.length(), 0.01);
+}
+
 // Shapes
 
 fn compounds<G: Rigid<L, A>, const L: usize, const A: usize>() {

@@ -52,6 +52,16 @@ fn unit<const L: usize>(angle: f64) -> Vector<f64, L> {
     }))
 }
 
+/// Collisions alone, of bodies that do not move meanwhile.
+fn collide<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    threshold: f64,
+    rounds: usize,
+) -> usize {
+    let mut moved = vec![Velocity::ZERO; system.velocities.len()];
+    restitution::collide(system, &mut moved, 0.0, threshold, rounds)
+}
+
 /// A ball of 1 kg that touches fixed walls, the normals (towards it) at these angles.
 fn ball_in_walls(angles: &[f64]) -> Scene<2, 0> {
     let mut scene = Scene::new();
@@ -102,7 +112,7 @@ mod spherical_particles_without_friction {
         assert_close(together.contacts[0].impulse[0], gamma, ROUNDING);
 
         let mut alone = scene.system.clone();
-        assert_eq!(restitution::collide(&mut alone, 1.0, 10), 1);
+        assert_eq!(collide(&mut alone, 1.0, 10), 1);
         assert_close(alone.contacts[0].impact, gamma, ROUNDING);
 
         for system in [together, alone] {
@@ -1236,7 +1246,7 @@ mod identities {
         for _ in 0..4 {
             pgs::sweep_normals(&mut pushed.system);
         }
-        restitution::collide(&mut pushed.system, 0.1, 4);
+        collide(&mut pushed.system, 0.1, 4);
         assert_all_close(pushed.momentum().0, linear.0, 1e-9);
         assert_all_close(pushed.angular_momentum(), angular.iter().copied(), 1e-9);
 
@@ -1264,7 +1274,7 @@ mod identities {
         }
         let mut energy = scene.kinetic_energy();
         for _ in 0..5 {
-            restitution::collide(&mut scene.system, 0.01, 1);
+            collide(&mut scene.system, 0.01, 1);
             let now = scene.kinetic_energy();
             assert!(now <= energy * (1.0 + 1e-12), "{energy} to {now}");
             energy = now;
@@ -1322,7 +1332,7 @@ mod identities {
         }
         assert!(whole.kinetic_energy() > 1.1 * before);
 
-        assert_eq!(restitution::collide(&mut scene.system, 0.0, 1), 1);
+        assert_eq!(collide(&mut scene.system, 0.0, 1), 1);
         assert!(scene.system.contacts[0].impact > 0.0);
         assert_close(scene.kinetic_energy(), before, 1e-12);
     }
@@ -1336,7 +1346,7 @@ mod identities {
             scene.system.manifolds[0].restitution = 1.0;
             scene.system.contacts[0].target[0] = 0.0;
             let before = scene.kinetic_energy();
-            restitution::collide(&mut scene.system, 0.0, 1);
+            collide(&mut scene.system, 0.0, 1);
             assert_close(scene.kinetic_energy(), before, 1e-12);
         }
     }

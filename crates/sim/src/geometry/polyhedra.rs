@@ -119,6 +119,62 @@ pub(super) fn collide<const L: usize>(
     touch.points.retain(|point| point.gap <= prediction);
 }
 
+/// The boundary of a half-space.
+pub(super) struct Plane<const L: usize> {
+    pub(super) point: Vector<f32, L>,
+    /// Out of the half-space.
+    pub(super) normal: Vector<f32, L>,
+}
+
+/// What of a shape can lie on a plane.
+pub(super) enum Footing<'a, S, const L: usize> {
+    /// A face of a solid.
+    Solid(&'a S),
+    /// Balls of this radius around these centers: a ball, the ends of a capsule.
+    Round(&'a [Vector<f32, L>], f32),
+}
+
+/// Fills `touch` with where a shape overlaps a half-space or is within `prediction` \[m\] of it.
+/// `from_shape` is the frame of the shape as seen from where `plane` and `touch` are given; the
+/// shape is a if `above`, else b.
+pub(super) fn on_plane<const L: usize>(
+    plane: &Plane<L>,
+    footing: &Footing<'_, impl Solid<L>, L>,
+    from_shape: &Frame<L>,
+    above: bool,
+    prediction: f32,
+    clipper: &mut Clipper<L>,
+    touch: &mut Touch<L>,
+) {
+    let normal = plane.normal;
+    let corners = &mut clipper.incident;
+    corners.clear();
+    let radius = match *footing {
+        Footing::Solid(solid) => {
+            solid.corners(facing(solid, from_shape.local_direction(-normal)), corners);
+            0.0
+        }
+        Footing::Round(centers, radius) => {
+            for (feature, &position) in centers.iter().enumerate() {
+                corners.push(Corner { position, feature: feature as u32 });
+            }
+            radius
+        }
+    };
+    touch.normal = if above { normal } else { -normal };
+    for corner in corners {
+        let lowest = from_shape.point(corner.position) - normal * radius;
+        let gap = normal.dot(lowest - plane.point);
+        if gap > prediction {
+            continue;
+        }
+        let below = lowest - normal * gap;
+        let (on_a, on_b) = if above { (lowest, below) } else { (below, lowest) };
+        let feature = u64::from(corner.feature);
+        touch.points.push(TouchPoint { on_a, on_b, gap, feature });
+    }
+}
+
 fn name<const L: usize>(side: u64, face: usize, corner: &Corner<L>) -> u64 {
     side << 62 | (face as u64) << 32 | u64::from(corner.feature)
 }
@@ -139,6 +195,18 @@ fn best_face<const L: usize>(
     best
 }
 
+/// The face that looks most along `direction`.
+fn facing<const L: usize>(solid: &impl Solid<L>, direction: Vector<f32, L>) -> usize {
+    let mut best = (f32::NEG_INFINITY, 0);
+    for index in 0..solid.faces() {
+        let along = solid.face(index).0.dot(direction);
+        if along > best.0 {
+            best = (along, index);
+        }
+    }
+    best.1
+}
+
 /// Leaves in `clipper.incident` the part of the incident solid's facing face that lies over the
 /// reference face, in the reference solid's frame; returns the reference normal.
 fn clip<const L: usize>(
@@ -149,18 +217,11 @@ fn clip<const L: usize>(
     clipper: &mut Clipper<L>,
 ) -> Vector<f32, L> {
     let (normal, _) = reference.face(face);
-    let toward = from_incident.local_direction(normal);
-    let mut facing = (f32::INFINITY, 0);
-    for index in 0..incident.faces() {
-        let along = incident.face(index).0.dot(toward);
-        if along < facing.0 {
-            facing = (along, index);
-        }
-    }
     clipper.reference.clear();
     clipper.incident.clear();
     reference.corners(face, &mut clipper.reference);
-    incident.corners(facing.1, &mut clipper.incident);
+    let against = from_incident.local_direction(-normal);
+    incident.corners(facing(incident, against), &mut clipper.incident);
     for corner in &mut clipper.incident {
         corner.position = from_incident.point(corner.position);
     }

@@ -2,7 +2,7 @@
 
 use drystone_solver::{SymmetricMatrix, Vector};
 
-use super::polyhedra::{Clipper, Crossing, Cuboid, box_edges, collide};
+use super::polyhedra::{Clipper, Crossing, Cuboid, Footing, Plane, box_edges, collide, on_plane};
 use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
@@ -45,7 +45,7 @@ impl From<Pose2> for parry2d::math::Pose {
 macro_rules! over_parry {
     ($parry:ident, $polyhedra:ident, $l:literal, $a:literal) => {
         type Shape = $parry::shape::SharedShape;
-        type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $l>;
+        type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $parry::query::epa::EPA, $l>;
 
         fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<$l> {
             let aabb = shape.compute_aabb(&(*pose).into());
@@ -82,8 +82,8 @@ macro_rules! over_parry {
                 let touch = &mut scratch.touch;
                 touch.points.clear();
                 touch.part = part;
-                let clipper = &mut scratch.clipper;
-                if $polyhedra(&from_b, shape_a, shape_b, prediction, clipper, touch) {
+                let memory = (&mut scratch.clipper, &mut scratch.expansion);
+                if $polyhedra(&from_b, shape_a, shape_b, prediction, memory, touch) {
                     touch.place(&<Self as Geometry<$l, $a>>::frame(a.1));
                 } else {
                     // The only error is an unsupported pair: a half-space against a half-space.
@@ -132,19 +132,68 @@ macro_rules! over_parry {
 
 /// Memory for one thread's collisions.
 #[derive(Default)]
-pub struct Scratch<M, const L: usize> {
+pub struct Scratch<M, E, const L: usize> {
     manifold: M,
+    /// The expanding polytope of EPA.
+    expansion: E,
     touch: Touch<L>,
     clipper: Clipper<L>,
 }
 
-/// Contact between two boxes or polygons; false: the shapes are something else.
+/// Defines contact between a half-space and another shape, in the frame of a; `None`: neither is a half-space, or
+/// the other is none of the shapes here.
+macro_rules! over_plane {
+    ($name:ident, $parry:ident, $hull:ident, $l:literal) => {
+        fn $name(
+            frame_of_b: &Frame<$l>,
+            a: &dyn $parry::shape::Shape,
+            b: &dyn $parry::shape::Shape,
+            prediction: f32,
+            clipper: &mut Clipper<$l>,
+            touch: &mut Touch<$l>,
+        ) -> Option<()> {
+            let own = Frame::IDENTITY;
+            let (half_space, from_plane, shape, from_shape, above) =
+                match (a.as_halfspace(), b.as_halfspace()) {
+                    (None, Some(b)) => (b, frame_of_b, a, &own, true),
+                    (Some(a), None) => (a, &own, b, frame_of_b, false),
+                    _ => return None,
+                };
+            let plane = Plane {
+                point: from_plane.position,
+                normal: from_plane.direction(half_space.normal.to_array().into()),
+            };
+            let mut stand = |footing: &Footing<'_, Cuboid<$l>, $l>| {
+                on_plane(&plane, footing, from_shape, above, prediction, clipper, touch);
+            };
+            if let Some(ball) = shape.as_ball() {
+                stand(&Footing::Round(&[Vector::ZERO], ball.radius));
+            } else if let Some(capsule) = shape.as_capsule() {
+                let ends = [capsule.segment.a, capsule.segment.b];
+                let ends = ends.map(|end| Vector(end.to_array()));
+                stand(&Footing::Round(&ends, capsule.radius));
+            } else if let Some(cuboid) = shape.as_cuboid() {
+                stand(&Footing::Solid(&Cuboid(cuboid.half_extents.to_array().into())));
+            } else {
+                let hull = Footing::Solid(shape.$hull()?);
+                on_plane(&plane, &hull, from_shape, above, prediction, clipper, touch);
+            }
+            Some(())
+        }
+    };
+}
+
+over_plane!(over_plane_2, parry2d, as_convex_polygon, 2);
+over_plane!(over_plane_3, parry3d, as_convex_polyhedron, 3);
+
+/// Contact between two boxes or polygons, or between a shape and a half-space; false: the shapes
+/// are something else.
 fn polygons(
     from_b: &parry2d::math::Pose,
     a: &dyn parry2d::shape::Shape,
     b: &dyn parry2d::shape::Shape,
     prediction: f32,
-    clipper: &mut Clipper<2>,
+    (clipper, _): (&mut Clipper<2>, &mut parry2d::query::epa::EPA),
     touch: &mut Touch<2>,
 ) -> bool {
     let (c, s) = (from_b.rotation.cos(), from_b.rotation.sin());
@@ -152,6 +201,9 @@ fn polygons(
         position: from_b.translation.to_array().into(),
         axes: [Vector([c, s]), Vector([-s, c])],
     };
+    if over_plane_2(&frame, a, b, prediction, clipper, touch).is_some() {
+        return true;
+    }
     let cuboid = |shape: &dyn parry2d::shape::Shape| {
         shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
     };
@@ -167,16 +219,20 @@ fn polygons(
     true
 }
 
-/// Contact between two boxes or hulls; false: the shapes are something else.
+/// Contact between two boxes or hulls, or between a shape and a half-space; false: the shapes are
+/// something else.
 fn solids(
     from_b: &parry3d::math::Pose,
     a: &dyn parry3d::shape::Shape,
     b: &dyn parry3d::shape::Shape,
     prediction: f32,
-    clipper: &mut Clipper<3>,
+    (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut Touch<3>,
 ) -> bool {
     let frame = Rigid3::frame(from_b);
+    if over_plane_3(&frame, a, b, prediction, clipper, touch).is_some() {
+        return true;
+    }
     let cuboid = |shape: &dyn parry3d::shape::Shape| {
         shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
     };
@@ -186,15 +242,15 @@ fn solids(
             collide(&a, &b, &frame, prediction, edges, clipper, touch);
         }
         (Some(box_a), _, _, Some(hull_b)) => {
-            let nearest = || closest(from_b, a, b, prediction);
+            let nearest = || closest(from_b, a, b, prediction, expansion);
             collide(&box_a, hull_b, &frame, prediction, nearest, clipper, touch);
         }
         (_, Some(hull_a), Some(box_b), _) => {
-            let nearest = || closest(from_b, a, b, prediction);
+            let nearest = || closest(from_b, a, b, prediction, expansion);
             collide(hull_a, &box_b, &frame, prediction, nearest, clipper, touch);
         }
         (_, Some(hull_a), _, Some(hull_b)) => {
-            let nearest = || closest(from_b, a, b, prediction);
+            let nearest = || closest(from_b, a, b, prediction, expansion);
             collide(hull_a, hull_b, &frame, prediction, nearest, clipper, touch);
         }
         _ => return false,
@@ -202,27 +258,28 @@ fn solids(
     true
 }
 
-/// The nearest points of two solids, or their least overlap, after GJK and EPA. Close to touching
-/// its axis may be wrong, so it only counts for what it separates.
+/// The nearest points of two solids (GJK), or of their least overlap (EPA). Close to touching its
+/// axis may be wrong, so it only counts for what it separates.
 fn closest(
     from_b: &parry3d::math::Pose,
     a: &dyn parry3d::shape::Shape,
     b: &dyn parry3d::shape::Shape,
     prediction: f32,
+    expansion: &mut parry3d::query::epa::EPA,
 ) -> Option<Crossing<3>> {
-    use parry3d::query::details::contact_support_map_support_map_with_params;
-    use parry3d::query::gjk::{GJKResult, VoronoiSimplex};
+    use parry3d::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
     let (a, b) = (a.as_support_map()?, b.as_support_map()?);
-    let simplex = &mut VoronoiSimplex::new();
-    let found =
-        contact_support_map_support_map_with_params(from_b, a, b, prediction, simplex, None);
-    let (axis, on_a, on_b) = match found {
-        GJKResult::ClosestPoints(on_a, on_b, axis) => (axis, on_a, on_b),
+    let start = from_b.translation.try_normalize().unwrap_or(parry3d::math::Vector::X);
+    let mut simplex = VoronoiSimplex::new();
+    simplex.reset(CsoPoint::from_shapes(from_b, a, b, start));
+    let (on_a, on_b, axis) = match closest_points(from_b, a, b, prediction, true, &mut simplex) {
+        GJKResult::ClosestPoints(on_a, on_b, axis) => (on_a, on_b, axis),
         GJKResult::NoIntersection(axis) => {
             let back = from_b.rotation.inverse() * -axis;
-            (axis, a.local_support_point(axis), from_b * b.local_support_point(back))
+            (a.local_support_point(axis), from_b * b.local_support_point(back), axis)
         }
-        _ => return None,
+        GJKResult::Intersection => expansion.closest_points(from_b, a, b, &simplex)?,
+        GJKResult::Proximity(_) => return None,
     };
     let [axis, on_a, on_b] = [axis, on_a, on_b].map(|v| Vector(v.to_array()));
     Some(Crossing { axis, on_a, on_b })
