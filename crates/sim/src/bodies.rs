@@ -171,6 +171,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) frames: Vec<Frame<L>>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
     pub(crate) gyroscopic: Vec<bool>,
+    /// Rotation vectors that the poses have not followed yet. \[rad\]
+    pub(crate) turns: Vec<Vector<f32, A>>,
     pub(crate) gravity_factor: Vec<f32>,
     /// Largest distance of its shapes from the center of mass. \[m\]
     pub(crate) reach: Vec<f32>,
@@ -187,6 +189,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             frames: Vec::new(),
             inertia: Vec::new(),
             gyroscopic: Vec::new(),
+            turns: Vec::new(),
             gravity_factor: Vec::new(),
             reach: Vec::new(),
             forces: Vec::new(),

@@ -24,6 +24,13 @@ impl Pair {
     }
 }
 
+/// The manifolds of a step, and their points one manifold after the other.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Records<const L: usize> {
+    pub(crate) manifolds: Vec<Record<L>>,
+    pub(crate) points: Vec<Point<L>>,
+}
+
 /// A manifold as it is kept from step to step: in the frames of its bodies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record<const L: usize> {
@@ -31,13 +38,14 @@ pub(crate) struct Record<const L: usize> {
     pub(crate) friction: f32,
     pub(crate) restitution: f32,
     pub(crate) part: u32,
+    /// Its points.
+    pub(crate) first: u32,
     pub(crate) count: u32,
     /// World, from b towards a.
     pub(crate) normal: Vector<f32, L>,
     /// The same in the frame of b, and a's frame as seen from b, when the points were found.
     pub(crate) local_normal: Vector<f32, L>,
     pub(crate) found_at: Frame<L>,
-    pub(crate) points: [Point<L>; MAX_POINTS],
 }
 
 /// A point of a record.
@@ -55,36 +63,61 @@ pub(crate) struct Point<const L: usize> {
     pub(crate) slip: Vector<f32, L>,
 }
 
-impl<const L: usize> Record<L> {
-    pub(crate) fn points(&self) -> &[Point<L>] {
-        &self.points[..self.count as usize]
+impl<const L: usize> Records<L> {
+    pub(crate) fn clear(&mut self) {
+        self.manifolds.clear();
+        self.points.clear();
     }
 
-    /// Takes impulses and slips from the same manifold a step ago: by feature, then by place.
-    pub(crate) fn inherit(&mut self, old: &Self, match_distance: f32) {
-        let mut taken = [false; MAX_POINTS];
-        let mut matched = [false; MAX_POINTS];
-        let squared = match_distance * match_distance;
-        for by_feature in [true, false] {
-            for (point, done) in self.points[..self.count as usize].iter_mut().zip(&mut matched) {
-                if *done {
-                    continue;
-                }
-                let found = old.points().iter().enumerate().position(|(i, candidate)| {
-                    let apart = candidate.on_a - point.on_a;
-                    !taken[i]
-                        && if by_feature {
-                            candidate.feature == point.feature
-                        } else {
-                            apart.dot(apart) < squared
-                        }
-                });
-                if let Some(i) = found {
-                    taken[i] = true;
-                    *done = true;
-                    point.impulse = old.points[i].impulse;
-                    point.slip = old.points[i].slip;
-                }
+    /// The points of one of the manifolds.
+    pub(crate) fn points_of(&self, record: &Record<L>) -> &[Point<L>] {
+        &self.points[record.points()]
+    }
+
+    /// Appends those of `others`.
+    pub(crate) fn append(&mut self, others: &Self) {
+        let offset = self.points.len() as u32;
+        self.points.extend_from_slice(&others.points);
+        let moved = |record: &Record<L>| Record { first: record.first + offset, ..*record };
+        self.manifolds.extend(others.manifolds.iter().map(moved));
+    }
+}
+
+impl<const L: usize> Record<L> {
+    pub(crate) fn points(&self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
+}
+
+/// Gives points the impulses and slips of the same manifold's points a step ago: by feature, then by
+/// place.
+pub(crate) fn inherit<const L: usize>(
+    points: &mut [Point<L>],
+    old: &[Point<L>],
+    match_distance: f32,
+) {
+    let mut taken = [false; MAX_POINTS];
+    let mut matched = [false; MAX_POINTS];
+    let squared = match_distance * match_distance;
+    for by_feature in [true, false] {
+        for (point, done) in points.iter_mut().zip(&mut matched) {
+            if *done {
+                continue;
+            }
+            let found = old.iter().enumerate().position(|(i, candidate)| {
+                let apart = candidate.on_a - point.on_a;
+                !taken[i]
+                    && if by_feature {
+                        candidate.feature == point.feature
+                    } else {
+                        apart.dot(apart) < squared
+                    }
+            });
+            if let Some(i) = found {
+                taken[i] = true;
+                *done = true;
+                point.impulse = old[i].impulse;
+                point.slip = old[i].slip;
             }
         }
     }

@@ -4,7 +4,6 @@ use drystone_solver::{InverseMass, Vector, Velocity};
 
 use crate::bodies::Bodies;
 use crate::geometry::{Frame, Geometry};
-use crate::scene::Motion;
 
 /// Below this angle per substep \[rad\] a body's precession is left out: it would change the angular
 /// velocity by less than this part of itself.
@@ -30,8 +29,8 @@ pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
     }
 }
 
-/// Displacement += h v; rotations in space, which do not commute, are carried out at once. Free
-/// precession keeps the angular momentum and, to second order in h, the energy.
+/// Displacement += h v. A body that precesses turns at once: its free motion keeps the angular
+/// momentum and, to second order in h, the energy. The others turn at the end of the step.
 pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &mut Bodies<G, L, A>,
     h: f32,
@@ -40,14 +39,8 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
 ) {
     for (body, velocity) in velocities.iter_mut().enumerate() {
         displacements[body] += *velocity * h;
-        if A < 3 || !matches!(bodies.motion[body], Some(Motion::Dynamic | Motion::Kinematic)) {
-            continue;
-        }
         let turn = velocity.angular * h;
         let squared = turn.dot(turn);
-        if squared == 0.0 {
-            continue;
-        }
         let pose = &bodies.poses[body];
         if bodies.gyroscopic[body] && squared > SMALL_TURN * SMALL_TURN {
             // omega(t) = W(q(t)) L with L constant; the rotation follows omega at mid-step.
@@ -62,7 +55,7 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
             velocity.angular += omega(&G::frame(&end)) - omega(&frame);
             bodies.poses[body] = end;
         } else {
-            bodies.poses[body] = G::advance(pose, Vector::ZERO, turn);
+            bodies.turns[body] += turn;
         }
     }
 }
@@ -76,7 +69,7 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
         if *displacement == Velocity::ZERO {
             continue;
         }
-        let turn = if A < 3 { displacement.angular } else { Vector::ZERO };
+        let turn = std::mem::replace(&mut bodies.turns[body], Vector::ZERO);
         bodies.poses[body] = G::advance(&bodies.poses[body], displacement.linear, turn);
         bodies.frames[body] = G::frame(&bodies.poses[body]);
     }

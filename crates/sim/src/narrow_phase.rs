@@ -3,8 +3,8 @@
 use drystone_solver::{Real, Vector};
 use rayon::prelude::*;
 
-use crate::cache::{Pair, Point, Record};
-use crate::geometry::{Frame, Geometry, MAX_POINTS};
+use crate::cache::{Pair, Point, Record, Records, inherit};
+use crate::geometry::{Frame, Geometry};
 
 /// What the narrow phase reads.
 pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -42,12 +42,12 @@ const CHUNK: usize = 128;
 /// One worker's memory.
 pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
     scratch: G::Scratch,
-    records: Vec<Record<L>>,
+    records: Records<L>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L, A> {
     fn default() -> Self {
-        Self { scratch: G::Scratch::default(), records: Vec::new() }
+        Self { scratch: G::Scratch::default(), records: Records::default() }
     }
 }
 
@@ -56,10 +56,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L,
 pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pairs: &mut [Pair],
-    old: &[Record<L>],
+    old: &Records<L>,
     workers: &mut Vec<Worker<G, L, A>>,
     parallel: bool,
-    records: &mut Vec<Record<L>>,
+    records: &mut Records<L>,
 ) {
     records.clear();
     if !parallel || pairs.len() < 2 * CHUNK {
@@ -83,31 +83,34 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
         }
     });
     for (pairs, worker) in pairs.chunks_mut(CHUNK).zip(workers) {
-        let offset = records.len() as u32;
+        let offset = records.manifolds.len() as u32;
         for pair in pairs {
             pair.first += offset;
         }
-        records.extend_from_slice(&worker.records);
+        records.append(&worker.records);
     }
 }
 
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pair: &mut Pair,
-    old: &[Record<L>],
+    old: &Records<L>,
     scratch: &mut G::Scratch,
-    records: &mut Vec<Record<L>>,
+    records: &mut Records<L>,
 ) {
-    let old = &old[pair.records()];
-    pair.first = records.len() as u32;
+    let known = &old.manifolds[pair.records()];
+    pair.first = records.manifolds.len() as u32;
     let [a, b] = pair.bodies.map(|body| &around.frames[body as usize]);
     let seen = Frame {
         position: b.local_point(a.position),
         axes: a.axes.map(|axis| b.local_direction(axis)),
     };
-    if old.first().is_some_and(|record| hardly_moved(record, &seen, around.reuse_distance)) {
-        for record in old {
-            records.push(reuse(record, a, b));
+    let reusable = |record: &Record<L>| {
+        hardly_moved(record, old.points_of(record), &seen, around.reuse_distance)
+    };
+    if known.first().is_some_and(reusable) {
+        for record in known {
+            reuse(record, old.points_of(record), a, b, records);
         }
     } else {
         let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
@@ -120,31 +123,35 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         let [shape_a, shape_b] =
             pair.colliders.map(|c| (&around.shapes[c as usize], &around.poses[c as usize]));
         G::collide(shape_a, shape_b, prediction, scratch, &mut |touch| {
-            let mut record = Record {
+            let first = records.points.len();
+            records.points.extend(touch.points.iter().map(|found| Point::new(found, a, b)));
+            if let Some(before) = known.iter().find(|known| known.part == touch.part) {
+                let points = &mut records.points[first..];
+                inherit(points, old.points_of(before), MATCH_DISTANCE);
+            }
+            records.manifolds.push(Record {
                 bodies: pair.bodies,
                 friction: pair.friction,
                 restitution: pair.restitution,
                 part: touch.part,
+                first: first as u32,
                 count: touch.points.len() as u32,
                 normal: touch.normal,
                 local_normal: b.local_direction(touch.normal),
                 found_at: seen,
-                points: [Point::default(); MAX_POINTS],
-            };
-            for (point, found) in record.points.iter_mut().zip(&touch.points) {
-                *point = Point::new(found, a, b);
-            }
-            if let Some(before) = old.iter().find(|old| old.part == touch.part) {
-                record.inherit(before, MATCH_DISTANCE);
-            }
-            records.push(record);
+            });
         });
     }
-    pair.count = records.len() as u32 - pair.first;
+    pair.count = records.manifolds.len() as u32 - pair.first;
 }
 
 /// Whether a has moved against b less than `distance` \[m\] since the record's points were found.
-fn hardly_moved<const L: usize>(record: &Record<L>, seen: &Frame<L>, distance: f32) -> bool {
+fn hardly_moved<const L: usize>(
+    record: &Record<L>,
+    points: &[Point<L>],
+    seen: &Frame<L>,
+    distance: f32,
+) -> bool {
     if distance <= 0.0 {
         return false;
     }
@@ -153,16 +160,23 @@ fn hardly_moved<const L: usize>(record: &Record<L>, seen: &Frame<L>, distance: f
     for (now, then) in seen.axes.iter().zip(&record.found_at.axes) {
         turned = turned.max((*now - *then).length());
     }
-    let reach = record.points().iter().map(|p| p.on_a.length()).fold(0.0f32, Real::max);
+    let reach = points.iter().map(|p| p.on_a.length()).fold(0.0f32, Real::max);
     moved + turned * reach < distance
 }
 
-/// The record with its gaps measured anew.
-fn reuse<const L: usize>(record: &Record<L>, a: &Frame<L>, b: &Frame<L>) -> Record<L> {
-    let mut record = *record;
-    record.normal = b.direction(record.local_normal);
-    for point in &mut record.points[..record.count as usize] {
-        point.gap = record.normal.dot(a.point(point.on_a) - b.point(point.on_b));
-    }
-    record
+/// Appends the record with its gaps measured anew.
+fn reuse<const L: usize>(
+    record: &Record<L>,
+    points: &[Point<L>],
+    a: &Frame<L>,
+    b: &Frame<L>,
+    records: &mut Records<L>,
+) {
+    let normal = b.direction(record.local_normal);
+    let first = records.points.len() as u32;
+    records.points.extend(points.iter().map(|point| {
+        let gap = normal.dot(a.point(point.on_a) - b.point(point.on_b));
+        Point { gap, ..*point }
+    }));
+    records.manifolds.push(Record { normal, first, ..*record });
 }

@@ -2,27 +2,27 @@
 
 use drystone_solver::{Contact, InverseMass, Manifold, System, Vector, Velocity, contact_frame};
 
-use crate::cache::Record;
+use crate::cache::Records;
 use crate::geometry::Frame;
 
 /// Fills the manifolds and contacts of `system` from the records of this step, which lasts
 /// `dt` \[s\].
 pub(crate) fn rows<const L: usize, const A: usize>(
-    records: &[Record<L>],
+    records: &Records<L>,
     frames: &[Frame<L>],
     dt: f32,
     system: &mut System<f32, L, A>,
 ) {
     system.manifolds.clear();
     system.contacts.clear();
-    for record in records {
+    for record in &records.manifolds {
         let [a, b] = record.bodies.map(|body| &frames[body as usize]);
         let manifold = Manifold {
             bodies: record.bodies,
             frame: contact_frame(record.normal),
             friction: record.friction,
             restitution: record.restitution,
-            first: system.contacts.len() as u32,
+            first: record.first,
             count: record.count,
         };
         // A body that carries others round gives them the velocity of where they are at half the
@@ -33,7 +33,7 @@ pub(crate) fn rows<const L: usize, const A: usize>(
         let halfway = (v_a - v_b) * (0.5 * dt);
         let ahead_a = if fixed_a { -halfway } else { Vector::ZERO };
         let ahead_b = if fixed_b { halfway } else { Vector::ZERO };
-        for point in record.points() {
+        for point in records.points_of(record) {
             // Both bodies are pushed at the same point, midway between the surfaces: so the pair
             // keeps its angular momentum.
             let place = (a.point(point.on_a) + b.point(point.on_b)) * 0.5;
@@ -58,12 +58,12 @@ pub(crate) fn remember<const L: usize, const A: usize>(
     system: &System<f32, L, A>,
     displacements: &[Velocity<f32, L, A>],
     hold: f32,
-    records: &mut [Record<L>],
+    records: &mut Records<L>,
 ) {
-    for (record, manifold) in records.iter_mut().zip(&system.manifolds) {
+    for manifold in &system.manifolds {
         let [a, b] = manifold.bodies.map(|body| &displacements[body as usize]);
         let contacts = &system.contacts[manifold.points()];
-        for (point, contact) in record.points.iter_mut().zip(contacts) {
+        for (point, contact) in records.points[manifold.points()].iter_mut().zip(contacts) {
             point.impulse = manifold.to_world(contact.impulse);
             let slip = contact.gap + contact.relative_velocity(manifold, a, b);
             let mut slip = contact.held_slip(manifold.friction, hold, slip);

@@ -5,7 +5,7 @@ use drystone_solver::{InverseMass, Repair, System, Vector, Velocity, restitution
 
 use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
-use crate::cache::{Pair, Record};
+use crate::cache::{Pair, Records};
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties};
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
@@ -27,8 +27,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     colliders: Colliders<G, L, A>,
     broad_phase: BroadPhase<L>,
     pairs: Vec<Pair>,
-    records: Vec<Record<L>>,
-    old_records: Vec<Record<L>>,
+    records: Records<L>,
+    old_records: Records<L>,
     /// Velocities and inverse masses of the bodies live here, where the solver works on them.
     system: System<f32, L, A>,
     /// The contacts of `system`, eight side by side, for the sweeps.
@@ -74,8 +74,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             },
             broad_phase: BroadPhase::new(),
             pairs: Vec::new(),
-            records: Vec::new(),
-            old_records: Vec::new(),
+            records: Records::default(),
+            old_records: Records::default(),
             system: System::new(),
             wide: Wide::new(),
             displacements: Vec::new(),
@@ -159,6 +159,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.frames.push(G::frame(&origin));
         bodies.inertia.push(Inertia::FIXED);
         bodies.gyroscopic.push(false);
+        bodies.turns.push(Vector::ZERO);
         bodies.gravity_factor.push(1.0);
         bodies.reach.push(0.0);
         bodies.forces.push(Velocity::ZERO);
@@ -272,8 +273,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
         let (system, wide) = (&mut self.system, &mut self.wide);
         wide.pack(system, settings.softness);
-        clock.lap(&mut report, Stage::Rows);
         let bouncing = system.manifolds.iter().any(|manifold| manifold.restitution > 0.0);
+        if bouncing {
+            system.prepare(settings.softness);
+        }
+        clock.lap(&mut report, Stage::Rows);
         for _ in 0..settings.substeps.max(1) {
             let bodies = &mut self.bodies;
             motion::predict(bodies, &system.masses, self.gravity, h, &mut system.velocities);

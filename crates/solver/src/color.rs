@@ -1,71 +1,79 @@
 //! Which manifolds share no body, and so can be visited side by side.
 
+use crate::lanes::WIDTH;
+
 /// Colors at most; what fits none of them comes after, one by one.
 const COLORS: usize = 64;
 
-/// Manifolds sorted by color: no two of a color move the same body.
+/// Manifolds of one color are sorted by their number of points, up to this many.
+const BINS: usize = 8;
+
+/// Places for manifolds in blocks of [`WIDTH`] lanes: no two of a block move the same body.
 #[derive(Clone, Debug, Default)]
 pub struct Coloring {
-    /// Indices of the manifolds, color after color, in their own order within a color.
-    pub order: Vec<u32>,
-    /// Where each color ends in `order`. The last "colors" may hold a single manifold each.
-    pub ends: Vec<u32>,
+    /// The place of each manifold: its block times [`WIDTH`] plus its lane. A block is filled from
+    /// lane 0 on; blocks come color after color, in a color by number of points, then in the order
+    /// of the manifolds.
+    pub places: Vec<u32>,
+    /// Points of the longest manifold of each block.
+    pub points: Vec<u32>,
     used: Vec<u64>,
-    color: Vec<u32>,
 }
 
 impl Coloring {
-    /// Colors manifolds, given by their bodies, greedily in their order: each takes the first color
-    /// that neither of its bodies has. `moves` tells whether a body can be moved; the others may
-    /// have many manifolds of a color. Depends on nothing but its arguments.
+    /// Colors manifolds, given by their bodies and number of points, greedily in their order: each
+    /// takes the first color that neither of its bodies has. `moves` tells whether a body can be
+    /// moved; the others may have many manifolds of a color. Depends on nothing but its arguments.
     pub fn assign(
         &mut self,
         bodies: usize,
-        manifolds: impl Iterator<Item = [u32; 2]>,
+        manifolds: impl Iterator<Item = ([u32; 2], u32)> + Clone,
         moves: impl Fn(u32) -> bool,
     ) {
         self.used.clear();
         self.used.resize(bodies, 0);
-        self.color.clear();
-        let mut counts = [0u32; COLORS];
+        self.places.clear();
+        let mut counts = [0u32; COLORS * BINS];
         let mut alone = 0;
-        for pair in manifolds {
+        // First the kind of each manifold: its color and bin.
+        for (pair, points) in manifolds.clone() {
             let [a, b] = pair.map(|body| if moves(body) { self.used[body as usize] } else { 0 });
             let color = (a | b).trailing_ones() as usize;
-            if color < COLORS {
-                counts[color] += 1;
-                for body in pair {
-                    self.used[body as usize] |= 1 << color;
-                }
-                self.color.push(color as u32);
-            } else {
-                self.color.push(COLORS as u32 + alone);
+            if color == COLORS {
+                self.places.push((COLORS * BINS + alone) as u32);
                 alone += 1;
+                continue;
             }
+            for body in pair {
+                self.used[body as usize] |= 1 << color;
+            }
+            let kind = color * BINS + (points as usize).min(BINS - 1);
+            counts[kind] += 1;
+            self.places.push(kind as u32);
         }
-        self.ends.clear();
-        let mut next = [0u32; COLORS];
+        // Then where each kind begins, a new color in a new block.
+        let mut next = [0u32; COLORS * BINS];
         let mut end = 0;
-        for (count, start) in counts.iter().zip(&mut next) {
-            *start = end;
-            end += count;
-            if *count > 0 {
-                self.ends.push(end);
+        for (next, counts) in next.chunks_mut(BINS).zip(counts.chunks(BINS)) {
+            for (next, count) in next.iter_mut().zip(counts) {
+                *next = end;
+                end += count;
             }
+            end = end.next_multiple_of(WIDTH as u32);
         }
-        let colored = end;
-        self.ends.extend((0..alone).map(|i| colored + i + 1));
-        self.order.clear();
-        self.order.resize(self.color.len(), 0);
-        for (index, &color) in self.color.iter().enumerate() {
-            let place = match next.get_mut(color as usize) {
-                Some(start) => {
-                    *start += 1;
-                    *start - 1
+        self.points.clear();
+        self.points.resize(end as usize / WIDTH + alone, 0);
+        for (place, (_, points)) in self.places.iter_mut().zip(manifolds) {
+            let kind = *place as usize;
+            *place = match next.get_mut(kind) {
+                Some(next) => {
+                    *next += 1;
+                    *next - 1
                 }
-                None => colored + color - COLORS as u32,
+                None => end + ((kind - COLORS * BINS) * WIDTH) as u32,
             };
-            self.order[place as usize] = index as u32;
+            let longest = &mut self.points[*place as usize / WIDTH];
+            *longest = points.max(*longest);
         }
     }
 }

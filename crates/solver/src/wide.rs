@@ -40,7 +40,7 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 
     /// [`Packed::pack`].
-    pub fn pack(&mut self, system: &mut System<f32, L, A>, softness: f32) {
+    pub fn pack(&mut self, system: &System<f32, L, A>, softness: f32) {
         on_lanes!(self, packed => packed.pack(system, softness));
     }
 
@@ -87,8 +87,6 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     blocks: Vec<Block<V, L, A>>,
     contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
-    /// Manifolds of a color, by number of points.
-    sorted: Vec<u32>,
 }
 
 /// The gap of a point that is not there. \[m\]
@@ -99,8 +97,6 @@ const FAR: f32 = 1e6;
 struct Block<V: Lanes, const L: usize, const A: usize> {
     /// How many of the lanes are in use.
     lanes: usize,
-    /// Which manifold of the system each lane is.
-    source: [u32; WIDTH],
     bodies: [[u32; WIDTH]; 2],
     masses: [InverseMass<V, L, A>; 2],
     /// `bodies` of this one mean nothing: each lane has its own.
@@ -110,42 +106,34 @@ struct Block<V: Lanes, const L: usize, const A: usize> {
 impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// An empty one.
     pub fn new() -> Self {
-        Self {
-            blocks: Vec::new(),
-            contacts: Vec::new(),
-            coloring: Coloring::default(),
-            sorted: Vec::new(),
-        }
+        Self { blocks: Vec::new(), contacts: Vec::new(), coloring: Coloring::default() }
     }
 
-    /// Takes over the manifolds and contacts of `system`, and sets the effective masses of both
+    /// Takes over the manifolds and contacts of `system`, and finds their effective masses
     /// ([`Contact::prepare`]).
-    pub fn pack(&mut self, system: &mut System<f32, L, A>, softness: f32) {
+    pub fn pack(&mut self, system: &System<f32, L, A>, softness: f32) {
         self.coloring.assign(
             system.velocities.len(),
-            system.manifolds.iter().map(|manifold| manifold.bodies),
+            system.manifolds.iter().map(|manifold| (manifold.bodies, manifold.count)),
             |body| system.masses[body as usize] != InverseMass::FIXED,
         );
-        self.blocks.clear();
-        self.contacts.clear();
-        let mut start = 0;
-        for &end in &self.coloring.ends {
-            self.sorted.clear();
-            self.sorted.extend(&self.coloring.order[start as usize..end as usize]);
-            // Alike in length, so that few lanes idle; stable, so that the order stays defined.
-            self.sorted.sort_by_key(|&index| system.manifolds[index as usize].count);
-            for group in self.sorted.chunks(WIDTH) {
-                let block = pack_block(system, group, &mut self.contacts);
-                self.blocks.push(block);
-            }
-            start = end;
+        self.blocks.resize_with(self.coloring.points.len(), Block::empty);
+        let mut first = 0;
+        for (block, &count) in self.blocks.iter_mut().zip(&self.coloring.points) {
+            block.lanes = 0;
+            (block.manifold.first, block.manifold.count) = (first, count);
+            first += count;
+        }
+        self.contacts.resize_with(first as usize, Contact::default);
+        // In the order of the manifolds: they come from memory in a stream, while the blocks that
+        // are being filled, at most one for each color and number of points, stay in cache.
+        for (manifold, &place) in system.manifolds.iter().zip(&self.coloring.places) {
+            let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+            let block = &mut self.blocks[block];
+            let points = &mut self.contacts[block.manifold.points()];
+            block.take(lane, manifold, system, points);
         }
         self.prepare(splat(softness));
-        self.copy_back(system, |contact, wide, lane| {
-            contact.effective_mass = wide.effective_mass.get(lane);
-            contact.tangential_mass = wide.tangential_mass.get(lane);
-            contact.compliance = wide.compliance.get(lane);
-        });
     }
 
     fn prepare(&mut self, softness: V) {
@@ -161,42 +149,30 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         );
     }
 
-    /// Gives impulses and targets back to the contacts of `system`.
+    /// Gives impulses, targets and effective masses to the contacts of `system`.
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
-        self.copy_back(system, |contact, wide, lane| {
-            for i in 0..L {
-                contact.impulse[i] = wide.impulse[i].get(lane);
-                contact.target[i] = wide.target[i].get(lane);
-            }
-        });
-    }
-
-    /// `copy` for each contact of `system` and its lane.
-    fn copy_back(
-        &self,
-        system: &mut System<f32, L, A>,
-        copy: impl Fn(&mut Contact<f32, L>, &Contact<V, L>, usize),
-    ) {
-        for block in &self.blocks {
-            let wide = &self.contacts[block.manifold.points()];
-            for lane in 0..block.lanes {
-                let points = system.manifolds[block.source[lane] as usize].points();
-                for (contact, wide) in system.contacts[points].iter_mut().zip(wide) {
-                    copy(contact, wide, lane);
+        for (manifold, &place) in system.manifolds.iter().zip(&self.coloring.places) {
+            let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+            let wide = &self.contacts[self.blocks[block].manifold.points()];
+            for (contact, wide) in system.contacts[manifold.points()].iter_mut().zip(wide) {
+                for i in 0..L {
+                    contact.impulse[i] = wide.impulse[i].get(lane);
+                    contact.target[i] = wide.target[i].get(lane);
                 }
+                contact.effective_mass = wide.effective_mass.get(lane);
+                contact.tangential_mass = wide.tangential_mass.get(lane);
+                contact.compliance = wide.compliance.get(lane);
             }
         }
     }
 
     /// Takes over the impulses of collisions from the contacts of `system`.
     pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
-        for block in &self.blocks {
-            for lane in 0..block.lanes {
-                let points = system.manifolds[block.source[lane] as usize].points();
-                let wide = &mut self.contacts[block.manifold.points()];
-                for (contact, wide) in system.contacts[points].iter().zip(wide) {
-                    wide.impact.set(lane, contact.impact);
-                }
+        for (manifold, &place) in system.manifolds.iter().zip(&self.coloring.places) {
+            let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+            let wide = &mut self.contacts[self.blocks[block].manifold.points()];
+            for (contact, wide) in system.contacts[manifold.points()].iter().zip(wide) {
+                wide.impact.set(lane, contact.impact);
             }
         }
     }
@@ -264,6 +240,62 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
+    fn empty() -> Self {
+        Self {
+            lanes: 0,
+            bodies: [[0; WIDTH]; 2],
+            masses: [InverseMass::default(); 2],
+            manifold: Manifold {
+                bodies: [0, 0],
+                frame: [Vector::ZERO; L],
+                friction: V::ZERO,
+                restitution: V::ZERO,
+                first: 0,
+                count: 0,
+            },
+        }
+    }
+
+    /// Puts a manifold into a lane of the block and of its points.
+    fn take(
+        &mut self,
+        lane: usize,
+        manifold: &Manifold<f32, L>,
+        system: &System<f32, L, A>,
+        points: &mut [Contact<V, L>],
+    ) {
+        if self.lanes == 0 {
+            // Idle lanes read the bodies of the first, and are not written back. What a lane has
+            // too few points for is so far open that it never takes an impulse.
+            self.bodies = manifold.bodies.map(|body| [body; WIDTH]);
+            self.masses = [InverseMass::default(); 2];
+            self.manifold.frame = [Vector::ZERO; L];
+            let mut open = Contact::default();
+            open.gap[0] = splat(FAR);
+            points.fill(open);
+        }
+        self.lanes += 1;
+        self.manifold.friction.set(lane, manifold.friction);
+        for (wide, axis) in self.manifold.frame.iter_mut().zip(&manifold.frame) {
+            set(wide, lane, axis);
+        }
+        for side in 0..2 {
+            let body = manifold.bodies[side];
+            let mass = &system.masses[body as usize];
+            self.bodies[side][lane] = body;
+            self.masses[side].linear.set(lane, mass.linear);
+            for (wide, row) in self.masses[side].angular.0.iter_mut().zip(&mass.angular.0) {
+                set(wide, lane, row);
+            }
+        }
+        for (wide, contact) in points.iter_mut().zip(&system.contacts[manifold.points()]) {
+            set(&mut wide.anchor_a, lane, &contact.anchor_a);
+            set(&mut wide.anchor_b, lane, &contact.anchor_b);
+            set(&mut wide.gap, lane, &contact.gap);
+            set(&mut wide.impulse, lane, &contact.impulse);
+        }
+    }
+
     #[inline(always)]
     fn gather(&self, from: &[Velocity<f32, L, A>]) -> [Velocity<V, L, A>; 2] {
         let mut out = [Velocity::ZERO; 2];
@@ -306,60 +338,6 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
 
 fn splat<V: Lanes>(value: f32) -> V {
     V::from_array([value; WIDTH])
-}
-
-fn pack_block<V: Lanes, const L: usize, const A: usize>(
-    system: &System<f32, L, A>,
-    group: &[u32],
-    contacts: &mut Vec<Contact<V, L>>,
-) -> Block<V, L, A> {
-    let first = contacts.len();
-    let most = group.iter().map(|&index| system.manifolds[index as usize].count).max();
-    // What a lane has too few points for is so far open that it never takes an impulse.
-    let mut open = Contact::default();
-    open.gap[0] = splat(FAR);
-    contacts.resize(first + most.unwrap_or(0) as usize, open);
-    // Idle lanes read the bodies of the first, and are not written back.
-    let leader = system.manifolds[group[0] as usize].bodies;
-    let mut block = Block {
-        lanes: group.len(),
-        source: [0; WIDTH],
-        bodies: leader.map(|body| [body; WIDTH]),
-        masses: [InverseMass::default(); 2],
-        manifold: Manifold {
-            bodies: [0, 0],
-            frame: [Vector::ZERO; L],
-            friction: V::ZERO,
-            restitution: V::ZERO,
-            first: first as u32,
-            count: most.unwrap_or(0),
-        },
-    };
-    for (lane, &index) in group.iter().enumerate() {
-        let manifold = &system.manifolds[index as usize];
-        block.source[lane] = index;
-        block.manifold.friction.set(lane, manifold.friction);
-        for (wide, axis) in block.manifold.frame.iter_mut().zip(&manifold.frame) {
-            set(wide, lane, axis);
-        }
-        for side in 0..2 {
-            let body = manifold.bodies[side];
-            let mass = &system.masses[body as usize];
-            block.bodies[side][lane] = body;
-            block.masses[side].linear.set(lane, mass.linear);
-            for (wide, row) in block.masses[side].angular.0.iter_mut().zip(&mass.angular.0) {
-                set(wide, lane, row);
-            }
-        }
-        for (wide, contact) in contacts[first..].iter_mut().zip(&system.contacts[manifold.points()])
-        {
-            set(&mut wide.anchor_a, lane, &contact.anchor_a);
-            set(&mut wide.anchor_b, lane, &contact.anchor_b);
-            set(&mut wide.gap, lane, &contact.gap);
-            set(&mut wide.impulse, lane, &contact.impulse);
-        }
-    }
-    block
 }
 
 fn set<V: Lanes, const N: usize>(wide: &mut Vector<V, N>, lane: usize, of: &Vector<f32, N>) {
