@@ -6,7 +6,10 @@ use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use common::{Random, Recipe, Scene, assert_all_close, convert, random_scene};
-use drystone_solver::{Real, SymmetricMatrix, System, Vector, Velocity, pgs};
+use drystone_solver::color::Coloring;
+use drystone_solver::lanes::{Halves, Lanes, WIDTH};
+use drystone_solver::wide::Packed;
+use drystone_solver::{InverseMass, Real, Repair, SymmetricMatrix, System, Vector, Velocity, pgs};
 use proptest::prelude::*;
 
 fn any_scene<const L: usize, const A: usize>(random: &mut Random) -> Scene<L, A> {
@@ -82,6 +85,121 @@ fn single_precision<const L: usize, const A: usize>(seed: u64) {
     let single: System<f64, L, A> = convert(&single);
     assert_all_close(flat(&single), flat(&double), 1e-4);
     assert_all_close(normals(&single), normals(&double), 1e-4);
+}
+
+const REPAIR: Repair<f32> =
+    Repair { dt: 0.01, rate: 0.2, slop: 0.001, push_speed: 1.0, hold: 20.0 };
+
+/// Some substeps of a packed system.
+fn packed<V: Lanes, const L: usize, const A: usize>(
+    system: &System<f32, L, A>,
+    displacements: &[Velocity<f32, L, A>],
+) -> System<f32, L, A> {
+    let mut system = system.clone();
+    let mut packed = Packed::<V, L, A>::new();
+    packed.pack(&system, 0.1);
+    for _ in 0..3 {
+        packed.start(&mut system.velocities, displacements, &REPAIR);
+        packed.sweep_normals(&mut system.velocities);
+        packed.relax(&mut system.velocities);
+    }
+    packed.unpack(&mut system);
+    system
+}
+
+/// Eight lanes give the bits of one number at a time, in the order of the lanes, whatever type
+/// holds them.
+fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
+    let random = &mut Random(seed);
+    let recipe = Recipe {
+        bodies: 2 + random.below(40),
+        manifolds: 1 + random.below(100),
+        points: 4,
+        walls: true,
+    };
+    let mut scene = random_scene::<L, A>(random, recipe).system;
+    for contact in &mut scene.contacts {
+        contact.gap = random.vector() * 0.01;
+        contact.impulse = random.vector();
+        contact.impulse[0] = contact.impulse[0].abs();
+    }
+    let displacements: Vec<Velocity<f64, L, A>> = (scene.velocities.iter())
+        .map(|_| Velocity { linear: random.vector() * 0.001, angular: random.vector() * 0.001 })
+        .collect();
+    let single = |v: &Velocity<f64, L, A>| Velocity {
+        linear: v.linear.map(|x| x as f32),
+        angular: v.angular.map(|x| x as f32),
+    };
+    let displacements: Vec<_> = displacements.iter().map(single).collect();
+    let system: System<f32, L, A> = convert(&scene);
+
+    let mut coloring = Coloring::default();
+    coloring.assign(
+        system.velocities.len(),
+        system.manifolds.iter().map(|manifold| (manifold.bodies, manifold.count)),
+        |body| system.masses[body as usize] != InverseMass::FIXED,
+    );
+    let mut order: Vec<usize> = (0..system.manifolds.len()).collect();
+    order.sort_by_key(|&i| coloring.places[i]);
+    let mut scalar = System { manifolds: Vec::new(), contacts: Vec::new(), ..system.clone() };
+    for &i in &order {
+        let manifold = system.manifolds[i];
+        scalar.add_manifold(manifold, &system.contacts[manifold.points()]);
+    }
+    scalar.prepare(0.1);
+    for _ in 0..3 {
+        scalar.set_targets(&displacements, &REPAIR);
+        scalar.apply_impulses();
+        pgs::sweep_normals(&mut scalar);
+        pgs::relax(&mut scalar);
+    }
+
+    let halves = packed::<Halves, L, A>(&system, &displacements);
+    assert_eq!(halves.velocities, scalar.velocities);
+    for (place, &i) in order.iter().enumerate() {
+        let (there, here) = (system.manifolds[i], scalar.manifolds[place]);
+        assert_eq!(halves.contacts[there.points()], scalar.contacts[here.points()]);
+    }
+    #[cfg(target_arch = "x86_64")]
+    if drystone_solver::lanes::avx2_available() {
+        use drystone_solver::lanes::Avx2;
+        assert_eq!(packed::<Avx2, L, A>(&system, &displacements), halves);
+    }
+}
+
+/// No two manifolds of a block move the same body, and blocks are filled from lane 0 on.
+#[test]
+fn a_block_moves_each_body_once() {
+    let random = &mut Random(7);
+    // More manifolds on body 1 than there are colors.
+    let pairs: Vec<([u32; 2], u32)> = (0..300)
+        .map(|i| {
+            let other = 2 + random.below(40) as u32;
+            let body = if i % 3 == 0 { 1 } else { random.below(other as usize) as u32 };
+            ([body, other], 1 + random.below(4) as u32)
+        })
+        .collect();
+    let moves = |body: u32| body != 0;
+    let mut coloring = Coloring::default();
+    coloring.assign(42, pairs.iter().copied(), moves);
+    let blocks = coloring.points.len();
+    let mut lanes = vec![[false; WIDTH]; blocks];
+    let mut longest = vec![0; blocks];
+    let mut bodies = vec![Vec::new(); blocks];
+    for (&place, &(pair, points)) in coloring.places.iter().zip(&pairs) {
+        let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+        assert!(!std::mem::replace(&mut lanes[block][lane], true));
+        longest[block] = points.max(longest[block]);
+        bodies[block].extend(pair.into_iter().filter(|&body| moves(body)));
+    }
+    assert_eq!(longest, coloring.points);
+    for (lanes, mut bodies) in lanes.into_iter().zip(bodies) {
+        assert!(lanes[0] && lanes.is_sorted_by(|a, b| a >= b));
+        let count = bodies.len();
+        bodies.sort_unstable();
+        bodies.dedup();
+        assert_eq!(bodies.len(), count);
+    }
 }
 
 /// With a soft system, whose solution is the only one, the order of visits does not change where
@@ -185,6 +303,11 @@ proptest! {
     #[test]
     fn f32_and_f64(seed in any::<u64>()) {
         in_all_four!(single_precision, seed);
+    }
+
+    #[test]
+    fn eight_lanes_and_one(seed in any::<u64>()) {
+        in_all_four!(lanes_and_scalars, seed);
     }
 
     #[test]
