@@ -28,6 +28,9 @@ pub(crate) struct Travel<const L: usize> {
     pub(crate) linear: Vector<f32, L>,
     /// dt |omega| times the reach of its shapes. \[m\]
     pub(crate) angular: f32,
+    /// dt |v - v of a neighbor|, the largest: how far it can move against another neighbor, should
+    /// this one push it within the step. \[m\]
+    pub(crate) blow: f32,
 }
 
 /// Points are matched by place within this distance, where features do not match. \[m\]
@@ -117,7 +120,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         // Never through a thin body to what is behind it.
         let [thin_a, thin_b] = pair.colliders.map(|c| around.thickness[c as usize]);
         let prediction = around.prediction_distance.min(THIN * thin_a.min(thin_b))
-            + (travel_a.linear - travel_b.linear).length()
+            + travel_a.blow.max(travel_b.blow)
             + travel_a.angular
             + travel_b.angular;
         let [shape_a, shape_b] =

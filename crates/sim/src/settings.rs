@@ -31,6 +31,9 @@ pub struct StepSettings {
     pub restitution_threshold: f32,
     /// Shapes nearer than this have a contact before they touch. \[m\]
     pub prediction_distance: f32,
+    /// Contacts are searched again within a step before two near bodies have passed more than this
+    /// part of the thinner one's smallest extent. \[1\]
+    pub travel_per_search: f32,
     /// Contact points are reused while two bodies move less than this against each other. \[m\]
     pub reuse_distance: f32,
 }
@@ -48,13 +51,20 @@ impl StepSettings {
             hold: 20.0,
             restitution_threshold: 0.1,
             prediction_distance: 0.02,
+            travel_per_search: 0.1,
             reuse_distance: 0.0,
         }
     }
 
     /// For games: the least work that keeps piles and stacks standing.
     pub const fn realtime() -> Self {
-        Self { substeps: 4, push_speed: 3.0, reuse_distance: 0.002, ..Self::quality() }
+        Self {
+            substeps: 4,
+            push_speed: 3.0,
+            travel_per_search: 1.0,
+            reuse_distance: 0.002,
+            ..Self::quality()
+        }
     }
 }
 

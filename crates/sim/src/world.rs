@@ -253,16 +253,48 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     pub fn step(&mut self, dt: f32) -> StepReport {
         let mut report = StepReport::default();
         let mut clock = Clock::start();
-        let settings = self.settings.clone();
-        let h = dt / settings.substeps.max(1) as f32;
-
+        let substeps = self.settings.substeps.max(1);
         self.find_pairs(dt);
-        clock.lap(&mut report, Stage::Pairs);
+        let parts = self.parts(dt).min(substeps);
+        let substeps = substeps.div_ceil(parts);
+        for _ in 0..parts {
+            if parts > 1 {
+                self.find_pairs(dt / parts as f32);
+            }
+            clock.lap(&mut report, Stage::Pairs);
+            self.part(dt / parts as f32, substeps, &mut clock, &mut report);
+        }
+        self.bodies.forces.fill(Velocity::ZERO);
+        report.pairs = self.pairs.len();
+        report.manifolds = self.system.manifolds.len();
+        report.contacts = self.system.contacts.len();
+        report
+    }
+
+    /// Into how many parts, each with its own contacts, a step is divided: a power of two, so that no
+    /// body passes more than `travel_per_search` of another.
+    fn parts(&self, dt: f32) -> u32 {
+        let limit = self.settings.travel_per_search;
+        let mut worst = 0.0f32;
+        for pair in &self.pairs {
+            let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
+            let [thin_a, thin_b] = pair.colliders.map(|c| self.colliders.thickness[c as usize]);
+            let fall = self.gravity.length() * dt * dt;
+            let travel = (a.linear - b.linear).length() + a.angular + b.angular + fall;
+            worst = worst.max(travel / thin_a.min(thin_b));
+        }
+        let parts = (worst / limit).ceil();
+        if parts.is_finite() { (parts.clamp(1.0, 256.0) as u32).next_power_of_two() } else { 1 }
+    }
+
+    /// A part of a step, from the search for contacts to new poses.
+    fn part(&mut self, dt: f32, substeps: u32, clock: &mut Clock, report: &mut StepReport) {
+        let settings = self.settings.clone();
+        let h = dt / substeps as f32;
         self.find_manifolds();
-        clock.lap(&mut report, Stage::Manifolds);
+        clock.lap(report, Stage::Manifolds);
         rows::rows(&self.records, &self.bodies.frames, dt, &mut self.system);
         self.displacements.fill(Velocity::ZERO);
-        clock.lap(&mut report, Stage::Rows);
 
         let repair = Repair {
             dt: h,
@@ -277,11 +309,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if bouncing {
             system.prepare(settings.softness);
         }
-        clock.lap(&mut report, Stage::Rows);
-        for _ in 0..settings.substeps.max(1) {
+        clock.lap(report, Stage::Rows);
+        for _ in 0..substeps {
             let bodies = &mut self.bodies;
             motion::predict(bodies, &system.masses, self.gravity, h, &mut system.velocities);
-            clock.lap(&mut report, Stage::Predict);
+            clock.lap(report, Stage::Predict);
             if bouncing {
                 let threshold = settings.restitution_threshold;
                 system.set_targets(&self.displacements, &repair);
@@ -289,34 +321,29 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 report.collisions +=
                     restitution::collide(system, moved, h, threshold, COLLISION_ROUNDS);
                 wide.take_impacts(system);
-                clock.lap(&mut report, Stage::Bounce);
+                clock.lap(report, Stage::Bounce);
             }
             wide.start(&mut system.velocities, &self.displacements, &repair);
-            clock.lap(&mut report, Stage::WarmStart);
+            clock.lap(report, Stage::WarmStart);
             for _ in 0..settings.iterations {
                 wide.sweep_normals(&mut system.velocities);
             }
-            clock.lap(&mut report, Stage::Solve);
+            clock.lap(report, Stage::Solve);
             motion::advance(bodies, h, &mut system.velocities, &mut self.displacements);
-            clock.lap(&mut report, Stage::Advance);
+            clock.lap(report, Stage::Advance);
             wide.relax(&mut system.velocities);
-            clock.lap(&mut report, Stage::Relax);
+            clock.lap(report, Stage::Relax);
             report.sweeps += settings.iterations as usize + 1;
         }
         wide.unpack(system);
 
         motion::arrive(&mut self.bodies, &self.displacements);
-        self.bodies.forces.fill(Velocity::ZERO);
         for body in 0..self.len() {
             self.update_mass(body);
         }
-        clock.lap(&mut report, Stage::Advance);
+        clock.lap(report, Stage::Advance);
         rows::remember(&self.system, &self.displacements, settings.hold, &mut self.records);
-        clock.lap(&mut report, Stage::Remember);
-        report.pairs = self.pairs.len();
-        report.manifolds = self.system.manifolds.len();
-        report.contacts = self.system.contacts.len();
-        report
+        clock.lap(report, Stage::Remember);
     }
 
     /// M^-1 of a body at its present pose.
@@ -340,6 +367,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.travel[body] = Travel {
                 linear: velocity.linear * dt,
                 angular: velocity.angular.length() * self.bodies.reach[body] * dt,
+                blow: 0.0,
             };
         }
         let colliders = &mut self.colliders;
@@ -374,6 +402,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     fn find_manifolds(&mut self) {
+        for pair in &self.pairs {
+            let [a, b] = pair.bodies.map(|body| body as usize);
+            let apart = (self.travel[a].linear - self.travel[b].linear).length();
+            self.travel[a].blow = self.travel[a].blow.max(apart);
+            self.travel[b].blow = self.travel[b].blow.max(apart);
+        }
         std::mem::swap(&mut self.records, &mut self.old_records);
         let around = Surroundings::<G, L, A> {
             shapes: &self.colliders.shapes,

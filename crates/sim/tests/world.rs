@@ -551,3 +551,57 @@ fn gravity_acts_by_its_factor() {
     gravity_factors::<Rigid2, 2, 1>();
     gravity_factors::<Rigid3, 3, 3>();
 }
+
+/// The lowest corner of a hull is a point of its contact with a floor, whichever faces look down.
+#[test]
+fn the_lowest_corner_of_a_hull_touches() {
+    let floor = |kind| match kind {
+        0 => (Rigid3::halfspace([0.0, 1.0, 0.0]), 0.0),
+        _ => (Rigid3::cuboid([9.0, 1.0, 9.0]), -1.0),
+    };
+    let mut random = Random(5);
+    for round in 0..400 {
+        let mut flat = || random.between(-0.3f32, 0.3);
+        let points: Vec<[f32; 3]> = (0..12).map(|_| [flat(), flat() * 0.3, flat()]).collect();
+        let turn = Vector([flat(), flat(), flat()]) * 9.0;
+        let (hull, (floor, height)) = (Rigid3::hull(&points), floor(round % 2));
+        let upright = Rigid3::pose(Vector::ZERO, &[]);
+        let turned = Rigid3::advance(&upright, Vector::ZERO, turn);
+        let lowest = Rigid3::bounds(&hull, &turned).min[1];
+        // A millimeter deep: on a floor of flat shapes, its top is the axis of least overlap.
+        let pose = Rigid3::advance(&turned, Vector([0.0, -lowest - 0.001, 0.0]), Vector::ZERO);
+        let base = Rigid3::pose(Vector([0.0, height, 0.0]), &[]);
+        let mut deepest = f32::INFINITY;
+        let mut memory = Default::default();
+        Rigid3::collide((&hull, &pose), (&floor, &base), 0.01, &mut memory, &mut |touch| {
+            assert!(touch.normal[1] > 0.999, "round {round}: {:?}", touch.normal);
+            deepest = touch.points.iter().map(|point| point.gap).fold(deepest, f32::min);
+        });
+        assert_within(&format!("round {round}: deepest gap [m]"), deepest, -0.001, 0.01);
+    }
+}
+
+/// Boxes that rain on each other at speed do not sink in: contacts are searched again while they
+/// turn and push each other.
+#[test]
+fn falling_boxes_do_not_sink_into_each_other() {
+    let material = surface(0.5, 0.0);
+    let mut world: World3 = world();
+    add_floor(&mut world, &material);
+    let mut random = Random(11);
+    for i in 0..60 {
+        let mut aside = || random.between(-0.3f32, 0.3);
+        let turn = Vector([aside(), aside(), aside()]) * 9.0;
+        let upright = Rigid3::pose(Vector([aside(), 1.0 + 0.45 * i as f32, aside()]), &[]);
+        let mut block = dynamic([0.0; 3], Rigid3::cuboid([0.2, 0.15, 0.12]), &material);
+        block.pose = Rigid3::advance(&upright, Vector::ZERO, turn);
+        block.velocity.linear = Vector([0.0, -5.0, 0.0]);
+        world.add(block);
+    }
+    let mut deepest = 0.0f64;
+    for _ in 0..240 {
+        world.step(DT);
+        deepest = deepest.max(world.measure().deepest_penetration);
+    }
+    assert_below("deepest overlap [m]", deepest as f32, 0.01);
+}

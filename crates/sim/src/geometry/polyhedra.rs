@@ -195,12 +195,16 @@ fn best_face<const L: usize>(
     best
 }
 
-/// The face that looks most along `direction`.
+/// The face that looks most along `direction`, of those around the farthest vertex: on a hull with a
+/// sharp corner, another may look that way more and lie behind.
 fn facing<const L: usize>(solid: &impl Solid<L>, direction: Vector<f32, L>) -> usize {
+    let farthest = solid.support(direction);
     let mut best = (f32::NEG_INFINITY, 0);
     for index in 0..solid.faces() {
-        let along = solid.face(index).0.dot(direction);
-        if along > best.0 {
+        let (normal, vertex) = solid.face(index);
+        let along = normal.dot(direction);
+        let arm = farthest - vertex;
+        if along > best.0 && normal.dot(arm) >= -1e-4 * arm.length() {
             best = (along, index);
         }
     }

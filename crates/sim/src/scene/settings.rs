@@ -25,7 +25,7 @@ impl Fault {
 }
 
 /// Smallest and largest sensible values; a setting that is not here only has to fit its type.
-const RANGES: [(&str, f64, f64); 10] = [
+const RANGES: [(&str, f64, f64); 11] = [
     ("substeps", 1.0, 1000.0),
     ("iterations", 1.0, 10_000.0),
     ("repair", 0.0, 1.0),
@@ -35,6 +35,7 @@ const RANGES: [(&str, f64, f64); 10] = [
     ("hold", 0.0, 1e6),
     ("restitution_threshold", 0.0, 1e6),
     ("prediction_distance", 0.0, 1e3),
+    ("travel_per_search", 0.001, 1e6),
     ("reuse_distance", 0.0, 1e3),
 ];
 
