@@ -3,7 +3,7 @@
 use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
 
 use crate::vector::spin;
-use crate::{Real, SymmetricMatrix, Vector, moment};
+use crate::{Real, Scalar, SymmetricMatrix, Vector, moment};
 
 /// Linear and angular velocity of a body: one block of the notes' column v.
 ///
@@ -20,10 +20,24 @@ impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
     /// At rest.
     pub const ZERO: Self = Self { linear: Vector::ZERO, angular: Vector::ZERO };
 
+    /// v . p: of a velocity and a momentum, a power times a time. \[J\]
+    #[inline(always)]
+    pub fn dot(&self, other: &Self) -> T {
+        self.linear.dot(other.linear) + self.angular.dot(other.angular)
+    }
+
     /// Velocity \[m/s\] of the point at the lever arm `r` \[m\]: v + omega x r.
     #[inline(always)]
     pub fn at(&self, r: Vector<T, L>) -> Vector<T, L> {
         self.linear + spin(self.angular, r)
+    }
+}
+
+impl<T: Scalar, const L: usize, const A: usize> Velocity<T, L, A> {
+    /// The same in another number.
+    #[inline(always)]
+    pub fn cast<U: Real>(&self) -> Velocity<U, L, A> {
+        Velocity { linear: self.linear.cast(), angular: self.angular.cast() }
     }
 }
 
@@ -65,6 +79,31 @@ impl<T: Real, const L: usize, const A: usize> SubAssign for Velocity<T, L, A> {
     }
 }
 
+/// One block of M: (m, I), the latter in world axes. Zero for what nothing can move, and along what is
+/// locked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mass<const L: usize, const A: usize> {
+    /// m. \[kg\]
+    pub linear: f64,
+    /// I = R I_0 R^T. \[kg m^2\]
+    pub angular: SymmetricMatrix<f64, A>,
+}
+
+impl<const L: usize, const A: usize> Mass<L, A> {
+    /// Of what nothing can move.
+    pub const ZERO: Self = Self { linear: 0.0, angular: SymmetricMatrix::ZERO };
+
+    /// M v: the momentum of a body at this velocity. \[N s, N m s\]
+    pub fn momentum(&self, v: &Velocity<f64, L, A>) -> Velocity<f64, L, A> {
+        Velocity { linear: v.linear * self.linear, angular: self.angular * v.angular }
+    }
+
+    /// v . M v: twice the kinetic energy. \[J\]
+    pub fn squared(&self, v: &Velocity<f64, L, A>) -> f64 {
+        v.dot(&self.momentum(v))
+    }
+}
+
 /// One block of M^-1: (m^-1, I^-1), the latter in world axes. Zero for what nothing can move.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct InverseMass<T: Real, const L: usize, const A: usize> {
@@ -96,5 +135,22 @@ impl<T: Real, const L: usize, const A: usize> InverseMass<T, L, A> {
     pub fn between(&self, r: Vector<T, L>, p: Vector<T, L>, n: Vector<T, L>) -> T {
         let angular: Vector<T, A> = moment(r, n);
         p.dot(n) * self.linear + angular.dot(self.angular * moment(r, p))
+    }
+}
+
+impl<T: Scalar, const L: usize, const A: usize> InverseMass<T, L, A> {
+    /// The same in another number.
+    pub fn cast<U: Real>(&self) -> InverseMass<U, L, A> {
+        InverseMass { linear: U::from_f64(self.linear.to_f64()), angular: self.angular.cast() }
+    }
+
+    /// M of the same body.
+    pub fn mass(&self) -> Mass<L, A> {
+        let linear = self.linear.to_f64();
+        let angular: SymmetricMatrix<f64, A> = self.angular.cast();
+        Mass {
+            linear: if linear > 0.0 { 1.0 / linear } else { 0.0 },
+            angular: angular.inverse().unwrap_or(SymmetricMatrix::ZERO),
+        }
     }
 }

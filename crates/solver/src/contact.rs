@@ -19,6 +19,38 @@ pub struct Manifold<T: Real, const L: usize> {
     pub count: u32,
 }
 
+impl<T: Scalar, const L: usize> Manifold<T, L> {
+    /// The same in another number.
+    pub fn cast<U: Real>(&self) -> Manifold<U, L> {
+        Manifold {
+            bodies: self.bodies,
+            frame: self.frame.map(|axis| axis.cast()),
+            friction: U::from_f64(self.friction.to_f64()),
+            restitution: U::from_f64(self.restitution.to_f64()),
+            first: self.first,
+            count: self.count,
+        }
+    }
+}
+
+impl<T: Scalar, const L: usize> Contact<T, L> {
+    /// The same in another number.
+    pub fn cast<U: Real>(&self) -> Contact<U, L> {
+        let number = |x: T| U::from_f64(x.to_f64());
+        Contact {
+            anchor_a: self.anchor_a.cast(),
+            anchor_b: self.anchor_b.cast(),
+            gap: self.gap.cast(),
+            target: self.target.cast(),
+            impulse: self.impulse.cast(),
+            impact: number(self.impact),
+            effective_mass: number(self.effective_mass),
+            tangential_mass: number(self.tangential_mass),
+            compliance: number(self.compliance),
+        }
+    }
+}
+
 impl<T: Real, const L: usize> Manifold<T, L> {
     /// The unit normal n, from b towards a.
     #[inline(always)]
@@ -135,6 +167,14 @@ impl<T: Real, const L: usize> Contact<T, L> {
     #[inline(always)]
     pub fn softness(&self) -> T {
         self.compliance * self.effective_mass
+    }
+
+    /// epsilon_T: how the sweeps soften friction, by the same part as the normal. \[1/kg\]
+    #[inline(always)]
+    pub fn tangential_compliance(&self) -> T {
+        let softness = self.softness();
+        let per_mass = softness / (T::ONE - softness);
+        self.tangential_mass.choose(per_mass / self.tangential_mass, T::ZERO)
     }
 
     /// The slip that is kept of `slip` \[m\]: no more than what friction, as a spring that gives

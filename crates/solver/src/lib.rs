@@ -84,17 +84,25 @@
 #[cfg(feature = "assembled")]
 pub mod assembled;
 mod body;
+pub mod certificate;
+mod cholesky;
 pub mod color;
+pub mod cone;
 mod contact;
 pub mod lanes;
+pub mod newton;
+pub mod nncg;
 pub mod pgs;
+pub mod psor;
 mod real;
 pub mod restitution;
+pub mod solution;
+pub mod symmetric;
 mod system;
 mod vector;
 pub mod wide;
 
-pub use body::{InverseMass, Velocity};
+pub use body::{InverseMass, Mass, Velocity};
 pub use contact::{Contact, Manifold, contact_frame};
 pub use real::{Real, Scalar};
 pub use system::{Repair, System};

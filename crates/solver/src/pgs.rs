@@ -6,7 +6,18 @@
 //! notes: "go ahead and let the impulse for collision i be included as an other collision", with
 //! the per-body sums kept as the velocities themselves. Cost: linear in the contacts.
 
+use crate::solution::{self, Goal, Solution};
 use crate::{Contact, InverseMass, Manifold, Real, System, Vector, Velocity};
+
+/// Sweeps until the certificate is good enough. Cost of an iteration: one sweep. Place: the first
+/// thing to try, from the impulses of the step before. Needs about 2.8 n^2 sweeps for a stack of
+/// n, and as many times more as the heaviest body is heavier than those below.
+pub fn solve<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    goal: &Goal,
+) -> Solution {
+    solution::iterate(system, goal, sweep)
+}
 
 impl<T: Real, const L: usize> Contact<T, L> {
     /// gamma <- max(0, gamma - m_eff (v_n - t + epsilon gamma)): the accumulated impulse is
@@ -89,6 +100,20 @@ pub fn relax<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, 
 /// [`sweep`] over the normals alone.
 pub fn sweep_normals<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
     visit_all::<T, L, A, false, false>(system);
+}
+
+/// One visit to the manifold of this index, towards the targets.
+pub(crate) fn visit_manifold<T: Real, const L: usize, const A: usize>(
+    system: &mut System<T, L, A>,
+    index: usize,
+) {
+    let manifold = &system.manifolds[index];
+    let masses = system.masses_of(manifold);
+    let [mut a, mut b] = system.velocities_of(manifold);
+    let points = &mut system.contacts[manifold.points()];
+    visit::<T, L, A, false, true>(manifold, points, &masses, &mut a, &mut b);
+    system.velocities[manifold.bodies[0] as usize] = a;
+    system.velocities[manifold.bodies[1] as usize] = b;
 }
 
 fn visit_all<T: Real, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(

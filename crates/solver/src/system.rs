@@ -108,6 +108,16 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
 }
 
 impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
+    /// The same in another number.
+    pub fn cast<U: Real>(&self) -> System<U, L, A> {
+        System {
+            velocities: self.velocities.iter().map(Velocity::cast).collect(),
+            masses: self.masses.iter().map(InverseMass::cast).collect(),
+            manifolds: self.manifolds.iter().map(Manifold::cast).collect(),
+            contacts: self.contacts.iter().map(Contact::cast).collect(),
+        }
+    }
+
     /// How far the contacts are from their laws: the largest velocity error, over all contacts, of
     /// |min(gamma / m_eff, w)| along the normal and of the friction's projection. \[m/s\]
     ///

@@ -4,7 +4,7 @@
 use std::array::from_fn;
 use std::ops::{Add, AddAssign, Index, IndexMut, Mul, Neg, Sub, SubAssign};
 
-use crate::Real;
+use crate::{Real, Scalar};
 
 /// A column of `N` numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +35,14 @@ impl<T: Real, const N: usize> Vector<T, N> {
     #[inline(always)]
     pub fn map<U: Real>(self, f: impl FnMut(T) -> U) -> Vector<U, N> {
         Vector(self.0.map(f))
+    }
+}
+
+impl<T: Scalar, const N: usize> Vector<T, N> {
+    /// The same in another number.
+    #[inline(always)]
+    pub fn cast<U: Real>(&self) -> Vector<U, N> {
+        self.map(|x| U::from_f64(x.to_f64()))
     }
 }
 
@@ -151,6 +159,43 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
             }
         }
         out
+    }
+}
+
+impl<T: Scalar, const N: usize> SymmetricMatrix<T, N> {
+    /// The same in another number.
+    pub fn cast<U: Real>(&self) -> SymmetricMatrix<U, N> {
+        SymmetricMatrix(self.0.map(|row| row.cast()))
+    }
+}
+
+impl<const N: usize> SymmetricMatrix<f64, N> {
+    /// The inverse of a positive definite matrix (Gauss-Jordan); `None` if it is not. What a
+    /// locked direction leaves empty stays empty.
+    pub fn inverse(&self) -> Option<Self> {
+        let (mut a, mut inverse) = (*self, Self::ZERO);
+        for i in 0..N {
+            if a.0[i] == Vector::ZERO {
+                a.0[i][i] = 1.0;
+            } else {
+                inverse.0[i][i] = 1.0;
+            }
+        }
+        for i in 0..N {
+            let pivot = a.0[i][i];
+            if pivot <= 0.0 || pivot.is_nan() {
+                return None;
+            }
+            (a.0[i], inverse.0[i]) = (a.0[i] * (1.0 / pivot), inverse.0[i] * (1.0 / pivot));
+            for j in 0..N {
+                if j != i {
+                    let factor = a.0[j][i];
+                    (a.0[j], inverse.0[j]) =
+                        (a.0[j] - a.0[i] * factor, inverse.0[j] - inverse.0[i] * factor);
+                }
+            }
+        }
+        Some(inverse)
     }
 }
 

@@ -5,7 +5,7 @@ mod common;
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use common::{Random, Recipe, Scene, assert_all_close, convert, random_scene};
+use common::{Random, Recipe, Scene, assert_all_close, random_scene};
 use drystone_solver::color::Coloring;
 use drystone_solver::lanes::{Halves, Lanes, WIDTH};
 use drystone_solver::wide::Packed;
@@ -76,13 +76,13 @@ mod assembled {
 
 /// The same source in f32: equal to f64 but for the rounding of f32.
 fn single_precision<const L: usize, const A: usize>(seed: u64) {
-    let mut single: System<f32, L, A> = convert(&any_scene::<L, A>(&mut Random(seed)).system);
-    let mut double: System<f64, L, A> = convert(&single);
+    let mut single: System<f32, L, A> = any_scene::<L, A>(&mut Random(seed)).system.cast();
+    let mut double: System<f64, L, A> = single.cast();
     for _ in 0..4 {
         pgs::sweep(&mut single);
         pgs::sweep(&mut double);
     }
-    let single: System<f64, L, A> = convert(&single);
+    let single: System<f64, L, A> = single.cast();
     assert_all_close(flat(&single), flat(&double), 1e-4);
     assert_all_close(normals(&single), normals(&double), 1e-4);
 }
@@ -131,7 +131,7 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
         angular: v.angular.map(|x| x as f32),
     };
     let displacements: Vec<_> = displacements.iter().map(single).collect();
-    let system: System<f32, L, A> = convert(&scene);
+    let system: System<f32, L, A> = scene.cast();
 
     let mut coloring = Coloring::default();
     coloring.assign(
@@ -419,7 +419,7 @@ fn operations<const L: usize, const A: usize>(
         scene.touch([hub, ball], -position, &[position * 0.5]);
     }
     scene.system.prepare(0.0);
-    let mut system: System<Counting, L, A> = convert(&scene.system);
+    let mut system: System<Counting, L, A> = scene.system.cast();
     Counting::during(|| sweep(&mut system))
 }
 

@@ -3,8 +3,7 @@
 #![allow(dead_code, unreachable_pub)]
 
 use drystone_solver::{
-    Contact, InverseMass, Manifold, Scalar, SymmetricMatrix, System, Vector, Velocity,
-    contact_frame,
+    Contact, InverseMass, Manifold, SymmetricMatrix, System, Vector, Velocity, contact_frame,
 };
 
 /// Runs a generic check for particles and rigid bodies, in two and three dimensions.
@@ -240,53 +239,4 @@ pub fn random_scene<const L: usize, const A: usize>(
     }
     scene.system.prepare(0.0);
     scene
-}
-
-/// The same system in other numbers.
-pub fn convert<T: Scalar, U: drystone_solver::Real, const L: usize, const A: usize>(
-    system: &System<T, L, A>,
-) -> System<U, L, A> {
-    let number = |x: T| U::from_f64(x.to_f64());
-    System {
-        velocities: system
-            .velocities
-            .iter()
-            .map(|v| Velocity { linear: v.linear.map(number), angular: v.angular.map(number) })
-            .collect(),
-        masses: system
-            .masses
-            .iter()
-            .map(|mass| InverseMass {
-                linear: number(mass.linear),
-                angular: SymmetricMatrix(mass.angular.0.map(|row| row.map(number))),
-            })
-            .collect(),
-        manifolds: system
-            .manifolds
-            .iter()
-            .map(|manifold| Manifold {
-                bodies: manifold.bodies,
-                frame: manifold.frame.map(|axis| axis.map(number)),
-                friction: number(manifold.friction),
-                restitution: number(manifold.restitution),
-                first: manifold.first,
-                count: manifold.count,
-            })
-            .collect(),
-        contacts: system
-            .contacts
-            .iter()
-            .map(|contact| Contact {
-                anchor_a: contact.anchor_a.map(number),
-                anchor_b: contact.anchor_b.map(number),
-                gap: contact.gap.map(number),
-                target: contact.target.map(number),
-                impulse: contact.impulse.map(number),
-                impact: number(contact.impact),
-                effective_mass: number(contact.effective_mass),
-                tangential_mass: number(contact.tangential_mass),
-                compliance: number(contact.compliance),
-            })
-            .collect(),
-    }
 }

@@ -1,0 +1,259 @@
+//! Sparse Cholesky factors of symmetric matrices made of square blocks, one row of blocks per body.
+//!
+//! Bodies are eliminated in order of least degree (Tinney and Walker 1967), so that a chain of
+//! bodies costs as much as its length, and a wall not much more. Everything is decided by indices:
+//! equal input, equal bits.
+
+/// A symmetric matrix of blocks, and, once [`factor`](Self::factor) has run, its L L^T.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct BlockMatrix {
+    /// Rows of a block.
+    size: usize,
+    /// Which row of the caller is eliminated when.
+    order: Vec<u32>,
+    /// And when each row of the caller is.
+    place: Vec<u32>,
+    /// For each column in order: where its blocks begin; the first is the one on the diagonal.
+    starts: Vec<usize>,
+    /// Rows, in order, of the blocks.
+    rows: Vec<u32>,
+    /// The blocks, by rows.
+    values: Vec<f64>,
+    scatter: Vec<u32>,
+}
+
+const ABSENT: u32 = u32::MAX;
+
+impl BlockMatrix {
+    /// A zero matrix of `rows` by `rows` blocks of `size` by `size` numbers, with room for what
+    /// these pairs of rows, and elimination, may bring.
+    pub(crate) fn new(size: usize, rows: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Self {
+        let mut neighbors: Vec<Vec<u32>> = vec![Vec::new(); rows];
+        for [a, b] in pairs {
+            neighbors[a as usize].push(b);
+            neighbors[b as usize].push(a);
+        }
+        for (row, list) in neighbors.iter_mut().enumerate() {
+            list.sort_unstable();
+            list.dedup();
+            list.retain(|&other| other as usize != row);
+        }
+        let (order, columns) = eliminate(neighbors);
+        let mut place = vec![0; rows];
+        for (when, &row) in order.iter().enumerate() {
+            place[row as usize] = when as u32;
+        }
+        let (mut starts, mut entries) = (vec![0], Vec::new());
+        for (when, column) in columns.iter().enumerate() {
+            entries.push(when as u32);
+            let first = entries.len();
+            entries.extend(column.iter().map(|&row| place[row as usize]));
+            entries[first..].sort_unstable();
+            starts.push(entries.len());
+        }
+        let values = vec![0.0; entries.len() * size * size];
+        Self { size, order, place, starts, rows: entries, values, scatter: vec![ABSENT; rows] }
+    }
+
+    /// Sets every number to zero, and takes the factors back.
+    pub(crate) fn clear(&mut self) {
+        self.values.fill(0.0);
+    }
+
+    /// Adds to the block at row `a` and column `b` what `entry(i, j)` gives, and its transpose at
+    /// `b`, `a`; both are one block if they are equal.
+    pub(crate) fn add(&mut self, a: u32, b: u32, entry: impl Fn(usize, usize) -> f64) {
+        let (p, q) = (self.place[a as usize], self.place[b as usize]);
+        let (row, column, flipped) = if p >= q { (p, q, false) } else { (q, p, true) };
+        let range = self.starts[column as usize]..self.starts[column as usize + 1];
+        let Ok(found) = self.rows[range.clone()].binary_search(&row) else { return };
+        let n = self.size;
+        let block = &mut self.values[(range.start + found) * n * n..][..n * n];
+        for i in 0..n {
+            for j in 0..n {
+                block[i * n + j] += if flipped { entry(j, i) } else { entry(i, j) };
+            }
+        }
+    }
+
+    /// L L^T in place. Returns false where the matrix is not positive definite.
+    pub(crate) fn factor(&mut self) -> bool {
+        match self.size {
+            2 => self.factor_blocks::<2>(),
+            3 => self.factor_blocks::<3>(),
+            6 => self.factor_blocks::<6>(),
+            _ => false,
+        }
+    }
+
+    fn factor_blocks<const N: usize>(&mut self) -> bool {
+        let (values, _) = self.values.as_chunks_mut::<N>();
+        let (blocks, _) = values.as_chunks_mut::<N>();
+        let mut column_blocks: Vec<[[f64; N]; N]> = Vec::new();
+        for column in 0..self.order.len() {
+            let (first, end) = (self.starts[column], self.starts[column + 1]);
+            if !factor_block(&mut blocks[first]) {
+                return false;
+            }
+            let diagonal = blocks[first];
+            for block in &mut blocks[first + 1..end] {
+                solve_right(block, &diagonal);
+            }
+            column_blocks.clear();
+            column_blocks.extend_from_slice(&blocks[first + 1..end]);
+            for (k, below) in column_blocks.iter().enumerate() {
+                let target = self.rows[first + 1 + k] as usize;
+                let range = self.starts[target]..self.starts[target + 1];
+                for (at, &row) in range.clone().zip(&self.rows[range]) {
+                    self.scatter[row as usize] = at as u32;
+                }
+                for (i, left) in column_blocks.iter().enumerate().skip(k) {
+                    let at = self.scatter[self.rows[first + 1 + i] as usize] as usize;
+                    subtract_product(&mut blocks[at], left, below);
+                }
+            }
+        }
+        true
+    }
+
+    /// Solves L L^T x = b in place; `x` holds b, by the caller's rows.
+    pub(crate) fn solve(&self, x: &mut [f64]) {
+        let n = self.size;
+        let block = |at: usize| &self.values[at * n * n..][..n * n];
+        let mut y = vec![0.0; x.len()];
+        for (when, &row) in self.order.iter().enumerate() {
+            y[when * n..][..n].copy_from_slice(&x[row as usize * n..][..n]);
+        }
+        for column in 0..self.order.len() {
+            let (first, end) = (self.starts[column], self.starts[column + 1]);
+            let diagonal = block(first);
+            for i in 0..n {
+                let mut sum = y[column * n + i];
+                for j in 0..i {
+                    sum -= diagonal[i * n + j] * y[column * n + j];
+                }
+                y[column * n + i] = sum / diagonal[i * n + i];
+            }
+            for at in first + 1..end {
+                let (row, block) = (self.rows[at] as usize, block(at));
+                for i in 0..n {
+                    for j in 0..n {
+                        y[row * n + i] -= block[i * n + j] * y[column * n + j];
+                    }
+                }
+            }
+        }
+        for column in (0..self.order.len()).rev() {
+            let (first, end) = (self.starts[column], self.starts[column + 1]);
+            for at in first + 1..end {
+                let (row, block) = (self.rows[at] as usize, block(at));
+                for i in 0..n {
+                    for j in 0..n {
+                        y[column * n + j] -= block[i * n + j] * y[row * n + i];
+                    }
+                }
+            }
+            let diagonal = block(first);
+            for i in (0..n).rev() {
+                let mut sum = y[column * n + i];
+                for j in i + 1..n {
+                    sum -= diagonal[j * n + i] * y[column * n + j];
+                }
+                y[column * n + i] = sum / diagonal[i * n + i];
+            }
+        }
+        for (when, &row) in self.order.iter().enumerate() {
+            x[row as usize * n..][..n].copy_from_slice(&y[when * n..][..n]);
+        }
+    }
+}
+
+/// Eliminates rows, each time one with the fewest neighbors left, the lowest of these; its neighbors
+/// become neighbors of each other. Returns the order, and the neighbors that each had then.
+fn eliminate(mut neighbors: Vec<Vec<u32>>) -> (Vec<u32>, Vec<Vec<u32>>) {
+    let count = neighbors.len();
+    let mut queue: std::collections::BTreeSet<(usize, u32)> =
+        neighbors.iter().enumerate().map(|(row, list)| (list.len(), row as u32)).collect();
+    let (mut order, mut columns) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let mut merged = Vec::new();
+    while let Some((_, row)) = queue.pop_first() {
+        let clique = std::mem::take(&mut neighbors[row as usize]);
+        for &other in &clique {
+            let list = &mut neighbors[other as usize];
+            queue.remove(&(list.len(), other));
+            merged.clear();
+            merge(list, &clique, |each| each != row && each != other, &mut merged);
+            std::mem::swap(list, &mut merged);
+            queue.insert((list.len(), other));
+        }
+        order.push(row);
+        columns.push(clique);
+    }
+    (order, columns)
+}
+
+/// The union of two sorted lists, without what `keep` refuses.
+fn merge(a: &[u32], b: &[u32], keep: impl Fn(u32) -> bool, out: &mut Vec<u32>) {
+    let (mut i, mut j) = (0, 0);
+    while i < a.len() || j < b.len() {
+        let next = match (a.get(i), b.get(j)) {
+            (Some(&x), Some(&y)) => x.min(y),
+            (Some(&x), None) => x,
+            (None, Some(&y)) => y,
+            (None, None) => break,
+        };
+        i += usize::from(a.get(i) == Some(&next));
+        j += usize::from(b.get(j) == Some(&next));
+        if keep(next) {
+            out.push(next);
+        }
+    }
+}
+
+/// L L^T of a block, L in its lower triangle; false if it is not positive definite.
+fn factor_block<const N: usize>(a: &mut [[f64; N]; N]) -> bool {
+    for j in 0..N {
+        let mut pivot = a[j][j];
+        for k in 0..j {
+            pivot -= a[j][k] * a[j][k];
+        }
+        if pivot <= 0.0 || pivot.is_nan() {
+            return false;
+        }
+        a[j][j] = pivot.sqrt();
+        for i in j + 1..N {
+            let mut sum = a[i][j];
+            for k in 0..j {
+                sum -= a[i][k] * a[j][k];
+            }
+            a[i][j] = sum / a[j][j];
+            a[j][i] = 0.0;
+        }
+    }
+    true
+}
+
+/// a <- a L^-T.
+fn solve_right<const N: usize>(a: &mut [[f64; N]; N], l: &[[f64; N]; N]) {
+    for row in a {
+        for j in 0..N {
+            for k in 0..j {
+                row[j] -= row[k] * l[j][k];
+            }
+            row[j] /= l[j][j];
+        }
+    }
+}
+
+/// c <- c - a b^T.
+fn subtract_product<const N: usize>(c: &mut [[f64; N]; N], a: &[[f64; N]; N], b: &[[f64; N]; N]) {
+    for i in 0..N {
+        for j in 0..N {
+            let mut sum = 0.0;
+            for k in 0..N {
+                sum += a[i][k] * b[j][k];
+            }
+            c[i][j] -= sum;
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! Nonsmooth nonlinear conjugate gradients (Silcowitz-Hansen, Niebe and Erleben 2010): what a sweep
+//! changes is taken for a gradient, and sweeps are continued along conjugate directions.
+//!
+//! With r' = sweep(r) the gradient is g = r - r'. If it has not grown, the next sweep starts from
+//! r' + beta p with beta = |g|^2 / |g of before|^2 (Fletcher and Reeves) and p <- beta p - g; if it
+//! has, from r' with p = 0. Sweeps project onto the cones again, so no step need be safe.
+//!
+//! Cost of an iteration: a symmetric sweep and a pass over the contacts. Place: stacks and mass
+//! ratios, about 7 n iterations for n bodies in a chain, with no matrix at all. No proof: the best
+//! iterate is kept.
+
+use crate::solution::{self, Goal, Solution};
+use crate::{System, Vector, symmetric};
+
+/// Iterates until the certificate is good enough.
+pub fn solve<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    goal: &Goal,
+) -> Solution {
+    let mut before: Vec<Vector<f64, L>> = Vec::new();
+    let mut direction = vec![Vector::ZERO; system.contacts.len()];
+    let mut size_before = f64::INFINITY;
+    let mut beta = 0.0;
+    solution::iterate(system, goal, |system| {
+        if beta > 0.0 {
+            push(system, &direction, beta);
+        }
+        before.clear();
+        before.extend(system.contacts.iter().map(|contact| contact.impulse));
+        symmetric::sweep(system);
+        // In the metric of the effective masses, so that heavy and light bodies count alike.
+        let mut size = 0.0;
+        for (contact, before) in system.contacts.iter().zip(&before) {
+            if contact.effective_mass > 0.0 {
+                let g = *before - contact.impulse;
+                size += g.dot(g) / contact.effective_mass;
+            }
+        }
+        let ratio = size / size_before;
+        size_before = size;
+        beta = if ratio <= 1.0 { ratio } else { 0.0 };
+        for ((contact, before), p) in system.contacts.iter().zip(&before).zip(&mut direction) {
+            let g = *before - contact.impulse;
+            *p = if beta > 0.0 { *p * beta - g } else { Vector::ZERO };
+        }
+    })
+}
+
+/// r <- r + beta p, with the velocities that go with it.
+fn push<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    direction: &[Vector<f64, L>],
+    beta: f64,
+) {
+    for manifold in &system.manifolds {
+        let masses = system.masses_of(manifold);
+        let [mut a, mut b] = system.velocities_of(manifold);
+        for index in manifold.points() {
+            let contact = &mut system.contacts[index];
+            let change = direction[index] * beta;
+            contact.impulse += change;
+            contact.apply(manifold.to_world(change), &masses, &mut a, &mut b);
+        }
+        system.velocities[manifold.bodies[0] as usize] = a;
+        system.velocities[manifold.bodies[1] as usize] = b;
+    }
+}

@@ -1,0 +1,71 @@
+//! Projected successive over-relaxation: sweeps that go further than each contact asks for, by a
+//! factor that is found on the way.
+//!
+//! Gauss-Seidel lowers the error by a rate rho per sweep; then the best factor is
+//! omega = 2 / (1 + sqrt(1 - rho)) (Young 1954), if A is like that of a chain. rho is measured from
+//! the certificates; where a factor makes the error grow, it is drawn back towards 1.
+//!
+//! Cost of an iteration: one sweep. Place: regular stacks, about 3 n sweeps for n bodies.
+
+use crate::cone::Law;
+use crate::pgs::visit_manifold;
+use crate::solution::{self, Goal, Solution};
+use crate::{System, Vector, certificate};
+
+/// Plain sweeps before the rate is taken, and sweeps between changes of the factor.
+const TRIAL: usize = 8;
+
+/// Iterates until the certificate is good enough.
+pub fn solve<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    goal: &Goal,
+) -> Solution {
+    let prospective = system.velocities.clone();
+    let mut omega = 1.0;
+    let (mut sweeps, mut mark) = (0, f64::INFINITY);
+    let mut old = Vec::new();
+    solution::iterate(system, goal, |system| {
+        sweep(system, omega, &mut old);
+        sweeps += 1;
+        if sweeps % TRIAL == 0 {
+            let error = certificate::certify(system, &prospective).error();
+            let rate = (error / mark).powf(1.0 / TRIAL as f64);
+            if rate >= 1.0 {
+                omega = 1.0 + 0.5 * (omega - 1.0);
+            } else if omega == 1.0 && mark.is_finite() {
+                omega = 2.0 / (1.0 + (1.0 - rate).sqrt());
+            } else if rate > omega - 1.0 {
+                // Slower than the factor should be: not far enough yet.
+                omega += 0.25 * (2.0 - omega);
+            }
+            mark = error;
+        }
+    })
+}
+
+/// One sweep; each manifold's impulses change by `omega` times what a visit would change.
+fn sweep<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    omega: f64,
+    old: &mut Vec<Vector<f64, L>>,
+) {
+    for index in 0..system.manifolds.len() {
+        let manifold = system.manifolds[index];
+        old.clear();
+        old.extend(system.contacts[manifold.points()].iter().map(|contact| contact.impulse));
+        visit_manifold(system, index);
+        if omega == 1.0 {
+            continue;
+        }
+        let masses = system.masses_of(&manifold);
+        let [mut a, mut b] = system.velocities_of(&manifold);
+        for (contact, old) in system.contacts[manifold.points()].iter_mut().zip(&*old) {
+            let Some(law) = Law::of(&manifold, contact) else { continue };
+            let next = law.clamp(*old + (contact.impulse - *old) * omega);
+            contact.apply(manifold.to_world(next - contact.impulse), &masses, &mut a, &mut b);
+            contact.impulse = next;
+        }
+        system.velocities[manifold.bodies[0] as usize] = a;
+        system.velocities[manifold.bodies[1] as usize] = b;
+    }
+}

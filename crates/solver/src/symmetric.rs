@@ -1,0 +1,24 @@
+//! Symmetric projected Gauss-Seidel: a sweep forward and a sweep back.
+//!
+//! Cost of an iteration: two sweeps. Place: where the order of the contacts must not show, as in
+//! pictures that ought to be symmetric, and below [`nncg`](crate::nncg).
+
+use crate::pgs::visit_manifold;
+use crate::solution::{self, Goal, Solution};
+use crate::{Real, System};
+
+/// Every manifold once in order, then once from the last to the first.
+pub fn sweep<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
+    let count = system.manifolds.len();
+    for index in (0..count).chain((0..count).rev()) {
+        visit_manifold(system, index);
+    }
+}
+
+/// Iterates until the certificate is good enough.
+pub fn solve<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    goal: &Goal,
+) -> Solution {
+    solution::iterate(system, goal, sweep)
+}

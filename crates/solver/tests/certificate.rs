@@ -1,0 +1,142 @@
+//! The certificate never promises too much, and little too little.
+
+mod common;
+
+use common::{Random, Recipe, random_scene};
+use drystone_solver::certificate::certify;
+use drystone_solver::solution::{Goal, Status};
+use drystone_solver::{System, Velocity, newton, pgs};
+
+/// As good as f64 gets.
+const EXACT: Goal = Goal { tolerance: 1e-12, budget: 200 };
+
+/// A system that one can stand in: prospective velocities, a guess of zero, soft contacts.
+fn random_system<const L: usize, const A: usize>(
+    random: &mut Random,
+    friction: bool,
+    softness: f64,
+) -> System<f64, L, A> {
+    let recipe = Recipe {
+        bodies: 2 + random.below(12),
+        manifolds: 1 + random.below(24),
+        points: 4,
+        walls: true,
+    };
+    let mut system = random_scene::<L, A>(random, recipe).system;
+    for manifold in &mut system.manifolds {
+        manifold.friction = if friction { random.within(0.1, 1.0) } else { 0.0 };
+    }
+    for contact in &mut system.contacts {
+        contact.target[0] = random.within(-0.5, 0.5);
+        contact.impulse = drystone_solver::Vector::ZERO;
+    }
+    system.prepare(softness);
+    system
+}
+
+/// sqrt((v - w) . M (v - w) / m): what the certificate bounds. \[m/s\]
+fn apart<const L: usize, const A: usize>(
+    system: &System<f64, L, A>,
+    v: &[Velocity<f64, L, A>],
+    w: &[Velocity<f64, L, A>],
+) -> f64 {
+    let (mut squared, mut mass) = (0.0, 0.0);
+    for ((inverse, v), w) in system.masses.iter().zip(v).zip(w) {
+        let own = inverse.mass();
+        squared += own.squared(&(*v - *w));
+        mass += own.linear;
+    }
+    (squared / mass).sqrt()
+}
+
+/// Whether anything can be solved at all.
+fn is_trivial<const L: usize, const A: usize>(system: &System<f64, L, A>) -> bool {
+    system.contacts.iter().all(|contact| contact.effective_mass == 0.0)
+}
+
+/// Largest bound over true error that was met, and how many pairs were compared.
+struct Tightness {
+    ratios: Vec<f64>,
+}
+
+fn bound_holds<const L: usize, const A: usize>(
+    seed: u64,
+    softness: f64,
+    tightness: &mut Tightness,
+) {
+    let system = random_system::<L, A>(&mut Random(seed), false, softness);
+    if is_trivial(&system) {
+        return;
+    }
+    let mut exact = system.clone();
+    let solution = newton::solve(&mut exact, &EXACT);
+    // Another formula for the same law: that of the sweeps.
+    let residual = exact.residual(false);
+    assert!(residual < 1e-8, "seed {seed} ({L},{A}): {residual} after {solution:?}");
+    let mut sweeping = system.clone();
+    for _ in 0..40 {
+        pgs::sweep(&mut sweeping);
+        let certificate = certify(&sweeping, &system.velocities);
+        let truth = apart(&system, &sweeping.velocities, &exact.velocities);
+        assert!(
+            certificate.error() >= truth * (1.0 - 1e-6) - 1e-9,
+            "seed {seed} ({L},{A}): {} promised, {truth} true",
+            certificate.error()
+        );
+        if truth > 1e-6 {
+            tightness.ratios.push(certificate.error() / truth);
+        }
+    }
+}
+
+#[test]
+fn the_bound_is_never_violated_and_tight() {
+    for softness in [0.1, 0.01, 0.001] {
+        let mut tightness = Tightness { ratios: Vec::new() };
+        for seed in 0..300 {
+            in_all_four!(bound_holds, seed, softness, &mut tightness);
+        }
+        let mut ratios = tightness.ratios;
+        ratios.sort_by(f64::total_cmp);
+        let at = |part: f64| ratios[((ratios.len() - 1) as f64 * part) as usize];
+        println!(
+            "softness {softness}: {} compared; bound over error {:.2} (median), {:.2} (99 %), {:.2} (largest)",
+            ratios.len(),
+            at(0.5),
+            at(0.99),
+            at(1.0)
+        );
+        assert!(ratios.len() > 1000);
+        // The stiffer a contact, the more a small error of its impulse weighs.
+        if softness >= 0.1 {
+            assert!(at(0.99) < 20.0);
+        }
+    }
+}
+
+/// Coulomb friction: Newton's method with renewed shifts ends where the law of the sweeps holds.
+fn friction_is_solved<const L: usize, const A: usize>(seed: u64, failed: &mut usize) {
+    let system = random_system::<L, A>(&mut Random(seed), true, 0.01);
+    if is_trivial(&system) {
+        return;
+    }
+    let mut solved = system.clone();
+    let solution = newton::solve(&mut solved, &Goal { tolerance: 1e-7, budget: 200 });
+    if solution.status != Status::Converged {
+        *failed += 1;
+        return;
+    }
+    assert!(solved.residual(false) < 1e-6, "seed {seed}: {}", solved.residual(false));
+    assert!(solution.certificate.natural < 1e-6);
+    assert!(solution.certificate.cone < 1e-12);
+}
+
+#[test]
+fn newton_solves_coulomb_friction() {
+    let mut failed = 0;
+    for seed in 0..250 {
+        in_all_four!(friction_is_solved, seed, &mut failed);
+    }
+    println!("{failed} of 1000 systems did not converge");
+    assert!(failed <= 40, "{failed} of 1000 systems did not converge");
+}
