@@ -63,6 +63,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     iterations: Option<u32>,
 
+    /// How far from the exact solution of the contacts velocities may be: 1mm/s, 0.5mm/s, 0.001m/s;
+    /// 0: sweeps alone, without a proof [default: as the scene says, or 1mm/s; with --realtime 0]
+    #[arg(long, value_name = "SPEED", value_parser = speed)]
+    tolerance: Option<f32>,
+
     /// Threads; results do not depend on it [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
@@ -101,6 +106,22 @@ fn real(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Cl
     move |text| match f64::from_str(text) {
         Ok(x) if range.contains(&x) => Ok(x),
         _ => Err(format!("accepted: a number from {} to {}", range.start(), range.end())),
+    }
+}
+
+/// A parser of speeds; a number without a unit is in m/s. \[m/s\]
+fn speed(text: &str) -> Result<f32, String> {
+    let (number, unit) = match text.trim().strip_suffix("/s").map(str::trim_end) {
+        None => (text.trim(), 1.0),
+        Some(text) => match (text.strip_suffix("mm"), text.strip_suffix('m')) {
+            (Some(number), _) => (number.trim_end(), 1e-3),
+            (None, Some(number)) => (number.trim_end(), 1.0),
+            (None, None) => ("", 1.0),
+        },
+    };
+    match f64::from_str(number) {
+        Ok(x) if (0.0..=1e3).contains(&(x * unit)) => Ok((x * unit) as f32),
+        _ => Err("accepted: a speed from 0 to 1000 m/s, such as 1mm/s or 0.001m/s".to_owned()),
     }
 }
 
@@ -163,6 +184,7 @@ fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failur
     let mut settings = scene.settings(preset)?;
     settings.substeps = arguments.substeps.unwrap_or(settings.substeps);
     settings.iterations = arguments.iterations.unwrap_or(settings.iterations);
+    settings.tolerance = arguments.tolerance.unwrap_or(settings.tolerance);
     Ok(settings)
 }
 

@@ -13,6 +13,8 @@ pub(crate) struct Pair {
     pub(crate) bodies: [u32; 2],
     pub(crate) friction: f32,
     pub(crate) restitution: f32,
+    /// Smallest extent of the thinner shape. \[m\]
+    pub(crate) thickness: f32,
     /// Its records.
     pub(crate) first: u32,
     pub(crate) count: u32,

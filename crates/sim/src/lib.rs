@@ -3,6 +3,7 @@
 mod bodies;
 mod broad_phase;
 mod cache;
+mod certifier;
 pub mod geometry;
 mod motion;
 mod narrow_phase;
@@ -15,6 +16,7 @@ mod simulation;
 mod world;
 
 pub use bodies::{Body, BodyId, Collider, Inertia};
+pub use drystone_solver::ladder::{Outcome, Rung};
 pub use report::{Measure, Stage, StepReport};
 pub use settings::StepSettings;
 pub use simulation::{BuildError, Simulation, build};

@@ -9,8 +9,6 @@ use crate::geometry::{Frame, Geometry};
 /// What the narrow phase reads.
 pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) shapes: &'a [G::Shape],
-    /// Smallest extents of the shapes. \[m\]
-    pub(crate) thickness: &'a [f32],
     /// World poses of the shapes.
     pub(crate) poses: &'a [G::Pose],
     /// Frames of the bodies at their centers of mass.
@@ -118,8 +116,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     } else {
         let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
         // Never through a thin body to what is behind it.
-        let [thin_a, thin_b] = pair.colliders.map(|c| around.thickness[c as usize]);
-        let prediction = around.prediction_distance.min(THIN * thin_a.min(thin_b))
+        let prediction = around.prediction_distance.min(THIN * pair.thickness)
             + travel_a.blow.max(travel_b.blow)
             + travel_a.angular
             + travel_b.angular;

@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use drystone_solver::ladder::Outcome;
+
 /// The stages of a step, in order; those from `Predict` to `Relax` repeat in each substep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
@@ -19,6 +21,8 @@ pub enum Stage {
     WarmStart,
     /// Sweeps towards the targets.
     Solve,
+    /// Certificates, and stronger methods where they ask for them.
+    Certify,
     /// Poses move by h v.
     Advance,
     /// A sweep that takes the velocity of overlap repair out again.
@@ -29,7 +33,7 @@ pub enum Stage {
 
 impl Stage {
     /// All of them, in order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Pairs,
         Self::Manifolds,
         Self::Rows,
@@ -37,6 +41,7 @@ impl Stage {
         Self::Bounce,
         Self::WarmStart,
         Self::Solve,
+        Self::Certify,
         Self::Advance,
         Self::Relax,
         Self::Remember,
@@ -52,6 +57,7 @@ impl Stage {
             Self::Bounce => "bounce",
             Self::WarmStart => "warm_start",
             Self::Solve => "solve",
+            Self::Certify => "certify",
             Self::Advance => "advance",
             Self::Relax => "relax",
             Self::Remember => "remember",
@@ -74,6 +80,9 @@ pub struct StepReport {
     pub sweeps: usize,
     /// Collisions that bounced.
     pub collisions: usize,
+    /// How far the velocities that moved the bodies can be from the exact ones, all substeps together;
+    /// `None` without a tolerance.
+    pub certified: Option<Outcome>,
 }
 
 impl StepReport {

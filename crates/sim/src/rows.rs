@@ -22,6 +22,7 @@ pub(crate) fn rows<const L: usize, const A: usize>(
             frame: contact_frame(record.normal),
             friction: record.friction,
             restitution: record.restitution,
+            compliance: f32::INFINITY,
             first: record.first,
             count: record.count,
         };

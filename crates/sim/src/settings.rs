@@ -27,6 +27,15 @@ pub struct StepSettings {
     /// Part of its slip by which a contact that sticks returns to where it stuck, per second.
     /// \[1/s\]
     pub hold: f32,
+    /// How far the velocities of an island may be from the exact solution of its contacts: after the
+    /// sweeps of each substep, stronger methods follow until a proven bound is below this. 0: the
+    /// sweeps alone. \[m/s\]
+    pub tolerance: f32,
+    /// Iterations that the strongest of these methods may use on an island. \[1\]
+    pub budget: u32,
+    /// How deep a contact may sink that carries the weight of its whole island; stiffer than
+    /// `softness` asks for where that must be. Only with a `tolerance`. \[m\]
+    pub sag: f32,
     /// Approach below this speed does not bounce. \[m/s\]
     pub restitution_threshold: f32,
     /// Shapes nearer than this have a contact before they touch. \[m\]
@@ -49,6 +58,9 @@ impl StepSettings {
             slop: 0.0,
             push_speed: 1.0,
             hold: 20.0,
+            tolerance: 1e-3,
+            budget: 40,
+            sag: 1e-4,
             restitution_threshold: 0.1,
             prediction_distance: 0.02,
             travel_per_search: 0.1,
@@ -61,6 +73,7 @@ impl StepSettings {
         Self {
             substeps: 4,
             push_speed: 3.0,
+            tolerance: 0.0,
             travel_per_search: 1.0,
             reuse_distance: 0.002,
             ..Self::quality()

@@ -6,6 +6,7 @@ use drystone_solver::{InverseMass, Repair, System, Vector, Velocity, restitution
 use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{Pair, Records};
+use crate::certifier::Certifier;
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties};
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
@@ -33,6 +34,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     system: System<f32, L, A>,
     /// The contacts of `system`, eight side by side, for the sweeps.
     wide: Wide<L, A>,
+    certifier: Certifier<L, A>,
     /// What each body has moved since the step began.
     displacements: Vec<Velocity<f32, L, A>>,
     travel: Vec<Travel<L>>,
@@ -78,6 +80,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             old_records: Records::default(),
             system: System::new(),
             wide: Wide::new(),
+            certifier: Certifier::default(),
             displacements: Vec::new(),
             travel: Vec::new(),
             workers: Vec::new(),
@@ -260,6 +263,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         for _ in 0..parts {
             if parts > 1 {
                 self.find_pairs(dt / parts as f32);
+                self.parts(dt / parts as f32);
             }
             clock.lap(&mut report, Stage::Pairs);
             self.part(dt / parts as f32, substeps, &mut clock, &mut report);
@@ -271,17 +275,20 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report
     }
 
-    /// Into how many parts, each with its own contacts, a step is divided: a power of two, so that no
-    /// body passes more than `travel_per_search` of another.
-    fn parts(&self, dt: f32) -> u32 {
+    /// Into how many parts, each with its own contacts, a step is divided: a power of two, so that
+    /// near bodies pass no more than `travel_per_search` of each other. Sets [`Travel::blow`].
+    fn parts(&mut self, dt: f32) -> u32 {
         let limit = self.settings.travel_per_search;
+        let fall = self.gravity.length() * dt * dt;
         let mut worst = 0.0f32;
         for pair in &self.pairs {
-            let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
-            let [thin_a, thin_b] = pair.colliders.map(|c| self.colliders.thickness[c as usize]);
-            let fall = self.gravity.length() * dt * dt;
-            let travel = (a.linear - b.linear).length() + a.angular + b.angular + fall;
-            worst = worst.max(travel / thin_a.min(thin_b));
+            let [a, b] = pair.bodies.map(|body| body as usize);
+            let [one, other] = [self.travel[a], self.travel[b]];
+            let apart = (one.linear - other.linear).length();
+            self.travel[a].blow = one.blow.max(apart);
+            self.travel[b].blow = other.blow.max(apart);
+            let travel = apart + one.angular + other.angular + fall;
+            worst = worst.max(travel / pair.thickness);
         }
         let parts = (worst / limit).ceil();
         if parts.is_finite() { (parts.clamp(1.0, 256.0) as u32).next_power_of_two() } else { 1 }
@@ -304,6 +311,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             hold: settings.hold,
         };
         let (system, wide) = (&mut self.system, &mut self.wide);
+        let certifier = &mut self.certifier;
+        if settings.tolerance > 0.0 {
+            let weight = |body: usize| {
+                let pull = self.gravity.length() * self.bodies.gravity_factor[body];
+                if self.bodies.is_dynamic(body) {
+                    pull * self.bodies.inertia[body].mass
+                } else {
+                    0.0
+                }
+            };
+            certifier.stiffen(system, weight, &settings, h);
+        }
         wide.pack(system, settings.softness);
         let bouncing = system.manifolds.iter().any(|manifold| manifold.restitution > 0.0);
         if bouncing {
@@ -323,12 +342,20 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 wide.take_impacts(system);
                 clock.lap(report, Stage::Bounce);
             }
+            if settings.tolerance > 0.0 {
+                certifier.prospective.clone_from(&system.velocities);
+            }
             wide.start(&mut system.velocities, &self.displacements, &repair);
             clock.lap(report, Stage::WarmStart);
             for _ in 0..settings.iterations {
                 wide.sweep_normals(&mut system.velocities);
             }
             clock.lap(report, Stage::Solve);
+            if settings.tolerance > 0.0 {
+                let outcome = certifier.refine(system, wide, &settings);
+                report.certified.get_or_insert_default().join(&outcome);
+                clock.lap(report, Stage::Certify);
+            }
             motion::advance(bodies, h, &mut system.velocities, &mut self.displacements);
             clock.lap(report, Stage::Advance);
             wide.relax(&mut system.velocities);
@@ -402,16 +429,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     fn find_manifolds(&mut self) {
-        for pair in &self.pairs {
-            let [a, b] = pair.bodies.map(|body| body as usize);
-            let apart = (self.travel[a].linear - self.travel[b].linear).length();
-            self.travel[a].blow = self.travel[a].blow.max(apart);
-            self.travel[b].blow = self.travel[b].blow.max(apart);
-        }
         std::mem::swap(&mut self.records, &mut self.old_records);
         let around = Surroundings::<G, L, A> {
             shapes: &self.colliders.shapes,
-            thickness: &self.colliders.thickness,
             poses: &self.colliders.poses,
             frames: &self.bodies.frames,
             travel: &self.travel,
@@ -500,6 +520,7 @@ fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
         bodies: owners,
         friction: friction as f32,
         restitution: bounce as f32,
+        thickness: colliders.thickness[a].min(colliders.thickness[b]),
         first: 0,
         count: 0,
     })

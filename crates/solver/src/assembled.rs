@@ -33,7 +33,7 @@
 //! let moving = |x| Velocity { linear: Vector([x, 0.0]), ..Velocity::ZERO };
 //! let bodies = [system.add_body(moving(1.0), ball), system.add_body(moving(-1.0), ball)];
 //! let frame = contact_frame(Vector([-1.0, 0.0]));
-//! let manifold = Manifold { bodies, frame, friction: 0.0, restitution: 0.0, first: 0, count: 0 };
+//! let manifold = Manifold { bodies, frame, ..Manifold::default() };
 //! system.add_manifold(manifold, &[Contact::default()]);
 //!
 //! let (a, b) = (system_matrix(&system), rhs(&system));

@@ -13,10 +13,27 @@ pub struct Manifold<T: Real, const L: usize> {
     pub friction: T,
     /// Restitution c_r, 0..1. \[1\]
     pub restitution: T,
+    /// The largest epsilon of its points; by default infinite. \[1/kg\]
+    pub compliance: T,
     /// The first of its points in [`System::contacts`](crate::System::contacts).
     pub first: u32,
     /// How many points it has.
     pub count: u32,
+}
+
+impl<T: Real, const L: usize> Default for Manifold<T, L> {
+    /// Without friction, bounce or points.
+    fn default() -> Self {
+        Self {
+            bodies: [0, 0],
+            frame: [Vector::ZERO; L],
+            friction: T::ZERO,
+            restitution: T::ZERO,
+            compliance: T::from_f64(f64::INFINITY),
+            first: 0,
+            count: 0,
+        }
+    }
 }
 
 impl<T: Scalar, const L: usize> Manifold<T, L> {
@@ -27,6 +44,7 @@ impl<T: Scalar, const L: usize> Manifold<T, L> {
             frame: self.frame.map(|axis| axis.cast()),
             friction: U::from_f64(self.friction.to_f64()),
             restitution: U::from_f64(self.restitution.to_f64()),
+            compliance: U::from_f64(self.compliance.to_f64()),
             first: self.first,
             count: self.count,
         }
@@ -204,7 +222,8 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// m_eff = (m_a^-1 + m_b^-1 + (r_a x n) . W_a (r_a x n) + (r_b x n) . W_b (r_b x n) + epsilon)^-1
     /// (the notes' rigid m_eff, with I^-1 on r x n). Where nothing can move, they are 0.
     ///
-    /// `softness` is epsilon over A_ii + epsilon: 0 rigid, towards 1 ever softer.
+    /// `softness` is epsilon over A_ii + epsilon: 0 rigid, towards 1 ever softer; the manifold may
+    /// have it stiffer.
     #[inline(always)]
     pub fn prepare<const A: usize>(
         &mut self,
@@ -214,8 +233,8 @@ impl<T: Real, const L: usize> Contact<T, L> {
     ) {
         let stiff = T::ONE - softness;
         let a_ii = self.entry(manifold, masses, 0, 0);
-        self.compliance = a_ii * softness / stiff;
-        self.effective_mass = a_ii.choose(stiff / a_ii, T::ZERO);
+        self.compliance = (a_ii * softness / stiff).min(manifold.compliance);
+        self.effective_mass = a_ii.choose(T::ONE / (a_ii + self.compliance), T::ZERO);
         let largest = match L {
             2 => self.entry(manifold, masses, 1, 1),
             3 => {

@@ -58,7 +58,7 @@
 //! for bodies in [[lower, floor], [upper, lower]] {
 //!     let frame = contact_frame(Vector([0.0, 1.0]));
 //!     let manifold =
-//!         Manifold { bodies, frame, friction: 0.5, restitution: 0.0, first: 0, count: 0 };
+//!         Manifold { bodies, frame, friction: 0.5, ..Manifold::default() };
 //!     system.add_manifold(manifold, &[Contact::default()]);
 //! }
 //! system.prepare(0.0); // effective masses; rigid
@@ -89,6 +89,8 @@ mod cholesky;
 pub mod color;
 pub mod cone;
 mod contact;
+pub mod island;
+pub mod ladder;
 pub mod lanes;
 pub mod newton;
 pub mod nncg;

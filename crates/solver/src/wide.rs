@@ -54,6 +54,11 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         on_lanes!(self, packed => packed.take_impacts(system));
     }
 
+    /// [`Packed::take_impulses`].
+    pub fn take_impulses(&mut self, system: &System<f32, L, A>) {
+        on_lanes!(self, packed => packed.take_impulses(system));
+    }
+
     /// [`Packed::start`].
     pub fn start(
         &mut self,
@@ -168,11 +173,25 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
 
     /// Takes over the impulses of collisions from the contacts of `system`.
     pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
+        self.copy_in(system, |wide, lane, contact| wide.impact.set(lane, contact.impact));
+    }
+
+    /// Takes over the impulses from the contacts of `system`.
+    pub fn take_impulses(&mut self, system: &System<f32, L, A>) {
+        self.copy_in(system, |wide, lane, contact| set(&mut wide.impulse, lane, &contact.impulse));
+    }
+
+    /// `copy` for each contact of `system` and its lane.
+    fn copy_in(
+        &mut self,
+        system: &System<f32, L, A>,
+        copy: impl Fn(&mut Contact<V, L>, usize, &Contact<f32, L>),
+    ) {
         for (manifold, &place) in system.manifolds.iter().zip(&self.coloring.places) {
             let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
             let wide = &mut self.contacts[self.blocks[block].manifold.points()];
             for (contact, wide) in system.contacts[manifold.points()].iter().zip(wide) {
-                wide.impact.set(lane, contact.impact);
+                copy(wide, lane, contact);
             }
         }
     }
@@ -245,14 +264,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             lanes: 0,
             bodies: [[0; WIDTH]; 2],
             masses: [InverseMass::default(); 2],
-            manifold: Manifold {
-                bodies: [0, 0],
-                frame: [Vector::ZERO; L],
-                friction: V::ZERO,
-                restitution: V::ZERO,
-                first: 0,
-                count: 0,
-            },
+            manifold: Manifold::default(),
         }
     }
 
@@ -276,6 +288,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
         self.lanes += 1;
         self.manifold.friction.set(lane, manifold.friction);
+        self.manifold.compliance.set(lane, manifold.compliance);
         for (wide, axis) in self.manifold.frame.iter_mut().zip(&manifold.frame) {
             set(wide, lane, axis);
         }

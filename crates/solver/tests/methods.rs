@@ -81,7 +81,12 @@ fn column(masses: &[f64], softness: f64) -> System<f64, 2, 0> {
 /// Iterations until the velocities, all of 1 m/s before, are within 1 mm/s by the certificate.
 fn iterations(system: &System<f64, 2, 0>, method: Method<2, 0>) -> usize {
     let solution = method(&mut system.clone(), &Goal { tolerance: 1e-3, budget: 200_000 });
-    assert_eq!(solution.status, Status::Converged, "{:?}", solution.history.iter().take(60).collect::<Vec<_>>());
+    assert_eq!(
+        solution.status,
+        Status::Converged,
+        "{:?}",
+        solution.history.iter().take(60).collect::<Vec<_>>()
+    );
     solution.iterations()
 }
 

@@ -1,10 +1,11 @@
 //! What a run was like, in a few numbers and in plain words.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use drystone::scene::{Motion, Scene};
-use drystone::{Measure, StepSettings};
+use drystone::{Measure, Rung, StepSettings};
 use serde::Serialize;
 
 use super::Bake;
@@ -54,6 +55,8 @@ pub(super) struct Summary {
     residual_worst: f64,
     /// \[m/s\]
     residual_last: f64,
+    /// How good the solution of the contacts was; absent without a tolerance.
+    certified: Option<Certified>,
     /// Fastest body at the end. \[m/s\]
     fastest: f64,
     fastest_body: Option<usize>,
@@ -62,6 +65,22 @@ pub(super) struct Summary {
     moved_body: Option<usize>,
     /// Bodies far below every static body.
     left: Vec<usize>,
+}
+
+/// Proven bounds on the error of the velocities.
+#[derive(Serialize)]
+struct Certified {
+    /// \[m/s\]
+    tolerance: f64,
+    /// Steps within it.
+    steps: usize,
+    /// Largest error of an island in any step. \[m/s\]
+    worst: f64,
+    /// Where that was.
+    worst_step: usize,
+    worst_body: Option<u32>,
+    /// Islands that needed more than sweeps, by method.
+    climbed: BTreeMap<&'static str, usize>,
 }
 
 /// What the words say besides.
@@ -112,6 +131,7 @@ impl Summary {
             energy_created: (kinematic == 0).then_some(energy_rise > energy_tolerance),
             residual_worst: largest(&mut steps.iter().map(|step| step.measure.residual)),
             residual_last: end.residual,
+            certified: certified(bake),
             fastest: end.fastest,
             fastest_body: moving_body(bake.moved_most(scene, 1)),
             moved: moving.map_or(0.0, |(_, distance)| distance),
@@ -130,6 +150,7 @@ impl Summary {
             ("contacts", self.contacts()),
             ("penetration", self.penetration()),
             ("energy", self.energy()),
+            ("certified", self.certified(scene)),
             ("residual", self.residual()),
             ("motion", self.motion(scene)),
         ] {
@@ -198,6 +219,27 @@ impl Summary {
         format!("{start} at the start, {end} at the end{verdict}")
     }
 
+    fn certified(&self, scene: &Scene) -> String {
+        let Some(of) = &self.certified else {
+            return "nothing: sweeps alone, without a tolerance".to_owned();
+        };
+        let mm = |speed: f64| format!("{:.3} mm/s", speed * 1e3);
+        let all = (self.simulated / scene.time_step).round() as usize;
+        let (within, worst) = (mm(of.tolerance), mm(of.worst));
+        if of.steps == all {
+            return format!(
+                "all {all} steps within {within} of the exact contact solution (worst {worst})"
+            );
+        }
+        let body = of
+            .worst_body
+            .map_or_else(String::new, |body| format!(", around {}", name(scene, body as usize)));
+        format!(
+            "{} of {all} steps within {within} of the exact contact solution; worst {worst} in step {}{body}",
+            of.steps, of.worst_step
+        )
+    }
+
     fn residual(&self) -> String {
         format!(
             "{:.2e} m/s at worst, {:.2e} m/s at the end",
@@ -241,6 +283,24 @@ impl Summary {
         }
         lines
     }
+}
+
+fn certified(bake: &Bake) -> Option<Certified> {
+    let outcomes = bake.steps.iter().enumerate();
+    let outcomes: Vec<_> =
+        outcomes.filter_map(|(step, of)| Some((step, of.report.certified?))).collect();
+    let (step, worst) = *outcomes.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
+    let climbed = Rung::ALL
+        .into_iter()
+        .map(|rung| (rung.name(), outcomes.iter().map(|(_, of)| of.climbed[rung as usize]).sum()));
+    Some(Certified {
+        tolerance: f64::from(bake.settings.tolerance),
+        steps: outcomes.iter().filter(|(_, of)| of.failed == 0).count(),
+        worst: worst.error,
+        worst_step: step + 1,
+        worst_body: worst.worst,
+        climbed: climbed.collect(),
+    })
 }
 
 /// Most energy that the run had above its lowest. \[J\]

@@ -25,7 +25,7 @@ impl Fault {
 }
 
 /// Smallest and largest sensible values; a setting that is not here only has to fit its type.
-const RANGES: [(&str, f64, f64); 11] = [
+const RANGES: [(&str, f64, f64); 14] = [
     ("substeps", 1.0, 1000.0),
     ("iterations", 1.0, 10_000.0),
     ("repair", 0.0, 1.0),
@@ -33,6 +33,9 @@ const RANGES: [(&str, f64, f64); 11] = [
     ("slop", 0.0, 1.0),
     ("push_speed", 0.0, 1e6),
     ("hold", 0.0, 1e6),
+    ("tolerance", 0.0, 1e3),
+    ("budget", 1.0, 10_000.0),
+    ("sag", 1e-9, 1.0),
     ("restitution_threshold", 0.0, 1e6),
     ("prediction_distance", 0.0, 1e3),
     ("travel_per_search", 0.001, 1e6),

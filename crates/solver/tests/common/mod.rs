@@ -134,14 +134,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
                 ..Contact::default()
             })
             .collect();
-        let manifold = Manifold {
-            bodies,
-            frame: contact_frame(normal),
-            friction: 0.0,
-            restitution: 0.0,
-            first: 0,
-            count: 0,
-        };
+        let manifold = Manifold { bodies, frame: contact_frame(normal), ..Manifold::default() };
         self.system.add_manifold(manifold, &contacts);
     }
 
