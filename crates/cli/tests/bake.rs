@@ -88,6 +88,27 @@ fn a_bake_writes_what_was_asked_for() {
 }
 
 #[test]
+fn a_tolerance_is_proven_in_every_step() {
+    let place = Place::new(SCENE);
+    let summary = place.succeeds(&["bake", "scene.toml", "--report", "r.json"]);
+    assert!(summary.contains("nothing was proven"), "{summary}");
+    let tolerance = ["--tolerance", "0.5mm/s", "--duration", "1"];
+    let arguments = ["bake", "scene.toml", "--report", "r.json"];
+    let summary = place.succeeds(&[&arguments[..], &tolerance[..]].concat());
+    assert!(summary.contains("all 60 steps within 0.500 mm/s of the exact"), "{summary}");
+    let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
+    let certified = &report["summary"]["certified"];
+    assert_eq!(certified["steps"], 60);
+    let worst = certified["worst"].as_f64().unwrap();
+    assert!(worst > 0.0 && worst <= 5e-4, "{worst}");
+    for wrong in ["1mm", "-1mm/s", "nan", "1km/s"] {
+        let message =
+            place.fails(2, &["bake", "scene.toml", "--report", "r.json", "--tolerance", wrong]);
+        assert!(message.contains("such as 1mm/s"), "{message}");
+    }
+}
+
+#[test]
 fn a_report_has_every_step() {
     let place = Place::new(SCENE);
     place.succeeds(&["bake", "scene.toml", "--report", "r.json", "--threads", "2", "--quiet"]);

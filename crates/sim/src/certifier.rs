@@ -1,7 +1,7 @@
 //! Solving to a tolerance: what a step keeps for its certificates.
 
 use drystone_solver::certificate::{Certificate, Memory};
-use drystone_solver::island::Islands;
+use drystone_solver::island::{self, Islands};
 use drystone_solver::ladder::{self, Outcome};
 use drystone_solver::solution::Goal;
 use drystone_solver::wide::Wide;
@@ -17,13 +17,23 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
     islands: Islands,
     memory: Memory<L, A>,
     certificates: Vec<Certificate>,
-    weights: Vec<f32>,
+    loads: Vec<Load>,
+}
+
+/// What holds an island up.
+#[derive(Clone, Copy, Default)]
+struct Load {
+    /// \[N\]
+    weight: f32,
+    /// Manifolds with fixed bodies.
+    supports: f32,
 }
 
 impl<const L: usize, const A: usize> Certifier<L, A> {
-    /// Finds the islands of a part of a step, and makes contacts so stiff that one which carries the
-    /// weight W \[N\] of its island sinks by the sag: stiffness k = W / sag, and by the implicit
-    /// form of a spring that repairs the part c of its depth per substep h, epsilon = c / (h^2 k).
+    /// Finds the islands of a part of a step, and makes contacts so stiff that those which carry an
+    /// island sink by the sag: the island's weight W \[N\] on its n manifolds with fixed bodies
+    /// gives the stiffness k = W / (n sag), and a spring of implicit form that repairs the part c of
+    /// its depth per substep h has epsilon = c / (h^2 k).
     pub(crate) fn stiffen(
         &mut self,
         system: &mut System<f32, L, A>,
@@ -32,17 +42,27 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         h: f32,
     ) {
         self.islands.find(system);
-        self.weights.clear();
-        self.weights.resize(self.islands.count, 0.0);
-        for (body, &island) in self.islands.of_body.iter().enumerate() {
-            if let Some(sum) = self.weights.get_mut(island as usize) {
-                *sum += weight(body);
+        let of_body = &self.islands.of_body;
+        self.loads.clear();
+        self.loads.resize(self.islands.count, Load::default());
+        for (body, &island) in of_body.iter().enumerate() {
+            if let Some(load) = self.loads.get_mut(island as usize) {
+                load.weight += weight(body);
+            }
+        }
+        for manifold in &system.manifolds {
+            if manifold.bodies.iter().any(|&body| of_body[body as usize] == island::NONE)
+                && let Some(load) =
+                    self.loads.get_mut(self.islands.of_pair(manifold.bodies) as usize)
+            {
+                load.supports += 1.0;
             }
         }
         for manifold in &mut system.manifolds {
             let island = self.islands.of_pair(manifold.bodies) as usize;
-            let weight = self.weights.get(island).copied().unwrap_or(0.0);
-            manifold.compliance = settings.repair * settings.sag / (h * h * weight);
+            let load = self.loads.get(island).copied().unwrap_or_default();
+            let share = load.weight / load.supports.max(1.0);
+            manifold.compliance = settings.repair * settings.sag / (h * h * share);
         }
     }
 

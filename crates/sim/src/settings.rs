@@ -58,7 +58,7 @@ impl StepSettings {
             slop: 0.0,
             push_speed: 1.0,
             hold: 20.0,
-            tolerance: 1e-3,
+            tolerance: 0.0,
             budget: 40,
             sag: 1e-4,
             restitution_threshold: 0.1,
@@ -73,7 +73,6 @@ impl StepSettings {
         Self {
             substeps: 4,
             push_speed: 3.0,
-            tolerance: 0.0,
             travel_per_search: 1.0,
             reuse_distance: 0.002,
             ..Self::quality()

@@ -605,3 +605,56 @@ fn falling_boxes_do_not_sink_into_each_other() {
     }
     assert_below("deepest overlap [m]", deepest as f32, 0.01);
 }
+
+/// Steps until `seconds` with a tolerance of 1 mm/s, each within it; returns the deepest overlap at
+/// the end. \[m\]
+fn certified(world: &mut World3, seconds: f32) -> f32 {
+    world.settings.tolerance = 1e-3;
+    world.settings.substeps = 8;
+    for step in 0..(seconds / DT) as usize {
+        let outcome = world.step(DT).certified.expect("a tolerance is set");
+        assert_eq!(outcome.failed, 0, "step {step}: {outcome:?}");
+        assert!(outcome.error <= 1e-3, "step {step}: {outcome:?}");
+    }
+    world.measure().deepest_penetration as f32
+}
+
+/// A box 1000 times heavier than the nine that it stands on: sweeps alone would need thousands.
+#[test]
+fn heavy_on_light_is_solved_to_a_tolerance() {
+    let material = surface(0.5, 0.0);
+    let mut world: World3 = world();
+    add_floor(&mut world, &material);
+    let mut boxes = Vec::new();
+    for i in 0..10 {
+        let mut block = dynamic([0.0, 0.5 + i as f32, 0.0], Rigid3::cuboid([0.5; 3]), &material);
+        if i == 9 {
+            block.colliders[0].density *= 1000.0;
+        }
+        boxes.push(world.add(block));
+    }
+    let deepest = certified(&mut world, 3.0);
+    assert_below("deepest overlap [m]", deepest, 1e-4);
+    for (i, &block) in boxes.iter().enumerate() {
+        let off = place(&world, block) - Vector([0.0, 0.5 + i as f32, 0.0]);
+        assert_below(&format!("box {i} off its place [m]"), off.length(), 2e-3);
+    }
+}
+
+/// Boxes that fall, bounce off each other and slide: every substep within the tolerance.
+#[test]
+fn a_falling_heap_is_solved_to_a_tolerance() {
+    let material = surface(0.5, 0.3);
+    let mut world: World3 = world();
+    add_floor(&mut world, &material);
+    let mut random = Random(3);
+    for i in 0..30 {
+        let mut aside = || random.between(-0.4f32, 0.4);
+        let turn = Vector([aside(), aside(), aside()]) * 5.0;
+        let upright = Rigid3::pose(Vector([aside(), 0.5 + 0.4 * i as f32, aside()]), &[]);
+        let mut block = dynamic([0.0; 3], Rigid3::cuboid([0.2, 0.15, 0.12]), &material);
+        block.pose = Rigid3::advance(&upright, Vector::ZERO, turn);
+        world.add(block);
+    }
+    certified(&mut world, 3.0);
+}

@@ -126,10 +126,10 @@ pub fn refine<T: Scalar, const L: usize, const A: usize>(
     let of_body = &islands.of_body;
     certify_islands(system, prospective, of_body, islands.count, memory, certificates);
     let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
-    let beyond = |certificate: &Certificate| !(certificate.error() <= goal.tolerance);
+    let beyond = |certificate: &Certificate| certificate.error().total_cmp(&goal.tolerance).is_gt();
     if certificates.iter().any(beyond) {
         // Rounding to the numbers of the system must not take what was reached away.
-        let finer = Goal { tolerance: 0.5 * goal.tolerance, ..*goal };
+        let finer = Goal { tolerance: 0.05 * goal.tolerance, ..*goal };
         for island in 0..islands.count {
             if beyond(&certificates[island]) {
                 let (status, rung) = replace(system, prospective, islands, island as u32, &finer);

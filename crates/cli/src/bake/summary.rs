@@ -221,7 +221,7 @@ impl Summary {
 
     fn certified(&self, scene: &Scene) -> String {
         let Some(of) = &self.certified else {
-            return "nothing: sweeps alone, without a tolerance".to_owned();
+            return "nothing was proven; ask for it with --tolerance 1mm/s".to_owned();
         };
         let mm = |speed: f64| format!("{:.3} mm/s", speed * 1e3);
         let all = (self.simulated / scene.time_step).round() as usize;
