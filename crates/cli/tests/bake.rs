@@ -234,6 +234,18 @@ fn warnings_are_said_once_and_do_not_stop() {
 }
 
 #[test]
+fn help_names_scenes_that_there_are() {
+    let help = Place::new("").succeeds(&["bake", "--help"]);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let scenes: Vec<_> =
+        help.split_whitespace().filter(|word| word.starts_with("scenes/")).collect();
+    assert!(scenes.len() > 2, "{help}");
+    for scene in scenes {
+        assert!(root.join(scene).is_file(), "{scene}");
+    }
+}
+
+#[test]
 fn the_schema_is_json() {
     let text = Place::new("").succeeds(&["schema"]);
     let schema: Value = serde_json::from_str(&text).unwrap();

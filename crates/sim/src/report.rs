@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// The stages of a step, in order. All repeat in each part of a step that contacts are searched for,
+/// The stages of a step, in order. All repeat in each part of the step that has its own contacts,
 /// those from `Predict` to `Relax` in each substep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
