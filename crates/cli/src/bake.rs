@@ -87,11 +87,11 @@ pub(crate) struct Arguments {
 
 const EXAMPLES: &str = "\
 Examples:
-  drystone bake scenes/arch.toml -o arch.glb
-      ten seconds of a masonry arch; open arch.glb in Blender (File > Import > glTF 2.0),
+  drystone bake scenes/arch.json -o arch.glb
+      eight seconds of a masonry arch; open arch.glb in Blender (File > Import > glTF 2.0),
       or drop it on any glTF viewer, and press play
-  drystone bake workshop.gltf -o baked.glb --fps 24
-      your own scene back, with a clip 'Drystone' at 24 frames per second
+  drystone bake scenes/workshop.gltf -o baked.glb --fps 24
+      the scene of the file back, with a clip 'Drystone' at 24 frames per second
   drystone bake scenes/stones.json -o stones.poses --report stones.report.json
       poses for NumPy: numpy.fromfile('stones.poses', '<f4').reshape(-1, bodies, 7)
       (2D: 3), and numbers of each step

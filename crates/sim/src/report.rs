@@ -4,7 +4,8 @@ use std::time::{Duration, Instant};
 
 use drystone_solver::ladder::Outcome;
 
-/// The stages of a step, in order; those from `Predict` to `Relax` repeat in each substep.
+/// The stages of a step, in order. All repeat in each part of the step that has its own contacts,
+/// those from `Predict` to `Relax` in each substep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Boxes that overlap: the broad phase.
@@ -23,7 +24,7 @@ pub enum Stage {
     Solve,
     /// Certificates, and stronger methods where they ask for them.
     Certify,
-    /// Poses move by h v.
+    /// Displacements grow by h v; at the end, poses move by them.
     Advance,
     /// A sweep that takes the velocity of overlap repair out again.
     Relax,
@@ -70,7 +71,7 @@ impl Stage {
 pub struct StepReport {
     /// Wall time of each stage, in the order of [`Stage::ALL`]; all substeps together.
     pub stages: [Duration; Stage::ALL.len()],
-    /// Pairs of shapes whose boxes overlap.
+    /// Pairs of shapes whose boxes overlap, in the last part of the step, as are the next two.
     pub pairs: usize,
     /// Manifolds.
     pub manifolds: usize,

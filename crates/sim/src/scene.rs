@@ -22,6 +22,8 @@ pub use write::{to_json, to_toml};
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
+use serde::Serialize;
 use serde_json::Value;
 
 /// What a reader makes of a file.
@@ -58,12 +60,13 @@ pub struct Scene {
 }
 
 /// How the bodies of a scene are simulated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum BodiesAs {
-    /// (2,1) or (3,3): they turn.
+    /// They turn: (2,1) or (3,3).
     #[default]
     Rigid,
-    /// (2,0) or (3,0): spheres without friction and without spin.
+    /// Spheres without friction that never turn: (2,0) or (3,0).
     Particles,
 }
 
@@ -93,14 +96,15 @@ pub struct Body {
 }
 
 /// What moves a body.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Motion {
     /// Forces and contacts.
     #[default]
     Dynamic,
     /// Nothing.
     Static,
-    /// A script: it pushes others and is never pushed.
+    /// Its velocities or its track: it pushes others and is never pushed.
     Kinematic,
 }
 
@@ -145,7 +149,8 @@ pub struct Shape {
 }
 
 /// The form of a shape.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
 pub enum ShapeKind {
     /// Sphere (2D: disk).
     Sphere {
@@ -173,19 +178,19 @@ pub enum ShapeKind {
     },
     /// Hull of points.
     ConvexHull {
-        /// \[m\]
+        /// Points. \[m\]
         points: Vec<Vec<f64>>,
     },
-    /// Everything behind a plane through the local origin; static bodies only.
+    /// Everything behind a plane through the local origin; not on dynamic bodies.
     Halfspace {
         /// Outward unit normal.
         normal: Vec<f64>,
     },
-    /// Triangles, counter-clockwise seen from outside (3D); static and kinematic bodies only.
+    /// Triangles, counter-clockwise seen from outside (3D); not on dynamic bodies.
     Trimesh {
-        /// \[m\]
+        /// Points. \[m\]
         vertices: Vec<[f64; 3]>,
-        /// Indices into the vertices.
+        /// Indices of three vertices each.
         triangles: Vec<[u32; 3]>,
     },
 }
@@ -214,9 +219,9 @@ impl Default for Material {
     }
 }
 
-/// How a coefficient of two surfaces is made of theirs. When two surfaces differ, the earlier in
-/// this list decides.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// How two coefficients combine. When two surfaces differ, the earlier in this list decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Combine {
     /// (a + b) / 2.
     Average,

@@ -173,8 +173,8 @@ fn restitutions_combine() {
         })
         .collect();
     // e = 0.25 and 0.75, after a fall of 4 m: 1 m above ground at rest.
-    assert_within("left: first apex [m]", apexes[0], 1.25, 0.05);
-    assert_within("right: first apex [m]", apexes[1], 3.25, 0.05);
+    assert_within("left: first apex [m]", apexes[0], 1.25, 0.005);
+    assert_within("right: first apex [m]", apexes[1], 3.25, 0.005);
 }
 
 #[test]

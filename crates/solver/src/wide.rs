@@ -1,7 +1,7 @@
 //! Eight manifolds at a time: a [`System`] packed into [`Lanes`], color by color.
 //!
-//! The kernels are those of [`pgs`](crate::pgs), run on a number that is eight numbers. The velocities of
-//! the bodies are gathered once per visit to a block and serve all its points.
+//! The kernels are those of [`pgs`](crate::pgs), run on a number that is eight numbers. The
+//! velocities of the bodies are gathered once per visit to a block and serve all its points.
 
 use crate::color::Coloring;
 use crate::lanes::{Halves, Lanes, WIDTH};

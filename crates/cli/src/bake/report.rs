@@ -1,10 +1,12 @@
 //! The report: numbers of each step, for other programs.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Duration;
 
 use drystone::recording::write_whole;
 use drystone::{Stage, StepSettings};
-use serde_json::{Map, Value, json};
+use serde::Serialize;
 
 use super::{Bake, Step, Summary};
 use crate::failure::Failure;
@@ -18,18 +20,49 @@ pub(super) struct Run<'a> {
     pub(super) summary: &'a Summary,
 }
 
+/// The report as it is written: from these types, since a JSON value between would make `f64` of
+/// each `f32` and write 0.019999999552965164 for 0.02.
+#[derive(Serialize)]
+struct Report<'a> {
+    scene: String,
+    version: &'static str,
+    settings: &'a StepSettings,
+    threads: usize,
+    bodies: usize,
+    steps: usize,
+    summary: &'a Summary,
+    per_step: Vec<StepNumbers>,
+}
+
+#[derive(Serialize)]
+struct StepNumbers {
+    step_ms: f64,
+    stage_ms: BTreeMap<&'static str, f64>,
+    contacts: usize,
+    manifolds: usize,
+    sweeps: usize,
+    /// \[m\]
+    deepest_penetration: f64,
+    /// \[J\]
+    kinetic_energy: f64,
+    /// \[J\]
+    potential_energy: f64,
+    /// \[m/s\]
+    residual: f64,
+}
+
 /// Writes a report as JSON.
 pub(super) fn write(path: &Path, run: &Run<'_>) -> Result<(), Failure> {
-    let report = json!({
-        "scene": run.scene.display().to_string(),
-        "version": env!("CARGO_PKG_VERSION"),
-        "settings": run.settings,
-        "threads": run.threads,
-        "bodies": run.bake.recording.bodies,
-        "steps": run.bake.steps.len(),
-        "summary": run.summary,
-        "per_step": run.bake.steps.iter().map(step).collect::<Vec<_>>(),
-    });
+    let report = Report {
+        scene: run.scene.display().to_string(),
+        version: env!("CARGO_PKG_VERSION"),
+        settings: run.settings,
+        threads: run.threads,
+        bodies: run.bake.recording.bodies,
+        steps: run.bake.steps.len(),
+        summary: run.summary,
+        per_step: run.bake.steps.iter().map(numbers).collect(),
+    };
     write_whole(path, |out| {
         serde_json::to_writer(&mut *out, &report)?;
         out.write_all(b"\n")
@@ -37,20 +70,18 @@ pub(super) fn write(path: &Path, run: &Run<'_>) -> Result<(), Failure> {
     .map_err(|error| Failure::cannot_write(path, &error))
 }
 
-fn step(step: &Step) -> Value {
-    let milliseconds = |time: std::time::Duration| time.as_secs_f64() * 1e3;
+fn numbers(step: &Step) -> StepNumbers {
+    let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let stages = Stage::ALL.into_iter().zip(step.report.stages);
-    let stage_ms: Map<String, Value> =
-        stages.map(|(stage, time)| (stage.name().into(), json!(milliseconds(time)))).collect();
-    json!({
-        "step_ms": milliseconds(step.time),
-        "stage_ms": stage_ms,
-        "contacts": step.report.contacts,
-        "manifolds": step.report.manifolds,
-        "sweeps": step.report.sweeps,
-        "deepest_penetration": step.measure.deepest_penetration,
-        "kinetic_energy": step.measure.kinetic_energy,
-        "potential_energy": step.measure.potential_energy,
-        "residual": step.measure.residual,
-    })
+    StepNumbers {
+        step_ms: milliseconds(step.time),
+        stage_ms: stages.map(|(stage, time)| (stage.name(), milliseconds(time))).collect(),
+        contacts: step.report.contacts,
+        manifolds: step.report.manifolds,
+        sweeps: step.report.sweeps,
+        deepest_penetration: step.measure.deepest_penetration,
+        kinetic_energy: step.measure.kinetic_energy,
+        potential_energy: step.measure.potential_energy,
+        residual: step.measure.residual,
+    }
 }

@@ -140,8 +140,8 @@ pub struct Scratch<M, E, const L: usize> {
     clipper: Clipper<L>,
 }
 
-/// Defines contact between a half-space and another shape, in the frame of a; `None`: neither is a half-space, or
-/// the other is none of the shapes here.
+/// Defines contact between a half-space and another shape, in the frame of a; `None`: neither is a
+/// half-space, or the other is none of the shapes here.
 macro_rules! over_plane {
     ($name:ident, $parry:ident, $hull:ident, $l:literal) => {
         fn $name(

@@ -6,6 +6,8 @@ use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 
+use super::{BodiesAs, Combine, Motion, ShapeKind};
+
 /// A scene for Drystone. SI units, right-handed, +y up.
 #[derive(Serialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields)]
@@ -35,7 +37,7 @@ pub(super) struct SceneDocument {
     pub(super) duration: Option<f64>,
     /// What the bodies are; "rigid" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) bodies_as: Option<BodiesAsDocument>,
+    pub(super) bodies_as: Option<BodiesAs>,
     /// Step settings in place of the defaults.
     #[serde(skip_serializing_if = "Map::is_empty")]
     #[schemars(default)]
@@ -58,18 +60,6 @@ pub(super) struct SceneDocument {
     /// Anything; ignored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) extras: Option<Value>,
-}
-
-/// What the bodies of a scene are.
-#[derive(Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(rename = "BodiesAs")]
-#[allow(dead_code, reason = "a default is in the schema, but never written")]
-pub(super) enum BodiesAsDocument {
-    /// They turn.
-    Rigid,
-    /// Spheres without friction that never turn.
-    Particles,
 }
 
 /// What bodies are made of.
@@ -98,27 +88,10 @@ pub(super) struct SurfaceDocument {
     pub(super) restitution: Option<f64>,
     /// How the frictions of two surfaces combine; "geometric_mean" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) friction_combine: Option<CombineDocument>,
+    pub(super) friction_combine: Option<Combine>,
     /// How the restitutions of two surfaces combine; "maximum" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) restitution_combine: Option<CombineDocument>,
-}
-
-/// How two coefficients combine. When two surfaces differ, the earlier in this list decides.
-#[derive(Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(rename = "Combine")]
-pub(super) enum CombineDocument {
-    /// (a + b) / 2.
-    Average,
-    /// The smaller.
-    Minimum,
-    /// The larger.
-    Maximum,
-    /// a b.
-    Multiply,
-    /// sqrt(a b).
-    GeometricMean,
+    pub(super) restitution_combine: Option<Combine>,
 }
 
 /// A body.
@@ -131,7 +104,7 @@ pub(super) struct BodyDocument {
     pub(super) name: Option<String>,
     /// What moves it; "dynamic" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) motion: Option<MotionDocument>,
+    pub(super) motion: Option<Motion>,
     /// Position [m]; the origin if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 2, max = 3))]
@@ -185,20 +158,6 @@ pub(super) struct BodyDocument {
     /// Anything; ignored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) extras: Option<Value>,
-}
-
-/// What moves a body.
-#[derive(Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(rename = "Motion")]
-#[allow(dead_code, reason = "a default is in the schema, but never written")]
-pub(super) enum MotionDocument {
-    /// Forces and contacts.
-    Dynamic,
-    /// Nothing.
-    Static,
-    /// Its velocities or its track.
-    Kinematic,
 }
 
 /// 3D: unit quaternion x, y, z, w. 2D: angle [rad].
@@ -290,7 +249,7 @@ pub(super) struct KeyDocument {
 #[schemars(rename = "Shape")]
 pub(super) struct ShapeDocument {
     #[serde(flatten)]
-    pub(super) kind: KindDocument,
+    pub(super) kind: ShapeKind,
     /// Position in the body's frame [m]; its origin if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 2, max = 3))]
@@ -306,52 +265,4 @@ pub(super) struct ShapeDocument {
     /// Anything; ignored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) extras: Option<Value>,
-}
-
-/// The form of a shape.
-#[derive(Serialize, JsonSchema)]
-#[serde(tag = "type", rename_all = "snake_case")]
-#[schemars(rename = "Kind")]
-pub(super) enum KindDocument {
-    /// Sphere (2D: disk).
-    Sphere {
-        /// [m]
-        radius: f64,
-    },
-    /// Box.
-    Box {
-        /// Half of its size along each axis [m].
-        half_extents: Vec<f64>,
-    },
-    /// Capsule along local y.
-    Capsule {
-        /// [m]
-        radius: f64,
-        /// Half the length of its segment [m].
-        half_height: f64,
-    },
-    /// Cylinder along local y (3D).
-    Cylinder {
-        /// [m]
-        radius: f64,
-        /// Half of its height [m].
-        half_height: f64,
-    },
-    /// Hull of points.
-    ConvexHull {
-        /// Points [m].
-        points: Vec<Vec<f64>>,
-    },
-    /// Everything behind a plane through the local origin; not on dynamic bodies.
-    Halfspace {
-        /// Outward unit normal.
-        normal: Vec<f64>,
-    },
-    /// Triangles, counter-clockwise seen from outside (3D); not on dynamic bodies.
-    Trimesh {
-        /// Points [m].
-        vertices: Vec<[f64; 3]>,
-        /// Indices of three vertices each.
-        triangles: Vec<[u32; 3]>,
-    },
 }

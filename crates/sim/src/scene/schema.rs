@@ -11,7 +11,22 @@ use super::document::SceneDocument;
 pub fn json_schema() -> Value {
     let mut schema = schemars::schema_for!(SceneDocument).to_value();
     remove_null(&mut schema);
+    plain(&mut schema);
     schema
+}
+
+/// Units are in brackets, which documentation comments escape.
+fn plain(schema: &mut Value) {
+    match schema {
+        Value::Object(object) => {
+            if let Some(Value::String(text)) = object.get_mut("description") {
+                *text = text.replace("\\[", "[").replace("\\]", "]");
+            }
+            object.values_mut().for_each(plain);
+        }
+        Value::Array(items) => items.iter_mut().for_each(plain),
+        _ => {}
+    }
 }
 
 /// What is absent is left out; null is not accepted in its place.
@@ -89,6 +104,12 @@ mod tests {
     #[test]
     fn null_is_no_value() {
         assert!(!json_schema().to_string().contains("\"null\""));
+    }
+
+    #[test]
+    fn units_are_written_plainly() {
+        assert!(json_schema().to_string().contains("[m]"));
+        assert!(!json_schema().to_string().contains("\\["));
     }
 
     #[test]

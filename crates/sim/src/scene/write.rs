@@ -1,16 +1,13 @@
 //! Writing a scene in Drystone's own format; what equals its default is left out.
 
 use super::document::{
-    BodiesAsDocument, BodyDocument, CollisionDocument, CombineDocument, InertiaDocument,
-    KeyDocument, KindDocument, MotionDocument, RotationDocument, SceneDocument, ShapeDocument,
-    SpinDocument, SurfaceDocument, Unbounded,
+    BodyDocument, CollisionDocument, InertiaDocument, KeyDocument, RotationDocument, SceneDocument,
+    ShapeDocument, SpinDocument, SurfaceDocument, Unbounded,
 };
 use super::format::body::identity;
 use super::format::surface::default_material;
 use super::format::{GRAVITY, TIME_STEP};
-use super::{
-    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind, Track,
-};
+use super::{BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, Track};
 
 /// The scene as JSON. Reading it gives the same scene.
 pub fn to_json(scene: &Scene) -> String {
@@ -33,7 +30,7 @@ fn document(scene: &Scene) -> SceneDocument {
         gravity: unless(&scene.gravity, &gravity),
         time_step: (scene.time_step != TIME_STEP).then_some(scene.time_step),
         steps: scene.steps,
-        bodies_as: particles.then_some(BodiesAsDocument::Particles),
+        bodies_as: particles.then_some(BodiesAs::Particles),
         solver: scene.solver.clone(),
         bodies: scene.bodies.iter().map(|body| body_document(body, scene)).collect(),
         ..SceneDocument::default()
@@ -48,11 +45,7 @@ fn body_document(body: &Body, scene: &Scene) -> BodyDocument {
     let filter = common(body, |shape| &shape.filter).copied().unwrap_or_default();
     BodyDocument {
         name: body.name.clone(),
-        motion: match body.motion {
-            Motion::Dynamic => None,
-            Motion::Static => Some(MotionDocument::Static),
-            Motion::Kinematic => Some(MotionDocument::Kinematic),
-        },
+        motion: (body.motion != Motion::default()).then_some(body.motion),
         position: unless(&body.position, &zero),
         rotation: rotation_unless(body.rotation, identity(dimension)),
         linear_velocity: unless(&body.linear_velocity, &zero),
@@ -89,26 +82,12 @@ fn shape_document(
     dimension: usize,
 ) -> ShapeDocument {
     ShapeDocument {
-        kind: kind_document(&shape.kind),
+        kind: shape.kind.clone(),
         position: unless(&shape.position, &vec![0.0; dimension]),
         rotation: rotation_unless(shape.rotation, identity(dimension)),
         surface: surface(&shape.material, material),
         collision: collision(shape.filter, filter),
         extras: None,
-    }
-}
-
-fn kind_document(kind: &ShapeKind) -> KindDocument {
-    match kind.clone() {
-        ShapeKind::Sphere { radius } => KindDocument::Sphere { radius },
-        ShapeKind::Box { half_extents } => KindDocument::Box { half_extents },
-        ShapeKind::Capsule { radius, half_height } => KindDocument::Capsule { radius, half_height },
-        ShapeKind::Cylinder { radius, half_height } => {
-            KindDocument::Cylinder { radius, half_height }
-        }
-        ShapeKind::ConvexHull { points } => KindDocument::ConvexHull { points },
-        ShapeKind::Halfspace { normal } => KindDocument::Halfspace { normal },
-        ShapeKind::Trimesh { vertices, triangles } => KindDocument::Trimesh { vertices, triangles },
     }
 }
 
@@ -154,22 +133,12 @@ fn inertia(moments: &[f64]) -> InertiaDocument {
 
 fn surface(material: &Material, default: &Material) -> SurfaceDocument {
     let number = |x: f64, y: f64| (x.to_bits() != y.to_bits()).then_some(x);
-    let combine = |x: Combine, y: Combine| (x != y).then(|| combine_document(x));
+    let combine = |x: Combine, y: Combine| (x != y).then_some(x);
     SurfaceDocument {
         friction: number(material.friction, default.friction),
         restitution: number(material.restitution, default.restitution),
         friction_combine: combine(material.friction_combine, default.friction_combine),
         restitution_combine: combine(material.restitution_combine, default.restitution_combine),
-    }
-}
-
-fn combine_document(combine: Combine) -> CombineDocument {
-    match combine {
-        Combine::Average => CombineDocument::Average,
-        Combine::Minimum => CombineDocument::Minimum,
-        Combine::Maximum => CombineDocument::Maximum,
-        Combine::Multiply => CombineDocument::Multiply,
-        Combine::GeometricMean => CombineDocument::GeometricMean,
     }
 }
 

@@ -156,24 +156,8 @@ impl Builder<'_> {
             self.warn(index, what, warnings);
         }
 
-        let mut parts = Vec::new();
-        for at in colliders {
-            let mut between = Some(*at);
-            while let Some(step) = between.filter(|step| *step != index) {
-                if self.animation.moves(step) {
-                    let what = "its animation inside of a body is not simulated: its collider \
-                                keeps its place on the body";
-                    self.warn(step, what, warnings);
-                }
-                between = self.nodes.get(step).and_then(|n| n.parent);
-            }
-            if let (Some(collider), Some(part)) =
-                (properties.colliders.get(at), self.nodes.get(*at))
-            {
-                parts.extend(self.shape(*at, part, collider, node, motion, warnings)?);
-            }
-        }
-        if parts.is_empty() {
+        let shapes = self.shapes(index, node, colliders, properties, motion, warnings)?;
+        if shapes.is_empty() {
             if moving.is_some() {
                 let what = "it has a motion and no collider that acts: it is not simulated";
                 self.warn(index, what, warnings);
@@ -183,23 +167,14 @@ impl Builder<'_> {
 
         let turn = node.turn;
         let rest = math::mul(math::transpose(math::rotation(turn)), node.world.linear);
-        let mut position = node.world.shift;
-        let mut rotation = turn;
-        let mut track = Track::default();
-        if driven {
-            track = self.animation.track(self.nodes, index)?;
-            if let (Some(p), Some(Rotation::Quaternion(q))) =
-                (track.positions.first(), track.rotations.first())
-                && let Ok(p) = Vec3::try_from(p.as_slice())
-            {
-                (position, rotation) = (p, *q);
-            }
-            if let Some(far) = track.positions.iter().flatten().find(|x| x.abs() > FAR) {
-                return Err(node.cursor.fault(
-                    format!("animated position {far} of {}", node.label(index)),
-                    format!("coordinates up to {FAR:e} are accepted"),
-                ));
-            }
+        let track =
+            if driven { self.animation.track(self.nodes, index)? } else { Track::default() };
+        let (position, rotation) = start(node, &track);
+        if let Some(far) = track.positions.iter().flatten().find(|x| x.abs() > FAR) {
+            return Err(node.cursor.fault(
+                format!("animated position {far} of {}", node.label(index)),
+                format!("coordinates up to {FAR:e} are accepted"),
+            ));
         }
         let mut body = Body {
             name: node.name.filter(|n| !n.is_empty()).map(|n| unique(n, index, names)),
@@ -210,7 +185,7 @@ impl Builder<'_> {
             angular_velocity: vec![0.0; 3],
             mass: Mass::default(),
             gravity_factor: 1.0,
-            shapes: parts,
+            shapes,
             track,
         };
         if let Some(moving) = moving {
@@ -240,6 +215,36 @@ impl Builder<'_> {
         Ok(Some((body, body_node)))
     }
 
+    /// The shapes of a body: those of its colliders that act.
+    fn shapes(
+        &self,
+        index: usize,
+        node: &Node<'_>,
+        colliders: &[usize],
+        properties: &Properties<'_>,
+        motion: Motion,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Vec<Shape>, SceneError> {
+        let mut shapes = Vec::new();
+        for at in colliders {
+            let mut between = Some(*at);
+            while let Some(step) = between.filter(|step| *step != index) {
+                if self.animation.moves(step) {
+                    let what = "its animation inside of a body is not simulated: its collider \
+                                keeps its place on the body";
+                    self.warn(step, what, warnings);
+                }
+                between = self.nodes.get(step).and_then(|n| n.parent);
+            }
+            if let (Some(collider), Some(part)) =
+                (properties.colliders.get(at), self.nodes.get(*at))
+            {
+                shapes.extend(self.shape(*at, part, collider, node, motion, warnings)?);
+            }
+        }
+        Ok(shapes)
+    }
+
     /// The shape of a collider in the frame of its body; none where it does not act.
     fn shape(
         &self,
@@ -264,20 +269,17 @@ impl Builder<'_> {
                 Some(Implicit::Mesh { mesh, convex }) => {
                     solid(self.meshes.triangles(*mesh)?, *convex || collider.convex)
                 }
-                Some(implicit) => {
-                    let fixed = motion == Motion::Static;
-                    match shapes::place(implicit, map, fixed, motion == Motion::Kinematic) {
-                        Placed::Shape(kind) => Some(kind),
-                        Placed::Instead(kind, why) => {
-                            self.warn(index, format!("collider: {why}"), warnings);
-                            Some(kind)
-                        }
-                        Placed::Nothing(why) => {
-                            self.warn(index, format!("no collider acts: {why}"), warnings);
-                            None
-                        }
+                Some(implicit) => match shapes::place(implicit, map, motion) {
+                    Placed::Shape(kind) => Some(kind),
+                    Placed::Instead(kind, why) => {
+                        self.warn(index, format!("collider: {why}"), warnings);
+                        Some(kind)
                     }
-                }
+                    Placed::Nothing(why) => {
+                        self.warn(index, format!("no collider acts: {why}"), warnings);
+                        None
+                    }
+                },
                 None => None,
             },
             Geometry::Mesh(mesh) => solid(self.meshes.triangles(mesh)?, collider.convex),
@@ -552,6 +554,17 @@ impl Builder<'_> {
         }
         Ok(())
     }
+}
+
+/// Where a body starts: at the first pose of its track, else where its node is.
+fn start(node: &Node<'_>, track: &Track) -> (Vec3, Quat) {
+    if let (Some(position), Some(Rotation::Quaternion(turn))) =
+        (track.positions.first(), track.rotations.first())
+        && let Ok(position) = Vec3::try_from(position.as_slice())
+    {
+        return (position, *turn);
+    }
+    (node.world.shift, node.turn)
 }
 
 /// `name`, changed where another body already has it.

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::scene::format::{read_json, read_toml};
-use crate::scene::{Mass, SceneError};
+use crate::scene::{Mass, SceneError, ShapeKind};
 
 fn coordinate() -> impl Strategy<Value = f64> {
     prop_oneof![Just(0.0), Just(-0.0), -1e6..1e6, -1e-3..1e-3, -10.0..10.0]
