@@ -11,18 +11,17 @@ use common::Random;
 use drystone_solver::assembled::ladder::{self, Method, Solved};
 use drystone_solver::assembled::{
     Bodies, Limits, Matrix, Outcome, Problem, ProblemError, Status, block_gauss_seidel, enumeration,
-    interior_point, lemke, newton, proximal,
+    from_entries, interior_point, lemke, newton, proximal,
 };
-use faer::sparse::Triplet;
 use serde_json::Value;
 
 fn matrix(rows: &[Vec<f64>]) -> Matrix {
     let columns = rows.first().map_or(0, Vec::len);
     let entries: Vec<_> = (0..rows.len())
         .flat_map(|i| (0..columns).map(move |j| (i, j)))
-        .map(|(i, j)| Triplet::new(i, j, rows[i][j]))
+        .map(|(i, j)| (i, j, rows[i][j]))
         .collect();
-    Matrix::try_new_from_triplets(rows.len(), columns, &entries).unwrap()
+    from_entries(rows.len(), columns, &entries).unwrap()
 }
 
 fn lcp<const N: usize>(m: [[f64; N]; N], q: [f64; N]) -> Problem {
@@ -365,9 +364,9 @@ fn sparse(value: &Value) -> Matrix {
     let values = numbers(&value["values"]);
     let entries: Vec<_> = (0..size("cols"))
         .flat_map(|j| (starts[j]..starts[j + 1]).map(move |k| (j, k)))
-        .map(|(j, k)| Triplet::new(rows[k], j, values[k]))
+        .map(|(j, k)| (rows[k], j, values[k]))
         .collect();
-    Matrix::try_new_from_triplets(size("rows"), size("cols"), &entries).unwrap()
+    from_entries(size("rows"), size("cols"), &entries).unwrap()
 }
 
 fn files(folder: &Path) -> BTreeMap<String, Value> {

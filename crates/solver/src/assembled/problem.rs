@@ -37,6 +37,9 @@ pub struct Bodies {
     pub given: Vec<f64>,
 }
 
+/// Impulses this much larger than those of a single contact lose digits to rounding. \[1\]
+pub const FORGIVING: f64 = 1e6;
+
 /// Why numbers make no [`Problem`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProblemError {
@@ -48,6 +51,8 @@ pub enum ProblemError {
     NotFinite(&'static str, usize),
     /// The friction of a contact is negative.
     Friction(usize, f64),
+    /// A matrix has no such row and column.
+    Outside(usize, usize),
     /// The mass of the bodies cannot be inverted: the first row of the block.
     Mass(usize),
 }
@@ -63,6 +68,7 @@ impl fmt::Display for ProblemError {
             Self::Friction(i, mu) => {
                 write!(f, "the friction of contact {i} is {mu}; accepted: 0 or more")
             }
+            Self::Outside(i, j) => write!(f, "the matrix has no entry ({i}, {j})"),
             Self::Mass(row) => write!(f, "the mass matrix is singular in the block at row {row}"),
         }
     }
@@ -79,6 +85,23 @@ fn finite(what: &'static str, values: &[f64]) -> Result<(), ProblemError> {
         Some(i) => Err(ProblemError::NotFinite(what, i)),
         None => Ok(()),
     }
+}
+
+/// A matrix from (row, column, value); values at the same place add up.
+///
+/// # Errors
+/// An entry is outside.
+pub fn from_entries(
+    rows: usize,
+    columns: usize,
+    entries: &[(usize, usize, f64)],
+) -> Result<Matrix, ProblemError> {
+    if let Some(&(i, j, _)) = entries.iter().find(|(i, j, _)| *i >= rows || *j >= columns) {
+        return Err(ProblemError::Outside(i, j));
+    }
+    let triplets: Vec<_> = entries.iter().map(|&(i, j, x)| Triplet::new(i, j, x)).collect();
+    let matrix = Matrix::try_new_from_triplets(rows, columns, &triplets);
+    matrix.map_err(|_| ProblemError::Size("a matrix", entries.len(), usize::MAX))
 }
 
 /// A x.
@@ -284,14 +307,19 @@ impl Problem {
         y
     }
 
-    /// The largest |min(z_i, s w_i)| with w = M z + q and s = 1 / max |M|, relative to the larger of
-    /// max |z| and s max |q|: does not depend on units. Friction is left out.
+    /// The largest |min(z_i, s w_i)| with w = M z + q and s = 1 / max |M|, relative to s max |q|:
+    /// does not depend on units. Friction is left out.
+    ///
+    /// Where z is more than [`FORGIVING`] times as large as s |q|, as with large mass ratios, the
+    /// error is taken relative to max |z| / [`FORGIVING`], since rounding allows no better; but never
+    /// by more than another factor of [`FORGIVING`], so that what runs away never looks like a
+    /// solution.
     pub fn complementarity_error(&self, z: &[f64]) -> f64 {
         let size = largest(self.matrix.val());
         let s = if size > 0.0 { 1.0 / size } else { 1.0 };
-        let scale = largest(z).max(s * largest(&self.offset));
-        let error = self.natural_error(z, s);
-        or_infinite(if scale > 0.0 { error / scale } else { error })
+        let (pushed, error) = (s * largest(&self.offset), self.natural_error(z, s));
+        let scale = pushed * (largest(z) / pushed / FORGIVING).clamp(1.0, FORGIVING);
+        or_infinite(if pushed > 0.0 { error / scale } else { error })
     }
 
     /// The largest |min(z_i, s w_i)|, w = M z + q.
@@ -332,11 +360,11 @@ fn inverse_of_blocks(matrix: &Matrix) -> Result<Matrix, ProblemError> {
             let mut x = vec![0.0; rows.len()];
             x[j] = 1.0;
             lu.solve(&mut x);
-            entries.extend(rows.iter().zip(x).map(|(&i, x)| Triplet::new(i, column, x)));
+            entries.extend(rows.iter().zip(x).map(|(&i, x)| (i, column, x)));
         }
     }
     let n = matrix.nrows();
-    Matrix::try_new_from_triplets(n, n, &entries).map_err(|_| ProblemError::Size("M", n, n))
+    from_entries(n, n, &entries)
 }
 
 /// Sets of rows that entries of a square matrix couple, each in order.
