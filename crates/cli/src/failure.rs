@@ -41,10 +41,9 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Input(text)
-            | Self::Diverged(text)
-            | Self::Unsolved(text)
-            | Self::File(text) => f.write_str(text),
+            Self::Input(text) | Self::Diverged(text) | Self::Unsolved(text) | Self::File(text) => {
+                f.write_str(text)
+            }
             Self::Interrupted => f.write_str("interrupted; nothing was written"),
         }
     }

@@ -94,7 +94,9 @@ impl FromStr for Choice {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let names = || Self::all().map(Self::name).collect::<Vec<_>>().join(", ");
-        Self::all().find(|choice| choice.name() == text).ok_or_else(|| format!("accepted: {}", names()))
+        Self::all()
+            .find(|choice| choice.name() == text)
+            .ok_or_else(|| format!("accepted: {}", names()))
     }
 }
 
@@ -134,10 +136,9 @@ impl Run {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    for (flag, path, accepted) in [
-        ("--history", &arguments.history, "svg"),
-        ("--output", &arguments.output, "json"),
-    ] {
+    for (flag, path, accepted) in
+        [("--history", &arguments.history, "svg"), ("--output", &arguments.output, "json")]
+    {
         if let Some(path) = path
             && !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(accepted))
         {
@@ -223,8 +224,10 @@ fn text(named: &read::Named, runs: &[Run]) -> String {
         for run in runs {
             let Outcome { status, residual, iterations, .. } = run.solved.outcome;
             let (name, status, ms) = (run.choice.name(), status.name(), run.milliseconds());
-            let _ =
-                writeln!(text, "{name:14}  {status:10} {residual:9.1e}  {iterations:10}  {ms:10.2}");
+            let _ = writeln!(
+                text,
+                "{name:14}  {status:10} {residual:9.1e}  {iterations:10}  {ms:10.2}"
+            );
         }
     }
     text

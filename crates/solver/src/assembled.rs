@@ -78,7 +78,7 @@ pub mod proximal;
 pub use matrices::{friction_jacobian, inverse_mass, jacobian, soften, system_matrix};
 pub use outcome::{Limits, Outcome, Sample, Status};
 pub use pattern::{contacts_of, pattern};
-pub use problem::{Bodies, FORGIVING, Problem, ProblemError, from_entries};
+pub use problem::{Bodies, Problem, ProblemError, from_entries};
 
 use crate::{Contact, Scalar, System};
 

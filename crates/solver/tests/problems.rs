@@ -10,8 +10,8 @@ use std::time::Instant;
 use common::Random;
 use drystone_solver::assembled::ladder::{self, Method, Solved};
 use drystone_solver::assembled::{
-    Bodies, Limits, Matrix, Outcome, Problem, ProblemError, Status, block_gauss_seidel, enumeration,
-    from_entries, interior_point, lemke, newton, proximal,
+    Bodies, Limits, Matrix, Outcome, Problem, ProblemError, Status, block_gauss_seidel,
+    enumeration, from_entries, interior_point, lemke, newton, proximal,
 };
 use serde_json::Value;
 
@@ -64,8 +64,7 @@ fn solved_by(problem: &Problem) -> Vec<(Method, Outcome)> {
 #[test]
 fn ortiz_and_other_problems_with_answers() {
     // Zero diagonal: Gauss-Seidel must refuse, others solve.
-    let zeros =
-        lcp([[0.0, 2.0, -1.0], [-1.0, 0.0, 1.0], [2.0, -2.0, 0.0]], [-3.0, 6.0, -1.0]);
+    let zeros = lcp([[0.0, 2.0, -1.0], [-1.0, 0.0, 1.0], [2.0, -2.0, 0.0]], [-3.0, 6.0, -1.0]);
     let refused = block_gauss_seidel::solve(&zeros, None, &Limits::default());
     assert_eq!(refused.status, Status::BadInput);
     let found = solved_by(&zeros);
@@ -148,8 +147,7 @@ fn lemkes_method_takes_exponentially_many_pivots_where_it_must() {
             std::cmp::Ordering::Greater => 2.0,
             std::cmp::Ordering::Less => 0.0,
         };
-        let rows: Vec<Vec<f64>> =
-            (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+        let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
         let q = (0..n).map(|_| -1.0).collect();
         let problem = Problem::complementarity(matrix(&rows), q).unwrap();
         let outcome = lemke::solve(&problem, None, &Limits::default());
@@ -298,8 +296,9 @@ fn friction_over_random_bodies_is_solved_by_both_methods() {
     for seed in 0..40 {
         let random = &mut Random(500 + seed);
         let (contacts, dofs) = (1 + random.below(8), 6 + random.below(12));
-        let h: Vec<Vec<f64>> =
-            (0..dofs).map(|_| (0..3 * contacts).map(|_| random.within(-1.0, 1.0)).collect()).collect();
+        let h: Vec<Vec<f64>> = (0..dofs)
+            .map(|_| (0..3 * contacts).map(|_| random.within(-1.0, 1.0)).collect())
+            .collect();
         let mass: Vec<Vec<f64>> = (0..dofs)
             .map(|i| (0..dofs).map(|j| if i == j { 1.0 + i as f64 } else { 0.0 }).collect())
             .collect();
@@ -317,7 +316,8 @@ fn friction_over_random_bodies_is_solved_by_both_methods() {
         // u = H^T v + w with M v = f + H r.
         let bodies = problem.bodies().unwrap();
         let v = bodies.velocities(&solved.outcome.impulses).unwrap();
-        let u: Vec<f64> = (0..3 * contacts).map(|j| (0..dofs).map(|i| h[i][j] * v[i]).sum()).collect();
+        let u: Vec<f64> =
+            (0..3 * contacts).map(|j| (0..dofs).map(|i| h[i][j] * v[i]).sum()).collect();
         assert_near(&u, &problem.velocities(&solved.outcome.impulses), 1e-10);
         // Friction never gives energy.
         for (r, u) in solved.outcome.impulses.chunks(3).zip(u.chunks(3)) {
@@ -394,7 +394,9 @@ fn timed(problem: &Problem, limits: &Limits) -> (Solved, f64) {
 fn line(name: &str, problem: &Problem, solved: &Solved, ms: f64) {
     let Outcome { status, residual, iterations, .. } = solved.outcome;
     let (size, method, status) = (problem.unknowns(), solved.method.name(), status.name());
-    println!("{name:42} {size:4} {method:14} {status:10} {residual:9.1e} {iterations:6} {ms:9.2} ms");
+    println!(
+        "{name:42} {size:4} {method:14} {status:10} {residual:9.1e} {iterations:6} {ms:9.2} ms"
+    );
 }
 
 #[test]
@@ -405,8 +407,7 @@ fn collected_complementarity_problems() {
     let limits = Limits { tolerance: 1e-10, ..Limits::default() };
     let (mut solved_count, mut infeasible) = (0, 0);
     for (name, json) in files(&root.join("json")) {
-        let rows: Vec<Vec<f64>> =
-            json["M_rows"].as_array().unwrap().iter().map(numbers).collect();
+        let rows: Vec<Vec<f64>> = json["M_rows"].as_array().unwrap().iter().map(numbers).collect();
         let q = numbers(&json["q"]);
         let largest = rows.iter().flatten().fold(0.0f64, |largest, m| largest.max(m.abs()));
         let scale = q.iter().fold(1.0f64, |largest, q| largest.max(q.abs()));

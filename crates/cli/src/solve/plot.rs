@@ -23,7 +23,8 @@ pub(super) fn svg(name: &str, runs: &[Run], tolerance: f64) -> String {
         .filter(|residual| residual.is_finite())
         .map(|residual| residual.max(LEAST).log10())
         .fold((tolerance.log10(), 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
-    let axes = Axes { decades: ((longest + 1) as f64).log10(), low: low.floor(), high: high.ceil() };
+    let axes =
+        Axes { decades: ((longest + 1) as f64).log10(), low: low.floor(), high: high.ceil() };
     let mut svg = String::new();
     // Writing to a string does not fail.
     let _ = write!(
@@ -87,19 +88,15 @@ impl Axes {
         for power in rows(step) {
             let y = self.y(10f64.powi(power)) + 4.0;
             let x = left - 8.0;
-            let _ = writeln!(
-                svg,
-                "<text x=\"{x}\" y=\"{y:.1}\" text-anchor=\"end\">1e{power}</text>"
-            );
+            let _ =
+                writeln!(svg, "<text x=\"{x}\" y=\"{y:.1}\" text-anchor=\"end\">1e{power}</text>");
         }
         for power in columns {
             let (x, y) = (self.x(10usize.pow(power) - 1), bottom + 18.0);
             let count = 10usize.pow(power) - 1;
             let label = if power == 0 { "0".to_owned() } else { count.to_string() };
-            let _ = writeln!(
-                svg,
-                "<text x=\"{x:.1}\" y=\"{y}\" text-anchor=\"middle\">{label}</text>"
-            );
+            let _ =
+                writeln!(svg, "<text x=\"{x:.1}\" y=\"{y}\" text-anchor=\"middle\">{label}</text>");
         }
         let _ = writeln!(
             svg,

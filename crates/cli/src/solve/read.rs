@@ -77,7 +77,11 @@ fn contacts(node: &Node<'_>) -> Result<Problem, SceneError> {
     let offset = given.numbers()?;
     if offset.len() % d != 0 {
         let is = format!("{} entries", offset.len());
-        return Err(given.refused(given.pointer.clone(), is, &format!("accepted: a multiple of {d}")));
+        return Err(given.refused(
+            given.pointer.clone(),
+            is,
+            &format!("accepted: a multiple of {d}"),
+        ));
     }
     let count = offset.len() / d;
     if let Some(stated) = node.find("nc")

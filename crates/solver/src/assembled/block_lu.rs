@@ -169,7 +169,8 @@ impl<const D: usize> BlockLu<D> {
     ) -> Option<()> {
         for i in 0..self.order.len() {
             let (lower, upper) = (self.lower.range(i), self.upper.range(i));
-            for &j in self.lower.columns[lower.clone()].iter().chain(&self.upper.columns[upper.clone()])
+            for &j in
+                self.lower.columns[lower.clone()].iter().chain(&self.upper.columns[upper.clone()])
             {
                 self.work[j] = [[0.0; D]; D];
             }

@@ -4,9 +4,9 @@
 //! finds a solution whenever one has a nonsingular basis, whatever the matrix, and is what the others
 //! are held against. For small n only.
 
+use super::Problem;
 use super::lemke::solve_pushing;
 use super::outcome::{Limits, Outcome, Progress, Status};
-use super::Problem;
 
 /// The most contacts.
 pub const MOST: usize = 16;

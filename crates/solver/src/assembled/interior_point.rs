@@ -24,7 +24,8 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
     let (mut progress, _) = Progress::new(problem, warm, limits);
     let size = largest(problem.matrix().val());
     if problem.asymmetry() > 0.1 * size {
-        return progress.end(Status::BadInput, "the interior-point method needs a symmetric matrix");
+        return progress
+            .end(Status::BadInput, "the interior-point method needs a symmetric matrix");
     }
     let n = problem.unknowns();
     if n == 0 {

@@ -8,7 +8,7 @@
 //! converge.
 
 use super::Problem;
-use super::problem::{largest, transposed_product};
+use super::problem::largest;
 
 /// y >= 0 with W^T y <= 0 and y . q < 0: proof that no impulses solve a frictionless problem.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,8 +22,8 @@ pub struct SelfStress {
     pub least_sum: f64,
 }
 
-/// The sum of impulses that the proof may leave open, as a multiple of |q| / |W|.
-const BEYOND: f64 = 1e9;
+/// What may be left of (W^T y)_j as a part of sum_i |W_ij| y_i: rounding. \[1\]
+const ROUNDING: f64 = 1e-10;
 
 /// Makes y a proof, if it is one to rounding.
 pub fn proof(problem: &Problem, mut y: Vec<f64>) -> Option<SelfStress> {
@@ -38,15 +38,21 @@ pub fn proof(problem: &Problem, mut y: Vec<f64>) -> Option<SelfStress> {
     for y in &mut y {
         *y = if *y > 1e-12 * size { *y / size } else { 0.0 };
     }
-    let approach = -y.iter().zip(problem.offset()).map(|(y, q)| y * q).sum::<f64>();
-    let response = transposed_product(problem.matrix(), &y).into_iter().fold(0.0, f64::max);
-    let (w, q) = (largest(problem.matrix().val()), largest(problem.offset()));
-    let rounding = f64::EPSILON * problem.unknowns() as f64;
-    let least_sum = if response > 0.0 { approach / response } else { f64::INFINITY };
-    let proven = approach > 1e-9 * q
-        && approach > rounding * q * y.iter().sum::<f64>()
-        && least_sum > BEYOND * q / w.max(f64::MIN_POSITIVE);
-    proven.then_some(SelfStress { weights: y, approach, least_sum })
+    let matrix = problem.matrix();
+    let (mut response, mut sizes) = (vec![0.0; y.len()], vec![0.0; y.len()]);
+    for (i, &y) in y.iter().enumerate().filter(|(_, y)| **y > 0.0) {
+        for (j, &w) in matrix.col_idx_of_row(i).zip(matrix.val_of_row(i)) {
+            response[j] += w * y;
+            sizes[j] += (w * y).abs();
+        }
+    }
+    let terms = || y.iter().zip(problem.offset()).map(|(y, q)| y * q);
+    let approach = -terms().sum::<f64>();
+    let balanced = response.iter().zip(&sizes).all(|(w_y, size)| *w_y <= ROUNDING * size);
+    let together = approach > ROUNDING * terms().map(f64::abs).sum::<f64>();
+    let left = response.into_iter().fold(0.0, f64::max);
+    let least_sum = if left > 0.0 { approach / left } else { f64::INFINITY };
+    (balanced && together).then_some(SelfStress { weights: y, approach, least_sum })
 }
 
 /// Looks for a proof by linear programming: maximize -y . q subject to W^T y <= 0, sum y <= 1,
@@ -86,9 +92,9 @@ pub fn find(problem: &Problem, pivots: usize) -> Option<SelfStress> {
             break;
         };
         let ratio = |i: usize| rows[i * width + n].max(0.0) / rows[i * width + column];
-        let leaving = (0..=n).filter(|&i| rows[i * width + column] > small).min_by(|&i, &j| {
-            ratio(i).total_cmp(&ratio(j)).then(basic[i].cmp(&basic[j]))
-        });
+        let leaving = (0..=n)
+            .filter(|&i| rows[i * width + column] > small)
+            .min_by(|&i, &j| ratio(i).total_cmp(&ratio(j)).then(basic[i].cmp(&basic[j])));
         let pivot_row = leaving?;
         pivot(&mut rows, width, pivot_row, column);
         std::mem::swap(&mut basic[pivot_row], &mut zero[column]);

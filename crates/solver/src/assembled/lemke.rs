@@ -126,7 +126,8 @@ impl Tableau {
         let n = self.n;
         let largest = (0..n).fold(0.0f64, |largest, i| largest.max(self.at(i, column).abs()));
         let hinders = |&i: &usize| self.at(i, column) > SMALL * largest;
-        let least = (0..n).filter(hinders).min_by(|&i, &j| self.lexicographic(i, j, Some(column)))?;
+        let least =
+            (0..n).filter(hinders).min_by(|&i, &j| self.lexicographic(i, j, Some(column)))?;
         let ratio = |i: usize| self.at(i, 2 * n + 1).max(0.0) / self.at(i, column);
         let artificial = (0..n).find(|&i| self.basis[i] == 2 * n).filter(hinders);
         Some(artificial.filter(|&i| ratio(i) <= ratio(least)).unwrap_or(least))

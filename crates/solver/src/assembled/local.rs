@@ -150,7 +150,9 @@ mod tests {
         let length = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
         let scale = length(b);
         let small = 1e-10 * scale;
-        assert!(r[0] >= 0.0 && u[0] >= -small && (r[0] * u[0]).abs() <= 1e-9 * scale * (1.0 + r[0]));
+        assert!(
+            r[0] >= 0.0 && u[0] >= -small && (r[0] * u[0]).abs() <= 1e-9 * scale * (1.0 + r[0])
+        );
         let (held, slip) = (length(&r[1..]), length(&u[1..]));
         assert!(held <= friction * r[0] * (1.0 + 1e-12) + 1e-14);
         if slip > 1e-8 * scale && r[0] > 0.0 {

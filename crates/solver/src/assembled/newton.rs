@@ -106,7 +106,8 @@ impl Map {
             let slope: f64 = direction.iter().zip(&gradient).map(|(d, g)| d * g).sum();
             let mut length = 1.0;
             for _ in 0..40 {
-                let trial: Vec<f64> = z.iter().zip(&direction).map(|(z, d)| z + length * d).collect();
+                let trial: Vec<f64> =
+                    z.iter().zip(&direction).map(|(z, d)| z + length * d).collect();
                 let map = Map::at(problem, s, &trial);
                 if map.merit <= self.merit + 1e-4 * length * slope {
                     return Some((trial, map));
@@ -120,9 +121,13 @@ impl Map {
     /// -H^-1 phi with H = diag(by_z + damping) + s diag(by_w) M.
     fn direction(&self, problem: &Problem, s: f64, damping: f64) -> Option<Vec<f64>> {
         let matrix = problem.matrix();
-        let mut jacobian = Dense::from_fn(self.value.len(), |i, j| {
-            if i == j { self.by_z[i] + damping } else { 0.0 }
-        });
+        let mut jacobian =
+            Dense::from_fn(
+                self.value.len(),
+                |i, j| {
+                    if i == j { self.by_z[i] + damping } else { 0.0 }
+                },
+            );
         for i in 0..self.value.len() {
             let by_w = s * self.by_w[i];
             let row = jacobian.row_mut(i);

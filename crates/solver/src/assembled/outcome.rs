@@ -95,14 +95,8 @@ impl<'a> Progress<'a> {
         let zero = || vec![0.0; problem.unknowns()];
         let start = warm.filter(usable).map_or_else(zero, <[f64]>::to_vec);
         let (best, residual) = (zero(), f64::INFINITY);
-        let mut progress = Self {
-            problem,
-            limits: *limits,
-            best,
-            residual,
-            history: Vec::new(),
-            iterations: 0,
-        };
+        let mut progress =
+            Self { problem, limits: *limits, best, residual, history: Vec::new(), iterations: 0 };
         progress.record(&start);
         (progress, start)
     }
@@ -122,10 +116,6 @@ impl<'a> Progress<'a> {
         self.residual
     }
 
-    pub(super) fn best(&self) -> &[f64] {
-        &self.best
-    }
-
     pub(super) fn converged(&self) -> bool {
         self.residual <= self.limits.tolerance
     }
@@ -137,7 +127,7 @@ impl<'a> Progress<'a> {
     /// Ends; whatever the method thought, what is within the tolerance has converged.
     pub(super) fn end(self, status: Status, reason: &'static str) -> Outcome {
         let (status, reason) = match status {
-            Status::Infeasible => (status, reason),
+            Status::Converged => (status, reason),
             _ if self.converged() => (Status::Converged, "within the tolerance"),
             _ => (status, reason),
         };
@@ -157,7 +147,9 @@ impl<'a> Progress<'a> {
     }
 
     pub(super) fn infeasible(self, certificate: SelfStress) -> Outcome {
-        let outcome = self.end(Status::Infeasible, "a self-stress proves that there is no solution");
-        Outcome { certificate: Some(certificate), ..outcome }
+        let outcome =
+            self.end(Status::Infeasible, "a self-stress proves that there is no solution");
+        let infeasible = outcome.status == Status::Infeasible;
+        Outcome { certificate: Some(certificate).filter(|_| infeasible), ..outcome }
     }
 }

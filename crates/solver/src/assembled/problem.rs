@@ -37,9 +37,6 @@ pub struct Bodies {
     pub given: Vec<f64>,
 }
 
-/// Impulses this much larger than those of a single contact lose digits to rounding. \[1\]
-pub const FORGIVING: f64 = 1e6;
-
 /// Why numbers make no [`Problem`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProblemError {
@@ -280,8 +277,7 @@ impl Problem {
         let step = |contact: usize| {
             let first = self.dimension * contact;
             let rows = first..first + self.dimension;
-            let sum: f64 =
-                rows.map(|i| self.matrix.get(i, i).copied().unwrap_or(0.0)).sum::<f64>();
+            let sum: f64 = rows.map(|i| self.matrix.get(i, i).copied().unwrap_or(0.0)).sum::<f64>();
             if sum > 0.0 { self.dimension as f64 / sum } else { 1.0 }
         };
         let (error, size) = (norm(&self.natural(r, step)), norm(r));
@@ -310,16 +306,18 @@ impl Problem {
     /// The largest |min(z_i, s w_i)| with w = M z + q and s = 1 / max |M|, relative to s max |q|:
     /// does not depend on units. Friction is left out.
     ///
-    /// Where z is more than [`FORGIVING`] times as large as s |q|, as with large mass ratios, the
-    /// error is taken relative to max |z| / [`FORGIVING`], since rounding allows no better; but never
-    /// by more than another factor of [`FORGIVING`], so that what runs away never looks like a
-    /// solution.
+    /// What rounding of the products M z may do does not count: some [`f64::EPSILON`] times max |z|,
+    /// which matters with mass ratios from 1e5. There is a limit to that, so that impulses that run
+    /// away never look like a solution.
     pub fn complementarity_error(&self, z: &[f64]) -> f64 {
         let size = largest(self.matrix.val());
         let s = if size > 0.0 { 1.0 / size } else { 1.0 };
         let (pushed, error) = (s * largest(&self.offset), self.natural_error(z, s));
-        let scale = pushed * (largest(z) / pushed / FORGIVING).clamp(1.0, FORGIVING);
-        or_infinite(if pushed > 0.0 { error / scale } else { error })
+        if pushed == 0.0 {
+            return error;
+        }
+        let rounding = 4.0 * f64::EPSILON * (largest(z) / pushed).min(1e12);
+        or_infinite((error / pushed - rounding).max(0.0))
     }
 
     /// The largest |min(z_i, s w_i)|, w = M z + q.
@@ -352,9 +350,8 @@ impl Bodies {
 fn inverse_of_blocks(matrix: &Matrix) -> Result<Matrix, ProblemError> {
     let mut entries = Vec::new();
     for rows in coupled(matrix) {
-        let block = Dense::from_fn(rows.len(), |i, j| {
-            matrix.get(rows[i], rows[j]).copied().unwrap_or(0.0)
-        });
+        let block =
+            Dense::from_fn(rows.len(), |i, j| matrix.get(rows[i], rows[j]).copied().unwrap_or(0.0));
         let lu = block.factor().ok_or(ProblemError::Mass(rows[0]))?;
         for (j, &column) in rows.iter().enumerate() {
             let mut x = vec![0.0; rows.len()];

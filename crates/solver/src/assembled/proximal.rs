@@ -56,43 +56,59 @@ fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
     }
     let friction = problem.friction();
     let mut sweeper = Sweeper::new(&blocks, &offset, friction);
-    let mut newton = Newton { blocks: &blocks, offset: &offset, friction, lu: BlockLu::new(&blocks) };
+    let mut newton =
+        Newton { blocks: &blocks, offset: &offset, friction, lu: BlockLu::new(&blocks) };
     let mut r = split::<D>(&start);
     if let (None, Some(sweeper)) = (warm, &mut sweeper) {
         (0..SWEEPS).for_each(|_| _ = sweeper.sweep(&mut r, 0.0, &[]));
         progress.record(r.as_flattened());
     }
-    let (mut alpha, mut failures) = (SHIFT.0 * scale, 0);
+    let mut shift = Shift { alpha: SHIFT.0, least: SHIFT.1 };
+    let (mut mark, mut idle) = (f64::INFINITY, 0);
+    let mut center = r.clone();
     while !progress.converged() {
         if progress.spent() {
             return progress.out_of_budget();
         }
-        let before = progress.residual();
-        let center = r.clone();
-        let found = newton.point(&mut r, &center, alpha, &mut progress);
-        if found && progress.residual() < 0.5 * before {
-            failures = 0;
-            alpha = (0.1 * alpha).max(SHIFT.1 * scale);
-            continue;
+        let alpha = shift.alpha * scale;
+        if newton.point(&mut r, &center, alpha, &mut progress) {
+            shift.found();
+            center.clone_from(&r);
+        } else {
+            shift.missed();
+            r.clone_from(&center);
+            if let Some(sweeper) = &mut sweeper {
+                (0..SWEEPS).for_each(|_| _ = sweeper.sweep(&mut r, shift.alpha * scale, &center));
+                progress.record(r.as_flattened());
+            }
         }
-        failures += 1;
-        if failures > PATIENCE {
+        idle += 1;
+        if progress.residual() < 0.9 * mark {
+            (mark, idle) = (progress.residual(), 0);
+        } else if idle > PATIENCE {
             return progress.end(Status::Stalled, "the proximal points come no nearer");
-        }
-        if found {
-            // A point that is no nearer: the next is still a step on the way, with less shift.
-            alpha = (0.1 * alpha).max(SHIFT.1 * scale);
-            continue;
-        }
-        alpha = (10.0 * alpha).min(SHIFT.2 * scale);
-        r = split::<D>(progress.best());
-        if let Some(sweeper) = &mut sweeper {
-            let center = r.clone();
-            (0..SWEEPS).for_each(|_| _ = sweeper.sweep(&mut r, alpha, &center));
-            progress.record(r.as_flattened());
         }
     }
     progress.end(Status::Converged, "within the tolerance")
+}
+
+/// alpha over the mean diagonal of W: as small as Newton's method can take.
+struct Shift {
+    alpha: f64,
+    least: f64,
+}
+
+impl Shift {
+    /// Less, but not at once again what has failed.
+    fn found(&mut self) {
+        self.alpha = (0.1 * self.alpha).max(self.least);
+        self.least = (0.5 * self.least).max(SHIFT.1);
+    }
+
+    fn missed(&mut self) {
+        self.alpha = (10.0 * self.alpha).min(SHIFT.2);
+        self.least = self.alpha;
+    }
 }
 
 struct Newton<'a, const D: usize> {
