@@ -27,9 +27,9 @@ const SHIFT: (f64, f64, f64) = (1e-4, 1e-11, 1e2);
 /// Newton steps for one proximal point.
 const STEPS: usize = 30;
 /// Halvings in a line search.
-const HALVINGS: usize = 10;
+const HALVINGS: usize = 14;
 /// Sweeps for a new start.
-const SWEEPS: usize = 30;
+const SWEEPS: usize = 60;
 /// Points in a row without progress after which no more is to be expected.
 const PATIENCE: usize = 20;
 
@@ -66,6 +66,7 @@ fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
     let mut shift = Shift { alpha: SHIFT.0, least: SHIFT.1 };
     let (mut mark, mut idle) = (f64::INFINITY, 0);
     let mut center = r.clone();
+    let mut again = true;
     while !progress.converged() {
         if progress.spent() {
             return progress.out_of_budget();
@@ -74,9 +75,14 @@ fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
         if newton.point(&mut r, &center, alpha, &mut progress) {
             shift.found();
             center.clone_from(&r);
+            again = true;
         } else {
-            shift.missed();
-            r.clone_from(&center);
+            // Sweeps alone may bring it near enough; else with more shift, from the last point.
+            again = !again;
+            if again {
+                shift.missed();
+                r.clone_from(&center);
+            }
             if let Some(sweeper) = &mut sweeper {
                 (0..SWEEPS).for_each(|_| _ = sweeper.sweep(&mut r, shift.alpha * scale, &center));
                 progress.record(r.as_flattened());
