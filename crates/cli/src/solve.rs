@@ -151,7 +151,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut runs = vec![Run::new(&named.problem, arguments.method, &limits)];
     if arguments.compare {
         let others = Choice::all().filter(|&choice| choice != arguments.method);
-        runs.extend(others.map(|choice| Run::new(&named.problem, choice, &limits)));
+        let others = others.map(|choice| Run::new(&named.problem, choice, &limits));
+        // What is not for such problems is not compared.
+        runs.extend(others.filter(|run| run.solved.outcome.status != Status::BadInput));
     }
     let run = &runs[0];
     if let Some(path) = &arguments.output {
@@ -215,9 +217,12 @@ fn text(named: &read::Named, runs: &[Run]) -> String {
     let _ = writeln!(text, "time         {:.2} ms", run.milliseconds());
     if let Some(stress) = &run.solved.outcome.certificate {
         let jammed = stress.weights.iter().filter(|&&y| y > 0.0).count();
-        let sum = stress.least_sum;
-        let _ = writeln!(text, "jammed       {jammed} contacts, forced together; impulses that");
-        let _ = writeln!(text, "             separate them would sum to at least {sum:.1e}");
+        let _ =
+            writeln!(text, "jammed       {jammed} of the contacts, which no impulses can satisfy");
+        if stress.least_sum.is_finite() {
+            let sum = stress.least_sum;
+            let _ = writeln!(text, "             unless they sum to {sum:.1e} or more");
+        }
     }
     if runs.len() > 1 {
         let _ = writeln!(text, "\nmethod          status      residual  iterations          ms");

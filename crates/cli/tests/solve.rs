@@ -131,7 +131,7 @@ fn what_has_no_solution_is_said_to_have_none() {
     let place = Place::new();
     place.write("jam.json", &json!({ "M_rows": [[1, -1], [-1, 1]], "q": [-1, -1] }));
     let (text, error) = place.ends(3, &["jam.json", "-o", "result.json"]);
-    assert!(text.contains("infeasible") && text.contains("2 contacts"), "{text}");
+    assert!(text.contains("infeasible") && text.contains("2 of the contacts"), "{text}");
     assert!(error.contains("proves that there is no solution"), "{error}");
     let result = place.result();
     assert_eq!(result["status"], "infeasible");

@@ -84,7 +84,7 @@ fn inverted<const D: usize>(mut a: Block<D>) -> Option<Block<D>> {
     for k in 0..D {
         let size = |i: usize| a[i][k].abs();
         let pivot = (k..D).fold(k, |best, i| if size(i) > size(best) { i } else { best });
-        if !(a[pivot][k].abs() > f64::MIN_POSITIVE) {
+        if size(pivot) <= f64::MIN_POSITIVE {
             return None;
         }
         a.swap(pivot, k);

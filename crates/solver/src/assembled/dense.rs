@@ -37,8 +37,7 @@ impl Dense {
             let size = |i: usize| self.values[n * i + k].abs();
             let pivot = (k..n).fold(k, |best, i| if size(i) > size(best) { i } else { best });
             let largest = size(pivot);
-            // Also refuses what is no number.
-            if !(largest > f64::EPSILON * n as f64 * scale) || !largest.is_finite() {
+            if !largest.is_finite() || largest <= f64::EPSILON * n as f64 * scale {
                 return None;
             }
             if pivot != k {

@@ -51,7 +51,7 @@ fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
         return progress.end(Status::Converged, "the start is a solution");
     }
     let mut scale = blocks.mean_diagonal();
-    if !(scale > 0.0) {
+    if !scale.is_finite() || scale <= 0.0 {
         scale = super::problem::largest(problem.matrix().val()).max(f64::MIN_POSITIVE);
     }
     let friction = problem.friction();
