@@ -160,28 +160,33 @@ impl<const D: usize> BlockLu<D> {
         }
     }
 
-    /// Factors the matrix whose rows are C_i W_i + E_i, W_i being row i of `blocks`. `None` if a
-    /// block of the diagonal is singular.
+    /// Factors the matrix whose rows are C_i W_i + E_i, W_i being row i of `blocks`, and zero in the
+    /// columns of `absent`, whose own rows have C_i = 0: those cost nothing. `None` if a block of the
+    /// diagonal is singular.
     pub(super) fn factor(
         &mut self,
         blocks: &Blocks<D>,
         rows: &[(Block<D>, Block<D>)],
+        absent: &[bool],
     ) -> Option<()> {
         for i in 0..self.order.len() {
+            let contact = self.order[i];
             let (lower, upper) = (self.lower.range(i), self.upper.range(i));
-            for &j in
-                self.lower.columns[lower.clone()].iter().chain(&self.upper.columns[upper.clone()])
-            {
+            let (by, plus) = &rows[contact];
+            if absent[contact] {
+                self.lower.values[lower].fill([[0.0; D]; D]);
+                self.upper.values[upper].fill([[0.0; D]; D]);
+                self.inverse[i] = inverted(*plus)?;
+                continue;
+            }
+            let near = self.lower.columns[lower.clone()].iter();
+            for &j in near.chain(&self.upper.columns[upper.clone()]) {
                 self.work[j] = [[0.0; D]; D];
             }
-            let contact = self.order[i];
-            let (by, plus) = &rows[contact];
             self.work[i] = *plus;
-            if !is_zero(by) {
-                let negative = by.map(|row| row.map(|x| -x));
-                for (j, block) in blocks.row(contact) {
-                    subtract_product(&mut self.work[self.place[j]], &negative, block);
-                }
+            let negative = by.map(|row| row.map(|x| -x));
+            for (j, block) in blocks.row(contact).filter(|&(j, _)| !absent[j]) {
+                subtract_product(&mut self.work[self.place[j]], &negative, block);
             }
             for l in lower {
                 let k = self.lower.columns[l];
@@ -190,7 +195,9 @@ impl<const D: usize> BlockLu<D> {
                     factor = product(&self.work[k], &self.inverse[k]);
                     for u in self.upper.range(k) {
                         let (j, value) = (self.upper.columns[u], &self.upper.values[u]);
-                        subtract_product(&mut self.work[j], &factor, value);
+                        if !absent[self.order[j]] {
+                            subtract_product(&mut self.work[j], &factor, value);
+                        }
                     }
                 }
                 self.lower.values[l] = factor;

@@ -19,7 +19,7 @@ use super::{
 /// Sweeps that say how fast Gauss-Seidel is.
 const TRIAL: usize = 60;
 /// The most sweeps that are worth waiting for instead of a Newton step.
-const WORTH: f64 = 400.0;
+const WORTH: f64 = 120.0;
 /// The most pivots that a proof of contradiction may take, for each contact.
 const PIVOTS: usize = 50;
 

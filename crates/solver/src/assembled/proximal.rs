@@ -215,33 +215,36 @@ impl<const D: usize> Newton<'_, D> {
     /// The solution of the linear equations, refined once.
     fn direction(&mut self, equations: &Equations<D>, alpha: f64) -> Option<Vec<[f64; D]>> {
         // C (W + alpha) + E = C W + (alpha C + E).
-        let rows: Vec<_> = equations
-            .rows
-            .iter()
-            .map(|(by, plus)| {
-                let mut plus = *plus;
-                for k in 0..D {
-                    for l in 0..D {
-                        plus[k][l] += alpha * by[k][l];
-                    }
-                }
-                (*by, plus)
-            })
-            .collect();
-        self.lu.factor(self.blocks, &rows)?;
-        let mut x = equations.rhs.clone();
-        self.lu.solve(&mut x);
-        let mut rest = equations.rhs.clone();
-        for (i, (by, plus)) in rows.iter().enumerate() {
-            let w_x = self.blocks.product(i, &x);
+        let shifted = |(by, plus): &(Block<D>, Block<D>)| {
+            let mut plus = *plus;
             for k in 0..D {
                 for l in 0..D {
-                    rest[i][k] -= by[k][l] * w_x[l] + plus[k][l] * x[i][l];
+                    plus[k][l] += alpha * by[k][l];
                 }
             }
+            (*by, plus)
+        };
+        let rows: Vec<_> = equations.rows.iter().map(shifted).collect();
+        // What open contacts do is known: their impulses end.
+        let open: Vec<bool> = rows.iter().map(|(by, _)| *by == [[0.0; D]; D]).collect();
+        self.lu.factor(self.blocks, &rows, &open)?;
+        let mut x = vec![[0.0; D]; rows.len()];
+        for i in (0..rows.len()).filter(|&i| open[i]) {
+            x[i] = equations.rhs[i];
         }
-        self.lu.solve(&mut rest);
-        x = along(&x, &rest, 1.0);
+        for _ in 0..2 {
+            let mut rest = equations.rhs.clone();
+            for (i, (by, plus)) in rows.iter().enumerate() {
+                let w_x = if open[i] { [0.0; D] } else { self.blocks.product(i, &x) };
+                for k in 0..D {
+                    for l in 0..D {
+                        rest[i][k] -= by[k][l] * w_x[l] + plus[k][l] * x[i][l];
+                    }
+                }
+            }
+            self.lu.solve(&mut rest);
+            x = along(&x, &rest, 1.0);
+        }
         x.as_flattened().iter().all(|x| x.is_finite()).then_some(x)
     }
 }
