@@ -11,7 +11,7 @@
 //!
 //! Each starts from the best iterate so far. Nothing but residuals, rates and sizes decides.
 
-use super::outcome::{Limits, Outcome, Sample, Status};
+use super::outcome::{Limits, Outcome, Progress, Sample, Status};
 use super::{
     Problem, block_gauss_seidel, enumeration, interior_point, jam, lemke, newton, proximal,
 };
@@ -118,9 +118,8 @@ struct Ladder<'a> {
 
 impl<'a> Ladder<'a> {
     fn new(problem: &'a Problem, warm: Option<&'a [f64]>, limits: &'a Limits) -> Self {
-        let none = Limits { budget: 0, ..*limits };
-        let outcome = block_gauss_seidel::solve(problem, warm, &none);
-        let outcome = Outcome { history: Vec::new(), ..outcome };
+        let (start, _) = Progress::new(problem, warm, limits);
+        let outcome = Outcome { history: Vec::new(), ..start.out_of_budget() };
         let solved = Solved { method: Method::GaussSeidel, outcome, attempts: Vec::new() };
         Self { problem, limits, warm, solved }
     }
