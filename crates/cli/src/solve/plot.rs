@@ -78,9 +78,13 @@ impl Axes {
             let y = self.y(10f64.powi(power));
             line(left, y, right, y, grid);
         }
-        let columns = 0..=self.decades as u32;
-        for power in columns.clone() {
-            let x = self.x(10usize.pow(power) - 1);
+        let longest = 10f64.powf(self.decades) as usize;
+        let columns: Vec<usize> = [0]
+            .into_iter()
+            .chain((1..).map(|p| 10usize.pow(p)).take_while(|&n| n < longest))
+            .collect();
+        for &count in &columns {
+            let x = self.x(count);
             line(x, top, x, bottom, grid);
         }
         let y = self.y(tolerance);
@@ -91,12 +95,10 @@ impl Axes {
             let _ =
                 writeln!(svg, "<text x=\"{x}\" y=\"{y:.1}\" text-anchor=\"end\">1e{power}</text>");
         }
-        for power in columns {
-            let (x, y) = (self.x(10usize.pow(power) - 1), bottom + 18.0);
-            let count = 10usize.pow(power) - 1;
-            let label = if power == 0 { "0".to_owned() } else { count.to_string() };
+        for count in columns {
+            let (x, y) = (self.x(count), bottom + 18.0);
             let _ =
-                writeln!(svg, "<text x=\"{x:.1}\" y=\"{y}\" text-anchor=\"middle\">{label}</text>");
+                writeln!(svg, "<text x=\"{x:.1}\" y=\"{y}\" text-anchor=\"middle\">{count}</text>");
         }
         let _ = writeln!(
             svg,
