@@ -9,7 +9,7 @@ pub fn project(z: &mut [f64], friction: f64) {
         return;
     };
     let slip = tangents.iter().map(|t| t * t).sum::<f64>().sqrt();
-    if slip <= friction * *normal {
+    if *normal >= 0.0 && slip <= friction * *normal {
         return;
     }
     if friction * slip <= -*normal {
@@ -41,6 +41,7 @@ mod tests {
         let [n, a, b] = projected([0.0, 3.0, 4.0], 1.0);
         assert!((n - 2.5).abs() + (a - 1.5).abs() + (b - 2.0).abs() < 1e-15);
         assert_eq!(projected([1.0, 3.0, 4.0], 0.0), [1.0, 0.0, 0.0]);
+        assert_eq!(projected([-1.0, 0.0, 0.0], 0.0), [0.0; 3]);
         let mut alone = [-2.0];
         project(&mut alone, 0.0);
         assert_eq!(alone, [0.0]);
