@@ -13,6 +13,8 @@ pub(crate) enum Failure {
     Input(String),
     /// The simulation left the realm of numbers.
     Diverged(String),
+    /// A contact problem is not solved.
+    Unsolved(String),
     /// A file cannot be read or written.
     File(String),
     /// The user ended it.
@@ -24,7 +26,7 @@ impl Failure {
     pub(crate) fn code(&self) -> u8 {
         match self {
             Self::Input(_) => 2,
-            Self::Diverged(_) => 3,
+            Self::Diverged(_) | Self::Unsolved(_) => 3,
             Self::File(_) => 4,
             Self::Interrupted => 130,
         }
@@ -39,7 +41,9 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Input(text) | Self::Diverged(text) | Self::File(text) => f.write_str(text),
+            Self::Input(text) | Self::Diverged(text) | Self::Unsolved(text) | Self::File(text) => {
+                f.write_str(text)
+            }
             Self::Interrupted => f.write_str("interrupted; nothing was written"),
         }
     }

@@ -3,6 +3,7 @@
 mod bake;
 mod failure;
 mod schema;
+mod solve;
 
 use std::process::ExitCode;
 
@@ -20,15 +21,18 @@ struct Arguments {
 enum Command {
     Bake(bake::Arguments),
     Schema(schema::Arguments),
+    Solve(solve::Arguments),
 }
 
-const CODES: &str = "Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged, \
-                     4 a file cannot be read or written, 130 interrupted.";
+const CODES: &str = "Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged or \
+                     the problem is not solved, 4 a file cannot be read or written, 130 \
+                     interrupted.";
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Bake(arguments) => bake::run(&arguments),
         Command::Schema(_) => schema::run(),
+        Command::Solve(arguments) => solve::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -21,6 +21,19 @@
 //! What is fixed is a body whose block of M^-1 is empty. So a wall has its columns in J (a moving
 //! wall pushes), but couples no two contacts in A.
 //!
+//! A [`Problem`] is contacts that somebody else has put into matrices, u = W r + q, with or without
+//! friction. [`ladder::solve`] solves it to a tolerance by whatever method it takes, or says why not.
+//!
+//! | method | with friction | place |
+//! |---|---|---|
+//! | [`block_gauss_seidel`] | yes | first: cheap, and often enough |
+//! | [`proximal`] | yes | singular and ill-conditioned problems, to rounding |
+//! | [`newton`] | no | general matrices |
+//! | [`lemke`] | no | zero diagonals, any conditioning, some hundred contacts |
+//! | [`enumeration`] | no | up to 16 contacts, any matrix |
+//! | [`interior_point`] | convex model | a reference |
+//! | [`jam`] | no | proves that there is no solution |
+//!
 //! Everything here is `f64`, converted before the first product, whatever the number of the system.
 //!
 //! ```
@@ -42,13 +55,30 @@
 //! assert_eq!(gauss_seidel::solve(&a, &b, 1)[0], 1.0);
 //! ```
 
+pub mod block_gauss_seidel;
+mod block_lu;
+mod blocks;
+pub mod cone;
+mod dense;
+pub mod enumeration;
 pub mod equality;
 pub mod gauss_seidel;
+pub mod interior_point;
+pub mod jam;
+pub mod ladder;
+pub mod lemke;
+mod local;
 mod matrices;
+pub mod newton;
+mod outcome;
 mod pattern;
+mod problem;
+pub mod proximal;
 
 pub use matrices::{friction_jacobian, inverse_mass, jacobian, soften, system_matrix};
+pub use outcome::{Limits, Outcome, Sample, Status};
 pub use pattern::{contacts_of, pattern};
+pub use problem::{Bodies, Problem, ProblemError, from_entries};
 
 use crate::{Contact, Scalar, System};
 

@@ -78,8 +78,9 @@
 //!
 //! # Features
 //!
-//! `assembled` adds the module `assembled`: the same systems as sparse matrices, and Gauss-Seidel
-//! by rows to hold the matrix-free sweep against. It brings in faer.
+//! `assembled` adds the module `assembled`: the same systems as sparse matrices, Gauss-Seidel by
+//! rows to hold the matrix-free sweep against, and methods for contacts given as matrices. It brings
+//! in faer and clarabel.
 
 #[cfg(feature = "assembled")]
 pub mod assembled;

@@ -1,0 +1,239 @@
+//! `drystone solve`: reads a contact problem given as matrices and solves it.
+
+mod plot;
+mod read;
+mod result;
+
+use std::fmt::Write as _;
+use std::io::{self, Write as _};
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::time::{Duration, Instant};
+
+use drystone::recording::write_whole;
+use drystone_solver::assembled::ladder::{self, Attempt, Method, Solved};
+use drystone_solver::assembled::{Limits, Outcome, Problem, Status};
+use serde_json::Value;
+
+use crate::failure::Failure;
+
+/// Solve a contact problem or a linear complementarity problem given as matrices.
+///
+/// PROBLEM is JSON: a contact problem u = W r + q with `dim`, `mu`, `q` and `W`, or `global` with
+/// the bodies' `M`, `H`, `f` and `w`; or a linear complementarity problem with `q` and `M` or
+/// `M_rows`. Sparse matrices are given by columns (`rows`, `cols`, `colptr`, `rowidx`, `values`).
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// The problem: .json
+    problem: PathBuf,
+
+    /// auto picks by itself; or gauss-seidel, proximal, newton, lemke, enumeration, interior-point
+    #[arg(long, value_name = "M", default_value = "auto", value_parser = Choice::from_str)]
+    method: Choice,
+
+    /// Residual that is good enough, relative to the problem's own size
+    #[arg(long, value_name = "X", default_value_t = 1e-9, value_parser = within(1e-16..=1.0))]
+    tolerance: f64,
+
+    /// The most iterations: sweeps, pivots or Newton steps
+    #[arg(long, value_name = "N", default_value_t = 100_000)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000_000))]
+    budget: u32,
+
+    /// Draw residuals over iterations
+    #[arg(long, value_name = "PLOT.svg")]
+    history: Option<PathBuf>,
+
+    /// Run every other method as well, and draw them all
+    #[arg(long)]
+    compare: bool,
+
+    /// Write the solution and how it was found as JSON
+    #[arg(short, long, value_name = "RESULT.json")]
+    output: Option<PathBuf>,
+
+    /// No text; warnings and errors remain
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  drystone solve stack.json -o result.json
+      the impulses, by whatever method it takes
+  drystone solve capsules.json --compare --history plot.svg
+      all methods on one picture
+
+Exit codes: 0 solved, 2 wrong input or usage, 3 not solved (also if it is proven that there is no
+solution; the result is written all the same), 4 a file cannot be read or written.";
+
+/// A method, or the choice left to the ladder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Choice {
+    Auto,
+    Only(Method),
+}
+
+impl Choice {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Only(method) => method.name(),
+        }
+    }
+
+    fn all() -> impl Iterator<Item = Self> {
+        [Self::Auto].into_iter().chain(Method::ALL.map(Self::Only))
+    }
+}
+
+impl FromStr for Choice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names = || Self::all().map(Self::name).collect::<Vec<_>>().join(", ");
+        Self::all()
+            .find(|choice| choice.name() == text)
+            .ok_or_else(|| format!("accepted: {}", names()))
+    }
+}
+
+fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| match f64::from_str(text) {
+        Ok(x) if range.contains(&x) => Ok(x),
+        _ => Err(format!("accepted: a number from {:e} to {:e}", range.start(), range.end())),
+    }
+}
+
+/// One method's work on the problem.
+struct Run {
+    choice: Choice,
+    solved: Solved,
+    time: Duration,
+}
+
+impl Run {
+    fn new(problem: &Problem, choice: Choice, limits: &Limits) -> Self {
+        let start = Instant::now();
+        let solved = match choice {
+            Choice::Auto => ladder::solve(problem, None, limits),
+            Choice::Only(method) => {
+                let outcome = method.solve(problem, None, limits);
+                let Outcome { status, iterations, residual, .. } = outcome;
+                let attempts = vec![Attempt { method, status, iterations, residual }];
+                Solved { method, outcome, attempts }
+            }
+        };
+        Self { choice, solved, time: start.elapsed() }
+    }
+
+    fn milliseconds(&self) -> f64 {
+        self.time.as_secs_f64() * 1e3
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    for (flag, path, accepted) in
+        [("--history", &arguments.history, "svg"), ("--output", &arguments.output, "json")]
+    {
+        if let Some(path) = path
+            && !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(accepted))
+        {
+            let path = path.display();
+            return Err(Failure::Input(format!("{path}: {flag} writes .{accepted} files only")));
+        }
+    }
+    let named = read::read(&arguments.problem)?;
+    let limits = Limits { tolerance: arguments.tolerance, budget: arguments.budget as usize };
+    let mut runs = vec![Run::new(&named.problem, arguments.method, &limits)];
+    if arguments.compare {
+        let others = Choice::all().filter(|&choice| choice != arguments.method);
+        let others = others.map(|choice| Run::new(&named.problem, choice, &limits));
+        // What is not for such problems is not compared.
+        runs.extend(others.filter(|run| run.solved.outcome.status != Status::BadInput));
+    }
+    let run = &runs[0];
+    if let Some(path) = &arguments.output {
+        let result = result::json(&named.name, &named.problem, run);
+        write_json(path, &result)?;
+    }
+    if let Some(path) = &arguments.history {
+        let picture = plot::svg(&named.name, &runs, limits.tolerance);
+        write_whole(path, |out| out.write_all(picture.as_bytes()))
+            .map_err(|error| Failure::cannot_write(path, &error))?;
+    }
+    if !arguments.quiet {
+        // A reader that is gone has read enough.
+        let _ = io::stdout().write_all(text(&named, &runs).as_bytes());
+    }
+    unless_solved(&named.name, run)
+}
+
+fn write_json(path: &std::path::Path, value: &Value) -> Result<(), Failure> {
+    write_whole(path, |out| {
+        serde_json::to_writer(&mut *out, value)?;
+        out.write_all(b"\n")
+    })
+    .map_err(|error| Failure::cannot_write(path, &error))
+}
+
+/// What is not solved is a failure, after everything has been written.
+fn unless_solved(name: &str, run: &Run) -> Result<(), Failure> {
+    let Outcome { status, reason, residual, .. } = run.solved.outcome;
+    match status {
+        Status::Converged => Ok(()),
+        Status::BadInput => {
+            let method = run.choice.name();
+            Err(Failure::Input(format!("{name}: {method} is not for this problem: {reason}")))
+        }
+        Status::Infeasible => Err(Failure::Unsolved(format!("{name}: {reason}"))),
+        Status::Budget | Status::Stalled => {
+            Err(Failure::Unsolved(format!("{name}: not solved, residual {residual:.1e}: {reason}")))
+        }
+    }
+}
+
+fn text(named: &read::Named, runs: &[Run]) -> String {
+    let (problem, run) = (&named.problem, &runs[0]);
+    let mut text = String::new();
+    let contacts = match problem.contacts() {
+        1 => "1 contact".to_owned(),
+        many => format!("{many} contacts"),
+    };
+    let kind = match problem.dimension() {
+        1 => "without friction".to_owned(),
+        dimension => format!("with friction in {dimension}D"),
+    };
+    let Outcome { status, reason, residual, iterations, .. } = &run.solved.outcome;
+    // Writing to a string does not fail.
+    let _ = writeln!(text, "{}: {contacts} {kind}, {} unknowns", named.name, problem.unknowns());
+    let _ = writeln!(text, "method       {}", run.solved.method.name());
+    let _ = writeln!(text, "status       {} ({reason})", status.name());
+    let _ = writeln!(text, "residual     {residual:.2e}, relative");
+    let _ = writeln!(text, "iterations   {iterations}");
+    let _ = writeln!(text, "time         {:.2} ms", run.milliseconds());
+    if let Some(stress) = &run.solved.outcome.certificate {
+        let jammed = stress.weights.iter().filter(|&&y| y > 0.0).count();
+        let _ =
+            writeln!(text, "jammed       {jammed} of the contacts, which no impulses can satisfy");
+        if stress.least_sum.is_finite() {
+            let sum = stress.least_sum;
+            let _ = writeln!(text, "             unless they sum to {sum:.1e} or more");
+        }
+    }
+    if runs.len() > 1 {
+        let _ = writeln!(text, "\nmethod          status      residual  iterations          ms");
+        for run in runs {
+            let Outcome { status, residual, iterations, .. } = run.solved.outcome;
+            let (name, status, ms) = (run.choice.name(), status.name(), run.milliseconds());
+            let _ = writeln!(
+                text,
+                "{name:14}  {status:10} {residual:9.1e}  {iterations:10}  {ms:10.2}"
+            );
+        }
+    }
+    text
+}

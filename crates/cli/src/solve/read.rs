@@ -1,0 +1,283 @@
+//! Problems from JSON files.
+
+// An error is made once, at the end of a reading.
+#![allow(clippy::result_large_err)]
+
+use std::fs;
+use std::path::Path;
+
+use drystone::scene::{Place, SceneError};
+use drystone_solver::assembled::{Bodies, Matrix, Problem, ProblemError, from_entries};
+use serde_json::Value;
+
+/// The most unknowns that are read.
+const MOST: usize = 1_000_000;
+
+/// A problem and what it is called.
+#[derive(Debug)]
+pub(super) struct Named {
+    pub(super) name: String,
+    pub(super) problem: Problem,
+}
+
+/// Reads a problem: see `drystone solve --help` for the forms.
+pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
+    let file = File { path };
+    let bytes = fs::read(path).map_err(|error| SceneError {
+        unreadable: true,
+        ..file.error(Place::File, format!("cannot be read: {error}"), String::new(), "")
+    })?;
+    let root: Value = serde_json::from_slice(&bytes).map_err(|error| {
+        let place = Place::Line { line: error.line(), column: error.column() };
+        let text = error.to_string();
+        let what = text.split(" at line").next().unwrap_or_default().to_owned();
+        file.error(place, what, String::new(), "accepted: JSON (RFC 8259)")
+    })?;
+    let node = Node { file: &file, pointer: String::new(), value: &root };
+    if !root.is_object() {
+        return Err(node.wrong("an object with q and one of W, global, M, M_rows"));
+    }
+    let name = match root.get("name") {
+        Some(Value::String(name)) => name.clone(),
+        _ => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+    };
+    let problem = if let Some(rows) = node.find("M_rows") {
+        let offset = node.get("q")?.numbers()?;
+        let matrix = rows.dense(offset.len())?;
+        Problem::complementarity(matrix, offset)
+    } else if let Some(matrix) = node.find("M") {
+        let offset = node.get("q")?.numbers()?;
+        Problem::complementarity(matrix.sparse(offset.len(), offset.len())?, offset)
+    } else if node.find("W").is_some() || node.find("global").is_some() {
+        return Ok(Named { name, problem: contacts(&node)? });
+    } else {
+        let found: Vec<_> = root.as_object().into_iter().flatten().map(|(key, _)| &**key).collect();
+        let found = if found.is_empty() { "nothing".into() } else { found.join(", ") };
+        return Err(node.refused(
+            "the keys of the problem".into(),
+            found,
+            "accepted: q with one of W, global, M, M_rows",
+        ));
+    };
+    Ok(Named { name, problem: problem.map_err(|error| node.unfit(&error))? })
+}
+
+/// u = W r + q with friction.
+fn contacts(node: &Node<'_>) -> Result<Problem, SceneError> {
+    let dimension = node.get("dim")?;
+    let d = match dimension.value.as_u64() {
+        Some(d @ 1..=3) => d as usize,
+        _ => return Err(dimension.wrong("1, 2 or 3")),
+    };
+    let (global, given) = match node.find("W") {
+        Some(_) => (None, node.get("q")?),
+        None => {
+            let global = node.get("global")?;
+            let given = global.get("w")?;
+            (Some(global), given)
+        }
+    };
+    let offset = given.numbers()?;
+    if offset.len() % d != 0 {
+        let is = format!("{} entries", offset.len());
+        return Err(given.refused(
+            given.pointer.clone(),
+            is,
+            &format!("accepted: a multiple of {d}"),
+        ));
+    }
+    let count = offset.len() / d;
+    if let Some(stated) = node.find("nc")
+        && stated.value.as_u64() != Some(count as u64)
+    {
+        return Err(stated.wrong(&format!("{count}, as many as there are contacts in q")));
+    }
+    let friction = friction(&node.get("mu")?, count)?;
+    let problem = match global {
+        None => {
+            let matrix = node.get("W")?.sparse(offset.len(), offset.len())?;
+            Problem::new(d, friction, matrix, offset)
+        }
+        Some(global) => {
+            let momentum = global.get("f")?.numbers()?;
+            let bodies = Bodies {
+                mass: global.get("M")?.sparse(momentum.len(), momentum.len())?,
+                directions: global.get("H")?.sparse(momentum.len(), offset.len())?,
+                momentum,
+                given: offset,
+            };
+            Problem::from_bodies(d, friction, bodies)
+        }
+    };
+    problem.map_err(|error| node.unfit(&error))
+}
+
+/// One number for all contacts, or a number for each.
+fn friction(node: &Node<'_>, count: usize) -> Result<Vec<f64>, SceneError> {
+    let checked = |node: &Node<'_>| match node.value.as_f64() {
+        Some(mu) if mu >= 0.0 => Ok(mu),
+        _ => Err(node.wrong("a number from 0")),
+    };
+    let Value::Array(list) = node.value else {
+        return Ok(vec![checked(node)?; count]);
+    };
+    if list.len() != count {
+        return Err(node.length(list.len(), count));
+    }
+    (0..count).map(|i| checked(&node.item(i))).collect()
+}
+
+struct File<'a> {
+    path: &'a Path,
+}
+
+impl File<'_> {
+    fn error(&self, place: Place, item: String, value: String, accepted: &str) -> SceneError {
+        let accepted = accepted.to_owned();
+        SceneError { file: self.path.to_owned(), place, item, value, accepted, unreadable: false }
+    }
+}
+
+/// A value and where it stands.
+struct Node<'a> {
+    file: &'a File<'a>,
+    pointer: String,
+    value: &'a Value,
+}
+
+impl<'a> Node<'a> {
+    fn find(&self, key: &str) -> Option<Node<'a>> {
+        let value = self.value.get(key)?;
+        Some(Node { file: self.file, pointer: format!("{}/{key}", self.pointer), value })
+    }
+
+    fn get(&self, key: &str) -> Result<Node<'a>, SceneError> {
+        self.find(key).ok_or_else(|| {
+            let accepted = format!("accepted: an object with '{key}'");
+            self.refused(format!("'{key}'"), "missing".into(), &accepted)
+        })
+    }
+
+    fn item(&self, i: usize) -> Node<'a> {
+        Node {
+            file: self.file,
+            pointer: format!("{}/{i}", self.pointer),
+            value: self.value.get(i).unwrap_or(&Value::Null),
+        }
+    }
+
+    fn refused(&self, item: String, value: String, accepted: &str) -> SceneError {
+        self.file.error(Place::Pointer(self.pointer.clone()), item, value, accepted)
+    }
+
+    fn wrong(&self, accepted: &str) -> SceneError {
+        let written = match self.value {
+            Value::Array(list) => format!("a list of {}", list.len()),
+            Value::Object(_) => "an object".to_owned(),
+            other => other.to_string(),
+        };
+        let item = self.pointer.rsplit('/').next().unwrap_or_default();
+        let item = if item.is_empty() { "the file".into() } else { format!("'{item}'") };
+        self.refused(item, written, &format!("accepted: {accepted}"))
+    }
+
+    fn length(&self, is: usize, accepted: usize) -> SceneError {
+        let accepted = format!("accepted: {accepted}");
+        self.refused("the number of entries".into(), is.to_string(), &accepted)
+    }
+
+    /// What only shows once all parts are together.
+    fn unfit(&self, error: &ProblemError) -> SceneError {
+        self.refused(error.to_string(), String::new(), "accepted: matrices that fit together")
+    }
+
+    fn list(&self) -> Result<&'a [Value], SceneError> {
+        match self.value {
+            Value::Array(list) if list.len() <= MOST => Ok(list),
+            Value::Array(_) => Err(self.wrong(&format!("a list of up to {MOST}"))),
+            _ => Err(self.wrong("a list")),
+        }
+    }
+
+    fn numbers(&self) -> Result<Vec<f64>, SceneError> {
+        let one = |(i, value): (usize, &Value)| {
+            value.as_f64().filter(|x| x.is_finite()).ok_or_else(|| self.item(i).wrong("a number"))
+        };
+        self.entries()?.iter().enumerate().map(one).collect()
+    }
+
+    /// A list of any length.
+    fn entries(&self) -> Result<&'a [Value], SceneError> {
+        self.value.as_array().map(Vec::as_slice).ok_or_else(|| self.wrong("a list"))
+    }
+
+    fn count(&self, most: usize) -> Result<usize, SceneError> {
+        let count = self.value.as_u64().and_then(|count| usize::try_from(count).ok());
+        count.filter(|&count| count <= most).ok_or_else(|| self.wrong(&format!("0 to {most}")))
+    }
+
+    /// A matrix as a list of rows.
+    fn dense(&self, n: usize) -> Result<Matrix, SceneError> {
+        let list = self.list()?;
+        if list.len() != n {
+            return Err(self.length(list.len(), n));
+        }
+        let mut entries = Vec::with_capacity(n * n);
+        for i in 0..n {
+            let row = self.item(i);
+            let values = row.numbers()?;
+            if values.len() != n {
+                return Err(row.length(values.len(), n));
+            }
+            entries.extend(values.into_iter().enumerate().map(|(j, value)| (i, j, value)));
+        }
+        from_entries(n, n, &entries).map_err(|error| self.unfit(&error))
+    }
+
+    /// A matrix by columns.
+    fn sparse(&self, rows: usize, columns: usize) -> Result<Matrix, SceneError> {
+        if let Some(format) = self.find("format")
+            && format.value != "csc"
+        {
+            return Err(format.wrong("\"csc\""));
+        }
+        for (key, accepted) in [("rows", rows), ("cols", columns)] {
+            let size = self.get(key)?;
+            if size.count(MOST)? != accepted {
+                return Err(size.wrong(&accepted.to_string()));
+            }
+        }
+        let (starts, places) = (self.get("colptr")?, self.get("rowidx")?);
+        let values = self.get("values")?;
+        let numbers = values.numbers()?;
+        let count = places.entries()?.len();
+        if numbers.len() != count {
+            return Err(values.length(numbers.len(), count));
+        }
+        if starts.entries()?.len() != columns + 1 {
+            return Err(starts.length(starts.entries()?.len(), columns + 1));
+        }
+        let mut entries = Vec::with_capacity(count);
+        let mut from = 0;
+        if columns == 0 || starts.item(0).count(0).is_ok() {
+            for j in 0..columns {
+                let end = starts.item(j + 1);
+                let to = end.count(count)?;
+                if to < from {
+                    return Err(end.wrong(&format!("{from} to {count}")));
+                }
+                for k in from..to {
+                    let row = places.item(k).count(rows.saturating_sub(1))?;
+                    entries.push((row, j, numbers[k]));
+                }
+                from = to;
+            }
+        } else {
+            return Err(starts.item(0).wrong("0"));
+        }
+        if from != count {
+            return Err(starts.item(columns).wrong(&count.to_string()));
+        }
+        from_entries(rows, columns, &entries).map_err(|error| self.unfit(&error))
+    }
+}

@@ -1,0 +1,65 @@
+//! The result for other programs.
+
+use drystone_solver::assembled::Problem;
+use drystone_solver::assembled::ladder::Attempt;
+use serde_json::{Value, json};
+
+use super::Run;
+
+/// The solution, how good it is and how it was found. Infinite numbers become null.
+pub(super) fn json(name: &str, problem: &Problem, run: &Run) -> Value {
+    let outcome = &run.solved.outcome;
+    let impulses = if problem.dimension() == 1 { "z" } else { "r" };
+    let attempt = |attempt: &Attempt| {
+        json!({
+            "method": attempt.method.name(),
+            "status": attempt.status.name(),
+            "iterations": attempt.iterations,
+            "residual": attempt.residual,
+        })
+    };
+    let mut result = json!({
+        "name": name,
+        "status": outcome.status.name(),
+        "reason": outcome.reason,
+        "method": run.solved.method.name(),
+        "u": problem.velocities(&outcome.impulses),
+        "residual": outcome.residual,
+        "certificate": certificate(problem, run),
+        "iterations": outcome.iterations,
+        "time_ms": run.milliseconds(),
+        "attempts": run.solved.attempts.iter().map(attempt).collect::<Vec<_>>(),
+    });
+    result[impulses] = json!(outcome.impulses);
+    result
+}
+
+/// What anybody can check: how far the impulses are from the laws, or why there are none.
+fn certificate(problem: &Problem, run: &Run) -> Value {
+    let outcome = &run.solved.outcome;
+    let (r, d) = (&outcome.impulses, problem.dimension());
+    let u = problem.velocities(r);
+    let length = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+    let pairs = || r.chunks_exact(d).zip(u.chunks_exact(d)).zip(problem.friction());
+    let outside = |((r, _), mu): ((&[f64], &[f64]), &f64)| length(&r[1..]) - mu * r[0];
+    let work = |((r, u), mu): ((&[f64], &[f64]), &f64)| {
+        let dot: f64 = r.iter().zip(u).map(|(r, u)| r * u).sum();
+        (dot + mu * length(&u[1..]) * r[0]).abs()
+    };
+    let mut certificate = json!({
+        "natural_map": problem.natural_map(r),
+        "scaled_natural_map": problem.scaled_natural_map(r),
+        "fastest_approach": most(&mut pairs().map(|((_, u), _)| -u[0])),
+        "cone_violation": most(&mut pairs().map(outside)),
+        "complementarity": most(&mut pairs().map(work)),
+    });
+    if let Some(stress) = &outcome.certificate {
+        certificate["self_stress"] = json!({
+            "weights": stress.weights,
+            "approach": stress.approach,
+            "least_sum": stress.least_sum,
+        });
+    }
+    certificate
+}

@@ -1,0 +1,83 @@
+//! W by contacts: rows of blocks, each as large as a contact has rows.
+
+use super::Matrix;
+
+pub(super) type Block<const D: usize> = [[f64; D]; D];
+
+/// A sparse matrix of D x D blocks, stored by rows, with every block of the diagonal.
+#[derive(Clone, Debug)]
+pub(super) struct Blocks<const D: usize> {
+    start: Vec<usize>,
+    columns: Vec<usize>,
+    values: Vec<Block<D>>,
+    diagonal: Vec<usize>,
+}
+
+impl<const D: usize> Blocks<D> {
+    /// The blocks of a square matrix whose size is a multiple of D.
+    pub(super) fn new(matrix: &Matrix) -> Self {
+        let n = matrix.nrows() / D;
+        let (mut start, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
+        let mut diagonal = Vec::with_capacity(n);
+        for i in 0..n {
+            let rows = D * i..D * (i + 1);
+            let mut row: Vec<usize> =
+                rows.clone().flat_map(|k| matrix.col_idx_of_row(k).map(|j| j / D)).collect();
+            row.push(i);
+            row.sort_unstable();
+            row.dedup();
+            let first = columns.len();
+            let position = |j: &usize| first + row.partition_point(|column| column < j);
+            diagonal.push(position(&i));
+            values.resize(first + row.len(), [[0.0; D]; D]);
+            for k in rows {
+                for (j, &x) in matrix.col_idx_of_row(k).zip(matrix.val_of_row(k)) {
+                    values[position(&(j / D))][k % D][j % D] += x;
+                }
+            }
+            columns.extend(row);
+            start.push(columns.len());
+        }
+        Self { start, columns, values, diagonal }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.diagonal.len()
+    }
+
+    /// The blocks of row i and their columns.
+    pub(super) fn row(&self, i: usize) -> impl Iterator<Item = (usize, &Block<D>)> {
+        let range = self.start[i]..self.start[i + 1];
+        self.columns[range.clone()].iter().copied().zip(&self.values[range])
+    }
+
+    pub(super) fn diagonal(&self, i: usize) -> &Block<D> {
+        &self.values[self.diagonal[i]]
+    }
+
+    /// Row i of the product with r.
+    #[inline]
+    pub(super) fn product(&self, i: usize, r: &[[f64; D]]) -> [f64; D] {
+        let mut u = [0.0; D];
+        for (j, block) in self.row(i) {
+            for k in 0..D {
+                for l in 0..D {
+                    u[k] += block[k][l] * r[j][l];
+                }
+            }
+        }
+        u
+    }
+
+    /// The mean of the entries on the diagonal.
+    pub(super) fn mean_diagonal(&self) -> f64 {
+        let n = self.len();
+        let sum: f64 = (0..n).map(|i| (0..D).map(|k| self.diagonal(i)[k][k]).sum::<f64>()).sum();
+        sum / ((D * n).max(1)) as f64
+    }
+}
+
+/// Numbers by contacts.
+pub(super) fn split<const D: usize>(r: &[f64]) -> Vec<[f64; D]> {
+    r.chunks_exact(D).map(|chunk| std::array::from_fn(|k| chunk[k])).collect()
+}

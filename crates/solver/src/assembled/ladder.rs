@@ -1,0 +1,232 @@
+//! [`solve`]: the cheapest method first, the next where it gets no further.
+//!
+//! | | without friction | with friction |
+//! |---|---|---|
+//! | 1 | [`block_gauss_seidel`], as long as its own rate promises a quick end | the same |
+//! | 2 | [`proximal`] | [`proximal`] |
+//! | 3 | [`newton`] | [`block_gauss_seidel`], to the end of the budget |
+//! | 4 | [`lemke`] | [`proximal`], from there |
+//! | 5 | [`enumeration`] | |
+//! | 6 | [`jam::find`]: a proof that there is no solution | |
+//!
+//! Each starts from the best iterate so far. Nothing but residuals, rates and sizes decides.
+
+use super::outcome::{Limits, Outcome, Progress, Sample, Status};
+use super::{
+    Problem, block_gauss_seidel, enumeration, interior_point, jam, lemke, newton, proximal,
+};
+
+/// Sweeps that say how fast Gauss-Seidel is.
+const TRIAL: usize = 60;
+/// The most sweeps that are worth waiting for instead of a Newton step.
+const WORTH: f64 = 120.0;
+/// The most pivots that a proof of contradiction may take, for each contact.
+const PIVOTS: usize = 50;
+
+/// A method for problems given as matrices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// [`block_gauss_seidel`]
+    GaussSeidel,
+    /// [`proximal`]
+    Proximal,
+    /// [`newton`]
+    Newton,
+    /// [`lemke`]
+    Lemke,
+    /// [`enumeration`]
+    Enumeration,
+    /// [`interior_point`]
+    InteriorPoint,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::GaussSeidel,
+        Self::Proximal,
+        Self::Newton,
+        Self::Lemke,
+        Self::Enumeration,
+        Self::InteriorPoint,
+    ];
+
+    /// Its name in lower case, with hyphens.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::GaussSeidel => "gauss-seidel",
+            Self::Proximal => "proximal",
+            Self::Newton => "newton",
+            Self::Lemke => "lemke",
+            Self::Enumeration => "enumeration",
+            Self::InteriorPoint => "interior-point",
+        }
+    }
+
+    /// Runs it alone.
+    pub fn solve(self, problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
+        let solve = match self {
+            Self::GaussSeidel => block_gauss_seidel::solve,
+            Self::Proximal => proximal::solve,
+            Self::Newton => newton::solve,
+            Self::Lemke => lemke::solve,
+            Self::Enumeration => enumeration::solve,
+            Self::InteriorPoint => interior_point::solve,
+        };
+        solve(problem, warm, limits)
+    }
+}
+
+/// What the ladder found.
+#[derive(Clone, Debug)]
+pub struct Solved {
+    /// The method of the best iterate, or of the proof.
+    pub method: Method,
+    /// That iterate; iterations and history are those of all methods together.
+    pub outcome: Outcome,
+    /// What each method did in its turn.
+    pub attempts: Vec<Attempt>,
+}
+
+/// One rung of the ladder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Attempt {
+    /// Which method.
+    pub method: Method,
+    /// How it ended.
+    pub status: Status,
+    /// Its own iterations.
+    pub iterations: usize,
+    /// Its best residual. \[1\]
+    pub residual: f64,
+}
+
+/// Solves by whatever method it takes. `limits.budget` holds for all methods together, an iteration
+/// being one of whichever method has its turn.
+pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Solved {
+    let mut ladder = Ladder::new(problem, warm, limits);
+    ladder.climb();
+    ladder.solved
+}
+
+struct Ladder<'a> {
+    problem: &'a Problem,
+    limits: &'a Limits,
+    warm: Option<&'a [f64]>,
+    solved: Solved,
+}
+
+impl<'a> Ladder<'a> {
+    fn new(problem: &'a Problem, warm: Option<&'a [f64]>, limits: &'a Limits) -> Self {
+        let (start, _) = Progress::new(problem, warm, limits);
+        let outcome = Outcome { history: Vec::new(), ..start.out_of_budget() };
+        let solved = Solved { method: Method::GaussSeidel, outcome, attempts: Vec::new() };
+        Self { problem, limits, warm, solved }
+    }
+
+    fn climb(&mut self) {
+        if self.done() {
+            return;
+        }
+        let trial = self.rung(Method::GaussSeidel, TRIAL, true);
+        if self.done() {
+            return;
+        }
+        if let Some(sweeps) = promised(&trial, self.limits.tolerance)
+            && sweeps <= WORTH
+        {
+            self.rung(Method::GaussSeidel, sweeps as usize + TRIAL, true);
+        }
+        if self.problem.dimension() == 1 {
+            let n = self.problem.unknowns();
+            let newton = n <= newton::MOST;
+            self.next(Method::Proximal, 100 + 2 * n, true);
+            self.next_if(newton, Method::Newton, 500, false);
+            self.next_if(n <= lemke::MOST, Method::Lemke, usize::MAX, false);
+            self.next_if(n <= enumeration::MOST, Method::Enumeration, usize::MAX, false);
+            self.prove();
+            self.next(Method::GaussSeidel, usize::MAX, true);
+        } else {
+            self.next(Method::Proximal, 2000, true);
+            self.next(Method::GaussSeidel, 20_000, true);
+            self.next(Method::Proximal, 2000, true);
+        }
+    }
+
+    fn done(&self) -> bool {
+        matches!(self.solved.outcome.status, Status::Converged | Status::Infeasible)
+            || self.solved.outcome.iterations >= self.limits.budget
+    }
+
+    fn next_if(&mut self, fits: bool, method: Method, budget: usize, warm: bool) {
+        if fits {
+            self.next(method, budget, warm);
+        }
+    }
+
+    fn next(&mut self, method: Method, budget: usize, warm: bool) {
+        if !self.done() {
+            self.rung(method, budget, warm);
+        }
+    }
+
+    /// Runs a method, from the best iterate so far or by itself, and keeps what is better.
+    fn rung(&mut self, method: Method, budget: usize, warm: bool) -> Outcome {
+        let so_far = &self.solved.outcome;
+        let left = self.limits.budget - so_far.iterations.min(self.limits.budget);
+        let limits = Limits { budget: budget.min(left), ..*self.limits };
+        let first = self.solved.attempts.is_empty();
+        let start = if first { self.warm } else { Some(so_far.impulses.as_slice()) };
+        let outcome = method.solve(self.problem, start.filter(|_| warm), &limits);
+        self.keep(method, outcome.clone());
+        outcome
+    }
+
+    fn keep(&mut self, method: Method, outcome: Outcome) {
+        let Outcome { status, iterations, residual, .. } = outcome;
+        self.solved.attempts.push(Attempt { method, status, iterations, residual });
+        let so_far = &mut self.solved.outcome;
+        let done = so_far.iterations;
+        let shifted = outcome
+            .history
+            .iter()
+            .map(|sample| Sample { iteration: done + sample.iteration, ..*sample });
+        so_far.history.extend(shifted);
+        so_far.iterations += iterations;
+        if status == Status::Infeasible || residual < so_far.residual {
+            let history = std::mem::take(&mut so_far.history);
+            let iterations = so_far.iterations;
+            self.solved.outcome = Outcome { history, iterations, ..outcome };
+            self.solved.method = method;
+        } else if status != Status::BadInput {
+            // The best iterate stays; how the climb ended is what the last method says.
+            (so_far.status, so_far.reason) = (status, outcome.reason);
+        }
+        if self.solved.outcome.status == Status::BadInput {
+            self.solved.outcome.status = Status::Stalled;
+        }
+    }
+
+    fn prove(&mut self) {
+        if self.done() {
+            return;
+        }
+        let n = self.problem.unknowns();
+        if let Some(certificate) = jam::find(self.problem, PIVOTS * n) {
+            let outcome = &mut self.solved.outcome;
+            outcome.status = Status::Infeasible;
+            outcome.reason = "a self-stress proves that there is no solution";
+            outcome.certificate = Some(certificate);
+        }
+    }
+}
+
+/// How many more sweeps there would be at the rate of the last half.
+fn promised(outcome: &Outcome, tolerance: f64) -> Option<f64> {
+    let last = outcome.history.last()?;
+    let half = outcome.history.iter().find(|s| 2 * s.iteration >= last.iteration)?;
+    let sweeps = (last.iteration - half.iteration) as f64;
+    let rate = (last.residual / half.residual).ln() / sweeps;
+    let more = (tolerance / last.residual).ln() / rate;
+    (outcome.status == Status::Budget && rate < 0.0 && more.is_finite()).then_some(more)
+}

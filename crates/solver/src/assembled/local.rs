@@ -1,0 +1,190 @@
+//! One contact by itself, exactly: u = A r + b with Signorini's condition and Coulomb's law.
+
+use super::blocks::Block;
+
+/// A state of sliding that fits this well is one. \[1\]
+const TOLERANCE: f64 = 1e-14;
+/// Newton steps, or halvings where Newton leads astray.
+const STEPS: usize = 60;
+
+/// r of one contact with A_nn > 0.
+///
+/// It separates (b_n >= 0, r = 0), or it sticks (u = 0 within the cone), or it slides: u_n = 0 and
+/// u_t = -lambda r_t with lambda > 0 such that |r_t| = mu r_n. With r_n taken out, S = A_tt - A_tn
+/// A_nt / A_nn and c = b_t - A_tn b_n / A_nn, sliding is r_t = -(S + lambda)^-1 c: one equation for
+/// lambda. If A is positive semidefinite it has a root whenever the contact does not stick, because
+/// the left side is too large at 0 and r_t vanishes at infinity. (The same equation as polynomial of
+/// degree four: Bonnefon and Daviet 2011.)
+///
+/// `lambda` is where the search starts, and takes its result. \[1/kg\]
+pub(super) fn solve<const D: usize>(
+    a: &Block<D>,
+    b: &[f64; D],
+    friction: f64,
+    lambda: &mut f64,
+) -> [f64; D] {
+    let mut r = [0.0; D];
+    if b[0] >= 0.0 {
+        return r;
+    }
+    if D == 1 || friction == 0.0 {
+        r[0] = -b[0] / a[0][0];
+        return r;
+    }
+    let slide = if D == 2 { line(a, b, friction) } else { disc(a, b, friction, lambda) };
+    if let Some((normal, tangents)) = slide
+        && normal.is_finite()
+        && normal > 0.0
+    {
+        r[0] = normal;
+        r[1..].copy_from_slice(&tangents[..D - 1]);
+    } else {
+        // Not positive semidefinite: the cone step, which always exists.
+        r[0] = -b[0] / a[0][0];
+    }
+    r
+}
+
+/// With one tangent the sign of r_t is that of -c, whatever lambda.
+fn line<const D: usize>(a: &Block<D>, b: &[f64; D], friction: f64) -> Option<(f64, [f64; 2])> {
+    let coupling = a[0][1] / a[0][0];
+    let s = a[1][1] - a[1][0] * coupling;
+    let c = b[1] - a[1][0] * b[0] / a[0][0];
+    let stick = -c / s;
+    let normal = -b[0] / a[0][0] - coupling * stick;
+    if stick.is_finite() && stick.abs() <= friction * normal {
+        return Some((normal, [stick, 0.0]));
+    }
+    let side = if c > 0.0 { -friction } else { friction };
+    let normal = -b[0] / (a[0][0] + side * a[0][1]);
+    Some((normal, [side * normal, 0.0]))
+}
+
+/// With two tangents: the root of mu r_n / |r_t| - 1, nearly a straight line in lambda.
+fn disc<const D: usize>(
+    a: &Block<D>,
+    b: &[f64; D],
+    friction: f64,
+    lambda: &mut f64,
+) -> Option<(f64, [f64; 2])> {
+    let inverse = 1.0 / a[0][0];
+    let s = |i: usize, j: usize| a[i][j] - a[i][0] * a[0][j] * inverse;
+    let (s11, s12, s21, s22) = (s(1, 1), s(1, 2), s(2, 1), s(2, 2));
+    let c = [b[1] - a[1][0] * b[0] * inverse, b[2] - a[2][0] * b[0] * inverse];
+    let free = -b[0] * inverse;
+    // -(S + lambda)^-1 x
+    let solve = |lambda: f64, x: [f64; 2]| {
+        let (p, q) = (s11 + lambda, s22 + lambda);
+        let determinant = p * q - s12 * s21;
+        [(s12 * x[1] - q * x[0]) / determinant, (s21 * x[0] - p * x[1]) / determinant]
+    };
+    let normal = |t: [f64; 2]| free - (a[0][1] * t[0] + a[0][2] * t[1]) * inverse;
+    let length = |t: [f64; 2]| (t[0] * t[0] + t[1] * t[1]).sqrt();
+
+    let determinant = s11 * s22 - s12 * s21;
+    if determinant > 1e-14 * (s11.abs() + s22.abs()).powi(2) {
+        let t = solve(0.0, c);
+        if length(t) <= friction * normal(t) {
+            *lambda = 0.0;
+            return Some((normal(t), t));
+        }
+    }
+    if length(c) == 0.0 {
+        return Some((free, [0.0; 2]));
+    }
+    let (mut low, mut high) = (0.0, f64::INFINITY);
+    let scale = 0.5 * (s11.abs() + s22.abs()) + a[0][0] * f64::EPSILON;
+    let mut at = if *lambda > 0.0 && lambda.is_finite() { *lambda } else { 0.1 * scale };
+    for _ in 0..STEPS {
+        let t = solve(at, c);
+        let (n, size) = (normal(t), length(t));
+        let error = friction * n / size - 1.0;
+        if error.abs() <= TOLERANCE {
+            break;
+        }
+        if error < 0.0 {
+            low = at;
+        } else {
+            high = at;
+        }
+        // d r_t / d lambda = -(S + lambda)^-1 r_t.
+        let dt = solve(at, t);
+        let dn = -(a[0][1] * dt[0] + a[0][2] * dt[1]) * inverse;
+        let along = (t[0] * dt[0] + t[1] * dt[1]) / (size * size);
+        let slope = friction / size * (dn - n * along);
+        let newton = at - error / slope;
+        let next = if newton > low && newton < high {
+            newton
+        } else if high.is_finite() {
+            0.5 * (low + high)
+        } else {
+            4.0 * at
+        };
+        if (next - at).abs() <= f64::EPSILON * at {
+            break;
+        }
+        at = next;
+    }
+    *lambda = at;
+    let t = solve(at, c);
+    // Exactly on the cone, whatever the rounding of lambda.
+    let n = normal(t);
+    let shrink = (friction * n / length(t)).min(1.0);
+    Some((n, [shrink * t[0], shrink * t[1]]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A = G G^T + something, from a fixed sequence.
+    fn random(state: &mut u64) -> f64 {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// Signorini and Coulomb, each by its own words.
+    fn check<const D: usize>(a: &Block<D>, b: &[f64; D], friction: f64, r: [f64; D]) {
+        let u: [f64; D] =
+            std::array::from_fn(|i| b[i] + (0..D).map(|j| a[i][j] * r[j]).sum::<f64>());
+        let length = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let scale = length(b);
+        let small = 1e-10 * scale;
+        assert!(
+            r[0] >= 0.0 && u[0] >= -small && (r[0] * u[0]).abs() <= 1e-9 * scale * (1.0 + r[0])
+        );
+        let (held, slip) = (length(&r[1..]), length(&u[1..]));
+        assert!(held <= friction * r[0] * (1.0 + 1e-12) + 1e-14);
+        if slip > 1e-8 * scale && r[0] > 0.0 {
+            let power: f64 = (1..D).map(|i| r[i] * u[i]).sum();
+            let most = friction * r[0] * slip;
+            assert!((power + most).abs() <= 1e-8 * most.max(scale * r[0]), "{power} {most}");
+        }
+    }
+
+    fn many<const D: usize>() {
+        let state = &mut 7;
+        for k in 0..2000 {
+            let g: Block<D> = std::array::from_fn(|_| std::array::from_fn(|_| random(state)));
+            let shift = if k % 3 == 0 { 1e-6 } else { 0.3 };
+            let a: Block<D> = std::array::from_fn(|i| {
+                std::array::from_fn(|j| {
+                    let product: f64 = (0..D).map(|l| g[i][l] * g[j][l]).sum();
+                    product + if i == j { shift } else { 0.0 }
+                })
+            });
+            let b: [f64; D] = std::array::from_fn(|_| random(state));
+            let friction = if k % 5 == 0 { 0.0 } else { random(state).abs() * 1.5 };
+            let mut lambda = if k % 2 == 0 { 0.0 } else { random(state).abs() };
+            let r = solve(&a, &b, friction, &mut lambda);
+            check(&a, &b, friction, r);
+        }
+    }
+
+    #[test]
+    fn signorini_and_coulomb_hold_at_one_contact() {
+        many::<1>();
+        many::<2>();
+        many::<3>();
+    }
+}

@@ -1,0 +1,155 @@
+//! What every method is told and what it returns.
+
+use super::Problem;
+use super::jam::SelfStress;
+
+/// When a method is done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// [`Problem::residual`] that is good enough. \[1\]
+    pub tolerance: f64,
+    /// The most iterations, of whatever kind the method has.
+    pub budget: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { tolerance: 1e-9, budget: 100_000 }
+    }
+}
+
+/// How a method ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The residual is within the tolerance.
+    Converged,
+    /// The iterations are used up.
+    Budget,
+    /// The method gets no further, or comes back to where it was.
+    Stalled,
+    /// It is proven that there is no solution: [`Outcome::certificate`].
+    Infeasible,
+    /// The method cannot be used for this problem.
+    BadInput,
+}
+
+impl Status {
+    /// The word for it, in lower case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::Budget => "budget",
+            Self::Stalled => "stalled",
+            Self::Infeasible => "infeasible",
+            Self::BadInput => "bad input",
+        }
+    }
+}
+
+/// The residual that a method had at some iteration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Iterations done.
+    pub iteration: usize,
+    /// [`Problem::residual`] then. \[1\]
+    pub residual: f64,
+}
+
+/// What a method found. Never panics, never calls something converged that is not.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// How it ended.
+    pub status: Status,
+    /// Why it ended so, in a few words.
+    pub reason: &'static str,
+    /// r of the best iterate: finite, whatever happened. \[N s\]
+    pub impulses: Vec<f64>,
+    /// [`Problem::residual`] of `impulses`. \[1\]
+    pub residual: f64,
+    /// Iterations done: sweeps, pivots, Newton steps.
+    pub iterations: usize,
+    /// The way there, in order of iterations.
+    pub history: Vec<Sample>,
+    /// The proof that there is no solution.
+    pub certificate: Option<SelfStress>,
+}
+
+/// The best iterate so far and the way to it.
+pub(super) struct Progress<'a> {
+    pub(super) problem: &'a Problem,
+    pub(super) limits: Limits,
+    best: Vec<f64>,
+    residual: f64,
+    history: Vec<Sample>,
+    pub(super) iterations: usize,
+}
+
+impl<'a> Progress<'a> {
+    /// Starts from `warm`, or from zero where that is none or of no use. Also gives the start.
+    pub(super) fn new(
+        problem: &'a Problem,
+        warm: Option<&[f64]>,
+        limits: &Limits,
+    ) -> (Self, Vec<f64>) {
+        let usable = |r: &&[f64]| r.len() == problem.unknowns() && r.iter().all(|x| x.is_finite());
+        let zero = || vec![0.0; problem.unknowns()];
+        let start = warm.filter(usable).map_or_else(zero, <[f64]>::to_vec);
+        let (best, residual) = (zero(), f64::INFINITY);
+        let mut progress =
+            Self { problem, limits: *limits, best, residual, history: Vec::new(), iterations: 0 };
+        progress.record(&start);
+        (progress, start)
+    }
+
+    /// Measures an iterate and keeps it if it is the best.
+    pub(super) fn record(&mut self, r: &[f64]) -> f64 {
+        let residual = self.problem.residual(r);
+        self.history.push(Sample { iteration: self.iterations, residual });
+        if residual < self.residual {
+            self.residual = residual;
+            self.best.copy_from_slice(r);
+        }
+        residual
+    }
+
+    pub(super) fn residual(&self) -> f64 {
+        self.residual
+    }
+
+    pub(super) fn converged(&self) -> bool {
+        self.residual <= self.limits.tolerance
+    }
+
+    pub(super) fn spent(&self) -> bool {
+        self.iterations >= self.limits.budget
+    }
+
+    /// Ends; whatever the method thought, what is within the tolerance has converged.
+    pub(super) fn end(self, status: Status, reason: &'static str) -> Outcome {
+        let (status, reason) = match status {
+            Status::Converged => (status, reason),
+            _ if self.converged() => (Status::Converged, "within the tolerance"),
+            _ => (status, reason),
+        };
+        Outcome {
+            status,
+            reason,
+            impulses: self.best,
+            residual: self.residual,
+            iterations: self.iterations,
+            history: self.history,
+            certificate: None,
+        }
+    }
+
+    pub(super) fn out_of_budget(self) -> Outcome {
+        self.end(Status::Budget, "the iterations are used up")
+    }
+
+    pub(super) fn infeasible(self, certificate: SelfStress) -> Outcome {
+        let outcome =
+            self.end(Status::Infeasible, "a self-stress proves that there is no solution");
+        let infeasible = outcome.status == Status::Infeasible;
+        Outcome { certificate: Some(certificate).filter(|_| infeasible), ..outcome }
+    }
+}

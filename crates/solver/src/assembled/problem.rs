@@ -1,0 +1,390 @@
+//! [`Problem`]: contacts given as a matrix, u = W r + q.
+
+use std::fmt;
+
+use faer::sparse::Triplet;
+
+use super::dense::Dense;
+use super::{Matrix, cone};
+
+/// Contacts that somebody else has put into matrices: find impulses r with
+///
+/// u = W r + q, K the product of the cones |r_t| <= mu r_n, and at each contact
+/// K ∋ r ⊥ u + mu |u_t| n ∈ K* — Signorini's condition and Coulomb's law (de Saxce and Feng 1998).
+///
+/// Contact i holds `dimension` rows, one after the other: the normal first, then the tangents. With
+/// one row each this is the linear complementarity problem 0 <= r ⊥ W r + q >= 0. W need not be
+/// symmetric: gyroscopic terms and games are not.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    dimension: usize,
+    friction: Vec<f64>,
+    matrix: Matrix,
+    offset: Vec<f64>,
+    bodies: Option<Bodies>,
+}
+
+/// The bodies behind a [`Problem`]: M v = f + H r and u = H^T v + w.
+#[derive(Clone, Debug)]
+pub struct Bodies {
+    /// M, one block on the diagonal for each body. \[kg, kg m^2\]
+    pub mass: Matrix,
+    /// H, from impulses to momenta; its transpose goes from velocities to contacts.
+    pub directions: Matrix,
+    /// f: the momentum that the bodies would have without contacts. \[N s, N m s\]
+    pub momentum: Vec<f64>,
+    /// w: what adds to the velocities at the contacts whatever the bodies do. \[m/s\]
+    pub given: Vec<f64>,
+}
+
+/// Why numbers make no [`Problem`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum ProblemError {
+    /// Contacts have one, two or three rows each.
+    Dimension(usize),
+    /// Something has the wrong size: its name, its size, and what it should have.
+    Size(&'static str, usize, usize),
+    /// An entry is no finite number: in what, and where.
+    NotFinite(&'static str, usize),
+    /// The friction of a contact is negative.
+    Friction(usize, f64),
+    /// A matrix has no such row and column.
+    Outside(usize, usize),
+    /// The mass of the bodies cannot be inverted: the first row of the block.
+    Mass(usize),
+}
+
+impl fmt::Display for ProblemError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Dimension(d) => write!(f, "dimension is {d}; accepted: 1, 2, 3"),
+            Self::Size(what, is, accepted) => {
+                write!(f, "{what} has {is} entries; accepted: {accepted}")
+            }
+            Self::NotFinite(what, i) => write!(f, "{what}: entry {i} is no finite number"),
+            Self::Friction(i, mu) => {
+                write!(f, "the friction of contact {i} is {mu}; accepted: 0 or more")
+            }
+            Self::Outside(i, j) => write!(f, "the matrix has no entry ({i}, {j})"),
+            Self::Mass(row) => write!(f, "the mass matrix is singular in the block at row {row}"),
+        }
+    }
+}
+
+impl std::error::Error for ProblemError {}
+
+fn same(what: &'static str, is: usize, accepted: usize) -> Result<(), ProblemError> {
+    if is == accepted { Ok(()) } else { Err(ProblemError::Size(what, is, accepted)) }
+}
+
+fn finite(what: &'static str, values: &[f64]) -> Result<(), ProblemError> {
+    match values.iter().position(|x| !x.is_finite()) {
+        Some(i) => Err(ProblemError::NotFinite(what, i)),
+        None => Ok(()),
+    }
+}
+
+/// A matrix from (row, column, value); values at the same place add up.
+///
+/// # Errors
+/// An entry is outside.
+pub fn from_entries(
+    rows: usize,
+    columns: usize,
+    entries: &[(usize, usize, f64)],
+) -> Result<Matrix, ProblemError> {
+    if let Some(&(i, j, _)) = entries.iter().find(|(i, j, _)| *i >= rows || *j >= columns) {
+        return Err(ProblemError::Outside(i, j));
+    }
+    let triplets: Vec<_> = entries.iter().map(|&(i, j, x)| Triplet::new(i, j, x)).collect();
+    let matrix = Matrix::try_new_from_triplets(rows, columns, &triplets);
+    matrix.map_err(|_| ProblemError::Size("a matrix", entries.len(), usize::MAX))
+}
+
+/// A x.
+pub(super) fn product(a: &Matrix, x: &[f64]) -> Vec<f64> {
+    let row = |i| a.col_idx_of_row(i).zip(a.val_of_row(i)).map(|(j, a_ij)| a_ij * x[j]).sum();
+    (0..a.nrows()).map(row).collect()
+}
+
+/// A^T y.
+pub(super) fn transposed_product(a: &Matrix, y: &[f64]) -> Vec<f64> {
+    let mut x = vec![0.0; a.ncols()];
+    for (i, &y_i) in y.iter().enumerate() {
+        for (j, &a_ij) in a.col_idx_of_row(i).zip(a.val_of_row(i)) {
+            x[j] += a_ij * y_i;
+        }
+    }
+    x
+}
+
+pub(super) fn norm(x: &[f64]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+pub(super) fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |largest, x| largest.max(x.abs()))
+}
+
+/// What is no number is as wrong as can be.
+fn or_infinite(residual: f64) -> f64 {
+    if residual.is_finite() { residual } else { f64::INFINITY }
+}
+
+impl Problem {
+    /// Contacts of `dimension` rows each, W and q. `friction` holds mu of each contact; where
+    /// contacts have one row, it is not used and may be empty.
+    ///
+    /// # Errors
+    /// Sizes do not fit, a number is not finite, a friction is negative.
+    pub fn new(
+        dimension: usize,
+        friction: Vec<f64>,
+        matrix: Matrix,
+        offset: Vec<f64>,
+    ) -> Result<Self, ProblemError> {
+        if !(1..=3).contains(&dimension) {
+            return Err(ProblemError::Dimension(dimension));
+        }
+        let contacts = offset.len() / dimension;
+        same("q", offset.len(), contacts * dimension)?;
+        same("W", matrix.nrows(), offset.len())?;
+        same("a row of W", matrix.ncols(), offset.len())?;
+        let friction = if dimension == 1 { vec![0.0; contacts] } else { friction };
+        same("mu", friction.len(), contacts)?;
+        finite("W", matrix.val())?;
+        finite("q", &offset)?;
+        finite("mu", &friction)?;
+        if let Some(i) = friction.iter().position(|&mu| mu < 0.0) {
+            return Err(ProblemError::Friction(i, friction[i]));
+        }
+        Ok(Self { dimension, friction, matrix, offset, bodies: None })
+    }
+
+    /// The linear complementarity problem 0 <= z ⊥ M z + q >= 0.
+    ///
+    /// # Errors
+    /// As [`Problem::new`].
+    pub fn complementarity(matrix: Matrix, offset: Vec<f64>) -> Result<Self, ProblemError> {
+        Self::new(1, Vec::new(), matrix, offset)
+    }
+
+    /// The problem of these bodies: W = H^T M^-1 H and q = H^T M^-1 f + w. Costs the inverse of
+    /// each block of M.
+    ///
+    /// # Errors
+    /// As [`Problem::new`], or a block of M is singular.
+    pub fn from_bodies(
+        dimension: usize,
+        friction: Vec<f64>,
+        bodies: Bodies,
+    ) -> Result<Self, ProblemError> {
+        let (n, rows) = (bodies.mass.nrows(), bodies.given.len());
+        same("a row of M", bodies.mass.ncols(), n)?;
+        same("H", bodies.directions.nrows(), n)?;
+        same("a row of H", bodies.directions.ncols(), rows)?;
+        same("f", bodies.momentum.len(), n)?;
+        finite("M", bodies.mass.val())?;
+        finite("H", bodies.directions.val())?;
+        finite("f", &bodies.momentum)?;
+        finite("w", &bodies.given)?;
+        let inverse = inverse_of_blocks(&bodies.mass)?;
+        let Ok(transposed) = bodies.directions.transpose().to_row_major() else {
+            return Err(ProblemError::Size("H", bodies.directions.nrows(), n));
+        };
+        let matrix = &transposed * (&inverse * &bodies.directions);
+        let moved = product(&transposed, &product(&inverse, &bodies.momentum));
+        let offset = moved.iter().zip(&bodies.given).map(|(u, w)| u + w).collect();
+        let problem = Self::new(dimension, friction, matrix, offset)?;
+        Ok(Self { bodies: Some(bodies), ..problem })
+    }
+
+    /// Rows of a contact: 1 without friction, else the dimension of space.
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    /// Number of contacts.
+    pub fn contacts(&self) -> usize {
+        self.friction.len()
+    }
+
+    /// Number of unknowns: `dimension` times `contacts`.
+    pub fn unknowns(&self) -> usize {
+        self.offset.len()
+    }
+
+    /// mu of each contact. \[1\]
+    pub fn friction(&self) -> &[f64] {
+        &self.friction
+    }
+
+    /// W, the M of a linear complementarity problem. \[1/kg\]
+    pub fn matrix(&self) -> &Matrix {
+        &self.matrix
+    }
+
+    /// q: the velocities u without impulses. \[m/s\]
+    pub fn offset(&self) -> &[f64] {
+        &self.offset
+    }
+
+    /// The bodies, where they are known.
+    pub fn bodies(&self) -> Option<&Bodies> {
+        self.bodies.as_ref()
+    }
+
+    /// u = W r + q. \[m/s\]
+    pub fn velocities(&self, r: &[f64]) -> Vec<f64> {
+        let mut u = product(&self.matrix, r);
+        for (u, q) in u.iter_mut().zip(&self.offset) {
+            *u += q;
+        }
+        u
+    }
+
+    /// The largest |W_ij - W_ji|.
+    pub fn asymmetry(&self) -> f64 {
+        let mut worst = 0.0f64;
+        for i in 0..self.unknowns() {
+            for (j, &w_ij) in self.matrix.col_idx_of_row(i).zip(self.matrix.val_of_row(i)) {
+                let w_ji = self.matrix.get(j, i).copied().unwrap_or(0.0);
+                worst = worst.max((w_ij - w_ji).abs());
+            }
+        }
+        worst
+    }
+
+    /// How far r is from a solution, as a part of what there is to solve: zero exactly at one.
+    ///
+    /// With friction it is [`Problem::natural_map`], without [`Problem::complementarity_error`].
+    /// What is no number counts as infinite.
+    pub fn residual(&self, r: &[f64]) -> f64 {
+        if self.dimension == 1 { self.complementarity_error(r) } else { self.natural_map(r) }
+    }
+
+    /// |r - P_K(r - (u + mu |u_t| n))| / |q|, the natural map with a step of one (kg), as FCLIB and
+    /// Siconos measure (Acary, Bremond and Huber 2018). Where q is zero, not divided.
+    pub fn natural_map(&self, r: &[f64]) -> f64 {
+        let size = norm(&self.offset);
+        let error = norm(&self.natural(r, |_| 1.0));
+        or_infinite(if size > 0.0 { error / size } else { error })
+    }
+
+    /// The natural map with a step that fits each contact, one over the mean of its diagonal of W,
+    /// relative to |r|: does not depend on units. Where r is zero, not divided.
+    pub fn scaled_natural_map(&self, r: &[f64]) -> f64 {
+        let step = |contact: usize| {
+            let first = self.dimension * contact;
+            let rows = first..first + self.dimension;
+            let sum: f64 = rows.map(|i| self.matrix.get(i, i).copied().unwrap_or(0.0)).sum::<f64>();
+            if sum > 0.0 { self.dimension as f64 / sum } else { 1.0 }
+        };
+        let (error, size) = (norm(&self.natural(r, step)), norm(r));
+        or_infinite(if size > 0.0 { error / size } else { error })
+    }
+
+    /// r - P_K(r - step (u + mu |u_t| n)).
+    fn natural(&self, r: &[f64], step: impl Fn(usize) -> f64) -> Vec<f64> {
+        let d = self.dimension;
+        let mut y = self.velocities(r);
+        for (i, (y, r)) in y.chunks_exact_mut(d).zip(r.chunks_exact(d)).enumerate() {
+            let slip = norm(&y[1..]);
+            y[0] += self.friction[i] * slip;
+            let step = step(i);
+            for k in 0..d {
+                y[k] = r[k] - step * y[k];
+            }
+            cone::project(y, self.friction[i]);
+            for k in 0..d {
+                y[k] = r[k] - y[k];
+            }
+        }
+        y
+    }
+
+    /// The largest |min(z_i, s w_i)| with w = M z + q and s = 1 / max |M|, relative to s max |q|:
+    /// does not depend on units. Friction is left out.
+    ///
+    /// What rounding of the products M z may do does not count: some [`f64::EPSILON`] times max |z|,
+    /// which matters with mass ratios from 1e5. There is a limit to that, so that impulses that run
+    /// away never look like a solution.
+    pub fn complementarity_error(&self, z: &[f64]) -> f64 {
+        let size = largest(self.matrix.val());
+        let s = if size > 0.0 { 1.0 / size } else { 1.0 };
+        let (pushed, error) = (s * largest(&self.offset), self.natural_error(z, s));
+        if pushed == 0.0 {
+            return error;
+        }
+        let rounding = 4.0 * f64::EPSILON * (largest(z) / pushed).min(1e12);
+        or_infinite((error / pushed - rounding).max(0.0))
+    }
+
+    /// The largest |min(z_i, s w_i)|, w = M z + q.
+    pub fn natural_error(&self, z: &[f64], s: f64) -> f64 {
+        let w = self.velocities(z);
+        let error = z.iter().zip(&w).fold(0.0f64, |worst, (&z, &w)| {
+            let error = z.min(s * w).abs();
+            // `max` would forget what is no number.
+            if error >= worst || error.is_nan() || worst.is_nan() { error } else { worst }
+        });
+        or_infinite(error)
+    }
+}
+
+impl Bodies {
+    /// v = M^-1 (f + H r). \[m/s, rad/s\]
+    ///
+    /// # Errors
+    /// A block of M is singular.
+    pub fn velocities(&self, r: &[f64]) -> Result<Vec<f64>, ProblemError> {
+        let mut momentum = product(&self.directions, r);
+        for (p, f) in momentum.iter_mut().zip(&self.momentum) {
+            *p += f;
+        }
+        Ok(product(&inverse_of_blocks(&self.mass)?, &momentum))
+    }
+}
+
+/// The inverse of a matrix that falls into blocks once rows that are coupled are put together.
+fn inverse_of_blocks(matrix: &Matrix) -> Result<Matrix, ProblemError> {
+    let mut entries = Vec::new();
+    for rows in coupled(matrix) {
+        let block =
+            Dense::from_fn(rows.len(), |i, j| matrix.get(rows[i], rows[j]).copied().unwrap_or(0.0));
+        let lu = block.factor().ok_or(ProblemError::Mass(rows[0]))?;
+        for (j, &column) in rows.iter().enumerate() {
+            let mut x = vec![0.0; rows.len()];
+            x[j] = 1.0;
+            lu.solve(&mut x);
+            entries.extend(rows.iter().zip(x).map(|(&i, x)| (i, column, x)));
+        }
+    }
+    let n = matrix.nrows();
+    from_entries(n, n, &entries)
+}
+
+/// Sets of rows that entries of a square matrix couple, each in order.
+fn coupled(matrix: &Matrix) -> Vec<Vec<usize>> {
+    fn root(parent: &mut [usize], mut i: usize) -> usize {
+        while parent[i] != i {
+            parent[i] = parent[parent[i]];
+            i = parent[i];
+        }
+        i
+    }
+    let n = matrix.nrows();
+    let mut parent: Vec<usize> = (0..n).collect();
+    for i in 0..n {
+        for j in matrix.col_idx_of_row(i) {
+            let (a, b) = (root(&mut parent, i), root(&mut parent, j));
+            parent[a.max(b)] = a.min(b);
+        }
+    }
+    let mut sets = vec![Vec::new(); n];
+    for i in 0..n {
+        sets[root(&mut parent, i)].push(i);
+    }
+    sets.retain(|set| !set.is_empty());
+    sets
+}
