@@ -25,6 +25,9 @@ use crate::{Contact, Manifold, Mass, System, Vector, Velocity, moment, symmetric
 /// Iterations that may pass without lowering the error by a tenth.
 const PATIENCE: usize = 12;
 
+/// The blocks that a contact of a and b adds to: (a, a), (a, b), (b, b).
+const PAIRS: [(usize, usize); 3] = [(0, 0), (0, 1), (1, 1)];
+
 /// Symmetric sweeps before the first iteration.
 const SWEEPS: usize = 3;
 
@@ -146,25 +149,31 @@ impl<const L: usize, const A: usize> Problem<L, A> {
             step.extend_from_slice(&flat(&(mass.momentum(&apart) * -1.0))[..size]);
             self.hessian.add(at, at, |i, j| mass_entry(mass, i, j));
         }
-        for row in &self.rows {
-            let y = row.shifted(velocities);
-            let (r, slope) = (row.law.response(y), row.law.slope(y));
-            let at = row.bodies.map(|body| self.place[body]);
-            let free = row.bodies.map(|body| &self.free[body]);
-            for side in 0..2 {
-                let Some(at) = at[side] else { continue };
-                let force = &mut step[at as usize * size..][..size];
-                for k in 0..L {
-                    for i in 0..size {
-                        force[i] += free[side][i] * row.jacobian[side][k][i] * r[k];
+        for manifold in self.rows.chunk_by(|one, next| one.bodies == next.bodies) {
+            let bodies = manifold[0].bodies;
+            let (at, free) = (bodies.map(|body| self.place[body]), bodies.map(|b| &self.free[b]));
+            let mut blocks = [[[0.0; MOST]; MOST]; PAIRS.len()];
+            for row in manifold {
+                let y = row.shifted(velocities);
+                let (r, slope) = (row.law.response(y), row.law.slope(y));
+                for side in 0..2 {
+                    let Some(at) = at[side] else { continue };
+                    let force = &mut step[at as usize * size..][..size];
+                    for k in 0..L {
+                        for i in 0..size {
+                            force[i] += free[side][i] * row.jacobian[side][k][i] * r[k];
+                        }
+                    }
+                }
+                for (block, (p, q)) in blocks.iter_mut().zip(PAIRS) {
+                    if at[p].is_some() && at[q].is_some() {
+                        add_product(block, &row.jacobian[p], &slope.0, &row.jacobian[q], size);
                     }
                 }
             }
-            // The lower half: at (b, a) and on the diagonal.
-            for (p, q) in [(0, 0), (0, 1), (1, 1)] {
+            for (block, (p, q)) in blocks.iter().zip(PAIRS) {
                 if let (Some(p_at), Some(q_at)) = (at[p], at[q]) {
-                    let product = product(&row.jacobian[p], &slope.0, &row.jacobian[q], size);
-                    let entry = |i: usize, j: usize| free[p][i] * product[i][j] * free[q][j];
+                    let entry = |i: usize, j: usize| free[p][i] * block[i][j] * free[q][j];
                     self.hessian.add(p_at, q_at, entry);
                 }
             }
@@ -310,14 +319,14 @@ fn mass_entry<const L: usize, const A: usize>(mass: &Mass<L, A>, i: usize, j: us
     if i == j && value == 0.0 { 1.0 } else { value }
 }
 
-/// J_p^T slope J_q.
-fn product<const L: usize>(
+/// out += J_p^T slope J_q.
+fn add_product<const L: usize>(
+    out: &mut [[f64; MOST]; MOST],
     p: &[[f64; MOST]; L],
     slope: &[Vector<f64, L>; L],
     q: &[[f64; MOST]; L],
     size: usize,
-) -> [[f64; MOST]; MOST] {
-    let mut out = [[0.0; MOST]; MOST];
+) {
     for k in 0..L {
         let mut row = [0.0; MOST];
         for l in 0..L {
@@ -331,5 +340,4 @@ fn product<const L: usize>(
             }
         }
     }
-    out
 }
