@@ -63,8 +63,9 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     iterations: Option<u32>,
 
-    /// How far from the exact solution of the contacts velocities may be, such as 1mm/s: stronger
-    /// methods follow the sweeps until that is proven [default: as the scene says, or sweeps alone]
+    /// How far from the exact solution of the contacts velocities may be (root mean square by mass, of
+    /// each island), such as 1mm/s: stronger methods follow the sweeps until a bound is below that;
+    /// with friction it holds for the slip at hand [default: as the scene says, or sweeps alone]
     #[arg(long, value_name = "SPEED", value_parser = speed)]
     tolerance: Option<f32>,
 
@@ -98,7 +99,7 @@ Examples:
   drystone bake scenes/tower.json -o tower.glb --substeps 64 --duration 20
       stiffer contacts, for longer
   drystone bake scenes/arch.json -o arch.glb --tolerance 1mm/s
-      every substep solved until its velocities are proven to be within 1 mm/s of the exact ones
+      every substep solved until its velocities are certified to be within 1 mm/s of the exact ones
 
 Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged, 4 a file cannot be read or
 written, 130 interrupted. A file under its final name is always whole.";

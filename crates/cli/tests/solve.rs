@@ -173,6 +173,11 @@ fn methods_are_drawn_on_one_picture() {
 #[test]
 fn errors_name_file_place_value_and_range() {
     let place = Place::new();
+    let message = place.refused(&json!({ "bodies": [], "gravity": [] }));
+    assert!(
+        message.contains("bad.json: the problem is made of bodies, gravity; accepted: q"),
+        "{message}"
+    );
     let with = |key: &str, value: Value| {
         let mut problem = sliding();
         problem[key] = value;

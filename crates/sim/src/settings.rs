@@ -27,9 +27,9 @@ pub struct StepSettings {
     /// Part of its slip by which a contact that sticks returns to where it stuck, per second.
     /// \[1/s\]
     pub hold: f32,
-    /// How far the velocities of an island may be from the exact solution of its contacts: after the
-    /// sweeps of each substep, stronger methods follow until a proven bound is below this. 0: the
-    /// sweeps alone. \[m/s\]
+    /// How far the velocities of an island may be from the exact solution of its contacts, root mean
+    /// square by mass: after the sweeps of each substep, stronger methods follow until a bound is
+    /// below this, which with friction holds for the slip at hand. 0: the sweeps alone. \[m/s\]
     pub tolerance: f32,
     /// Iterations that the strongest of these methods may use on an island. \[1\]
     pub budget: u32,

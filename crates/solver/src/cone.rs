@@ -114,12 +114,6 @@ impl Law {
         slope
     }
 
-    /// phi(y): the largest r . y - r . R r / 2 over K. \[J\]
-    pub fn energy<const L: usize>(&self, y: Vector<f64, L>) -> f64 {
-        let r = self.response(y);
-        r.dot(y - self.soften(r) * 0.5)
-    }
-
     /// phi(y) + r . R r / 2 - r . y for an r of K: zero exactly if r answers y, else more. \[J\]
     ///
     /// Written so that nothing cancels: with d = response - r it is d . R d / 2 plus

@@ -67,7 +67,7 @@ pub(super) struct Summary {
     left: Vec<usize>,
 }
 
-/// Proven bounds on the error of the velocities.
+/// Bounds on the error of the velocities, root mean square by mass, of the worst island.
 #[derive(Serialize)]
 struct Certified {
     /// \[m/s\]
@@ -228,7 +228,7 @@ impl Summary {
         let (within, worst) = (mm(of.tolerance), mm(of.worst));
         if of.steps == all {
             return format!(
-                "all {all} steps within {within} of the exact contact solution (worst {worst})"
+                "all {all} steps within {within} of the exact contact solution (root mean square; worst {worst})"
             );
         }
         let body = of

@@ -54,8 +54,8 @@ pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
         let found: Vec<_> = root.as_object().into_iter().flatten().map(|(key, _)| &**key).collect();
         let found = if found.is_empty() { "nothing".into() } else { found.join(", ") };
         return Err(node.refused(
-            "the keys of the problem".into(),
-            found,
+            "the problem".into(),
+            format!("made of {found}"),
             "accepted: q with one of W, global, M, M_rows",
         ));
     };
@@ -167,7 +167,11 @@ impl<'a> Node<'a> {
     }
 
     fn refused(&self, item: String, value: String, accepted: &str) -> SceneError {
-        self.file.error(Place::Pointer(self.pointer.clone()), item, value, accepted)
+        let place = match self.pointer.as_str() {
+            "" => Place::File,
+            pointer => Place::Pointer(pointer.to_owned()),
+        };
+        self.file.error(place, item, value, accepted)
     }
 
     fn wrong(&self, accepted: &str) -> SceneError {
