@@ -169,6 +169,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// At the center of mass.
     pub(crate) poses: Vec<G::Pose>,
     pub(crate) frames: Vec<Frame<L>>,
+    /// What rounding has left out of the positions. \[m\]
+    pub(crate) remainders: Vec<Vector<f32, L>>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
     pub(crate) gyroscopic: Vec<bool>,
     /// Rotation vectors that the poses have not followed yet. \[rad\]
@@ -187,6 +189,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             generation: Vec::new(),
             poses: Vec::new(),
             frames: Vec::new(),
+            remainders: Vec::new(),
             inertia: Vec::new(),
             gyroscopic: Vec::new(),
             turns: Vec::new(),
@@ -198,6 +201,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     pub(crate) fn is_dynamic(&self, body: usize) -> bool {
         self.motion[body] == Some(Motion::Dynamic)
+    }
+
+    /// x_a - x_b, as exact as if the positions were: far from the origin an `f32` is coarser than
+    /// what contacts feel. \[m\]
+    pub(crate) fn apart(&self, [a, b]: [u32; 2]) -> Vector<f32, L> {
+        let (a, b) = (a as usize, b as usize);
+        (self.frames[a].position - self.frames[b].position)
+            + (self.remainders[a] - self.remainders[b])
     }
 
     /// Pose of the body's origin.

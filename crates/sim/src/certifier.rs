@@ -1,22 +1,20 @@
 //! Solving to a tolerance: what a step keeps for its certificates.
 
-use drystone_solver::certificate::{Certificate, Memory};
 use drystone_solver::island::{self, Islands};
-use drystone_solver::ladder::{self, Outcome};
+use drystone_solver::ladder::{Climber, Outcome};
 use drystone_solver::solution::Goal;
 use drystone_solver::wide::Wide;
 use drystone_solver::{System, Velocity};
 
 use crate::settings::StepSettings;
 
-/// Islands, and the memory of their certificates.
+/// Islands, and how they are brought within the tolerance.
 #[derive(Default)]
 pub(crate) struct Certifier<const L: usize, const A: usize> {
     /// The velocities of a substep without the impulses of its contacts.
     pub(crate) prospective: Vec<Velocity<f32, L, A>>,
     islands: Islands,
-    memory: Memory<L, A>,
-    certificates: Vec<Certificate>,
+    climber: Climber<L, A>,
     loads: Vec<Load>,
 }
 
@@ -30,7 +28,7 @@ struct Load {
 }
 
 impl<const L: usize, const A: usize> Certifier<L, A> {
-    /// Finds the islands of a part of a step, and makes contacts so stiff that those which carry an
+    /// Makes contacts so stiff that those which carry an
     /// island sink by the sag: the island's weight W \[N\] on its n manifolds with fixed bodies
     /// gives the stiffness k = W / (n sag), and a spring of implicit form that repairs the part c of
     /// its depth per substep h has epsilon = c / (h^2 k).
@@ -41,7 +39,6 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         settings: &StepSettings,
         h: f32,
     ) {
-        self.islands.find(system);
         let of_body = &self.islands.of_body;
         self.loads.clear();
         self.loads.resize(self.islands.count, Load::default());
@@ -66,23 +63,31 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         }
     }
 
-    /// Brings what the sweeps have left within the tolerance.
+    /// Finds the islands of a part of a step.
+    pub(crate) fn find_islands(&mut self, system: &System<f32, L, A>) {
+        self.islands.find(system);
+    }
+
+    /// Takes over a system that has been packed, for all substeps of a part of a step.
+    pub(crate) fn start(&mut self, system: &System<f32, L, A>, wide: &mut Wide<L, A>) {
+        wide.set_islands(&self.islands);
+        self.climber.set_masses(system);
+    }
+
+    /// Brings a substep within the tolerance, from the impulses of the one before.
     pub(crate) fn refine(
         &mut self,
         system: &mut System<f32, L, A>,
         wide: &mut Wide<L, A>,
         settings: &StepSettings,
     ) -> Outcome {
-        wide.unpack(system);
         let goal =
             Goal { tolerance: f64::from(settings.tolerance), budget: settings.budget as usize };
-        let (memory, certificates) = (&mut self.memory, &mut self.certificates);
-        let islands = &self.islands;
-        let outcome =
-            ladder::refine(system, &self.prospective, islands, &goal, memory, certificates);
-        if outcome.climbed.iter().sum::<usize>() + outcome.failed > 0 {
-            wide.take_impulses(system);
-        }
-        outcome
+        self.climber.climb(system, wide, &self.prospective, &self.islands, &goal)
+    }
+
+    /// The certificate of a substep as it is.
+    pub(crate) fn examine(&mut self, system: &System<f32, L, A>, wide: &Wide<L, A>) -> Outcome {
+        self.climber.examine(&system.velocities, wide, &self.prospective, &self.islands)
     }
 }

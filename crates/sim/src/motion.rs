@@ -70,7 +70,21 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
             continue;
         }
         let turn = std::mem::replace(&mut bodies.turns[body], Vector::ZERO);
-        bodies.poses[body] = G::advance(&bodies.poses[body], displacement.linear, turn);
+        let by = displacement.linear + bodies.remainders[body];
+        let from = bodies.frames[body].position;
+        bodies.poses[body] = G::advance(&bodies.poses[body], by, turn);
         bodies.frames[body] = G::frame(&bodies.poses[body]);
+        bodies.remainders[body] = rounding(from, by, bodies.frames[body].position);
     }
+}
+
+/// a + b - sum, exactly, where `sum` is a + b rounded (Knuth, The Art of Computer Programming 2,
+/// 4.2.2).
+fn rounding<const L: usize>(
+    a: Vector<f32, L>,
+    b: Vector<f32, L>,
+    sum: Vector<f32, L>,
+) -> Vector<f32, L> {
+    let own = sum - a;
+    (a - (sum - own)) + (b - own)
 }

@@ -3,16 +3,16 @@
 use drystone_solver::{Real, Vector};
 use rayon::prelude::*;
 
+use crate::bodies::Bodies;
 use crate::cache::{Pair, Point, Record, Records, inherit};
 use crate::geometry::{Frame, Geometry};
 
 /// What the narrow phase reads.
 pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) shapes: &'a [G::Shape],
-    /// World poses of the shapes.
+    /// Poses of the shapes, turned with their bodies but seen from their centers of mass.
     pub(crate) poses: &'a [G::Pose],
-    /// Frames of the bodies at their centers of mass.
-    pub(crate) frames: &'a [Frame<L>],
+    pub(crate) bodies: &'a Bodies<G, L, A>,
     /// How far a body can move against another within the step, by body. \[m\]
     pub(crate) travel: &'a [Travel<L>],
     pub(crate) prediction_distance: f32,
@@ -101,7 +101,12 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
 ) {
     let known = &old.manifolds[pair.records()];
     pair.first = records.manifolds.len() as u32;
-    let [a, b] = pair.bodies.map(|body| &around.frames[body as usize]);
+    // Everything is seen from the center of mass of b: so it does not matter how far the pair is
+    // from the origin.
+    let apart = around.bodies.apart(pair.bodies);
+    let [axes_a, axes_b] = pair.bodies.map(|body| around.bodies.frames[body as usize].axes);
+    let a = &Frame { position: apart, axes: axes_a };
+    let b = &Frame { position: Vector::ZERO, axes: axes_b };
     let seen = Frame {
         position: b.local_point(a.position),
         axes: a.axes.map(|axis| b.local_direction(axis)),
@@ -120,9 +125,10 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             + travel_a.blow.max(travel_b.blow)
             + travel_a.angular
             + travel_b.angular;
-        let [shape_a, shape_b] =
-            pair.colliders.map(|c| (&around.shapes[c as usize], &around.poses[c as usize]));
-        G::collide(shape_a, shape_b, prediction, scratch, &mut |touch| {
+        let [shape_a, shape_b] = pair.colliders.map(|c| &around.shapes[c as usize]);
+        let [pose_a, pose_b] = pair.colliders.map(|c| &around.poses[c as usize]);
+        let pose_a = G::advance(pose_a, apart, Vector::ZERO);
+        G::collide((shape_a, &pose_a), (shape_b, pose_b), prediction, scratch, &mut |touch| {
             let first = records.points.len();
             records.points.extend(touch.points.iter().map(|found| Point::new(found, a, b)));
             if let Some(before) = known.iter().find(|known| known.part == touch.part) {

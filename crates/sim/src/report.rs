@@ -20,9 +20,9 @@ pub enum Stage {
     Bounce,
     /// Target velocities from gaps, and v += M^-1 J^T gamma of the step before.
     WarmStart,
-    /// Sweeps towards the targets.
+    /// Sweeps towards the targets, and stronger methods where certificates ask for them.
     Solve,
-    /// Certificates, and stronger methods where they ask for them.
+    /// Certificates.
     Certify,
     /// Displacements grow by h v; at the end, poses move by them.
     Advance,
@@ -87,6 +87,12 @@ pub struct StepReport {
 }
 
 impl StepReport {
+    /// Charges `time` to another stage.
+    pub(crate) fn recharge(&mut self, time: Duration, from: Stage, to: Stage) {
+        self.stages[from as usize] -= time;
+        self.stages[to as usize] += time;
+    }
+
     /// Wall time of the whole step.
     pub fn time(&self) -> Duration {
         self.stages.iter().sum()

@@ -2,21 +2,23 @@
 
 use drystone_solver::{Contact, InverseMass, Manifold, System, Vector, Velocity, contact_frame};
 
+use crate::bodies::Bodies;
 use crate::cache::Records;
-use crate::geometry::Frame;
+use crate::geometry::Geometry;
 
 /// Fills the manifolds and contacts of `system` from the records of this step, which lasts
 /// `dt` \[s\].
-pub(crate) fn rows<const L: usize, const A: usize>(
+pub(crate) fn rows<G: Geometry<L, A>, const L: usize, const A: usize>(
     records: &Records<L>,
-    frames: &[Frame<L>],
+    bodies: &Bodies<G, L, A>,
     dt: f32,
     system: &mut System<f32, L, A>,
 ) {
     system.manifolds.clear();
     system.contacts.clear();
     for record in &records.manifolds {
-        let [a, b] = record.bodies.map(|body| &frames[body as usize]);
+        let [a, b] = record.bodies.map(|body| &bodies.frames[body as usize]);
+        let apart = bodies.apart(record.bodies);
         let manifold = Manifold {
             bodies: record.bodies,
             frame: contact_frame(record.normal),
@@ -37,14 +39,14 @@ pub(crate) fn rows<const L: usize, const A: usize>(
         for point in records.points_of(record) {
             // Both bodies are pushed at the same point, midway between the surfaces: so the pair
             // keeps its angular momentum.
-            let place = (a.point(point.on_a) + b.point(point.on_b)) * 0.5;
+            let middle = (a.direction(point.on_a) + b.direction(point.on_b)) * 0.5;
             let mut impulse = manifold.to_frame(point.impulse);
             impulse[0] = impulse[0].max(0.0);
             let mut gap = manifold.to_frame(point.slip);
             gap[0] = point.gap;
             system.contacts.push(Contact {
-                anchor_a: place - a.position + ahead_a,
-                anchor_b: place - b.position + ahead_b,
+                anchor_a: middle - apart * 0.5 + ahead_a,
+                anchor_b: middle + apart * 0.5 + ahead_b,
                 gap,
                 impulse,
                 ..Contact::default()

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 /// Settings of [`World::step`](crate::World::step).
 ///
-/// Two presets: [`StepSettings::quality`] for baking (the default) and
-/// [`StepSettings::realtime`] for games.
+/// Three presets: [`StepSettings::certified`] for baking with proof, [`StepSettings::quality`] for as
+/// much work in every step (the default), and [`StepSettings::realtime`] for games.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StepSettings {
@@ -31,6 +31,9 @@ pub struct StepSettings {
     /// square by mass: after the sweeps of each substep, stronger methods follow until a bound is
     /// below this, which with friction holds for the slip at hand. 0: the sweeps alone. \[m/s\]
     pub tolerance: f32,
+    /// Whether each step ends with a certificate of its last substep, whatever the tolerance: how far its
+    /// velocities can be from the exact ones, and the residuals of its contacts.
+    pub certify: bool,
     /// Iterations that the strongest of these methods may use on an island. \[1\]
     pub budget: u32,
     /// How deep a contact may sink that carries the weight of its whole island; stiffer than
@@ -59,6 +62,7 @@ impl StepSettings {
             push_speed: 1.0,
             hold: 20.0,
             tolerance: 0.0,
+            certify: false,
             budget: 40,
             sag: 1e-4,
             restitution_threshold: 0.1,
@@ -66,6 +70,11 @@ impl StepSettings {
             travel_per_search: 0.1,
             reuse_distance: 0.0,
         }
+    }
+
+    /// For baking with proof: every substep is solved until its certificate is within 1 mm/s.
+    pub const fn certified() -> Self {
+        Self { substeps: 16, tolerance: 1e-3, certify: true, ..Self::quality() }
     }
 
     /// For games: the least work that keeps piles and stacks standing.

@@ -50,7 +50,7 @@ struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     thickness: Vec<f32>,
     /// In the frame of the body's center of mass.
     local: Vec<G::Pose>,
-    /// World.
+    /// Turned with the body, seen from its center of mass.
     poses: Vec<G::Pose>,
     material: Vec<Material>,
     filter: Vec<Filter>,
@@ -122,6 +122,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.motion[index] = Some(body.motion);
         bodies.poses[index] = pose;
         bodies.frames[index] = G::frame(&pose);
+        bodies.remainders[index] = Vector::ZERO;
         bodies.gyroscopic[index] = body.motion == Motion::Dynamic && inertia.gyroscopic();
         bodies.inertia[index] = inertia;
         bodies.gravity_factor[index] = body.gravity_factor;
@@ -134,13 +135,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let colliders = &mut self.colliders;
             let id = colliders.body.len() as u32;
             let local = G::compose(&to_center, &collider.pose);
-            let world = G::compose(&pose, &local);
-            self.broad_phase.update(id, &G::bounds(&collider.shape, &world));
+            let (turned, bounds) =
+                place::<G, L, A>(&collider.shape, &local, &pose, &self.bodies.frames[index]);
+            self.broad_phase.update(id, &bounds);
             colliders.body.push(index as u32);
             colliders.thickness.push(thickness::<G, L, A>(&collider.shape));
             colliders.shapes.push(collider.shape);
             colliders.local.push(local);
-            colliders.poses.push(world);
+            colliders.poses.push(turned);
             colliders.material.push(collider.material);
             colliders.filter.push(collider.filter);
             colliders.removed.push(false);
@@ -160,6 +162,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.generation.push(0);
         bodies.poses.push(origin);
         bodies.frames.push(G::frame(&origin));
+        bodies.remainders.push(Vector::ZERO);
         bodies.inertia.push(Inertia::FIXED);
         bodies.gyroscopic.push(false);
         bodies.turns.push(Vector::ZERO);
@@ -260,13 +263,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.find_pairs(dt);
         let parts = self.parts(dt).min(substeps);
         let substeps = substeps.div_ceil(parts);
-        for _ in 0..parts {
+        for part in 0..parts {
             if parts > 1 {
                 self.find_pairs(dt / parts as f32);
                 self.parts(dt / parts as f32);
             }
             clock.lap(&mut report, Stage::Pairs);
-            self.part(dt / parts as f32, substeps, &mut clock, &mut report);
+            let last = part + 1 == parts;
+            self.part(dt / parts as f32, substeps, last, &mut clock, &mut report);
         }
         self.bodies.forces.fill(Velocity::ZERO);
         report.pairs = self.pairs.len();
@@ -295,12 +299,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// A part of a step, from the search for contacts to new poses.
-    fn part(&mut self, dt: f32, substeps: u32, clock: &mut Clock, report: &mut StepReport) {
+    fn part(
+        &mut self,
+        dt: f32,
+        substeps: u32,
+        last: bool,
+        clock: &mut Clock,
+        report: &mut StepReport,
+    ) {
         let settings = self.settings.clone();
+        let solving = settings.tolerance > 0.0;
+        let examined = if last && settings.certify { substeps - 1 } else { substeps };
         let h = dt / substeps as f32;
         self.find_manifolds();
         clock.lap(report, Stage::Manifolds);
-        rows::rows(&self.records, &self.bodies.frames, dt, &mut self.system);
+        rows::rows(&self.records, &self.bodies, dt, &mut self.system);
         self.displacements.fill(Velocity::ZERO);
 
         let repair = Repair {
@@ -312,7 +325,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
         let (system, wide) = (&mut self.system, &mut self.wide);
         let certifier = &mut self.certifier;
-        if settings.tolerance > 0.0 {
+        if solving || examined < substeps {
+            certifier.find_islands(system);
+        }
+        if solving {
             let weight = |body: usize| {
                 let pull = self.gravity.length() * self.bodies.gravity_factor[body];
                 if self.bodies.is_dynamic(body) {
@@ -324,12 +340,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             certifier.stiffen(system, weight, &settings, h);
         }
         wide.pack(system, settings.softness);
+        if solving || examined < substeps {
+            certifier.start(system, wide);
+        }
         let bouncing = system.manifolds.iter().any(|manifold| manifold.restitution > 0.0);
         if bouncing {
             system.prepare(settings.softness);
         }
         clock.lap(report, Stage::Rows);
-        for _ in 0..substeps {
+        for substep in 0..substeps {
             let bodies = &mut self.bodies;
             motion::predict(bodies, &system.masses, self.gravity, h, &mut system.velocities);
             clock.lap(report, Stage::Predict);
@@ -342,17 +361,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 wide.take_impacts(system);
                 clock.lap(report, Stage::Bounce);
             }
-            if settings.tolerance > 0.0 {
+            if solving || substep == examined {
                 certifier.prospective.clone_from(&system.velocities);
             }
             wide.start(&mut system.velocities, &self.displacements, &repair);
             clock.lap(report, Stage::WarmStart);
-            for _ in 0..settings.iterations {
-                wide.sweep_normals(&mut system.velocities);
-            }
-            clock.lap(report, Stage::Solve);
-            if settings.tolerance > 0.0 {
+            if solving {
                 let outcome = certifier.refine(system, wide, &settings);
+                report.certified.get_or_insert_default().join(&outcome);
+                clock.lap(report, Stage::Solve);
+                report.recharge(outcome.certifying, Stage::Solve, Stage::Certify);
+            } else {
+                for _ in 0..settings.iterations {
+                    wide.sweep_normals(&mut system.velocities);
+                }
+                clock.lap(report, Stage::Solve);
+            }
+            if substep == examined {
+                let outcome = certifier.examine(system, wide);
                 report.certified.get_or_insert_default().join(&outcome);
                 clock.lap(report, Stage::Certify);
             }
@@ -403,9 +429,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if colliders.removed[id] || self.bodies.motion[body] == Some(Motion::Static) {
                 continue;
             }
-            let pose = G::compose(&self.bodies.poses[body], &colliders.local[id]);
-            colliders.poses[id] = pose;
-            let mut bounds: Bounds<L> = G::bounds(&colliders.shapes[id], &pose);
+            let (pose, frame) = (&self.bodies.poses[body], &self.bodies.frames[body]);
+            let (turned, mut bounds) =
+                place::<G, L, A>(&colliders.shapes[id], &colliders.local[id], pose, frame);
+            colliders.poses[id] = turned;
             for i in 0..L {
                 let ahead = self.travel[body].linear[i];
                 bounds.min[i] += ahead.min(0.0) - reach;
@@ -433,7 +460,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let around = Surroundings::<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
-            frames: &self.bodies.frames,
+            bodies: &self.bodies,
             travel: &self.travel,
             prediction_distance: self.settings.prediction_distance,
             reuse_distance: self.settings.reuse_distance,
@@ -477,6 +504,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         out.residual = self.system.residual(true);
         out
     }
+}
+
+/// The pose of a shape as seen from its body's center of mass, turned with the body, and its box in
+/// the world.
+fn place<G: Geometry<L, A>, const L: usize, const A: usize>(
+    shape: &G::Shape,
+    local: &G::Pose,
+    body: &G::Pose,
+    frame: &Frame<L>,
+) -> (G::Pose, Bounds<L>) {
+    let turned = G::compose(&G::advance(body, -frame.position, Vector::ZERO), local);
+    let Bounds { min, max } = G::bounds(shape, &turned);
+    (turned, Bounds { min: min + frame.position, max: max + frame.position })
 }
 
 /// The smallest extent of a solid; unlimited for what has no volume. \[m\]

@@ -3,7 +3,7 @@
 use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
 
 use crate::vector::spin;
-use crate::{Real, Scalar, SymmetricMatrix, Vector, moment};
+use crate::{Cast, Real, Scalar, SymmetricMatrix, Vector, moment};
 
 /// Linear and angular velocity of a body: one block of the notes' column v.
 ///
@@ -26,18 +26,19 @@ impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
         self.linear.dot(other.linear) + self.angular.dot(other.angular)
     }
 
+    /// The same in another number.
+    #[inline(always)]
+    pub fn cast<U: Real>(&self) -> Velocity<U, L, A>
+    where
+        T: Cast<U>,
+    {
+        Velocity { linear: self.linear.cast(), angular: self.angular.cast() }
+    }
+
     /// Velocity \[m/s\] of the point at the lever arm `r` \[m\]: v + omega x r.
     #[inline(always)]
     pub fn at(&self, r: Vector<T, L>) -> Vector<T, L> {
         self.linear + spin(self.angular, r)
-    }
-}
-
-impl<T: Scalar, const L: usize, const A: usize> Velocity<T, L, A> {
-    /// The same in another number.
-    #[inline(always)]
-    pub fn cast<U: Real>(&self) -> Velocity<U, L, A> {
-        Velocity { linear: self.linear.cast(), angular: self.angular.cast() }
     }
 }
 
@@ -116,6 +117,15 @@ pub struct InverseMass<T: Real, const L: usize, const A: usize> {
 impl<T: Real, const L: usize, const A: usize> InverseMass<T, L, A> {
     /// Of a body that nothing can move.
     pub const FIXED: Self = Self { linear: T::ZERO, angular: SymmetricMatrix::ZERO };
+
+    /// M^-1 p: the velocity that a momentum gives. \[m/s, rad/s\]
+    #[inline(always)]
+    pub fn velocity(&self, momentum: &Velocity<T, L, A>) -> Velocity<T, L, A> {
+        Velocity {
+            linear: momentum.linear * self.linear,
+            angular: self.angular * momentum.angular,
+        }
+    }
 
     /// M^-1 (p, r x p): the change of velocity from an impulse `p` \[N s\] at the lever arm `r` \[m\].
     #[inline(always)]

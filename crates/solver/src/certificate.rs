@@ -44,7 +44,10 @@
 //! Convex Formulation of Compliant Contact, 2022.
 
 use crate::cone::Law;
-use crate::{Manifold, Scalar, System, Vector, Velocity};
+use crate::lanes::Doubles;
+use crate::{
+    Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Vector, Velocity, moment,
+};
 
 /// How good velocities and impulses are; sums over some contacts and the bodies that they touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,66 +95,142 @@ impl Certificate {
         if self.gap > 0.0 { (2.0 * self.gap / self.lightest).sqrt() } else { 0.0 }
     }
 
-    /// Adds a contact that misses its target by `y` with the impulse `r`; `masses` are its
-    /// effective masses along the normal and the tangents.
-    fn add_contact<const L: usize>(
-        &mut self,
-        law: &Law,
-        y: Vector<f64, L>,
-        r: Vector<f64, L>,
-        masses: [f64; 2],
-    ) {
-        let inside = law.clamp(r);
-        self.cone = self.cone.max((r - inside).length() / masses[0]);
-        self.sinking = self.sinking.max(y[0]);
-        let w = law.soften(inside) - y;
-        self.complementarity += (inside.dot(w) + inside[0] * law.shift(y, inside)).abs();
-        let mut natural = (inside[0] / masses[0]).min(w[0]).abs();
-        if masses[1] > 0.0 {
-            let mut stepped = inside - w * masses[1];
-            stepped[0] = inside[0];
-            natural = natural.max((law.clamp(stepped) - inside).length() / masses[1]);
-        }
-        self.natural = self.natural.max(natural);
+    /// Adds what a manifold says.
+    fn add<const L: usize, const A: usize>(&mut self, evidence: &Evidence<f64, L, A>) {
+        self.natural = self.natural.max(evidence.natural);
+        self.sinking = self.sinking.max(evidence.sinking);
+        self.cone = self.cone.max(evidence.cone);
+        self.complementarity += evidence.complementarity;
     }
 }
 
 /// G along the line of impulses: c + b x + a x^2 for x of 0..1.
-#[derive(Clone, Copy, Default)]
-struct Parabola {
-    a: f64,
-    b: f64,
-    c: f64,
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Parabola<T> {
+    a: T,
+    b: T,
+    c: T,
 }
 
-impl Parabola {
-    /// Adds a contact; returns the impulse at the start of the line, and the way to its end.
-    fn add_contact<const L: usize>(
-        &mut self,
-        law: &Law,
-        y: Vector<f64, L>,
-        r: Vector<f64, L>,
-    ) -> [Vector<f64, L>; 2] {
-        let start = law.clamp(r);
-        let mut shifted = y;
-        shifted[0] -= law.shift(y, start);
-        let way = law.response(shifted) - start;
-        let loss = law.loss(shifted, start);
-        self.c += loss;
-        if law.normal > 0.0 {
-            self.b += way.dot(law.soften(start) - shifted);
-            self.a += 0.5 * way.dot(law.soften(way));
-            [start, way]
-        } else {
-            [start, Vector::ZERO]
-        }
-    }
-
+impl Parabola<f64> {
     fn least(&self) -> f64 {
         let at = if self.a > 0.0 { (-0.5 * self.b / self.a).clamp(0.0, 1.0) } else { 0.0 };
         // Not below what rounding leaves of the terms.
-        (self.c + self.b * at + self.a * at * at).max(1e-15 * self.c)
+        let least = (self.c + self.b * at + self.a * at * at).max(1e-15 * self.c);
+        if least.is_nan() { f64::INFINITY } else { least }
     }
+}
+
+/// What the points of a manifold say of velocities and impulses; or eight manifolds, side by side.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Evidence<T: Real, const L: usize, const A: usize> {
+    line: Parabola<T>,
+    natural: T,
+    sinking: T,
+    complementarity: T,
+    cone: T,
+    /// J^T r for each body, of the impulses at the start of the line and of the way to its end.
+    momenta: [[Velocity<T, L, A>; 2]; 2],
+}
+
+impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
+    /// Of points on bodies that move at `a` and `b`; with `RESIDUALS` or G alone.
+    #[inline(always)]
+    pub(crate) fn of<U: Real + Cast<T>, const RESIDUALS: bool>(
+        manifold: &Manifold<T, L>,
+        points: &[Contact<U, L>],
+        [a, b]: &[Velocity<T, L, A>; 2],
+    ) -> Self {
+        let mut evidence = Self {
+            line: Parabola { a: T::ZERO, b: T::ZERO, c: T::ZERO },
+            natural: T::ZERO,
+            sinking: T::ZERO,
+            complementarity: T::ZERO,
+            cone: T::ZERO,
+            momenta: [[Velocity::ZERO; 2]; 2],
+        };
+        for contact in points {
+            let contact = contact.cast();
+            let y = contact.target - contact.relative_velocity(manifold, a, b);
+            let law = Law::of(manifold, &contact);
+            let inside = law.clamp(contact.impulse);
+            if RESIDUALS {
+                evidence.add_residuals(&law, &contact, y, inside);
+            }
+            let line = evidence.add_line(&law, &contact, y, inside);
+            for (i, r) in line.into_iter().enumerate() {
+                let p = manifold.to_world(r);
+                let [on_a, on_b] = &mut evidence.momenta;
+                on_a[i] += Velocity { linear: p, angular: moment(contact.anchor_a, p) };
+                on_b[i] -= Velocity { linear: p, angular: moment(contact.anchor_b, p) };
+            }
+        }
+        evidence
+    }
+
+    /// A contact that misses its target by `y`, with the impulse `r` of its cone.
+    #[inline(always)]
+    fn add_residuals(&mut self, law: &Law<T>, contact: &Contact<T, L>, y: Vector<T, L>, r: Vector<T, L>) {
+        let [mass, across] = [contact.effective_mass, contact.tangential_mass];
+        let mut w = law.soften(r) - y;
+        let mut stepped = r - w * across;
+        stepped[0] = r[0];
+        let slip = (law.clamp(stepped) - r).length() / across;
+        let natural = absolute((r[0] / mass).min(w[0])).max(across.choose(slip, T::ZERO));
+        w[0] += law.shift(y, r);
+        self.natural = self.natural.max(mass.choose(natural, T::ZERO));
+        self.sinking = self.sinking.max(mass.choose(y[0], T::ZERO));
+        self.cone = self.cone.max(mass.choose((contact.impulse - r).length() / mass, T::ZERO));
+        self.complementarity += mass.choose(absolute(r.dot(w)), T::ZERO);
+    }
+
+    /// The same contact; returns the impulse at the start of the line, and the way to its end.
+    #[inline(always)]
+    fn add_line(
+        &mut self,
+        law: &Law<T>,
+        contact: &Contact<T, L>,
+        y: Vector<T, L>,
+        r: Vector<T, L>,
+    ) -> [Vector<T, L>; 2] {
+        let mut shifted = y;
+        shifted[0] -= law.shift(y, r);
+        // What is rigid answers nothing, and the line is its start; what cannot move has no part.
+        let soft = law.normal.choose(contact.effective_mass, T::ZERO);
+        let way = (law.response(shifted) - r).only_if(soft);
+        let start = r.only_if(contact.effective_mass);
+        let half = T::from_f64(0.5);
+        self.line.c += contact.effective_mass.choose(law.loss(shifted, r), T::ZERO);
+        self.line.b += soft.choose(way.dot(law.soften(r) - shifted), T::ZERO);
+        self.line.a += soft.choose(half * way.dot(law.soften(way)), T::ZERO);
+        [start, way]
+    }
+}
+
+impl<T: Doubles, const L: usize, const A: usize> Evidence<T, L, A> {
+    /// What one of eight manifolds says.
+    #[inline(always)]
+    pub(crate) fn lane(&self, lane: usize) -> Evidence<f64, L, A> {
+        let velocity = |v: &Velocity<T, L, A>| Velocity {
+            linear: v.linear.map(|x| x.get(lane)),
+            angular: v.angular.map(|x| x.get(lane)),
+        };
+        let Parabola { a, b, c } = &self.line;
+        let [on_a, on_b] = &self.momenta;
+        Evidence {
+            line: Parabola { a: a.get(lane), b: b.get(lane), c: c.get(lane) },
+            natural: self.natural.get(lane),
+            sinking: self.sinking.get(lane),
+            complementarity: self.complementarity.get(lane),
+            cone: self.cone.get(lane),
+            momenta: [on_a, on_b].map(|[start, way]| [velocity(start), velocity(way)]),
+        }
+    }
+}
+
+#[inline(always)]
+fn absolute<T: Real>(x: T) -> T {
+    x.max(-x)
 }
 
 /// The certificate of a solved system, whose velocities were `prospective` without its impulses.
@@ -162,72 +241,96 @@ pub fn certify<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
     prospective: &[Velocity<T, L, A>],
 ) -> Certificate {
-    let mut certificates = Vec::new();
-    let islands = vec![0; system.velocities.len()];
-    certify_islands(system, prospective, &islands, 1, &mut Memory::default(), &mut certificates);
-    certificates.pop().unwrap_or(Certificate::NONE)
+    let mut tally = Tally::default();
+    tally.set_masses(system);
+    tally.certify(system, prospective)
 }
 
-/// Memory of [`certify_islands`].
+/// Sums up certificates, island by island, and keeps the memory for it.
 #[derive(Clone, Debug, Default)]
-pub struct Memory<const L: usize, const A: usize> {
-    /// d of each body, and what the way of the impulses adds to it.
-    defects: Vec<[Velocity<f64, L, A>; 2]>,
+pub struct Tally<const L: usize, const A: usize> {
+    masses: Vec<(Mass<L, A>, InverseMass<f64, L, A>)>,
+    /// J^T r of each body, at the start of the line and on its way.
+    momenta: Vec<[Velocity<f64, L, A>; 2]>,
+    lines: Vec<Parabola<f64>>,
+    certificates: Vec<Certificate>,
 }
 
-/// The certificates of `count` islands, given the island of each body; `u32::MAX` is none. A
-/// contact belongs to the island of whichever of its bodies has one.
-pub fn certify_islands<T: Scalar, const L: usize, const A: usize>(
-    system: &System<T, L, A>,
-    prospective: &[Velocity<T, L, A>],
-    islands: &[u32],
-    count: usize,
-    memory: &mut Memory<L, A>,
-    out: &mut Vec<Certificate>,
-) {
-    out.clear();
-    out.resize(count, Certificate::NONE);
-    let mut lines = vec![Parabola::default(); count];
-    let defects = &mut memory.defects;
-    defects.clear();
-    let changes = system.velocities.iter().zip(prospective);
-    defects.extend(changes.map(|(v, before)| [v.cast() - before.cast(), Velocity::ZERO]));
-    for manifold in &system.manifolds {
-        let [a, b] = manifold.bodies.map(|body| body as usize);
-        let island = islands[a].min(islands[b]) as usize;
-        let Some(certificate) = out.get_mut(island) else { continue };
-        let masses = system.masses_of(manifold).map(|mass| mass.cast::<f64>());
-        let (mut of_a, mut of_b) = (defects[a], defects[b]);
-        let (v_a, v_b) = (system.velocities[a].cast(), system.velocities[b].cast());
-        let frame: Manifold<f64, L> = manifold.cast();
-        for contact in &system.contacts[manifold.points()] {
-            let Some(law) = Law::of(manifold, contact) else { continue };
-            let contact = contact.cast::<f64>();
-            let y = contact.target - contact.relative_velocity(&frame, &v_a, &v_b);
-            let effective = [contact.effective_mass, contact.tangential_mass];
-            certificate.add_contact(&law, y, contact.impulse, effective);
-            let line = lines[island].add_contact(&law, y, contact.impulse);
-            for (i, r) in line.into_iter().enumerate() {
-                contact.apply(-frame.to_world(r), &masses, &mut of_a[i], &mut of_b[i]);
+impl<const L: usize, const A: usize> Tally<L, A> {
+    /// Takes over M of the bodies of a system.
+    pub fn set_masses<T: Scalar>(&mut self, system: &System<T, L, A>) {
+        self.masses.clear();
+        self.masses.extend(system.masses.iter().map(|mass| (mass.mass(), mass.cast())));
+    }
+
+    /// [`certify`], of a system with the masses that were set.
+    pub fn certify<T: Scalar>(
+        &mut self,
+        system: &System<T, L, A>,
+        prospective: &[Velocity<T, L, A>],
+    ) -> Certificate {
+        self.start(1);
+        for manifold in &system.manifolds {
+            let frame: Manifold<f64, L> = manifold.cast();
+            let points = &system.contacts[manifold.points()];
+            let velocities = system.velocities_of(manifold).map(|velocity| velocity.cast());
+            let evidence = Evidence::of::<T, true>(&frame, points, &velocities);
+            self.add(manifold.bodies, 0, &evidence);
+        }
+        self.finish(&system.velocities, prospective, |_| 0)[0]
+    }
+
+    /// Begins anew, for `count` islands.
+    pub(crate) fn start(&mut self, count: usize) {
+        self.momenta.clear();
+        self.momenta.resize(self.masses.len(), [Velocity::ZERO; 2]);
+        self.lines.clear();
+        self.lines.resize(count, Parabola::default());
+        self.certificates.clear();
+        self.certificates.resize(count, Certificate::NONE);
+    }
+
+    /// Adds a manifold of an island.
+    pub(crate) fn add(&mut self, bodies: [u32; 2], island: u32, evidence: &Evidence<f64, L, A>) {
+        let Some(certificate) = self.certificates.get_mut(island as usize) else { return };
+        certificate.add(evidence);
+        let line = &mut self.lines[island as usize];
+        line.a += evidence.line.a;
+        line.b += evidence.line.b;
+        line.c += evidence.line.c;
+        for (body, added) in bodies.into_iter().zip(evidence.momenta) {
+            let [start, way] = &mut self.momenta[body as usize];
+            *start += added[0];
+            *way += added[1];
+        }
+    }
+
+    /// The certificates, once all manifolds are added; `island` of a body may be none of them.
+    pub(crate) fn finish<T: Scalar>(
+        &mut self,
+        velocities: &[Velocity<T, L, A>],
+        prospective: &[Velocity<T, L, A>],
+        island: impl Fn(usize) -> u32,
+    ) -> &[Certificate] {
+        for (body, (mass, inverse)) in self.masses.iter().enumerate() {
+            let island = island(body) as usize;
+            let Some(certificate) = self.certificates.get_mut(island) else { continue };
+            let [start, way] = self.momenta[body].map(|momentum| inverse.velocity(&momentum));
+            let d = velocities[body].cast() - prospective[body].cast() - start;
+            let (momentum, line) = (mass.momentum(&d), &mut self.lines[island]);
+            let defect = 0.5 * momentum.dot(&d);
+            certificate.defect += defect;
+            line.c += defect;
+            line.b -= momentum.dot(&way);
+            line.a += 0.5 * mass.squared(&way);
+            if mass.linear > 0.0 {
+                certificate.mass += mass.linear;
+                certificate.lightest = certificate.lightest.min(mass.linear);
             }
         }
-        (defects[a], defects[b]) = (of_a, of_b);
-    }
-    for ((mass, [d, way]), &island) in system.masses.iter().zip(&*defects).zip(islands) {
-        let island = island as usize;
-        let Some(certificate) = out.get_mut(island) else { continue };
-        let mass = mass.mass();
-        let (momentum, line) = (mass.momentum(d), &mut lines[island]);
-        certificate.defect += 0.5 * momentum.dot(d);
-        line.c += 0.5 * momentum.dot(d);
-        line.b += momentum.dot(way);
-        line.a += 0.5 * mass.squared(way);
-        if mass.linear > 0.0 {
-            certificate.mass += mass.linear;
-            certificate.lightest = certificate.lightest.min(mass.linear);
+        for (certificate, line) in self.certificates.iter_mut().zip(&self.lines) {
+            certificate.gap = line.least();
         }
-    }
-    for (certificate, line) in out.iter_mut().zip(&lines) {
-        certificate.gap = line.least();
+        &self.certificates
     }
 }

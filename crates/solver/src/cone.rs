@@ -13,76 +13,102 @@
 //! Coulomb's law is this one with y_n lowered by mu |slip| (De Saxce and Feng 1998): without, a
 //! sliding contact would lift off at mu times its slip. [`Law::shift`] is that amount.
 
-use crate::{Contact, Manifold, Scalar, SymmetricMatrix, Vector};
+use crate::{Contact, Manifold, Real, SymmetricMatrix, Vector};
 
 /// Friction and compliance of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Law {
+pub struct Law<T: Real> {
     /// mu. \[1\]
-    pub friction: f64,
+    pub friction: T,
     /// Impulse of a collision in this step, which friction may lean on too. \[N s\]
-    pub impact: f64,
+    pub impact: T,
     /// epsilon. \[1/kg\]
-    pub normal: f64,
+    pub normal: T,
     /// epsilon_T. \[1/kg\]
-    pub tangential: f64,
+    pub tangential: T,
 }
 
-impl Law {
-    /// The law of a prepared contact; `None` where nothing can move.
-    pub fn of<T: Scalar, const L: usize>(
-        manifold: &Manifold<T, L>,
-        contact: &Contact<T, L>,
-    ) -> Option<Self> {
-        (contact.effective_mass.to_f64() > 0.0).then(|| Self {
-            friction: manifold.friction.to_f64(),
-            impact: contact.impact.to_f64(),
-            normal: contact.compliance.to_f64(),
-            tangential: contact.tangential_compliance().to_f64(),
-        })
+impl<T: Real> Law<T> {
+    /// The law of a prepared contact. Means nothing where nothing can move.
+    #[inline(always)]
+    pub fn of<const L: usize>(manifold: &Manifold<T, L>, contact: &Contact<T, L>) -> Self {
+        Self {
+            friction: manifold.friction,
+            impact: contact.impact,
+            normal: contact.compliance,
+            tangential: contact.tangential_compliance(),
+        }
     }
 
     /// The slip that Coulomb's law looks at, u_T - t_T + epsilon_T r_T, times mu: what y_n is lowered
     /// by. \[m/s\]
-    pub fn shift<const L: usize>(&self, y: Vector<f64, L>, r: Vector<f64, L>) -> f64 {
-        let mut squared = 0.0;
-        for i in 1..L {
-            let slip = self.tangential * r[i] - y[i];
-            squared += slip * slip;
-        }
-        self.friction * squared.sqrt()
+    #[inline(always)]
+    pub fn shift<const L: usize>(&self, y: Vector<T, L>, r: Vector<T, L>) -> T {
+        let slip = r * self.tangential - y;
+        self.friction * tangents(slip).length()
     }
 
     /// The impulse that answers `y`: argmax over K of r . y - r . R r / 2. \[N s\]
-    pub fn response<const L: usize>(&self, y: Vector<f64, L>) -> Vector<f64, L> {
-        let (normal, part) = self.respond(y);
-        let mut r = y * part;
-        r[0] = normal;
+    #[inline(always)]
+    pub fn response<const L: usize>(&self, y: Vector<T, L>) -> Vector<T, L> {
+        let answer = self.respond(y);
+        let mut r = y * answer.part;
+        r[0] = answer.normal;
         r
     }
 
-    /// r_n, and r_T as a part of y_T.
-    fn respond<const L: usize>(&self, y: Vector<f64, L>) -> (f64, f64) {
-        let pull = tangents(y).length();
-        let sticking = (y[0] / self.normal).max(0.0);
-        if pull <= self.tangential * self.friction * (sticking + self.impact) {
-            return (sticking, if pull > 0.0 { 1.0 / self.tangential } else { 0.0 });
-        }
+    #[inline(always)]
+    fn respond<const L: usize>(&self, y: Vector<T, L>) -> Answer<T> {
         let mu = self.friction;
+        let pull = tangents(y).length();
+        let sticking = (y[0] / self.normal).max(T::ZERO);
+        let beyond = pull - self.tangential * (mu * (sticking + self.impact));
         let stiff = self.normal + mu * mu * self.tangential;
-        let sliding = y[0] + mu * (pull - mu * self.tangential * self.impact);
-        let normal = (sliding / stiff).max(0.0);
-        (normal, mu * (normal + self.impact) / pull)
+        let missing = y[0] + mu * (pull - mu * self.tangential * self.impact);
+        let sliding = (missing / stiff).max(T::ZERO);
+        let per_slip = pull.choose(T::ONE / self.tangential, T::ZERO);
+        let normal = beyond.choose(sliding, sticking);
+        let part = beyond.choose(mu * (normal + self.impact) / pull, per_slip);
+        Answer { normal, part, pull, beyond }
     }
 
+    /// phi(y) + r . R r / 2 - r . y for an r of K: zero exactly if r answers y, else more. \[J\]
+    ///
+    /// Written so that nothing cancels: with d = response - r it is d . R d / 2 plus
+    /// d . (y - R response), neither negative, since the response is best in a convex set.
+    #[inline(always)]
+    pub fn loss<const L: usize>(&self, y: Vector<T, L>, r: Vector<T, L>) -> T {
+        let best = self.response(y);
+        let d = best - r;
+        T::from_f64(0.5) * d.dot(self.soften(d)) + d.dot(y - self.soften(best)).max(T::ZERO)
+    }
+
+    /// R r. \[m/s\]
+    #[inline(always)]
+    pub fn soften<const L: usize>(&self, r: Vector<T, L>) -> Vector<T, L> {
+        let mut out = r * self.tangential;
+        out[0] = r[0] * self.normal;
+        out
+    }
+
+    /// The nearest impulse of K along the tangents. \[N s\]
+    #[inline(always)]
+    pub fn clamp<const L: usize>(&self, r: Vector<T, L>) -> Vector<T, L> {
+        let normal = r[0].max(T::ZERO);
+        let (radius, length) = (self.friction * (normal + self.impact), tangents(r).length());
+        let mut out = r * (length - radius).choose(radius / length, T::ONE);
+        out[0] = normal;
+        out
+    }
+}
+
+impl Law<f64> {
     /// The derivative of the response: how fast r follows y. Symmetric, never negative. \[kg\]
     pub fn slope<const L: usize>(&self, y: Vector<f64, L>) -> SymmetricMatrix<f64, L> {
-        let (normal, part) = self.respond(y);
-        let across = tangents(y);
-        let pull = across.length();
+        let Answer { normal, part, pull, beyond } = self.respond(y);
         let mut slope = SymmetricMatrix::ZERO;
         let radius = self.friction * (normal + self.impact);
-        if pull <= self.tangential * radius {
+        if beyond <= 0.0 {
             // On the edge it presses: what rests unpressed is about to be.
             if y[0] >= 0.0 {
                 slope.0[0][0] = 1.0 / self.normal;
@@ -93,7 +119,7 @@ impl Law {
             }
             return slope;
         }
-        let along = across * (1.0 / pull);
+        let along = tangents(y) * (1.0 / pull);
         for i in 1..L {
             slope.0[i][i] = part;
             for j in 1..L {
@@ -113,36 +139,23 @@ impl Law {
         }
         slope
     }
+}
 
-    /// phi(y) + r . R r / 2 - r . y for an r of K: zero exactly if r answers y, else more. \[J\]
-    ///
-    /// Written so that nothing cancels: with d = response - r it is d . R d / 2 plus
-    /// d . (y - R response), neither negative, since the response is best in a convex set.
-    pub fn loss<const L: usize>(&self, y: Vector<f64, L>, r: Vector<f64, L>) -> f64 {
-        let best = self.response(y);
-        let d = best - r;
-        0.5 * d.dot(self.soften(d)) + d.dot(y - self.soften(best)).max(0.0)
-    }
-
-    /// R r. \[m/s\]
-    pub fn soften<const L: usize>(&self, r: Vector<f64, L>) -> Vector<f64, L> {
-        let mut out = r * self.tangential;
-        out[0] = r[0] * self.normal;
-        out
-    }
-
-    /// The nearest impulse of K along the tangents. \[N s\]
-    pub fn clamp<const L: usize>(&self, r: Vector<f64, L>) -> Vector<f64, L> {
-        let normal = r[0].max(0.0);
-        let (radius, length) = (self.friction * (normal + self.impact), tangents(r).length());
-        let mut out = if length > radius { r * (radius / length) } else { r };
-        out[0] = normal;
-        out
-    }
+/// What answers a velocity.
+struct Answer<T> {
+    /// r_n. \[N s\]
+    normal: T,
+    /// r_T over y_T. \[kg\]
+    part: T,
+    /// |y_T|. \[m/s\]
+    pull: T,
+    /// Positive where the contact slides: by how much y_T is more than friction can hold. \[m/s\]
+    beyond: T,
 }
 
 /// `v` without its component along the normal.
-pub(crate) fn tangents<const L: usize>(mut v: Vector<f64, L>) -> Vector<f64, L> {
-    v[0] = 0.0;
+#[inline(always)]
+pub(crate) fn tangents<T: Real, const L: usize>(mut v: Vector<T, L>) -> Vector<T, L> {
+    v[0] = T::ZERO;
     v
 }

@@ -1,6 +1,6 @@
 //! A contact point, and the manifold of points that share two bodies and a frame.
 
-use crate::{InverseMass, Real, Repair, Scalar, Vector, Velocity, moment};
+use crate::{Cast, InverseMass, Real, Repair, Scalar, Vector, Velocity, moment};
 
 /// What the points of a manifold share.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,40 +36,28 @@ impl<T: Real, const L: usize> Default for Manifold<T, L> {
     }
 }
 
-impl<T: Scalar, const L: usize> Manifold<T, L> {
+impl<T: Real, const L: usize> Manifold<T, L> {
     /// The same in another number.
-    pub fn cast<U: Real>(&self) -> Manifold<U, L> {
+    #[inline(always)]
+    pub fn cast<U: Real>(&self) -> Manifold<U, L>
+    where
+        T: Cast<U>,
+    {
+        let mut frame = [Vector::ZERO; L];
+        for (axis, own) in frame.iter_mut().zip(&self.frame) {
+            *axis = own.cast();
+        }
         Manifold {
             bodies: self.bodies,
-            frame: self.frame.map(|axis| axis.cast()),
-            friction: U::from_f64(self.friction.to_f64()),
-            restitution: U::from_f64(self.restitution.to_f64()),
-            compliance: U::from_f64(self.compliance.to_f64()),
+            frame,
+            friction: self.friction.cast(),
+            restitution: self.restitution.cast(),
+            compliance: self.compliance.cast(),
             first: self.first,
             count: self.count,
         }
     }
-}
 
-impl<T: Scalar, const L: usize> Contact<T, L> {
-    /// The same in another number.
-    pub fn cast<U: Real>(&self) -> Contact<U, L> {
-        let number = |x: T| U::from_f64(x.to_f64());
-        Contact {
-            anchor_a: self.anchor_a.cast(),
-            anchor_b: self.anchor_b.cast(),
-            gap: self.gap.cast(),
-            target: self.target.cast(),
-            impulse: self.impulse.cast(),
-            impact: number(self.impact),
-            effective_mass: number(self.effective_mass),
-            tangential_mass: number(self.tangential_mass),
-            compliance: number(self.compliance),
-        }
-    }
-}
-
-impl<T: Real, const L: usize> Manifold<T, L> {
     /// The unit normal n, from b towards a.
     #[inline(always)]
     pub fn normal(&self) -> Vector<T, L> {
@@ -85,7 +73,11 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     /// Components of a world vector along the frame: normal first.
     #[inline(always)]
     pub fn to_frame(&self, world: Vector<T, L>) -> Vector<T, L> {
-        Vector(std::array::from_fn(|i| self.frame[i].dot(world)))
+        let mut components = Vector::ZERO;
+        for i in 0..L {
+            components[i] = self.frame[i].dot(world);
+        }
+        components
     }
 
     /// The world vector with these components along the frame.
@@ -126,6 +118,25 @@ pub struct Contact<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> Contact<T, L> {
+    /// The same in another number.
+    #[inline(always)]
+    pub fn cast<U: Real>(&self) -> Contact<U, L>
+    where
+        T: Cast<U>,
+    {
+        Contact {
+            anchor_a: self.anchor_a.cast(),
+            anchor_b: self.anchor_b.cast(),
+            gap: self.gap.cast(),
+            target: self.target.cast(),
+            impulse: self.impulse.cast(),
+            impact: self.impact.cast(),
+            effective_mass: self.effective_mass.cast(),
+            tangential_mass: self.tangential_mass.cast(),
+            compliance: self.compliance.cast(),
+        }
+    }
+
     /// J_i v: velocity of a against b at this point, in the frame. \[m/s\]
     #[inline(always)]
     pub fn relative_velocity<const A: usize>(

@@ -4,10 +4,13 @@
 //! [`nncg`] comes next, then [`newton`]. Each rung starts from the impulses of the one
 //! before, and has a budget that is small against the cost of the next.
 
-use crate::certificate::{Certificate, Memory, certify_islands};
+use std::time::{Duration, Instant};
+
+use crate::certificate::{Certificate, Tally};
 use crate::island::Islands;
 use crate::solution::{Goal, Solution, Status};
-use crate::{Scalar, System, Velocity, newton, nncg, pgs};
+use crate::wide::Wide;
+use crate::{System, Velocity, newton, nncg, pgs};
 
 /// A method of the ladder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -89,9 +92,19 @@ pub fn solve<const L: usize, const A: usize>(
 pub struct Outcome {
     /// Islands.
     pub islands: usize,
-    /// Islands that were beyond the tolerance, by the rung that brought them home.
-    pub climbed: [usize; Rung::ALL.len()],
-    /// Islands that stayed beyond it.
+    /// Iterations of [`nncg`] over the islands that needed them.
+    pub iterations: usize,
+    /// Islands that Newton's method was asked for.
+    pub newton: usize,
+    /// Time for certificates.
+    pub certifying: Duration,
+    /// The largest residual of Coulomb's law ([`Certificate::natural`]), fastest approach beyond a
+    /// target ([`Certificate::sinking`]) and cone violation ([`Certificate::cone`]) of a contact in
+    /// what was examined. \[m/s\]
+    pub residuals: [f64; 3],
+    /// Sum over the contacts in what was examined ([`Certificate::complementarity`]). \[J\]
+    pub complementarity: f64,
+    /// Islands that stayed beyond the tolerance.
     pub failed: usize,
     /// The largest certified error of an island. \[m/s\]
     pub error: f64,
@@ -103,61 +116,188 @@ impl Outcome {
     /// The worse of two.
     pub fn join(&mut self, other: &Self) {
         self.islands = self.islands.max(other.islands);
+        self.iterations += other.iterations;
+        self.newton += other.newton;
+        self.certifying += other.certifying;
         self.failed += other.failed;
-        for (own, other) in self.climbed.iter_mut().zip(other.climbed) {
-            *own += other;
+        for (own, other) in self.residuals.iter_mut().zip(other.residuals) {
+            *own = own.max(other);
         }
+        self.complementarity = self.complementarity.max(other.complementarity);
         if other.error > self.error || self.worst.is_none() {
             (self.error, self.worst) = (other.error, other.worst);
         }
     }
+
+    fn set_worst(&mut self, errors: &[f64], islands: &Islands) {
+        let worst = errors.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+        let Some((island, &error)) = worst else { return };
+        self.error = error;
+        let mut of_body = islands.of_body.iter();
+        self.worst = of_body.position(|&of| of == island as u32).map(|body| body as u32);
+    }
 }
 
-/// Brings every island within the tolerance that is not. `system` holds velocities and impulses as
-/// sweeps left them, `prospective` its velocities without impulses.
-pub fn refine<T: Scalar, const L: usize, const A: usize>(
-    system: &mut System<T, L, A>,
-    prospective: &[Velocity<T, L, A>],
-    islands: &Islands,
-    goal: &Goal,
-    memory: &mut Memory<L, A>,
-    certificates: &mut Vec<Certificate>,
-) -> Outcome {
-    let of_body = &islands.of_body;
-    certify_islands(system, prospective, of_body, islands.count, memory, certificates);
-    let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
-    let beyond = |certificate: &Certificate| certificate.error().total_cmp(&goal.tolerance).is_gt();
-    if certificates.iter().any(beyond) {
-        // Rounding to the numbers of the system must not take what was reached away.
-        let finer = Goal { tolerance: 0.05 * goal.tolerance, ..*goal };
-        for island in 0..islands.count {
-            if beyond(&certificates[island]) {
-                let (status, rung) = replace(system, prospective, islands, island as u32, &finer);
-                if status == Status::Converged {
-                    outcome.climbed[rung as usize] += 1;
+/// Iterations of [`nncg`] in lanes before Newton's method is tried.
+const IN_LANES: usize = 256;
+
+/// The lanes go on to this part of the tolerance: what is left over moves the bodies, and the next
+/// system begins with it.
+const AIM: f64 = 0.2;
+
+/// Iterations from one certificate to the next, at most.
+const LONGEST: usize = 16;
+
+/// Iterations before their rate is trusted.
+const TRIAL: usize = 12;
+
+/// Climbs the ladder for one system after the other: those of the substeps of a simulation.
+#[derive(Clone, Debug, Default)]
+pub struct Climber<const L: usize, const A: usize> {
+    tally: Tally<L, A>,
+    /// Iterations before the first certificate: about as many as the last system needed.
+    planned: usize,
+    done: Vec<bool>,
+    errors: Vec<f64>,
+}
+
+impl<const L: usize, const A: usize> Climber<L, A> {
+    /// Takes over the masses of the bodies.
+    pub fn set_masses(&mut self, system: &System<f32, L, A>) {
+        self.tally.set_masses(system);
+    }
+
+    /// Brings every island within the tolerance: [`nncg`] in lanes for all, Newton's method in `f64`
+    /// for those that it does not bring home. `wide` holds the contacts, with the impulses that
+    /// `system.velocities` hold too; `prospective` are the velocities without them.
+    pub fn climb(
+        &mut self,
+        system: &mut System<f32, L, A>,
+        wide: &mut Wide<L, A>,
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        goal: &Goal,
+    ) -> Outcome {
+        let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
+        let beyond = |error: &f64| error.total_cmp(&goal.tolerance).is_gt();
+        self.in_lanes(&mut system.velocities, wide, prospective, islands, goal, &mut outcome);
+        if self.errors.iter().any(beyond) {
+            wide.unpack(system);
+            // Rounding to the numbers of the system must not take what was reached away.
+            let finer = Goal { tolerance: 0.2 * goal.tolerance, ..*goal };
+            for island in 0..islands.count {
+                if beyond(&self.errors[island]) {
+                    replace(system, prospective, islands, island as u32, &finer);
+                    outcome.newton += 1;
                 }
             }
+            wide.take_impulses(system);
+            self.certify(&system.velocities, wide, prospective, islands, &mut outcome);
         }
-        certify_islands(system, prospective, of_body, islands.count, memory, certificates);
+        outcome.failed = self.errors.iter().filter(|error| beyond(error)).count();
+        outcome.set_worst(&self.errors, islands);
+        outcome
     }
-    for (island, certificate) in certificates.iter().enumerate() {
-        outcome.failed += usize::from(beyond(certificate));
-        if outcome.worst.is_none() || certificate.error() > outcome.error {
-            outcome.error = certificate.error();
-            outcome.worst = of_body.iter().position(|&of| of == island as u32).map(|b| b as u32);
+
+    /// The certificate of a system as it is, with all its residuals.
+    pub fn examine(
+        &mut self,
+        velocities: &[Velocity<f32, L, A>],
+        wide: &Wide<L, A>,
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+    ) -> Outcome {
+        let start = Instant::now();
+        let certificates = wide.certify_fully(velocities, prospective, islands, &mut self.tally);
+        let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
+        for of in certificates {
+            for (own, other) in
+                outcome.residuals.iter_mut().zip([of.natural, of.sinking, of.cone])
+            {
+                *own = own.max(other);
+            }
+            outcome.complementarity += of.complementarity;
         }
+        self.errors.clear();
+        self.errors.extend(certificates.iter().map(Certificate::error));
+        outcome.set_worst(&self.errors, islands);
+        outcome.certifying = start.elapsed();
+        outcome
     }
-    outcome
+
+    /// The rungs in lanes. Leaves the certified errors of the islands.
+    fn in_lanes(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        wide: &mut Wide<L, A>,
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        goal: &Goal,
+        outcome: &mut Outcome,
+    ) {
+        self.done.clear();
+        self.done.resize(islands.count, false);
+        self.errors.clear();
+        self.errors.resize(islands.count, f64::INFINITY);
+        wide.begin_conjugate(islands.count);
+        let aim = AIM * goal.tolerance;
+        let mut due = self.planned;
+        let mut before = Vec::new();
+        while self.done.contains(&false) {
+            for _ in 0..due {
+                wide.conjugate(velocities, &self.done);
+            }
+            outcome.iterations += due;
+            before.clone_from(&self.errors);
+            self.certify(velocities, wide, prospective, islands, outcome);
+            for ((done, before), &error) in self.done.iter_mut().zip(&before).zip(&self.errors) {
+                *done |= error <= aim || is_hopeless(*before, error, due, outcome.iterations, aim);
+            }
+            due = (outcome.iterations / 2).clamp(1, LONGEST);
+        }
+        let ample = self.errors.iter().all(|&error| error <= 0.5 * aim);
+        let needed = outcome.iterations.min(2 * LONGEST);
+        self.planned = if ample { needed - needed.div_ceil(4) } else { needed };
+    }
+
+    fn certify(
+        &mut self,
+        velocities: &[Velocity<f32, L, A>],
+        wide: &Wide<L, A>,
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        outcome: &mut Outcome,
+    ) {
+        let start = Instant::now();
+        let certificates = wide.certify(velocities, prospective, islands, &mut self.tally);
+        self.errors.clear();
+        self.errors.extend(certificates.iter().map(Certificate::error));
+        outcome.certifying += start.elapsed();
+    }
+}
+
+/// Whether `due` iterations that took an error from `before` to `error`, after `made` in all, leave
+/// no hope that enough more would take it below the tolerance.
+fn is_hopeless(before: f64, error: f64, due: usize, made: usize, tolerance: f64) -> bool {
+    if !error.is_finite() || made >= IN_LANES {
+        return true;
+    }
+    if made < TRIAL || before.is_infinite() {
+        return false;
+    }
+    let rate = (error / before).ln() / due as f64;
+    let missing = (tolerance / error).ln();
+    rate >= 0.0 && made > 4 * TRIAL || rate < 0.0 && missing / rate > IN_LANES as f64
 }
 
 /// Solves one island apart, in `f64`, and puts its velocities and impulses back.
-fn replace<T: Scalar, const L: usize, const A: usize>(
-    system: &mut System<T, L, A>,
-    prospective: &[Velocity<T, L, A>],
+fn replace<const L: usize, const A: usize>(
+    system: &mut System<f32, L, A>,
+    prospective: &[Velocity<f32, L, A>],
     islands: &Islands,
     island: u32,
     goal: &Goal,
-) -> (Status, Rung) {
+) {
     let mut part = System::<f64, L, A>::new();
     let mut inside = vec![u32::MAX; system.masses.len()];
     let mut bodies = Vec::new();
@@ -179,7 +319,7 @@ fn replace<T: Scalar, const L: usize, const A: usize>(
         part.add_manifold(own, &points);
         manifolds.push(index);
     }
-    let (solution, rung) = solve(&mut part, goal);
+    let solution = newton::solve(&mut part, goal);
     if solution.status != Status::BadInput {
         for (&body, velocity) in bodies.iter().zip(&part.velocities) {
             if islands.of_body[body] == island {
@@ -194,5 +334,4 @@ fn replace<T: Scalar, const L: usize, const A: usize>(
             }
         }
     }
-    (solution.status, rung)
 }

@@ -10,13 +10,16 @@
 use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use crate::Real;
+use crate::{Cast, Real};
 
 /// Number of lanes, on every target.
 pub const WIDTH: usize = 8;
 
 /// Eight `f32` that are computed together.
 pub trait Lanes: Real {
+    /// Eight numbers that hold these exactly.
+    type Doubles: Doubles;
+
     /// The numbers.
     fn to_array(self) -> [f32; WIDTH];
 
@@ -34,19 +37,41 @@ pub trait Lanes: Real {
     fn run<R>(f: impl FnOnce() -> R) -> R;
 }
 
+/// Eight `f64` that are computed together, within [`Lanes::run`].
+pub trait Doubles: Real {
+    /// One of them.
+    fn get(&self, lane: usize) -> f64;
+}
+
 /// Eight numbers as two times four, for every target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(32))]
-pub struct Halves([[f32; 4]; 2]);
+pub struct Halves<T = f32>([[T; 4]; 2]);
 
-impl Halves {
+impl<T: Real> Halves<T> {
     #[inline(always)]
-    fn each(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+    fn each(self, other: Self, f: impl Fn(T, T) -> T) -> Self {
         Self(from_fn(|half| from_fn(|i| f(self.0[half][i], other.0[half][i]))))
     }
 }
 
+impl Doubles for Halves<f64> {
+    #[inline(always)]
+    fn get(&self, lane: usize) -> f64 {
+        self.0[lane / 4][lane % 4]
+    }
+}
+
+impl Cast<Halves<f64>> for Halves {
+    #[inline(always)]
+    fn cast(self) -> Halves<f64> {
+        Halves(from_fn(|half| from_fn(|i| f64::from(self.0[half][i]))))
+    }
+}
+
 impl Lanes for Halves {
+    type Doubles = Halves<f64>;
+
     #[inline(always)]
     fn to_array(self) -> [f32; WIDTH] {
         from_fn(|i| self.0[i / 4][i % 4])
@@ -70,46 +95,6 @@ impl Lanes for Halves {
     #[inline(always)]
     fn run<R>(f: impl FnOnce() -> R) -> R {
         f()
-    }
-}
-
-impl Neg for Halves {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        self.each(self, |x, _| -x)
-    }
-}
-
-impl Real for Halves {
-    const ZERO: Self = Self([[0.0; 4]; 2]);
-    const ONE: Self = Self([[1.0; 4]; 2]);
-
-    #[inline(always)]
-    fn from_f64(value: f64) -> Self {
-        Self([[value as f32; 4]; 2])
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.each(self, |x, _| x.sqrt())
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        self.each(other, Real::max)
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        self.each(other, Real::min)
-    }
-
-    #[inline(always)]
-    fn choose(self, positive: Self, otherwise: Self) -> Self {
-        Self(from_fn(|half| {
-            from_fn(|i| self.0[half][i].choose(positive.0[half][i], otherwise.0[half][i]))
-        }))
     }
 }
 
@@ -140,12 +125,59 @@ macro_rules! operators {
     };
 }
 
-operators! { Halves,
-    Add add |a: Halves, b| a.each(b, |x, y| x + y);
-    Sub sub |a: Halves, b| a.each(b, |x, y| x - y);
-    Mul mul |a: Halves, b| a.each(b, |x, y| x * y);
-    Div div |a: Halves, b| a.each(b, |x, y| x / y);
+macro_rules! halves {
+    ($t:ty) => {
+        impl Neg for Halves<$t> {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                self.each(self, |x, _| -x)
+            }
+        }
+
+        impl Real for Halves<$t> {
+            const ZERO: Self = Self([[0.0; 4]; 2]);
+            const ONE: Self = Self([[1.0; 4]; 2]);
+
+            #[inline(always)]
+            fn from_f64(value: f64) -> Self {
+                Self([[value as $t; 4]; 2])
+            }
+
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                self.each(self, |x, _| x.sqrt())
+            }
+
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                self.each(other, Real::max)
+            }
+
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                self.each(other, Real::min)
+            }
+
+            #[inline(always)]
+            fn choose(self, positive: Self, otherwise: Self) -> Self {
+                Self(from_fn(|half| {
+                    from_fn(|i| self.0[half][i].choose(positive.0[half][i], otherwise.0[half][i]))
+                }))
+            }
+        }
+
+        operators! { Halves<$t>,
+            Add add |a: Self, b| a.each(b, |x, y| x + y);
+            Sub sub |a: Self, b| a.each(b, |x, y| x - y);
+            Mul mul |a: Self, b| a.each(b, |x, y| x * y);
+            Div div |a: Self, b| a.each(b, |x, y| x / y);
+        }
+    };
 }
+
+halves!(f32);
+halves!(f64);
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::{Avx2, available as avx2_available};
@@ -155,8 +187,8 @@ mod avx2 {
     use std::arch::x86_64::*;
     use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-    use super::{Lanes, WIDTH};
-    use crate::Real;
+    use super::{Doubles, Lanes, WIDTH};
+    use crate::{Cast, Real};
 
     /// Eight numbers in a register of AVX2. Values can be made and moved anywhere; arithmetic must
     /// happen within [`Lanes::run`].
@@ -192,6 +224,8 @@ mod avx2 {
     }
 
     impl Lanes for Avx2 {
+        type Doubles = Avx2Doubles;
+
         #[inline(always)]
         fn to_array(self) -> [f32; WIDTH] {
             // SAFETY: both are 32 bytes of plain numbers.
@@ -279,6 +313,124 @@ mod avx2 {
             unsafe {
                 let mask = _mm256_cmp_ps::<_CMP_GT_OQ>(self.0, _mm256_setzero_ps());
                 Self(_mm256_blendv_ps(otherwise.0, positive.0, mask))
+            }
+        }
+    }
+
+    /// Eight `f64` in two registers of AVX2, under the terms of [`Avx2`].
+    #[derive(Clone, Copy, Debug)]
+    #[repr(transparent)]
+    pub struct Avx2Doubles([__m256d; 2]);
+
+    /// An array has the size and, aligned, the bits of the registers.
+    #[repr(align(32))]
+    #[derive(Clone, Copy)]
+    struct AlignedDoubles(#[allow(dead_code)] [f64; WIDTH]);
+
+    const fn doubles(value: f64) -> Avx2Doubles {
+        // SAFETY: both are 64 bytes of plain numbers.
+        unsafe { std::mem::transmute(AlignedDoubles([value; WIDTH])) }
+    }
+
+    impl Cast<Avx2Doubles> for Avx2 {
+        #[inline(always)]
+        fn cast(self) -> Avx2Doubles {
+            // SAFETY: within `run`, the machine has AVX2.
+            unsafe {
+                let low = _mm256_cvtps_pd(_mm256_castps256_ps128(self.0));
+                let high = _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(self.0));
+                Avx2Doubles([low, high])
+            }
+        }
+    }
+
+    impl Default for Avx2Doubles {
+        fn default() -> Self {
+            doubles(0.0)
+        }
+    }
+
+    impl PartialEq for Avx2Doubles {
+        fn eq(&self, other: &Self) -> bool {
+            (0..WIDTH).all(|lane| self.get(lane) == other.get(lane))
+        }
+    }
+
+    impl Doubles for Avx2Doubles {
+        #[inline(always)]
+        fn get(&self, lane: usize) -> f64 {
+            // SAFETY: registers in memory are eight numbers; the index is checked.
+            unsafe { (*std::ptr::from_ref(self).cast::<[f64; WIDTH]>())[lane] }
+        }
+    }
+
+    impl Neg for Avx2Doubles {
+        type Output = Self;
+        #[inline(always)]
+        fn neg(self) -> Self {
+            // SAFETY: as above.
+            unsafe {
+                let sign = _mm256_set1_pd(-0.0);
+                Self([_mm256_xor_pd(self.0[0], sign), _mm256_xor_pd(self.0[1], sign)])
+            }
+        }
+    }
+
+    /// An instruction on both registers. A closure would keep it from being inlined.
+    macro_rules! both {
+        ($instruction:ident, $a:expr, $b:expr) => {
+            // SAFETY: within `run`, the machine has AVX2.
+            unsafe { Avx2Doubles([$instruction($a.0[0], $b.0[0]), $instruction($a.0[1], $b.0[1])]) }
+        };
+    }
+
+    operators! { Avx2Doubles,
+        Add add |a: Self, b: Self| both!(_mm256_add_pd, a, b);
+        Sub sub |a: Self, b: Self| both!(_mm256_sub_pd, a, b);
+        Mul mul |a: Self, b: Self| both!(_mm256_mul_pd, a, b);
+        Div div |a: Self, b: Self| both!(_mm256_div_pd, a, b);
+    }
+
+    impl Real for Avx2Doubles {
+        const ZERO: Self = doubles(0.0);
+        const ONE: Self = doubles(1.0);
+
+        #[inline(always)]
+        fn from_f64(value: f64) -> Self {
+            doubles(value)
+        }
+
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            // SAFETY: as above.
+            unsafe { Self([_mm256_sqrt_pd(self.0[0]), _mm256_sqrt_pd(self.0[1])]) }
+        }
+
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            // SAFETY: as above.
+            both!(_mm256_max_pd, self, other)
+        }
+
+        #[inline(always)]
+        fn min(self, other: Self) -> Self {
+            // SAFETY: as above.
+            both!(_mm256_min_pd, self, other)
+        }
+
+        #[inline(always)]
+        fn choose(self, positive: Self, otherwise: Self) -> Self {
+            // SAFETY: as above.
+            unsafe {
+                let zero = _mm256_setzero_pd();
+                let mask = [
+                    _mm256_cmp_pd::<_CMP_GT_OQ>(self.0[0], zero),
+                    _mm256_cmp_pd::<_CMP_GT_OQ>(self.0[1], zero),
+                ];
+                Self([
+                    _mm256_blendv_pd(otherwise.0[0], positive.0[0], mask[0]),
+                    _mm256_blendv_pd(otherwise.0[1], positive.0[1], mask[1]),
+                ])
             }
         }
     }

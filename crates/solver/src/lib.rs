@@ -107,6 +107,6 @@ pub mod wide;
 
 pub use body::{InverseMass, Mass, Velocity};
 pub use contact::{Contact, Manifold, contact_frame};
-pub use real::{Real, Scalar};
+pub use real::{Cast, Real, Scalar};
 pub use system::{Repair, System};
 pub use vector::{SymmetricMatrix, Vector, moment, spin};

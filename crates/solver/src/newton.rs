@@ -16,7 +16,6 @@
 //! References: Castro, Permenter and Han 2022 (soft contact as unconstrained convex minimization);
 //! Todorov 2014 (the same in MuJoCo).
 
-use crate::certificate::certify;
 use crate::cholesky::BlockMatrix;
 use crate::cone::Law;
 use crate::solution::{Goal, Solution, Status, Track};
@@ -62,8 +61,7 @@ pub fn solve<const L: usize, const A: usize>(
             *velocity += *direction * length;
         }
         problem.answer(system);
-        let certificate = certify(system, &problem.prospective);
-        track.record(system, certificate);
+        let certificate = track.record(system);
         // The rest of G is what the shift is wrong by.
         if certificate.defect < 0.1 * certificate.gap {
             problem.renew_shifts(system);
@@ -106,7 +104,10 @@ impl<const L: usize, const A: usize> Problem<L, A> {
         for manifold in &system.manifolds {
             for index in manifold.points() {
                 let contact = &system.contacts[index];
-                let Some(law) = Law::of(manifold, contact) else { continue };
+                if contact.effective_mass <= 0.0 {
+                    continue;
+                }
+                let law = Law::of(manifold, contact);
                 if law.normal <= 0.0 {
                     return None;
                 }
@@ -247,7 +248,7 @@ impl<const L: usize, const A: usize> Problem<L, A> {
 struct Row<const L: usize> {
     contact: usize,
     bodies: [usize; 2],
-    law: Law,
+    law: Law<f64>,
     /// J_i: what each body's velocities add to u, with the sign of the body.
     jacobian: [[[f64; MOST]; L]; 2],
     target: Vector<f64, L>,
@@ -260,7 +261,7 @@ impl<const L: usize> Row<L> {
         manifold: &Manifold<f64, L>,
         contact: &Contact<f64, L>,
         index: usize,
-        law: Law,
+        law: Law<f64>,
     ) -> Self {
         let side = |sign: f64, anchor: Vector<f64, L>| {
             manifold.frame.map(|axis| {

@@ -10,7 +10,7 @@
 //! iterate is kept.
 
 use crate::solution::{self, Goal, Solution};
-use crate::{System, Vector, symmetric};
+use crate::{Contact, Real, Scalar, System, Vector, symmetric};
 
 /// Iterates until the certificate is good enough.
 pub fn solve<const L: usize, const A: usize>(
@@ -28,22 +28,37 @@ pub fn solve<const L: usize, const A: usize>(
         before.clear();
         before.extend(system.contacts.iter().map(|contact| contact.impulse));
         symmetric::sweep(system);
-        // In the metric of the effective masses, so that heavy and light bodies count alike.
-        let mut size = 0.0;
-        for (contact, before) in system.contacts.iter().zip(&before) {
-            if contact.effective_mass > 0.0 {
-                let g = *before - contact.impulse;
-                size += g.dot(g) / contact.effective_mass;
-            }
-        }
-        let ratio = size / size_before;
-        size_before = size;
-        beta = if ratio <= 1.0 { ratio } else { 0.0 };
+        let changed = system.contacts.iter().zip(&before);
+        beta = beta_of(changed.map(|(contact, before)| size(contact, *before)).sum(), &mut size_before);
         for ((contact, before), p) in system.contacts.iter().zip(&before).zip(&mut direction) {
-            let g = *before - contact.impulse;
-            *p = if beta > 0.0 { *p * beta - g } else { Vector::ZERO };
+            *p = next_direction(contact, *before, *p, beta);
         }
     })
+}
+
+/// |g|^2 of a contact, in the metric of its effective mass, so that heavy and light bodies count
+/// alike.
+#[inline(always)]
+pub(crate) fn size<T: Real, const L: usize>(contact: &Contact<T, L>, before: Vector<T, L>) -> T {
+    let g = before - contact.impulse;
+    contact.effective_mass.choose(g.dot(g) / contact.effective_mass, T::ZERO)
+}
+
+/// beta for gradients of this size and of the one `before`, which is renewed; 0 if it has grown.
+pub(crate) fn beta_of<T: Scalar>(size: T, before: &mut T) -> T {
+    let ratio = size / std::mem::replace(before, size);
+    if ratio <= T::ONE { ratio } else { T::ZERO }
+}
+
+/// p <- beta p - g; 0 where beta is.
+#[inline(always)]
+pub(crate) fn next_direction<T: Real, const L: usize>(
+    contact: &Contact<T, L>,
+    before: Vector<T, L>,
+    direction: Vector<T, L>,
+    beta: T,
+) -> Vector<T, L> {
+    (direction * beta - (before - contact.impulse)).only_if(beta)
 }
 
 /// r <- r + beta p, with the velocities that go with it.

@@ -62,8 +62,11 @@ fn sweep<const L: usize, const A: usize>(
         let masses = system.masses_of(&manifold);
         let [mut a, mut b] = system.velocities_of(&manifold);
         for (contact, old) in system.contacts[manifold.points()].iter_mut().zip(&*old) {
-            let Some(law) = Law::of(&manifold, contact) else { continue };
-            let next = law.clamp(*old + (contact.impulse - *old) * omega);
+            if contact.effective_mass <= 0.0 {
+                continue;
+            }
+            let over = *old + (contact.impulse - *old) * omega;
+            let next = Law::of(&manifold, contact).clamp(over);
             contact.apply(manifold.to_world(next - contact.impulse), &masses, &mut a, &mut b);
             contact.impulse = next;
         }

@@ -55,6 +55,19 @@ pub trait Scalar: Real + PartialOrd {
     fn to_f64(self) -> f64;
 }
 
+/// A number that another type can hold, to its nearest value.
+pub trait Cast<U> {
+    /// The same number.
+    fn cast(self) -> U;
+}
+
+impl<T: Scalar, U: Real> Cast<U> for T {
+    #[inline(always)]
+    fn cast(self) -> U {
+        U::from_f64(self.to_f64())
+    }
+}
+
 macro_rules! scalar {
     ($t:ty) => {
         impl Real for $t {

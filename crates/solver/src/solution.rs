@@ -1,6 +1,6 @@
 //! What every method is asked, and what it answers.
 
-use crate::certificate::{Certificate, certify};
+use crate::certificate::{Certificate, Tally};
 use crate::{System, Vector, Velocity};
 
 /// When a method stops.
@@ -55,6 +55,8 @@ pub(crate) struct Track<const L: usize, const A: usize> {
     /// Iterations since the error was last lowered by a tenth, and what it was then.
     idle: usize,
     mark: f64,
+    prospective: Vec<Velocity<f64, L, A>>,
+    tally: Tally<L, A>,
     best: Certificate,
     velocities: Vec<Velocity<f64, L, A>>,
     impulses: Vec<Vector<f64, L>>,
@@ -68,21 +70,26 @@ impl<const L: usize, const A: usize> Track<L, A> {
         goal: &Goal,
         patience: usize,
     ) -> Self {
-        let best = certify(system, prospective);
+        let mut tally = Tally::default();
+        tally.set_masses(system);
+        let best = tally.certify(system, prospective);
         Self {
             goal: *goal,
             patience,
             history: vec![best.error()],
             idle: 0,
             mark: best.error(),
+            prospective: prospective.to_vec(),
+            tally,
             best,
             velocities: system.velocities.clone(),
             impulses: impulses(system).collect(),
         }
     }
 
-    /// After an iteration.
-    pub(crate) fn record(&mut self, system: &System<f64, L, A>, certificate: Certificate) {
+    /// After an iteration: its certificate.
+    pub(crate) fn record(&mut self, system: &System<f64, L, A>) -> Certificate {
+        let certificate = self.tally.certify(system, &self.prospective);
         let error = certificate.error();
         self.history.push(error);
         self.idle += 1;
@@ -95,6 +102,7 @@ impl<const L: usize, const A: usize> Track<L, A> {
             self.impulses.clear();
             self.impulses.extend(impulses(system));
         }
+        certificate
     }
 
     /// How it stands; `Budget` also while iterations are left.
@@ -134,8 +142,7 @@ pub(crate) fn iterate<const L: usize, const A: usize>(
     let mut track = Track::start(system, &prospective, goal, PATIENCE);
     while track.goes_on() {
         iteration(system);
-        let certificate = certify(system, &prospective);
-        track.record(system, certificate);
+        track.record(system);
     }
     let status = track.status();
     track.end(system, status)

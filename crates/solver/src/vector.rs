@@ -1,10 +1,13 @@
 //! [`Vector`] and [`SymmetricMatrix`] of any size, zero included, and the two products of mechanics that
 //! depend on the dimension: [`moment`] (r x f) and [`spin`] (omega x r).
+//!
+//! Loops, not `array::from_fn`: its closures are not always inlined, and [`lanes`](crate::lanes) must
+//! be.
 
 use std::array::from_fn;
 use std::ops::{Add, AddAssign, Index, IndexMut, Mul, Neg, Sub, SubAssign};
 
-use crate::{Real, Scalar};
+use crate::{Cast, Real};
 
 /// A column of `N` numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,18 +34,32 @@ impl<T: Real, const N: usize> Vector<T, N> {
         self.dot(self).sqrt()
     }
 
+    /// The same where `mask` is positive, else zero.
+    #[inline(always)]
+    pub fn only_if(mut self, mask: T) -> Self {
+        for x in &mut self.0 {
+            *x = mask.choose(*x, T::ZERO);
+        }
+        self
+    }
+
     /// Each component through `f`.
     #[inline(always)]
     pub fn map<U: Real>(self, f: impl FnMut(T) -> U) -> Vector<U, N> {
         Vector(self.0.map(f))
     }
-}
 
-impl<T: Scalar, const N: usize> Vector<T, N> {
     /// The same in another number.
     #[inline(always)]
-    pub fn cast<U: Real>(&self) -> Vector<U, N> {
-        self.map(|x| U::from_f64(x.to_f64()))
+    pub fn cast<U: Real>(&self) -> Vector<U, N>
+    where
+        T: Cast<U>,
+    {
+        let mut out = Vector::ZERO;
+        for i in 0..N {
+            out.0[i] = self.0[i].cast();
+        }
+        out
     }
 }
 
@@ -61,32 +78,44 @@ impl<T, const N: usize> From<[T; N]> for Vector<T, N> {
 impl<T: Real, const N: usize> Add for Vector<T, N> {
     type Output = Self;
     #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self(from_fn(|i| self.0[i] + other.0[i]))
+    fn add(mut self, other: Self) -> Self {
+        for i in 0..N {
+            self.0[i] += other.0[i];
+        }
+        self
     }
 }
 
 impl<T: Real, const N: usize> Sub for Vector<T, N> {
     type Output = Self;
     #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self(from_fn(|i| self.0[i] - other.0[i]))
+    fn sub(mut self, other: Self) -> Self {
+        for i in 0..N {
+            self.0[i] -= other.0[i];
+        }
+        self
     }
 }
 
 impl<T: Real, const N: usize> Neg for Vector<T, N> {
     type Output = Self;
     #[inline(always)]
-    fn neg(self) -> Self {
-        Self(from_fn(|i| -self.0[i]))
+    fn neg(mut self) -> Self {
+        for x in &mut self.0 {
+            *x = -*x;
+        }
+        self
     }
 }
 
 impl<T: Real, const N: usize> Mul<T> for Vector<T, N> {
     type Output = Self;
     #[inline(always)]
-    fn mul(self, scale: T) -> Self {
-        Self(from_fn(|i| self.0[i] * scale))
+    fn mul(mut self, scale: T) -> Self {
+        for x in &mut self.0 {
+            *x = *x * scale;
+        }
+        self
     }
 }
 
@@ -162,9 +191,12 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
     }
 }
 
-impl<T: Scalar, const N: usize> SymmetricMatrix<T, N> {
+impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
     /// The same in another number.
-    pub fn cast<U: Real>(&self) -> SymmetricMatrix<U, N> {
+    pub fn cast<U: Real>(&self) -> SymmetricMatrix<U, N>
+    where
+        T: Cast<U>,
+    {
         SymmetricMatrix(self.0.map(|row| row.cast()))
     }
 }
@@ -209,7 +241,11 @@ impl<T: Real, const N: usize> Mul<Vector<T, N>> for SymmetricMatrix<T, N> {
     type Output = Vector<T, N>;
     #[inline(always)]
     fn mul(self, vector: Vector<T, N>) -> Vector<T, N> {
-        Vector(from_fn(|i| self.0[i].dot(vector)))
+        let mut out = Vector::ZERO;
+        for i in 0..N {
+            out.0[i] = self.0[i].dot(vector);
+        }
+        out
     }
 }
 
@@ -221,14 +257,18 @@ pub fn moment<T: Real, const L: usize, const A: usize>(
     r: Vector<T, L>,
     f: Vector<T, L>,
 ) -> Vector<T, A> {
+    let mut out = Vector::ZERO;
     match (L, A) {
-        (2, 1) => Vector(from_fn(|_| r[0] * f[1] - r[1] * f[0])),
-        (3, 3) => Vector(from_fn(|i| {
-            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-            r[j] * f[k] - r[k] * f[j]
-        })),
-        _ => Vector::ZERO,
+        (2, 1) => out.0[0] = r[0] * f[1] - r[1] * f[0],
+        (3, 3) => {
+            for i in 0..A {
+                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                out.0[i] = r[j] * f[k] - r[k] * f[j];
+            }
+        }
+        _ => {}
     }
+    out
 }
 
 /// omega x r: the velocity \[m/s\] at the lever arm `r` \[m\] that turning at `omega` \[rad/s\] adds.
@@ -237,12 +277,19 @@ pub fn spin<T: Real, const L: usize, const A: usize>(
     omega: Vector<T, A>,
     r: Vector<T, L>,
 ) -> Vector<T, L> {
+    let mut out = Vector::ZERO;
     match (L, A) {
-        (2, 1) => Vector(from_fn(|i| if i == 0 { -omega[0] * r[1] } else { omega[0] * r[0] })),
-        (3, 3) => Vector(from_fn(|i| {
-            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-            omega[j] * r[k] - omega[k] * r[j]
-        })),
-        _ => Vector::ZERO,
+        (2, 1) => {
+            out.0[0] = -omega[0] * r[1];
+            out.0[1] = omega[0] * r[0];
+        }
+        (3, 3) => {
+            for i in 0..L {
+                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                out.0[i] = omega[j] * r[k] - omega[k] * r[j];
+            }
+        }
+        _ => {}
     }
+    out
 }

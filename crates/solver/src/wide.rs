@@ -3,10 +3,15 @@
 //! The kernels are those of [`pgs`](crate::pgs), run on a number that is eight numbers. The
 //! velocities of the bodies are gathered once per visit to a block and serve all its points.
 
+mod conjugate;
+
+use crate::certificate::{Certificate, Evidence, Tally};
 use crate::color::Coloring;
+use crate::island::{Islands, NONE};
 use crate::lanes::{Halves, Lanes, WIDTH};
 use crate::pgs::visit;
-use crate::{Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
+use conjugate::Conjugate;
+use crate::{Cast, Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
 
 /// A system of `f32` contacts, packed, on the best lanes of this machine.
 #[derive(Clone, Debug)]
@@ -69,6 +74,48 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         on_lanes!(self, packed => packed.start(velocities, displacements, repair));
     }
 
+    /// [`Packed::set_islands`].
+    pub fn set_islands(&mut self, islands: &Islands) {
+        on_lanes!(self, packed => packed.set_islands(islands));
+    }
+
+    /// [`Packed::certify`] without residuals: G, its defect and the masses.
+    pub fn certify<'a>(
+        &self,
+        velocities: &[Velocity<f32, L, A>],
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        tally: &'a mut Tally<L, A>,
+    ) -> &'a [Certificate] {
+        on_lanes!(self, packed => packed.certify::<false>(velocities, prospective, islands, tally))
+    }
+
+    /// [`Packed::certify`] with everything.
+    pub fn certify_fully<'a>(
+        &self,
+        velocities: &[Velocity<f32, L, A>],
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        tally: &'a mut Tally<L, A>,
+    ) -> &'a [Certificate] {
+        on_lanes!(self, packed => packed.certify::<true>(velocities, prospective, islands, tally))
+    }
+
+    /// [`Packed::begin_conjugate`].
+    pub fn begin_conjugate(&mut self, islands: usize) {
+        on_lanes!(self, packed => packed.begin_conjugate(islands));
+    }
+
+    /// [`Packed::conjugate`].
+    pub fn conjugate(&mut self, velocities: &mut [Velocity<f32, L, A>], done: &[bool]) {
+        on_lanes!(self, packed => packed.conjugate(velocities, done));
+    }
+
+    /// [`Packed::sweep`].
+    pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, packed => packed.sweep(velocities));
+    }
+
     /// [`Packed::sweep_normals`].
     pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         on_lanes!(self, packed => packed.sweep_normals(velocities));
@@ -92,6 +139,7 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     blocks: Vec<Block<V, L, A>>,
     contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
+    conjugate: Conjugate<V, L>,
 }
 
 /// The gap of a point that is not there. \[m\]
@@ -103,6 +151,7 @@ struct Block<V: Lanes, const L: usize, const A: usize> {
     /// How many of the lanes are in use.
     lanes: usize,
     bodies: [[u32; WIDTH]; 2],
+    islands: [u32; WIDTH],
     masses: [InverseMass<V, L, A>; 2],
     /// `bodies` of this one mean nothing: each lane has its own.
     manifold: Manifold<V, L>,
@@ -111,7 +160,12 @@ struct Block<V: Lanes, const L: usize, const A: usize> {
 impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// An empty one.
     pub fn new() -> Self {
-        Self { blocks: Vec::new(), contacts: Vec::new(), coloring: Coloring::default() }
+        Self {
+            blocks: Vec::new(),
+            contacts: Vec::new(),
+            coloring: Coloring::default(),
+            conjugate: Conjugate::default(),
+        }
     }
 
     /// Takes over the manifolds and contacts of `system`, and finds their effective masses
@@ -228,6 +282,54 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         );
     }
 
+    /// Tells each manifold which island it belongs to.
+    pub fn set_islands(&mut self, islands: &Islands) {
+        for block in &mut self.blocks {
+            for lane in 0..WIDTH {
+                let bodies = block.bodies.map(|side| side[lane]);
+                block.islands[lane] = islands.of_pair(bodies);
+            }
+        }
+    }
+
+    /// The certificate of each island ([`certificate`](crate::certificate)), in `f64`, with the
+    /// masses that `tally` was given; with `RESIDUALS` or G alone.
+    pub fn certify<'a, const RESIDUALS: bool>(
+        &self,
+        velocities: &[Velocity<f32, L, A>],
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        tally: &'a mut Tally<L, A>,
+    ) -> &'a [Certificate]
+    where
+        V: Cast<V::Doubles>,
+    {
+        tally.start(islands.count);
+        V::run(
+            #[inline(always)]
+            || {
+                for block in &self.blocks {
+                    let manifold = block.manifold.cast();
+                    let [a, b] = block.gather(velocities);
+                    let points = &self.contacts[block.manifold.points()];
+                    let velocities = [a.cast(), b.cast()];
+                    let evidence =
+                        Evidence::of::<V, RESIDUALS>(&manifold, points, &velocities);
+                    for lane in 0..block.lanes {
+                        let bodies = block.bodies.map(|side| side[lane]);
+                        tally.add(bodies, block.islands[lane], &evidence.lane(lane));
+                    }
+                }
+            },
+        );
+        tally.finish(velocities, prospective, |body| islands.of_body[body])
+    }
+
+    /// [`pgs::sweep`](crate::pgs::sweep).
+    pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.visit_all::<false, true>(velocities);
+    }
+
     /// [`pgs::sweep_normals`](crate::pgs::sweep_normals).
     pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.visit_all::<false, false>(velocities);
@@ -263,6 +365,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         Self {
             lanes: 0,
             bodies: [[0; WIDTH]; 2],
+            islands: [NONE; WIDTH],
             masses: [InverseMass::default(); 2],
             manifold: Manifold::default(),
         }
@@ -307,6 +410,12 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             set(&mut wide.gap, lane, &contact.gap);
             set(&mut wide.impulse, lane, &contact.impulse);
         }
+    }
+
+    /// Whether all its manifolds belong to islands that are done.
+    fn is_done(&self, done: &[bool]) -> bool {
+        let mut own = self.islands[..self.lanes].iter();
+        own.all(|&island| done.get(island as usize).copied().unwrap_or(true))
     }
 
     #[inline(always)]

@@ -1,11 +1,10 @@
 //! What a run was like, in a few numbers and in plain words.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use drystone::scene::{Motion, Scene};
-use drystone::{Measure, Rung, StepSettings};
+use drystone::{Measure, StepSettings};
 use serde::Serialize;
 
 use super::Bake;
@@ -79,8 +78,10 @@ struct Certified {
     /// Where that was.
     worst_step: usize,
     worst_body: Option<u32>,
-    /// Islands that needed more than sweeps, by method.
-    climbed: BTreeMap<&'static str, usize>,
+    /// Iterations of conjugate gradients, all substeps together.
+    iterations: usize,
+    /// Islands that needed Newton's method, all substeps together.
+    newton: usize,
 }
 
 /// What the words say besides.
@@ -290,16 +291,14 @@ fn certified(bake: &Bake) -> Option<Certified> {
     let outcomes: Vec<_> =
         outcomes.filter_map(|(step, of)| Some((step, of.report.certified?))).collect();
     let (step, worst) = *outcomes.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
-    let climbed = Rung::ALL
-        .into_iter()
-        .map(|rung| (rung.name(), outcomes.iter().map(|(_, of)| of.climbed[rung as usize]).sum()));
     Some(Certified {
         tolerance: f64::from(bake.settings.tolerance),
         steps: outcomes.iter().filter(|(_, of)| of.failed == 0).count(),
         worst: worst.error,
         worst_step: step + 1,
         worst_body: worst.worst,
-        climbed: climbed.collect(),
+        iterations: outcomes.iter().map(|(_, of)| of.iterations).sum(),
+        newton: outcomes.iter().map(|(_, of)| of.newton).sum(),
     })
 }
 
