@@ -17,6 +17,7 @@ mod world;
 
 pub use bodies::{Body, BodyId, Collider, Inertia};
 pub use drystone_solver::ladder::{Outcome, Rung};
+pub use drystone_solver::restitution::ImpactLaw;
 pub use report::{Measure, Stage, StepReport};
 pub use settings::StepSettings;
 pub use simulation::{BuildError, Simulation, build};

@@ -1,7 +1,8 @@
 //! [`World`]: bodies, their contacts, and the step that moves both on.
 
+use drystone_solver::restitution::{self, Blow, Collisions};
 use drystone_solver::wide::Wide;
-use drystone_solver::{InverseMass, Repair, System, Vector, Velocity, restitution};
+use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
 
 use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
@@ -35,6 +36,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// The contacts of `system`, eight side by side, for the sweeps.
     wide: Wide<L, A>,
     certifier: Certifier<L, A>,
+    blow: Blow<L, A>,
     /// What each body has moved since the step began.
     displacements: Vec<Velocity<f32, L, A>>,
     travel: Vec<Travel<L>>,
@@ -81,6 +83,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             system: System::new(),
             wide: Wide::new(),
             certifier: Certifier::default(),
+            blow: Blow::default(),
             displacements: Vec::new(),
             travel: Vec::new(),
             workers: Vec::new(),
@@ -325,20 +328,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         wide.pack(system, settings.softness);
         let bouncing = system.manifolds.iter().any(|manifold| manifold.restitution > 0.0);
-        if bouncing {
-            system.prepare(settings.softness);
-        }
+        let collisions = Collisions {
+            law: settings.impact_law,
+            dt: h,
+            threshold: settings.restitution_threshold,
+            rounds: COLLISION_ROUNDS,
+        };
         clock.lap(report, Stage::Rows);
         for _ in 0..substeps {
             let bodies = &mut self.bodies;
             motion::predict(bodies, &system.masses, self.gravity, h, &mut system.velocities);
             clock.lap(report, Stage::Predict);
             if bouncing {
-                let threshold = settings.restitution_threshold;
                 system.set_targets(&self.displacements, &repair);
                 let moved = &mut self.displacements;
                 report.collisions +=
-                    restitution::collide(system, moved, h, threshold, COLLISION_ROUNDS);
+                    restitution::collide(system, moved, &collisions, &mut self.blow);
                 wide.take_impacts(system);
                 clock.lap(report, Stage::Bounce);
             }
