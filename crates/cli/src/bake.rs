@@ -188,6 +188,7 @@ fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failur
     settings.substeps = arguments.substeps.unwrap_or(settings.substeps);
     settings.iterations = arguments.iterations.unwrap_or(settings.iterations);
     settings.tolerance = arguments.tolerance.unwrap_or(settings.tolerance);
+    settings.ledger |= arguments.report.is_some();
     Ok(settings)
 }
 

@@ -52,6 +52,9 @@ pub struct StepSettings {
     pub travel_per_search: f32,
     /// Contact points are reused while two bodies move less than this against each other. \[m\]
     pub reuse_distance: f32,
+    /// Whether each step reports where its energy came from and where it went. Motion does not
+    /// depend on it.
+    pub ledger: bool,
 }
 
 /// [`ImpactLaw`] as it is written.
@@ -83,6 +86,7 @@ impl StepSettings {
             prediction_distance: 0.02,
             travel_per_search: 0.1,
             reuse_distance: 0.0,
+            ledger: false,
         }
     }
 
