@@ -11,9 +11,12 @@
 //! add up exactly. Friction that opposes slip loses energy in these books whatever happens in
 //! between, and what rests has no entries at all, although gravity pulls and contacts push.
 //!
-//! A collision works on the velocities just before and after it. Precession, and inertia that turns
-//! with its body, count as integration, as does the difference between what gravity worked on and
-//! how far the bodies came down.
+//! A collision works on the velocities just before and after it, c apart. Gravity and forces come
+//! before it and work on (v + v' - c) / 2; contacts and friction come after it, and work on
+//! (v + v' + c) / 2: the sum is still exact.
+//!
+//! Precession, and inertia that turns with its body, count as integration, as does the difference
+//! between what gravity worked on and how far the bodies came down.
 
 use drystone_solver::{InverseMass, Manifold, Mass, System, Vector, Velocity};
 
@@ -69,21 +72,25 @@ impl Ledger {
         ]
     }
 
-    /// What contacts made from nothing: of collisions, contacts, friction and repair, those that
-    /// added energy. \[J\]
+    /// Work of all contacts, but for what driven bodies bring: collisions, normal impulses, friction
+    /// and repair together. Energy from nowhere where it is positive. \[J\]
+    pub fn by_contacts(&self) -> f64 {
+        self.impacts + self.contacts + self.friction + self.repair + self.relaxed
+    }
+
+    /// Energy that contacts made from nothing. \[J\]
     pub fn created(&self) -> f64 {
-        let repair = self.repair + self.relaxed;
-        [self.impacts, self.contacts, self.friction, repair].map(|item| item.max(0.0)).iter().sum()
+        self.by_contacts().max(0.0)
     }
 
     /// The change of energy that no item explains: rounding. \[J\]
     pub fn unexplained(&self) -> f64 {
-        let contacts = self.impacts + self.contacts + self.friction + self.repair + self.relaxed;
-        self.kinetic + self.potential - (self.forces + self.driven + contacts + self.integration)
+        let explained = self.forces + self.driven + self.by_contacts() + self.integration;
+        self.kinetic + self.potential - explained
     }
 
     /// Both, one after the other.
-    pub(crate) fn join(&mut self, other: &Self) {
+    pub fn join(&mut self, other: &Self) {
         self.kinetic += other.kinetic;
         self.potential += other.potential;
         self.gravity += other.gravity;
@@ -110,12 +117,12 @@ pub(crate) struct Books<const L: usize, const A: usize> {
     masses: Vec<Mass<L, A>>,
     /// At the start of the substep.
     start: Velocities<f32, L, A>,
-    /// Before and after collisions; none where nothing bounces.
+    /// Before and after collisions; empty where nothing bounces.
     struck: [Velocities<f32, L, A>; 2],
     /// Before and after bodies have moved and turned.
     moved: [Velocities<f32, L, A>; 2],
-    /// (v + v') / 2.
-    mean: Velocities<f64, L, A>,
+    /// What gravity and forces work on, and what contacts do.
+    mean: [Velocities<f64, L, A>; 2],
     /// Normal impulses when bodies moved. \[N s\]
     pressed: Vec<f32>,
     /// Impulses of collisions until the substep before. \[N s\]
@@ -170,12 +177,9 @@ impl<const L: usize, const A: usize> Books<L, A> {
         h: f32,
     ) {
         let h = f64::from(h);
-        let double = |v: &Velocity<f32, L, A>| v.cast::<f64>();
-        self.mean.clear();
-        let ends = self.start.iter().zip(&system.velocities);
-        self.mean.extend(ends.map(|(v, w)| (double(v) + double(w)) * 0.5));
+        self.take_means(&system.velocities);
         for (body, mass) in self.masses.iter().enumerate() {
-            let mean = &self.mean[body];
+            let [mean, after] = [&self.mean[0][body], &self.mean[1][body]];
             let push = bodies.forces[body].cast::<f64>();
             if mass.linear > 0.0 {
                 let pull = bodies.pull(body, gravity).cast::<f64>();
@@ -184,8 +188,8 @@ impl<const L: usize, const A: usize> Books<L, A> {
             }
             if A > 0 && *mass != Mass::ZERO {
                 self.ledger.forces += h * mean.angular.dot(push.angular);
-                let turned = double(&self.moved[1][body]) - double(&self.moved[0][body]);
-                self.ledger.integration += mean.dot(&mass.momentum(&turned));
+                let turned = difference(&self.moved, body);
+                self.ledger.integration += after.dot(&mass.momentum(&turned));
             }
         }
         for manifold in &system.manifolds {
@@ -198,6 +202,18 @@ impl<const L: usize, const A: usize> Books<L, A> {
             for index in manifold.points() {
                 self.contact(system, manifold, index, lift);
             }
+        }
+    }
+
+    /// The means of the velocities at the start and the end of the substep.
+    fn take_means(&mut self, end: &[Velocity<f32, L, A>]) {
+        self.mean.iter_mut().for_each(Vec::clear);
+        for (body, (start, end)) in self.start.iter().zip(end).enumerate() {
+            let bounced = !self.struck[0].is_empty();
+            let blow = if bounced { difference(&self.struck, body) } else { Velocity::ZERO };
+            let sum = start.cast::<f64>() + end.cast();
+            self.mean[0].push((sum - blow) * 0.5);
+            self.mean[1].push((sum + blow) * 0.5);
         }
     }
 
@@ -216,7 +232,7 @@ impl<const L: usize, const A: usize> Books<L, A> {
         let anchors = [contact.anchor_a, contact.anchor_b].map(|anchor| anchor.cast::<f64>());
         let gamma = contact.impulse.cast::<f64>();
         let relative = |of: [Velocity<f64, L, A>; 2]| of[0].at(anchors[0]) - of[1].at(anchors[1]);
-        let u = relative([self.mean[a], self.mean[b]]);
+        let u = relative([self.mean[1][a], self.mean[1][b]]);
 
         let mut push = frame[0] * gamma[0];
         self.ledger.contacts += gamma[0] * frame[0].dot(u);
@@ -240,10 +256,8 @@ impl<const L: usize, const A: usize> Books<L, A> {
             self.impacts[index] = contact.impact;
             let [before, after] = [&self.struck[0], &self.struck[1]]
                 .map(|of| frame[0].dot(relative([of[a].cast(), of[b].cast()])));
-            let work = impact * 0.5 * (before + after);
             push += frame[0] * impact;
-            self.ledger.impacts += work;
-            self.ledger.integration += impact * frame[0].dot(u) - work;
+            self.ledger.impacts += impact * 0.5 * (before + after);
         }
 
         self.ledger.driven += self.absorbed(system, a, anchors[0], push);
@@ -259,7 +273,7 @@ impl<const L: usize, const A: usize> Books<L, A> {
         anchor: Vector<f64, L>,
         push: Vector<f64, L>,
     ) -> f64 {
-        let (mass, mean) = (&self.masses[body], &self.mean[body]);
+        let (mass, mean) = (&self.masses[body], &self.mean[1][body]);
         if mass.linear > 0.0 && (0..A).all(|i| mass.angular.0[i][i] > 0.0) {
             return 0.0;
         }
@@ -298,6 +312,14 @@ impl<const L: usize, const A: usize> Books<L, A> {
         let squares = self.masses.iter().zip(velocities).map(|(mass, v)| mass.squared(&v.cast()));
         0.5 * squares.sum::<f64>()
     }
+}
+
+/// What a body's velocity is in the second more than in the first.
+fn difference<const L: usize, const A: usize>(
+    of: &[Velocities<f32, L, A>; 2],
+    body: usize,
+) -> Velocity<f64, L, A> {
+    of[1][body].cast::<f64>() - of[0][body].cast()
 }
 
 fn copy<T: Clone>(from: &[T], to: &mut Vec<T>) {
