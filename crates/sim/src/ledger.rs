@@ -180,17 +180,19 @@ impl<const L: usize, const A: usize> Books<L, A> {
         self.take_means(&system.velocities);
         for (body, mass) in self.masses.iter().enumerate() {
             let [mean, after] = [&self.mean[0][body], &self.mean[1][body]];
-            let push = bodies.forces[body].cast::<f64>();
-            if mass.linear > 0.0 {
-                let pull = bodies.pull(body, gravity).cast::<f64>();
-                self.ledger.gravity += h * mass.linear * mean.linear.dot(pull);
-                self.ledger.forces += h * mean.linear.dot(push.linear);
+            if *mass == Mass::ZERO {
+                continue;
             }
-            if A > 0 && *mass != Mass::ZERO {
-                self.ledger.forces += h * mean.angular.dot(push.angular);
-                let turned = difference(&self.moved, body);
-                self.ledger.integration += after.dot(&mass.momentum(&turned));
-            }
+            let (push, inverse) = (bodies.forces[body].cast::<f64>(), &system.masses[body]);
+            let pushed = Velocity {
+                linear: push.linear * f64::from(inverse.linear),
+                angular: inverse.angular.cast() * push.angular,
+            };
+            self.ledger.forces += h * mean.dot(&mass.momentum(&pushed));
+            let pull = bodies.pull(body, gravity).cast::<f64>();
+            self.ledger.gravity += h * mass.linear * mean.linear.dot(pull);
+            let turned = difference(&self.moved, body);
+            self.ledger.integration += after.dot(&mass.momentum(&turned));
         }
         for manifold in &system.manifolds {
             let pulls = manifold.bodies.map(|body| {

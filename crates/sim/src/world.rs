@@ -20,6 +20,9 @@ use crate::{motion, rows};
 /// order of the contacts.
 const COLLISION_ROUNDS: usize = 32;
 
+/// Sweeps over what collides at once.
+const COLLISION_SWEEPS: usize = 40;
+
 /// Bodies and their contacts, in the dimension of `G`.
 pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// How steps are taken.
@@ -336,6 +339,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             dt: h,
             threshold: settings.restitution_threshold,
             rounds: COLLISION_ROUNDS,
+            sweeps: COLLISION_SWEEPS,
         };
         let mut books = settings.ledger.then_some(&mut self.books);
         if let Some(books) = &mut books {

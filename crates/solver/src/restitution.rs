@@ -69,6 +69,9 @@ pub struct Collisions<T> {
     pub threshold: T,
     /// How often the contacts are looked at for what approaches. \[1\]
     pub rounds: usize,
+    /// Sweeps over the contacts of a blow at most; what they leave open is left to the next round.
+    /// \[1\]
+    pub sweeps: usize,
 }
 
 /// Resolves collisions until none that closes in this step approaches faster than the threshold, or
@@ -113,10 +116,8 @@ pub fn collide<T: Scalar, const L: usize, const A: usize>(
     collisions
 }
 
-/// Sweeps over the contacts of a blow at most.
-const SWEEPS: usize = 400;
-
-/// Part of the fastest approach that a solved contact may still be off by.
+/// Part of the fastest approach by which a solved contact may be off, unless the numbers of the system
+/// are coarser.
 const ACCURACY: f64 = 1e-12;
 
 /// Contacts that collide at once: what [`collide`] works in, kept so that the next call takes no
@@ -130,6 +131,9 @@ pub struct Blow<const L: usize, const A: usize> {
     closing: Vec<bool>,
     /// Of each contact: what it gets in any case. \[N s\]
     held: Vec<f64>,
+    sweeps: usize,
+    /// Part of the fastest approach by which a contact may be off. \[1\]
+    accuracy: f64,
     /// The fastest approach. \[m/s\]
     approach: f64,
     islands: Islands,
@@ -150,6 +154,8 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         self.times.clear();
         self.closing.clear();
         self.approach = 0.0;
+        self.sweeps = how.sweeps;
+        self.accuracy = ACCURACY.max(8.0 * T::EPSILON);
         if !self.gather(system, how.threshold, among.clone()) {
             return 0;
         }
@@ -271,9 +277,9 @@ impl<const L: usize, const A: usize> Blow<L, A> {
     /// gamma >= 0, w >= 0, gamma . w = 0 with w = u - t, from the impulses at hand.
     fn solve(&mut self) {
         let system = &mut self.part.system;
-        for _ in 0..SWEEPS {
+        for _ in 0..self.sweeps {
             pgs::sweep_normals(system);
-            if system.residual(false) <= ACCURACY * self.approach {
+            if system.residual(false) <= self.accuracy * self.approach {
                 break;
             }
         }

@@ -60,7 +60,7 @@ fn collide<const L: usize, const A: usize>(
     rounds: usize,
 ) -> usize {
     let mut moved = vec![Velocity::ZERO; system.velocities.len()];
-    let how = Collisions { law: ImpactLaw::Newton, dt: 0.0, threshold, rounds };
+    let how = Collisions { law: ImpactLaw::Newton, dt: 0.0, threshold, rounds, sweeps: 400 };
     restitution::collide(system, &mut moved, &how, &mut Blow::default())
 }
 
