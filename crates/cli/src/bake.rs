@@ -77,7 +77,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     realtime: bool,
 
-    /// Write what happened in each step as JSON
+    /// Write what happened in each step as JSON, with a ledger of where its energy came from and went
     #[arg(long, value_name = "FILE.json", group = "result")]
     report: Option<PathBuf>,
 

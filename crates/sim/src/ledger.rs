@@ -25,8 +25,8 @@ use crate::geometry::Geometry;
 
 /// The energy of a step, item by item. Work that adds energy is positive. \[J\]
 ///
-/// kinetic + potential = forces + driven + impacts + contacts + friction + repair + relaxed
-/// + integration, to rounding.
+/// To rounding, kinetic + potential = forces + driven + impacts + contacts + friction + repair +
+/// relaxed + integration. Gravity is on the left already.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ledger {
     /// Change of the kinetic energy.

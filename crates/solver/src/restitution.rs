@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use crate::island::Islands;
 use crate::part::Part;
-use crate::{Real, Scalar, System, Velocity, pgs};
+use crate::{InverseMass, Real, Scalar, System, Velocity, pgs};
 
 /// t_i = max(t_i, -c_r v_i^-) where a contact approached faster than `threshold` \[m/s\] before the
 /// step: the notes' restitution hypothesis, combined with overlap repair by maximum.
@@ -178,7 +178,8 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         let before = self.times.len();
         for index in among {
             let manifold = &system.manifolds[index];
-            if manifold.restitution <= T::ZERO || self.part.holds(index) {
+            let fixed = system.masses_of(manifold) == [InverseMass::FIXED; 2];
+            if manifold.restitution <= T::ZERO || fixed || self.part.holds(index) {
                 continue;
             }
             let [a, b] = manifold.bodies.map(|body| self.part.velocity(system, body));

@@ -204,6 +204,23 @@ fn a_flat_landing_bounces_straight_up() {
     }
 }
 
+/// Two walls that approach, since something drives them, and a ball between.
+#[test]
+fn what_nothing_moves_does_not_collide() {
+    for law in LAWS {
+        let mut scene = Scene::<2, 0>::new();
+        let (left, right) = (scene.wall(), scene.wall());
+        let ball = scene.ball(Vector::ZERO, 1.0);
+        scene.system.velocities[left as usize].linear = Vector([1.0, 0.0]);
+        scene.push(right, left, Vector([1.0, 0.0]));
+        scene.push(ball, left, Vector([1.0, 0.0]));
+        scene.system.manifolds.iter_mut().for_each(|manifold| manifold.restitution = 1.0);
+        assert_eq!(resolve(&mut scene.system, law, 0.0, 10), 1);
+        assert_close(scene.system.velocities[ball as usize].linear[0], 2.0, 1e-12);
+        assert_close(scene.system.velocities[left as usize].linear[0], 1.0, 1e-12);
+    }
+}
+
 fn any_scene<const L: usize, const A: usize>(random: &mut Random, walls: bool) -> Scene<L, A> {
     let (bodies, manifolds) = (2 + random.below(6), 1 + random.below(9));
     let mut scene = random_scene(random, Recipe { bodies, manifolds, points: 4, walls });
