@@ -75,9 +75,10 @@ pub(super) struct Summary {
 struct Books {
     /// Sums of the items. \[J\]
     items: BTreeMap<&'static str, f64>,
-    /// Energy that contacts made from nothing, in all steps. \[J\]
+    /// Most that contacts had given more than taken since the start. In between, as springs, they
+    /// give back what they took. \[J\]
     created: f64,
-    /// The step in which that was most, and how much. \[J\]
+    /// The step in which they gave most, and how much. \[J\]
     worst_step: usize,
     worst: f64,
 }
@@ -318,11 +319,15 @@ fn books(bake: &Bake) -> Option<Books> {
     let ledgers: Vec<_> = ledgers.collect::<Option<_>>()?;
     let mut total = Ledger::default();
     ledgers.iter().for_each(|ledger| total.join(ledger));
-    let created = ledgers.iter().map(Ledger::created).enumerate();
-    let (step, worst) = created.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let given = ledgers.iter().map(Ledger::by_contacts).enumerate();
+    let (step, worst) = given.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let balance = ledgers.iter().scan(0.0, |balance, ledger| {
+        *balance += ledger.by_contacts();
+        Some(*balance)
+    });
     Some(Books {
         items: total.items().into_iter().collect(),
-        created: ledgers.iter().map(Ledger::created).sum(),
+        created: balance.fold(0.0, f64::max),
         worst_step: step + 1,
         worst,
     })
