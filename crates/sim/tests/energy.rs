@@ -317,7 +317,7 @@ fn pushed<G: Rigid<L, A>, const L: usize, const A: usize>() {
         total.join(&world.step(DT).energy.expect("a ledger was asked for"));
     }
     assert!(total.kinetic > 1e4, "{L}D: {total:#?}");
-    assert!((total.forces / total.kinetic - 1.0).abs() < 1e-5, "{L}D: {total:#?}");
+    assert!((total.forces / total.kinetic - 1.0).abs() < 1e-4, "{L}D: {total:#?}");
 }
 
 #[test]
