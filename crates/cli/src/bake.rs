@@ -81,6 +81,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.json", group = "result")]
     report: Option<PathBuf>,
 
+    /// Keep a ledger of where the energy of each step came from and went, for the report and the
+    /// summary; a step takes up to three times as long
+    #[arg(long)]
+    ledger: bool,
+
     /// No progress bar and no summary; warnings and errors remain
     #[arg(short, long)]
     quiet: bool,
@@ -188,6 +193,7 @@ fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failur
     settings.substeps = arguments.substeps.unwrap_or(settings.substeps);
     settings.iterations = arguments.iterations.unwrap_or(settings.iterations);
     settings.tolerance = arguments.tolerance.unwrap_or(settings.tolerance);
+    settings.ledger |= arguments.ledger;
     Ok(settings)
 }
 

@@ -143,6 +143,41 @@ fn a_report_has_every_step() {
 }
 
 #[test]
+fn a_ledger_has_every_step() {
+    let place = Place::new(SCENE);
+    let summary = place.succeeds(&["bake", "scene.toml", "--report", "r.json", "--ledger"]);
+    assert!(summary.contains("none was created"), "{summary}");
+    let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
+    let steps = report["per_step"].as_array().unwrap();
+    let sum = |item: &str| -> f64 {
+        steps.iter().map(|step| step["energy"][item].as_f64().unwrap()).sum()
+    };
+    let change = report["summary"]["energy_end"].as_f64().unwrap()
+        - report["summary"]["energy_start"].as_f64().unwrap();
+    assert!((sum("kinetic") + sum("potential") - change).abs() < 1e-6 * change.abs());
+    assert!(sum("unexplained").abs() < 1e-5 * change.abs());
+    let friction = report["summary"]["ledger"]["items"]["friction"].as_f64().unwrap();
+    assert!((friction - sum("friction")).abs() < 1e-9 * change.abs());
+}
+
+/// A box that starts deep in the floor is lifted out, and the energy for that comes from nowhere.
+#[test]
+fn created_energy_is_reported_with_its_step() {
+    let buried = "[[bodies]]\nmotion = \"static\"\nshapes = [{ type = \"halfspace\", \
+                  normal = [0, 1, 0] }]\n[[bodies]]\nposition = [0, 0.45, 0]\n\
+                  shapes = [{ type = \"box\", half_extents = [0.5, 0.5, 0.5] }]\n";
+    let place = Place::new(buried);
+    let arguments = ["bake", "scene.toml", "--report", "r.json", "--ledger", "--duration", "1"];
+    let summary = place.succeeds(&arguments);
+    assert!(summary.contains("contacts created") && summary.contains(" in step "), "{summary}");
+    let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
+    assert_eq!(report["summary"]["energy_created"], true);
+    // 1000 kg by up to 5 cm.
+    let created = report["summary"]["ledger"]["created"].as_f64().unwrap();
+    assert!((300.0..600.0).contains(&created), "{created} J");
+}
+
+#[test]
 fn runs_are_the_same_to_the_last_bit() {
     let place = Place::new(SCENE);
     for (run, threads) in [("a", "1"), ("b", "1"), ("c", "2")] {

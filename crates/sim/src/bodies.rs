@@ -1,6 +1,6 @@
 //! The bodies of a world: poses, inertia and what acts on them, one array per property.
 
-use drystone_solver::{SymmetricMatrix, Vector, Velocity};
+use drystone_solver::{Mass, SymmetricMatrix, Vector, Velocity};
 
 use crate::geometry::{Frame, Geometry, MassProperties};
 use crate::scene::{Filter, Material, Motion};
@@ -209,6 +209,32 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         let (a, b) = (a as usize, b as usize);
         (self.frames[a].position - self.frames[b].position)
             + (self.remainders[a] - self.remainders[b])
+    }
+
+    /// M of a body at its present pose; zero for what is not dynamic, and along what is infinite.
+    pub(crate) fn mass(&self, body: usize) -> Mass<L, A> {
+        let inertia = &self.inertia[body];
+        if !self.is_dynamic(body) {
+            return Mass::ZERO;
+        }
+        Mass {
+            linear: if inertia.mass.is_finite() { f64::from(inertia.mass) } else { 0.0 },
+            angular: self.frames[body].tensor(inertia.moments).cast(),
+        }
+    }
+
+    /// The acceleration of gravity on a body. \[m/s^2\]
+    pub(crate) fn pull(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
+        gravity * self.gravity_factor[body]
+    }
+
+    /// -m g . x of all bodies. \[J\]
+    pub(crate) fn potential_energy(&self, gravity: Vector<f32, L>) -> f64 {
+        let of = |(body, frame): (usize, &Frame<L>)| {
+            let fall = self.pull(body, gravity).cast::<f64>().dot(frame.position.cast());
+            -self.mass(body).linear * fall
+        };
+        self.frames.iter().enumerate().map(of).sum()
     }
 
     /// Pose of the body's origin.

@@ -5,6 +5,7 @@ mod broad_phase;
 mod cache;
 mod certifier;
 pub mod geometry;
+mod ledger;
 mod motion;
 mod narrow_phase;
 pub mod recording;
@@ -17,6 +18,8 @@ mod world;
 
 pub use bodies::{Body, BodyId, Collider, Inertia};
 pub use drystone_solver::ladder::{Outcome, Rung};
+pub use drystone_solver::restitution::ImpactLaw;
+pub use ledger::Ledger;
 pub use report::{Measure, Stage, StepReport};
 pub use settings::StepSettings;
 pub use simulation::{BuildError, Simulation, build};

@@ -20,7 +20,7 @@ pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
     for (body, velocity) in velocities.iter_mut().enumerate() {
         if bodies.is_dynamic(body) && masses[body].linear > 0.0 {
             let force = &bodies.forces[body];
-            let fall = gravity * bodies.gravity_factor[body];
+            let fall = bodies.pull(body, gravity);
             velocity.linear += (fall + force.linear * masses[body].linear) * h;
             velocity.angular += (masses[body].angular * force.angular) * h;
         } else if bodies.is_dynamic(body) {

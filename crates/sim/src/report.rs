@@ -4,6 +4,8 @@ use std::time::{Duration, Instant};
 
 use drystone_solver::ladder::Outcome;
 
+use crate::ledger::Ledger;
+
 /// The stages of a step, in order. All repeat in each part of the step that has its own contacts,
 /// those from `Predict` to `Relax` in each substep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,6 +86,8 @@ pub struct StepReport {
     /// How far the velocities that moved the bodies can be from the exact ones, all substeps together;
     /// `None` without a tolerance.
     pub certified: Option<Outcome>,
+    /// Where the energy of the step came from and went; `None` unless the settings ask for it.
+    pub energy: Option<Ledger>,
 }
 
 impl StepReport {

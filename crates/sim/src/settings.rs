@@ -1,5 +1,6 @@
 //! How a step is taken: every number a user may turn, with its unit and effect.
 
+use drystone_solver::restitution::ImpactLaw;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +40,12 @@ pub struct StepSettings {
     /// How deep a contact may sink that carries the weight of its whole island; stiffer than
     /// `softness` asks for where that must be. Only with a `tolerance`. \[m\]
     pub sag: f32,
+    /// What contacts that collide at once do with each other: `reflections` (symmetric, a blow passes
+    /// through a row of touching balls), `poisson` (compression together, then expansion) or
+    /// `newton` (one after the other).
+    #[serde(with = "ImpactLawName")]
+    #[schemars(with = "ImpactLawName")]
+    pub impact_law: ImpactLaw,
     /// Approach below this speed does not bounce. \[m/s\]
     pub restitution_threshold: f32,
     /// Shapes nearer than this have a contact before they touch. \[m\]
@@ -48,6 +55,19 @@ pub struct StepSettings {
     pub travel_per_search: f32,
     /// Contact points are reused while two bodies move less than this against each other. \[m\]
     pub reuse_distance: f32,
+    /// Whether each step reports where its energy came from and where it went. Motion does not
+    /// depend on it.
+    pub ledger: bool,
+}
+
+/// [`ImpactLaw`] as it is written.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "ImpactLaw", rename_all = "lowercase")]
+#[schemars(rename = "ImpactLaw")]
+enum ImpactLawName {
+    Newton,
+    Poisson,
+    Reflections,
 }
 
 impl StepSettings {
@@ -65,10 +85,12 @@ impl StepSettings {
             certify: false,
             budget: 40,
             sag: 1e-4,
+            impact_law: ImpactLaw::Reflections,
             restitution_threshold: 0.1,
             prediction_distance: 0.02,
             travel_per_search: 0.1,
             reuse_distance: 0.0,
+            ledger: false,
         }
     }
 

@@ -1,13 +1,15 @@
 //! [`World`]: bodies, their contacts, and the step that moves both on.
 
+use drystone_solver::restitution::{self, Blow, Collisions};
 use drystone_solver::wide::Wide;
-use drystone_solver::{InverseMass, Repair, System, Vector, Velocity, restitution};
+use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
 
 use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{Pair, Records};
 use crate::certifier::Certifier;
-use crate::geometry::{Bounds, Frame, Geometry, MassProperties};
+use crate::geometry::{Bounds, Geometry, MassProperties};
+use crate::ledger::Books;
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
 use crate::scene::{Combine, Filter, Material, Motion};
@@ -17,6 +19,9 @@ use crate::{motion, rows};
 /// Rounds of collisions within a substep: a blow passes through this many contacts against the
 /// order of the contacts.
 const COLLISION_ROUNDS: usize = 32;
+
+/// Sweeps over what collides at once.
+const COLLISION_SWEEPS: usize = 40;
 
 /// Bodies and their contacts, in the dimension of `G`.
 pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -35,6 +40,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// The contacts of `system`, eight side by side, for the sweeps.
     wide: Wide<L, A>,
     certifier: Certifier<L, A>,
+    blow: Blow<L, A>,
+    books: Books<L, A>,
     /// What each body has moved since the step began.
     displacements: Vec<Velocity<f32, L, A>>,
     travel: Vec<Travel<L>>,
@@ -81,6 +88,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             system: System::new(),
             wide: Wide::new(),
             certifier: Certifier::default(),
+            blow: Blow::default(),
+            books: Books::default(),
             displacements: Vec::new(),
             travel: Vec::new(),
             workers: Vec::new(),
@@ -344,21 +353,37 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             certifier.start(system, wide);
         }
         let bouncing = system.manifolds.iter().any(|manifold| manifold.restitution > 0.0);
-        if bouncing {
-            system.prepare(settings.softness);
+        let collisions = Collisions {
+            law: settings.impact_law,
+            dt: h,
+            threshold: settings.restitution_threshold,
+            rounds: COLLISION_ROUNDS,
+            sweeps: COLLISION_SWEEPS,
+        };
+        let mut books = settings.ledger.then_some(&mut self.books);
+        if let Some(books) = &mut books {
+            books.open(&self.bodies, self.gravity, system);
         }
         clock.lap(report, Stage::Rows);
         for substep in 0..substeps {
             let bodies = &mut self.bodies;
+            if let Some(books) = &mut books {
+                books.start(&system.velocities);
+            }
             motion::predict(bodies, &system.masses, self.gravity, h, &mut system.velocities);
             clock.lap(report, Stage::Predict);
             if bouncing {
-                let threshold = settings.restitution_threshold;
+                if let Some(books) = &mut books {
+                    books.strike(0, &system.velocities);
+                }
                 system.set_targets(&self.displacements, &repair);
                 let moved = &mut self.displacements;
                 report.collisions +=
-                    restitution::collide(system, moved, h, threshold, COLLISION_ROUNDS);
+                    restitution::collide(system, moved, &collisions, &mut self.blow);
                 wide.take_impacts(system);
+                if let Some(books) = &mut books {
+                    books.strike(1, &system.velocities);
+                }
                 clock.lap(report, Stage::Bounce);
             }
             if solving || substep == examined {
@@ -382,15 +407,30 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 report.certified.get_or_insert_default().join(&outcome);
                 clock.lap(report, Stage::Certify);
             }
+            if let Some(books) = &mut books {
+                wide.unpack(system);
+                books.depart(system);
+            }
             motion::advance(bodies, h, &mut system.velocities, &mut self.displacements);
             clock.lap(report, Stage::Advance);
+            if let Some(books) = &mut books {
+                books.arrive(&system.velocities);
+            }
             wide.relax(&mut system.velocities);
+            if let Some(books) = &mut books {
+                wide.unpack(system);
+                books.end(bodies, self.gravity, system, h);
+            }
             clock.lap(report, Stage::Relax);
             report.sweeps += settings.iterations as usize + 1;
         }
         wide.unpack(system);
 
         motion::arrive(&mut self.bodies, &self.displacements);
+        if let Some(books) = &mut books {
+            let ledger = books.close(&self.bodies, self.gravity, &system.velocities);
+            report.energy.get_or_insert_default().join(&ledger);
+        }
         for body in 0..self.len() {
             self.update_mass(body);
         }
@@ -485,15 +525,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if !self.bodies.is_dynamic(body) {
                 continue;
             }
-            let inertia = &self.bodies.inertia[body];
             out.fastest = out.fastest.max(f64::from(velocity.linear.length()));
-            out.kinetic_energy += kinetic_energy(inertia, frame, velocity);
-            if inertia.mass.is_finite() {
-                let fall = self.gravity.map(f64::from).dot(frame.position.map(f64::from));
-                let mass = f64::from(inertia.mass * self.bodies.gravity_factor[body]);
-                out.potential_energy -= mass * fall;
-            }
+            out.kinetic_energy += 0.5 * self.bodies.mass(body).squared(&velocity.cast());
         }
+        out.potential_energy = self.bodies.potential_energy(self.gravity);
         for manifold in &self.system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &self.displacements[body as usize]);
             for contact in &self.system.contacts[manifold.points()] {
@@ -526,18 +561,6 @@ fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(shape: &G::Shape
     }
     let bounds = G::bounds(shape, &G::pose(Vector::ZERO, &[]));
     (bounds.max - bounds.min).0.into_iter().fold(f32::INFINITY, f32::min)
-}
-
-/// m v^2 / 2 + omega . I omega / 2. \[J\]
-fn kinetic_energy<const L: usize, const A: usize>(
-    inertia: &Inertia<L, A>,
-    frame: &Frame<L>,
-    velocity: &Velocity<f32, L, A>,
-) -> f64 {
-    let v = velocity.linear.map(f64::from);
-    let mass = if inertia.mass.is_finite() { f64::from(inertia.mass) } else { 0.0 };
-    let momentum = frame.tensor(inertia.moments) * velocity.angular;
-    0.5 * (mass * v.dot(v) + f64::from(momentum.dot(velocity.angular)))
 }
 
 fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(

@@ -421,6 +421,7 @@ fn two_balls_and_a_wall_count_the_digits_of_pi() {
     assert_eq!(galperin::<3>(1.0), 3);
     assert_eq!(galperin::<2>(100.0), 31);
     assert_eq!(galperin::<3>(100.0), 31);
+    assert_eq!(galperin::<2>(10_000.0), 314);
 }
 
 #[test]

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use drystone::StepSettings;
 use drystone::scene::format::{read_json, read_toml};
 use drystone::scene::{Motion, Place, Rotation, Scene, read};
+use drystone::{ImpactLaw, StepSettings};
 use proptest::prelude::*;
 
 fn toml_error(text: &str) -> String {
@@ -99,6 +99,15 @@ fn bad_scenes() -> Vec<(String, &'static str)> {
         (
             "[solver]\nrepair = \"much\"".into(),
             "s.toml:2:10: repair of solver is \"much\"; accepted: a number from 0 to 1",
+        ),
+        (
+            "[solver]\nimpact_law = \"hooke\"".into(),
+            "s.toml:2:14: impact_law of solver is \"hooke\"; accepted: \"newton\", \"poisson\", \
+             \"reflections\"",
+        ),
+        (
+            "[solver]\nledger = 1".into(),
+            "s.toml:2:10: ledger of solver is 1; accepted: true or false",
         ),
         (
             "[materials.ice]\nfriction = -1.0".into(),
@@ -423,9 +432,10 @@ fn systems_become_bits_in_order_of_appearance() {
 
 #[test]
 fn a_scene_has_its_own_settings() {
-    let scene = scene("[solver]\nsubsteps = 7");
+    let scene = scene("[solver]\nsubsteps = 7\nimpact_law = \"poisson\"");
     let settings = scene.settings(StepSettings::realtime()).unwrap();
-    assert_eq!(settings, StepSettings { substeps: 7, ..StepSettings::realtime() });
+    let impact_law = ImpactLaw::Poisson;
+    assert_eq!(settings, StepSettings { substeps: 7, impact_law, ..StepSettings::realtime() });
 }
 
 #[test]

@@ -27,7 +27,7 @@
 //! | r x n, omega x r | [`moment`], [`spin`] | vector |
 //! | t: overlap and gap | [`System::set_targets`] | system |
 //! | t: restitution | [`restitution::set_targets`] | [`restitution`] |
-//! | isolated collisions, (1) | [`restitution::collide`] | [`restitution`] |
+//! | collisions, isolated as in (1) or together | [`restitution::collide`] | [`restitution`] |
 //! | one Gauss-Seidel sweep, step 6 | [`pgs::sweep`] | [`pgs`] |
 //! | v += M^-1 J^T gamma | [`System::apply_impulses`] | system |
 //! | how far from 5 | [`System::residual`] | system |
@@ -95,6 +95,7 @@ pub mod ladder;
 pub mod lanes;
 pub mod newton;
 pub mod nncg;
+mod part;
 pub mod pgs;
 pub mod psor;
 mod real;

@@ -51,6 +51,9 @@ pub trait Real:
 
 /// A single number, which can be looked at.
 pub trait Scalar: Real + PartialOrd {
+    /// From 1 to the next larger number.
+    const EPSILON: f64;
+
     /// Its value.
     fn to_f64(self) -> f64;
 }
@@ -101,6 +104,8 @@ macro_rules! scalar {
         }
 
         impl Scalar for $t {
+            const EPSILON: f64 = <$t>::EPSILON as f64;
+
             #[inline(always)]
             fn to_f64(self) -> f64 {
                 f64::from(self)

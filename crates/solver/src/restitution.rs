@@ -1,6 +1,20 @@
-//! Bouncing: target velocities from the pre-step velocity, and collisions one manifold at a time.
+//! Bouncing: target velocities from the pre-step velocity, and collisions by a law of impact.
+//!
+//! The laws differ where several contacts collide at once. All share the rest: which contacts
+//! close, the solution of gamma >= 0, w >= 0, gamma . w = 0, the limit on the energy, and when a blow
+//! falls within the step.
+//!
+//! - Newton: the notes' (1), one collision after the other.
+//! - Poisson: C. Glocker, F. Pfeiffer, "Multiple impacts with friction in rigid multibody systems",
+//!   1995.
+//! - Reflections: B. Smith, D. Kaufman, E. Vouga, R. Tamstorf, E. Grinspun, "Reflections on
+//!   simultaneous impact", 2012.
 
-use crate::{Real, Scalar, System, Velocity};
+use std::ops::Range;
+
+use crate::island::Islands;
+use crate::part::Part;
+use crate::{InverseMass, Real, Scalar, System, Velocity, pgs};
 
 /// t_i = max(t_i, -c_r v_i^-) where a contact approached faster than `threshold` \[m/s\] before the
 /// step: the notes' restitution hypothesis, combined with overlap repair by maximum.
@@ -24,48 +38,75 @@ pub fn set_targets<T: Real, const L: usize, const A: usize>(
     }
 }
 
-/// Sweeps over the points of one manifold within a collision.
-const MANIFOLD_SWEEPS: usize = 10;
+/// What contacts that collide at once do with each other. u is the relative velocity along the
+/// normals, e the restitution.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ImpactLaw {
+    /// The notes' isolated collisions (1), manifold by manifold in their order, each from the
+    /// velocities that the last one left: u+ >= -e u-. Depends on that order.
+    Newton,
+    /// All contacts that press compress together until none approaches; then each gives back e
+    /// times the impulse of its compression, and none may approach again. A row of touching balls
+    /// moves on as one, less the first.
+    Poisson,
+    /// What approaches is reflected together: with lambda the impulses that just stop it, a contact
+    /// gets (1 + e) lambda, a blend of the inelastic answer and its mirror image; and again, until
+    /// nothing approaches. Keeps symmetry, lets a blow pass through a row of touching balls, and
+    /// keeps the energy for e = 1. Smith et al. blend once at the end of all reflections; blended in
+    /// each, what a contact loses does not depend on contacts far away.
+    #[default]
+    Reflections,
+}
 
-/// The most points of a manifold that collide at once.
-const MAX_POINTS: usize = 4;
+/// How collisions are resolved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Collisions<T> {
+    /// What contacts do that collide at once.
+    pub law: ImpactLaw,
+    /// The step h within which blows fall. \[s\]
+    pub dt: T,
+    /// Manifolds that approach more slowly do not bounce. \[m/s\]
+    pub threshold: T,
+    /// How often the contacts are looked at for what approaches. \[1\]
+    pub rounds: usize,
+    /// Sweeps over the contacts of a blow at most; what they leave open is left to the next round.
+    /// \[1\]
+    pub sweeps: usize,
+}
 
-/// Resolves collisions manifold by manifold until none that closes in this step approaches faster
-/// than `threshold` \[m/s\], or `rounds` have passed. Returns the number of collisions.
+/// Resolves collisions until none that closes in this step approaches faster than the threshold, or
+/// the rounds have passed. Returns the number of manifolds that collided, each time counted.
 ///
-/// Within a manifold the points collide together (equation (2) with gamma >= 0); between manifolds
-/// one after the other, each from the velocities that the last one left, as the notes' isolated
-/// collisions (1). So a blow passes through a row of touching balls. Kinetic energy never grows:
-/// a collision changes it by 1/2 gamma . (u- + u+), and gamma is scaled down where that is positive.
+/// Kinetic energy never grows, but for what moving walls bring: a blow changes it by
+/// 1/2 gamma . (u- + u+), and gamma is scaled down, island by island, where that is positive.
 ///
-/// Contacts that do not bounce are left to the sweeps. The impulses go into
+/// Manifolds without restitution are left to the sweeps. The impulses go into
 /// [`Contact::impact`](crate::Contact::impact).
 ///
-/// A blow comes at a time tau within the step of length `dt` \[s\], which then moves the bodies all
-/// of `dt` with the velocity after it; `displacements` are put back by tau times the change of
-/// velocity. tau = (1 - c_r) gap / approach + c_r dt / 2: the time of contact for c_r = 0, half
-/// the step for c_r = 1. For a ball that falls by steps v' = v - g dt, x' = x + v' dt, which keep
-/// v^2 / 2 + g x - g v dt / 2, that is the one tau by which each bounce takes this energy to
-/// c_r^2 of itself.
+/// A blow comes at a time tau within the step of length h, which then moves the bodies all of h
+/// with the velocity after it; `displacements` are put back by tau times the change of velocity.
+/// tau = (1 - c_r) gap / approach + c_r h / 2: the time of contact for c_r = 0, half the step for
+/// c_r = 1. For a ball that falls by steps v' = v - g h, x' = x + v' h, which keep
+/// v^2 / 2 + g x - g v h / 2, that is the one tau by which each bounce takes this energy to c_r^2
+/// of itself.
 pub fn collide<T: Scalar, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     displacements: &mut [Velocity<T, L, A>],
-    dt: T,
-    threshold: T,
-    rounds: usize,
+    how: &Collisions<T>,
+    blow: &mut Blow<L, A>,
 ) -> usize {
+    let all = 0..system.manifolds.len();
     let mut collisions = 0;
-    for _ in 0..rounds {
+    for _ in 0..how.rounds {
         let before = collisions;
-        for index in 0..system.manifolds.len() {
-            if system.manifolds[index].restitution > T::ZERO {
-                let blow = collide_manifold(system, index, dt, threshold);
-                if let Some(Blow { bodies, lost }) = blow {
-                    for (body, lost) in bodies.into_iter().zip(lost) {
-                        displacements[body as usize] += lost;
-                    }
-                    collisions += 1;
+        match how.law {
+            ImpactLaw::Newton => {
+                for index in all.clone() {
+                    collisions += blow.fall(system, displacements, how, index..index + 1);
                 }
+            }
+            ImpactLaw::Poisson | ImpactLaw::Reflections => {
+                collisions += blow.fall(system, displacements, how, all.clone());
             }
         }
         if collisions == before {
@@ -75,72 +116,240 @@ pub fn collide<T: Scalar, const L: usize, const A: usize>(
     collisions
 }
 
-/// A collision that took place.
-struct Blow<T: Real, const L: usize, const A: usize> {
-    bodies: [u32; 2],
-    /// What the bodies have moved by before it, less what the velocities after it make of that time.
-    lost: [Velocity<T, L, A>; 2],
+/// Part of the fastest approach by which a solved contact may be off, unless the numbers of the system
+/// are coarser.
+const ACCURACY: f64 = 1e-12;
+
+/// Contacts that collide at once: what [`collide`] works in, kept so that the next call takes no
+/// memory.
+#[derive(Clone, Debug, Default)]
+pub struct Blow<const L: usize, const A: usize> {
+    part: Part<L, A>,
+    /// Of each manifold: gap / approach of the point that closes first. \[1\]
+    times: Vec<f64>,
+    /// Of each contact: whether it closes.
+    closing: Vec<bool>,
+    /// Of each contact: what it gets in any case. \[N s\]
+    held: Vec<f64>,
+    sweeps: usize,
+    /// Part of the fastest approach by which a contact may be off. \[1\]
+    accuracy: f64,
+    /// The fastest approach. \[m/s\]
+    approach: f64,
+    islands: Islands,
+    /// Of each island: gamma . u- and gamma^T A gamma. \[J\]
+    work: Vec<[f64; 2]>,
 }
 
-fn collide_manifold<T: Scalar, const L: usize, const A: usize>(
-    system: &mut System<T, L, A>,
-    index: usize,
-    dt: T,
-    threshold: T,
-) -> Option<Blow<T, L, A>> {
-    let manifold = system.manifolds[index];
-    let masses = system.masses_of(&manifold);
-    let before = system.velocities_of(&manifold);
-    let points = &mut system.contacts[manifold.points()];
-    let count = points.len().min(MAX_POINTS);
-    let mut u_before = [T::ZERO; MAX_POINTS];
-    let mut target = [T::ZERO; MAX_POINTS];
-    // gap / approach of the point that closes first, in steps.
-    let mut contact_time = T::ONE;
-    let mut closing = false;
-    for i in 0..count {
-        let u = points[i].normal_velocity(&manifold, &before[0], &before[1]);
-        let open = points[i].target[0].min(T::ZERO);
-        u_before[i] = u;
-        target[i] = open;
-        if u < open && u < -threshold {
-            target[i] = -manifold.restitution * u;
-            contact_time = contact_time.min(open / u);
-            closing = true;
+impl<const L: usize, const A: usize> Blow<L, A> {
+    /// One blow among these manifolds; returns how many took part.
+    fn fall<T: Scalar>(
+        &mut self,
+        system: &mut System<T, L, A>,
+        displacements: &mut [Velocity<T, L, A>],
+        how: &Collisions<T>,
+        among: Range<usize>,
+    ) -> usize {
+        self.part.clear(system);
+        self.times.clear();
+        self.closing.clear();
+        self.approach = 0.0;
+        self.sweeps = how.sweeps;
+        self.accuracy = ACCURACY.max(8.0 * T::EPSILON);
+        if !self.gather(system, how.threshold, among.clone()) {
+            return 0;
+        }
+        match how.law {
+            ImpactLaw::Newton => self.newton(),
+            ImpactLaw::Poisson => self.poisson(system, how, among),
+            ImpactLaw::Reflections => self.reflect(),
+        }
+        self.limit_energy();
+        self.land(system, displacements, how.dt)
+    }
+
+    /// Takes in the manifolds that bounce and are not here yet; returns whether there are any.
+    fn gather<T: Scalar>(
+        &mut self,
+        system: &System<T, L, A>,
+        threshold: T,
+        among: Range<usize>,
+    ) -> bool {
+        let before = self.times.len();
+        for index in among {
+            let manifold = &system.manifolds[index];
+            let fixed = system.masses_of(manifold) == [InverseMass::FIXED; 2];
+            if manifold.restitution <= T::ZERO || fixed || self.part.holds(index) {
+                continue;
+            }
+            let [a, b] = manifold.bodies.map(|body| self.part.velocity(system, body));
+            let (points, known) = (&system.contacts[manifold.points()], self.closing.len());
+            // In steps.
+            let mut time = T::ONE;
+            let mut fastest = T::ZERO;
+            for contact in points {
+                let u = contact.normal_velocity(manifold, &a, &b);
+                let open = contact.target[0].min(T::ZERO);
+                let closes = u < open;
+                if closes {
+                    time = time.min(open / u);
+                    fastest = fastest.max(-u);
+                }
+                self.closing.push(closes);
+            }
+            if fastest <= threshold {
+                self.closing.truncate(known);
+                continue;
+            }
+            self.part.add(system, index);
+            self.times.push(time.to_f64());
+            self.approach = self.approach.max(fastest.to_f64());
+        }
+        self.times.len() > before
+    }
+
+    /// u >= -e u- where a point closes; the others of the manifold may close their gaps.
+    fn newton(&mut self) {
+        self.aim(|closes, open, u, restitution| if closes { -restitution * u } else { open });
+        self.solve();
+    }
+
+    /// Compression, which draws in what it pushes together, until nothing approaches; then expansion.
+    fn poisson<T: Scalar>(
+        &mut self,
+        whole: &System<T, L, A>,
+        how: &Collisions<T>,
+        among: Range<usize>,
+    ) {
+        for _ in 0..how.rounds {
+            self.aim(|closes, open, _, _| if closes { 0.0 } else { open });
+            self.solve();
+            if !self.gather(whole, how.threshold, among.clone()) {
+                break;
+            }
+        }
+        let system = &mut self.part.system;
+        self.held.clear();
+        for manifold in &system.manifolds {
+            for contact in &mut system.contacts[manifold.points()] {
+                self.held.push((1.0 + manifold.restitution) * contact.impulse[0]);
+                contact.impulse[0] *= manifold.restitution;
+            }
+        }
+        system.apply_impulses();
+        // What expansion pushes may push back, on top of what is held.
+        system.contacts.iter_mut().for_each(|contact| contact.impulse[0] = 0.0);
+        self.solve();
+        for (contact, held) in self.part.system.contacts.iter_mut().zip(&self.held) {
+            contact.impulse[0] += held;
         }
     }
-    if !closing {
-        return None;
-    }
-    let [mut a, mut b] = before;
-    let mut gamma = [T::ZERO; MAX_POINTS];
-    for _ in 0..MANIFOLD_SWEEPS {
-        for i in 0..count {
-            let u = points[i].normal_velocity(&manifold, &a, &b);
-            let next = (gamma[i] + points[i].effective_mass * (target[i] - u)).max(T::ZERO);
-            points[i].apply(manifold.normal() * (next - gamma[i]), &masses, &mut a, &mut b);
-            gamma[i] = next;
+
+    /// (1 + e) lambda, lambda being what stops the points that close; the others take no part.
+    fn reflect(&mut self) {
+        self.aim(|closes, _, _, _| if closes { 0.0 } else { f64::NEG_INFINITY });
+        self.solve();
+        // lambda . w = 0 exactly, however well that is solved: so e = 1 keeps the energy.
+        self.scale(|work, quadratic| -work / quadratic);
+        let system = &mut self.part.system;
+        for manifold in &system.manifolds {
+            for contact in &mut system.contacts[manifold.points()] {
+                contact.impulse[0] *= 1.0 + manifold.restitution;
+            }
         }
     }
-    // Delta T = s gamma . u- + s^2/2 gamma^T A gamma <= 0  <=>  s <= -2 gamma . u- / gamma^T A gamma.
-    let (mut work, mut quadratic) = (T::ZERO, T::ZERO);
-    for i in 0..count {
-        let u = points[i].normal_velocity(&manifold, &a, &b);
-        work += gamma[i] * u_before[i];
-        quadratic += gamma[i] * (u - u_before[i]);
+
+    /// Sets the targets, of whether a point closes, its open target, u and e. \[m/s\]
+    fn aim(&mut self, target: impl Fn(bool, f64, f64, f64) -> f64) {
+        let system = &mut self.part.system;
+        let mut closing = self.closing.iter();
+        for manifold in &system.manifolds {
+            let [a, b] = system.velocities_of(manifold);
+            for (contact, &closes) in
+                system.contacts[manifold.points()].iter_mut().zip(&mut closing)
+            {
+                let u = contact.normal_velocity(manifold, &a, &b);
+                let open = contact.target[0].min(0.0);
+                contact.target[0] = target(closes, open, u, manifold.restitution);
+            }
+        }
     }
-    let limit = quadratic.choose(T::from_f64(-2.0) * work / quadratic, T::ONE);
-    let scale = T::ONE.min(limit.max(T::ZERO));
-    [a, b] = before;
-    for i in 0..count {
-        points[i].impact += gamma[i] * scale;
-        points[i].apply(manifold.normal() * (gamma[i] * scale), &masses, &mut a, &mut b);
+
+    /// gamma >= 0, w >= 0, gamma . w = 0 with w = u - t, from the impulses at hand.
+    fn solve(&mut self) {
+        let system = &mut self.part.system;
+        for _ in 0..self.sweeps {
+            pgs::sweep_normals(system);
+            if system.residual(false) <= self.accuracy * self.approach {
+                break;
+            }
+        }
     }
-    system.velocities[manifold.bodies[0] as usize] = a;
-    system.velocities[manifold.bodies[1] as usize] = b;
-    let half = T::from_f64(0.5);
-    let bounce = manifold.restitution;
-    let tau = ((T::ONE - bounce) * contact_time + bounce * half) * dt;
-    let lost = [(before[0] - a) * tau, (before[1] - b) * tau];
-    Some(Blow { bodies: manifold.bodies, lost })
+
+    /// Delta T = s gamma . u- + s^2 / 2 gamma^T A gamma <= 0 for s <= -2 gamma . u- / gamma^T A gamma.
+    fn limit_energy(&mut self) {
+        self.scale(|work, quadratic| (-2.0 * work / quadratic).min(1.0));
+    }
+
+    /// Scales the impulses of each island by what follows from gamma . u- and gamma^T A gamma.
+    fn scale(&mut self, factor: impl Fn(f64, f64) -> f64) {
+        let system = &mut self.part.system;
+        self.islands.find(system);
+        self.work.clear();
+        self.work.resize(self.islands.count, [0.0; 2]);
+        system.velocities.clone_from(&self.part.start);
+        system.apply_impulses();
+        for manifold in &system.manifolds {
+            let start = manifold.bodies.map(|body| self.part.start[body as usize]);
+            let [a, b] = system.velocities_of(manifold);
+            let work = &mut self.work[self.islands.of_pair(manifold.bodies) as usize];
+            for contact in &system.contacts[manifold.points()] {
+                let gamma = contact.impulse[0];
+                let u = contact.normal_velocity(manifold, &start[0], &start[1]);
+                work[0] += gamma * u;
+                work[1] += gamma * (contact.normal_velocity(manifold, &a, &b) - u);
+            }
+        }
+        for manifold in &system.manifolds {
+            let [work, quadratic] = self.work[self.islands.of_pair(manifold.bodies) as usize];
+            let scale = if quadratic > 0.0 { factor(work, quadratic).max(0.0) } else { 0.0 };
+            for contact in &mut system.contacts[manifold.points()] {
+                contact.impulse[0] *= scale;
+            }
+        }
+    }
+
+    /// Gives the impulses to the whole system, and puts displacements back; returns how many
+    /// manifolds took any.
+    fn land<T: Scalar>(
+        &self,
+        whole: &mut System<T, L, A>,
+        displacements: &mut [Velocity<T, L, A>],
+        dt: T,
+    ) -> usize {
+        let mut struck = 0;
+        for ((own, &index), &time) in
+            self.part.system.manifolds.iter().zip(&self.part.manifolds).zip(&self.times)
+        {
+            let manifold = whole.manifolds[index as usize];
+            let masses = whole.masses_of(&manifold);
+            let before = whole.velocities_of(&manifold);
+            let [mut a, mut b] = before;
+            let solved = &self.part.system.contacts[own.points()];
+            for (contact, solved) in whole.contacts[manifold.points()].iter_mut().zip(solved) {
+                let gamma = T::from_f64(solved.impulse[0]);
+                contact.impact += gamma;
+                contact.apply(manifold.normal() * gamma, &masses, &mut a, &mut b);
+            }
+            let tau = T::from_f64((1.0 - own.restitution) * time + 0.5 * own.restitution) * dt;
+            for (body, (before, after)) in
+                manifold.bodies.into_iter().zip(before.into_iter().zip([a, b]))
+            {
+                displacements[body as usize] += (before - after) * tau;
+                whole.velocities[body as usize] = after;
+            }
+            struck += usize::from(solved.iter().any(|contact| contact.impulse[0] > 0.0));
+        }
+        struck
+    }
 }

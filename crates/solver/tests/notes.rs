@@ -12,6 +12,7 @@ use drystone_solver::assembled::{
     gauss_seidel, impulses, inverse_mass, jacobian, pattern, rhs, soften, system_matrix, targets,
     velocities,
 };
+use drystone_solver::restitution::{Blow, Collisions, ImpactLaw};
 use drystone_solver::{Repair, System, Vector, Velocity, pgs, restitution};
 use proptest::prelude::*;
 
@@ -52,14 +53,15 @@ fn unit<const L: usize>(angle: f64) -> Vector<f64, L> {
     }))
 }
 
-/// Collisions alone, of bodies that do not move meanwhile.
+/// Isolated collisions, of bodies that do not move meanwhile.
 fn collide<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     threshold: f64,
     rounds: usize,
 ) -> usize {
     let mut moved = vec![Velocity::ZERO; system.velocities.len()];
-    restitution::collide(system, &mut moved, 0.0, threshold, rounds)
+    let how = Collisions { law: ImpactLaw::Newton, dt: 0.0, threshold, rounds, sweeps: 400 };
+    restitution::collide(system, &mut moved, &how, &mut Blow::default())
 }
 
 /// A ball of 1 kg that touches fixed walls, the normals (towards it) at these angles.

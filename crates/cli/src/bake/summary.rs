@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use drystone::scene::{Motion, Scene};
-use drystone::{Measure, StepSettings};
+use drystone::{Ledger, Measure, StepSettings};
 use serde::Serialize;
 
 use super::Bake;
@@ -48,8 +48,11 @@ pub(super) struct Summary {
     energy_rise: f64,
     /// Rise that passes for rounding. \[J\]
     energy_tolerance: f64,
-    /// Whether energy came from nowhere; absent where kinematic bodies may bring some.
+    /// Whether energy came from nowhere; absent where kinematic bodies may bring some and no ledger
+    /// tells them apart.
     energy_created: Option<bool>,
+    /// What the ledgers of the steps come to; absent without them.
+    ledger: Option<Books>,
     /// \[m/s\]
     residual_worst: f64,
     /// \[m/s\]
@@ -64,6 +67,19 @@ pub(super) struct Summary {
     moved_body: Option<usize>,
     /// Bodies far below every static body.
     left: Vec<usize>,
+}
+
+/// The ledgers of all steps.
+#[derive(Serialize)]
+struct Books {
+    /// Sums of the items. \[J\]
+    items: BTreeMap<&'static str, f64>,
+    /// Most that contacts had given more than taken since the start. In between, as springs, they
+    /// give back what they took. \[J\]
+    created: f64,
+    /// The step in which they gave most, and how much. \[J\]
+    worst_step: usize,
+    worst: f64,
 }
 
 /// Bounds on the error of the velocities, root mean square by mass, of the worst island.
@@ -111,6 +127,11 @@ impl Summary {
         let energy_rise = largest(&mut steps.iter().map(|step| energy(&step.measure) - start));
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
         let kinematic = count(Motion::Kinematic);
+        let ledger = books(bake);
+        let energy_created = match &ledger {
+            Some(books) => Some(books.created > energy_tolerance),
+            None => (kinematic == 0).then_some(energy_rise > energy_tolerance),
+        };
         let mut times: Vec<f64> = steps.iter().map(|step| step.time.as_secs_f64() * 1e3).collect();
         times.sort_unstable_by(f64::total_cmp);
         Self {
@@ -129,7 +150,8 @@ impl Summary {
             energy_end: energy(&end),
             energy_rise,
             energy_tolerance,
-            energy_created: (kinematic == 0).then_some(energy_rise > energy_tolerance),
+            energy_created,
+            ledger,
             residual_worst: largest(&mut steps.iter().map(|step| step.measure.residual)),
             residual_last: end.residual,
             certified: certified(bake),
@@ -210,10 +232,16 @@ impl Summary {
     fn energy(&self) -> String {
         let (start, end) = (joule(self.energy_start), joule(self.energy_end));
         let (rise, tolerance) = (joule(self.energy_rise), joule(self.energy_tolerance));
-        let verdict = match self.energy_created {
-            None => "; kinematic bodies may add to it".to_owned(),
-            Some(false) => format!("; none was created (tolerance {tolerance})"),
-            Some(true) => {
+        let verdict = match (self.energy_created, &self.ledger) {
+            (None, _) => "; kinematic bodies may add to it".to_owned(),
+            (Some(false), _) => format!("; none was created (tolerance {tolerance})"),
+            (Some(true), Some(books)) => format!(
+                "; contacts created {}, most of it, {}, in step {} (tolerance {tolerance})",
+                joule(books.created),
+                joule(books.worst),
+                books.worst_step
+            ),
+            (Some(true), None) => {
                 format!("; {rise} above the start at its highest (tolerance {tolerance})")
             }
         };
@@ -259,7 +287,8 @@ impl Summary {
     fn odd(&self, scene: &Scene) -> Vec<String> {
         let mut lines = Vec::new();
         if self.energy_created == Some(true) {
-            lines.push(format!("energy was created: {}", joule(self.energy_rise)));
+            let created = self.ledger.as_ref().map_or(self.energy_rise, |books| books.created);
+            lines.push(format!("energy was created: {}", joule(created)));
         }
         if self.initial_penetration > OVERLAP {
             lines.push(format!(
@@ -284,6 +313,25 @@ impl Summary {
         }
         lines
     }
+}
+
+fn books(bake: &Bake) -> Option<Books> {
+    let ledgers = bake.steps.iter().map(|step| step.report.energy);
+    let ledgers: Vec<_> = ledgers.collect::<Option<_>>()?;
+    let mut total = Ledger::default();
+    ledgers.iter().for_each(|ledger| total.join(ledger));
+    let given = ledgers.iter().map(Ledger::by_contacts).enumerate();
+    let (step, worst) = given.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let balance = ledgers.iter().scan(0.0, |balance, ledger| {
+        *balance += ledger.by_contacts();
+        Some(*balance)
+    });
+    Some(Books {
+        items: total.items().into_iter().collect(),
+        created: balance.fold(0.0, f64::max),
+        worst_step: step + 1,
+        worst,
+    })
 }
 
 fn certified(bake: &Bake) -> Option<Certified> {

@@ -42,6 +42,9 @@ const RANGES: [(&str, f64, f64); 14] = [
     ("reuse_distance", 0.0, 1e3),
 ];
 
+/// The names of [`ImpactLaw`](crate::ImpactLaw), the one setting that is a word.
+const IMPACT_LAWS: [&str; 3] = ["newton", "poisson", "reflections"];
+
 /// The settings with those of the table in place of theirs.
 pub(super) fn merge(table: &Map<String, Value>, base: StepSettings) -> Result<StepSettings, Fault> {
     let mut merged = base;
@@ -69,9 +72,13 @@ fn set(settings: StepSettings, key: &str, value: &Value) -> Result<StepSettings,
             return Err(fault(false, format!("accepted: {kind} from {min} to {max}")));
         }
     }
+    let accepted = if all.get(key).is_some_and(Value::is_boolean) {
+        "accepted: true or false".to_owned()
+    } else {
+        format!("accepted: {}", IMPACT_LAWS.map(|law| format!("\"{law}\"")).join(", "))
+    };
     all.insert(key.to_owned(), value.clone());
-    serde_json::from_value(Value::Object(all))
-        .map_err(|error| fault(false, format!("accepted: {error}")))
+    serde_json::from_value(Value::Object(all)).map_err(|_| fault(false, accepted))
 }
 
 impl Scene {

@@ -1,0 +1,356 @@
+//! Blows between several bodies, and the ledger that says where energy comes from and goes.
+
+mod common;
+
+use common::*;
+use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::scene::Motion;
+use drystone::{BodyId, ImpactLaw, Ledger, World, World3};
+use drystone_solver::{Vector, Velocity};
+
+// Blows
+
+/// Speeds of five balls, of which the first `coming` come in at 1 m/s, after the blow.
+fn cradle<G: Round<L, A>, const L: usize, const A: usize>(
+    coming: usize,
+    law: ImpactLaw,
+) -> [f32; 5] {
+    let hard = surface(0.0, 1.0);
+    let mut world = weightless::<G, L, A>();
+    world.settings.impact_law = law;
+    let balls: [BodyId; 5] = std::array::from_fn(|i| {
+        let (ahead, speed) = if i < coming { (0.25, 1.0) } else { (0.0, 0.0) };
+        // A power of two: the balls touch to the last bit.
+        let (x, radius) = ((i as f32 - ahead) / 8.0, 1.0 / 16.0);
+        let ball = dynamic(v(x, 0.0, 0.0), G::ball(radius), &hard);
+        world.add(moving(ball, v(speed, 0.0, 0.0)))
+    });
+    run(&mut world, 1.0);
+    balls.map(|ball| velocity(&world, ball).linear[0])
+}
+
+fn cradles<G: Round<L, A>, const L: usize, const A: usize>() {
+    let cases = [(1, [0.0, 0.0, 0.0, 0.0, 1.0]), (2, [0.0, 0.0, 0.0, 1.0, 1.0])];
+    for (coming, expected) in cases {
+        let after = cradle::<G, L, A>(coming, ImpactLaw::Reflections);
+        for (after, expected) in after.into_iter().zip(expected) {
+            assert_below(&format!("({L},{A}), {coming}: error"), (after - expected).abs(), 1e-6);
+        }
+    }
+    // Compressed together they share; so the law is what the settings say.
+    let shared = cradle::<G, L, A>(1, ImpactLaw::Poisson);
+    for (after, expected) in shared.into_iter().zip([-0.6, 0.4, 0.4, 0.4, 0.4]) {
+        assert_below(&format!("({L},{A}): error of Poisson's"), (after - expected).abs(), 1e-4);
+    }
+}
+
+#[test]
+fn a_cradle_passes_on_as_many_balls_as_come() {
+    cradles::<Spheres, 2, 0>();
+    cradles::<Spheres, 3, 0>();
+    cradles::<Rigid2, 2, 1>();
+    cradles::<Rigid3, 3, 3>();
+}
+
+/// A cue ball into the tip of a triangle of 15: part of the energy that is left after half a second,
+/// and how far velocities are from their mirror image, as a part of the cue's.
+fn break_shot<G: Round<L, A>, const L: usize, const A: usize>() -> [f64; 2] {
+    let hard = surface(0.0, 1.0);
+    let mut world = weightless::<G, L, A>();
+    world.settings.restitution_threshold = 1e-5;
+    let cue = dynamic(v(-1.5, 0.0, 0.0), G::ball(0.5), &hard);
+    world.add(moving(cue, v(8.0, 0.0, 0.0)));
+    let mut rack = Vec::new();
+    for column in 0..5 {
+        for place in 0..=column {
+            let along = 0.75f32.sqrt() * column as f32;
+            let aside = place as f32 - 0.5 * column as f32;
+            let ball = world.add(dynamic(v(along, aside, 0.0), G::ball(0.5), &hard));
+            rack.push((column, place, ball));
+        }
+    }
+    let before = energy(&world);
+    run(&mut world, 0.5);
+    let mut asymmetry = 0.0f64;
+    for &(column, place, ball) in &rack {
+        let twin = rack.iter().find(|other| (other.0, other.1) == (column, column - place));
+        let [one, other] = [ball, twin.unwrap().2].map(|ball| velocity(&world, ball).linear);
+        let apart = (one[0] - other[0]).abs().max((one[1] + other[1]).abs());
+        asymmetry = asymmetry.max(f64::from(apart) / 8.0);
+    }
+    [energy(&world) / before, asymmetry]
+}
+
+fn breaks<G: Round<L, A>, const L: usize, const A: usize>() {
+    let [kept, asymmetry] = break_shot::<G, L, A>();
+    println!("({L},{A}): energy kept {kept}, asymmetry {asymmetry:e}");
+    assert!((kept - 1.0).abs() < 1e-6, "({L},{A}): energy kept {kept}");
+    assert!(asymmetry < 1e-5, "({L},{A}): asymmetry {asymmetry}");
+}
+
+#[test]
+fn a_break_is_symmetric_and_keeps_its_energy() {
+    breaks::<Spheres, 2, 0>();
+    breaks::<Spheres, 3, 0>();
+    breaks::<Rigid2, 2, 1>();
+    breaks::<Rigid3, 3, 3>();
+}
+
+// The ledger
+
+/// What the ledgers of a run come to.
+#[derive(Debug, Default)]
+struct Audit {
+    total: Ledger,
+    /// Most energy that the run had above its lowest, against which errors are small. \[J\]
+    turnover: f64,
+    /// Largest part of a step's change that the items leave open. \[J\]
+    unexplained: f64,
+    /// Largest difference between the ledger and what was measured. \[J\]
+    mismeasured: f64,
+    /// Most that friction, and that collisions, added in a step. \[J\]
+    friction: f64,
+    impacts: f64,
+    /// Created by contacts in all steps. \[J\]
+    created: f64,
+}
+
+/// Runs a world with a ledger.
+fn audit<G: Geometry<L, A>, const L: usize, const A: usize>(
+    mut world: World<G, L, A>,
+    seconds: f32,
+) -> Audit {
+    world.settings.ledger = true;
+    let mut audit = Audit::default();
+    let mut start = world.measure();
+    let (mut lowest, mut highest) = (start.potential_energy, energy(&world));
+    for _ in 0..(seconds / DT).round() as usize {
+        let ledger = world.step(DT).energy.expect("a ledger was asked for");
+        let end = world.measure();
+        let kinetic = end.kinetic_energy - start.kinetic_energy - ledger.kinetic;
+        let potential = end.potential_energy - start.potential_energy - ledger.potential;
+        start = end;
+        lowest = lowest.min(end.potential_energy);
+        highest = highest.max(energy(&world));
+        audit.mismeasured = audit.mismeasured.max(kinetic.abs()).max(potential.abs());
+        audit.unexplained = audit.unexplained.max(ledger.unexplained().abs());
+        audit.friction = audit.friction.max(ledger.friction);
+        audit.impacts = audit.impacts.max(ledger.impacts);
+        audit.created += ledger.created();
+        audit.total.join(&ledger);
+    }
+    audit.turnover = highest - lowest;
+    audit
+}
+
+impl Audit {
+    /// What holds for every run: the items make up the change, and neither friction nor collisions
+    /// add energy. A slip that is held is a spring, which may give back a little.
+    #[track_caller]
+    fn balanced(&self, what: &str) {
+        println!("{what}: {self:#?}");
+        let part = |energy: f64| energy / self.turnover;
+        assert!(part(self.mismeasured) < 1e-12, "{what}: measured differently: {self:#?}");
+        assert!(part(self.unexplained) < 1e-5, "{what}: not explained: {self:#?}");
+        assert!(part(self.friction) < 2e-5, "{what}: friction added energy: {self:#?}");
+        assert!(part(self.impacts) < 1e-6, "{what}: collisions added energy: {self:#?}");
+    }
+
+    /// And contacts create at most this. \[J\]
+    #[track_caller]
+    fn creates_below(&self, bound: f64, what: &str) {
+        assert!(self.created < bound, "{what}: {} J created, not below {bound} J", self.created);
+    }
+}
+
+fn bounce<G: Round<L, A>, const L: usize, const A: usize>() {
+    let material = surface(0.5, 0.8);
+    let mut world = world::<G, L, A>();
+    add_floor(&mut world, &material);
+    let ball = dynamic(v(0.0, 2.0, 0.0), G::ball(0.1), &material);
+    world.add(moving(ball, v(1.0, 0.0, 0.0)));
+    let (what, audit) = (format!("({L},{A}): bounce"), audit(world, 4.0));
+    audit.balanced(&what);
+    audit.creates_below(1e-6 * audit.turnover, &what);
+    let integration = audit.total.integration.abs() / audit.turnover;
+    assert!(integration < 1e-3, "{what}: {integration} of the energy by integration");
+    assert!(audit.total.impacts < -0.5 * audit.turnover, "{what}: {audit:#?}");
+}
+
+#[test]
+fn a_bouncing_ball_loses_its_energy_to_impacts() {
+    bounce::<Spheres, 2, 0>();
+    bounce::<Spheres, 3, 0>();
+    bounce::<Rigid2, 2, 1>();
+    bounce::<Rigid3, 3, 3>();
+}
+
+/// A box on a slope of `degrees` with friction 0.5.
+fn on_slope<G: Rigid<L, A>, const L: usize, const A: usize>(degrees: f32) -> World<G, L, A> {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let rough = surface(0.5, 0.0);
+    let mut world = world::<G, L, A>();
+    let slope = G::halfspace(v(-sin, cos, 0.0));
+    world.add(body(Motion::Static, [0.0; L], slope, &rough));
+    let mut block = dynamic([0.0; L], G::cuboid(v(0.5, 0.1, 0.5)), &rough);
+    block.pose = G::turned(v(-0.1 * sin, 0.1 * cos, 0.0), degrees.to_radians());
+    world.add(block);
+    world
+}
+
+fn slope<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let what = format!("{L}D: sliding");
+    let sliding = audit(on_slope::<G, L, A>(35.0), 3.0);
+    sliding.balanced(&what);
+    sliding.creates_below(1e-6 * sliding.turnover, &what);
+    // mu m g cos(35 degrees) over the way down, m g sin(35 degrees) of it height.
+    let expected = 0.5 / 35f64.to_radians().tan() * sliding.total.potential;
+    let friction = sliding.total.friction / expected;
+    assert!((friction - 1.0).abs() < 1e-3, "{what}: friction {friction} of that on paper");
+
+    // What sticks sinks in by 0.01 mm, and its contacts are springs.
+    let what = format!("{L}D: sticking");
+    let sticking = audit(on_slope::<G, L, A>(20.0), 3.0);
+    sticking.balanced(&what);
+    sticking.creates_below(
+        1e-5 * f64::from(G::mass(&G::cuboid(v(0.5, 0.1, 0.5)), 1000.0).mass * GRAVITY),
+        &what,
+    );
+}
+
+#[test]
+fn what_slides_loses_its_energy_to_friction() {
+    slope::<Rigid2, 2, 1>();
+    slope::<Rigid3, 3, 3>();
+}
+
+fn thrown<G: Rigid<L, A>, const L: usize, const A: usize>() -> World<G, L, A> {
+    let material = surface(0.5, 0.3);
+    let mut world = world::<G, L, A>();
+    add_floor(&mut world, &material);
+    let mut random = Random(3);
+    for i in 0..40 {
+        let (x, z) = (random.between(-1.0, 1.0), random.between(-1.0, 1.0));
+        let at = v(x, 1.0 + 0.75 * i as f32, z);
+        let shape = if i % 2 == 0 { G::ball(0.25) } else { G::cuboid(v(0.3, 0.2, 0.1)) };
+        let mut body = moving(dynamic(at, shape, &material), random.vector(2.0));
+        body.velocity.angular = Vector(random.vector(5.0));
+        world.add(body);
+    }
+    world
+}
+
+fn pile<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let (what, audit) = (format!("{L}D: pile"), audit(thrown::<G, L, A>(), 8.0));
+    audit.balanced(&what);
+    audit.creates_below(1e-4 * audit.turnover, &what);
+    let integration = audit.total.integration.abs() / audit.turnover;
+    assert!(integration < 1e-3, "{what}: {integration} of the energy by integration");
+
+    let mut poses = [Vec::new(), Vec::new()];
+    for (ledger, poses) in [false, true].into_iter().zip(&mut poses) {
+        let mut world = thrown::<G, L, A>();
+        world.settings.ledger = ledger;
+        run(&mut world, 3.0);
+        world.write_poses(poses);
+    }
+    assert!(poses[0] == poses[1], "{what}: the ledger changes what happens");
+}
+
+#[test]
+fn no_energy_is_created_in_a_pile() {
+    pile::<Rigid2, 2, 1>();
+    pile::<Rigid3, 3, 3>();
+}
+
+fn stack<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let rough = surface(0.5, 0.0);
+    let mut world = world::<G, L, A>();
+    add_floor(&mut world, &rough);
+    for i in 0..8 {
+        world.add(dynamic(v(0.0, i as f32 + 0.5, 0.0), G::cuboid([0.5; L]), &rough));
+    }
+    let (what, audit) = (format!("{L}D: stack"), audit(world, 3.0));
+    audit.balanced(&what);
+    audit.creates_below(1e-5 * 8000.0 * f64::from(GRAVITY), &what);
+}
+
+#[test]
+fn a_stack_that_settles_creates_nothing() {
+    stack::<Rigid2, 2, 1>();
+    stack::<Rigid3, 3, 3>();
+}
+
+/// A driven belt takes a box along: half of what it brings becomes motion, half is lost in slipping.
+fn belt<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let rough = surface(0.5, 0.0);
+    let mut world = world::<G, L, A>();
+    let slab = G::cuboid(v(20.0, 0.5, 5.0));
+    let belt = body(Motion::Kinematic, v(0.0, -0.5, 0.0), slab, &rough);
+    world.add(moving(belt, v(2.0, 0.0, 0.0)));
+    world.add(dynamic(v(0.0, 0.2, 0.0), G::cuboid([0.2; L]), &rough));
+    let (what, audit) = (format!("{L}D: belt"), audit(world, 2.0));
+    audit.balanced(&what);
+    audit.creates_below(1e-4 * audit.turnover, &what);
+    let total = &audit.total;
+    assert!((total.driven / total.kinetic - 2.0).abs() < 1e-2, "{what}: {audit:#?}");
+    assert!((total.friction / total.kinetic + 1.0).abs() < 1e-2, "{what}: {audit:#?}");
+}
+
+#[test]
+fn a_belt_brings_energy() {
+    belt::<Rigid2, 2, 1>();
+    belt::<Rigid3, 3, 3>();
+}
+
+fn pushed<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let mut world = weightless::<G, L, A>();
+    let block = dynamic([0.0; L], G::cuboid([0.5; L]), &surface(0.5, 0.0));
+    let block = world.add(moving(block, v(1.0, 0.0, 0.0)));
+    world.settings.ledger = true;
+    let mut total = Ledger::default();
+    for _ in 0..60 {
+        world.add_force(
+            block,
+            Velocity { linear: Vector(v(5e3, 0.0, 0.0)), angular: Vector([2e3; A]) },
+        );
+        total.join(&world.step(DT).energy.expect("a ledger was asked for"));
+    }
+    assert!(total.kinetic > 1e4, "{L}D: {total:#?}");
+    assert!((total.forces / total.kinetic - 1.0).abs() < 1e-4, "{L}D: {total:#?}");
+}
+
+#[test]
+fn forces_bring_what_becomes_motion() {
+    pushed::<Rigid2, 2, 1>();
+    pushed::<Rigid3, 3, 3>();
+}
+
+/// A box that starts 5 cm in the floor is lifted out of it by repair, and by nothing else.
+#[test]
+fn what_repair_lifts_is_in_the_books() {
+    let rough = surface(0.5, 0.0);
+    let mut world = world::<Rigid3, 3, 3>();
+    add_floor(&mut world, &rough);
+    world.add(dynamic([0.0, 0.45, 0.0], Rigid3::cuboid([0.5; 3]), &rough));
+    let audit = audit(world, 1.0);
+    let total = &audit.total;
+    println!("{audit:#?}");
+    assert!(audit.unexplained < 1e-5 * total.repair, "{audit:#?}");
+    assert!(total.relaxed < -0.9 * total.repair, "{audit:#?}");
+    assert!((audit.created / total.potential - 1.0).abs() < 0.2, "{audit:#?}");
+}
+
+/// The energy of a box that tumbles freely changes by integration alone.
+#[test]
+fn precession_is_integration() {
+    let mut world: World3 = weightless();
+    let mut racket = dynamic([0.0; 3], Rigid3::cuboid([0.5, 0.3, 0.1]), &surface(0.5, 0.0));
+    racket.velocity.angular = Vector([0.5, 8.0, 0.1]);
+    world.add(racket);
+    let audit = audit(world, 3.0);
+    let total = &audit.total;
+    assert!(total.kinetic != 0.0 && total.kinetic.abs() < 1e-5 * audit.turnover, "{audit:#?}");
+    assert!((total.integration - total.kinetic).abs() < 1e-9 * audit.turnover, "{audit:#?}");
+    assert_eq!((total.contacts, total.friction, total.driven), (0.0, 0.0, 0.0));
+}

@@ -1,0 +1,88 @@
+//! [`Part`]: some manifolds of a system as a system of their own, in `f64`.
+
+use crate::{Scalar, System, Velocity};
+
+/// Not in the part.
+const NONE: u32 = u32::MAX;
+
+/// Some manifolds of a system with their bodies, copied out of it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Part<const L: usize, const A: usize> {
+    /// Rigid contacts without friction.
+    pub(crate) system: System<f64, L, A>,
+    /// Velocities of its bodies when they were copied.
+    pub(crate) start: Vec<Velocity<f64, L, A>>,
+    /// Its manifolds in the whole system.
+    pub(crate) manifolds: Vec<u32>,
+    /// Its bodies in the whole system.
+    bodies: Vec<u32>,
+    /// Of each body of the whole system: its index here.
+    inside: Vec<u32>,
+    /// Of each manifold of the whole system: whether it is here.
+    holds: Vec<bool>,
+}
+
+impl<const L: usize, const A: usize> Part<L, A> {
+    /// Leaves nothing in it; sizes it for parts of `whole`.
+    pub(crate) fn clear<T: Scalar>(&mut self, whole: &System<T, L, A>) {
+        for body in self.bodies.drain(..) {
+            self.inside[body as usize] = NONE;
+        }
+        for manifold in self.manifolds.drain(..) {
+            self.holds[manifold as usize] = false;
+        }
+        self.inside.resize(whole.velocities.len(), NONE);
+        self.holds.resize(whole.manifolds.len(), false);
+        self.start.clear();
+        self.system.velocities.clear();
+        self.system.masses.clear();
+        self.system.manifolds.clear();
+        self.system.contacts.clear();
+    }
+
+    /// Whether a manifold of the whole system is here.
+    pub(crate) fn holds(&self, manifold: usize) -> bool {
+        self.holds[manifold]
+    }
+
+    /// The velocity of a body as the part has it, else as the whole system does.
+    pub(crate) fn velocity<T: Scalar>(
+        &self,
+        whole: &System<T, L, A>,
+        body: u32,
+    ) -> Velocity<T, L, A> {
+        match self.inside[body as usize] {
+            NONE => whole.velocities[body as usize],
+            inside => self.system.velocities[inside as usize].cast(),
+        }
+    }
+
+    /// Takes a manifold of the whole system in, with rigid effective masses.
+    pub(crate) fn add<T: Scalar>(&mut self, whole: &System<T, L, A>, index: usize) {
+        let mut manifold = whole.manifolds[index].cast();
+        manifold.bodies = manifold.bodies.map(|body| self.admit(whole, body));
+        manifold.friction = 0.0;
+        manifold.first = self.system.contacts.len() as u32;
+        let masses = self.system.masses_of(&manifold);
+        for contact in &whole.contacts[whole.manifolds[index].points()] {
+            let mut contact = contact.cast();
+            contact.impulse = Default::default();
+            contact.prepare(&manifold, &masses, 0.0);
+            self.system.contacts.push(contact);
+        }
+        self.system.manifolds.push(manifold);
+        self.manifolds.push(index as u32);
+        self.holds[index] = true;
+    }
+
+    fn admit<T: Scalar>(&mut self, whole: &System<T, L, A>, body: u32) -> u32 {
+        let at = body as usize;
+        if self.inside[at] == NONE {
+            let velocity = whole.velocities[at].cast();
+            self.inside[at] = self.system.add_body(velocity, whole.masses[at].cast());
+            self.start.push(velocity);
+            self.bodies.push(body);
+        }
+        self.inside[at]
+    }
+}
