@@ -101,6 +101,12 @@ pub fn from_entries(
     matrix.map_err(|_| ProblemError::Size("a matrix", entries.len(), usize::MAX))
 }
 
+/// A^T.
+pub(super) fn transposed(a: &Matrix) -> Result<Matrix, ProblemError> {
+    let too_large = |_| ProblemError::Size("a matrix", a.nrows(), usize::MAX);
+    a.transpose().to_row_major().map_err(too_large)
+}
+
 /// A x.
 pub(super) fn product(a: &Matrix, x: &[f64]) -> Vec<f64> {
     let row = |i| a.col_idx_of_row(i).zip(a.val_of_row(i)).map(|(j, a_ij)| a_ij * x[j]).sum();
@@ -189,9 +195,7 @@ impl Problem {
         finite("f", &bodies.momentum)?;
         finite("w", &bodies.given)?;
         let inverse = inverse_of_blocks(&bodies.mass)?;
-        let Ok(transposed) = bodies.directions.transpose().to_row_major() else {
-            return Err(ProblemError::Size("H", bodies.directions.nrows(), n));
-        };
+        let transposed = transposed(&bodies.directions)?;
         let matrix = &transposed * (&inverse * &bodies.directions);
         let moved = product(&transposed, &product(&inverse, &bodies.momentum));
         let offset = moved.iter().zip(&bodies.given).map(|(u, w)| u + w).collect();
@@ -365,7 +369,7 @@ fn inverse_of_blocks(matrix: &Matrix) -> Result<Matrix, ProblemError> {
 }
 
 /// Sets of rows that entries of a square matrix couple, each in order.
-fn coupled(matrix: &Matrix) -> Vec<Vec<usize>> {
+pub(super) fn coupled(matrix: &Matrix) -> Vec<Vec<usize>> {
     fn root(parent: &mut [usize], mut i: usize) -> usize {
         while parent[i] != i {
             parent[i] = parent[parent[i]];
