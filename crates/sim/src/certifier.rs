@@ -2,12 +2,17 @@
 
 use drystone_solver::certificate::{Certificate, Memory};
 use drystone_solver::island::{self, Islands};
+use drystone_solver::jam::{self, Jam};
 use drystone_solver::ladder::{self, Outcome};
 use drystone_solver::solution::Goal;
 use drystone_solver::wide::Wide;
 use drystone_solver::{System, Velocity};
 
 use crate::settings::StepSettings;
+
+/// A contact that misses its target by more than this after a step may be jammed: more than what
+/// rests on soft contacts misses. \[m/s\]
+const MISSED: f64 = 0.1;
 
 /// Islands, and the memory of their certificates.
 #[derive(Default)]
@@ -64,6 +69,11 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
             let share = load.weight / load.supports.max(1.0);
             manifold.compliance = settings.repair * settings.sag / (h * h * share);
         }
+    }
+
+    /// Contacts whose targets no velocities can meet.
+    pub(crate) fn jams(&mut self, system: &System<f32, L, A>) -> Vec<Jam> {
+        jam::find(system, &mut self.islands, MISSED)
     }
 
     /// Brings what the sweeps have left within the tolerance.

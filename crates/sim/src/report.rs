@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use drystone_solver::jam::Jam;
 use drystone_solver::ladder::Outcome;
 
 /// The stages of a step, in order. All repeat in each part of the step that has its own contacts,
@@ -67,7 +68,7 @@ impl Stage {
 }
 
 /// What [`World::step`](crate::World::step) did.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Wall time of each stage, in the order of [`Stage::ALL`]; all substeps together.
     pub stages: [Duration; Stage::ALL.len()],
@@ -84,6 +85,9 @@ pub struct StepReport {
     /// How far the velocities that moved the bodies can be from the exact ones, all substeps together;
     /// `None` without a tolerance.
     pub certified: Option<Outcome>,
+    /// Contacts whose targets no velocities can meet, in the last part of the step. Bodies are slots
+    /// of the world; contacts those of [`World::system`](crate::World::system).
+    pub jams: Vec<Jam>,
 }
 
 impl StepReport {

@@ -10,6 +10,7 @@ use crate::certifier::Certifier;
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties};
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
+use crate::saved::SavedSystem;
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::settings::StepSettings;
 use crate::{motion, rows};
@@ -40,6 +41,9 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     travel: Vec<Travel<L>>,
     workers: Vec<Worker<G, L, A>>,
     pool: Option<rayon::ThreadPool>,
+    /// Whether steps save their last contact system, and that of the last step.
+    saving: bool,
+    saved: Option<SavedSystem<L, A>>,
 }
 
 /// The shapes of all bodies, one array per property.
@@ -85,6 +89,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             travel: Vec::new(),
             workers: Vec::new(),
             pool: None,
+            saving: false,
+            saved: None,
         }
     }
 
@@ -252,6 +258,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         &self.system
     }
 
+    /// Whether steps save the contact system of their last substep. By default they do not.
+    pub fn save_systems(&mut self, saving: bool) {
+        self.saving = saving;
+        self.saved = None;
+    }
+
+    /// The contact system of the last substep as it was before it was solved, if that was asked for.
+    pub fn saved(&self) -> Option<&SavedSystem<L, A>> {
+        self.saved.as_ref()
+    }
+
     /// Moves the world on by `dt` \[s\].
     pub fn step(&mut self, dt: f32) -> StepReport {
         let mut report = StepReport::default();
@@ -329,7 +346,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             system.prepare(settings.softness);
         }
         clock.lap(report, Stage::Rows);
-        for _ in 0..substeps {
+        for substep in 0..substeps {
             let bodies = &mut self.bodies;
             motion::predict(bodies, &system.masses, self.gravity, h, &mut system.velocities);
             clock.lap(report, Stage::Predict);
@@ -345,7 +362,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if settings.tolerance > 0.0 {
                 certifier.prospective.clone_from(&system.velocities);
             }
+            if self.saving && substep + 1 == substeps {
+                let positions = bodies.frames.iter().map(|frame| frame.position).collect();
+                self.saved = Some(SavedSystem { system: system.clone(), positions, substep: h });
+            }
             wide.start(&mut system.velocities, &self.displacements, &repair);
+            if self.saving
+                && let Some(saved) = &mut self.saved
+            {
+                // Targets are set by now, and no sweep has touched the impulses yet.
+                wide.unpack(&mut saved.system);
+            }
             clock.lap(report, Stage::WarmStart);
             for _ in 0..settings.iterations {
                 wide.sweep_normals(&mut system.velocities);
@@ -363,6 +390,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             report.sweeps += settings.iterations as usize + 1;
         }
         wide.unpack(system);
+        report.jams = certifier.jams(system);
+        clock.lap(report, Stage::Certify);
 
         motion::arrive(&mut self.bodies, &self.displacements);
         for body in 0..self.len() {

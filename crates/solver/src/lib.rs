@@ -91,6 +91,7 @@ pub mod color;
 pub mod cone;
 mod contact;
 pub mod island;
+pub mod jam;
 pub mod ladder;
 pub mod lanes;
 pub mod newton;

@@ -2,10 +2,9 @@
 
 use faer::{Mat, Side};
 
-use super::problem::{coupled, product, transposed};
+use super::problem::{coupled, product, same, transposed};
 use super::{
-    Matrix, Problem, ProblemError, friction_jacobian, from_entries, inverse_mass, jacobian,
-    velocities,
+    Matrix, Problem, ProblemError, friction_jacobian, from_entries, inverse_mass, velocities,
 };
 use crate::cone::Law;
 use crate::{Scalar, System, Vector};
@@ -26,7 +25,7 @@ const ZERO: f64 = 1e-12;
 /// lean on besides are not part of this form.
 #[derive(Clone, Debug)]
 pub struct Assembly {
-    /// Rows of a contact: 1 if none has friction, else the dimension of space.
+    /// Rows of a contact: the dimension of space.
     pub dimension: usize,
     /// M, zero for what nothing can move, and along what is locked. \[kg, kg m^2\]
     pub mass: Matrix,
@@ -55,15 +54,11 @@ impl Assembly {
     pub fn of_system<T: Scalar, const L: usize, const A: usize>(
         system: &System<T, L, A>,
     ) -> Result<Self, ProblemError> {
-        let rough = system.manifolds.iter().any(|manifold| manifold.friction > T::ZERO);
-        let dimension = if rough { L } else { 1 };
-        let all = if rough { friction_jacobian(system) } else { jacobian(system) };
-        let mass = pseudo_inverse(&inverse_mass(system), "M^-1")?;
         let v = velocities(system);
         let mut assembly = Self {
-            dimension,
-            mass,
-            jacobian: all,
+            dimension: L,
+            mass: pseudo_inverse(&inverse_mass(system), "M^-1")?,
+            jacobian: friction_jacobian(system),
             velocities: (0..v.nrows()).map(|i| v[i]).collect(),
             targets: Vec::new(),
             compliance: Vec::new(),
@@ -79,7 +74,8 @@ impl Assembly {
                 }
             }
         }
-        assembly.keep_rows()?;
+        let kept = assembly.contacts.iter().flat_map(|contact| L * contact..L * (contact + 1));
+        assembly.jacobian = rows_of(&assembly.jacobian, kept)?;
         Ok(assembly)
     }
 
@@ -99,42 +95,90 @@ impl Assembly {
         }
     }
 
-    /// Leaves only the rows of `contacts` in J.
-    fn keep_rows(&mut self) -> Result<(), ProblemError> {
-        let (d, all) = (self.dimension, &self.jacobian);
-        let mut entries = Vec::new();
-        for (place, contact) in self.contacts.iter().enumerate() {
-            for k in 0..d {
-                let row = d * contact + k;
-                let values = all.col_idx_of_row(row).zip(all.val_of_row(row));
-                entries.extend(values.map(|(column, &x)| (d * place + k, column, x)));
-            }
-        }
-        self.jacobian = from_entries(d * self.contacts.len(), all.ncols(), &entries)?;
-        Ok(())
-    }
-
-    /// W = J M^-1 J^T + E and q = J v* - t.
+    /// W = J M^-1 J^T + E and q = J v* - t; of the normals alone where no contact has friction.
     ///
     /// # Errors
     /// Sizes do not fit, or a number is not finite.
     pub fn problem(&self) -> Result<Problem, ProblemError> {
-        let (rows, columns) = (self.targets.len(), self.velocities.len());
-        let size = |what, is, accepted| {
-            if is == accepted { Ok(()) } else { Err(ProblemError::Size(what, is, accepted)) }
-        };
-        size("J", self.jacobian.nrows(), rows)?;
-        size("a row of J", self.jacobian.ncols(), columns)?;
-        size("M", self.mass.nrows(), columns)?;
-        size("a row of M", self.mass.ncols(), columns)?;
-        size("eps", self.compliance.len(), rows)?;
+        let rough = self.friction.iter().any(|&mu| mu > 0.0);
+        self.rows_as_problem(if rough { self.dimension } else { 1 })
+    }
+
+    /// The same of all rows, with friction or without.
+    ///
+    /// # Errors
+    /// As [`Assembly::problem`].
+    pub fn problem_in_space(&self) -> Result<Problem, ProblemError> {
+        self.rows_as_problem(self.dimension)
+    }
+
+    /// Of all rows, or of one for each contact.
+    fn rows_as_problem(&self, dimension: usize) -> Result<Problem, ProblemError> {
+        self.check()?;
+        let step = if dimension == 1 { self.dimension } else { 1 };
+        let kept = (0..self.targets.len()).step_by(step);
+        let jacobian = rows_of(&self.jacobian, kept.clone())?;
+        let n = jacobian.nrows();
+        let soft = kept.clone().enumerate().map(|(i, row)| (i, i, self.compliance[row]));
         let inverse = pseudo_inverse(&self.mass, "M")?;
-        let soft: Vec<_> = self.compliance.iter().enumerate().map(|(i, &e)| (i, i, e)).collect();
-        let rigid = &self.jacobian * (inverse * transposed(&self.jacobian)?);
-        let matrix = rigid + from_entries(rows, rows, &soft)?;
-        let free = product(&self.jacobian, &self.velocities);
-        let offset = free.iter().zip(&self.targets).map(|(u, t)| u - t).collect();
-        Problem::new(self.dimension, self.friction.clone(), matrix, offset)
+        let rigid = &jacobian * (inverse * transposed(&jacobian)?);
+        let matrix = rigid + from_entries(n, n, &soft.collect::<Vec<_>>())?;
+        let free = product(&jacobian, &self.velocities);
+        let offset = free.iter().zip(kept).map(|(u, row)| u - self.targets[row]).collect();
+        Problem::new(dimension, self.friction.clone(), matrix, offset)
+    }
+
+    fn check(&self) -> Result<(), ProblemError> {
+        if !(1..=3).contains(&self.dimension) {
+            return Err(ProblemError::Dimension(self.dimension));
+        }
+        let (rows, columns) = (self.dimension * self.friction.len(), self.velocities.len());
+        same("t", self.targets.len(), rows)?;
+        same("eps", self.compliance.len(), rows)?;
+        same("gamma_0", self.guess.len(), rows)?;
+        same("J", self.jacobian.nrows(), rows)?;
+        same("a row of J", self.jacobian.ncols(), columns)?;
+        same("M", self.mass.nrows(), columns)?;
+        same("a row of M", self.mass.ncols(), columns)
+    }
+
+    /// The guess for the [`Problem`].
+    pub fn warm(&self, problem: &Problem) -> Vec<f64> {
+        let step = if problem.dimension() == 1 { self.dimension } else { 1 };
+        self.guess.iter().copied().step_by(step).collect()
+    }
+
+    /// G of the [`certificate`](crate::certificate) for the impulses r of the [`Problem`] and the
+    /// velocities that they give: 1/2 dv . M dv <= G for the distance dv to the exact velocities;
+    /// with friction for the slip at hand. Infinite where a rigid contact (epsilon 0) misses its
+    /// target. \[J\]
+    pub fn gap(&self, r: &[f64]) -> f64 {
+        let Ok(problem) = self.problem() else { return f64::INFINITY };
+        match problem.dimension() {
+            1 => self.losses::<1>(&problem, r),
+            2 => self.losses::<2>(&problem, r),
+            _ => self.losses::<3>(&problem, r),
+        }
+    }
+
+    /// Sum of what each contact loses by r against the impulse that answers its velocity.
+    fn losses<const D: usize>(&self, problem: &Problem, r: &[f64]) -> f64 {
+        let u = problem.velocities(r);
+        let mut gap = 0.0;
+        for (i, (u, r)) in u.chunks_exact(D).zip(r.chunks_exact(D)).enumerate() {
+            let epsilon = &self.compliance[self.dimension * i..];
+            let law = Law {
+                friction: self.friction[i],
+                impact: 0.0,
+                normal: epsilon[0],
+                tangential: epsilon[D - 1],
+            };
+            let r = law.clamp(Vector::<f64, D>(std::array::from_fn(|k| r[k])));
+            let mut y = law.soften(r) - Vector(std::array::from_fn(|k| u[k]));
+            y[0] -= law.shift(y, r);
+            gap += law.loss(y, r);
+        }
+        if gap.is_nan() { f64::INFINITY } else { gap }
     }
 
     /// Gives the impulses r of the [`Problem`] to the contacts of the system; not to its velocities,
@@ -147,7 +191,8 @@ impl Assembly {
         for contact in &mut system.contacts {
             contact.impulse = Vector::ZERO;
         }
-        for (r, &contact) in r.chunks_exact(self.dimension).zip(&self.contacts) {
+        let d = r.len() / self.contacts.len().max(1);
+        for (r, &contact) in r.chunks_exact(d.max(1)).zip(&self.contacts) {
             for (k, &r) in r.iter().enumerate() {
                 system.contacts[contact].impulse[k] = T::from_f64(r);
             }
@@ -165,6 +210,17 @@ impl Problem {
     ) -> Result<Self, ProblemError> {
         Assembly::of_system(system)?.problem()
     }
+}
+
+/// Some rows of a matrix, in this order.
+fn rows_of(matrix: &Matrix, kept: impl Iterator<Item = usize>) -> Result<Matrix, ProblemError> {
+    let (mut entries, mut count) = (Vec::new(), 0);
+    for row in kept {
+        let values = matrix.col_idx_of_row(row).zip(matrix.val_of_row(row));
+        entries.extend(values.map(|(column, &x)| (count, column, x)));
+        count += 1;
+    }
+    from_entries(count, matrix.ncols(), &entries)
 }
 
 /// The inverse of a symmetric matrix on what it does not map to zero (Moore and Penrose), block by

@@ -73,7 +73,7 @@ impl fmt::Display for ProblemError {
 
 impl std::error::Error for ProblemError {}
 
-fn same(what: &'static str, is: usize, accepted: usize) -> Result<(), ProblemError> {
+pub(super) fn same(what: &'static str, is: usize, accepted: usize) -> Result<(), ProblemError> {
     if is == accepted { Ok(()) } else { Err(ProblemError::Size(what, is, accepted)) }
 }
 
