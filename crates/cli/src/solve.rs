@@ -45,7 +45,7 @@ pub(crate) struct Arguments {
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000_000))]
     budget: u32,
 
-    /// Draw residuals over iterations
+    /// Draw residuals over iterations and over time
     #[arg(long, value_name = "PLOT.svg")]
     history: Option<PathBuf>,
 

@@ -163,7 +163,8 @@ fn methods_are_drawn_on_one_picture() {
         assert!(svg.contains(&format!(">{method}</text>")), "{method}");
         assert!(text.contains(method), "{method}");
     }
-    assert_eq!(svg.matches("<polyline").count(), 7);
+    assert_eq!(svg.matches("<polyline").count(), 14, "over iterations and over time");
+    assert!(svg.contains(">iterations</text>") && svg.contains(">time in ms</text>"));
     assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n") && svg.contains("a &lt; b"));
     assert!(!svg.contains("NaN") && !svg.contains("inf\""));
     let left = fs::read_dir(place.folder.path()).unwrap().count();

@@ -150,7 +150,9 @@ impl Parabola {
     fn least(&self) -> f64 {
         let at = if self.a > 0.0 { (-0.5 * self.b / self.a).clamp(0.0, 1.0) } else { 0.0 };
         // Not below what rounding leaves of the terms.
-        (self.c + self.b * at + self.a * at * at).max(1e-15 * self.c)
+        let gap = (self.c + self.b * at + self.a * at * at).max(1e-15 * self.c);
+        // A rigid contact that misses its target answers with an infinite impulse.
+        if gap.is_nan() { f64::INFINITY } else { gap }
     }
 }
 

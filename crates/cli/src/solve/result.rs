@@ -1,5 +1,6 @@
 //! The result for other programs.
 
+use drystone_solver::assembled::Sample;
 use drystone_solver::assembled::ladder::Attempt;
 use serde_json::{Value, json};
 
@@ -19,6 +20,7 @@ pub(super) fn json(named: &Named, run: &Run) -> Value {
             "residual": attempt.residual,
         })
     };
+    let samples = |of: fn(&Sample) -> Value| outcome.history.iter().map(of).collect::<Value>();
     let mut result = json!({
         "name": named.name,
         "status": outcome.status.name(),
@@ -29,6 +31,11 @@ pub(super) fn json(named: &Named, run: &Run) -> Value {
         "certificate": certificate(named, run),
         "iterations": outcome.iterations,
         "time_ms": run.milliseconds(),
+        "history": {
+            "iteration": samples(|sample| json!(sample.iteration)),
+            "time_ms": samples(|sample| json!(sample.elapsed.as_secs_f64() * 1e3)),
+            "residual": samples(|sample| json!(sample.residual)),
+        },
         "attempts": run.solved.attempts.iter().map(attempt).collect::<Vec<_>>(),
     });
     result[impulses] = json!(outcome.impulses);
