@@ -117,7 +117,8 @@ impl<const L: usize, const A: usize> Part<L, A> {
         let missing = self.missing();
         let demand = missing.iter().copied().fold(0.0, f64::max);
         let at_hand = self.stress(&self.system, 0.0);
-        if self.bound(&at_hand, &missing) < SUSPECT * demand {
+        let pressed = at_hand.iter().any(|&y| y > 0.0);
+        if pressed && self.bound(&at_hand, &missing) < SUSPECT * demand {
             return None;
         }
         let mut stiff = self.system.clone();
