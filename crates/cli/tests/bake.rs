@@ -158,6 +158,40 @@ fn the_contacts_of_a_step_are_saved_and_solved() {
     assert!(place.fails(2, &run).contains("accepted: .json, .hdf5"));
 }
 
+/// A ball in a slot that is too narrow for it.
+#[test]
+fn a_jam_is_named() {
+    let scene = r#"
+name = "slot"
+duration = 0.5
+gravity = [0, 0, 0]
+
+[[bodies]]
+name = "left"
+motion = "static"
+position = [-0.19, 0, 0]
+shapes = [{ type = "halfspace", normal = [1, 0, 0] }]
+
+[[bodies]]
+name = "right"
+motion = "static"
+position = [0.19, 0, 0]
+shapes = [{ type = "halfspace", normal = [-1, 0, 0] }]
+
+[[bodies]]
+name = "ball"
+shapes = [{ type = "sphere", radius = 0.2 }]
+"#;
+    let place = Place::new(scene);
+    let summary = place.succeeds(&["bake", "scene.toml", "--report", "r.json"]);
+    let said = "jammed from step 1: 'left', 'right', 'ball'; no velocities meet";
+    assert!(summary.contains(said), "{summary}");
+    let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
+    assert_eq!(report["summary"]["jammed"], serde_json::json!({ "0": 1, "1": 1, "2": 1 }));
+    let free = Place::new(SCENE);
+    assert!(!free.succeeds(&["bake", "scene.toml", "--report", "r.json"]).contains("jammed"));
+}
+
 #[cfg(feature = "fclib")]
 #[test]
 fn the_contacts_of_a_step_are_saved_for_fclib() {

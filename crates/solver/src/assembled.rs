@@ -62,7 +62,6 @@ mod assembly;
 pub mod block_gauss_seidel;
 mod block_lu;
 mod blocks;
-pub mod cone;
 mod dense;
 pub mod enumeration;
 pub mod equality;

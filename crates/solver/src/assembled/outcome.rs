@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::Problem;
 use super::jam::SelfStress;
+pub use crate::solution::Status;
 
 /// When a method is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,34 +18,6 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self { tolerance: 1e-9, budget: 100_000 }
-    }
-}
-
-/// How a method ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
-    /// The residual is within the tolerance.
-    Converged,
-    /// The iterations are used up.
-    Budget,
-    /// The method gets no further, or comes back to where it was.
-    Stalled,
-    /// It is proven that there is no solution: [`Outcome::certificate`].
-    Infeasible,
-    /// The method cannot be used for this problem.
-    BadInput,
-}
-
-impl Status {
-    /// The word for it, in lower case.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Converged => "converged",
-            Self::Budget => "budget",
-            Self::Stalled => "stalled",
-            Self::Infeasible => "infeasible",
-            Self::BadInput => "bad input",
-        }
     }
 }
 
