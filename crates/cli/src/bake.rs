@@ -1,5 +1,6 @@
 //! `drystone bake`: reads a scene, runs it and writes its motion.
 
+mod dump;
 mod output;
 mod record;
 mod report;
@@ -86,6 +87,16 @@ pub(crate) struct Arguments {
     #[arg(long)]
     ledger: bool,
 
+    /// Save the contact problem of the last substep of this step, from 1: bodies, contacts, M, J, t,
+    /// eps, mu, v* and the guess, for `drystone solve`
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_STEPS)))]
+    dump_step: Option<u32>,
+
+    /// Where that goes; may be given several times. By extension: .json; .hdf5, FCLIB's local form
+    /// [default: beside the first output, OUT.step-N.json]
+    #[arg(long, value_name = "FILE", group = "result", requires = "dump_step")]
+    dump: Vec<PathBuf>,
+
     /// No progress bar and no summary; warnings and errors remain
     #[arg(short, long)]
     quiet: bool,
@@ -105,6 +116,8 @@ Examples:
       stiffer contacts, for longer
   drystone bake scenes/arch.json -o arch.glb --tolerance 1mm/s
       every substep solved until its velocities are certified to be within 1 mm/s of the exact ones
+  drystone bake scenes/arch.json -o arch.glb --dump-step 60
+      also the contact problem of step 60, as arch.glb.step-60.json for `drystone solve`
 
 Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged, 4 a file cannot be read or
 written, 130 interrupted. A file under its final name is always whole.";
@@ -147,7 +160,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let threads = threads(arguments);
     simulation.set_threads(threads);
     let steps = steps(arguments, &read.scene)?;
-    let bake = Bake::run(simulation.as_mut(), &read.scene, steps, progress(arguments, steps))?;
+    let dump_step = dump::step(arguments.dump_step, steps)?;
+    let bar = progress(arguments, steps);
+    let bake = Bake::run(simulation.as_mut(), &read.scene, steps, dump_step, bar)?;
     let summary = Summary::new(&read.scene, &bake);
     let files = write(arguments, &outputs, &read, &bake, &summary, threads)?;
     if !arguments.quiet {
@@ -237,6 +252,12 @@ fn write(
 ) -> Result<String, Failure> {
     let (mut files, warnings) = outputs.write(read, &bake.recording, arguments.fps)?;
     print_warnings(arguments, warnings.iter());
+    if let Some(saved) = &bake.saved {
+        let step = arguments.dump_step.unwrap_or_default();
+        let (dumps, warning) = dump::write(outputs.dumps(), &read.scene, step, saved)?;
+        print_warnings(arguments, warning.iter());
+        files.extend(dumps);
+    }
     if let Some(path) = &arguments.report {
         let settings = &bake.settings;
         let scene = &arguments.scene;

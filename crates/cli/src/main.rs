@@ -2,6 +2,8 @@
 
 mod bake;
 mod failure;
+#[cfg(feature = "fclib")]
+mod fclib;
 mod schema;
 mod solve;
 

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use drystone::recording::write_whole;
 use drystone_solver::assembled::ladder::{self, Attempt, Method, Solved};
-use drystone_solver::assembled::{Limits, Outcome, Problem, Status};
+use drystone_solver::assembled::{Limits, Outcome, Status};
 use serde_json::Value;
 
 use crate::failure::Failure;
@@ -22,11 +22,14 @@ use crate::failure::Failure;
 ///
 /// PROBLEM is JSON: a contact problem u = W r + q with `dim`, `mu`, `q` and `W`, or `global` with
 /// the bodies' `M`, `H`, `f` and `w`; or a linear complementarity problem with `q` and `M` or
-/// `M_rows`. Sparse matrices are given by columns (`rows`, `cols`, `colptr`, `rowidx`, `values`).
+/// `M_rows`; or what `drystone bake --dump-step` saves, with `M`, `J`, `v_star`, `t`, `mu`, and `eps`
+/// and `gamma_0` if there are any: methods start from that guess. Sparse matrices are given by
+/// columns (`rows`, `cols`, `colptr`, `rowidx`, `values`). FCLIB's .hdf5 files are read by builds
+/// with the feature `fclib`.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// The problem: .json
+    /// The problem: .json, or .hdf5
     problem: PathBuf,
 
     /// auto picks by itself; or gauss-seidel, proximal, newton, lemke, enumeration, interior-point
@@ -42,7 +45,7 @@ pub(crate) struct Arguments {
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000_000))]
     budget: u32,
 
-    /// Draw residuals over iterations
+    /// Draw residuals over iterations and over time
     #[arg(long, value_name = "PLOT.svg")]
     history: Option<PathBuf>,
 
@@ -115,12 +118,13 @@ struct Run {
 }
 
 impl Run {
-    fn new(problem: &Problem, choice: Choice, limits: &Limits) -> Self {
+    fn new(named: &read::Named, choice: Choice, limits: &Limits) -> Self {
+        let (problem, warm) = (&named.problem, named.warm.as_deref());
         let start = Instant::now();
         let solved = match choice {
-            Choice::Auto => ladder::solve(problem, None, limits),
+            Choice::Auto => ladder::solve(problem, warm, limits),
             Choice::Only(method) => {
-                let outcome = method.solve(problem, None, limits);
+                let outcome = method.solve(problem, warm, limits);
                 let Outcome { status, iterations, residual, .. } = outcome;
                 let attempts = vec![Attempt { method, status, iterations, residual }];
                 Solved { method, outcome, attempts }
@@ -148,16 +152,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let named = read::read(&arguments.problem)?;
     let limits = Limits { tolerance: arguments.tolerance, budget: arguments.budget as usize };
-    let mut runs = vec![Run::new(&named.problem, arguments.method, &limits)];
+    let mut runs = vec![Run::new(&named, arguments.method, &limits)];
     if arguments.compare {
         let others = Choice::all().filter(|&choice| choice != arguments.method);
-        let others = others.map(|choice| Run::new(&named.problem, choice, &limits));
+        let others = others.map(|choice| Run::new(&named, choice, &limits));
         // What is not for such problems is not compared.
         runs.extend(others.filter(|run| run.solved.outcome.status != Status::BadInput));
     }
     let run = &runs[0];
     if let Some(path) = &arguments.output {
-        let result = result::json(&named.name, &named.problem, run);
+        let result = result::json(&named, run);
         write_json(path, &result)?;
     }
     if let Some(path) = &arguments.history {
@@ -213,6 +217,7 @@ fn text(named: &read::Named, runs: &[Run]) -> String {
     let _ = writeln!(text, "method       {}", run.solved.method.name());
     let _ = writeln!(text, "status       {} ({reason})", status.name());
     let _ = writeln!(text, "residual     {residual:.2e}, relative");
+    let _ = writeln!(text, "certificate  {}", result::in_words(named, run));
     let _ = writeln!(text, "iterations   {iterations}");
     let _ = writeln!(text, "time         {:.2} ms", run.milliseconds());
     if let Some(stress) = &run.solved.outcome.certificate {

@@ -108,6 +108,109 @@ fn a_tolerance_is_proven_in_every_step() {
     }
 }
 
+/// The contacts of a step, solved again from the file: certified, and with the impulses that carry
+/// what lies on the floor.
+#[test]
+fn the_contacts_of_a_step_are_saved_and_solved() {
+    let place = Place::new(SCENE);
+    let run = ["bake", "scene.toml", "-o", "out.poses", "--duration", "2", "--dump-step", "110"];
+    let summary = place.succeeds(&run);
+    assert!(summary.contains("out.poses.step-110.json"), "{summary}");
+    let dump = fs::read(place.path("out.poses.step-110.json")).unwrap();
+    let dump: Value = serde_json::from_slice(&dump).unwrap();
+    let (n, d) = (dump["nc"].as_u64().unwrap(), dump["dim"].as_u64().unwrap());
+    assert!(n >= 4 && d == 3, "{n} contacts in {d}D");
+    assert_eq!(dump["v_star"].as_array().unwrap().len(), 18);
+    assert_eq!(dump["t"].as_array().unwrap().len() as u64, 3 * n);
+    assert_eq!(dump["contacts"].as_array().unwrap().len() as u64, n);
+    assert_eq!(dump["contacts"][0]["names"].as_array().unwrap().len(), 2);
+    // A substep of the default preset.
+    assert!((dump["dt"].as_f64().unwrap() - 1.0 / 60.0 / 32.0).abs() < 1e-9);
+    for method in ["auto", "gauss-seidel", "proximal"] {
+        let text = place.succeeds(&[
+            "solve",
+            "out.poses.step-110.json",
+            "--method",
+            method,
+            "-o",
+            "result.json",
+        ]);
+        assert!(text.contains("certificate  gap"), "{text}");
+        let result: Value =
+            serde_json::from_slice(&fs::read(place.path("result.json")).unwrap()).unwrap();
+        assert!(result["certificate"]["gap"].as_f64().unwrap() < 1e-9, "{result}");
+        let r = result["r"].as_array().unwrap();
+        let (contacts, r) =
+            (dump["contacts"].as_array().unwrap(), |i: usize| r[i].as_f64().unwrap());
+        let on_floor = contacts
+            .iter()
+            .enumerate()
+            .filter(|(_, of)| of["names"][1] == "'floor'" || of["names"][0] == "'floor'");
+        // At rest the floor carries the weight; the bodies weigh 48 and 33.5 kg.
+        let carried: f64 = on_floor.map(|(i, _)| r(3 * i)).sum();
+        let weight = (48.0 + 1000.0 * 4.0 / 3.0 * std::f64::consts::PI * 0.008) * 9.81;
+        let weight = weight / 60.0 / 32.0;
+        assert!((carried / weight - 1.0).abs() < 0.2, "{carried} N s, not {weight}");
+    }
+    let wrong = place.fails(2, &["bake", "scene.toml", "-o", "out.poses", "--dump-step", "500"]);
+    assert!(wrong.contains("accepted: 1 to 120"), "{wrong}");
+    let run = ["bake", "scene.toml", "--dump-step", "3", "--dump", "out.dat"];
+    assert!(place.fails(2, &run).contains("accepted: .json, .hdf5"));
+}
+
+/// A ball in a slot that is too narrow for it.
+#[test]
+fn a_jam_is_named() {
+    let scene = r#"
+name = "slot"
+duration = 0.5
+gravity = [0, 0, 0]
+
+[[bodies]]
+name = "left"
+motion = "static"
+position = [-0.19, 0, 0]
+shapes = [{ type = "halfspace", normal = [1, 0, 0] }]
+
+[[bodies]]
+name = "right"
+motion = "static"
+position = [0.19, 0, 0]
+shapes = [{ type = "halfspace", normal = [-1, 0, 0] }]
+
+[[bodies]]
+name = "ball"
+shapes = [{ type = "sphere", radius = 0.2 }]
+"#;
+    let place = Place::new(scene);
+    let summary = place.succeeds(&["bake", "scene.toml", "--report", "r.json"]);
+    let said = "jammed from step 1: 'left', 'right', 'ball'; no velocities meet";
+    assert!(summary.contains(said), "{summary}");
+    let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
+    assert_eq!(report["summary"]["jammed"], serde_json::json!({ "0": 1, "1": 1, "2": 1 }));
+    let free = Place::new(SCENE);
+    assert!(!free.succeeds(&["bake", "scene.toml", "--report", "r.json"]).contains("jammed"));
+}
+
+#[cfg(feature = "fclib")]
+#[test]
+fn the_contacts_of_a_step_are_saved_for_fclib() {
+    let place = Place::new(SCENE);
+    let run = ["bake", "scene.toml", "--steps", "110", "--dump-step", "110"];
+    place.succeeds(&[&run[..], &["--dump", "a.json", "--dump", "a.hdf5"]].concat());
+    let solved = ["a.json", "a.hdf5"].map(|file| {
+        place.succeeds(&["solve", file, "-o", "result.json", "--tolerance", "1e-12"]);
+        let result: Value =
+            serde_json::from_slice(&fs::read(place.path("result.json")).unwrap()).unwrap();
+        let u = result["u"].as_array().unwrap().iter().map(|u| u.as_f64().unwrap());
+        u.collect::<Vec<f64>>()
+    });
+    assert!(!solved[0].is_empty() && solved[0].len() == solved[1].len());
+    for (a, b) in solved[0].iter().zip(&solved[1]) {
+        assert!((a - b).abs() < 1e-9, "{a} is not {b}");
+    }
+}
+
 #[test]
 fn a_report_has_every_step() {
     let place = Place::new(SCENE);

@@ -163,11 +163,58 @@ fn methods_are_drawn_on_one_picture() {
         assert!(svg.contains(&format!(">{method}</text>")), "{method}");
         assert!(text.contains(method), "{method}");
     }
-    assert_eq!(svg.matches("<polyline").count(), 7);
+    assert_eq!(svg.matches("<polyline").count(), 14, "over iterations and over time");
+    assert!(svg.contains(">iterations</text>") && svg.contains(">time in ms</text>"));
     assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n") && svg.contains("a &lt; b"));
     assert!(!svg.contains("NaN") && !svg.contains("inf\""));
     let left = fs::read_dir(place.folder.path()).unwrap().count();
     assert_eq!(left, 2, "nothing temporary is left");
+}
+
+/// What a result must hold for other programs; times of the history only grow.
+#[test]
+fn a_result_has_its_history_over_time() {
+    let place = Place::new();
+    place.write("chain.json", &json!({ "M_rows": [[2, -1], [-1, 2]], "q": [-1, -1] }));
+    place.ends(0, &["chain.json", "-o", "result.json"]);
+    let result = place.result();
+    for key in ["name", "status", "method", "z", "u", "residual", "certificate", "iterations"] {
+        assert!(!result[key].is_null(), "{key}: {result}");
+    }
+    let times = numbers(&result["history"]["time_ms"]);
+    assert_eq!(times.len(), numbers(&result["history"]["residual"]).len());
+    assert!(times.len() > 2 && times.is_sorted(), "{times:?}");
+    let whole = result["time_ms"].as_f64().unwrap();
+    assert!(times[0] >= 0.0 && times[times.len() - 1] <= whole, "{times:?} of {whole}");
+}
+
+/// FCLIB's own files give the same problems as the JSON of the collection.
+#[cfg(feature = "fclib")]
+#[test]
+fn files_of_fclib_are_read() {
+    let Some(data) = std::env::var_os("DRYSTONE_DATA").map(PathBuf::from) else {
+        eprintln!("SKIPPED: DRYSTONE_DATA does not name the benchmark data");
+        return;
+    };
+    let place = Place::new();
+    let folder = data.join("contact_problems");
+    for name in ["Box_Stacks-i0122-82-5", "Capsules-i125-1213", "LMGC_GFC3D-i00501-4-00000"] {
+        let both = [("fclib_hdf5", "hdf5"), ("json", "json")].map(|(kind, extension)| {
+            let file = folder.join(kind).join(format!("{name}.{extension}"));
+            let file = file.to_str().unwrap();
+            place.ends(0, &[file, "--method", "proximal", "-o", "result.json"]);
+            let result = place.result();
+            (numbers(&result["u"]), result["residual"].as_f64().unwrap())
+        });
+        assert_eq!(both[0].0.len(), both[1].0.len(), "{name}");
+        assert!(both[0].1 <= 1e-9 && both[1].1 <= 1e-9, "{name}");
+    }
+    fs::write(place.path("bad.hdf5"), "no HDF5").unwrap();
+    let (_, message) = place.ends(4, &["bad.hdf5"]);
+    assert!(
+        message.contains("bad.hdf5") && message.contains("cannot be read as HDF5"),
+        "{message}"
+    );
 }
 
 #[test]

@@ -1,12 +1,17 @@
 //! Solving to a tolerance: what a step keeps for its certificates.
 
 use drystone_solver::island::{self, Islands};
+use drystone_solver::jam::{self, Jam};
 use drystone_solver::ladder::{Climber, Outcome};
 use drystone_solver::solution::Goal;
 use drystone_solver::wide::Wide;
 use drystone_solver::{System, Velocity};
 
 use crate::settings::StepSettings;
+
+/// A contact that misses its target by more than this after a step may be jammed: more than what
+/// rests on soft contacts misses. \[m/s\]
+const MISSED: f64 = 0.1;
 
 /// Islands, and how they are brought within the tolerance.
 #[derive(Default)]
@@ -61,6 +66,11 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
             let share = load.weight / load.supports.max(1.0);
             manifold.compliance = settings.repair * settings.sag / (h * h * share);
         }
+    }
+
+    /// Contacts whose targets no velocities can meet.
+    pub(crate) fn jams(&mut self, system: &System<f32, L, A>) -> Vec<Jam> {
+        jam::find(system, &mut self.islands, MISSED)
     }
 
     /// Finds the islands of a part of a step.

@@ -11,16 +11,21 @@ mod narrow_phase;
 pub mod recording;
 mod report;
 mod rows;
+mod saved;
 pub mod scene;
 mod settings;
 mod simulation;
 mod world;
 
 pub use bodies::{Body, BodyId, Collider, Inertia};
+pub use drystone_solver::jam::Jam;
 pub use drystone_solver::ladder::{Outcome, Rung};
 pub use drystone_solver::restitution::ImpactLaw;
 pub use ledger::Ledger;
 pub use report::{Measure, Stage, StepReport};
+pub use saved::SavedSystem;
+#[cfg(feature = "assembled")]
+pub use saved::{SavedContact, SavedProblem};
 pub use settings::StepSettings;
 pub use simulation::{BuildError, Simulation, build};
 pub use world::World;

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use drystone_solver::jam::Jam;
 use drystone_solver::ladder::Outcome;
 
 use crate::ledger::Ledger;
@@ -69,7 +70,7 @@ impl Stage {
 }
 
 /// What [`World::step`](crate::World::step) did.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Wall time of each stage, in the order of [`Stage::ALL`]; all substeps together.
     pub stages: [Duration; Stage::ALL.len()],
@@ -88,6 +89,9 @@ pub struct StepReport {
     pub certified: Option<Outcome>,
     /// Where the energy of the step came from and went; `None` unless the settings ask for it.
     pub energy: Option<Ledger>,
+    /// Contacts whose targets no velocities can meet, in the last part of the step. Bodies are slots
+    /// of the world; contacts those of [`World::system`](crate::World::system).
+    pub jams: Vec<Jam>,
 }
 
 impl StepReport {

@@ -27,6 +27,18 @@ pub trait Simulation: Send {
     /// Uses `threads` threads; results do not depend on it.
     fn set_threads(&mut self, threads: usize);
 
+    /// [`World::save_systems`].
+    fn save_systems(&mut self, saving: bool);
+
+    /// [`World::saved`] as matrices; `None` where nothing was saved. Feature `assembled`.
+    ///
+    /// # Errors
+    /// A number of the system is not finite.
+    #[cfg(feature = "assembled")]
+    fn saved(
+        &self,
+    ) -> Option<Result<crate::SavedProblem, drystone_solver::assembled::ProblemError>>;
+
     /// The step settings.
     fn settings(&self) -> &StepSettings;
 }
@@ -187,6 +199,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
 
     fn set_threads(&mut self, threads: usize) {
         self.world.set_threads(threads);
+    }
+
+    fn save_systems(&mut self, saving: bool) {
+        self.world.save_systems(saving);
+    }
+
+    #[cfg(feature = "assembled")]
+    fn saved(
+        &self,
+    ) -> Option<Result<crate::SavedProblem, drystone_solver::assembled::ProblemError>> {
+        self.world.saved().map(crate::SavedSystem::problem)
     }
 
     fn settings(&self) -> &StepSettings {

@@ -12,6 +12,7 @@ use crate::geometry::{Bounds, Geometry, MassProperties};
 use crate::ledger::Books;
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
+use crate::saved::SavedSystem;
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::settings::StepSettings;
 use crate::{motion, rows};
@@ -47,6 +48,9 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     travel: Vec<Travel<L>>,
     workers: Vec<Worker<G, L, A>>,
     pool: Option<rayon::ThreadPool>,
+    /// Whether steps save their last contact system, and that of the last step.
+    saving: bool,
+    saved: Option<SavedSystem<L, A>>,
 }
 
 /// The shapes of all bodies, one array per property.
@@ -94,6 +98,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             travel: Vec::new(),
             workers: Vec::new(),
             pool: None,
+            saving: false,
+            saved: None,
         }
     }
 
@@ -264,6 +270,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         &self.system
     }
 
+    /// Whether steps save the contact system of their last substep. By default they do not.
+    pub fn save_systems(&mut self, saving: bool) {
+        self.saving = saving;
+        self.saved = None;
+    }
+
+    /// The contact system of the last substep as it was before it was solved, if that was asked for.
+    pub fn saved(&self) -> Option<&SavedSystem<L, A>> {
+        self.saved.as_ref()
+    }
+
     /// Moves the world on by `dt` \[s\].
     pub fn step(&mut self, dt: f32) -> StepReport {
         let mut report = StepReport::default();
@@ -389,7 +406,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if solving || substep == examined {
                 certifier.prospective.clone_from(&system.velocities);
             }
+            if self.saving && substep + 1 == substeps {
+                let positions = bodies.frames.iter().map(|frame| frame.position).collect();
+                self.saved = Some(SavedSystem { system: system.clone(), positions, substep: h });
+            }
             wide.start(&mut system.velocities, &self.displacements, &repair);
+            if self.saving
+                && let Some(saved) = &mut self.saved
+            {
+                // Targets are set by now, and no sweep has touched the impulses yet.
+                wide.unpack(&mut saved.system);
+            }
             clock.lap(report, Stage::WarmStart);
             if solving {
                 let outcome = certifier.refine(system, wide, &settings);
@@ -425,6 +452,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             report.sweeps += settings.iterations as usize + 1;
         }
         wide.unpack(system);
+        report.jams = certifier.jams(system);
+        clock.lap(report, Stage::Certify);
 
         motion::arrive(&mut self.bodies, &self.displacements);
         if let Some(books) = &mut books {

@@ -21,6 +21,9 @@
 //! What is fixed is a body whose block of M^-1 is empty. So a wall has its columns in J (a moving
 //! wall pushes), but couples no two contacts in A.
 //!
+//! An [`Assembly`] is a whole system in this form, friction and compliance included; it makes a
+//! [`Problem`], and takes the impulses that solve it back.
+//!
 //! A [`Problem`] is contacts that somebody else has put into matrices, u = W r + q, with or without
 //! friction. [`ladder::solve`] solves it to a tolerance by whatever method it takes, or says why not.
 //!
@@ -55,10 +58,10 @@
 //! assert_eq!(gauss_seidel::solve(&a, &b, 1)[0], 1.0);
 //! ```
 
+mod assembly;
 pub mod block_gauss_seidel;
 mod block_lu;
 mod blocks;
-pub mod cone;
 mod dense;
 pub mod enumeration;
 pub mod equality;
@@ -75,6 +78,7 @@ mod pattern;
 mod problem;
 pub mod proximal;
 
+pub use assembly::Assembly;
 pub use matrices::{friction_jacobian, inverse_mass, jacobian, soften, system_matrix};
 pub use outcome::{Limits, Outcome, Sample, Status};
 pub use pattern::{contacts_of, pattern};

@@ -117,6 +117,7 @@ impl Parabola<f64> {
         let at = if self.a > 0.0 { (-0.5 * self.b / self.a).clamp(0.0, 1.0) } else { 0.0 };
         // Not below what rounding leaves of the terms.
         let least = (self.c + self.b * at + self.a * at * at).max(1e-15 * self.c);
+        // A rigid contact that misses its target answers with an infinite impulse.
         if least.is_nan() { f64::INFINITY } else { least }
     }
 }

@@ -103,6 +103,20 @@ impl<T: Real> Law<T> {
 }
 
 impl Law<f64> {
+    /// The nearest impulse of K.
+    pub fn nearest<const L: usize>(&self, mut r: Vector<f64, L>) -> Vector<f64, L> {
+        // K is a cone with its apex at -impact, cut off where r_n is 0.
+        let mut onto = r;
+        onto[0] += self.impact;
+        project(&mut onto.0, self.friction);
+        onto[0] -= self.impact;
+        if onto[0] >= 0.0 {
+            return onto;
+        }
+        r[0] = 0.0;
+        self.clamp(r)
+    }
+
     /// The derivative of the response: how fast r follows y. Symmetric, never negative. \[kg\]
     pub fn slope<const L: usize>(&self, y: Vector<f64, L>) -> SymmetricMatrix<f64, L> {
         let Answer { normal, part, pull, beyond } = self.respond(y);
@@ -158,4 +172,52 @@ struct Answer<T> {
 pub(crate) fn tangents<T: Real, const L: usize>(mut v: Vector<T, L>) -> Vector<T, L> {
     v[0] = T::ZERO;
     v
+}
+
+/// Moves z to the nearest point of the cone |z_t| <= mu z_n: z = (z_n, z_t), normal first. Without
+/// tangents this is max(0, z_n); without friction it also removes the tangents.
+///
+/// The three cases are those of Tasora and Anitescu 2011: inside, below the polar cone, between.
+pub fn project(z: &mut [f64], friction: f64) {
+    let Some((normal, tangents)) = z.split_first_mut() else {
+        return;
+    };
+    let slip = tangents.iter().map(|t| t * t).sum::<f64>().sqrt();
+    if *normal >= 0.0 && slip <= friction * *normal {
+        return;
+    }
+    if friction * slip <= -*normal {
+        *normal = 0.0;
+        tangents.fill(0.0);
+        return;
+    }
+    *normal = (*normal + friction * slip) / (1.0 + friction * friction);
+    // Where there are no tangents the length is zero, and nothing is scaled.
+    for t in tangents {
+        *t *= friction * *normal / slip;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn projected(mut z: [f64; 3], friction: f64) -> [f64; 3] {
+        project(&mut z, friction);
+        z
+    }
+
+    #[test]
+    fn each_case_of_the_projection() {
+        assert_eq!(projected([2.0, 0.5, 0.0], 0.5), [2.0, 0.5, 0.0]);
+        assert_eq!(projected([-1.0, 0.0, 1.5], 0.5), [0.0; 3]);
+        // (0, 3, 4) onto the edge of the cone with slope 1.
+        let [n, a, b] = projected([0.0, 3.0, 4.0], 1.0);
+        assert!((n - 2.5).abs() + (a - 1.5).abs() + (b - 2.0).abs() < 1e-15);
+        assert_eq!(projected([1.0, 3.0, 4.0], 0.0), [1.0, 0.0, 0.0]);
+        assert_eq!(projected([-1.0, 0.0, 0.0], 0.0), [0.0; 3]);
+        let mut alone = [-2.0];
+        project(&mut alone, 0.0);
+        assert_eq!(alone, [0.0]);
+    }
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::certificate::{Certificate, Tally};
 use crate::island::Islands;
+use crate::part::Part;
 use crate::solution::{Goal, Solution, Status};
 use crate::wide::Wide;
 use crate::{System, Velocity, newton, nncg, pgs};
@@ -290,7 +291,7 @@ fn is_hopeless(before: f64, error: f64, due: usize, made: usize, tolerance: f64)
     rate >= 0.0 && made > 4 * TRIAL || rate < 0.0 && missing / rate > IN_LANES as f64
 }
 
-/// Solves one island apart, in `f64`, and puts its velocities and impulses back.
+/// Solves an island by Newton's method, apart and in `f64`, and puts its velocities and impulses back.
 fn replace<const L: usize, const A: usize>(
     system: &mut System<f32, L, A>,
     prospective: &[Velocity<f32, L, A>],
@@ -298,40 +299,21 @@ fn replace<const L: usize, const A: usize>(
     island: u32,
     goal: &Goal,
 ) {
-    let mut part = System::<f64, L, A>::new();
-    let mut inside = vec![u32::MAX; system.masses.len()];
-    let mut bodies = Vec::new();
-    let mut manifolds = Vec::new();
-    for (index, manifold) in system.manifolds.iter().enumerate() {
-        if islands.of_pair(manifold.bodies) != island {
-            continue;
-        }
-        for body in manifold.bodies.map(|body| body as usize) {
-            if inside[body] == u32::MAX {
-                inside[body] = part.add_body(prospective[body].cast(), system.masses[body].cast());
-                bodies.push(body);
-            }
-        }
-        let mut own = manifold.cast();
-        own.bodies = manifold.bodies.map(|body| inside[body as usize]);
-        let points: Vec<_> =
-            system.contacts[manifold.points()].iter().map(|contact| contact.cast()).collect();
-        part.add_manifold(own, &points);
-        manifolds.push(index);
+    let mut part = Part::default();
+    part.clear(system);
+    part.add_island(system, islands, island);
+    for (velocity, &body) in part.system.velocities.iter_mut().zip(&part.bodies) {
+        *velocity = prospective[body as usize].cast();
     }
-    let solution = newton::solve(&mut part, goal);
-    if solution.status != Status::BadInput {
-        for (&body, velocity) in bodies.iter().zip(&part.velocities) {
-            if islands.of_body[body] == island {
-                system.velocities[body] = velocity.cast();
-            }
+    if newton::solve(&mut part.system, goal).status == Status::BadInput {
+        return;
+    }
+    for (velocity, &body) in part.system.velocities.iter().zip(&part.bodies) {
+        if islands.of_body[body as usize] == island {
+            system.velocities[body as usize] = velocity.cast();
         }
-        let mut solved = part.contacts.iter();
-        for index in manifolds {
-            let points = system.manifolds[index].points();
-            for (contact, solved) in system.contacts[points].iter_mut().zip(&mut solved) {
-                contact.impulse = solved.impulse.cast();
-            }
-        }
+    }
+    for (solved, index) in part.system.contacts.iter().zip(part.contacts(system).collect::<Vec<_>>()) {
+        system.contacts[index].impulse = solved.impulse.cast();
     }
 }

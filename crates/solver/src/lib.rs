@@ -84,6 +84,7 @@
 
 #[cfg(feature = "assembled")]
 pub mod assembled;
+pub mod apgd;
 mod body;
 pub mod certificate;
 mod cholesky;
@@ -91,6 +92,7 @@ pub mod color;
 pub mod cone;
 mod contact;
 pub mod island;
+pub mod jam;
 pub mod ladder;
 pub mod lanes;
 pub mod newton;

@@ -1,5 +1,6 @@
 //! [`Part`]: some manifolds of a system as a system of their own, in `f64`.
 
+use crate::island::Islands;
 use crate::{Scalar, System, Velocity};
 
 /// Not in the part.
@@ -8,14 +9,13 @@ const NONE: u32 = u32::MAX;
 /// Some manifolds of a system with their bodies, copied out of it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Part<const L: usize, const A: usize> {
-    /// Rigid contacts without friction.
     pub(crate) system: System<f64, L, A>,
     /// Velocities of its bodies when they were copied.
     pub(crate) start: Vec<Velocity<f64, L, A>>,
     /// Its manifolds in the whole system.
     pub(crate) manifolds: Vec<u32>,
     /// Its bodies in the whole system.
-    bodies: Vec<u32>,
+    pub(crate) bodies: Vec<u32>,
     /// Of each body of the whole system: its index here.
     inside: Vec<u32>,
     /// Of each manifold of the whole system: whether it is here.
@@ -57,22 +57,38 @@ impl<const L: usize, const A: usize> Part<L, A> {
         }
     }
 
-    /// Takes a manifold of the whole system in, with rigid effective masses.
+    /// Takes a manifold of the whole system in.
     pub(crate) fn add<T: Scalar>(&mut self, whole: &System<T, L, A>, index: usize) {
         let mut manifold = whole.manifolds[index].cast();
         manifold.bodies = manifold.bodies.map(|body| self.admit(whole, body));
-        manifold.friction = 0.0;
         manifold.first = self.system.contacts.len() as u32;
-        let masses = self.system.masses_of(&manifold);
-        for contact in &whole.contacts[whole.manifolds[index].points()] {
-            let mut contact = contact.cast();
-            contact.impulse = Default::default();
-            contact.prepare(&manifold, &masses, 0.0);
-            self.system.contacts.push(contact);
-        }
+        let points = &whole.contacts[whole.manifolds[index].points()];
+        self.system.contacts.extend(points.iter().map(|contact| contact.cast()));
         self.system.manifolds.push(manifold);
         self.manifolds.push(index as u32);
         self.holds[index] = true;
+    }
+
+    /// Takes the manifolds of an island in.
+    pub(crate) fn add_island<T: Scalar>(
+        &mut self,
+        whole: &System<T, L, A>,
+        islands: &Islands,
+        island: u32,
+    ) {
+        for (index, manifold) in whole.manifolds.iter().enumerate() {
+            if islands.of_pair(manifold.bodies) == island {
+                self.add(whole, index);
+            }
+        }
+    }
+
+    /// The index in the whole system of each of its contacts.
+    pub(crate) fn contacts<T: Scalar>(
+        &self,
+        whole: &System<T, L, A>,
+    ) -> impl Iterator<Item = usize> {
+        self.manifolds.iter().flat_map(|&index| whole.manifolds[index as usize].points())
     }
 
     fn admit<T: Scalar>(&mut self, whole: &System<T, L, A>, body: u32) -> u32 {

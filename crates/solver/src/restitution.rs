@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use crate::island::Islands;
 use crate::part::Part;
-use crate::{InverseMass, Real, Scalar, System, Velocity, pgs};
+use crate::{InverseMass, Real, Scalar, System, Vector, Velocity, pgs};
 
 /// t_i = max(t_i, -c_r v_i^-) where a contact approached faster than `threshold` \[m/s\] before the
 /// step: the notes' restitution hypothesis, combined with overlap repair by maximum.
@@ -202,6 +202,7 @@ impl<const L: usize, const A: usize> Blow<L, A> {
                 continue;
             }
             self.part.add(system, index);
+            make_rigid(&mut self.part.system);
             self.times.push(time.to_f64());
             self.approach = self.approach.max(fastest.to_f64());
         }
@@ -351,5 +352,17 @@ impl<const L: usize, const A: usize> Blow<L, A> {
             struck += usize::from(solved.iter().any(|contact| contact.impulse[0] > 0.0));
         }
         struck
+    }
+}
+
+/// Lets the last manifold be rigid, without friction or impulses.
+fn make_rigid<const L: usize, const A: usize>(system: &mut System<f64, L, A>) {
+    let Some(manifold) = system.manifolds.last_mut() else { return };
+    manifold.friction = 0.0;
+    let manifold = *manifold;
+    let masses = system.masses_of(&manifold);
+    for contact in &mut system.contacts[manifold.points()] {
+        contact.impulse = Vector::ZERO;
+        contact.prepare(&manifold, &masses, 0.0);
     }
 }

@@ -15,14 +15,30 @@ pub struct Goal {
 /// How a method ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// The tolerance is reached.
+    /// What was asked for is reached: the error or the residual is within the tolerance.
     Converged,
     /// The iterations are used up.
     Budget,
     /// More iterations would not help.
     Stalled,
-    /// A number of the system is not finite, or its masses or compliances make no sense.
+    /// It is proven that there is no solution; of problems given as matrices alone.
+    Infeasible,
+    /// A number of the system is not finite, its masses or compliances make no sense, or the method
+    /// is not for such problems.
     BadInput,
+}
+
+impl Status {
+    /// The word for it, in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::Budget => "budget",
+            Self::Stalled => "stalled",
+            Self::Infeasible => "infeasible",
+            Self::BadInput => "bad input",
+        }
+    }
 }
 
 /// The end of a method. The system holds the best velocities and impulses that it met.

@@ -4,16 +4,17 @@ mod common;
 
 use common::{Random, Recipe, Scene, random_scene};
 use drystone_solver::solution::{Goal, Solution, Status};
-use drystone_solver::{System, Vector, newton, nncg, pgs, psor, symmetric};
+use drystone_solver::{System, Vector, apgd, newton, nncg, pgs, psor, symmetric};
 
 type Method<const L: usize, const A: usize> = fn(&mut System<f64, L, A>, &Goal) -> Solution;
 
-fn methods<const L: usize, const A: usize>() -> [(&'static str, Method<L, A>); 5] {
+fn methods<const L: usize, const A: usize>() -> [(&'static str, Method<L, A>); 6] {
     [
         ("pgs", pgs::solve),
         ("symmetric", symmetric::solve),
         ("psor", psor::solve),
         ("nncg", nncg::solve),
+        ("apgd", apgd::solve),
         ("newton", newton::solve),
     ]
 }

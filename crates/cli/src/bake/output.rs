@@ -20,6 +20,7 @@ enum Format {
 pub(super) struct Outputs {
     motions: Vec<(PathBuf, Format)>,
     report: Option<PathBuf>,
+    dumps: Vec<PathBuf>,
 }
 
 impl Outputs {
@@ -27,7 +28,8 @@ impl Outputs {
     pub(super) fn new(arguments: &Arguments) -> Result<Self, Failure> {
         let motions = arguments.output.iter().map(|path| Ok((path.clone(), format(path)?)));
         let motions = motions.collect::<Result<_, Failure>>()?;
-        let outputs = Self { motions, report: arguments.report.clone() };
+        let report = arguments.report.clone();
+        let outputs = Self { motions, report, dumps: super::dump::files(arguments)? };
         if let Some(path) = &outputs.report
             && extension(path) != "json"
         {
@@ -48,7 +50,12 @@ impl Outputs {
     }
 
     fn paths(&self) -> impl Iterator<Item = &PathBuf> {
-        self.motions.iter().map(|(path, _)| path).chain(&self.report)
+        self.motions.iter().map(|(path, _)| path).chain(&self.report).chain(&self.dumps)
+    }
+
+    /// Where the contact problem of a step goes.
+    pub(super) fn dumps(&self) -> &[PathBuf] {
+        &self.dumps
     }
 
     /// Finds out whether the files can be made, before anybody waits for a simulation.
@@ -90,11 +97,11 @@ fn format(path: &Path) -> Result<Format, Failure> {
     }
 }
 
-fn extension(path: &Path) -> String {
+pub(super) fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
-fn wrong_extension(flag: &str, path: &Path, accepted: &str) -> Failure {
+pub(super) fn wrong_extension(flag: &str, path: &Path, accepted: &str) -> Failure {
     let value = match extension(path).as_str() {
         "" => "not named".to_owned(),
         other => format!("\".{other}\""),

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use drystone::recording::Recording;
 use drystone::scene::{Motion, Scene};
-use drystone::{Measure, Simulation, StepReport, StepSettings};
+use drystone::{Measure, SavedProblem, Simulation, StepReport, StepSettings};
 use indicatif::ProgressBar;
 
 use super::INTERRUPTED;
@@ -29,14 +29,17 @@ pub(super) struct Bake {
     /// Before the first step.
     pub(super) start: Measure,
     pub(super) steps: Vec<Step>,
+    /// The contact problem of the step that was to be saved.
+    pub(super) saved: Option<SavedProblem>,
 }
 
 impl Bake {
-    /// Takes `steps` steps.
+    /// Takes `steps` steps, and saves the contact problem of one, counted from 1.
     pub(super) fn run(
         simulation: &mut dyn Simulation,
         scene: &Scene,
         steps: u32,
+        dump_step: Option<u32>,
         bar: ProgressBar,
     ) -> Result<Self, Failure> {
         let recording = Recording {
@@ -46,14 +49,21 @@ impl Bake {
             poses: Vec::new(),
         };
         let settings = simulation.settings().clone();
-        let mut bake = Self { recording, settings, start: simulation.measure(), steps: Vec::new() };
+        let start = simulation.measure();
+        let mut bake = Self { recording, settings, start, steps: Vec::new(), saved: None };
         bake.reserve(steps)?;
         simulation.write_poses(&mut bake.recording.poses);
-        for _ in 0..steps {
+        for step in 1..=steps {
             if INTERRUPTED.load(Ordering::SeqCst) {
                 return Err(Failure::Interrupted);
             }
+            simulation.save_systems(dump_step == Some(step));
             bake.step(simulation, scene)?;
+            if dump_step == Some(step) {
+                bake.saved = simulation.saved().transpose().map_err(|error| {
+                    Failure::Diverged(format!("the contacts of step {step}: {error}"))
+                })?;
+            }
             bar.inc(1);
         }
         bar.finish_and_clear();

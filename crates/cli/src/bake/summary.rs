@@ -59,6 +59,8 @@ pub(super) struct Summary {
     residual_last: f64,
     /// How good the solution of the contacts was; absent without a tolerance.
     certified: Option<Certified>,
+    /// Bodies in contacts whose targets no velocities could meet, each with its first such step.
+    jammed: BTreeMap<u32, usize>,
     /// Fastest body at the end. \[m/s\]
     fastest: f64,
     fastest_body: Option<usize>,
@@ -155,6 +157,7 @@ impl Summary {
             residual_worst: largest(&mut steps.iter().map(|step| step.measure.residual)),
             residual_last: end.residual,
             certified: certified(bake),
+            jammed: jammed(bake),
             fastest: end.fastest,
             fastest_body: moving_body(bake.moved_most(scene, 1)),
             moved: moving.map_or(0.0, |(_, distance)| distance),
@@ -283,6 +286,14 @@ impl Summary {
         format!("{} is the fastest at the end, {}", name(scene, body), speed(self.fastest))
     }
 
+    /// Who was jammed, from when.
+    fn jam(&self, scene: &Scene) -> Option<String> {
+        let first = *self.jammed.values().min()?;
+        let bodies: Vec<usize> = self.jammed.keys().map(|&body| body as usize).collect();
+        let named = names(scene, &bodies);
+        Some(format!("jammed from step {first}: {named}; no velocities meet what contacts ask for"))
+    }
+
     /// What one may not expect.
     fn odd(&self, scene: &Scene) -> Vec<String> {
         let mut lines = Vec::new();
@@ -290,6 +301,7 @@ impl Summary {
             let created = self.ledger.as_ref().map_or(self.energy_rise, |books| books.created);
             lines.push(format!("energy was created: {}", joule(created)));
         }
+        lines.extend(self.jam(scene));
         if self.initial_penetration > OVERLAP {
             lines.push(format!(
                 "bodies overlap by {:.3} mm at the start, and are pushed apart",
@@ -297,12 +309,8 @@ impl Summary {
             ));
         }
         if !self.left.is_empty() {
-            let named: Vec<_> =
-                self.left.iter().take(NAMED).map(|body| name(scene, *body)).collect();
-            let more = self.left.len().saturating_sub(NAMED);
-            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            let named = named.join(", ");
-            lines.push(format!("fell more than {LEFT} m below everything static: {named}{more}"));
+            let named = names(scene, &self.left);
+            lines.push(format!("fell more than {LEFT} m below everything static: {named}"));
         }
         if let Some(body) = self.moved_body.filter(|_| self.moved > AT_REST) {
             let far = self.moved * 1e3;
@@ -332,6 +340,24 @@ fn books(bake: &Bake) -> Option<Books> {
         worst_step: step + 1,
         worst,
     })
+}
+
+/// The first few bodies by name, and how many more there are.
+fn names(scene: &Scene, bodies: &[usize]) -> String {
+    let named: Vec<_> = bodies.iter().take(NAMED).map(|&body| name(scene, body)).collect();
+    let more = bodies.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", named.join(", "))
+}
+
+fn jammed(bake: &Bake) -> BTreeMap<u32, usize> {
+    let mut first = BTreeMap::new();
+    for (step, of) in bake.steps.iter().enumerate() {
+        for body in of.report.jams.iter().flat_map(|jam| &jam.bodies) {
+            first.entry(*body).or_insert(step + 1);
+        }
+    }
+    first
 }
 
 fn certified(bake: &Bake) -> Option<Certified> {

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use drystone::scene::{Place, SceneError};
-use drystone_solver::assembled::{Bodies, Matrix, Problem, ProblemError, from_entries};
+use drystone_solver::assembled::{Assembly, Bodies, Matrix, Problem, ProblemError, from_entries};
 use serde_json::Value;
 
 /// The most unknowns that are read.
@@ -18,11 +18,19 @@ const MOST: usize = 1_000_000;
 pub(super) struct Named {
     pub(super) name: String,
     pub(super) problem: Problem,
+    /// The bodies behind it, where they are known.
+    pub(super) assembly: Option<Assembly>,
+    /// A guess, where the file has one.
+    pub(super) warm: Option<Vec<f64>>,
 }
 
 /// Reads a problem: see `drystone solve --help` for the forms.
 pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
+    let stem = || path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let file = File { path };
+    if path.extension().is_some_and(|extension| extension == "hdf5" || extension == "h5") {
+        return Ok(Named { name: stem(), problem: fclib(&file)?, assembly: None, warm: None });
+    }
     let bytes = fs::read(path).map_err(|error| SceneError {
         unreadable: true,
         ..file.error(Place::File, format!("cannot be read: {error}"), String::new(), "")
@@ -35,12 +43,20 @@ pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
     })?;
     let node = Node { file: &file, pointer: String::new(), value: &root };
     if !root.is_object() {
-        return Err(node.wrong("an object with q and one of W, global, M, M_rows"));
+        return Err(
+            node.wrong("an object with q and one of W, global, M, M_rows; or M, J, v_star, t, mu")
+        );
     }
     let name = match root.get("name") {
         Some(Value::String(name)) => name.clone(),
-        _ => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        _ => stem(),
     };
+    if node.find("J").is_some() {
+        let assembly = assembly(&node)?;
+        let problem = assembly.problem().map_err(|error| node.unfit(&error))?;
+        let warm = Some(assembly.warm(&problem));
+        return Ok(Named { name, problem, assembly: Some(assembly), warm });
+    }
     let problem = if let Some(rows) = node.find("M_rows") {
         let offset = node.get("q")?.numbers()?;
         let matrix = rows.dense(offset.len())?;
@@ -49,26 +65,64 @@ pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
         let offset = node.get("q")?.numbers()?;
         Problem::complementarity(matrix.sparse(offset.len(), offset.len())?, offset)
     } else if node.find("W").is_some() || node.find("global").is_some() {
-        return Ok(Named { name, problem: contacts(&node)? });
+        return Ok(Named { name, problem: contacts(&node)?, assembly: None, warm: None });
     } else {
         let found: Vec<_> = root.as_object().into_iter().flatten().map(|(key, _)| &**key).collect();
         let found = if found.is_empty() { "nothing".into() } else { found.join(", ") };
         return Err(node.refused(
             "the problem".into(),
             format!("made of {found}"),
-            "accepted: q with one of W, global, M, M_rows",
+            "accepted: q with one of W, global, M, M_rows; or M, J, v_star, t, mu",
         ));
     };
-    Ok(Named { name, problem: problem.map_err(|error| node.unfit(&error))? })
+    let problem = problem.map_err(|error| node.unfit(&error))?;
+    Ok(Named { name, problem, assembly: None, warm: None })
+}
+
+#[cfg(feature = "fclib")]
+fn fclib(file: &File<'_>) -> Result<Problem, SceneError> {
+    crate::fclib::read(file.path)
+}
+
+#[cfg(not(feature = "fclib"))]
+fn fclib(file: &File<'_>) -> Result<Problem, SceneError> {
+    let why = "this build reads no FCLIB files; build it with --features fclib".to_owned();
+    Err(file.error(Place::File, why, String::new(), "accepted: .json"))
+}
+
+/// Bodies and contacts, as `drystone bake --dump-step` saves them.
+fn assembly(node: &Node<'_>) -> Result<Assembly, SceneError> {
+    let d = dimension(node)?;
+    let targets = node.get("t")?.numbers()?;
+    let velocities = node.get("v_star")?.numbers()?;
+    let (rows, columns) = (targets.len(), velocities.len());
+    let friction = friction(&node.get("mu")?, rows / d)?;
+    let or_zero = |key: &str| node.find(key).map_or(Ok(vec![0.0; rows]), |node| node.numbers());
+    Ok(Assembly {
+        dimension: d,
+        mass: node.get("M")?.sparse(columns, columns)?,
+        jacobian: node.get("J")?.sparse(rows, columns)?,
+        velocities,
+        compliance: or_zero("eps")?,
+        guess: or_zero("gamma_0")?,
+        contacts: (0..friction.len()).collect(),
+        friction,
+        targets,
+    })
+}
+
+/// Rows of a contact.
+fn dimension(node: &Node<'_>) -> Result<usize, SceneError> {
+    let dimension = node.get("dim")?;
+    match dimension.value.as_u64() {
+        Some(d @ 1..=3) => Ok(d as usize),
+        _ => Err(dimension.wrong("1, 2 or 3")),
+    }
 }
 
 /// u = W r + q with friction.
 fn contacts(node: &Node<'_>) -> Result<Problem, SceneError> {
-    let dimension = node.get("dim")?;
-    let d = match dimension.value.as_u64() {
-        Some(d @ 1..=3) => d as usize,
-        _ => return Err(dimension.wrong("1, 2 or 3")),
-    };
+    let d = dimension(node)?;
     let (global, given) = match node.find("W") {
         Some(_) => (None, node.get("q")?),
         None => {

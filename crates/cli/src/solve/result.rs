@@ -1,13 +1,15 @@
 //! The result for other programs.
 
-use drystone_solver::assembled::Problem;
+use drystone_solver::assembled::Sample;
 use drystone_solver::assembled::ladder::Attempt;
 use serde_json::{Value, json};
 
 use super::Run;
+use super::read::Named;
 
 /// The solution, how good it is and how it was found. Infinite numbers become null.
-pub(super) fn json(name: &str, problem: &Problem, run: &Run) -> Value {
+pub(super) fn json(named: &Named, run: &Run) -> Value {
+    let problem = &named.problem;
     let outcome = &run.solved.outcome;
     let impulses = if problem.dimension() == 1 { "z" } else { "r" };
     let attempt = |attempt: &Attempt| {
@@ -18,24 +20,48 @@ pub(super) fn json(name: &str, problem: &Problem, run: &Run) -> Value {
             "residual": attempt.residual,
         })
     };
+    let samples = |of: fn(&Sample) -> Value| outcome.history.iter().map(of).collect::<Value>();
     let mut result = json!({
-        "name": name,
+        "name": named.name,
         "status": outcome.status.name(),
         "reason": outcome.reason,
         "method": run.solved.method.name(),
         "u": problem.velocities(&outcome.impulses),
         "residual": outcome.residual,
-        "certificate": certificate(problem, run),
+        "certificate": certificate(named, run),
         "iterations": outcome.iterations,
         "time_ms": run.milliseconds(),
+        "history": {
+            "iteration": samples(|sample| json!(sample.iteration)),
+            "time_ms": samples(|sample| json!(sample.elapsed.as_secs_f64() * 1e3)),
+            "residual": samples(|sample| json!(sample.residual)),
+        },
         "attempts": run.solved.attempts.iter().map(attempt).collect::<Vec<_>>(),
     });
     result[impulses] = json!(outcome.impulses);
     result
 }
 
+/// The certificate in a line.
+pub(super) fn in_words(named: &Named, run: &Run) -> String {
+    let certificate = certificate(named, run);
+    let number = |key: &str| certificate[key].as_f64().unwrap_or(f64::INFINITY);
+    let gap = match certificate.get("gap") {
+        Some(_) => format!("gap {:.1e} J, ", number("gap")),
+        None => String::new(),
+    };
+    format!(
+        "{gap}natural map {:.1e} (scaled {:.1e}), approach {:.1e} m/s, outside the cones {:.1e} N s",
+        number("natural_map"),
+        number("scaled_natural_map"),
+        number("fastest_approach"),
+        number("cone_violation"),
+    )
+}
+
 /// What anybody can check: how far the impulses are from the laws, or why there are none.
-fn certificate(problem: &Problem, run: &Run) -> Value {
+fn certificate(named: &Named, run: &Run) -> Value {
+    let problem = &named.problem;
     let outcome = &run.solved.outcome;
     let (r, d) = (&outcome.impulses, problem.dimension());
     let u = problem.velocities(r);
@@ -54,6 +80,9 @@ fn certificate(problem: &Problem, run: &Run) -> Value {
         "cone_violation": most(&mut pairs().map(outside)),
         "complementarity": most(&mut pairs().map(work)),
     });
+    if let Some(assembly) = &named.assembly {
+        certificate["gap"] = json!(assembly.gap(r));
+    }
     if let Some(stress) = &outcome.certificate {
         certificate["self_stress"] = json!({
             "weights": stress.weights,

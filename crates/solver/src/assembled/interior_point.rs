@@ -15,7 +15,8 @@ use clarabel::solver::{
 
 use super::outcome::{Limits, Outcome, Progress, Status};
 use super::problem::{largest, norm};
-use super::{Problem, cone, jam};
+use super::{Problem, jam};
+use crate::cone;
 
 /// The optimum of the convex model, brought onto the cones. It has `Converged` only if it solves the
 /// [`Problem`] itself, which with friction it does where nothing slides. The symmetric part of W is

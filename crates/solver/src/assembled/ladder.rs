@@ -11,6 +11,8 @@
 //!
 //! Each starts from the best iterate so far. Nothing but residuals, rates and sizes decides.
 
+use std::time::{Duration, Instant};
+
 use super::outcome::{Limits, Outcome, Progress, Sample, Status};
 use super::{
     Problem, block_gauss_seidel, enumeration, interior_point, jam, lemke, newton, proximal,
@@ -113,15 +115,17 @@ struct Ladder<'a> {
     problem: &'a Problem,
     limits: &'a Limits,
     warm: Option<&'a [f64]>,
+    started: Instant,
     solved: Solved,
 }
 
 impl<'a> Ladder<'a> {
     fn new(problem: &'a Problem, warm: Option<&'a [f64]>, limits: &'a Limits) -> Self {
+        let started = Instant::now();
         let (start, _) = Progress::new(problem, warm, limits);
         let outcome = Outcome { history: Vec::new(), ..start.out_of_budget() };
         let solved = Solved { method: Method::GaussSeidel, outcome, attempts: Vec::new() };
-        Self { problem, limits, warm, solved }
+        Self { problem, limits, warm, started, solved }
     }
 
     fn climb(&mut self) {
@@ -177,20 +181,23 @@ impl<'a> Ladder<'a> {
         let limits = Limits { budget: budget.min(left), ..*self.limits };
         let first = self.solved.attempts.is_empty();
         let start = if first { self.warm } else { Some(so_far.impulses.as_slice()) };
+        let before = self.started.elapsed();
         let outcome = method.solve(self.problem, start.filter(|_| warm), &limits);
-        self.keep(method, outcome.clone());
+        self.keep(method, outcome.clone(), before);
         outcome
     }
 
-    fn keep(&mut self, method: Method, outcome: Outcome) {
+    /// `before` is when its time began.
+    fn keep(&mut self, method: Method, outcome: Outcome, before: Duration) {
         let Outcome { status, iterations, residual, .. } = outcome;
         self.solved.attempts.push(Attempt { method, status, iterations, residual });
         let so_far = &mut self.solved.outcome;
         let done = so_far.iterations;
-        let shifted = outcome
-            .history
-            .iter()
-            .map(|sample| Sample { iteration: done + sample.iteration, ..*sample });
+        let shifted = outcome.history.iter().map(|sample| Sample {
+            iteration: done + sample.iteration,
+            elapsed: before + sample.elapsed,
+            ..*sample
+        });
         so_far.history.extend(shifted);
         so_far.iterations += iterations;
         if status == Status::Infeasible || residual < so_far.residual {

@@ -1,7 +1,10 @@
 //! What every method is told and what it returns.
 
+use std::time::{Duration, Instant};
+
 use super::Problem;
 use super::jam::SelfStress;
+pub use crate::solution::Status;
 
 /// When a method is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,34 +21,6 @@ impl Default for Limits {
     }
 }
 
-/// How a method ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
-    /// The residual is within the tolerance.
-    Converged,
-    /// The iterations are used up.
-    Budget,
-    /// The method gets no further, or comes back to where it was.
-    Stalled,
-    /// It is proven that there is no solution: [`Outcome::certificate`].
-    Infeasible,
-    /// The method cannot be used for this problem.
-    BadInput,
-}
-
-impl Status {
-    /// The word for it, in lower case.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Converged => "converged",
-            Self::Budget => "budget",
-            Self::Stalled => "stalled",
-            Self::Infeasible => "infeasible",
-            Self::BadInput => "bad input",
-        }
-    }
-}
-
 /// The residual that a method had at some iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
@@ -53,6 +28,8 @@ pub struct Sample {
     pub iteration: usize,
     /// [`Problem::residual`] then. \[1\]
     pub residual: f64,
+    /// Time since the start, that of measuring residuals included.
+    pub elapsed: Duration,
 }
 
 /// What a method found. Never panics, never calls something converged that is not.
@@ -81,6 +58,7 @@ pub(super) struct Progress<'a> {
     best: Vec<f64>,
     residual: f64,
     history: Vec<Sample>,
+    started: Instant,
     pub(super) iterations: usize,
 }
 
@@ -94,9 +72,15 @@ impl<'a> Progress<'a> {
         let usable = |r: &&[f64]| r.len() == problem.unknowns() && r.iter().all(|x| x.is_finite());
         let zero = || vec![0.0; problem.unknowns()];
         let start = warm.filter(usable).map_or_else(zero, <[f64]>::to_vec);
-        let (best, residual) = (zero(), f64::INFINITY);
-        let mut progress =
-            Self { problem, limits: *limits, best, residual, history: Vec::new(), iterations: 0 };
+        let mut progress = Self {
+            problem,
+            limits: *limits,
+            best: zero(),
+            residual: f64::INFINITY,
+            history: Vec::new(),
+            started: Instant::now(),
+            iterations: 0,
+        };
         progress.record(&start);
         (progress, start)
     }
@@ -104,7 +88,8 @@ impl<'a> Progress<'a> {
     /// Measures an iterate and keeps it if it is the best.
     pub(super) fn record(&mut self, r: &[f64]) -> f64 {
         let residual = self.problem.residual(r);
-        self.history.push(Sample { iteration: self.iterations, residual });
+        let elapsed = self.started.elapsed();
+        self.history.push(Sample { iteration: self.iterations, residual, elapsed });
         if residual < self.residual {
             self.residual = residual;
             self.best.copy_from_slice(r);

@@ -4,8 +4,9 @@ use std::fmt;
 
 use faer::sparse::Triplet;
 
+use super::Matrix;
 use super::dense::Dense;
-use super::{Matrix, cone};
+use crate::cone;
 
 /// Contacts that somebody else has put into matrices: find impulses r with
 ///
@@ -73,7 +74,7 @@ impl fmt::Display for ProblemError {
 
 impl std::error::Error for ProblemError {}
 
-fn same(what: &'static str, is: usize, accepted: usize) -> Result<(), ProblemError> {
+pub(super) fn same(what: &'static str, is: usize, accepted: usize) -> Result<(), ProblemError> {
     if is == accepted { Ok(()) } else { Err(ProblemError::Size(what, is, accepted)) }
 }
 
@@ -99,6 +100,12 @@ pub fn from_entries(
     let triplets: Vec<_> = entries.iter().map(|&(i, j, x)| Triplet::new(i, j, x)).collect();
     let matrix = Matrix::try_new_from_triplets(rows, columns, &triplets);
     matrix.map_err(|_| ProblemError::Size("a matrix", entries.len(), usize::MAX))
+}
+
+/// A^T.
+pub(super) fn transposed(a: &Matrix) -> Result<Matrix, ProblemError> {
+    let too_large = |_| ProblemError::Size("a matrix", a.nrows(), usize::MAX);
+    a.transpose().to_row_major().map_err(too_large)
 }
 
 /// A x.
@@ -189,9 +196,7 @@ impl Problem {
         finite("f", &bodies.momentum)?;
         finite("w", &bodies.given)?;
         let inverse = inverse_of_blocks(&bodies.mass)?;
-        let Ok(transposed) = bodies.directions.transpose().to_row_major() else {
-            return Err(ProblemError::Size("H", bodies.directions.nrows(), n));
-        };
+        let transposed = transposed(&bodies.directions)?;
         let matrix = &transposed * (&inverse * &bodies.directions);
         let moved = product(&transposed, &product(&inverse, &bodies.momentum));
         let offset = moved.iter().zip(&bodies.given).map(|(u, w)| u + w).collect();
@@ -365,7 +370,7 @@ fn inverse_of_blocks(matrix: &Matrix) -> Result<Matrix, ProblemError> {
 }
 
 /// Sets of rows that entries of a square matrix couple, each in order.
-fn coupled(matrix: &Matrix) -> Vec<Vec<usize>> {
+pub(super) fn coupled(matrix: &Matrix) -> Vec<Vec<usize>> {
     fn root(parent: &mut [usize], mut i: usize) -> usize {
         while parent[i] != i {
             parent[i] = parent[parent[i]];

@@ -1,0 +1,162 @@
+//! Jams are named, and what only presses is not.
+
+mod common;
+
+use common::*;
+use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::scene::Motion;
+use drystone::{BodyId, StepReport, World, World3};
+use drystone_solver::Vector;
+
+/// Steps, after each of which all is finite; the bodies that were jammed in any.
+fn jammed<G: Geometry<L, A>, const L: usize, const A: usize>(
+    world: &mut World<G, L, A>,
+    steps: usize,
+) -> Vec<u32> {
+    let mut bodies = Vec::new();
+    for step in 0..steps {
+        let StepReport { jams, .. } = world.step(DT);
+        assert!(world.measure().finite, "step {step}");
+        for jam in jams {
+            assert!(jam.missing > 0.0 && jam.least_change > 100.0 * jam.missing, "{jam:?}");
+            for &contact in &jam.contacts {
+                assert!((contact as usize) < world.system().contacts.len());
+            }
+            bodies.extend(jam.bodies);
+        }
+    }
+    bodies.sort_unstable();
+    bodies.dedup();
+    bodies
+}
+
+fn indices(ids: &[BodyId]) -> Vec<u32> {
+    ids.iter().map(|id| id.index() as u32).collect()
+}
+
+/// Between walls that converge at 0.4 m/s each, and beside a box that has nothing to do with it.
+fn between_walls<G: Rigid<L, A>, const L: usize, const A: usize>(tolerance: f32) {
+    let material = surface(0.3, 0.0);
+    let mut world = world::<G, L, A>();
+    world.settings.tolerance = tolerance;
+    add_floor(&mut world, &material);
+    let walls = [-1.0, 1.0].map(|side: f32| {
+        let wall = body(Motion::Kinematic, v(1.1 * side, 0.8, 0.0), G::cuboid([0.5; L]), &material);
+        world.add(moving(wall, v(-0.4 * side, 0.0, 0.0)))
+    });
+    let wedged = world.add(dynamic(v(0.0, 0.5, 0.0), G::cuboid([0.5; L]), &material));
+    let free = world.add(dynamic(v(5.0, 0.5, 0.0), G::cuboid([0.5; L]), &material));
+    let named = jammed(&mut world, 40);
+    for id in walls.into_iter().chain([wedged]) {
+        assert!(named.contains(&(id.index() as u32)), "{L}D: {named:?}");
+    }
+    assert!(!named.contains(&(free.index() as u32)), "{L}D: {named:?}");
+    // Least squares: neither wall wins.
+    let speed = velocity(&world, wedged).linear.length();
+    assert_below(&format!("{L}D: speed between the walls [m/s]"), speed, 0.4);
+}
+
+#[test]
+fn a_box_between_converging_walls() {
+    for tolerance in [0.0, 1e-3] {
+        between_walls::<Rigid2, 2, 1>(tolerance);
+        between_walls::<Rigid3, 3, 3>(tolerance);
+    }
+}
+
+/// A ball pressed into a groove by a lid that comes down.
+fn wedge<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let material = surface(0.2, 0.0);
+    let mut world = world::<G, L, A>();
+    let slope = std::f32::consts::FRAC_1_SQRT_2;
+    let sides = [-1.0, 1.0].map(|side: f32| {
+        let shape = G::halfspace(v(-side * slope, slope, 0.0));
+        world.add(body(Motion::Static, [0.0; L], shape, &material))
+    });
+    let ball = world.add(dynamic(v(0.0, 0.5, 0.0), G::ball(0.3), &material));
+    let lid = body(Motion::Kinematic, v(0.0, 1.5, 0.0), G::cuboid([0.4; L]), &material);
+    let lid = world.add(moving(lid, v(0.0, -0.5, 0.0)));
+    assert_eq!(jammed(&mut world, 20), Vec::<u32>::new(), "{L}D: the lid is not there yet");
+    assert_eq!(jammed(&mut world, 40), indices(&[sides[0], sides[1], ball, lid]), "{L}D");
+}
+
+#[test]
+fn a_ball_pressed_into_a_groove() {
+    wedge::<Rigid2, 2, 1>();
+    wedge::<Rigid3, 3, 3>();
+}
+
+/// A particle in a slot that is narrower than it is: both sides want to push it out.
+fn slot<const L: usize>()
+where
+    Spheres: Round<L, 0>,
+{
+    let material = surface(0.0, 0.0);
+    let mut world = weightless::<Spheres, L, 0>();
+    let sides = [-1.0, 1.0].map(|side: f32| {
+        let shape = <Spheres as Round<L, 0>>::halfspace(v(-side, 0.0, 0.0));
+        world.add(body(Motion::Static, v(0.095 * side, 0.0, 0.0), shape, &material))
+    });
+    let particle = Spheres::ball(0.1);
+    let particle = world.add(dynamic([0.0; L], particle, &material));
+    assert_eq!(jammed(&mut world, 10), indices(&[sides[0], sides[1], particle]), "{L}D");
+    let speed = velocity(&world, particle).linear.length();
+    assert_below(&format!("{L}D: speed in the slot [m/s]"), speed, 1e-3);
+}
+
+#[test]
+fn a_particle_between_contradictory_targets() {
+    slot::<2>();
+    slot::<3>();
+}
+
+/// Bodies that fall, pile up, and lean on each other and on walls that stay.
+#[test]
+fn a_pile_is_not_jammed() {
+    let material = surface(0.5, 0.2);
+    let mut world: World3 = world();
+    add_floor(&mut world, &material);
+    for (x, z) in [(-1.0f32, 0.0f32), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)] {
+        let wall = Rigid3::halfspace([-x, 0.0, -z]);
+        world.add(body(Motion::Static, [0.7 * x, 0.0, 0.7 * z], wall, &material));
+    }
+    let mut random = Random(5);
+    for i in 0..60 {
+        let mut aside = || random.between(-0.3f32, 0.3);
+        let turn = Vector([aside(), aside(), aside()]) * 9.0;
+        let upright = Rigid3::pose(Vector([aside(), 0.5 + 0.4 * i as f32, aside()]), &[]);
+        let mut block = dynamic([0.0; 3], Rigid3::cuboid([0.2, 0.15, 0.12]), &material);
+        block.pose = Rigid3::advance(&upright, Vector::ZERO, turn);
+        world.add(block);
+    }
+    assert_eq!(jammed(&mut world, 300), Vec::<u32>::new());
+}
+
+/// A column with a body 1000 times heavier on top, which presses far beyond what sweeps carry.
+#[test]
+fn a_loaded_stack_is_not_jammed() {
+    let material = surface(0.5, 0.0);
+    let mut world: World3 = world();
+    add_floor(&mut world, &material);
+    for i in 0..10 {
+        let mut block = dynamic([0.0, 0.5 + i as f32, 0.0], Rigid3::cuboid([0.5; 3]), &material);
+        if i == 9 {
+            block.colliders[0].density *= 1000.0;
+        }
+        world.add(block);
+    }
+    assert_eq!(jammed(&mut world, 120), Vec::<u32>::new());
+}
+
+/// Boxes that begin inside each other, side by side: there is room to get out.
+#[test]
+fn overlap_at_the_start_is_not_a_jam() {
+    let material = surface(0.5, 0.0);
+    let mut world: World3 = world();
+    add_floor(&mut world, &material);
+    for i in 0..5 {
+        let x = 0.9 * i as f32;
+        world.add(dynamic([x, 0.5, 0.0], Rigid3::cuboid([0.5; 3]), &material));
+    }
+    assert_eq!(jammed(&mut world, 60), Vec::<u32>::new());
+}

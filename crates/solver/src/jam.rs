@@ -1,0 +1,203 @@
+//! Jams: contacts whose targets no velocities can meet.
+//!
+//! Bodies wedged between walls that converge, or squeezed into less room than they have: soft
+//! contacts answer everything, and here the answer is the best in the sense of least squares, but
+//! it is no solution. What shows it is a set of forces y >= 0 along the normals that nearly balance
+//! each other, a self-stress, on contacts that are to be opened.
+//!
+//! # The bound
+//!
+//! Let y >= 0 be any such forces, v the velocities at hand and v' any that meet all targets,
+//! J v' >= t. Then y . J (v' - v) >= y . (t - J v), and by the inequality of Cauchy and Schwarz
+//!
+//! |v' - v|_M >= y . (t - J v) / |J^T y|_M^-1.
+//!
+//! Balanced forces, J^T y = 0, mean that there is no v' at all (Farkas' lemma;
+//! `assembled::jam` has that proof for matrices). The bound says as much for numbers that are
+//! rounded: to meet the targets the bodies would have to change their velocities by more than
+//! anything here does.
+//!
+//! The best y is what is left of the targets at their least squares, (t - J v)+ at the v that makes
+//! its length least, since there its J^T y is 0. That is the impulse of very stiff contacts without
+//! friction, which [`newton`] finds. Friction makes no jam: it does not act along normals.
+
+use crate::island::Islands;
+use crate::part::Part;
+use crate::solution::Goal;
+use crate::{Scalar, System, Vector, Velocity, newton};
+
+/// A change of velocity so many times what the contacts ask for is no answer. \[1\]
+const BEYOND: f64 = 1e3;
+/// The same from the impulses at hand, for a closer look to be worth it. \[1\]
+const SUSPECT: f64 = 3.0;
+/// Softness of the contacts that are as good as rigid. \[1\]
+const STIFF: f64 = 1e-7;
+/// Newton steps at most.
+const BUDGET: usize = 40;
+
+/// Contacts that jam.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Jam {
+    /// Indices into [`System::contacts`].
+    pub contacts: Vec<u32>,
+    /// Their bodies, in order, fixed ones included.
+    pub bodies: Vec<u32>,
+    /// How much slower than their targets these contacts separate, the mean weighted by the
+    /// self-stress. \[m/s\]
+    pub missing: f64,
+    /// What the bodies would at least have to change their velocities by to meet all targets, root
+    /// mean square by mass; infinite if nothing does. \[m/s\]
+    pub least_change: f64,
+}
+
+/// The jams of a solved system, one at most for each island. Looks only at islands with a contact
+/// that misses its target by more than `limit` \[m/s\], and where impulses at hand hint at a
+/// self-stress; so costs one pass over the contacts where all is well.
+pub fn find<T: Scalar, const L: usize, const A: usize>(
+    system: &System<T, L, A>,
+    islands: &mut Islands,
+    limit: f64,
+) -> Vec<Jam> {
+    let limit = T::from_f64(limit);
+    let misses = |system: &System<T, L, A>, index: usize| {
+        let manifold = &system.manifolds[index];
+        let [a, b] = manifold.bodies.map(|body| &system.velocities[body as usize]);
+        let mut contacts = system.contacts[manifold.points()].iter();
+        contacts.any(|contact| {
+            let missing = contact.target[0] - contact.normal_velocity(manifold, a, b);
+            missing > limit && contact.effective_mass > T::ZERO
+        })
+    };
+    let Some(first) = (0..system.manifolds.len()).find(|&index| misses(system, index)) else {
+        return Vec::new();
+    };
+    islands.find(system);
+    let mut seen: Vec<u32> = (first..system.manifolds.len())
+        .filter(|&index| misses(system, index))
+        .map(|index| islands.of_pair(system.manifolds[index].bodies))
+        .collect();
+    seen.sort_unstable();
+    seen.dedup();
+    seen.into_iter().filter_map(|island| Suspect::new(system, islands, island).jam()).collect()
+}
+
+/// An island by itself, without friction.
+struct Suspect<const L: usize, const A: usize> {
+    system: System<f64, L, A>,
+    /// Which of the whole system its contacts and bodies are.
+    contacts: Vec<u32>,
+    bodies: Vec<u32>,
+}
+
+impl<const L: usize, const A: usize> Suspect<L, A> {
+    fn new<T: Scalar>(whole: &System<T, L, A>, islands: &Islands, island: u32) -> Self {
+        let mut part = Part::default();
+        part.clear(whole);
+        part.add_island(whole, islands, island);
+        for manifold in &mut part.system.manifolds {
+            (manifold.friction, manifold.compliance) = (0.0, f64::INFINITY);
+        }
+        let contacts = part.contacts(whole).map(|contact| contact as u32).collect();
+        Self { system: part.system, contacts, bodies: part.bodies }
+    }
+
+    fn jam(self) -> Option<Jam> {
+        let missing = self.missing();
+        let demand = missing.iter().copied().fold(0.0, f64::max);
+        let at_hand = self.stress(&self.system, 0.0);
+        let pressed = at_hand.iter().any(|&y| y > 0.0);
+        if pressed && self.bound(&at_hand, &missing) < SUSPECT * demand {
+            return None;
+        }
+        let mut stiff = self.system.clone();
+        for contact in &mut stiff.contacts {
+            contact.impulse = Vector::ZERO;
+        }
+        stiff.prepare(STIFF);
+        newton::solve(&mut stiff, &Goal { tolerance: 1e-9 * demand, budget: BUDGET });
+        // The fewest contacts that do are the ones to name.
+        [1e-3, 0.0].into_iter().find_map(|least| {
+            let stress = self.stress(&stiff, least);
+            let change = self.bound(&stress, &missing);
+            (change > BEYOND * demand).then(|| self.name(&stress, &missing, change))
+        })
+    }
+
+    /// t - J v of each contact. \[m/s\]
+    fn missing(&self) -> Vec<f64> {
+        let mut missing = Vec::with_capacity(self.system.contacts.len());
+        for manifold in &self.system.manifolds {
+            let [a, b] = self.system.velocities_of(manifold);
+            let contacts = &self.system.contacts[manifold.points()];
+            missing
+                .extend(contacts.iter().map(|c| c.target[0] - c.normal_velocity(manifold, &a, &b)));
+        }
+        missing
+    }
+
+    /// The normal impulses of `solved`, the largest being 1; those below `least` are left out, and
+    /// those of contacts where nothing can move.
+    fn stress(&self, solved: &System<f64, L, A>, least: f64) -> Vec<f64> {
+        let normal = |i: usize| {
+            let contact = &solved.contacts[i];
+            if contact.effective_mass > 0.0 { contact.impulse[0].max(0.0) } else { 0.0 }
+        };
+        let largest = (0..solved.contacts.len()).map(normal).fold(f64::MIN_POSITIVE, f64::max);
+        let part = |i| normal(i) / largest;
+        (0..solved.contacts.len()).map(|i| if part(i) > least { part(i) } else { 0.0 }).collect()
+    }
+
+    /// The least change of velocities that the forces y prove, root mean square by the mass of the
+    /// bodies that they press. \[m/s\]
+    fn bound(&self, y: &[f64], missing: &[f64]) -> f64 {
+        let system = &self.system;
+        let mut moved = vec![Velocity::ZERO; system.velocities.len()];
+        let mut pressed = vec![false; moved.len()];
+        for manifold in &system.manifolds {
+            let masses = system.masses_of(manifold);
+            let [i, j] = manifold.bodies.map(|body| body as usize);
+            let (mut a, mut b) = (moved[i], moved[j]);
+            for point in manifold.points() {
+                if y[point] > 0.0 {
+                    let push = manifold.normal() * y[point];
+                    system.contacts[point].apply(push, &masses, &mut a, &mut b);
+                    (pressed[i], pressed[j]) = (true, true);
+                }
+            }
+            (moved[i], moved[j]) = (a, b);
+        }
+        // |J^T y|^2 by M^-1, as y . J (M^-1 J^T y).
+        let mut left = 0.0;
+        for manifold in &system.manifolds {
+            let [a, b] = manifold.bodies.map(|body| &moved[body as usize]);
+            for point in manifold.points() {
+                left += y[point] * system.contacts[point].normal_velocity(manifold, a, b);
+            }
+        }
+        let mass: f64 = (system.masses.iter().zip(&pressed))
+            .filter(|(mass, pressed)| **pressed && mass.linear > 0.0)
+            .map(|(mass, _)| 1.0 / mass.linear)
+            .sum();
+        let work: f64 = y.iter().zip(missing).map(|(y, missing)| y * missing).sum();
+        if work <= 0.0 { 0.0 } else { work / (left.max(0.0) * mass).sqrt() }
+    }
+
+    fn name(&self, y: &[f64], missing: &[f64], least_change: f64) -> Jam {
+        let mut bodies = Vec::new();
+        for manifold in &self.system.manifolds {
+            if manifold.points().any(|point| y[point] > 0.0) {
+                bodies.extend(manifold.bodies.map(|body| self.bodies[body as usize]));
+            }
+        }
+        bodies.sort_unstable();
+        bodies.dedup();
+        let stressed = (0..y.len()).filter(|&i| y[i] > 0.0);
+        let weighted: f64 = y.iter().zip(missing).map(|(y, missing)| y * missing).sum();
+        Jam {
+            contacts: stressed.map(|i| self.contacts[i]).collect(),
+            bodies,
+            missing: weighted / y.iter().sum::<f64>(),
+            least_change,
+        }
+    }
+}
