@@ -73,12 +73,13 @@ impl Ledger {
     }
 
     /// Work of all contacts, but for what driven bodies bring: collisions, normal impulses, friction
-    /// and repair together. Energy from nowhere where it is positive. \[J\]
+    /// and repair together. Contacts are springs: what they took they may give back in a later
+    /// step; what they give beyond that is from nowhere. \[J\]
     pub fn by_contacts(&self) -> f64 {
         self.impacts + self.contacts + self.friction + self.repair + self.relaxed
     }
 
-    /// Energy that contacts made from nothing. \[J\]
+    /// What contacts gave in this step, if they gave more than they took. \[J\]
     pub fn created(&self) -> f64 {
         self.by_contacts().max(0.0)
     }

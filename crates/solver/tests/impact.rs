@@ -16,8 +16,19 @@ fn resolve<const L: usize, const A: usize>(
     threshold: f64,
     rounds: usize,
 ) -> usize {
+    sweeping(system, law, threshold, rounds, 400)
+}
+
+/// The same with this many sweeps over a blow at most.
+fn sweeping<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    law: ImpactLaw,
+    threshold: f64,
+    rounds: usize,
+    sweeps: usize,
+) -> usize {
     let mut moved = vec![Velocity::ZERO; system.velocities.len()];
-    let how = Collisions { law, dt: 0.0, threshold, rounds, sweeps: 400 };
+    let how = Collisions { law, dt: 0.0, threshold, rounds, sweeps };
     collide(system, &mut moved, &how, &mut Blow::default())
 }
 
@@ -270,7 +281,8 @@ fn elastic<const L: usize, const A: usize>(seed: u64) {
 }
 
 /// The order of the contacts plays no part where all are solved together, with one restitution:
-/// with several it does where contacts are redundant, as any may take the blow.
+/// with several it does where contacts are redundant, as any may take the blow. As many sweeps as
+/// contacts need that pull nearly the same way.
 fn any_order<const L: usize, const A: usize>(seed: u64) {
     for law in [ImpactLaw::Poisson, ImpactLaw::Reflections] {
         let recipe = Recipe { bodies: 6, manifolds: 4, points: 1, walls: true };
@@ -279,8 +291,8 @@ fn any_order<const L: usize, const A: usize>(seed: u64) {
         scene.system.manifolds.iter_mut().for_each(|manifold| manifold.restitution = 0.7);
         let mut reversed = scene.clone();
         reversed.system.manifolds.reverse();
-        resolve(&mut scene.system, law, 0.01, 1);
-        resolve(&mut reversed.system, law, 0.01, 1);
+        sweeping(&mut scene.system, law, 0.01, 1, 100_000);
+        sweeping(&mut reversed.system, law, 0.01, 1, 100_000);
         let flat = |scene: &Scene<L, A>| -> Vec<f64> {
             let velocities = scene.system.velocities.iter();
             velocities.flat_map(|v| v.linear.0.into_iter().chain(v.angular.0)).collect()
@@ -301,9 +313,11 @@ proptest! {
     fn elastic_reflections_keep_the_energy(seed in any::<u64>()) {
         in_all_four!(elastic, seed);
     }
+}
 
-    #[test]
-    fn the_order_of_contacts_plays_no_part(seed in any::<u64>()) {
+#[test]
+fn the_order_of_contacts_plays_no_part() {
+    for seed in 0..500 {
         in_all_four!(any_order, seed);
     }
 }
