@@ -23,7 +23,7 @@ pub enum Stage {
     WarmStart,
     /// Sweeps towards the targets.
     Solve,
-    /// Certificates, and stronger methods where they ask for them.
+    /// Certificates, and stronger methods where they ask for them; at the end, the search for jams.
     Certify,
     /// Displacements grow by h v; at the end, poses move by them.
     Advance,
