@@ -79,6 +79,7 @@ fn a_complementarity_problem_is_solved() {
     let expected = [
         "attempts",
         "certificate",
+        "history",
         "iterations",
         "method",
         "name",

@@ -25,7 +25,7 @@ pub enum Stage {
     WarmStart,
     /// Sweeps towards the targets, and stronger methods where certificates ask for them.
     Solve,
-    /// Certificates.
+    /// Certificates; at the end, the search for jams.
     Certify,
     /// Displacements grow by h v; at the end, poses move by them.
     Advance,
