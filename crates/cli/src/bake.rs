@@ -65,8 +65,8 @@ pub(crate) struct Arguments {
     iterations: Option<u32>,
 
     /// How far from the exact solution of the contacts velocities may be (root mean square by mass, of
-    /// each island), such as 1mm/s: stronger methods follow the sweeps until a bound is below that;
-    /// with friction it holds for the slip at hand [default: as the scene says, or sweeps alone]
+    /// each island): every substep is solved until a bound is below that; with friction it holds for
+    /// the slip at hand. 0mm/s: one sweep each, in more substeps [default: as the scene says, or 1mm/s]
     #[arg(long, value_name = "SPEED", value_parser = speed)]
     tolerance: Option<f32>,
 
@@ -74,7 +74,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
 
-    /// Start from the settings for games, which are faster and less exact
+    /// Start from the settings for games: fixed work, faster and less exact; how far from exact is
+    /// certified all the same
     #[arg(long)]
     realtime: bool,
 
@@ -83,7 +84,7 @@ pub(crate) struct Arguments {
     report: Option<PathBuf>,
 
     /// Keep a ledger of where the energy of each step came from and went, for the report and the
-    /// summary; a step takes up to three times as long
+    /// summary; a step takes up to five times as long
     #[arg(long)]
     ledger: bool,
 
@@ -114,8 +115,8 @@ Examples:
       (2D: 3), and numbers of each step
   drystone bake scenes/tower.json -o tower.glb --substeps 64 --duration 20
       stiffer contacts, for longer
-  drystone bake scenes/arch.json -o arch.glb --tolerance 1mm/s
-      every substep solved until its velocities are certified to be within 1 mm/s of the exact ones
+  drystone bake scenes/arch.json -o arch.glb --tolerance 0.1mm/s
+      every substep solved until its velocities are certified to be within 0.1 mm/s of the exact ones
   drystone bake scenes/arch.json -o arch.glb --dump-step 60
       also the contact problem of step 60, as arch.glb.step-60.json for `drystone solve`
 
@@ -202,8 +203,11 @@ fn prepare(arguments: &Arguments, scene: &Scene) -> Result<Box<dyn Simulation>, 
 }
 
 fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failure> {
-    let preset =
-        if arguments.realtime { StepSettings::realtime() } else { StepSettings::quality() };
+    let preset = match (arguments.realtime, arguments.tolerance) {
+        (true, _) => StepSettings { certify: true, ..StepSettings::realtime() },
+        (false, Some(0.0)) => StepSettings { certify: true, ..StepSettings::quality() },
+        (false, _) => StepSettings::certified(),
+    };
     let mut settings = scene.settings(preset)?;
     settings.substeps = arguments.substeps.unwrap_or(settings.substeps);
     settings.iterations = arguments.iterations.unwrap_or(settings.iterations);

@@ -91,7 +91,11 @@ fn a_bake_writes_what_was_asked_for() {
 fn a_tolerance_is_proven_in_every_step() {
     let place = Place::new(SCENE);
     let summary = place.succeeds(&["bake", "scene.toml", "--report", "r.json"]);
-    assert!(summary.contains("nothing was proven"), "{summary}");
+    assert!(summary.contains("all 120 steps within 1.000 mm/s of the exact"), "{summary}");
+    for fixed in ["--realtime", "--tolerance=0mm/s"] {
+        let summary = place.succeeds(&["bake", "scene.toml", "--report", "r.json", fixed]);
+        assert!(summary.contains("the last substep of each step within"), "{fixed}: {summary}");
+    }
     let tolerance = ["--tolerance", "0.5mm/s", "--duration", "1"];
     let arguments = ["bake", "scene.toml", "--report", "r.json"];
     let summary = place.succeeds(&[&arguments[..], &tolerance[..]].concat());

@@ -96,7 +96,7 @@ impl StepSettings {
 
     /// For baking with proof: every substep is solved until its certificate is within 1 mm/s.
     pub const fn certified() -> Self {
-        Self { substeps: 16, tolerance: 1e-3, certify: true, ..Self::quality() }
+        Self { substeps: 8, tolerance: 1e-3, certify: true, ..Self::quality() }
     }
 
     /// For games: the least work that keeps piles and stacks standing.

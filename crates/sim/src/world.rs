@@ -8,7 +8,7 @@ use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{Pair, Records};
 use crate::certifier::Certifier;
-use crate::geometry::{Bounds, Geometry, MassProperties};
+use crate::geometry::{Bounds, Frame, Geometry, MassProperties};
 use crate::ledger::Books;
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};

@@ -133,7 +133,8 @@ impl<const L: usize, const A: usize> State<L, A> {
     /// Whether the step from here to the impulses of the system points against the way from `last`.
     fn turns_back(&self, last: &Self, system: &System<f64, L, A>) -> bool {
         let mut sum = 0.0;
-        for ((contact, own), last) in system.contacts.iter().zip(&self.impulses).zip(&last.impulses) {
+        for ((contact, own), last) in system.contacts.iter().zip(&self.impulses).zip(&last.impulses)
+        {
             if contact.effective_mass > 0.0 {
                 let product = (*own - contact.impulse).dot(contact.impulse - *last);
                 sum += product / contact.effective_mass;

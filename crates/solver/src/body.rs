@@ -121,10 +121,7 @@ impl<T: Real, const L: usize, const A: usize> InverseMass<T, L, A> {
     /// M^-1 p: the velocity that a momentum gives. \[m/s, rad/s\]
     #[inline(always)]
     pub fn velocity(&self, momentum: &Velocity<T, L, A>) -> Velocity<T, L, A> {
-        Velocity {
-            linear: momentum.linear * self.linear,
-            angular: self.angular * momentum.angular,
-        }
+        Velocity { linear: momentum.linear * self.linear, angular: self.angular * momentum.angular }
     }
 
     /// M^-1 (p, r x p): the change of velocity from an impulse `p` \[N s\] at the lever arm `r` \[m\].

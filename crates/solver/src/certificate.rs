@@ -171,7 +171,13 @@ impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
 
     /// A contact that misses its target by `y`, with the impulse `r` of its cone.
     #[inline(always)]
-    fn add_residuals(&mut self, law: &Law<T>, contact: &Contact<T, L>, y: Vector<T, L>, r: Vector<T, L>) {
+    fn add_residuals(
+        &mut self,
+        law: &Law<T>,
+        contact: &Contact<T, L>,
+        y: Vector<T, L>,
+        r: Vector<T, L>,
+    ) {
         let [mass, across] = [contact.effective_mass, contact.tangential_mass];
         let mut w = law.soften(r) - y;
         let mut stepped = r - w * across;

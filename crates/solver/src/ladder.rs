@@ -147,19 +147,33 @@ const IN_LANES: usize = 256;
 const AIM: f64 = 0.2;
 
 /// Iterations from one certificate to the next, at most.
-const LONGEST: usize = 16;
+const LONGEST: f64 = 16.0;
 
 /// Iterations before their rate is trusted.
 const TRIAL: usize = 12;
 
 /// Climbs the ladder for one system after the other: those of the substeps of a simulation.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Climber<const L: usize, const A: usize> {
     tally: Tally<L, A>,
     /// Iterations before the first certificate: about as many as the last system needed.
     planned: usize,
+    /// What an iteration left of the worst error of late. \[1\]
+    rate: f64,
     done: Vec<bool>,
     errors: Vec<f64>,
+}
+
+impl<const L: usize, const A: usize> Default for Climber<L, A> {
+    fn default() -> Self {
+        Self {
+            tally: Tally::default(),
+            planned: 0,
+            rate: 0.7,
+            done: Vec::new(),
+            errors: Vec::new(),
+        }
+    }
 }
 
 impl<const L: usize, const A: usize> Climber<L, A> {
@@ -212,8 +226,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         let certificates = wide.certify_fully(velocities, prospective, islands, &mut self.tally);
         let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
         for of in certificates {
-            for (own, other) in
-                outcome.residuals.iter_mut().zip([of.natural, of.sinking, of.cone])
+            for (own, other) in outcome.residuals.iter_mut().zip([of.natural, of.sinking, of.cone])
             {
                 *own = own.max(other);
             }
@@ -244,21 +257,31 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         let aim = AIM * goal.tolerance;
         let mut due = self.planned;
         let mut before = Vec::new();
-        while self.done.contains(&false) {
+        loop {
             for _ in 0..due {
                 wide.conjugate(velocities, &self.done);
             }
             outcome.iterations += due;
             before.clone_from(&self.errors);
             self.certify(velocities, wide, prospective, islands, outcome);
-            for ((done, before), &error) in self.done.iter_mut().zip(&before).zip(&self.errors) {
-                *done |= error <= aim || is_hopeless(*before, error, due, outcome.iterations, aim);
+            let (mut worst, mut worst_before) = (0.0f64, 0.0f64);
+            for ((done, &before), &error) in self.done.iter_mut().zip(&before).zip(&self.errors) {
+                *done |= error <= aim || is_hopeless(before, error, due, outcome.iterations, aim);
+                if !*done {
+                    (worst, worst_before) = (worst.max(error), worst_before.max(before));
+                }
             }
-            due = (outcome.iterations / 2).clamp(1, LONGEST);
+            if !self.done.contains(&false) {
+                break;
+            }
+            if worst_before.is_finite() {
+                self.rate = (worst / worst_before).powf(1.0 / due as f64).clamp(0.3, 0.95);
+            }
+            due = ((aim / worst).ln() / self.rate.ln()).ceil().clamp(1.0, LONGEST) as usize;
         }
-        let ample = self.errors.iter().all(|&error| error <= 0.5 * aim);
-        let needed = outcome.iterations.min(2 * LONGEST);
-        self.planned = if ample { needed - needed.div_ceil(4) } else { needed };
+        let ample = self.errors.iter().all(|&error| error <= 0.3 * aim);
+        let needed = outcome.iterations.min(2 * LONGEST as usize);
+        self.planned = if ample { needed - needed.div_ceil(8) } else { needed };
     }
 
     fn certify(
@@ -313,7 +336,9 @@ fn replace<const L: usize, const A: usize>(
             system.velocities[body as usize] = velocity.cast();
         }
     }
-    for (solved, index) in part.system.contacts.iter().zip(part.contacts(system).collect::<Vec<_>>()) {
+    for (solved, index) in
+        part.system.contacts.iter().zip(part.contacts(system).collect::<Vec<_>>())
+    {
         system.contacts[index].impulse = solved.impulse.cast();
     }
 }

@@ -82,9 +82,9 @@
 //! rows to hold the matrix-free sweep against, and methods for contacts given as matrices. It brings
 //! in faer and clarabel.
 
+pub mod apgd;
 #[cfg(feature = "assembled")]
 pub mod assembled;
-pub mod apgd;
 mod body;
 pub mod certificate;
 mod cholesky;

@@ -29,7 +29,10 @@ pub fn solve<const L: usize, const A: usize>(
         before.extend(system.contacts.iter().map(|contact| contact.impulse));
         symmetric::sweep(system);
         let changed = system.contacts.iter().zip(&before);
-        beta = beta_of(changed.map(|(contact, before)| size(contact, *before)).sum(), &mut size_before);
+        beta = beta_of(
+            changed.map(|(contact, before)| size(contact, *before)).sum(),
+            &mut size_before,
+        );
         for ((contact, before), p) in system.contacts.iter().zip(&before).zip(&mut direction) {
             *p = next_direction(contact, *before, *p, beta);
         }

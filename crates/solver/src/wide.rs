@@ -10,8 +10,8 @@ use crate::color::Coloring;
 use crate::island::{Islands, NONE};
 use crate::lanes::{Halves, Lanes, WIDTH};
 use crate::pgs::visit;
-use conjugate::Conjugate;
 use crate::{Cast, Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
+use conjugate::Conjugate;
 
 /// A system of `f32` contacts, packed, on the best lanes of this machine.
 #[derive(Clone, Debug)]
@@ -313,8 +313,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                     let [a, b] = block.gather(velocities);
                     let points = &self.contacts[block.manifold.points()];
                     let velocities = [a.cast(), b.cast()];
-                    let evidence =
-                        Evidence::of::<V, RESIDUALS>(&manifold, points, &velocities);
+                    let evidence = Evidence::of::<V, RESIDUALS>(&manifold, points, &velocities);
                     for lane in 0..block.lanes {
                         let bodies = block.bodies.map(|side| side[lane]);
                         tally.add(bodies, block.islands[lane], &evidence.lane(lane));

@@ -1,5 +1,6 @@
 //! What a run was like, in a few numbers and in plain words.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -91,11 +92,17 @@ struct Certified {
     tolerance: f64,
     /// Steps within it.
     steps: usize,
-    /// Largest error of an island in any step. \[m/s\]
+    /// Largest error of an island in any step, and in half of the steps. \[m/s\]
     worst: f64,
+    median: f64,
     /// Where that was.
     worst_step: usize,
     worst_body: Option<u32>,
+    /// In the last substep of any step: the largest residual of Coulomb's law, the fastest approach
+    /// beyond a target, the largest cone violation. \[m/s\]
+    natural: f64,
+    sinking: f64,
+    cone: f64,
     /// Iterations of conjugate gradients, all substeps together.
     iterations: usize,
     /// Islands that needed Newton's method, all substeps together.
@@ -257,18 +264,33 @@ impl Summary {
         };
         let mm = |speed: f64| format!("{:.3} mm/s", speed * 1e3);
         let all = (self.simulated / scene.time_step).round() as usize;
-        let (within, worst) = (mm(of.tolerance), mm(of.worst));
-        if of.steps == all {
-            return format!(
-                "all {all} steps within {within} of the exact contact solution (root mean square; worst {worst})"
-            );
-        }
+        let worst = mm(of.worst);
         let body = of
             .worst_body
             .map_or_else(String::new, |body| format!(", around {}", name(scene, body as usize)));
+        let place = format!("in step {}{body}", of.worst_step);
+        if of.tolerance <= 0.0 {
+            return format!(
+                "the last substep of each step within {} of the exact contact solution in half of the \
+                 steps, within {worst} in all (root mean square; {place})",
+                mm(of.median)
+            );
+        }
+        let within = mm(of.tolerance);
+        if of.steps < all {
+            return format!(
+                "{} of {all} steps within {within} of the exact contact solution; worst {worst} {place}",
+                of.steps
+            );
+        }
+        let overlap = self.deepest_penetration * 1e3;
+        let energy = match self.energy_created {
+            Some(false) => ", no energy created",
+            _ => "",
+        };
         format!(
-            "{} of {all} steps within {within} of the exact contact solution; worst {worst} in step {}{body}",
-            of.steps, of.worst_step
+            "all {all} steps within {within} of the exact contact solution (root mean square; worst \
+             {worst}), deepest overlap {overlap:.3} mm{energy}"
         )
     }
 
@@ -365,10 +387,17 @@ fn certified(bake: &Bake) -> Option<Certified> {
     let outcomes: Vec<_> =
         outcomes.filter_map(|(step, of)| Some((step, of.report.certified?))).collect();
     let (step, worst) = *outcomes.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
+    let mut errors: Vec<f64> = outcomes.iter().map(|(_, of)| of.error).collect();
+    errors.sort_unstable_by(f64::total_cmp);
+    let residual = |i: usize| outcomes.iter().map(|(_, of)| of.residuals[i]).fold(0.0, f64::max);
     Some(Certified {
         tolerance: f64::from(bake.settings.tolerance),
         steps: outcomes.iter().filter(|(_, of)| of.failed == 0).count(),
         worst: worst.error,
+        median: errors[errors.len() / 2],
+        natural: residual(0),
+        sinking: residual(1),
+        cone: residual(2),
         worst_step: step + 1,
         worst_body: worst.worst,
         iterations: outcomes.iter().map(|(_, of)| of.iterations).sum(),
