@@ -1,8 +1,9 @@
 //! From method to stronger method, island by island, until the certificate is good enough.
 //!
 //! Sweeps, warm-started, are enough for most islands in most steps, and cost least. Where they are not,
-//! [`nncg`] comes next, then [`newton`]. Each rung starts from the impulses of the one
-//! before, and has a budget that is small against the cost of the next.
+//! [`nncg`] comes next, then [`newton`], then, with the feature `assembled`, the proximal-point method.
+//! Each rung starts from the impulses of the one before, and has a budget that is small against the
+//! cost of the next.
 
 use std::time::{Duration, Instant};
 
@@ -22,11 +23,23 @@ pub enum Rung {
     Nncg,
     /// [`newton`].
     Newton,
+    /// [`proximal`](crate::proximal).
+    #[cfg(feature = "assembled")]
+    Proximal,
 }
 
 impl Rung {
     /// From the first to the last.
-    pub const ALL: [Self; 3] = [Self::Sweeps, Self::Nncg, Self::Newton];
+    pub const ALL: &[Self] = &[
+        Self::Sweeps,
+        Self::Nncg,
+        Self::Newton,
+        #[cfg(feature = "assembled")]
+        Self::Proximal,
+    ];
+
+    /// Those that are left when lanes have done what they can.
+    const IN_MATRICES: &[Self] = Self::ALL.split_at(2).1;
 
     /// Its name in reports.
     pub const fn name(self) -> &'static str {
@@ -34,6 +47,8 @@ impl Rung {
             Self::Sweeps => "sweeps",
             Self::Nncg => "nncg",
             Self::Newton => "newton",
+            #[cfg(feature = "assembled")]
+            Self::Proximal => "proximal",
         }
     }
 
@@ -42,29 +57,47 @@ impl Rung {
         match self {
             Self::Sweeps => 8,
             Self::Nncg => 16,
-            Self::Newton => usize::MAX,
+            _ => usize::MAX,
+        }
+    }
+
+    fn solve<const L: usize, const A: usize>(
+        self,
+        system: &mut System<f64, L, A>,
+        goal: &Goal,
+    ) -> Solution {
+        match self {
+            Self::Sweeps => pgs::solve(system, goal),
+            Self::Nncg => nncg::solve(system, goal),
+            Self::Newton => newton::solve(system, goal),
+            #[cfg(feature = "assembled")]
+            Self::Proximal => crate::proximal::solve(system, goal),
         }
     }
 }
 
 /// Solves a system whose velocities are the prospective ones and whose impulses are a guess, with the
-/// first method that reaches the tolerance. `goal.budget` is what the last one may use. On return
+/// first method that reaches the tolerance. `goal.budget` is what the last ones may use. On return
 /// it holds the best velocities and impulses; the history is that of all methods.
 pub fn solve<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    goal: &Goal,
+) -> (Solution, Rung) {
+    solve_by(Rung::ALL, system, goal)
+}
+
+fn solve_by<const L: usize, const A: usize>(
+    rungs: &[Rung],
     system: &mut System<f64, L, A>,
     goal: &Goal,
 ) -> (Solution, Rung) {
     let prospective = system.velocities.clone();
     let mut history = Vec::new();
     let mut best: Option<(Solution, Rung, System<f64, L, A>)> = None;
-    for rung in Rung::ALL {
+    for &rung in rungs {
         let goal = Goal { budget: goal.budget.min(rung.budget()), ..*goal };
         system.velocities.clone_from(&prospective);
-        let solution = match rung {
-            Rung::Sweeps => pgs::solve(system, &goal),
-            Rung::Nncg => nncg::solve(system, &goal),
-            Rung::Newton => newton::solve(system, &goal),
-        };
+        let solution = rung.solve(system, &goal);
         history.extend_from_slice(&solution.history);
         let better = (best.as_ref())
             .is_none_or(|(best, ..)| solution.certificate.gap < best.certificate.gap);
@@ -314,7 +347,7 @@ fn is_hopeless(before: f64, error: f64, due: usize, made: usize, tolerance: f64)
     rate >= 0.0 && made > 4 * TRIAL || rate < 0.0 && missing / rate > IN_LANES as f64
 }
 
-/// Solves an island by Newton's method, apart and in `f64`, and puts its velocities and impulses back.
+/// Solves an island by the last rungs, apart and in `f64`, and puts its velocities and impulses back.
 fn replace<const L: usize, const A: usize>(
     system: &mut System<f32, L, A>,
     prospective: &[Velocity<f32, L, A>],
@@ -328,7 +361,8 @@ fn replace<const L: usize, const A: usize>(
     for (velocity, &body) in part.system.velocities.iter_mut().zip(&part.bodies) {
         *velocity = prospective[body as usize].cast();
     }
-    if newton::solve(&mut part.system, goal).status == Status::BadInput {
+    let (solution, _) = solve_by(Rung::IN_MATRICES, &mut part.system, goal);
+    if solution.status == Status::BadInput {
         return;
     }
     for (velocity, &body) in part.system.velocities.iter().zip(&part.bodies) {

@@ -99,6 +99,8 @@ pub mod newton;
 pub mod nncg;
 mod part;
 pub mod pgs;
+#[cfg(feature = "assembled")]
+pub mod proximal;
 pub mod psor;
 mod real;
 pub mod restitution;

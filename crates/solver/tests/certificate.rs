@@ -5,7 +5,7 @@ mod common;
 use common::{Random, Recipe, random_scene};
 use drystone_solver::certificate::certify;
 use drystone_solver::solution::{Goal, Status};
-use drystone_solver::{System, Velocity, newton, pgs};
+use drystone_solver::{System, Velocity, ladder, newton, pgs};
 
 /// As good as f64 gets.
 const EXACT: Goal = Goal { tolerance: 1e-12, budget: 200 };
@@ -139,4 +139,32 @@ fn newton_solves_coulomb_friction() {
     }
     println!("{failed} of 1000 systems did not converge");
     assert!(failed <= 40, "{failed} of 1000 systems did not converge");
+}
+
+/// What one method cannot do, the next one can.
+fn ladder_solves<const L: usize, const A: usize>(seed: u64, failed: &mut usize) {
+    let system = random_system::<L, A>(&mut Random(seed), true, 0.01);
+    if is_trivial(&system) {
+        return;
+    }
+    let mut solved = system.clone();
+    let (solution, _) = ladder::solve(&mut solved, &Goal { tolerance: 1e-7, budget: 200 });
+    let again = certify(&solved, &system.velocities);
+    assert!(again.error() <= solution.certificate.error() * (1.0 + 1e-9) + 1e-12, "seed {seed}");
+    if solution.status != Status::Converged {
+        *failed += 1;
+        return;
+    }
+    assert!(solved.residual(false) < 1e-6, "seed {seed}: {}", solved.residual(false));
+}
+
+#[test]
+fn the_ladder_solves_coulomb_friction() {
+    let mut failed = 0;
+    for seed in 0..250 {
+        in_all_four!(ladder_solves, seed, &mut failed);
+    }
+    println!("{failed} of 1000 systems did not converge");
+    let most = if cfg!(feature = "assembled") { 5 } else { 40 };
+    assert!(failed <= most, "{failed} of 1000 systems did not converge");
 }

@@ -8,14 +8,16 @@ use drystone_solver::{System, Vector, apgd, newton, nncg, pgs, psor, symmetric};
 
 type Method<const L: usize, const A: usize> = fn(&mut System<f64, L, A>, &Goal) -> Solution;
 
-fn methods<const L: usize, const A: usize>() -> [(&'static str, Method<L, A>); 6] {
-    [
+fn methods<const L: usize, const A: usize>() -> Vec<(&'static str, Method<L, A>)> {
+    vec![
         ("pgs", pgs::solve),
         ("symmetric", symmetric::solve),
         ("psor", psor::solve),
         ("nncg", nncg::solve),
         ("apgd", apgd::solve),
         ("newton", newton::solve),
+        #[cfg(feature = "assembled")]
+        ("proximal", drystone_solver::proximal::solve),
     ]
 }
 
