@@ -6,10 +6,14 @@ use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use common::{Random, Recipe, Scene, assert_all_close, random_scene};
+use drystone_solver::certificate::{Certificate, Tally, certify};
 use drystone_solver::color::Coloring;
+use drystone_solver::island::Islands;
 use drystone_solver::lanes::{Halves, Lanes, WIDTH};
 use drystone_solver::wide::Packed;
-use drystone_solver::{InverseMass, Real, Repair, SymmetricMatrix, System, Vector, Velocity, pgs};
+use drystone_solver::{
+    Cast, InverseMass, Real, Repair, SymmetricMatrix, System, Vector, Velocity, pgs,
+};
 use proptest::prelude::*;
 
 fn any_scene<const L: usize, const A: usize>(random: &mut Random) -> Scene<L, A> {
@@ -164,6 +168,68 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
     if drystone_solver::lanes::avx2_available() {
         use drystone_solver::lanes::Avx2;
         assert_eq!(packed::<Avx2, L, A>(&system, &displacements), halves);
+    }
+}
+
+/// The certificate of all contacts together, by lanes and by one number at a time.
+fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
+    start: &System<f32, L, A>,
+) -> [Certificate; 2] {
+    let mut system = start.clone();
+    let mut packed = Packed::<V, L, A>::new();
+    packed.pack(&system, 0.1);
+    let still = vec![Velocity::ZERO; system.velocities.len()];
+    packed.start(&mut system.velocities, &still, &REPAIR);
+    packed.sweep(&mut system.velocities);
+    packed.begin_conjugate(1);
+    for _ in 0..3 {
+        packed.conjugate(&mut system.velocities, &[false]);
+    }
+    packed.unpack(&mut system);
+    let mut islands = Islands::default();
+    islands.find(&system);
+    (islands.of_body, islands.count) = (vec![0; system.velocities.len()], 1);
+    packed.set_islands(&islands);
+    let mut tally = Tally::default();
+    tally.set_masses(&system);
+    let prospective = &start.velocities;
+    let lanes = packed.certify::<true>(&system.velocities, prospective, &islands, &mut tally);
+    [lanes[0], certify(&system, prospective)]
+}
+
+fn certificates_agree<const L: usize, const A: usize>(seed: u64) {
+    let random = &mut Random(seed);
+    let recipe = Recipe {
+        bodies: 2 + random.below(40),
+        manifolds: 1 + random.below(100),
+        points: 4,
+        walls: true,
+    };
+    let mut scene = random_scene::<L, A>(random, recipe).system;
+    for contact in &mut scene.contacts {
+        contact.gap = random.vector() * 0.01;
+        contact.impulse = Vector::ZERO;
+    }
+    let start: System<f32, L, A> = scene.cast();
+    let [lanes, one] = certified::<Halves, L, A>(&start);
+    let numbers = |of: &Certificate| {
+        let sums = [of.gap, of.defect, of.mass, of.complementarity];
+        [&sums[..], &[of.natural, of.sinking, of.cone]].concat()
+    };
+    for (lanes, one) in numbers(&lanes).into_iter().zip(numbers(&one)) {
+        assert!((lanes - one).abs() <= 1e-9 * one.abs() + 1e-15, "seed {seed}: {lanes} and {one}");
+    }
+    #[cfg(target_arch = "x86_64")]
+    if drystone_solver::lanes::avx2_available() {
+        use drystone_solver::lanes::Avx2;
+        assert_eq!(certified::<Avx2, L, A>(&start), [lanes, one], "seed {seed}");
+    }
+}
+
+#[test]
+fn certificates_of_eight_lanes_and_one() {
+    for seed in 0..100 {
+        in_all_four!(certificates_agree, seed);
     }
 }
 
