@@ -128,8 +128,8 @@ fn the_contacts_of_a_step_are_saved_and_solved() {
     assert_eq!(dump["t"].as_array().unwrap().len() as u64, 3 * n);
     assert_eq!(dump["contacts"].as_array().unwrap().len() as u64, n);
     assert_eq!(dump["contacts"][0]["names"].as_array().unwrap().len(), 2);
-    // A substep of the default preset.
-    assert!((dump["dt"].as_f64().unwrap() - 1.0 / 60.0 / 32.0).abs() < 1e-9);
+    let substeps = f64::from(drystone::StepSettings::certified().substeps);
+    assert!((dump["dt"].as_f64().unwrap() - 1.0 / 60.0 / substeps).abs() < 1e-9);
     for method in ["auto", "gauss-seidel", "proximal"] {
         let text = place.succeeds(&[
             "solve",
@@ -229,7 +229,7 @@ fn a_report_has_every_step() {
     assert_eq!(report["threads"], 2);
     // As people write them: not the f64 that is nearest to the f32.
     assert!(text.contains("\"prediction_distance\":0.02,"), "{}", report["settings"]);
-    assert!(text.contains(&serde_json::to_string(&drystone::StepSettings::quality()).unwrap()));
+    assert!(text.contains(&serde_json::to_string(&drystone::StepSettings::certified()).unwrap()));
     let steps = report["per_step"].as_array().unwrap();
     assert_eq!(steps.len(), 120);
     let keys: Vec<_> = steps[0].as_object().unwrap().keys().map(String::as_str).collect();

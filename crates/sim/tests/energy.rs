@@ -145,14 +145,15 @@ fn audit<G: Geometry<L, A>, const L: usize, const A: usize>(
 
 impl Audit {
     /// What holds for every run: the items make up the change, and neither friction nor collisions
-    /// add energy. A slip that is held is a spring, which may give back a little.
+    /// add energy. A slip that is held is a spring, which may give back a little of what it took.
     #[track_caller]
     fn balanced(&self, what: &str) {
         println!("{what}: {self:#?}");
         let part = |energy: f64| energy / self.turnover;
         assert!(part(self.mismeasured) < 1e-12, "{what}: measured differently: {self:#?}");
         assert!(part(self.unexplained) < 1e-5, "{what}: not explained: {self:#?}");
-        assert!(part(self.friction) < 2e-5, "{what}: friction added energy: {self:#?}");
+        let given_back = 2e-5 * self.turnover - 1e-3 * self.total.friction.min(0.0);
+        assert!(self.friction < given_back, "{what}: friction added energy: {self:#?}");
         assert!(part(self.impacts) < 1e-6, "{what}: collisions added energy: {self:#?}");
     }
 
