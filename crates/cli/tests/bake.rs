@@ -153,7 +153,7 @@ fn the_contacts_of_a_step_are_saved_and_solved() {
         // At rest the floor carries the weight; the bodies weigh 48 and 33.5 kg.
         let carried: f64 = on_floor.map(|(i, _)| r(3 * i)).sum();
         let weight = (48.0 + 1000.0 * 4.0 / 3.0 * std::f64::consts::PI * 0.008) * 9.81;
-        let weight = weight / 60.0 / 32.0;
+        let weight = weight / 60.0 / substeps;
         assert!((carried / weight - 1.0).abs() < 0.2, "{carried} N s, not {weight}");
     }
     let wrong = place.fails(2, &["bake", "scene.toml", "-o", "out.poses", "--dump-step", "500"]);

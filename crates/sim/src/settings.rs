@@ -53,6 +53,8 @@ pub struct StepSettings {
     /// Contacts are searched again within a step before two near bodies have passed more than this
     /// part of the thinner one's smallest extent. \[1\]
     pub travel_per_search: f32,
+    /// Searches for contacts in a step, at most. \[1\]
+    pub searches: u32,
     /// Contact points are reused while two bodies move less than this against each other. \[m\]
     pub reuse_distance: f32,
     /// Whether each step reports where its energy came from and where it went. Motion does not
@@ -89,6 +91,7 @@ impl StepSettings {
             restitution_threshold: 0.1,
             prediction_distance: 0.02,
             travel_per_search: 0.1,
+            searches: 32,
             reuse_distance: 0.0,
             ledger: false,
         }
@@ -105,6 +108,7 @@ impl StepSettings {
             substeps: 4,
             push_speed: 3.0,
             travel_per_search: 1.0,
+            searches: 4,
             reuse_distance: 0.002,
             ..Self::quality()
         }

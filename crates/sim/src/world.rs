@@ -287,7 +287,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let mut clock = Clock::start();
         let substeps = self.settings.substeps.max(1);
         self.find_pairs(dt);
-        let parts = self.parts(dt).min(substeps);
+        let parts = self.parts(dt).min(self.settings.searches.max(1));
         let substeps = substeps.div_ceil(parts);
         for part in 0..parts {
             if parts > 1 {
