@@ -228,6 +228,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         gravity * self.gravity_factor[body]
     }
 
+    /// m |g| of a body that moves freely. \[N\]
+    pub(crate) fn weight(&self, body: usize, gravity: Vector<f32, L>) -> f32 {
+        if self.is_dynamic(body) {
+            self.inertia[body].mass * self.pull(body, gravity).length()
+        } else {
+            0.0
+        }
+    }
+
     /// -m g . x of all bodies. \[J\]
     pub(crate) fn potential_energy(&self, gravity: Vector<f32, L>) -> f64 {
         let of = |(body, frame): (usize, &Frame<L>)| {

@@ -95,10 +95,12 @@ pub struct StepReport {
 }
 
 impl StepReport {
-    /// Charges `time` to another stage.
-    pub(crate) fn recharge(&mut self, time: Duration, from: Stage, to: Stage) {
-        self.stages[from as usize] -= time;
-        self.stages[to as usize] += time;
+    /// Takes in what solving or examining a substep has come to, and its time.
+    pub(crate) fn join(&mut self, outcome: &Outcome, clock: &mut Clock) {
+        clock.lap(self, Stage::Solve);
+        self.stages[Stage::Solve as usize] -= outcome.certifying;
+        self.stages[Stage::Certify as usize] += outcome.certifying;
+        self.certified.get_or_insert_default().join(outcome);
     }
 
     /// Wall time of the whole step.

@@ -1,5 +1,6 @@
 //! How a step is taken: every number a user may turn, with its unit and effect.
 
+use drystone_solver::Repair;
 use drystone_solver::restitution::ImpactLaw;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -94,6 +95,17 @@ impl StepSettings {
             searches: 32,
             reuse_distance: 0.0,
             ledger: false,
+        }
+    }
+
+    /// How overlaps and gaps become target velocities in a substep of `h` \[s\].
+    pub(crate) fn repair_in(&self, h: f32) -> Repair<f32> {
+        Repair {
+            dt: h,
+            rate: self.repair,
+            slop: self.slop,
+            push_speed: self.push_speed,
+            hold: self.hold,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use drystone_solver::restitution::{self, Blow, Collisions};
 use drystone_solver::wide::Wide;
-use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
+use drystone_solver::{InverseMass, System, Vector, Velocity};
 
 use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
@@ -342,28 +342,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         rows::rows(&self.records, &self.bodies, dt, &mut self.system);
         self.displacements.fill(Velocity::ZERO);
 
-        let repair = Repair {
-            dt: h,
-            rate: settings.repair,
-            slop: settings.slop,
-            push_speed: settings.push_speed,
-            hold: settings.hold,
-        };
+        let repair = settings.repair_in(h);
         let (system, wide) = (&mut self.system, &mut self.wide);
         let certifier = &mut self.certifier;
         if solving || examined < substeps {
             certifier.find_islands(system);
         }
         if solving {
-            let weight = |body: usize| {
-                let pull = self.gravity.length() * self.bodies.gravity_factor[body];
-                if self.bodies.is_dynamic(body) {
-                    pull * self.bodies.inertia[body].mass
-                } else {
-                    0.0
-                }
-            };
-            certifier.stiffen(system, weight, &settings, h);
+            let bodies = &self.bodies;
+            certifier.stiffen(system, |body| bodies.weight(body, self.gravity), &settings, h);
         }
         wide.pack(system, settings.softness);
         if solving || examined < substeps {
@@ -420,19 +407,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             clock.lap(report, Stage::WarmStart);
             if solving {
                 let outcome = certifier.refine(system, wide, &settings);
-                report.certified.get_or_insert_default().join(&outcome);
-                clock.lap(report, Stage::Solve);
-                report.recharge(outcome.certifying, Stage::Solve, Stage::Certify);
+                // Forward and back.
+                report.sweeps += 2 * outcome.iterations;
+                report.join(&outcome, clock);
             } else {
                 for _ in 0..settings.iterations {
                     wide.sweep_normals(&mut system.velocities);
                 }
+                report.sweeps += settings.iterations as usize;
                 clock.lap(report, Stage::Solve);
             }
             if substep == examined {
                 let outcome = certifier.examine(system, wide);
-                report.certified.get_or_insert_default().join(&outcome);
-                clock.lap(report, Stage::Certify);
+                report.join(&outcome, clock);
             }
             if let Some(books) = &mut books {
                 wide.unpack(system);
@@ -449,7 +436,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 books.end(bodies, self.gravity, system, h);
             }
             clock.lap(report, Stage::Relax);
-            report.sweeps += settings.iterations as usize + 1;
+            report.sweeps += 1;
         }
         wide.unpack(system);
         if last {

@@ -232,7 +232,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         if self.errors.iter().any(beyond) {
             wide.unpack(system);
             // Rounding to the numbers of the system must not take what was reached away.
-            let finer = Goal { tolerance: 0.2 * goal.tolerance, ..*goal };
+            let finer = Goal { tolerance: AIM * goal.tolerance, ..*goal };
             for island in 0..islands.count {
                 if beyond(&self.errors[island]) {
                     replace(system, prospective, islands, island as u32, &finer);
@@ -256,7 +256,8 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         islands: &Islands,
     ) -> Outcome {
         let start = Instant::now();
-        let certificates = wide.certify_fully(velocities, prospective, islands, &mut self.tally);
+        let tally = &mut self.tally;
+        let certificates = wide.certify::<true>(velocities, prospective, islands, tally);
         let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
         for of in certificates {
             for (own, other) in outcome.residuals.iter_mut().zip([of.natural, of.sinking, of.cone])
@@ -326,7 +327,8 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         outcome: &mut Outcome,
     ) {
         let start = Instant::now();
-        let certificates = wide.certify(velocities, prospective, islands, &mut self.tally);
+        let tally = &mut self.tally;
+        let certificates = wide.certify::<false>(velocities, prospective, islands, tally);
         self.errors.clear();
         self.errors.extend(certificates.iter().map(Certificate::error));
         outcome.certifying += start.elapsed();

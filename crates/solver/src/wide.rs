@@ -79,26 +79,17 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         on_lanes!(self, packed => packed.set_islands(islands));
     }
 
-    /// [`Packed::certify`] without residuals: G, its defect and the masses.
-    pub fn certify<'a>(
+    /// [`Packed::certify`].
+    pub fn certify<'a, const RESIDUALS: bool>(
         &self,
         velocities: &[Velocity<f32, L, A>],
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         tally: &'a mut Tally<L, A>,
     ) -> &'a [Certificate] {
-        on_lanes!(self, packed => packed.certify::<false>(velocities, prospective, islands, tally))
-    }
-
-    /// [`Packed::certify`] with everything.
-    pub fn certify_fully<'a>(
-        &self,
-        velocities: &[Velocity<f32, L, A>],
-        prospective: &[Velocity<f32, L, A>],
-        islands: &Islands,
-        tally: &'a mut Tally<L, A>,
-    ) -> &'a [Certificate] {
-        on_lanes!(self, packed => packed.certify::<true>(velocities, prospective, islands, tally))
+        on_lanes!(self, packed => {
+            packed.certify::<RESIDUALS>(velocities, prospective, islands, tally)
+        })
     }
 
     /// [`Packed::begin_conjugate`].

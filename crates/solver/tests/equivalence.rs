@@ -111,19 +111,27 @@ fn packed<V: Lanes, const L: usize, const A: usize>(
     system
 }
 
-/// Eight lanes give the bits of one number at a time, in the order of the lanes, whatever type
-/// holds them.
-fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
-    let random = &mut Random(seed);
+/// Enough manifolds for many blocks of eight, with gaps.
+fn crowd<const L: usize, const A: usize>(random: &mut Random) -> System<f64, L, A> {
     let recipe = Recipe {
         bodies: 2 + random.below(40),
         manifolds: 1 + random.below(100),
         points: 4,
         walls: true,
     };
-    let mut scene = random_scene::<L, A>(random, recipe).system;
-    for contact in &mut scene.contacts {
+    let mut system = random_scene::<L, A>(random, recipe).system;
+    for contact in &mut system.contacts {
         contact.gap = random.vector() * 0.01;
+    }
+    system
+}
+
+/// Eight lanes give the bits of one number at a time, in the order of the lanes, whatever type
+/// holds them.
+fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
+    let random = &mut Random(seed);
+    let mut scene = crowd::<L, A>(random);
+    for contact in &mut scene.contacts {
         contact.impulse = random.vector();
         contact.impulse[0] = contact.impulse[0].abs();
     }
@@ -199,15 +207,8 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
 
 fn certificates_agree<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
-    let recipe = Recipe {
-        bodies: 2 + random.below(40),
-        manifolds: 1 + random.below(100),
-        points: 4,
-        walls: true,
-    };
-    let mut scene = random_scene::<L, A>(random, recipe).system;
+    let mut scene = crowd::<L, A>(random);
     for contact in &mut scene.contacts {
-        contact.gap = random.vector() * 0.01;
         contact.impulse = Vector::ZERO;
     }
     let start: System<f32, L, A> = scene.cast();

@@ -210,12 +210,17 @@ impl Summary {
 
     fn length(&self, scene: &Scene, head: &Head<'_>) -> String {
         let (substeps, iterations) = (head.settings.substeps, head.settings.iterations);
+        let tolerance = head.settings.tolerance * 1e3;
+        let work = match (tolerance > 0.0, iterations) {
+            (true, _) => format!("each solved to {tolerance} mm/s"),
+            (false, 1) => "1 sweep each".to_owned(),
+            (false, _) => format!("{iterations} sweeps each"),
+        };
         let steps = (self.simulated / scene.time_step).round();
         format!(
-            "{steps} steps of {:.4} ms, {:.3} s in all; {substeps} substeps, {iterations} sweep{} each",
+            "{steps} steps of {:.4} ms, {:.3} s in all; {substeps} substeps, {work}",
             scene.time_step * 1e3,
             self.simulated,
-            if iterations == 1 { "" } else { "s" },
         )
     }
 
