@@ -608,9 +608,7 @@ fn the_lowest_corner_of_a_hull_touches() {
 /// turn and push each other.
 #[test]
 fn falling_boxes_do_not_sink_into_each_other() {
-    for settings in [drystone::StepSettings::quality()] {
-        falling_boxes(settings);
-    }
+    falling_boxes(drystone::StepSettings::quality());
 }
 
 fn falling_boxes(settings: drystone::StepSettings) {
