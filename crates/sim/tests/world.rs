@@ -604,11 +604,41 @@ fn the_lowest_corner_of_a_hull_touches() {
     }
 }
 
+/// Two boxes on each other have no point outside of either, also where edges of both lie almost in
+/// one plane and where they cross is lost to rounding.
+#[test]
+fn points_of_contact_lie_on_both_boxes() {
+    let half = [0.2, 0.15, 0.12];
+    let lower = Rigid3::pose(Vector::ZERO, &[]);
+    let mut memory = Default::default();
+    let mut random = Random(7);
+    for round in 0..20_000 {
+        let slight = 10f32.powf(random.between(-6.0, -1.0));
+        let mut aside = || random.between(-slight, slight);
+        let turn = Vector([aside(), aside(), aside()]);
+        let over = Vector([aside(), 2.0 * half[1] + 1e-3 * aside(), aside()]);
+        let upper = Rigid3::advance(&lower, over, turn);
+        let shape = Rigid3::cuboid(half);
+        Rigid3::collide((&shape, &upper), (&shape, &lower), 0.01, &mut memory, &mut |touch| {
+            for point in &touch.points {
+                for (place, pose) in [(point.on_a, &upper), (point.on_b, &lower)] {
+                    let local = Rigid3::frame(pose).local_point(place);
+                    for i in 0..3 {
+                        let outside = local[i].abs() - half[i];
+                        assert_below(&format!("round {round}: outside [m]"), outside, 1e-3);
+                    }
+                }
+            }
+        });
+    }
+}
+
 /// Boxes that rain on each other at speed do not sink in: contacts are searched again while they
 /// turn and push each other.
 #[test]
 fn falling_boxes_do_not_sink_into_each_other() {
     falling_boxes(drystone::StepSettings::quality());
+    falling_boxes(drystone::StepSettings::certified());
 }
 
 fn falling_boxes(settings: drystone::StepSettings) {
@@ -632,8 +662,7 @@ fn falling_boxes(settings: drystone::StepSettings) {
         deepest = deepest.max(world.measure().deepest_penetration);
     }
     println!("deepest overlap {deepest} m");
-    // What the worst frame of a tumbling heap has is chance to a factor of two: 6 to 12 mm here.
-    assert_below("deepest overlap [m]", deepest as f32, 0.02);
+    assert_below("deepest overlap [m]", deepest as f32, 0.01);
 }
 
 /// Steps until `seconds` with a tolerance of 1 mm/s, each within it; returns the deepest overlap at

@@ -259,7 +259,8 @@ fn cut<const L: usize>(
             clipper.next.push(here);
         }
         if (h <= tolerance) != (t <= tolerance) {
-            let part = h / (h - t);
+            // Where both are near the plane on the same side of it, its line meets it far away.
+            let part = (h / (h - t)).clamp(0.0, 1.0);
             clipper.next.push(Corner {
                 position: here.position + (there.position - here.position) * part,
                 feature: 1 << 31 | side << 16 | (here.feature.min(there.feature) & 0xffff),
