@@ -69,12 +69,9 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     }
 
     /// Contacts whose targets no velocities can meet. `sinking` is the most that any missed its target
-    /// by, where that is known. \[m/s\]
-    pub(crate) fn jams(&mut self, system: &System<f32, L, A>, sinking: Option<f64>) -> Vec<Jam> {
-        match sinking {
-            Some(sinking) if sinking <= MISSED => Vec::new(),
-            _ => jam::find(system, &mut self.islands, MISSED),
-        }
+    /// by. \[m/s\]
+    pub(crate) fn jams(&mut self, system: &System<f32, L, A>, sinking: f64) -> Vec<Jam> {
+        if sinking > MISSED { jam::find(system, &mut self.islands, MISSED) } else { Vec::new() }
     }
 
     /// Finds the islands of a part of a step.

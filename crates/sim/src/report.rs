@@ -85,12 +85,13 @@ pub struct StepReport {
     /// Collisions that bounced.
     pub collisions: usize,
     /// How far the velocities that moved the bodies can be from the exact ones, all substeps together;
-    /// `None` without a tolerance.
+    /// `None` with neither a tolerance nor `certify`.
     pub certified: Option<Outcome>,
     /// Where the energy of the step came from and went; `None` unless the settings ask for it.
     pub energy: Option<Ledger>,
-    /// Contacts whose targets no velocities can meet, in the last part of the step. Bodies are slots
-    /// of the world; contacts those of [`World::system`](crate::World::system).
+    /// Contacts whose targets no velocities can meet, in the last part of the step; none unless the
+    /// settings ask for certificates. Bodies are slots of the world; contacts those of
+    /// [`World::system`](crate::World::system).
     pub jams: Vec<Jam>,
 }
 

@@ -439,9 +439,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             report.sweeps += 1;
         }
         wide.unpack(system);
-        if last {
-            let sinking = report.certified.map(|of| of.residuals[1]);
-            report.jams = certifier.jams(system, sinking.filter(|_| settings.certify));
+        if examined < substeps {
+            let sinking = report.certified.map_or(0.0, |of| of.residuals[1]);
+            report.jams = certifier.jams(system, sinking);
             clock.lap(report, Stage::Certify);
         }
 

@@ -13,6 +13,7 @@ fn jammed<G: Geometry<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     steps: usize,
 ) -> Vec<u32> {
+    world.settings.certify = true;
     let mut bodies = Vec::new();
     for step in 0..steps {
         let StepReport { jams, .. } = world.step(DT);
