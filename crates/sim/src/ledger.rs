@@ -231,8 +231,8 @@ impl<const L: usize, const A: usize> Books<L, A> {
     ) {
         let contact = &system.contacts[index];
         let [a, b] = manifold.bodies.map(|body| body as usize);
-        let frame = manifold.frame.map(|axis| axis.cast::<f64>());
-        let anchors = [contact.anchor_a, contact.anchor_b].map(|anchor| anchor.cast::<f64>());
+        let manifold: Manifold<f64, L> = manifold.cast();
+        let (frame, anchors) = (manifold.frame, manifold.anchors(contact.place.cast()));
         let gamma = contact.impulse.cast::<f64>();
         let relative = |of: [Velocity<f64, L, A>; 2]| of[0].at(anchors[0]) - of[1].at(anchors[1]);
         let u = relative([self.mean[1][a], self.mean[1][b]]);

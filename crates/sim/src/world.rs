@@ -38,7 +38,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     old_records: Records<L>,
     /// Velocities and inverse masses of the bodies live here, where the solver works on them.
     system: System<f32, L, A>,
-    /// The contacts of `system`, eight side by side, for the sweeps.
+    /// The contacts of `system`, sixteen side by side, for the sweeps.
     wide: Wide<L, A>,
     certifier: Certifier<L, A>,
     blow: Blow<L, A>,
@@ -550,8 +550,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         out.potential_energy = self.bodies.potential_energy(self.gravity);
         for manifold in &self.system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &self.displacements[body as usize]);
+            let moved = manifold.twist(a, b);
             for contact in &self.system.contacts[manifold.points()] {
-                let gap = contact.gap[0] + contact.normal_velocity(manifold, a, b);
+                let gap = contact.gap[0] + contact.normal_velocity(&moved);
                 out.deepest_penetration = out.deepest_penetration.max(f64::from(-gap));
             }
         }

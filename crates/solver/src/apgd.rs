@@ -156,9 +156,8 @@ fn points<const L: usize, const A: usize>(
 fn gradient<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Vec<Vector<f64, L>> {
     let of_contact = |(manifold, index): (usize, usize)| {
         let (manifold, contact) = (&system.manifolds[manifold], &system.contacts[index]);
-        let [a, b] = system.velocities_of(manifold);
         let law = Law::of(manifold, contact);
-        let y = contact.target - contact.relative_velocity(manifold, &a, &b);
+        let y = contact.target - contact.relative_velocity(&system.twist_of(manifold));
         let mut w = law.soften(contact.impulse) - y;
         w[0] += law.shift(y, contact.impulse);
         w

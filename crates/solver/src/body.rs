@@ -26,19 +26,27 @@ impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
         self.linear.dot(other.linear) + self.angular.dot(other.angular)
     }
 
-    /// The same in another number.
+    /// A part of it in another number.
     #[inline(always)]
-    pub fn cast<U: Real>(&self) -> Velocity<U, L, A>
+    pub(crate) fn part<U: Real>(&self, index: usize) -> Velocity<U, L, A>
     where
         T: Cast<U>,
     {
-        Velocity { linear: self.linear.cast(), angular: self.angular.cast() }
+        Velocity { linear: self.linear.part(index), angular: self.angular.part(index) }
     }
 
     /// Velocity \[m/s\] of the point at the lever arm `r` \[m\]: v + omega x r.
     #[inline(always)]
     pub fn at(&self, r: Vector<T, L>) -> Vector<T, L> {
         self.linear + spin(self.angular, r)
+    }
+}
+
+impl<T: Scalar, const L: usize, const A: usize> Velocity<T, L, A> {
+    /// The same in another number.
+    #[inline(always)]
+    pub fn cast<U: Real>(&self) -> Velocity<U, L, A> {
+        self.part(0)
     }
 }
 
@@ -128,20 +136,6 @@ impl<T: Real, const L: usize, const A: usize> InverseMass<T, L, A> {
     #[inline(always)]
     pub fn response(&self, r: Vector<T, L>, p: Vector<T, L>) -> Velocity<T, L, A> {
         Velocity { linear: p * self.linear, angular: self.angular * moment(r, p) }
-    }
-
-    /// m^-1 + (r x n) . W (r x n): what a unit impulse along `n` at `r` adds to the velocity
-    /// along `n` there. \[1/kg\]
-    #[inline(always)]
-    pub fn along(&self, r: Vector<T, L>, n: Vector<T, L>) -> T {
-        self.between(r, n, n)
-    }
-
-    /// What a unit impulse along `p` at `r` adds to the velocity along `n` there. \[1/kg\]
-    #[inline(always)]
-    pub fn between(&self, r: Vector<T, L>, p: Vector<T, L>, n: Vector<T, L>) -> T {
-        let angular: Vector<T, A> = moment(r, n);
-        p.dot(n) * self.linear + angular.dot(self.angular * moment(r, p))
     }
 }
 

@@ -45,9 +45,7 @@
 
 use crate::cone::Law;
 use crate::lanes::Doubles;
-use crate::{
-    Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Vector, Velocity, moment,
-};
+use crate::{Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Vector, Velocity};
 
 /// How good velocities and impulses are; sums over some contacts and the bodies that they touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,11 +94,16 @@ impl Certificate {
     }
 
     /// Adds what a manifold says.
-    fn add<const L: usize, const A: usize>(&mut self, evidence: &Evidence<f64, L, A>) {
-        self.natural = self.natural.max(evidence.natural);
-        self.sinking = self.sinking.max(evidence.sinking);
-        self.cone = self.cone.max(evidence.cone);
-        self.complementarity += evidence.complementarity;
+    #[inline(always)]
+    fn add<T: Doubles, const L: usize, const A: usize>(
+        &mut self,
+        evidence: &Evidence<T, L, A>,
+        lane: usize,
+    ) {
+        self.natural = self.natural.max(evidence.natural.get(lane));
+        self.sinking = self.sinking.max(evidence.sinking.get(lane));
+        self.cone = self.cone.max(evidence.cone.get(lane));
+        self.complementarity += evidence.complementarity.get(lane);
     }
 }
 
@@ -122,7 +125,7 @@ impl Parabola<f64> {
     }
 }
 
-/// What the points of a manifold say of velocities and impulses; or eight manifolds, side by side.
+/// What the points of a manifold say of velocities and impulses; or of several manifolds, side by side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Evidence<T: Real, const L: usize, const A: usize> {
     line: Parabola<T>,
@@ -130,18 +133,25 @@ pub(crate) struct Evidence<T: Real, const L: usize, const A: usize> {
     sinking: T,
     complementarity: T,
     cone: T,
-    /// J^T r for each body, of the impulses at the start of the line and of the way to its end.
+    /// What a gains and b loses ([`Manifold::momenta`]) by the impulses at the start of the line, and on
+    /// the way to its end.
     momenta: [[Velocity<T, L, A>; 2]; 2],
 }
 
 impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
-    /// Of points on bodies that move at `a` and `b`; with `RESIDUALS` or G alone.
+    /// Of a part of points on bodies that move at `velocities`; with `RESIDUALS` or G alone, with the
+    /// `LINE` or its start alone.
     #[inline(always)]
-    pub(crate) fn of<U: Real + Cast<T>, const RESIDUALS: bool>(
-        manifold: &Manifold<T, L>,
+    pub(crate) fn of<U: Real + Cast<T>, const RESIDUALS: bool, const LINE: bool>(
+        part: usize,
+        manifold: &Manifold<U, L>,
         points: &[Contact<U, L>],
-        [a, b]: &[Velocity<T, L, A>; 2],
+        velocities: &[Velocity<U, L, A>; 2],
     ) -> Self {
+        let manifold = &manifold.part(part);
+        let [a, b] = velocities;
+        let twist = manifold.twist(&a.part(part), &b.part(part));
+        let mut wrenches = [Velocity::ZERO; 2];
         let mut evidence = Self {
             line: Parabola { a: T::ZERO, b: T::ZERO, c: T::ZERO },
             natural: T::ZERO,
@@ -151,20 +161,22 @@ impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
             momenta: [[Velocity::ZERO; 2]; 2],
         };
         for contact in points {
-            let contact = contact.cast();
-            let y = contact.target - contact.relative_velocity(manifold, a, b);
+            let contact = contact.part(part);
+            let y = contact.target - contact.relative_velocity(&twist);
             let law = Law::of(manifold, &contact);
             let inside = law.clamp(contact.impulse);
             if RESIDUALS {
                 evidence.add_residuals(&law, &contact, y, inside);
             }
-            let line = evidence.add_line(&law, &contact, y, inside);
-            for (i, r) in line.into_iter().enumerate() {
-                let p = manifold.to_world(r);
-                let [on_a, on_b] = &mut evidence.momenta;
-                on_a[i] += Velocity { linear: p, angular: moment(contact.anchor_a, p) };
-                on_b[i] -= Velocity { linear: p, angular: moment(contact.anchor_b, p) };
+            let [start, way] = evidence.add_line::<LINE>(&law, &contact, y, inside);
+            contact.add_wrench(0..L, start, &mut wrenches[0]);
+            if LINE {
+                contact.add_wrench(0..L, way, &mut wrenches[1]);
             }
+        }
+        evidence.momenta[0] = manifold.momenta(&wrenches[0]);
+        if LINE {
+            evidence.momenta[1] = manifold.momenta(&wrenches[1]);
         }
         evidence
     }
@@ -193,7 +205,7 @@ impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
 
     /// The same contact; returns the impulse at the start of the line, and the way to its end.
     #[inline(always)]
-    fn add_line(
+    fn add_line<const LINE: bool>(
         &mut self,
         law: &Law<T>,
         contact: &Contact<T, L>,
@@ -204,34 +216,16 @@ impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
         shifted[0] -= law.shift(y, r);
         // What is rigid answers nothing, and the line is its start; what cannot move has no part.
         let soft = law.normal.choose(contact.effective_mass, T::ZERO);
-        let way = (law.response(shifted) - r).only_if(soft);
         let start = r.only_if(contact.effective_mass);
-        let half = T::from_f64(0.5);
         self.line.c += contact.effective_mass.choose(law.loss(shifted, r), T::ZERO);
+        if !LINE {
+            return [start, Vector::ZERO];
+        }
+        let way = (law.response(shifted) - r).only_if(soft);
+        let half = T::from_f64(0.5);
         self.line.b += soft.choose(way.dot(law.soften(r) - shifted), T::ZERO);
         self.line.a += soft.choose(half * way.dot(law.soften(way)), T::ZERO);
         [start, way]
-    }
-}
-
-impl<T: Doubles, const L: usize, const A: usize> Evidence<T, L, A> {
-    /// What one of eight manifolds says.
-    #[inline(always)]
-    pub(crate) fn lane(&self, lane: usize) -> Evidence<f64, L, A> {
-        let velocity = |v: &Velocity<T, L, A>| Velocity {
-            linear: v.linear.map(|x| x.get(lane)),
-            angular: v.angular.map(|x| x.get(lane)),
-        };
-        let Parabola { a, b, c } = &self.line;
-        let [on_a, on_b] = &self.momenta;
-        Evidence {
-            line: Parabola { a: a.get(lane), b: b.get(lane), c: c.get(lane) },
-            natural: self.natural.get(lane),
-            sinking: self.sinking.get(lane),
-            complementarity: self.complementarity.get(lane),
-            cone: self.cone.get(lane),
-            momenta: [on_a, on_b].map(|[start, way]| [velocity(start), velocity(way)]),
-        }
     }
 }
 
@@ -278,42 +272,61 @@ impl<const L: usize, const A: usize> Tally<L, A> {
     ) -> Certificate {
         self.start(1);
         for manifold in &system.manifolds {
-            let frame: Manifold<f64, L> = manifold.cast();
             let points = &system.contacts[manifold.points()];
-            let velocities = system.velocities_of(manifold).map(|velocity| velocity.cast());
-            let evidence = Evidence::of::<T, true>(&frame, points, &velocities);
-            self.add(manifold.bodies, 0, &evidence);
+            let velocities = system.velocities_of(manifold);
+            let evidence: Evidence<f64, L, A> =
+                Evidence::of::<T, true, true>(0, manifold, points, &velocities);
+            self.add::<f64, true, true>(manifold.bodies, 0, &evidence, 0);
         }
-        self.finish(&system.velocities, prospective, |_| 0)[0]
+        self.finish::<T, true>(&system.velocities, prospective, |_| 0)[0]
     }
 
     /// Begins anew, for `count` islands.
     pub(crate) fn start(&mut self, count: usize) {
-        self.momenta.clear();
         self.momenta.resize(self.masses.len(), [Velocity::ZERO; 2]);
+        self.momenta.fill([Velocity::ZERO; 2]);
         self.lines.clear();
         self.lines.resize(count, Parabola::default());
         self.certificates.clear();
         self.certificates.resize(count, Certificate::NONE);
     }
 
-    /// Adds a manifold of an island.
-    pub(crate) fn add(&mut self, bodies: [u32; 2], island: u32, evidence: &Evidence<f64, L, A>) {
+    /// Adds a manifold of an island, one lane of `evidence`.
+    #[inline(always)]
+    pub(crate) fn add<T: Doubles, const RESIDUALS: bool, const LINE: bool>(
+        &mut self,
+        bodies: [u32; 2],
+        island: u32,
+        evidence: &Evidence<T, L, A>,
+        lane: usize,
+    ) {
         let Some(certificate) = self.certificates.get_mut(island as usize) else { return };
-        certificate.add(evidence);
+        if RESIDUALS {
+            certificate.add(evidence, lane);
+        }
         let line = &mut self.lines[island as usize];
-        line.a += evidence.line.a;
-        line.b += evidence.line.b;
-        line.c += evidence.line.c;
-        for (body, added) in bodies.into_iter().zip(evidence.momenta) {
-            let [start, way] = &mut self.momenta[body as usize];
-            *start += added[0];
-            *way += added[1];
+        line.c += evidence.line.c.get(lane);
+        if LINE {
+            line.a += evidence.line.a.get(lane);
+            line.b += evidence.line.b.get(lane);
+        }
+        for side in 0..2 {
+            let body = &mut self.momenta[bodies[side] as usize];
+            for (own, added) in body.iter_mut().zip(&evidence.momenta).take(1 + usize::from(LINE)) {
+                // What b gets, a gives.
+                let sign = if side == 0 { 1.0 } else { -1.0 };
+                for i in 0..L {
+                    own.linear[i] += sign * added[side].linear[i].get(lane);
+                }
+                for i in 0..A {
+                    own.angular[i] += sign * added[side].angular[i].get(lane);
+                }
+            }
         }
     }
 
     /// The certificates, once all manifolds are added; `island` of a body may be none of them.
-    pub(crate) fn finish<T: Scalar>(
+    pub(crate) fn finish<T: Scalar, const LINE: bool>(
         &mut self,
         velocities: &[Velocity<T, L, A>],
         prospective: &[Velocity<T, L, A>],
@@ -322,14 +335,17 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         for (body, (mass, inverse)) in self.masses.iter().enumerate() {
             let island = island(body) as usize;
             let Some(certificate) = self.certificates.get_mut(island) else { continue };
-            let [start, way] = self.momenta[body].map(|momentum| inverse.velocity(&momentum));
-            let d = velocities[body].cast() - prospective[body].cast() - start;
+            let [start, way] = &self.momenta[body];
+            let d = velocities[body].cast() - prospective[body].cast() - inverse.velocity(start);
             let (momentum, line) = (mass.momentum(&d), &mut self.lines[island]);
             let defect = 0.5 * momentum.dot(&d);
             certificate.defect += defect;
             line.c += defect;
-            line.b -= momentum.dot(&way);
-            line.a += 0.5 * mass.squared(&way);
+            if LINE {
+                let way = inverse.velocity(way);
+                line.b -= momentum.dot(&way);
+                line.a += 0.5 * mass.squared(&way);
+            }
             if mass.linear > 0.0 {
                 certificate.mass += mass.linear;
                 certificate.lightest = certificate.lightest.min(mass.linear);

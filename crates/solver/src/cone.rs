@@ -36,7 +36,7 @@ impl<T: Real> Law<T> {
             friction: manifold.friction,
             impact: contact.impact,
             normal: contact.compliance,
-            tangential: contact.tangential_compliance(),
+            tangential: contact.tangential_compliance,
         }
     }
 

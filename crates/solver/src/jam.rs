@@ -61,10 +61,10 @@ pub fn find<T: Scalar, const L: usize, const A: usize>(
     let limit = T::from_f64(limit);
     let misses = |system: &System<T, L, A>, index: usize| {
         let manifold = &system.manifolds[index];
-        let [a, b] = manifold.bodies.map(|body| &system.velocities[body as usize]);
+        let twist = system.twist_of(manifold);
         let mut contacts = system.contacts[manifold.points()].iter();
         contacts.any(|contact| {
-            let missing = contact.target[0] - contact.normal_velocity(manifold, a, b);
+            let missing = contact.target[0] - contact.normal_velocity(&twist);
             missing > limit && contact.effective_mass > T::ZERO
         })
     };
@@ -127,10 +127,9 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
     fn missing(&self) -> Vec<f64> {
         let mut missing = Vec::with_capacity(self.system.contacts.len());
         for manifold in &self.system.manifolds {
-            let [a, b] = self.system.velocities_of(manifold);
+            let twist = self.system.twist_of(manifold);
             let contacts = &self.system.contacts[manifold.points()];
-            missing
-                .extend(contacts.iter().map(|c| c.target[0] - c.normal_velocity(manifold, &a, &b)));
+            missing.extend(contacts.iter().map(|c| c.target[0] - c.normal_velocity(&twist)));
         }
         missing
     }
@@ -157,21 +156,25 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
             let masses = system.masses_of(manifold);
             let [i, j] = manifold.bodies.map(|body| body as usize);
             let (mut a, mut b) = (moved[i], moved[j]);
+            let mut wrench = Velocity::ZERO;
             for point in manifold.points() {
                 if y[point] > 0.0 {
-                    let push = manifold.normal() * y[point];
-                    system.contacts[point].apply(push, &masses, &mut a, &mut b);
+                    let mut push = Vector::ZERO;
+                    push[0] = y[point];
+                    system.contacts[point].add_wrench(0..1, push, &mut wrench);
                     (pressed[i], pressed[j]) = (true, true);
                 }
             }
+            manifold.apply(&wrench, &masses, &mut a, &mut b);
             (moved[i], moved[j]) = (a, b);
         }
         // |J^T y|^2 by M^-1, as y . J (M^-1 J^T y).
         let mut left = 0.0;
         for manifold in &system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &moved[body as usize]);
+            let twist = manifold.twist(a, b);
             for point in manifold.points() {
-                left += y[point] * system.contacts[point].normal_velocity(manifold, a, b);
+                left += y[point] * system.contacts[point].normal_velocity(&twist);
             }
         }
         let mass: f64 = (system.masses.iter().zip(&pressed))

@@ -193,6 +193,8 @@ pub struct Climber<const L: usize, const A: usize> {
     planned: usize,
     /// What an iteration left of the worst error of late. \[1\]
     rate: f64,
+    /// Whether the impulses at hand have been proof enough so far, without a better share of the load.
+    direct: bool,
     done: Vec<bool>,
     errors: Vec<f64>,
 }
@@ -203,6 +205,7 @@ impl<const L: usize, const A: usize> Default for Climber<L, A> {
             tally: Tally::default(),
             planned: 0,
             rate: 0.7,
+            direct: true,
             done: Vec::new(),
             errors: Vec::new(),
         }
@@ -213,6 +216,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
     /// Takes over the masses of the bodies.
     pub fn set_masses(&mut self, system: &System<f32, L, A>) {
         self.tally.set_masses(system);
+        self.direct = true;
     }
 
     /// Brings every island within the tolerance: [`nncg`] in lanes for all, Newton's method in `f64`
@@ -240,7 +244,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
                 }
             }
             wide.take_impulses(system);
-            self.certify(&system.velocities, wide, prospective, islands, &mut outcome);
+            self.certify(&system.velocities, wide, prospective, islands, 0.0, &mut outcome);
         }
         outcome.failed = self.errors.iter().filter(|error| beyond(error)).count();
         outcome.set_worst(&self.errors, islands);
@@ -257,7 +261,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
     ) -> Outcome {
         let start = Instant::now();
         let tally = &mut self.tally;
-        let certificates = wide.certify::<true>(velocities, prospective, islands, tally);
+        let certificates = wide.certify::<true, true>(velocities, prospective, islands, tally);
         let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
         for of in certificates {
             for (own, other) in outcome.residuals.iter_mut().zip([of.natural, of.sinking, of.cone])
@@ -297,7 +301,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             }
             outcome.iterations += due;
             before.clone_from(&self.errors);
-            self.certify(velocities, wide, prospective, islands, outcome);
+            self.certify(velocities, wide, prospective, islands, aim, outcome);
             let (mut worst, mut worst_before) = (0.0f64, 0.0f64);
             for ((done, &before), &error) in self.done.iter_mut().zip(&before).zip(&self.errors) {
                 *done |= error <= aim || is_hopeless(before, error, due, outcome.iterations, aim);
@@ -318,19 +322,29 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         self.planned = if ample { needed - needed.div_ceil(8) } else { needed };
     }
 
+    /// The certified errors of the islands: of the impulses at hand, if they are within `enough`, else of
+    /// the best on the line.
     fn certify(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
         wide: &Wide<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
+        enough: f64,
         outcome: &mut Outcome,
     ) {
         let start = Instant::now();
-        let tally = &mut self.tally;
-        let certificates = wide.certify::<false>(velocities, prospective, islands, tally);
-        self.errors.clear();
-        self.errors.extend(certificates.iter().map(Certificate::error));
+        let (tally, errors) = (&mut self.tally, &mut self.errors);
+        let mut take = |certificates: &[Certificate]| {
+            errors.clear();
+            errors.extend(certificates.iter().map(Certificate::error));
+            errors.iter().all(|&error| error <= enough)
+        };
+        self.direct = self.direct
+            && take(wide.certify::<false, false>(velocities, prospective, islands, tally));
+        if !self.direct {
+            take(wide.certify::<false, true>(velocities, prospective, islands, tally));
+        }
         outcome.certifying += start.elapsed();
     }
 }

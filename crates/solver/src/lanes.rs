@@ -1,29 +1,28 @@
-//! [`Lanes`]: eight numbers side by side, which go through the kernels as one [`Real`].
+//! [`Lanes`]: sixteen numbers side by side, which go through the kernels as one [`Real`].
 //!
-//! Eight on every target, so that layout and bits never depend on the machine: [`Avx2`] holds them in
-//! one register, [`Halves`] in whatever the compiler makes of two times four. Each lane is an `f32` of
-//! its own and rounds as one; nothing is fused or approximate.
+//! Sixteen on every target, so that layout and bits never depend on the machine: [`Avx2`] holds them in
+//! two registers, [`Portable`] in whatever the compiler makes of an array. Each lane is an `f32` of its
+//! own and rounds as one; nothing is fused or approximate.
+//!
+//! Sixteen, since a visit is a chain: each point waits for the one before it, longer than the arithmetic
+//! of eight lanes takes. The second register fills the wait.
 //!
 //! This module and its entry point [`Lanes::run`] are the only unsafe code of the project.
 #![allow(unsafe_code)]
 
-use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use crate::{Cast, Real};
 
 /// Number of lanes, on every target.
-pub const WIDTH: usize = 8;
+pub const WIDTH: usize = 16;
 
-/// Eight `f32` that are computed together.
-pub trait Lanes: Real {
-    /// Eight numbers that hold these exactly.
+/// Several `f32` that are computed together.
+pub trait Lanes: Real + Cast<Self::Doubles> {
+    /// As many of them as fill a register of `f64`: a part each.
     type Doubles: Doubles;
 
     /// The numbers.
-    fn to_array(self) -> [f32; WIDTH];
-
-    /// Eight numbers.
     fn from_array(numbers: [f32; WIDTH]) -> Self;
 
     /// Changes one of them.
@@ -32,64 +31,197 @@ pub trait Lanes: Real {
     /// One of them.
     fn get(&self, lane: usize) -> f32;
 
+    /// Four numbers of each lane, side by side.
+    fn from_rows(rows: [Row; WIDTH]) -> [Self; 4];
+
+    /// The four numbers of each lane.
+    fn to_rows(columns: [Self; 4]) -> [Row; WIDTH];
+
     /// Runs `f` with the instructions that this type needs. Arithmetic on the type is only fast, and
     /// on [`Avx2`] only allowed, within.
     fn run<R>(f: impl FnOnce() -> R) -> R;
 }
 
-/// Eight `f64` that are computed together, within [`Lanes::run`].
+/// Four numbers of one lane.
+pub type Row = [f32; 4];
+
+/// Several `f64` that are computed together, within [`Lanes::run`].
 pub trait Doubles: Real {
     /// One of them.
     fn get(&self, lane: usize) -> f64;
 }
 
-/// Eight numbers as two times four, for every target.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(align(32))]
-pub struct Halves<T = f32>([[T; 4]; 2]);
-
-impl<T: Real> Halves<T> {
+impl Doubles for f64 {
     #[inline(always)]
-    fn each(self, other: Self, f: impl Fn(T, T) -> T) -> Self {
-        Self(from_fn(|half| from_fn(|i| f(self.0[half][i], other.0[half][i]))))
+    fn get(&self, _: usize) -> f64 {
+        *self
     }
 }
 
-impl Doubles for Halves<f64> {
+/// Number of [`Doubles`] lanes.
+pub const PART: usize = 4;
+
+/// `N` numbers, or registers of numbers, that go through the same operations.
+///
+/// Loops, not closures or `array::map`: those are not inlined where other instructions are allowed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(transparent)]
+pub struct Group<R, const N: usize>([R; N]);
+
+/// An operation on each member.
+macro_rules! each {
+    ($a:ident $(, $b:ident)*; $result:expr) => {{
+        let mut out = $a;
+        for i in 0..N {
+            let ($a, $($b),*) = ($a.0[i], $($b.0[i]),*);
+            out.0[i] = $result;
+        }
+        out
+    }};
+}
+
+macro_rules! operator {
+    ($trait:ident $method:ident $operator:tt) => {
+        impl<R: Real, const N: usize> $trait for Group<R, N> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                let a = self;
+                each!(a, other; a $operator other)
+            }
+        }
+    };
+}
+
+operator!(Add add +);
+operator!(Sub sub -);
+operator!(Mul mul *);
+operator!(Div div /);
+
+impl<R: Real, const N: usize> AddAssign for Group<R, N> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<R: Real, const N: usize> SubAssign for Group<R, N> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl<R: Real, const N: usize> Neg for Group<R, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        let a = self;
+        each!(a; -a)
+    }
+}
+
+impl<R: Real, const N: usize> Default for Group<R, N> {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+impl<R: Real, const N: usize> Real for Group<R, N> {
+    const ZERO: Self = Self([R::ZERO; N]);
+    const ONE: Self = Self([R::ONE; N]);
+
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        Self([R::from_f64(value); N])
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        let a = self;
+        each!(a; a.sqrt())
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        let a = self;
+        each!(a, other; a.max(other))
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        let a = self;
+        each!(a, other; a.min(other))
+    }
+
+    #[inline(always)]
+    fn choose(self, positive: Self, otherwise: Self) -> Self {
+        let a = self;
+        each!(a, positive, otherwise; a.choose(positive, otherwise))
+    }
+}
+
+/// Numbers that need no special instructions.
+pub type Portable = Group<f32, WIDTH>;
+
+impl Cast<Group<f64, PART>> for Portable {
+    const PARTS: usize = WIDTH / PART;
+
+    #[inline(always)]
+    fn part(&self, index: usize) -> Group<f64, PART> {
+        let mut out = Group::ZERO;
+        for lane in 0..PART {
+            out.0[lane] = f64::from(self.0[PART * index + lane]);
+        }
+        out
+    }
+}
+
+impl Doubles for Group<f64, PART> {
     #[inline(always)]
     fn get(&self, lane: usize) -> f64 {
-        self.0[lane / 4][lane % 4]
+        self.0[lane]
     }
 }
 
-impl Cast<Halves<f64>> for Halves {
-    #[inline(always)]
-    fn cast(self) -> Halves<f64> {
-        Halves(from_fn(|half| from_fn(|i| f64::from(self.0[half][i]))))
-    }
-}
-
-impl Lanes for Halves {
-    type Doubles = Halves<f64>;
-
-    #[inline(always)]
-    fn to_array(self) -> [f32; WIDTH] {
-        from_fn(|i| self.0[i / 4][i % 4])
-    }
+impl Lanes for Portable {
+    type Doubles = Group<f64, PART>;
 
     #[inline(always)]
     fn from_array(numbers: [f32; WIDTH]) -> Self {
-        Self(from_fn(|half| from_fn(|i| numbers[4 * half + i])))
+        Self(numbers)
     }
 
     #[inline(always)]
     fn set(&mut self, lane: usize, number: f32) {
-        self.0[lane / 4][lane % 4] = number;
+        self.0[lane] = number;
     }
 
     #[inline(always)]
     fn get(&self, lane: usize) -> f32 {
-        self.0[lane / 4][lane % 4]
+        self.0[lane]
+    }
+
+    #[inline(always)]
+    fn from_rows(rows: [Row; WIDTH]) -> [Self; 4] {
+        let mut columns = [Self::ZERO; 4];
+        for (i, column) in columns.iter_mut().enumerate() {
+            for (number, row) in column.0.iter_mut().zip(&rows) {
+                *number = row[i];
+            }
+        }
+        columns
+    }
+
+    #[inline(always)]
+    fn to_rows(columns: [Self; 4]) -> [Row; WIDTH] {
+        let mut rows = [[0.0; 4]; WIDTH];
+        for (i, column) in columns.iter().enumerate() {
+            for (row, number) in rows.iter_mut().zip(column.0) {
+                row[i] = number;
+            }
+        }
+        rows
     }
 
     #[inline(always)]
@@ -97,87 +229,6 @@ impl Lanes for Halves {
         f()
     }
 }
-
-/// The four operations of a lanes type, from one function for each.
-macro_rules! operators {
-    ($type:ty, $($trait:ident $method:ident $f:expr;)*) => {
-        $(
-            impl $trait for $type {
-                type Output = Self;
-                #[inline(always)]
-                fn $method(self, other: Self) -> Self {
-                    $f(self, other)
-                }
-            }
-        )*
-        impl AddAssign for $type {
-            #[inline(always)]
-            fn add_assign(&mut self, other: Self) {
-                *self = *self + other;
-            }
-        }
-        impl SubAssign for $type {
-            #[inline(always)]
-            fn sub_assign(&mut self, other: Self) {
-                *self = *self - other;
-            }
-        }
-    };
-}
-
-macro_rules! halves {
-    ($t:ty) => {
-        impl Neg for Halves<$t> {
-            type Output = Self;
-            #[inline(always)]
-            fn neg(self) -> Self {
-                self.each(self, |x, _| -x)
-            }
-        }
-
-        impl Real for Halves<$t> {
-            const ZERO: Self = Self([[0.0; 4]; 2]);
-            const ONE: Self = Self([[1.0; 4]; 2]);
-
-            #[inline(always)]
-            fn from_f64(value: f64) -> Self {
-                Self([[value as $t; 4]; 2])
-            }
-
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                self.each(self, |x, _| x.sqrt())
-            }
-
-            #[inline(always)]
-            fn max(self, other: Self) -> Self {
-                self.each(other, Real::max)
-            }
-
-            #[inline(always)]
-            fn min(self, other: Self) -> Self {
-                self.each(other, Real::min)
-            }
-
-            #[inline(always)]
-            fn choose(self, positive: Self, otherwise: Self) -> Self {
-                Self(from_fn(|half| {
-                    from_fn(|i| self.0[half][i].choose(positive.0[half][i], otherwise.0[half][i]))
-                }))
-            }
-        }
-
-        operators! { Halves<$t>,
-            Add add |a: Self, b| a.each(b, |x, y| x + y);
-            Sub sub |a: Self, b| a.each(b, |x, y| x - y);
-            Mul mul |a: Self, b| a.each(b, |x, y| x * y);
-            Div div |a: Self, b| a.each(b, |x, y| x / y);
-        }
-    };
-}
-
-halves!(f32);
-halves!(f64);
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::{Avx2, available as avx2_available};
@@ -187,67 +238,82 @@ mod avx2 {
     use std::arch::x86_64::*;
     use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-    use super::{Doubles, Lanes, WIDTH};
+    use super::{Doubles, Group, Lanes, PART, Row, WIDTH};
     use crate::{Cast, Real};
 
-    /// Eight numbers in a register of AVX2. Values can be made and moved anywhere; arithmetic must
-    /// happen within [`Lanes::run`].
-    #[derive(Clone, Copy, Debug)]
-    #[repr(transparent)]
-    pub struct Avx2(__m256);
+    /// Numbers in registers of AVX2. Values can be made and moved anywhere; arithmetic must happen
+    /// within [`Lanes::run`].
+    pub type Avx2 = Group<Floats, 2>;
 
     /// Whether this machine has the instructions.
     pub fn available() -> bool {
         std::arch::is_x86_feature_detected!("avx2")
     }
 
-    /// An array has the size and, aligned, the bits of the register.
-    #[repr(align(32))]
-    #[derive(Clone, Copy)]
-    struct Aligned(#[allow(dead_code)] [f32; WIDTH]);
-
-    const fn constant(value: f32) -> Avx2 {
-        // SAFETY: both are 32 bytes of plain numbers.
-        unsafe { std::mem::transmute(Aligned([value; WIDTH])) }
-    }
-
-    impl Default for Avx2 {
-        fn default() -> Self {
-            constant(0.0)
-        }
-    }
-
-    impl PartialEq for Avx2 {
-        fn eq(&self, other: &Self) -> bool {
-            self.to_array() == other.to_array()
-        }
+    #[target_feature(enable = "avx2")]
+    fn enter<R>(f: impl FnOnce() -> R) -> R {
+        f()
     }
 
     impl Lanes for Avx2 {
-        type Doubles = Avx2Doubles;
-
-        #[inline(always)]
-        fn to_array(self) -> [f32; WIDTH] {
-            // SAFETY: both are 32 bytes of plain numbers.
-            unsafe { std::mem::transmute(self) }
-        }
+        type Doubles = Floats64;
 
         #[inline(always)]
         fn from_array(numbers: [f32; WIDTH]) -> Self {
-            // SAFETY: both are 32 bytes of plain numbers.
-            unsafe { std::mem::transmute(Aligned(numbers)) }
+            // SAFETY: both are as many bytes of plain numbers.
+            unsafe { std::mem::transmute(numbers) }
         }
 
         #[inline(always)]
         fn set(&mut self, lane: usize, number: f32) {
-            // SAFETY: a register in memory is eight numbers; the index is checked.
+            // SAFETY: registers in memory are as many numbers; the index is checked.
             unsafe { (*std::ptr::from_mut(self).cast::<[f32; WIDTH]>())[lane] = number }
         }
 
         #[inline(always)]
         fn get(&self, lane: usize) -> f32 {
-            // SAFETY: a register in memory is eight numbers; the index is checked.
+            // SAFETY: registers in memory are as many numbers; the index is checked.
             unsafe { (*std::ptr::from_ref(self).cast::<[f32; WIDTH]>())[lane] }
+        }
+
+        #[inline(always)]
+        fn from_rows(rows: [Row; WIDTH]) -> [Self; 4] {
+            let mut columns = [Self::ZERO; 4];
+            for half in 0..2 {
+                // SAFETY: within `run`, the machine has AVX2; a row is four numbers.
+                let own = unsafe {
+                    let at = 8 * half;
+                    transposed([
+                        _mm256_loadu2_m128(rows[at + 4].as_ptr(), rows[at].as_ptr()),
+                        _mm256_loadu2_m128(rows[at + 5].as_ptr(), rows[at + 1].as_ptr()),
+                        _mm256_loadu2_m128(rows[at + 6].as_ptr(), rows[at + 2].as_ptr()),
+                        _mm256_loadu2_m128(rows[at + 7].as_ptr(), rows[at + 3].as_ptr()),
+                    ])
+                };
+                for i in 0..4 {
+                    columns[i].0[half] = Floats(own[i]);
+                }
+            }
+            columns
+        }
+
+        #[inline(always)]
+        fn to_rows(columns: [Self; 4]) -> [Row; WIDTH] {
+            let mut rows = [[0.0; 4]; WIDTH];
+            for half in 0..2 {
+                let [a, b, c, d] = columns;
+                // SAFETY: within `run`, the machine has AVX2; a row is four numbers.
+                unsafe {
+                    let pairs = transposed([a.0[half].0, b.0[half].0, c.0[half].0, d.0[half].0]);
+                    for i in 0..4 {
+                        let [low, high] = [8 * half + i, 8 * half + i + 4];
+                        _mm_storeu_ps(rows[low].as_mut_ptr(), _mm256_castps256_ps128(pairs[i]));
+                        let upper = _mm256_extractf128_ps::<1>(pairs[i]);
+                        _mm_storeu_ps(rows[high].as_mut_ptr(), upper);
+                    }
+                }
+            }
+            rows
         }
 
         #[inline(always)]
@@ -258,180 +324,164 @@ mod avx2 {
         }
     }
 
-    #[target_feature(enable = "avx2")]
-    fn enter<R>(f: impl FnOnce() -> R) -> R {
-        f()
-    }
-
-    impl Neg for Avx2 {
-        type Output = Self;
-        #[inline(always)]
-        fn neg(self) -> Self {
-            // SAFETY: within `run`, the machine has AVX2. Flips the sign bit, as scalar negation.
-            unsafe { Self(_mm256_xor_ps(self.0, _mm256_set1_ps(-0.0))) }
-        }
-    }
-
-    // SAFETY of each: within `run`, the machine has AVX2.
-    operators! { Avx2,
-        Add add |a: Avx2, b: Avx2| unsafe { Avx2(_mm256_add_ps(a.0, b.0)) };
-        Sub sub |a: Avx2, b: Avx2| unsafe { Avx2(_mm256_sub_ps(a.0, b.0)) };
-        Mul mul |a: Avx2, b: Avx2| unsafe { Avx2(_mm256_mul_ps(a.0, b.0)) };
-        Div div |a: Avx2, b: Avx2| unsafe { Avx2(_mm256_div_ps(a.0, b.0)) };
-    }
-
-    impl Real for Avx2 {
-        const ZERO: Self = constant(0.0);
-        const ONE: Self = constant(1.0);
-
-        #[inline(always)]
-        fn from_f64(value: f64) -> Self {
-            constant(value as f32)
-        }
-
-        #[inline(always)]
-        fn sqrt(self) -> Self {
-            // SAFETY: as above.
-            unsafe { Self(_mm256_sqrt_ps(self.0)) }
-        }
-
-        #[inline(always)]
-        fn max(self, other: Self) -> Self {
-            // SAFETY: as above. The instruction is `self > other ? self : other`, as the scalar.
-            unsafe { Self(_mm256_max_ps(self.0, other.0)) }
-        }
-
-        #[inline(always)]
-        fn min(self, other: Self) -> Self {
-            // SAFETY: as above. The instruction is `self < other ? self : other`, as the scalar.
-            unsafe { Self(_mm256_min_ps(self.0, other.0)) }
-        }
-
-        #[inline(always)]
-        fn choose(self, positive: Self, otherwise: Self) -> Self {
-            // SAFETY: as above.
-            unsafe {
-                let mask = _mm256_cmp_ps::<_CMP_GT_OQ>(self.0, _mm256_setzero_ps());
-                Self(_mm256_blendv_ps(otherwise.0, positive.0, mask))
-            }
-        }
-    }
-
-    /// Eight `f64` in two registers of AVX2, under the terms of [`Avx2`].
-    #[derive(Clone, Copy, Debug)]
-    #[repr(transparent)]
-    pub struct Avx2Doubles([__m256d; 2]);
-
-    /// An array has the size and, aligned, the bits of the registers.
-    #[repr(align(32))]
-    #[derive(Clone, Copy)]
-    struct AlignedDoubles(#[allow(dead_code)] [f64; WIDTH]);
-
-    const fn doubles(value: f64) -> Avx2Doubles {
-        // SAFETY: both are 64 bytes of plain numbers.
-        unsafe { std::mem::transmute(AlignedDoubles([value; WIDTH])) }
-    }
-
-    impl Cast<Avx2Doubles> for Avx2 {
-        #[inline(always)]
-        fn cast(self) -> Avx2Doubles {
-            // SAFETY: within `run`, the machine has AVX2.
-            unsafe {
-                let low = _mm256_cvtps_pd(_mm256_castps256_ps128(self.0));
-                let high = _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(self.0));
-                Avx2Doubles([low, high])
-            }
-        }
-    }
-
-    impl Default for Avx2Doubles {
-        fn default() -> Self {
-            doubles(0.0)
-        }
-    }
-
-    impl PartialEq for Avx2Doubles {
-        fn eq(&self, other: &Self) -> bool {
-            (0..WIDTH).all(|lane| self.get(lane) == other.get(lane))
-        }
-    }
-
-    impl Doubles for Avx2Doubles {
+    impl Doubles for Floats64 {
         #[inline(always)]
         fn get(&self, lane: usize) -> f64 {
-            // SAFETY: registers in memory are eight numbers; the index is checked.
-            unsafe { (*std::ptr::from_ref(self).cast::<[f64; WIDTH]>())[lane] }
+            // SAFETY: a register in memory is as many numbers; the index is checked.
+            unsafe { (*std::ptr::from_ref(self).cast::<[f64; PART]>())[lane] }
         }
     }
 
-    impl Neg for Avx2Doubles {
-        type Output = Self;
+    impl Cast<Floats64> for Avx2 {
+        const PARTS: usize = WIDTH / PART;
+
         #[inline(always)]
-        fn neg(self) -> Self {
-            // SAFETY: as above.
+        fn part(&self, index: usize) -> Floats64 {
+            assert!(index < <Self as Cast<Floats64>>::PARTS);
+            // SAFETY: within `run`, the machine has AVX2. The index is checked.
             unsafe {
-                let sign = _mm256_set1_pd(-0.0);
-                Self([_mm256_xor_pd(self.0[0], sign), _mm256_xor_pd(self.0[1], sign)])
+                let numbers = std::ptr::from_ref(self).cast::<f32>().add(PART * index);
+                Floats64(_mm256_cvtps_pd(_mm_loadu_ps(numbers)))
             }
         }
     }
 
-    /// An instruction on both registers. A closure would keep it from being inlined.
-    macro_rules! both {
-        ($instruction:ident, $a:expr, $b:expr) => {
-            // SAFETY: within `run`, the machine has AVX2.
-            unsafe { Avx2Doubles([$instruction($a.0[0], $b.0[0]), $instruction($a.0[1], $b.0[1])]) }
+    /// Four columns of four numbers from four rows, in each half.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn transposed([a, b, c, d]: [__m256; 4]) -> [__m256; 4] {
+        let (low, high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+        let (lower, higher) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+        [
+            _mm256_shuffle_ps::<0x44>(low, lower),
+            _mm256_shuffle_ps::<0xee>(low, lower),
+            _mm256_shuffle_ps::<0x44>(high, higher),
+            _mm256_shuffle_ps::<0xee>(high, higher),
+        ]
+    }
+
+    macro_rules! register {
+        (
+            $(#[$doc:meta])* $name:ident, $register:ty, $number:ty, $count:expr,
+            $set:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $max:ident,
+            $min:ident, $xor:ident, $compare:ident, $blend:ident
+        ) => {
+            $(#[$doc])*
+            #[derive(Clone, Copy, Debug)]
+            #[repr(transparent)]
+            pub struct $name($register);
+
+            impl $name {
+                const fn all(value: $number) -> Self {
+                    // SAFETY: both are 32 bytes of plain numbers.
+                    Self(unsafe { std::mem::transmute::<[$number; $count], $register>([value; $count]) })
+                }
+            }
+
+            impl Default for $name {
+                fn default() -> Self {
+                    Self::ZERO
+                }
+            }
+
+            impl PartialEq for $name {
+                fn eq(&self, other: &Self) -> bool {
+                    // SAFETY: both are 32 bytes of plain numbers.
+                    let numbers = |of: &Self| unsafe {
+                        std::mem::transmute::<$register, [$number; $count]>(of.0)
+                    };
+                    numbers(self) == numbers(other)
+                }
+            }
+
+            register!($name, Add add $add);
+            register!($name, Sub sub $sub);
+            register!($name, Mul mul $mul);
+            register!($name, Div div $div);
+
+            impl AddAssign for $name {
+                #[inline(always)]
+                fn add_assign(&mut self, other: Self) {
+                    *self = *self + other;
+                }
+            }
+
+            impl SubAssign for $name {
+                #[inline(always)]
+                fn sub_assign(&mut self, other: Self) {
+                    *self = *self - other;
+                }
+            }
+
+            impl Neg for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn neg(self) -> Self {
+                    // SAFETY: within `run`, the machine has AVX2. Flips the sign bit, as scalar negation.
+                    unsafe { Self($xor(self.0, $set(-0.0))) }
+                }
+            }
+
+            impl Real for $name {
+                const ZERO: Self = Self::all(0.0);
+                const ONE: Self = Self::all(1.0);
+
+                #[inline(always)]
+                fn from_f64(value: f64) -> Self {
+                    Self::all(value as $number)
+                }
+
+                #[inline(always)]
+                fn sqrt(self) -> Self {
+                    // SAFETY: as above.
+                    unsafe { Self($sqrt(self.0)) }
+                }
+
+                #[inline(always)]
+                fn max(self, other: Self) -> Self {
+                    // SAFETY: as above. The instruction is `self > other ? self : other`, as the scalar.
+                    unsafe { Self($max(self.0, other.0)) }
+                }
+
+                #[inline(always)]
+                fn min(self, other: Self) -> Self {
+                    // SAFETY: as above. The instruction is `self < other ? self : other`, as the scalar.
+                    unsafe { Self($min(self.0, other.0)) }
+                }
+
+                #[inline(always)]
+                fn choose(self, positive: Self, otherwise: Self) -> Self {
+                    // SAFETY: as above.
+                    unsafe {
+                        let mask = $compare::<_CMP_GT_OQ>(self.0, $set(0.0));
+                        Self($blend(otherwise.0, positive.0, mask))
+                    }
+                }
+            }
+        };
+        ($name:ident, $trait:ident $method:ident $instruction:ident) => {
+            impl $trait for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn $method(self, other: Self) -> Self {
+                    // SAFETY: within `run`, the machine has AVX2.
+                    unsafe { Self($instruction(self.0, other.0)) }
+                }
+            }
         };
     }
 
-    operators! { Avx2Doubles,
-        Add add |a: Self, b: Self| both!(_mm256_add_pd, a, b);
-        Sub sub |a: Self, b: Self| both!(_mm256_sub_pd, a, b);
-        Mul mul |a: Self, b: Self| both!(_mm256_mul_pd, a, b);
-        Div div |a: Self, b: Self| both!(_mm256_div_pd, a, b);
-    }
+    register!(
+        /// Eight `f32` in a register, under the terms of [`Avx2`].
+        Floats, __m256, f32, 8,
+        _mm256_set1_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps, _mm256_sqrt_ps,
+        _mm256_max_ps, _mm256_min_ps, _mm256_xor_ps, _mm256_cmp_ps, _mm256_blendv_ps
+    );
 
-    impl Real for Avx2Doubles {
-        const ZERO: Self = doubles(0.0);
-        const ONE: Self = doubles(1.0);
-
-        #[inline(always)]
-        fn from_f64(value: f64) -> Self {
-            doubles(value)
-        }
-
-        #[inline(always)]
-        fn sqrt(self) -> Self {
-            // SAFETY: as above.
-            unsafe { Self([_mm256_sqrt_pd(self.0[0]), _mm256_sqrt_pd(self.0[1])]) }
-        }
-
-        #[inline(always)]
-        fn max(self, other: Self) -> Self {
-            // SAFETY: as above.
-            both!(_mm256_max_pd, self, other)
-        }
-
-        #[inline(always)]
-        fn min(self, other: Self) -> Self {
-            // SAFETY: as above.
-            both!(_mm256_min_pd, self, other)
-        }
-
-        #[inline(always)]
-        fn choose(self, positive: Self, otherwise: Self) -> Self {
-            // SAFETY: as above.
-            unsafe {
-                let zero = _mm256_setzero_pd();
-                let mask = [
-                    _mm256_cmp_pd::<_CMP_GT_OQ>(self.0[0], zero),
-                    _mm256_cmp_pd::<_CMP_GT_OQ>(self.0[1], zero),
-                ];
-                Self([
-                    _mm256_blendv_pd(otherwise.0[0], positive.0[0], mask[0]),
-                    _mm256_blendv_pd(otherwise.0[1], positive.0[1], mask[1]),
-                ])
-            }
-        }
-    }
+    register!(
+        /// Four `f64` in a register, under the terms of [`Avx2`].
+        Floats64, __m256d, f64, 4,
+        _mm256_set1_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd, _mm256_sqrt_pd,
+        _mm256_max_pd, _mm256_min_pd, _mm256_xor_pd, _mm256_cmp_pd, _mm256_blendv_pd
+    );
 }

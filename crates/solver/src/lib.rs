@@ -21,9 +21,9 @@
 //!
 //! | Equation | In code | Module |
 //! |---|---|---|
-//! | v_n = J_i v | [`Contact::normal_velocity`] | contact |
-//! | v += M^-1 J_i^T p | [`Contact::apply`], [`InverseMass::response`] | contact, body |
-//! | m_eff | [`Contact::prepare`], [`InverseMass::along`] | contact, body |
+//! | v_n = J_i v | [`Manifold::twist`], [`Contact::normal_velocity`] | manifold, contact |
+//! | v += M^-1 J_i^T p | [`Contact::add_wrench`], [`Manifold::apply`] | contact, manifold |
+//! | m_eff | [`Mobility::of`], [`Contact::prepare`] | mobility, contact |
 //! | r x n, omega x r | [`moment`], [`spin`] | vector |
 //! | t: overlap and gap | [`System::set_targets`] | system |
 //! | t: restitution | [`restitution::set_targets`] | [`restitution`] |
@@ -95,6 +95,8 @@ pub mod island;
 pub mod jam;
 pub mod ladder;
 pub mod lanes;
+mod manifold;
+mod mobility;
 pub mod newton;
 pub mod nncg;
 mod part;
@@ -111,7 +113,9 @@ mod vector;
 pub mod wide;
 
 pub use body::{InverseMass, Mass, Velocity};
-pub use contact::{Contact, Manifold, contact_frame};
+pub use contact::Contact;
+pub use manifold::{Manifold, contact_frame};
+pub use mobility::Mobility;
 pub use real::{Cast, Real, Scalar};
 pub use system::{Repair, System};
 pub use vector::{SymmetricMatrix, Vector, moment, spin};

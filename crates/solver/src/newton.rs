@@ -269,11 +269,12 @@ impl<const L: usize> Row<L> {
                 flat::<L, A>(&Velocity { linear: push, angular: moment(anchor, push) })
             })
         };
+        let [anchor_a, anchor_b] = manifold.anchors(contact.place);
         Self {
             contact: index,
             bodies: manifold.bodies.map(|body| body as usize),
             law,
-            jacobian: [side(1.0, contact.anchor_a), side(-1.0, contact.anchor_b)],
+            jacobian: [side(1.0, anchor_a), side(-1.0, anchor_b)],
             target: contact.target,
             shift: 0.0,
         }

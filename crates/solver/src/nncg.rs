@@ -70,16 +70,11 @@ fn push<const L: usize, const A: usize>(
     direction: &[Vector<f64, L>],
     beta: f64,
 ) {
-    for manifold in &system.manifolds {
-        let masses = system.masses_of(manifold);
-        let [mut a, mut b] = system.velocities_of(manifold);
-        for index in manifold.points() {
-            let contact = &mut system.contacts[index];
+    for manifold in 0..system.manifolds.len() {
+        system.change(manifold, |index, contact| {
             let change = direction[index] * beta;
             contact.impulse += change;
-            contact.apply(manifold.to_world(change), &masses, &mut a, &mut b);
-        }
-        system.velocities[manifold.bodies[0] as usize] = a;
-        system.velocities[manifold.bodies[1] as usize] = b;
+            change
+        });
     }
 }

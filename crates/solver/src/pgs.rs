@@ -6,8 +6,9 @@
 //! notes: "go ahead and let the impulse for collision i be included as an other collision", with
 //! the per-body sums kept as the velocities themselves. Cost: linear in the contacts.
 
+use crate::mobility::{across_normals, along_normals, along_tangents};
 use crate::solution::{self, Goal, Solution};
-use crate::{Contact, InverseMass, Manifold, Real, System, Vector, Velocity};
+use crate::{Contact, InverseMass, Manifold, Mobility, Real, System, Vector, Velocity};
 
 /// Sweeps until the certificate is good enough. Cost of an iteration: one sweep. Place: the first
 /// thing to try, from the impulses of the step before. Needs about 2.8 n^2 sweeps for a stack of
@@ -21,25 +22,24 @@ pub fn solve<const L: usize, const A: usize>(
 
 impl<T: Real, const L: usize> Contact<T, L> {
     /// gamma <- max(0, gamma - m_eff (v_n - t + epsilon gamma)): the accumulated impulse is
-    /// clamped, not its change. A `RIGID` visit leaves out epsilon and overlap repair.
+    /// clamped, not its change, which is returned. A `RIGID` visit leaves out epsilon and overlap
+    /// repair. \[N s\]
     #[inline(always)]
     fn visit_normal<const A: usize, const RIGID: bool>(
         &mut self,
-        manifold: &Manifold<T, L>,
-        masses: &[InverseMass<T, L, A>; 2],
-        a: &mut Velocity<T, L, A>,
-        b: &mut Velocity<T, L, A>,
-    ) {
-        let v_n = self.normal_velocity(manifold, a, b);
+        twist: &Velocity<T, L, A>,
+    ) -> Vector<T, L> {
+        let v_n = self.normal_velocity(twist);
         let w = if RIGID {
             v_n - self.target[0].min(T::ZERO)
         } else {
             v_n - self.target[0] + self.compliance * self.impulse[0]
         };
         let impulse = (self.impulse[0] - self.effective_mass * w).max(T::ZERO);
-        let delta = impulse - self.impulse[0];
+        let mut change = Vector::ZERO;
+        change[0] = impulse - self.impulse[0];
         self.impulse[0] = impulse;
-        self.apply(manifold.normal() * delta, masses, a, b);
+        change
     }
 
     /// The impulse after a step against the slip velocity, drawn back onto Coulomb's disc of
@@ -70,19 +70,17 @@ impl<T: Real, const L: usize> Contact<T, L> {
         out
     }
 
+    /// Returns the change. \[N s\]
     #[inline(always)]
     fn visit_friction<const A: usize>(
         &mut self,
-        manifold: &Manifold<T, L>,
-        masses: &[InverseMass<T, L, A>; 2],
-        a: &mut Velocity<T, L, A>,
-        b: &mut Velocity<T, L, A>,
-    ) {
-        let u = self.relative_velocity(manifold, a, b);
-        let impulse = self.friction_step(manifold.friction, u);
-        let delta = impulse - self.impulse;
+        friction: T,
+        twist: &Velocity<T, L, A>,
+    ) -> Vector<T, L> {
+        let impulse = self.friction_step(friction, self.relative_velocity(twist));
+        let change = impulse - self.impulse;
         self.impulse = impulse;
-        self.apply(manifold.to_world(delta), masses, a, b);
+        change
     }
 }
 
@@ -107,26 +105,29 @@ pub(crate) fn visit_manifold<T: Real, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     index: usize,
 ) {
-    let manifold = &system.manifolds[index];
-    let masses = system.masses_of(manifold);
-    let [mut a, mut b] = system.velocities_of(manifold);
-    let points = &mut system.contacts[manifold.points()];
-    visit::<T, L, A, false, true>(manifold, points, &masses, &mut a, &mut b);
-    system.velocities[manifold.bodies[0] as usize] = a;
-    system.velocities[manifold.bodies[1] as usize] = b;
+    visit_of::<T, L, A, false, true>(system, index);
 }
 
 fn visit_all<T: Real, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
     system: &mut System<T, L, A>,
 ) {
-    for manifold in &system.manifolds {
-        let masses = system.masses_of(manifold);
-        let [mut a, mut b] = system.velocities_of(manifold);
-        let points = &mut system.contacts[manifold.points()];
-        visit::<T, L, A, RIGID, FRICTION>(manifold, points, &masses, &mut a, &mut b);
-        system.velocities[manifold.bodies[0] as usize] = a;
-        system.velocities[manifold.bodies[1] as usize] = b;
+    for index in 0..system.manifolds.len() {
+        visit_of::<T, L, A, RIGID, FRICTION>(system, index);
     }
+}
+
+fn visit_of<T: Real, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
+    system: &mut System<T, L, A>,
+    index: usize,
+) {
+    let manifold = system.manifolds[index];
+    let masses = system.masses_of(&manifold);
+    let [mut a, mut b] = system.velocities_of(&manifold);
+    let points = &mut system.contacts[manifold.points()];
+    let mobility = Mobility::of(&manifold, &masses);
+    let parts = (&manifold, &mobility, &masses);
+    visit::<T, L, A, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+    system.set_velocities(&manifold, [a, b]);
 }
 
 /// One visit to a manifold: the normals of its points, then their friction.
@@ -138,18 +139,36 @@ pub(crate) fn visit<
     const RIGID: bool,
     const FRICTION: bool,
 >(
-    manifold: &Manifold<T, L>,
+    (manifold, mobility, masses): Parts<'_, T, L, A>,
     points: &mut [Contact<T, L>],
-    masses: &[InverseMass<T, L, A>; 2],
     a: &mut Velocity<T, L, A>,
     b: &mut Velocity<T, L, A>,
 ) {
+    let mut twist = manifold.twist(a, b);
+    let mut wrench = Velocity::ZERO;
+    let normals = &along_normals::<A>();
     for contact in points.iter_mut() {
-        contact.visit_normal::<A, RIGID>(manifold, masses, a, b);
+        let change = contact.visit_normal::<A, RIGID>(&twist);
+        // The response to a unit is known before the change is: less to wait for.
+        let mut response = Velocity::ZERO;
+        mobility.add(normals, &contact.unit_wrench(0), normals, &mut response);
+        twist += response * change[0];
+        contact.add_wrench(0..1, change, &mut wrench);
     }
     if FRICTION {
+        mobility.add(normals, &wrench, &across_normals::<L, A>(), &mut twist);
+        let tangents = &along_tangents::<L, A>();
         for contact in points.iter_mut() {
-            contact.visit_friction::<A>(manifold, masses, a, b);
+            let change = contact.visit_friction(manifold.friction, &twist);
+            let mut own = Velocity::ZERO;
+            contact.add_wrench(1..L, change, &mut own);
+            mobility.add(tangents, &own, tangents, &mut twist);
+            contact.add_wrench(1..L, change, &mut wrench);
         }
     }
+    manifold.apply(&wrench, masses, a, b);
 }
+
+/// A manifold, its mobility, and the inverse masses of its bodies.
+pub(crate) type Parts<'a, T, const L: usize, const A: usize> =
+    (&'a Manifold<T, L>, &'a Mobility<T, L, A>, &'a [InverseMass<T, L, A>; 2]);

@@ -59,18 +59,14 @@ fn sweep<const L: usize, const A: usize>(
         if omega == 1.0 {
             continue;
         }
-        let masses = system.masses_of(&manifold);
-        let [mut a, mut b] = system.velocities_of(&manifold);
-        for (contact, old) in system.contacts[manifold.points()].iter_mut().zip(&*old) {
-            if contact.effective_mass <= 0.0 {
-                continue;
+        let first = manifold.first as usize;
+        system.change(index, |point, contact| {
+            let before = contact.impulse;
+            if contact.effective_mass > 0.0 {
+                let over = old[point - first] + (before - old[point - first]) * omega;
+                contact.impulse = Law::of(&manifold, contact).clamp(over);
             }
-            let over = *old + (contact.impulse - *old) * omega;
-            let next = Law::of(&manifold, contact).clamp(over);
-            contact.apply(manifold.to_world(next - contact.impulse), &masses, &mut a, &mut b);
-            contact.impulse = next;
-        }
-        system.velocities[manifold.bodies[0] as usize] = a;
-        system.velocities[manifold.bodies[1] as usize] = b;
+            contact.impulse - before
+        });
     }
 }

@@ -58,15 +58,20 @@ pub trait Scalar: Real + PartialOrd {
     fn to_f64(self) -> f64;
 }
 
-/// A number that another type can hold, to its nearest value.
+/// What another type can hold, to its nearest value: a number as a whole, several in parts.
 pub trait Cast<U> {
-    /// The same number.
-    fn cast(self) -> U;
+    /// How many parts there are.
+    const PARTS: usize;
+
+    /// The same numbers.
+    fn part(&self, index: usize) -> U;
 }
 
 impl<T: Scalar, U: Real> Cast<U> for T {
+    const PARTS: usize = 1;
+
     #[inline(always)]
-    fn cast(self) -> U {
+    fn part(&self, _: usize) -> U {
         U::from_f64(self.to_f64())
     }
 }

@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use crate::island::Islands;
 use crate::part::Part;
-use crate::{InverseMass, Real, Scalar, System, Vector, Velocity, pgs};
+use crate::{InverseMass, Mobility, Real, Scalar, System, Vector, Velocity, pgs};
 
 /// t_i = max(t_i, -c_r v_i^-) where a contact approached faster than `threshold` \[m/s\] before the
 /// step: the notes' restitution hypothesis, combined with overlap repair by maximum.
@@ -29,8 +29,9 @@ pub fn set_targets<T: Real, const L: usize, const A: usize>(
 ) {
     for manifold in &system.manifolds {
         let [a, b] = manifold.bodies.map(|body| &before[body as usize]);
+        let twist = manifold.twist(a, b);
         for contact in &mut system.contacts[manifold.points()] {
-            let approach = -contact.normal_velocity(manifold, a, b);
+            let approach = -contact.normal_velocity(&twist);
             let repair = contact.target[0];
             let bounce = repair.max(manifold.restitution * approach);
             contact.target[0] = (approach - threshold.max(-repair)).choose(bounce, repair);
@@ -183,12 +184,13 @@ impl<const L: usize, const A: usize> Blow<L, A> {
                 continue;
             }
             let [a, b] = manifold.bodies.map(|body| self.part.velocity(system, body));
+            let twist = manifold.twist(&a, &b);
             let (points, known) = (&system.contacts[manifold.points()], self.closing.len());
             // In steps.
             let mut time = T::ONE;
             let mut fastest = T::ZERO;
             for contact in points {
-                let u = contact.normal_velocity(manifold, &a, &b);
+                let u = contact.normal_velocity(&twist);
                 let open = contact.target[0].min(T::ZERO);
                 let closes = u < open;
                 if closes {
@@ -265,11 +267,11 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         let system = &mut self.part.system;
         let mut closing = self.closing.iter();
         for manifold in &system.manifolds {
-            let [a, b] = system.velocities_of(manifold);
+            let twist = system.twist_of(manifold);
             for (contact, &closes) in
                 system.contacts[manifold.points()].iter_mut().zip(&mut closing)
             {
-                let u = contact.normal_velocity(manifold, &a, &b);
+                let u = contact.normal_velocity(&twist);
                 let open = contact.target[0].min(0.0);
                 contact.target[0] = target(closes, open, u, manifold.restitution);
             }
@@ -301,14 +303,14 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         system.velocities.clone_from(&self.part.start);
         system.apply_impulses();
         for manifold in &system.manifolds {
-            let start = manifold.bodies.map(|body| self.part.start[body as usize]);
-            let [a, b] = system.velocities_of(manifold);
+            let [a, b] = manifold.bodies.map(|body| &self.part.start[body as usize]);
+            let (start, end) = (manifold.twist(a, b), system.twist_of(manifold));
             let work = &mut self.work[self.islands.of_pair(manifold.bodies) as usize];
             for contact in &system.contacts[manifold.points()] {
                 let gamma = contact.impulse[0];
-                let u = contact.normal_velocity(manifold, &start[0], &start[1]);
+                let u = contact.normal_velocity(&start);
                 work[0] += gamma * u;
-                work[1] += gamma * (contact.normal_velocity(manifold, &a, &b) - u);
+                work[1] += gamma * (contact.normal_velocity(&end) - u);
             }
         }
         for manifold in &system.manifolds {
@@ -333,21 +335,21 @@ impl<const L: usize, const A: usize> Blow<L, A> {
             self.part.system.manifolds.iter().zip(&self.part.manifolds).zip(&self.times)
         {
             let manifold = whole.manifolds[index as usize];
-            let masses = whole.masses_of(&manifold);
             let before = whole.velocities_of(&manifold);
-            let [mut a, mut b] = before;
             let solved = &self.part.system.contacts[own.points()];
-            for (contact, solved) in whole.contacts[manifold.points()].iter_mut().zip(solved) {
-                let gamma = T::from_f64(solved.impulse[0]);
-                contact.impact += gamma;
-                contact.apply(manifold.normal() * gamma, &masses, &mut a, &mut b);
-            }
+            let mut impulses = solved.iter().map(|contact| T::from_f64(contact.impulse[0]));
+            whole.change(index as usize, |_, contact| {
+                let mut blow = Vector::ZERO;
+                blow[0] = impulses.next().unwrap_or(T::ZERO);
+                contact.impact += blow[0];
+                blow
+            });
+            let after = whole.velocities_of(&manifold);
             let tau = T::from_f64((1.0 - own.restitution) * time + 0.5 * own.restitution) * dt;
             for (body, (before, after)) in
-                manifold.bodies.into_iter().zip(before.into_iter().zip([a, b]))
+                manifold.bodies.into_iter().zip(before.into_iter().zip(after))
             {
                 displacements[body as usize] += (before - after) * tau;
-                whole.velocities[body as usize] = after;
             }
             struck += usize::from(solved.iter().any(|contact| contact.impulse[0] > 0.0));
         }
@@ -360,9 +362,9 @@ fn make_rigid<const L: usize, const A: usize>(system: &mut System<f64, L, A>) {
     let Some(manifold) = system.manifolds.last_mut() else { return };
     manifold.friction = 0.0;
     let manifold = *manifold;
-    let masses = system.masses_of(&manifold);
+    let mobility = Mobility::of(&manifold, &system.masses_of(&manifold));
     for contact in &mut system.contacts[manifold.points()] {
         contact.impulse = Vector::ZERO;
-        contact.prepare(&manifold, &masses, 0.0);
+        contact.prepare(&manifold, &mobility, 0.0);
     }
 }

@@ -1,6 +1,6 @@
 //! [`System`]: bodies and contacts of one step, as a plain value.
 
-use crate::{Contact, InverseMass, Manifold, Real, Scalar, Velocity};
+use crate::{Contact, InverseMass, Manifold, Mobility, Real, Scalar, Vector, Velocity};
 
 /// The contact problem of a step:
 ///
@@ -72,12 +72,31 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         manifold.bodies.map(|body| self.velocities[body as usize])
     }
 
+    /// Gives the two bodies of a manifold these velocities.
+    #[inline(always)]
+    pub(crate) fn set_velocities(
+        &mut self,
+        manifold: &Manifold<T, L>,
+        velocities: [Velocity<T, L, A>; 2],
+    ) {
+        for (body, velocity) in manifold.bodies.into_iter().zip(velocities) {
+            self.velocities[body as usize] = velocity;
+        }
+    }
+
+    /// How the bodies of a manifold move against each other ([`Manifold::twist`]).
+    #[inline(always)]
+    pub fn twist_of(&self, manifold: &Manifold<T, L>) -> Velocity<T, L, A> {
+        let [a, b] = self.velocities_of(manifold);
+        manifold.twist(&a, &b)
+    }
+
     /// Sets the effective masses of every contact ([`Contact::prepare`]).
     pub fn prepare(&mut self, softness: T) {
         for manifold in &self.manifolds {
-            let masses = manifold.bodies.map(|body| self.masses[body as usize]);
+            let mobility = Mobility::of(manifold, &self.masses_of(manifold));
             for contact in &mut self.contacts[manifold.points()] {
-                contact.prepare(manifold, &masses, softness);
+                contact.prepare(manifold, &mobility, softness);
             }
         }
     }
@@ -87,23 +106,36 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
     pub fn set_targets(&mut self, displacements: &[Velocity<T, L, A>], repair: &Repair<T>) {
         for manifold in &self.manifolds {
             let [a, b] = manifold.bodies.map(|body| &displacements[body as usize]);
+            let moved = manifold.twist(a, b);
             for contact in &mut self.contacts[manifold.points()] {
-                contact.set_target(manifold, a, b, repair);
+                contact.set_target(&moved, repair);
             }
         }
     }
 
     /// Adds the impulses that the contacts hold to the velocities: v += M^-1 J^T gamma.
     pub fn apply_impulses(&mut self) {
-        for manifold in &self.manifolds {
-            let masses = self.masses_of(manifold);
-            let [mut a, mut b] = self.velocities_of(manifold);
-            for contact in &self.contacts[manifold.points()] {
-                contact.apply(manifold.to_world(contact.impulse), &masses, &mut a, &mut b);
-            }
-            self.velocities[manifold.bodies[0] as usize] = a;
-            self.velocities[manifold.bodies[1] as usize] = b;
+        for index in 0..self.manifolds.len() {
+            self.change(index, |_, contact| contact.impulse);
         }
+    }
+
+    /// v += M^-1 J^T of what `impulse` says of each contact of a manifold, and its index. \[N s\]
+    #[inline(always)]
+    pub(crate) fn change(
+        &mut self,
+        manifold: usize,
+        mut impulse: impl FnMut(usize, &mut Contact<T, L>) -> Vector<T, L>,
+    ) {
+        let manifold = self.manifolds[manifold];
+        let mut wrench = Velocity::ZERO;
+        for (index, contact) in manifold.points().zip(&mut self.contacts[manifold.points()]) {
+            let impulse = impulse(index, contact);
+            contact.add_wrench(0..L, impulse, &mut wrench);
+        }
+        let [mut a, mut b] = self.velocities_of(&manifold);
+        manifold.apply(&wrench, &self.masses_of(&manifold), &mut a, &mut b);
+        self.set_velocities(&manifold, [a, b]);
     }
 }
 
@@ -126,12 +158,12 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
     pub fn residual(&self, rigid: bool) -> f64 {
         let mut worst = 0.0f64;
         for manifold in &self.manifolds {
-            let [a, b] = self.velocities_of(manifold);
+            let twist = self.twist_of(manifold);
             for contact in &self.contacts[manifold.points()] {
                 if contact.effective_mass.to_f64() == 0.0 {
                     continue;
                 }
-                let u = contact.relative_velocity(manifold, &a, &b);
+                let u = contact.relative_velocity(&twist);
                 let held = contact.impulse[0].to_f64();
                 let w = if rigid {
                     u[0] - contact.target[0].min(T::ZERO)

@@ -4,10 +4,9 @@
 //! Loops, not `array::from_fn`: its closures are not always inlined, and [`lanes`](crate::lanes) must
 //! be.
 
-use std::array::from_fn;
 use std::ops::{Add, AddAssign, Index, IndexMut, Mul, Neg, Sub, SubAssign};
 
-use crate::{Cast, Real};
+use crate::{Cast, Real, Scalar};
 
 /// A column of `N` numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,8 +20,9 @@ impl<T: Real, const N: usize> Vector<T, N> {
     /// Sum of the products of the components.
     #[inline(always)]
     pub fn dot(self, other: Self) -> T {
-        let mut sum = T::ZERO;
-        for i in 0..N {
+        // From the first product: 0 + x is an addition that no compiler may leave out.
+        let mut sum = if N == 0 { T::ZERO } else { self.0[0] * other.0[0] };
+        for i in 1..N {
             sum += self.0[i] * other.0[i];
         }
         sum
@@ -49,17 +49,25 @@ impl<T: Real, const N: usize> Vector<T, N> {
         Vector(self.0.map(f))
     }
 
-    /// The same in another number.
+    /// A part of it in another number.
     #[inline(always)]
-    pub fn cast<U: Real>(&self) -> Vector<U, N>
+    pub(crate) fn part<U: Real>(&self, index: usize) -> Vector<U, N>
     where
         T: Cast<U>,
     {
         let mut out = Vector::ZERO;
         for i in 0..N {
-            out.0[i] = self.0[i].cast();
+            out.0[i] = self.0[i].part(index);
         }
         out
+    }
+}
+
+impl<T: Scalar, const N: usize> Vector<T, N> {
+    /// The same in another number.
+    #[inline(always)]
+    pub fn cast<U: Real>(&self) -> Vector<U, N> {
+        self.part(0)
     }
 }
 
@@ -168,35 +176,34 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
 
     /// R D R^T, where `axes` are the columns of R.
     pub fn rotated(self, axes: &[Vector<T, N>; N]) -> Self {
-        let mut out = Self::ZERO;
-        // D R^T, row by row.
-        let half: [Vector<T, N>; N] = from_fn(|k| {
-            let mut row = Vector::ZERO;
-            for (l, axis) in axes.iter().enumerate() {
-                row += *axis * self.0[k][l];
-            }
-            row
-        });
+        let mut rows = [Vector::ZERO; N];
         for i in 0..N {
+            for j in 0..N {
+                rows[i][j] = axes[j][i];
+            }
+        }
+        self.seen_from(&rows)
+    }
+
+    /// F D F^T, where `axes` are the rows of F: the tensor as seen in a frame with these axes.
+    #[inline(always)]
+    pub fn seen_from(self, axes: &[Vector<T, N>; N]) -> Self {
+        let mut out = Self::ZERO;
+        for i in 0..N {
+            let along = self * axes[i];
             for j in 0..=i {
-                let mut sum = T::ZERO;
-                for k in 0..N {
-                    sum += axes[k][i] * half[k][j];
-                }
-                out.0[i][j] = sum;
-                out.0[j][i] = sum;
+                let entry = axes[j].dot(along);
+                out.0[i][j] = entry;
+                out.0[j][i] = entry;
             }
         }
         out
     }
 }
 
-impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
+impl<T: Scalar, const N: usize> SymmetricMatrix<T, N> {
     /// The same in another number.
-    pub fn cast<U: Real>(&self) -> SymmetricMatrix<U, N>
-    where
-        T: Cast<U>,
-    {
+    pub fn cast<U: Real>(&self) -> SymmetricMatrix<U, N> {
         SymmetricMatrix(self.0.map(|row| row.cast()))
     }
 }
@@ -269,6 +276,26 @@ pub fn moment<T: Real, const L: usize, const A: usize>(
         _ => {}
     }
     out
+}
+
+/// Adds r x f for an impulse of size `f` along one axis.
+#[inline(always)]
+pub(crate) fn add_moment<T: Real, const L: usize, const A: usize>(
+    r: Vector<T, L>,
+    axis: usize,
+    f: T,
+    sum: &mut Vector<T, A>,
+) {
+    match (L, A) {
+        (2, 1) if axis == 0 => sum.0[0] -= r[1] * f,
+        (2, 1) => sum.0[0] += r[0] * f,
+        (3, 3) => {
+            let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+            sum.0[next] += r[last] * f;
+            sum.0[last] -= r[next] * f;
+        }
+        _ => {}
+    }
 }
 
 /// omega x r: the velocity \[m/s\] at the lever arm `r` \[m\] that turning at `omega` \[rad/s\] adds.

@@ -1,6 +1,6 @@
-//! Eight manifolds at a time: a [`System`] packed into [`Lanes`], color by color.
+//! Sixteen manifolds at a time: a [`System`] packed into [`Lanes`], color by color.
 //!
-//! The kernels are those of [`pgs`](crate::pgs), run on a number that is eight numbers. The
+//! The kernels are those of [`pgs`](crate::pgs), run on a number that is sixteen numbers. The
 //! velocities of the bodies are gathered once per visit to a block and serve all its points.
 
 mod conjugate;
@@ -8,16 +8,16 @@ mod conjugate;
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::color::Coloring;
 use crate::island::{Islands, NONE};
-use crate::lanes::{Halves, Lanes, WIDTH};
-use crate::pgs::visit;
-use crate::{Cast, Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
+use crate::lanes::{Lanes, PART, Portable, Row, WIDTH};
+use crate::pgs::{Parts, visit};
+use crate::{Contact, InverseMass, Manifold, Mobility, Repair, System, Vector, Velocity};
 use conjugate::Conjugate;
 
 /// A system of `f32` contacts, packed, on the best lanes of this machine.
 #[derive(Clone, Debug)]
 pub enum Wide<const L: usize, const A: usize> {
     /// On any machine.
-    Halves(Packed<Halves, L, A>),
+    Portable(Packed<Portable, L, A>),
     /// On one with AVX2.
     #[cfg(target_arch = "x86_64")]
     Avx2(Packed<crate::lanes::Avx2, L, A>),
@@ -27,7 +27,7 @@ pub enum Wide<const L: usize, const A: usize> {
 macro_rules! on_lanes {
     ($wide:expr, $packed:ident => $do:expr) => {
         match $wide {
-            Wide::Halves($packed) => $do,
+            Wide::Portable($packed) => $do,
             #[cfg(target_arch = "x86_64")]
             Wide::Avx2($packed) => $do,
         }
@@ -41,7 +41,7 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         if crate::lanes::avx2_available() {
             return Self::Avx2(Packed::new());
         }
-        Self::Halves(Packed::new())
+        Self::Portable(Packed::new())
     }
 
     /// [`Packed::pack`].
@@ -80,7 +80,7 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 
     /// [`Packed::certify`].
-    pub fn certify<'a, const RESIDUALS: bool>(
+    pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
         &self,
         velocities: &[Velocity<f32, L, A>],
         prospective: &[Velocity<f32, L, A>],
@@ -88,7 +88,7 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         tally: &'a mut Tally<L, A>,
     ) -> &'a [Certificate] {
         on_lanes!(self, packed => {
-            packed.certify::<RESIDUALS>(velocities, prospective, islands, tally)
+            packed.certify::<RESIDUALS, LINE>(velocities, prospective, islands, tally)
         })
     }
 
@@ -136,7 +136,7 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
 /// The gap of a point that is not there. \[m\]
 const FAR: f32 = 1e6;
 
-/// Up to eight manifolds that move different bodies.
+/// Up to sixteen manifolds that move different bodies.
 #[derive(Clone, Debug)]
 struct Block<V: Lanes, const L: usize, const A: usize> {
     /// How many of the lanes are in use.
@@ -144,6 +144,7 @@ struct Block<V: Lanes, const L: usize, const A: usize> {
     bodies: [[u32; WIDTH]; 2],
     islands: [u32; WIDTH],
     masses: [InverseMass<V, L, A>; 2],
+    mobility: Mobility<V, L, A>,
     /// `bodies` of this one mean nothing: each lane has its own.
     manifold: Manifold<V, L>,
 }
@@ -190,9 +191,10 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         V::run(
             #[inline(always)]
             || {
-                for block in &self.blocks {
+                for block in &mut self.blocks {
+                    block.mobility = Mobility::of(&block.manifold, &block.masses);
                     for contact in &mut self.contacts[block.manifold.points()] {
-                        contact.prepare(&block.manifold, &block.masses, softness);
+                        contact.prepare(&block.manifold, &block.mobility, softness);
                     }
                 }
             },
@@ -212,6 +214,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                 contact.effective_mass = wide.effective_mass.get(lane);
                 contact.tangential_mass = wide.tangential_mass.get(lane);
                 contact.compliance = wide.compliance.get(lane);
+                contact.tangential_compliance = wide.tangential_compliance.get(lane);
             }
         }
     }
@@ -261,12 +264,14 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                 for block in &self.blocks {
                     let manifold = &block.manifold;
                     let [moved_a, moved_b] = block.gather(displacements);
-                    let [mut a, mut b] = block.gather(velocities);
+                    let moved = manifold.twist(&moved_a, &moved_b);
+                    let mut wrench = Velocity::ZERO;
                     for contact in &mut self.contacts[manifold.points()] {
-                        contact.set_target(manifold, &moved_a, &moved_b, &repair);
-                        let impulse = manifold.to_world(contact.impulse);
-                        contact.apply(impulse, &block.masses, &mut a, &mut b);
+                        contact.set_target(&moved, &repair);
+                        contact.add_wrench(0..L, contact.impulse, &mut wrench);
                     }
+                    let [mut a, mut b] = block.gather(velocities);
+                    manifold.apply(&wrench, &block.masses, &mut a, &mut b);
                     block.scatter([a, b], velocities);
                 }
             },
@@ -284,35 +289,39 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     /// The certificate of each island ([`certificate`](crate::certificate)), in `f64`, with the
-    /// masses that `tally` was given; with `RESIDUALS` or G alone.
-    pub fn certify<'a, const RESIDUALS: bool>(
+    /// masses that `tally` was given; with `RESIDUALS` or G alone, for the best impulses on the `LINE`
+    /// or those at hand.
+    pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
         &self,
         velocities: &[Velocity<f32, L, A>],
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         tally: &'a mut Tally<L, A>,
-    ) -> &'a [Certificate]
-    where
-        V: Cast<V::Doubles>,
-    {
+    ) -> &'a [Certificate] {
         tally.start(islands.count);
         V::run(
             #[inline(always)]
             || {
                 for block in &self.blocks {
-                    let manifold = block.manifold.cast();
-                    let [a, b] = block.gather(velocities);
                     let points = &self.contacts[block.manifold.points()];
-                    let velocities = [a.cast(), b.cast()];
-                    let evidence = Evidence::of::<V, RESIDUALS>(&manifold, points, &velocities);
-                    for lane in 0..block.lanes {
-                        let bodies = block.bodies.map(|side| side[lane]);
-                        tally.add(bodies, block.islands[lane], &evidence.lane(lane));
+                    let own = block.gather(velocities);
+                    for part in 0..block.lanes.div_ceil(PART) {
+                        let evidence: Evidence<V::Doubles, L, A> =
+                            Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &own);
+                        for lane in PART * part..block.lanes.min(PART * (part + 1)) {
+                            let bodies = block.bodies.map(|side| side[lane]);
+                            tally.add::<V::Doubles, RESIDUALS, LINE>(
+                                bodies,
+                                block.islands[lane],
+                                &evidence,
+                                lane % PART,
+                            );
+                        }
                     }
                 }
             },
         );
-        tally.finish(velocities, prospective, |body| islands.of_body[body])
+        tally.finish::<f32, LINE>(velocities, prospective, |body| islands.of_body[body])
     }
 
     /// [`pgs::sweep`](crate::pgs::sweep).
@@ -341,8 +350,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                     let manifold = &block.manifold;
                     let [mut a, mut b] = block.gather(velocities);
                     let points = &mut self.contacts[manifold.points()];
-                    let masses = &block.masses;
-                    visit::<V, L, A, RIGID, FRICTION>(manifold, points, masses, &mut a, &mut b);
+                    visit::<V, L, A, RIGID, FRICTION>(block.parts(), points, &mut a, &mut b);
                     block.scatter([a, b], velocities);
                 }
             },
@@ -357,6 +365,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             bodies: [[0; WIDTH]; 2],
             islands: [NONE; WIDTH],
             masses: [InverseMass::default(); 2],
+            mobility: Mobility::default(),
             manifold: Manifold::default(),
         }
     }
@@ -375,6 +384,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             self.bodies = manifold.bodies.map(|body| [body; WIDTH]);
             self.masses = [InverseMass::default(); 2];
             self.manifold.frame = [Vector::ZERO; L];
+            self.manifold.arms = [Vector::ZERO; 2];
             let mut open = Contact::default();
             open.gap[0] = splat(FAR);
             points.fill(open);
@@ -386,6 +396,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             set(wide, lane, axis);
         }
         for side in 0..2 {
+            set(&mut self.manifold.arms[side], lane, &manifold.arms[side]);
             let body = manifold.bodies[side];
             let mass = &system.masses[body as usize];
             self.bodies[side][lane] = body;
@@ -395,11 +406,14 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             }
         }
         for (wide, contact) in points.iter_mut().zip(&system.contacts[manifold.points()]) {
-            set(&mut wide.anchor_a, lane, &contact.anchor_a);
-            set(&mut wide.anchor_b, lane, &contact.anchor_b);
+            set(&mut wide.place, lane, &contact.place);
             set(&mut wide.gap, lane, &contact.gap);
             set(&mut wide.impulse, lane, &contact.impulse);
         }
+    }
+
+    fn parts(&self) -> Parts<'_, V, L, A> {
+        (&self.manifold, &self.mobility, &self.masses)
     }
 
     /// Whether all its manifolds belong to islands that are done.
@@ -412,21 +426,18 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     fn gather(&self, from: &[Velocity<f32, L, A>]) -> [Velocity<V, L, A>; 2] {
         let mut out = [Velocity::ZERO; 2];
         for (bodies, out) in self.bodies.iter().zip(&mut out) {
-            let (mut linear, mut angular) = ([[0.0; WIDTH]; L], [[0.0; WIDTH]; A]);
+            let mut rows = [[[0.0; 4]; WIDTH]; 2];
             for lane in 0..WIDTH {
-                let velocity = &from[bodies[lane] as usize];
-                for i in 0..L {
-                    linear[i][lane] = velocity.linear[i];
-                }
-                for i in 0..A {
-                    angular[i][lane] = velocity.angular[i];
-                }
+                [rows[0][lane], rows[1][lane]] = to_rows(&from[bodies[lane] as usize]);
             }
-            for i in 0..L {
-                out.linear[i] = V::from_array(linear[i]);
-            }
-            for i in 0..A {
-                out.angular[i] = V::from_array(angular[i]);
+            let [first, last] = [V::from_rows(rows[0]), V::from_rows(rows[1])];
+            for i in 0..L + A {
+                let number = if i < 4 { first[i] } else { last[i - 2] };
+                if i < L {
+                    out.linear[i] = number;
+                } else {
+                    out.angular[i - L] = number;
+                }
             }
         }
         out
@@ -435,17 +446,46 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     #[inline(always)]
     fn scatter(&self, velocities: [Velocity<V, L, A>; 2], to: &mut [Velocity<f32, L, A>]) {
         for (bodies, velocity) in self.bodies.iter().zip(&velocities) {
+            let (mut first, mut last) = ([V::ZERO; 4], [V::ZERO; 4]);
+            for i in 0..L + A {
+                let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
+                if i < 4 {
+                    first[i] = number;
+                }
+                if i >= 2 {
+                    last[i - 2] = number;
+                }
+            }
+            let (first, last) = (V::to_rows(first), V::to_rows(last));
             for lane in 0..self.lanes {
                 let body = &mut to[bodies[lane] as usize];
-                for i in 0..L {
-                    body.linear[i] = velocity.linear[i].get(lane);
-                }
-                for i in 0..A {
-                    body.angular[i] = velocity.angular[i].get(lane);
+                for i in 0..L + A {
+                    let number = if i < 4 { first[lane][i] } else { last[lane][i - 2] };
+                    if i < L {
+                        body.linear[i] = number;
+                    } else {
+                        body.angular[i - L] = number;
+                    }
                 }
             }
         }
     }
+}
+
+/// The numbers of a velocity, from the first and, where they are more than four, from the third.
+#[inline(always)]
+fn to_rows<const L: usize, const A: usize>(velocity: &Velocity<f32, L, A>) -> [Row; 2] {
+    let mut rows = [[0.0; 4]; 2];
+    for i in 0..L + A {
+        let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
+        if i < 4 {
+            rows[0][i] = number;
+        }
+        if i >= 2 {
+            rows[1][i - 2] = number;
+        }
+    }
+    rows
 }
 
 fn splat<V: Lanes>(value: f32) -> V {

@@ -87,7 +87,8 @@ mod spherical_particles_without_friction {
         scene.system.velocities[0].linear = Vector([7.0, 2.0]);
         scene.system.velocities[1].linear = Vector([5.0, -3.0]);
         let [va, vb] = scene.system.velocities_of(&scene.system.manifolds[0]);
-        let v_n = scene.system.contacts[0].normal_velocity(&scene.system.manifolds[0], &va, &vb);
+        let v_n =
+            scene.system.contacts[0].normal_velocity(&scene.system.manifolds[0].twist(&va, &vb));
         assert_eq!(v_n, 5.0, "positive: a leaves b upwards");
     }
 
@@ -532,7 +533,7 @@ mod why_does_it_work {
         for manifold in &scene.system.manifolds {
             let [v_a, v_b] = scene.system.velocities_of(manifold);
             for i in manifold.points() {
-                let kernel = scene.system.contacts[i].normal_velocity(manifold, &v_a, &v_b);
+                let kernel = scene.system.contacts[i].normal_velocity(&manifold.twist(&v_a, &v_b));
                 assert_close(kernel, v_n[i], 1e-11);
             }
         }
@@ -941,11 +942,11 @@ mod rigid_bodies {
     }
 
     fn row(scene: &Scene<3, 3>) -> Row {
-        let contact = scene.system.contacts[0];
-        let masses = scene.system.masses_of(&scene.system.manifolds[0]);
+        let manifold = &scene.system.manifolds[0];
+        let masses = scene.system.masses_of(manifold);
         Row {
-            n: scene.system.manifolds[0].normal().0,
-            anchors: [contact.anchor_a.0, contact.anchor_b.0],
+            n: manifold.normal().0,
+            anchors: manifold.anchors(scene.system.contacts[0].place).map(|anchor| anchor.0),
             inverse_inertias: masses.map(|mass| mass.angular.0.map(|row| row.0)),
             inverse_masses: masses.map(|mass| mass.linear),
         }
@@ -961,7 +962,7 @@ mod rigid_bodies {
             - dot(n, cross(b.angular.0, anchors[1]));
         assert_close((jacobian(&scene.system) * velocities(&scene.system))[0], v_n, ROUNDING);
         let contact = scene.system.contacts[0];
-        let kernel = contact.normal_velocity(&scene.system.manifolds[0], &a, &b);
+        let kernel = contact.normal_velocity(&scene.system.manifolds[0].twist(&a, &b));
         assert_close(kernel, v_n, ROUNDING);
     }
 
@@ -1045,10 +1046,11 @@ mod rigid_bodies {
             for manifold in &system.manifolds {
                 for j in manifold.points().filter(|&j| j != 0) {
                     for (x, body) in [a, b].into_iter().enumerate() {
-                        let (contact, mass) = (&system.contacts[j], &system.masses[body as usize]);
+                        let mass = &system.masses[body as usize];
+                        let anchors = manifold.anchors(system.contacts[j].place);
                         let (s, anchor) = match manifold.bodies.iter().position(|&y| y == body) {
-                            Some(0) => (1.0, contact.anchor_a.0),
-                            Some(_) => (-1.0, contact.anchor_b.0),
+                            Some(0) => (1.0, anchors[0].0),
+                            Some(_) => (-1.0, anchors[1].0),
                             None => continue,
                         };
                         let p = manifold.normal().0.map(|n| s * gamma[j] * n);
@@ -1062,8 +1064,9 @@ mod rigid_bodies {
             }
             let contact = system.contacts[0];
             let n = system.manifolds[0].normal().0;
-            let other = dot(n, dv[0]) - dot(n, dv[1]) + dot(n, cross(dw[0], contact.anchor_a.0))
-                - dot(n, cross(dw[1], contact.anchor_b.0));
+            let [r_a, r_b] = system.manifolds[0].anchors(contact.place);
+            let other = dot(n, dv[0]) - dot(n, dv[1]) + dot(n, cross(dw[0], r_a.0))
+                - dot(n, cross(dw[1], r_b.0));
             let v_n = (jacobian(&system) * velocities(&system))[0];
             // With t = -c_r v^- or c_d d, -(v^- - t) is the bracket without the other contacts.
             let expected = -contact.effective_mass * (v_n - contact.target[0] + other);
@@ -1115,8 +1118,9 @@ mod a_bit_about_implementation {
                 let p = manifold.to_world(contact.impulse);
                 linear[a] += p;
                 linear[b] -= p;
-                angular[a] += drystone_solver::moment(contact.anchor_a, p);
-                angular[b] -= drystone_solver::moment(contact.anchor_b, p);
+                let [r_a, r_b] = manifold.anchors(contact.place);
+                angular[a] += drystone_solver::moment(r_a, p);
+                angular[b] -= drystone_solver::moment(r_b, p);
             }
         }
         for body in 0..count {

@@ -3,7 +3,7 @@
 use faer::sparse::Triplet;
 
 use super::{Column, Matrix};
-use crate::{Scalar, System, Vector, moment};
+use crate::{Manifold, Scalar, System, Vector, moment};
 
 type Entry = Triplet<usize, usize, f64>;
 
@@ -34,12 +34,12 @@ fn rows<T: Scalar, const L: usize, const A: usize>(
 ) -> Matrix {
     let mut entries = Vec::new();
     for manifold in &system.manifolds {
+        let manifold: Manifold<f64, L> = manifold.cast();
         let [a, b] = manifold.bodies;
         for i in manifold.points() {
-            let anchor_a = system.contacts[i].anchor_a.map(T::to_f64);
-            let anchor_b = system.contacts[i].anchor_b.map(T::to_f64);
-            for (j, direction) in manifold.frame[..directions].iter().enumerate() {
-                let (row, direction) = (directions * i + j, direction.map(T::to_f64));
+            let [anchor_a, anchor_b] = manifold.anchors(system.contacts[i].place.cast());
+            for (j, &direction) in manifold.frame[..directions].iter().enumerate() {
+                let row = directions * i + j;
                 block::<L, A>(row, a, 1.0, anchor_a, direction, &mut entries);
                 block::<L, A>(row, b, -1.0, anchor_b, direction, &mut entries);
             }

@@ -55,7 +55,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                     let manifold = &block.manifold;
                     let [mut a, mut b] = block.gather(velocities);
                     let points = &mut contacts[manifold.points()];
-                    visit::<V, L, A, false, true>(manifold, points, &block.masses, &mut a, &mut b);
+                    visit::<V, L, A, false, true>(block.parts(), points, &mut a, &mut b);
                     block.scatter([a, b], velocities);
                     if round < count {
                         continue;
@@ -90,16 +90,18 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                     });
                     let beta = V::from_array(betas);
                     let points = manifold.points();
-                    let [mut a, mut b] = block.gather(velocities);
+                    let mut wrench = Velocity::ZERO;
                     let kept = state.before[points.clone()].iter_mut();
                     let kept = kept.zip(&mut state.direction[points.clone()]);
                     for (contact, (before, direction)) in contacts[points].iter_mut().zip(kept) {
                         *direction = nncg::next_direction(contact, *before, *direction, beta);
                         let change = *direction * beta;
                         contact.impulse += change;
-                        contact.apply(manifold.to_world(change), &block.masses, &mut a, &mut b);
+                        contact.add_wrench(0..L, change, &mut wrench);
                         *before = contact.impulse;
                     }
+                    let [mut a, mut b] = block.gather(velocities);
+                    manifold.apply(&wrench, &block.masses, &mut a, &mut b);
                     block.scatter([a, b], velocities);
                 }
             },

@@ -126,15 +126,16 @@ impl<const L: usize, const A: usize> Scene<L, A> {
 
     /// Contacts at these points between two bodies, the normal from the second to the first.
     pub fn touch(&mut self, bodies: [u32; 2], normal: Vector<f64, L>, points: &[Vector<f64, L>]) {
-        let contacts: Vec<_> = points
-            .iter()
-            .map(|&point| Contact {
-                anchor_a: point - self.positions[bodies[0] as usize],
-                anchor_b: point - self.positions[bodies[1] as usize],
-                ..Contact::default()
-            })
-            .collect();
-        let manifold = Manifold { bodies, frame: contact_frame(normal), ..Manifold::default() };
+        let center = points[0];
+        let manifold = Manifold {
+            bodies,
+            frame: contact_frame(normal),
+            arms: bodies.map(|body| center - self.positions[body as usize]),
+            ..Manifold::default()
+        };
+        let place = |point: &Vector<f64, L>| manifold.to_frame(*point - center);
+        let contacts: Vec<_> =
+            points.iter().map(|p| Contact { place: place(p), ..Contact::default() }).collect();
         self.system.add_manifold(manifold, &contacts);
     }
 

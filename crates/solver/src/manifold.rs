@@ -1,0 +1,217 @@
+//! [`Manifold`]: what the points have in common where two bodies touch.
+//!
+//! All that its points feel is one motion, of one body against the other: a twist, L + A numbers. All
+//! that they do to the bodies is one wrench of as many. So a visit turns the velocities of the bodies
+//! into a twist once, and gives the sum of the impulses back once; in between it is among few
+//! numbers, whose response to impulses is the [`Mobility`](crate::Mobility). Twist and wrench:
+//! Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 2.
+
+use crate::{Cast, InverseMass, Real, Scalar, SymmetricMatrix, Vector, Velocity, moment};
+
+/// What the points of a manifold share.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Manifold<T: Real, const L: usize> {
+    /// The bodies a and b, indices into [`System::velocities`](crate::System::velocities).
+    pub bodies: [u32; 2],
+    /// The contact frame, orthonormal and right-handed: the normal n first, from b towards a, then
+    /// the tangents.
+    pub frame: [Vector<T, L>; L],
+    /// From the centers of mass of a and b to the manifold's center, which may be any place near its
+    /// points. \[m\]
+    pub arms: [Vector<T, L>; 2],
+    /// Coulomb coefficient mu. \[1\]
+    pub friction: T,
+    /// Restitution c_r, 0..1. \[1\]
+    pub restitution: T,
+    /// The largest epsilon of its points; by default infinite. \[1/kg\]
+    pub compliance: T,
+    /// The first of its points in [`System::contacts`](crate::System::contacts).
+    pub first: u32,
+    /// How many points it has.
+    pub count: u32,
+}
+
+impl<T: Real, const L: usize> Default for Manifold<T, L> {
+    /// Without friction, bounce or points.
+    fn default() -> Self {
+        Self {
+            bodies: [0, 0],
+            frame: [Vector::ZERO; L],
+            arms: [Vector::ZERO; 2],
+            friction: T::ZERO,
+            restitution: T::ZERO,
+            compliance: T::from_f64(f64::INFINITY),
+            first: 0,
+            count: 0,
+        }
+    }
+}
+
+impl<T: Scalar, const L: usize> Manifold<T, L> {
+    /// The same in another number.
+    #[inline(always)]
+    pub fn cast<U: Real>(&self) -> Manifold<U, L> {
+        self.part(0)
+    }
+}
+
+impl<T: Real, const L: usize> Manifold<T, L> {
+    /// A part of it in another number.
+    #[inline(always)]
+    pub(crate) fn part<U: Real>(&self, index: usize) -> Manifold<U, L>
+    where
+        T: Cast<U>,
+    {
+        let mut frame = [Vector::ZERO; L];
+        for (axis, own) in frame.iter_mut().zip(&self.frame) {
+            *axis = own.part(index);
+        }
+        Manifold {
+            bodies: self.bodies,
+            frame,
+            arms: [self.arms[0].part(index), self.arms[1].part(index)],
+            friction: self.friction.part(index),
+            restitution: self.restitution.part(index),
+            compliance: self.compliance.part(index),
+            first: self.first,
+            count: self.count,
+        }
+    }
+
+    /// The unit normal n, from b towards a.
+    #[inline(always)]
+    pub fn normal(&self) -> Vector<T, L> {
+        self.frame[0]
+    }
+
+    /// Where its points are in the contacts of its system.
+    #[inline(always)]
+    pub fn points(&self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
+
+    /// Components of a world vector along the frame: normal first.
+    #[inline(always)]
+    pub fn to_frame(&self, world: Vector<T, L>) -> Vector<T, L> {
+        let mut components = Vector::ZERO;
+        for i in 0..L {
+            components[i] = self.frame[i].dot(world);
+        }
+        components
+    }
+
+    /// The world vector with these components along the frame.
+    #[inline(always)]
+    pub fn to_world(&self, components: Vector<T, L>) -> Vector<T, L> {
+        let mut world = self.frame[0] * components[0];
+        for i in 1..L {
+            world += self.frame[i] * components[i];
+        }
+        world
+    }
+
+    /// An inverse inertia \[1/(kg m^2)\], given in world axes, in those of the frame.
+    #[inline(always)]
+    pub(crate) fn tensor<const A: usize>(
+        &self,
+        world: SymmetricMatrix<T, A>,
+    ) -> SymmetricMatrix<T, A> {
+        if A != L {
+            return world;
+        }
+        let mut axes = [Vector::ZERO; A];
+        for i in 0..A {
+            for j in 0..A {
+                axes[i][j] = self.frame[i][j];
+            }
+        }
+        world.seen_from(&axes)
+    }
+
+    /// r_a and r_b of a point at this place: the point minus the centers of mass. \[m\]
+    pub fn anchors(&self, place: Vector<T, L>) -> [Vector<T, L>; 2] {
+        self.arms.map(|arm| arm + self.to_world(place))
+    }
+
+    /// How a moves against b, seen from the center in the frame. A point at the place s has the relative
+    /// velocity [`Velocity::at`] s.
+    #[inline(always)]
+    pub fn twist<const A: usize>(
+        &self,
+        a: &Velocity<T, L, A>,
+        b: &Velocity<T, L, A>,
+    ) -> Velocity<T, L, A> {
+        let turning = a.angular - b.angular;
+        let mut angular = turning;
+        if A == L {
+            for i in 0..A {
+                angular[i] = self.frame[i][0] * turning[0];
+                for j in 1..A {
+                    angular[i] += self.frame[i][j] * turning[j];
+                }
+            }
+        }
+        Velocity { linear: self.to_frame(a.at(self.arms[0]) - b.at(self.arms[1])), angular }
+    }
+
+    /// J^T of a wrench, the sum of impulses and of their moments about the center, in the frame: the
+    /// momenta that a gains and b loses. \[N s, N m s\]
+    #[inline(always)]
+    pub fn momenta<const A: usize>(&self, wrench: &Velocity<T, L, A>) -> [Velocity<T, L, A>; 2] {
+        let linear = self.to_world(wrench.linear);
+        let mut own = wrench.angular;
+        if A == L {
+            for i in 0..A {
+                own[i] = self.frame[0][i] * wrench.angular[0];
+                for j in 1..A {
+                    own[i] += self.frame[j][i] * wrench.angular[j];
+                }
+            }
+        }
+        let [arm_a, arm_b] = self.arms;
+        [
+            Velocity { linear, angular: own + moment(arm_a, linear) },
+            Velocity { linear, angular: own + moment(arm_b, linear) },
+        ]
+    }
+
+    /// v += M^-1 J^T of a wrench.
+    #[inline(always)]
+    pub fn apply<const A: usize>(
+        &self,
+        wrench: &Velocity<T, L, A>,
+        masses: &[InverseMass<T, L, A>; 2],
+        a: &mut Velocity<T, L, A>,
+        b: &mut Velocity<T, L, A>,
+    ) {
+        let [to_a, from_b] = self.momenta(wrench);
+        *a += masses[0].velocity(&to_a);
+        *b -= masses[1].velocity(&from_b);
+    }
+}
+
+/// An orthonormal frame with `normal` first; equal normals give equal frames.
+pub fn contact_frame<T: Scalar, const L: usize>(normal: Vector<T, L>) -> [Vector<T, L>; L] {
+    let mut frame = [normal; L];
+    match L {
+        2 => {
+            frame[1] = Vector(std::array::from_fn(|i| if i == 0 { -normal[1] } else { normal[0] }))
+        }
+        3 => {
+            // The axis least along the normal, made orthogonal to it.
+            let mut least = 0;
+            for i in 1..L {
+                if (normal[i] * normal[i]) < normal[least] * normal[least] {
+                    least = i;
+                }
+            }
+            let mut axis = Vector::ZERO;
+            axis[least] = T::ONE;
+            let across = axis - normal * normal[least];
+            frame[1] = across * (T::ONE / across.length());
+            frame[2] = moment(frame[0], frame[1]);
+        }
+        _ => {}
+    }
+    frame
+}

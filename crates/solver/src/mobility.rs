@@ -1,0 +1,123 @@
+//! [`Mobility`]: what impulses at a manifold do to the motion of its two bodies against each other.
+
+use std::ops::Range;
+
+use crate::vector::{add_moment, spin};
+use crate::{InverseMass, Manifold, Real, SymmetricMatrix, Vector, Velocity};
+
+/// K = J M^-1 J^T of a manifold's center: the twist that a wrench gives ([`Manifold::twist`]). Its points'
+/// blocks of A are this, seen from their places.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Mobility<T: Real, const L: usize, const A: usize> {
+    /// Velocity of the center from impulses. \[1/kg\]
+    linear: SymmetricMatrix<T, L>,
+    /// Velocity of the center along an axis from moments, and turning from impulses along it.
+    /// \[1/(kg m)\]
+    cross: Crossed<T, L, A>,
+    /// Turning from moments. \[1/(kg m^2)\]
+    angular: SymmetricMatrix<T, A>,
+}
+
+/// L rows of A.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Crossed<T, const L: usize, const A: usize>([Vector<T, A>; L]);
+
+impl<T: Real, const L: usize, const A: usize> Default for Crossed<T, L, A> {
+    fn default() -> Self {
+        Self([Vector::ZERO; L])
+    }
+}
+
+/// Some components of a twist or a wrench.
+#[derive(Clone, Debug)]
+pub(crate) struct Axes {
+    linear: Range<usize>,
+    angular: Range<usize>,
+}
+
+/// What impulses along normals do and feel: the velocity along the normal, and turning that tilts it.
+pub(crate) const fn along_normals<const A: usize>() -> Axes {
+    Axes { linear: 0..1, angular: A / 3..A }
+}
+
+/// The rest, which friction feels too.
+pub(crate) const fn across_normals<const L: usize, const A: usize>() -> Axes {
+    Axes { linear: 1..L, angular: 0..A / 3 }
+}
+
+/// What impulses of friction do and feel.
+pub(crate) const fn along_tangents<const L: usize, const A: usize>() -> Axes {
+    Axes { linear: 1..L, angular: 0..A }
+}
+
+impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
+    /// Of a manifold between bodies of these inverse masses.
+    #[inline(always)]
+    pub fn of(manifold: &Manifold<T, L>, masses: &[InverseMass<T, L, A>; 2]) -> Self {
+        let mut mobility = Self::default();
+        for (mass, arm) in masses.iter().zip(&manifold.arms) {
+            mobility.add_body(mass.linear, manifold.tensor(mass.angular), manifold.to_frame(*arm));
+        }
+        mobility
+    }
+
+    /// A body of this inverse mass and inertia, seen in the frame from its center of mass.
+    #[inline(always)]
+    fn add_body(&mut self, linear: T, angular: SymmetricMatrix<T, A>, arm: Vector<T, L>) {
+        // A moment about axis k turns the body at W e_k, and so moves the center at W e_k x arm.
+        let mut cross = [Vector::<T, A>::ZERO; L];
+        for k in 0..A {
+            let moved: Vector<T, L> = spin(angular.0[k], arm);
+            for i in 0..L {
+                cross[i][k] = moved[i];
+            }
+            self.angular.0[k] += angular.0[k];
+        }
+        for i in 0..L {
+            self.cross.0[i] += cross[i];
+            self.linear.0[i][i] += linear;
+            // An impulse along axis i has the moment arm x e_i.
+            let mut lever = Vector::ZERO;
+            add_moment(arm, i, T::ONE, &mut lever);
+            for j in 0..L {
+                self.linear.0[i][j] += cross[j].dot(lever);
+            }
+        }
+    }
+
+    /// The twist that a wrench gives.
+    #[inline(always)]
+    pub fn twist(&self, wrench: &Velocity<T, L, A>) -> Velocity<T, L, A> {
+        let all = Axes { linear: 0..L, angular: 0..A };
+        let mut twist = Velocity::ZERO;
+        self.add(&all, wrench, &all, &mut twist);
+        twist
+    }
+
+    /// Adds to the components `to` of a twist what the components `from` of a wrench give them.
+    #[inline(always)]
+    pub(crate) fn add(
+        &self,
+        from: &Axes,
+        wrench: &Velocity<T, L, A>,
+        to: &Axes,
+        twist: &mut Velocity<T, L, A>,
+    ) {
+        for i in to.linear.clone() {
+            for j in from.linear.clone() {
+                twist.linear[i] += self.linear.0[i][j] * wrench.linear[j];
+            }
+            for k in from.angular.clone() {
+                twist.linear[i] += self.cross.0[i][k] * wrench.angular[k];
+            }
+        }
+        for k in to.angular.clone() {
+            for j in from.linear.clone() {
+                twist.angular[k] += self.cross.0[j][k] * wrench.linear[j];
+            }
+            for m in from.angular.clone() {
+                twist.angular[k] += self.angular.0[k][m] * wrench.angular[m];
+            }
+        }
+    }
+}
