@@ -12,7 +12,9 @@ mod rapier;
 use std::fmt;
 use std::str::FromStr;
 
-use ::drystone::scene::{BodiesAs, Body, Combine, Filter, Material, Motion, Scene};
+use ::drystone::scene::{
+    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Track,
+};
 use clap::ValueEnum;
 
 pub(crate) use self::drystone::Drystone;
@@ -28,6 +30,46 @@ pub(crate) trait Engine {
     /// Appends the poses of all bodies of the scene, in its order: 3D px py pz qx qy qz qw,
     /// 2D px py angle. \[m, rad\]
     fn write_poses(&self, out: &mut Vec<f32>);
+}
+
+/// An engine that does not know tracks by itself.
+trait Peer: Engine {
+    /// Moves a kinematic body, by its number in the scene, to a place at the end of the next step of
+    /// `dt` \[s\].
+    fn move_to(&mut self, body: usize, position: &[f64], rotation: &Rotation, dt: f32);
+}
+
+/// A peer whose kinematic bodies follow tracks.
+struct Tracked<P> {
+    peer: P,
+    tracks: Vec<(usize, Track)>,
+    /// \[s\]
+    time: f64,
+}
+
+impl<P: Peer> Engine for Tracked<P> {
+    fn step(&mut self, dt: f32) -> Result<(), Refusal> {
+        self.time += f64::from(dt);
+        for (body, track) in &self.tracks {
+            let (position, rotation) = track.at(self.time);
+            self.peer.move_to(*body, &position, &rotation, dt);
+        }
+        self.peer.step(dt)
+    }
+
+    fn write_poses(&self, out: &mut Vec<f32>) {
+        self.peer.write_poses(out);
+    }
+}
+
+/// A peer with the tracks of the scene, if it has any.
+fn follow<P: Peer + 'static>(peer: P, scene: &Scene) -> Box<dyn Engine> {
+    let bodies = scene.bodies.iter().enumerate();
+    let tracks: Vec<_> = bodies
+        .filter(|(_, body)| !body.track.times.is_empty())
+        .map(|(index, body)| (index, body.track.clone()))
+        .collect();
+    if tracks.is_empty() { Box::new(peer) } else { Box::new(Tracked { peer, tracks, time: 0.0 }) }
 }
 
 /// Why an engine does not run a scene.
@@ -188,11 +230,11 @@ pub(crate) fn build(
         Kind::Rapier2d => rapier::flat(scene, effort, threads),
         Kind::Rapier3d => rapier::space(scene, effort, threads),
         #[cfg(feature = "box2d")]
-        Kind::Box2d => Ok(Box::new(box2d::Box2d::new(scene, effort, threads)?)),
+        Kind::Box2d => Ok(follow(box2d::Box2d::new(scene, effort, threads)?, scene)),
         #[cfg(feature = "box3d")]
-        Kind::Box3d => Ok(Box::new(box3d::Box3d::new(scene, effort, threads)?)),
+        Kind::Box3d => Ok(follow(box3d::Box3d::new(scene, effort, threads)?, scene)),
         #[cfg(feature = "jolt")]
-        Kind::Jolt => Ok(Box::new(jolt::Jolt::new(scene, effort, threads)?)),
+        Kind::Jolt => Ok(follow(jolt::Jolt::new(scene, effort, threads)?, scene)),
         #[allow(unreachable_patterns)]
         _ => {
             Err(Refusal::new(kind.name(), "is not part of this build; build with --features peers"))
@@ -212,9 +254,6 @@ fn accept(scene: &Scene) -> Result<(), Refusal> {
     });
     for (index, body) in scene.bodies.iter().enumerate() {
         let refuse = |reason: &str| Err(Refusal::body(index, body, reason));
-        if !body.track.times.is_empty() {
-            return refuse("follows a track, which peers do not have");
-        }
         if body.mass.mass.is_some_and(f64::is_infinite)
             || body.mass.inertia.iter().flatten().any(|moment| !moment.is_finite())
         {
@@ -306,3 +345,131 @@ solids!(solid: parry3d_f64, exact_space, |of, moments, mass| {
     let frame = pose(&[], &axes).rotation;
     MassProperties::with_principal_inertia_frame(of.local_com, of.mass(), vector(moments), frame)
 });
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use ::drystone::scene::format::read_json;
+
+    use super::*;
+
+    const DT: f32 = 1.0 / 60.0;
+
+    /// Poses after a second, of every engine of this build.
+    fn after_a_second(text: &str, change: fn(&mut Scene)) -> Vec<(Kind, Vec<f32>)> {
+        let mut scene = read_json(Path::new("test.json"), text).unwrap().scene;
+        change(&mut scene);
+        let kinds = Kind::ALL.into_iter();
+        let kinds = kinds.filter(|kind| kind.is_built() && kind.has_dimension(scene.dimension));
+        kinds
+            .map(|kind| {
+                let mut engine = build(kind, &scene, Effort::Default, 1).unwrap();
+                (0..60).for_each(|_| engine.step(DT).unwrap());
+                let mut poses = Vec::new();
+                engine.write_poses(&mut poses);
+                (kind, poses)
+            })
+            .collect()
+    }
+
+    fn assert_near(kind: Kind, found: &[f32], expected: &[f32], tolerance: f32) {
+        let near = found.iter().zip(expected).all(|(x, y)| (x - y).abs() <= tolerance);
+        assert!(near && found.len() == expected.len(), "{kind:?}: {found:?}, not {expected:?}");
+    }
+
+    /// A body whose center of mass is half a meter from its origin, at its first velocities.
+    const FREE: &str = r#"{"gravity": [0, 0, 0], "bodies": [{
+        "linear_velocity": [1, 2, 0.5], "angular_velocity": [0, 0, 0.3], "shapes": [
+            {"type": "sphere", "radius": 0.25},
+            {"type": "sphere", "radius": 0.25, "position": [1, 0, 0]}
+    ]}]}"#;
+
+    /// The same in the plane.
+    fn flat_free() -> String {
+        let flat = FREE.replace(r#""gravity": [0, 0, 0]"#, r#""dimension": 2, "gravity": [0, 0]"#);
+        let flat = flat.replace(", 0.5]", "]").replace("[0, 0, 0.3]", "0.3");
+        flat.replace("[1, 0, 0]", "[1, 0]")
+    }
+
+    /// Where its origin is when the center began at `center`.
+    fn origin(center: [f32; 2]) -> [f32; 2] {
+        let (sin, cos) = 0.3f32.sin_cos();
+        let [x, y] = center;
+        [x + 1.0 - (cos * x - sin * y), y + 2.0 - (sin * x + cos * y)]
+    }
+
+    #[test]
+    fn bodies_turn_about_the_center_of_mass_of_their_shapes() {
+        let [x, y] = origin([0.5, 0.0]);
+        for (kind, poses) in after_a_second(FREE, |_| ()) {
+            assert_near(kind, &poses[..3], &[x, y, 0.5], 2e-3);
+        }
+        for (kind, poses) in after_a_second(&flat_free(), |_| ()) {
+            assert_near(kind, &poses, &[x, y, 0.3], 2e-3);
+        }
+    }
+
+    #[test]
+    fn bodies_turn_about_the_center_of_mass_that_they_state() {
+        let [x, y] = origin([0.25, 0.5]);
+        let stated = after_a_second(FREE, |scene| {
+            scene.bodies[0].mass.center = Some(vec![0.25, 0.5, 0.0]);
+            scene.bodies[0].mass.inertia = Some(vec![20.0, 30.0, 40.0]);
+        });
+        for (kind, poses) in stated {
+            assert_near(kind, &poses[..3], &[x, y, 0.5], 2e-3);
+        }
+    }
+
+    #[test]
+    fn kinematic_bodies_turn_about_their_origins() {
+        let kinematic = |scene: &mut Scene| scene.bodies[0].motion = Motion::Kinematic;
+        for (kind, poses) in after_a_second(FREE, kinematic) {
+            assert_near(kind, &poses[..3], &[1.0, 2.0, 0.5], 2e-3);
+            assert_near(kind, &poses[5..], &[0.15f32.sin(), 0.15f32.cos()], 2e-3);
+        }
+        for (kind, poses) in after_a_second(&flat_free(), kinematic) {
+            assert_near(kind, &poses, &[1.0, 2.0, 0.3], 2e-3);
+        }
+    }
+
+    #[test]
+    fn kinematic_bodies_follow_their_tracks() {
+        let followed = after_a_second(FREE, |scene| {
+            let body = &mut scene.bodies[0];
+            body.motion = Motion::Kinematic;
+            let quarter = 0.5f64.sqrt();
+            body.track = Track {
+                times: vec![0.0, 0.5, 2.0],
+                positions: vec![vec![0.0; 3], vec![0.0, 1.0, 0.0], vec![3.0, 1.0, 0.0]],
+                rotations: [
+                    [0.0, 0.0, 0.0, 1.0],
+                    [0.0, quarter, 0.0, quarter],
+                    [0.0, quarter, 0.0, quarter],
+                ]
+                .map(Rotation::Quaternion)
+                .to_vec(),
+            };
+        });
+        let quarter = 0.5f32.sqrt();
+        for (kind, poses) in followed {
+            assert_near(kind, &poses, &[1.0, 1.0, 0.0, 0.0, quarter, 0.0, quarter], 5e-3);
+        }
+    }
+
+    #[test]
+    fn balls_rest_on_tilted_half_spaces() {
+        let space = r#"{"gravity": [-5.886, -7.848, 0], "bodies": [
+            {"motion": "static", "position": [0, 1, 0], "shapes": [{"type": "halfspace", "normal": [0.6, 0.8, 0]}]},
+            {"position": [0.36, 1.48, 0], "shapes": [{"type": "sphere", "radius": 0.5}]}
+        ]}"#;
+        let flat = space.replace(", 0]", "]").replacen('{', r#"{"dimension": 2, "#, 1);
+        for (kind, poses) in after_a_second(space, |_| ()) {
+            assert_near(kind, &poses[7..10], &[0.3, 1.4, 0.0], 0.025);
+        }
+        for (kind, poses) in after_a_second(&flat, |_| ()) {
+            assert_near(kind, &poses[3..5], &[0.3, 1.4], 0.025);
+        }
+    }
+}

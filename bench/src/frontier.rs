@@ -126,6 +126,10 @@ impl Frontier {
             );
             rows += 1;
         }
+        if self.points.iter().any(|point| point.fallen) {
+            let y = top + TOP + 16.0 + 20.0 * f64::from(rows);
+            let _ = writeln!(svg, "<text x=\"{}\" y=\"{y}\">hollow: fallen</text>", RIGHT + 14.0);
+        }
     }
 }
 

@@ -203,3 +203,72 @@ judge!(space: parry3d_f64, exact_space, 7, |&[x, y, z, i, j, k, w]| (
     [x, y, z, 0.0, 0.0, 0.0, 0.0].map(f64::from),
     Rotation::Quaternion([i, j, k, w].map(f64::from))
 ));
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use drystone::scene::format::read_json;
+
+    use super::*;
+    use crate::made::made;
+
+    fn scene(text: &str) -> Scene {
+        read_json(Path::new("test.json"), text).unwrap().scene
+    }
+
+    fn overlap(text: &str) -> f64 {
+        let scene = scene(text);
+        let start: Vec<f32> = scene.bodies.iter().flat_map(start).collect();
+        Judge::new(&scene).unwrap().deepest(&start).unwrap()
+    }
+
+    #[test]
+    fn overlap_is_the_shortest_way_apart() {
+        let boxes = r#"{"bodies": [
+            {"shapes": [{"type": "box", "half_extents": [0.5, 0.5, 0.5]}]},
+            {"position": [0.5, 0.875, 0], "shapes": [{"type": "box", "half_extents": [0.5, 0.5, 0.5]}]}
+        ]}"#;
+        assert!((overlap(boxes) - 0.125).abs() < 1e-9);
+        let squares = r#"{"dimension": 2, "bodies": [
+            {"shapes": [{"type": "box", "half_extents": [0.5, 0.5]}]},
+            {"position": [0.75, 0.5], "shapes": [{"type": "box", "half_extents": [0.5, 0.5]}]}
+        ]}"#;
+        assert!((overlap(squares) - 0.25).abs() < 1e-9);
+    }
+
+    #[test]
+    fn half_spaces_overlap_wherever_they_are_in_the_list() {
+        let ball = r#"{"position": [3, 2.4375, 0], "shapes": [{"type": "sphere", "radius": 0.5}]}"#;
+        let floor = r#"{"motion": "static", "position": [0, 2, 0],
+            "shapes": [{"type": "halfspace", "normal": [0, 1, 0]}]}"#;
+        for pair in [[ball, floor], [floor, ball]] {
+            let depth = overlap(&format!(r#"{{"bodies": [{}]}}"#, pair.join(",")));
+            assert!((depth - 0.0625).abs() < 1e-9, "{depth}");
+        }
+    }
+
+    #[test]
+    fn poses_that_are_not_finite_have_no_overlap() {
+        let case = made("stack_30").unwrap();
+        let judge = Judge::new(&case.scene).unwrap();
+        assert_eq!(judge.deepest(&[f32::NAN; 7 * 31]), None);
+    }
+
+    #[test]
+    fn stacks_start_at_rest_and_piles_do_not() {
+        for (name, rest) in [
+            ("stack_30", true),
+            ("pyramid_20_2d", true),
+            ("arch", true),
+            ("dominoes_200", false),
+            ("disk_pile_1000_2d", false),
+        ] {
+            let case = made(name).unwrap();
+            let judge = Judge::new(&case.scene).unwrap();
+            assert_eq!(judge.starts_at_rest(), rest, "{name}");
+            let start: Vec<f32> = case.scene.bodies.iter().flat_map(start).collect();
+            assert_eq!(judge.standing(&start, None), 1.0, "{name}");
+        }
+    }
+}

@@ -4,14 +4,14 @@
 use ::drystone::scene::{Body, Motion, Rotation, Scene, ShapeKind};
 use boxdd_sys::ffi as b2;
 
-use super::{Effort, Engine, Refusal, density, flat_solid, soft_step, states_inertia};
+use super::{Effort, Engine, Peer, Refusal, density, flat_solid, soft_step, states_inertia};
 
 /// Substeps that Box2D's manual recommends. \[1\]
 const SUBSTEPS: u32 = 4;
 /// Half width and half depth of the box that stands for a half-space. \[m\]
 const HALFSPACE: [f32; 2] = [100.0, 5.0];
 /// How much of its area a polygon may lose where Box2D merges near points. \[1\]
-const LOST_AREA: f64 = 1e-3;
+const LOST_AREA: f64 = 1e-2;
 
 /// A scene in Box2D.
 pub(super) struct Box2d {
@@ -195,6 +195,14 @@ impl Engine for Box2d {
             let (p, q) = unsafe { (b2::b2Body_GetPosition(body), b2::b2Body_GetRotation(body)) };
             out.extend([p.x, p.y, q.s.atan2(q.c)]);
         }
+    }
+}
+
+impl Peer for Box2d {
+    fn move_to(&mut self, body: usize, position: &[f64], turn: &Rotation, dt: f32) {
+        let target = b2::b2Transform { p: vector(position), q: rotation(turn) };
+        // SAFETY: the body is in the world, which lives as long as self.
+        unsafe { b2::b2Body_SetTargetTransform(self.bodies[body], target, dt, true) };
     }
 }
 

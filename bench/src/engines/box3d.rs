@@ -4,14 +4,14 @@
 use ::drystone::scene::{Body, Motion, Rotation, Scene, ShapeKind};
 use boxddd_sys::ffi as b3;
 
-use super::{Effort, Engine, Refusal, density, soft_step, solid, states_inertia};
+use super::{Effort, Engine, Peer, Refusal, density, soft_step, solid, states_inertia};
 
 /// Substeps that Box3D's manual recommends. \[1\]
 const SUBSTEPS: u32 = 4;
 /// Half width and half depth of the box that stands for a half-space. \[m\]
 const HALFSPACE: [f32; 2] = [100.0, 5.0];
 /// How much of its volume a hull may lose where Box3D merges near points. \[1\]
-const LOST_VOLUME: f64 = 1e-3;
+const LOST_VOLUME: f64 = 1e-2;
 const ONE: b3::b3Vec3 = b3::b3Vec3 { x: 1.0, y: 1.0, z: 1.0 };
 
 /// A scene in Box3D.
@@ -274,6 +274,14 @@ impl Engine for Box3d {
             let (p, q) = unsafe { (b3::b3Body_GetPosition(body), b3::b3Body_GetRotation(body)) };
             out.extend([p.x, p.y, p.z, q.v.x, q.v.y, q.v.z, q.s]);
         }
+    }
+}
+
+impl Peer for Box3d {
+    fn move_to(&mut self, body: usize, position: &[f64], turn: &Rotation, dt: f32) {
+        let target = b3::b3Transform { p: vector(position), q: rotation(turn) };
+        // SAFETY: the body is in the world, which lives as long as self.
+        unsafe { b3::b3Body_SetTargetTransform(self.bodies[body], target, dt, true) };
     }
 }
 

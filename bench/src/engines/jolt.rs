@@ -7,7 +7,7 @@ use std::sync::Once;
 use ::drystone::scene::{Body, Motion, Rotation, Scene, ShapeKind};
 use oxijolt_sys as jolt;
 
-use super::{Effort, Engine, Refusal, density, solid, states_inertia};
+use super::{Effort, Engine, Peer, Refusal, density, solid, states_inertia};
 
 /// Object layers, and broad-phase layers: what stays, what moves.
 const FIXED: u32 = 0;
@@ -15,7 +15,7 @@ const MOVING: u32 = 1;
 /// Jolt's default. \[m\]
 const CONVEX_RADIUS: f32 = 0.05;
 /// How much of its volume a hull may lose where Jolt merges near points. \[1\]
-const LOST_VOLUME: f64 = 1e-3;
+const LOST_VOLUME: f64 = 1e-2;
 /// Jolt's default: half of the width to which a plane collides. \[m\]
 const PLANE: f32 = 1000.0;
 /// Memory for a step; more is taken where this does not do. \[byte\]
@@ -371,6 +371,17 @@ impl Engine for Jolt {
                 jolt::JPH_BodyInterface_GetPositionAndRotation(bodies, body, &mut p, &mut q);
             }
             out.extend([p.x, p.y, p.z, q.x, q.y, q.z, q.w]);
+        }
+    }
+}
+
+impl Peer for Jolt {
+    fn move_to(&mut self, body: usize, position: &[f64], turn: &Rotation, dt: f32) {
+        let (mut p, mut q) = (vector(position), rotation(turn));
+        // SAFETY: the body is in the system, which lives as long as self.
+        unsafe {
+            let bodies = jolt::JPH_PhysicsSystem_GetBodyInterface(self.system);
+            jolt::JPH_BodyInterface_MoveKinematic(bodies, self.bodies[body], &mut p, &mut q, dt);
         }
     }
 }

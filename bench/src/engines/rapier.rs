@@ -2,7 +2,7 @@
 
 use ::drystone::scene::Scene;
 
-use super::{Effort, Engine, Refusal, soft_step};
+use super::{Effort, Engine, Refusal, follow, soft_step};
 
 /// A scene in rapier2d.
 pub(super) fn flat(
@@ -10,7 +10,7 @@ pub(super) fn flat(
     effort: Effort,
     threads: usize,
 ) -> Result<Box<dyn Engine>, Refusal> {
-    Ok(Box::new(in_2d::Rapier::new(scene, effort, threads)?))
+    Ok(follow(in_2d::Rapier::new(scene, effort, threads)?, scene))
 }
 
 /// A scene in rapier3d.
@@ -19,21 +19,21 @@ pub(super) fn space(
     effort: Effort,
     threads: usize,
 ) -> Result<Box<dyn Engine>, Refusal> {
-    Ok(Box::new(in_3d::Rapier::new(scene, effort, threads)?))
+    Ok(follow(in_3d::Rapier::new(scene, effort, threads)?, scene))
 }
 
 /// The same in the plane and in space.
 macro_rules! rapier {
     ($name:ident: $rapier:ident, $shapes:ident, $solids:ident, $spin:expr, $mass:expr, $pose:expr) => {
         mod $name {
-            use drystone::scene::{Body, Motion, Scene};
+            use drystone::scene::{Body, Motion, Rotation, Scene};
             use $rapier::prelude::{
                 AngVector, CoefficientCombineRule, ColliderBuilder, MassProperties, PhysicsWorld,
                 Pose, RigidBodyBuilder, RigidBodyHandle,
             };
 
             use super::super::$solids as solids;
-            use super::super::{Effort, Engine, Refusal, density, states_inertia};
+            use super::super::{Effort, Engine, Peer, Refusal, density, states_inertia};
             use crate::shapes::$shapes::{pose, shape, vector};
 
             pub(super) struct Rapier {
@@ -81,7 +81,10 @@ macro_rules! rapier {
                 let builder = match body.motion {
                     Motion::Dynamic => RigidBodyBuilder::dynamic(),
                     Motion::Static => RigidBodyBuilder::fixed(),
-                    Motion::Kinematic => RigidBodyBuilder::kinematic_velocity_based(),
+                    Motion::Kinematic if body.track.times.is_empty() => {
+                        RigidBodyBuilder::kinematic_velocity_based()
+                    }
+                    Motion::Kinematic => RigidBodyBuilder::kinematic_position_based(),
                 };
                 let mut builder = builder
                     .pose(pose(&body.position, &body.rotation))
@@ -89,12 +92,15 @@ macro_rules! rapier {
                     .angvel(spin(&body.angular_velocity))
                     .gravity_scale(body.gravity_factor as f32)
                     .can_sleep(false);
-                // A body that nothing pushes turns about its origin, as in the scene.
                 let mut of_shapes = 0.0;
                 if states_inertia(body) {
                     let mass: fn(&solids::MassProperties) -> MassProperties = $mass;
                     builder =
                         builder.additional_mass_properties(mass(&solids::stated(index, body)?));
+                } else if body.motion == Motion::Kinematic {
+                    // A body that nothing pushes turns about its origin, as in the scene.
+                    builder =
+                        builder.additional_mass_properties(MassProperties::from_ball(1.0, 1.0));
                 } else if body.motion == Motion::Dynamic {
                     of_shapes = density(body, solids::volume(index, body)?);
                 }
@@ -125,6 +131,13 @@ macro_rules! rapier {
                     for &body in &self.bodies {
                         write(self.world.bodies[body].position(), out);
                     }
+                }
+            }
+
+            impl Peer for Rapier {
+                fn move_to(&mut self, body: usize, position: &[f64], rotation: &Rotation, _: f32) {
+                    let body = &mut self.world.bodies[self.bodies[body]];
+                    body.set_next_kinematic_position(pose(position, rotation));
                 }
             }
         }
