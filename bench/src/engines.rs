@@ -1,129 +1,475 @@
-//! Drystone and rapier behind one face: one thread, friction as the scene says, nothing sleeps.
+//! All engines behind one face. Each gets the same scene; nothing sleeps.
 
-use drystone::geometry::{Geometry, Rigid3};
-use drystone::scene::{Material, Motion};
-use drystone::{Body, BodyId, Collider, StepReport, StepSettings, World3};
-use drystone_solver::{Vector, Velocity};
-use rapier3d::math::{Pose, Rotation};
-use rapier3d::prelude::{
-    ColliderBuilder, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle, Vector as V,
+#[cfg(feature = "box2d")]
+mod box2d;
+#[cfg(feature = "box3d")]
+mod box3d;
+mod drystone;
+#[cfg(feature = "jolt")]
+mod jolt;
+mod rapier;
+
+use std::fmt;
+use std::str::FromStr;
+
+use ::drystone::scene::{
+    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Track,
 };
+use clap::ValueEnum;
 
-use crate::scenes::Scene;
-
-/// Length of a step. \[s\]
-const DT: f32 = 1.0 / 60.0;
-/// \[m/s^2\]
-const GRAVITY: [f32; 3] = [0.0, -9.81, 0.0];
-
-/// Position and unit quaternion x, y, z, w of a body's origin.
-pub(crate) type Placement = ([f32; 3], [f32; 4]);
+pub(crate) use self::drystone::Drystone;
 
 /// A scene in an engine.
 pub(crate) trait Engine {
-    /// One step.
-    fn step(&mut self);
-    /// Where the bodies are, in the order of the scene.
-    fn placements(&self) -> Vec<Placement>;
-    /// Manifolds and contact points that the solver of the last step saw.
-    fn contacts(&self) -> [usize; 2];
+    /// One step of `dt` \[s\].
+    ///
+    /// # Errors
+    /// The engine could not do all that the step needs.
+    fn step(&mut self, dt: f32) -> Result<(), Refusal>;
+
+    /// Appends the poses of all bodies of the scene, in its order: 3D px py pz qx qy qz qw,
+    /// 2D px py angle. \[m, rad\]
+    fn write_poses(&self, out: &mut Vec<f32>);
 }
 
-/// A scene in Drystone.
-pub(crate) struct Drystone {
-    world: World3,
-    ids: Vec<BodyId>,
-    pub(crate) report: StepReport,
+/// An engine that does not know tracks by itself.
+trait Peer: Engine {
+    /// Moves a kinematic body, by its number in the scene, to a place at the end of the next step of
+    /// `dt` \[s\].
+    fn move_to(&mut self, body: usize, position: &[f64], rotation: &Rotation, dt: f32);
 }
 
-impl Drystone {
-    pub(crate) fn new(scene: &Scene, settings: StepSettings) -> Self {
-        let mut world = World3::new(settings);
-        world.gravity = Vector(GRAVITY);
-        let material =
-            Material { friction: scene.friction.into(), restitution: 0.0, ..Material::default() };
-        let ids = scene.bodies.iter().map(|body| {
-            let motion = if body.fixed { Motion::Static } else { Motion::Dynamic };
-            let collider = Collider {
-                density: body.density,
-                material: material.clone(),
-                ..Collider::new(body.form.shape())
-            };
-            world.add(Body {
-                pose: Rigid3::pose(Vector(body.position), &body.rotation),
-                velocity: Velocity { linear: Vector(body.velocity), angular: Vector::ZERO },
-                colliders: vec![collider],
-                ..Body::new(motion, body.position, body.form.shape())
+/// A peer whose kinematic bodies follow tracks.
+struct Tracked<P> {
+    peer: P,
+    tracks: Vec<(usize, Track)>,
+    /// \[s\]
+    time: f64,
+}
+
+impl<P: Peer> Engine for Tracked<P> {
+    fn step(&mut self, dt: f32) -> Result<(), Refusal> {
+        self.time += f64::from(dt);
+        for (body, track) in &self.tracks {
+            let (position, rotation) = track.at(self.time);
+            self.peer.move_to(*body, &position, &rotation, dt);
+        }
+        self.peer.step(dt)
+    }
+
+    fn write_poses(&self, out: &mut Vec<f32>) {
+        self.peer.write_poses(out);
+    }
+}
+
+/// A peer with the tracks of the scene, if it has any.
+fn follow<P: Peer + 'static>(peer: P, scene: &Scene) -> Box<dyn Engine> {
+    let bodies = scene.bodies.iter().enumerate();
+    let tracks: Vec<_> = bodies
+        .filter(|(_, body)| !body.track.times.is_empty())
+        .map(|(index, body)| (index, body.track.clone()))
+        .collect();
+    if tracks.is_empty() { Box::new(peer) } else { Box::new(Tracked { peer, tracks, time: 0.0 }) }
+}
+
+/// Why an engine does not run a scene.
+#[derive(Debug, thiserror::Error)]
+#[error("{item}: {reason}")]
+pub(crate) struct Refusal {
+    item: String,
+    reason: String,
+}
+
+impl Refusal {
+    fn new(item: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self { item: item.into(), reason: reason.into() }
+    }
+
+    fn body(index: usize, body: &Body, reason: impl Into<String>) -> Self {
+        Self::new(body.name.clone().unwrap_or_else(|| format!("body {index}")), reason)
+    }
+}
+
+/// The engines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Kind {
+    Drystone,
+    Rapier2d,
+    Rapier3d,
+    Box2d,
+    Box3d,
+    Jolt,
+}
+
+impl Kind {
+    /// All engines, in the order of the table.
+    pub(crate) const ALL: [Self; 6] =
+        [Self::Drystone, Self::Rapier2d, Self::Rapier3d, Self::Box2d, Self::Box3d, Self::Jolt];
+
+    /// Its name.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Drystone => "drystone",
+            Self::Rapier2d => "rapier2d",
+            Self::Rapier3d => "rapier3d",
+            Self::Box2d => "box2d",
+            Self::Box3d => "box3d",
+            Self::Jolt => "jolt",
+        }
+    }
+
+    /// Where its source comes from.
+    pub(crate) fn version(self) -> &'static str {
+        match self {
+            Self::Drystone => "this checkout",
+            Self::Rapier2d => env!("VERSION_RAPIER2D"),
+            Self::Rapier3d => env!("VERSION_RAPIER3D"),
+            Self::Box2d => env!("VERSION_BOXDD_SYS"),
+            Self::Box3d => env!("VERSION_BOXDDD_SYS"),
+            Self::Jolt => env!("VERSION_OXIJOLT_SYS"),
+        }
+    }
+
+    /// Whether it is part of this build.
+    pub(crate) fn is_built(self) -> bool {
+        match self {
+            Self::Drystone | Self::Rapier2d | Self::Rapier3d => true,
+            Self::Box2d => cfg!(feature = "box2d"),
+            Self::Box3d => cfg!(feature = "box3d"),
+            Self::Jolt => cfg!(feature = "jolt"),
+        }
+    }
+
+    /// Whether it has scenes of `dimension` 2 or 3.
+    pub(crate) fn has_dimension(self, dimension: usize) -> bool {
+        match self {
+            Self::Drystone => true,
+            Self::Rapier2d | Self::Box2d => dimension == 2,
+            Self::Rapier3d | Self::Box3d | Self::Jolt => dimension == 3,
+        }
+    }
+
+    /// The settings of `--quality`, from fast to exact.
+    pub(crate) fn efforts(self) -> Vec<Effort> {
+        let substeps = |counts: &[u32]| counts.iter().map(|&n| Effort::Substeps(n)).collect();
+        match self {
+            Self::Drystone => {
+                let mut efforts: Vec<_> = substeps(&[4, 8, 16, 32]);
+                efforts.push(Effort::Certified);
+                efforts
+            }
+            Self::Jolt => substeps(&[1, 2, 4, 8]),
+            _ => substeps(&[4, 8, 16, 32, 64]),
+        }
+    }
+}
+
+/// How hard an engine works on a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Effort {
+    /// Its default settings; Drystone's for real time.
+    Default,
+    /// So many substeps, contacts as much stiffer; Jolt: collision steps.
+    Substeps(u32),
+    /// Drystone's certified settings.
+    Certified,
+}
+
+impl fmt::Display for Effort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Default => f.write_str("default"),
+            Self::Substeps(count) => write!(f, "{count}"),
+            Self::Certified => f.write_str("certified"),
+        }
+    }
+}
+
+impl FromStr for Effort {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "default" => Ok(Self::Default),
+            "certified" => Ok(Self::Certified),
+            count => match count.parse() {
+                Ok(count @ 1..=1024) => Ok(Self::Substeps(count)),
+                _ => Err("accepted: default, certified, 1 to 1024".to_string()),
+            },
+        }
+    }
+}
+
+/// Substeps and contact stiffness \[Hz\] of the engines that share Box2D's soft contacts: their
+/// defaults, or both raised together, since stiffness alone sets how deep a contact sinks.
+fn soft_step(effort: Effort) -> Option<(u32, f32)> {
+    match effort {
+        Effort::Substeps(count) => Some((count, 7.5 * count as f32)),
+        _ => None,
+    }
+}
+
+/// Puts a scene into an engine that works on `threads` threads.
+///
+/// # Errors
+/// What of the scene the engine cannot have.
+pub(crate) fn build(
+    kind: Kind,
+    scene: &Scene,
+    effort: Effort,
+    threads: usize,
+) -> Result<Box<dyn Engine>, Refusal> {
+    if effort == Effort::Certified && kind != Kind::Drystone {
+        return Err(Refusal::new(kind.name(), "has no certified settings"));
+    }
+    if kind != Kind::Drystone {
+        accept(scene)?;
+    }
+    match kind {
+        Kind::Drystone => Ok(Box::new(Drystone::new(scene, drystone::settings(effort), threads)?)),
+        Kind::Rapier2d => rapier::flat(scene, effort, threads),
+        Kind::Rapier3d => rapier::space(scene, effort, threads),
+        #[cfg(feature = "box2d")]
+        Kind::Box2d => Ok(follow(box2d::Box2d::new(scene, effort, threads)?, scene)),
+        #[cfg(feature = "box3d")]
+        Kind::Box3d => Ok(follow(box3d::Box3d::new(scene, effort, threads)?, scene)),
+        #[cfg(feature = "jolt")]
+        Kind::Jolt => Ok(follow(jolt::Jolt::new(scene, effort, threads)?, scene)),
+        #[allow(unreachable_patterns)]
+        _ => {
+            Err(Refusal::new(kind.name(), "is not part of this build; build with --features peers"))
+        }
+    }
+}
+
+/// Whether the scene means the same in all engines.
+fn accept(scene: &Scene) -> Result<(), Refusal> {
+    if scene.bodies_as == BodiesAs::Particles {
+        return Err(Refusal::new("bodies_as", "particles, which peers do not have"));
+    }
+    let materials: Vec<&Material> =
+        scene.bodies.iter().flat_map(|body| &body.shapes).map(|shape| &shape.material).collect();
+    let alike = materials.windows(2).all(|pair| {
+        pair[0].friction == pair[1].friction && pair[0].restitution == pair[1].restitution
+    });
+    for (index, body) in scene.bodies.iter().enumerate() {
+        let refuse = |reason: &str| Err(Refusal::body(index, body, reason));
+        if body.mass.mass.is_some_and(f64::is_infinite)
+            || body.mass.inertia.iter().flatten().any(|moment| !moment.is_finite())
+        {
+            return refuse("has an infinite mass or moment of inertia");
+        }
+        for shape in &body.shapes {
+            let Material { friction_combine: friction, restitution_combine: bounce, .. } =
+                shape.material;
+            let usual = friction == Combine::GeometricMean && bounce == Combine::Maximum;
+            let product = friction == Combine::Multiply || bounce == Combine::Multiply;
+            // Of two equal numbers, means, minimum and maximum are the same.
+            if !usual && (product || !alike) {
+                return refuse(
+                    "combines friction or restitution in a way that not all engines have",
+                );
+            }
+            if shape.filter != Filter::default() {
+                return refuse(
+                    "collides with some bodies only, which this program does not carry over",
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Density of all shapes of a body, from its density or its mass. \[kg/m^3, 2D kg/m^2\]
+fn density(body: &Body, volume: f64) -> f64 {
+    match body.mass.mass {
+        Some(mass) => mass / volume,
+        None => body.mass.density.unwrap_or(1000.0),
+    }
+}
+
+/// Whether a body states a center of mass or moments of inertia that its shapes do not have.
+fn states_inertia(body: &Body) -> bool {
+    body.motion == Motion::Dynamic && (body.mass.center.is_some() || body.mass.inertia.is_some())
+}
+
+/// Mass properties in double precision, the same in the plane and in space.
+macro_rules! solids {
+    ($name:ident: $parry:ident, $shapes:ident, $stated:expr) => {
+        pub(crate) mod $name {
+            use drystone::scene::{Body, Mass};
+            pub(crate) use $parry::mass_properties::MassProperties;
+
+            use super::Refusal;
+            use crate::shapes::$shapes::{pose, shape, vector};
+
+            /// Volume of all shapes of a body that have one. \[m^3, 2D m^2\]
+            pub(crate) fn volume(index: usize, body: &Body) -> Result<f64, Refusal> {
+                Ok(solid(index, body, 1.0)?.mass())
+            }
+
+            /// Mass, center and inertia of a body: its own where it states them, else those of its
+            /// shapes.
+            pub(crate) fn stated(index: usize, body: &Body) -> Result<MassProperties, Refusal> {
+                let density = super::density(body, volume(index, body)?);
+                let mut of = solid(index, body, density)?;
+                if let Some(center) = &body.mass.center {
+                    of.local_com = vector(center);
+                }
+                let inertia: fn(&MassProperties, &[f64], &Mass) -> MassProperties = $stated;
+                Ok(body
+                    .mass
+                    .inertia
+                    .as_ref()
+                    .map_or(of, |moments| inertia(&of, moments, &body.mass)))
+            }
+
+            fn solid(index: usize, body: &Body, density: f64) -> Result<MassProperties, Refusal> {
+                let mut sum = MassProperties::default();
+                for part in &body.shapes {
+                    let shape = shape(&part.kind).map_err(|why| Refusal::body(index, body, why))?;
+                    let local = pose(&part.position, &part.rotation);
+                    sum += shape.mass_properties(density).transform_by(&local);
+                }
+                Ok(sum)
+            }
+        }
+    };
+}
+
+solids!(flat_solid: parry2d_f64, exact_flat, |of, moments, _| {
+    MassProperties::new(of.local_com, of.mass(), moments.first().copied().unwrap_or(0.0))
+});
+solids!(solid: parry3d_f64, exact_space, |of, moments, mass| {
+    let axes = drystone::scene::Rotation::Quaternion(mass.inertia_rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
+    let frame = pose(&[], &axes).rotation;
+    MassProperties::with_principal_inertia_frame(of.local_com, of.mass(), vector(moments), frame)
+});
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use ::drystone::scene::format::read_json;
+
+    use super::*;
+
+    const DT: f32 = 1.0 / 60.0;
+
+    /// Poses after a second, of every engine of this build.
+    fn after_a_second(text: &str, change: fn(&mut Scene)) -> Vec<(Kind, Vec<f32>)> {
+        let mut scene = read_json(Path::new("test.json"), text).unwrap().scene;
+        change(&mut scene);
+        let kinds = Kind::ALL.into_iter();
+        let kinds = kinds.filter(|kind| kind.is_built() && kind.has_dimension(scene.dimension));
+        kinds
+            .map(|kind| {
+                let mut engine = build(kind, &scene, Effort::Default, 1).unwrap();
+                (0..60).for_each(|_| engine.step(DT).unwrap());
+                let mut poses = Vec::new();
+                engine.write_poses(&mut poses);
+                (kind, poses)
             })
+            .collect()
+    }
+
+    fn assert_near(kind: Kind, found: &[f32], expected: &[f32], tolerance: f32) {
+        let near = found.iter().zip(expected).all(|(x, y)| (x - y).abs() <= tolerance);
+        assert!(near && found.len() == expected.len(), "{kind:?}: {found:?}, not {expected:?}");
+    }
+
+    /// A body whose center of mass is half a meter from its origin, at its first velocities.
+    const FREE: &str = r#"{"gravity": [0, 0, 0], "bodies": [{
+        "linear_velocity": [1, 2, 0.5], "angular_velocity": [0, 0, 0.3], "shapes": [
+            {"type": "sphere", "radius": 0.25},
+            {"type": "sphere", "radius": 0.25, "position": [1, 0, 0]}
+    ]}]}"#;
+
+    /// The same in the plane.
+    fn flat_free() -> String {
+        let flat = FREE.replace(r#""gravity": [0, 0, 0]"#, r#""dimension": 2, "gravity": [0, 0]"#);
+        let flat = flat.replace(", 0.5]", "]").replace("[0, 0, 0.3]", "0.3");
+        flat.replace("[1, 0, 0]", "[1, 0]")
+    }
+
+    /// Where its origin is when the center began at `center`.
+    fn origin(center: [f32; 2]) -> [f32; 2] {
+        let (sin, cos) = 0.3f32.sin_cos();
+        let [x, y] = center;
+        [x + 1.0 - (cos * x - sin * y), y + 2.0 - (sin * x + cos * y)]
+    }
+
+    #[test]
+    fn bodies_turn_about_the_center_of_mass_of_their_shapes() {
+        let [x, y] = origin([0.5, 0.0]);
+        for (kind, poses) in after_a_second(FREE, |_| ()) {
+            assert_near(kind, &poses[..3], &[x, y, 0.5], 2e-3);
+        }
+        for (kind, poses) in after_a_second(&flat_free(), |_| ()) {
+            assert_near(kind, &poses, &[x, y, 0.3], 2e-3);
+        }
+    }
+
+    #[test]
+    fn bodies_turn_about_the_center_of_mass_that_they_state() {
+        let [x, y] = origin([0.25, 0.5]);
+        let stated = after_a_second(FREE, |scene| {
+            scene.bodies[0].mass.center = Some(vec![0.25, 0.5, 0.0]);
+            scene.bodies[0].mass.inertia = Some(vec![20.0, 30.0, 40.0]);
         });
-        let ids = ids.collect();
-        Self { world, ids, report: StepReport::default() }
-    }
-}
-
-impl Engine for Drystone {
-    fn step(&mut self) {
-        self.report = self.world.step(DT);
+        for (kind, poses) in stated {
+            assert_near(kind, &poses[..3], &[x, y, 0.5], 2e-3);
+        }
     }
 
-    fn placements(&self) -> Vec<Placement> {
-        let poses = self.ids.iter().filter_map(|&id| self.world.pose(id));
-        poses.map(|pose| (pose.translation.to_array(), pose.rotation.to_array())).collect()
+    #[test]
+    fn kinematic_bodies_turn_about_their_origins() {
+        let kinematic = |scene: &mut Scene| scene.bodies[0].motion = Motion::Kinematic;
+        for (kind, poses) in after_a_second(FREE, kinematic) {
+            assert_near(kind, &poses[..3], &[1.0, 2.0, 0.5], 2e-3);
+            assert_near(kind, &poses[5..], &[0.15f32.sin(), 0.15f32.cos()], 2e-3);
+        }
+        for (kind, poses) in after_a_second(&flat_free(), kinematic) {
+            assert_near(kind, &poses, &[1.0, 2.0, 0.3], 2e-3);
+        }
     }
 
-    fn contacts(&self) -> [usize; 2] {
-        [self.report.manifolds, self.report.contacts]
-    }
-}
-
-/// A scene in rapier.
-pub(crate) struct Rapier {
-    world: PhysicsWorld,
-    handles: Vec<RigidBodyHandle>,
-}
-
-impl Rapier {
-    pub(crate) fn new(scene: &Scene) -> Self {
-        let mut world = PhysicsWorld { gravity: GRAVITY.into(), ..PhysicsWorld::default() };
-        world.integration_parameters.dt = DT;
-        let handles = scene.bodies.iter().map(|body| {
-            let [x, y, z, w] = body.rotation;
-            let rotation = Rotation::from_xyzw(x, y, z, w).normalize();
-            let builder =
-                if body.fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::dynamic() };
-            let builder = builder
-                .pose(Pose::from_parts(body.position.into(), rotation))
-                .linvel(V::from(body.velocity))
-                .can_sleep(false);
-            let collider = ColliderBuilder::new(body.form.shape())
-                .density(body.density)
-                .friction(scene.friction)
-                .restitution(0.0);
-            world.insert(builder, collider).0
+    #[test]
+    fn kinematic_bodies_follow_their_tracks() {
+        let followed = after_a_second(FREE, |scene| {
+            let body = &mut scene.bodies[0];
+            body.motion = Motion::Kinematic;
+            let quarter = 0.5f64.sqrt();
+            body.track = Track {
+                times: vec![0.0, 0.5, 2.0],
+                positions: vec![vec![0.0; 3], vec![0.0, 1.0, 0.0], vec![3.0, 1.0, 0.0]],
+                rotations: [
+                    [0.0, 0.0, 0.0, 1.0],
+                    [0.0, quarter, 0.0, quarter],
+                    [0.0, quarter, 0.0, quarter],
+                ]
+                .map(Rotation::Quaternion)
+                .to_vec(),
+            };
         });
-        let handles = handles.collect();
-        Self { world, handles }
-    }
-}
-
-impl Engine for Rapier {
-    fn step(&mut self) {
-        self.world.step();
+        let quarter = 0.5f32.sqrt();
+        for (kind, poses) in followed {
+            assert_near(kind, &poses, &[1.0, 1.0, 0.0, 0.0, quarter, 0.0, quarter], 5e-3);
+        }
     }
 
-    fn placements(&self) -> Vec<Placement> {
-        let poses = self.handles.iter().map(|&handle| self.world.bodies[handle].position());
-        poses.map(|pose| (pose.translation.to_array(), pose.rotation.to_array())).collect()
-    }
-
-    fn contacts(&self) -> [usize; 2] {
-        let points = self
-            .world
-            .narrow_phase
-            .contact_pairs()
-            .flat_map(|pair| pair.solver_manifolds())
-            .map(|manifold| manifold.data.solver_contacts.len())
-            .filter(|&points| points > 0);
-        points.fold([0, 0], |[manifolds, sum], points| [manifolds + 1, sum + points])
+    #[test]
+    fn balls_rest_on_tilted_half_spaces() {
+        let space = r#"{"gravity": [-5.886, -7.848, 0], "bodies": [
+            {"motion": "static", "position": [0, 1, 0], "shapes": [{"type": "halfspace", "normal": [0.6, 0.8, 0]}]},
+            {"position": [0.36, 1.48, 0], "shapes": [{"type": "sphere", "radius": 0.5}]}
+        ]}"#;
+        let flat = space.replace(", 0]", "]").replacen('{', r#"{"dimension": 2, "#, 1);
+        for (kind, poses) in after_a_second(space, |_| ()) {
+            assert_near(kind, &poses[7..10], &[0.3, 1.4, 0.0], 0.025);
+        }
+        for (kind, poses) in after_a_second(&flat, |_| ()) {
+            assert_near(kind, &poses[3..5], &[0.3, 1.4], 0.025);
+        }
     }
 }

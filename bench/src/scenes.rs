@@ -1,282 +1,111 @@
-//! The scenes, in code; SI units, +y up. The same numbers on every machine.
+//! The scenes to run: files, folders, or those made in code.
 
-use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
 
-use parry3d::math::Vector;
-use parry3d::shape::SharedShape;
-use parry3d_f64::shape::SharedShape as Exact;
+use drystone::scene::{Motion, Scene, read};
 
-/// The form of a body.
-pub(crate) enum Form {
-    /// Half extents.
-    Box([f32; 3]),
-    /// Radius.
-    Sphere(f32),
-    /// Points around the center of mass.
-    Hull(Vec<[f32; 3]>),
-}
+use crate::made::{NAMES, made};
 
-impl Form {
-    /// What both engines simulate.
-    pub(crate) fn shape(&self) -> SharedShape {
-        match self {
-            &Self::Box([x, y, z]) => SharedShape::cuboid(x, y, z),
-            &Self::Sphere(radius) => SharedShape::ball(radius),
-            Self::Hull(points) => {
-                let points: Vec<Vector> = points.iter().map(|&p| p.into()).collect();
-                SharedShape::convex_hull(&points).expect("a solid hull")
-            }
-        }
-    }
+/// Steps of a scene that states none.
+const STEPS: usize = 600;
 
-    /// What overlap is measured on.
-    pub(crate) fn exact(&self) -> Exact {
-        match self {
-            Self::Box(half) => {
-                let [x, y, z] = half.map(f64::from);
-                Exact::cuboid(x, y, z)
-            }
-            &Self::Sphere(radius) => Exact::ball(radius.into()),
-            Self::Hull(points) => {
-                let points: Vec<_> = points.iter().map(|p| p.map(f64::from).into()).collect();
-                Exact::convex_hull(&points).expect("a solid hull")
-            }
-        }
-    }
-
-    /// Half of the smallest side of the box around it, as it starts.
-    pub(crate) fn half_size(&self) -> f64 {
-        self.exact().compute_local_aabb().half_extents().min_element()
-    }
-}
-
-/// A body, dynamic unless `fixed`; restitution 0.
-pub(crate) struct Body {
-    pub(crate) form: Form,
-    pub(crate) position: [f32; 3],
-    /// Unit quaternion x, y, z, w.
-    pub(crate) rotation: [f32; 4],
-    pub(crate) velocity: [f32; 3],
-    pub(crate) density: f32,
-    pub(crate) fixed: bool,
-}
-
-impl Body {
-    fn new(form: Form, position: [f32; 3]) -> Self {
-        let rotation = [0.0, 0.0, 0.0, 1.0];
-        Self { form, position, rotation, velocity: [0.0; 3], density: 1000.0, fixed: false }
-    }
-
-    fn fixed(half: [f32; 3], position: [f32; 3]) -> Self {
-        Self { fixed: true, ..Self::new(Form::Box(half), position) }
-    }
-}
-
-/// A scene.
-pub(crate) struct Scene {
-    pub(crate) name: &'static str,
+/// A scene to run.
+pub(crate) struct Case {
+    pub(crate) name: String,
+    /// Where it came from, if not from code.
+    pub(crate) file: Option<PathBuf>,
+    pub(crate) scene: Scene,
     pub(crate) steps: usize,
-    pub(crate) friction: f32,
-    /// Whether it is built to stay as it is.
-    pub(crate) stands: bool,
-    pub(crate) bodies: Vec<Body>,
+    /// How far a body may go and still stand, if the scene states it. \[m\]
+    pub(crate) stand_tolerance: Option<f64>,
 }
 
-/// Names of all scenes.
-pub(crate) const NAMES: [&str; 9] = [
-    "stack_30",
-    "pyramid_20",
-    "pyramid_40",
-    "arch",
-    "dominoes_200",
-    "box_pile_1000",
-    "hull_pile_500",
-    "sphere_pile_1000",
-    "sphere_pile_8000",
-];
+impl Case {
+    /// Length of a step. \[s\]
+    pub(crate) fn dt(&self) -> f32 {
+        self.scene.time_step as f32
+    }
 
-/// Builds a scene by its name.
-pub(crate) fn scene(name: &str) -> Option<Scene> {
-    let name = *NAMES.iter().find(|known| **known == name)?;
-    let standing = |bodies| Scene { name, steps: 1200, friction: 0.5, stands: true, bodies };
-    let falling = |steps, bodies| Scene { name, steps, friction: 0.5, stands: false, bodies };
-    Some(match name {
-        "stack_30" => standing(stack(30)),
-        "pyramid_20" => standing(pyramid(20)),
-        "pyramid_40" => standing(pyramid(40)),
-        "arch" => Scene { friction: 0.7, ..standing(arch()) },
-        "dominoes_200" => falling(1200, dominoes(200)),
-        "box_pile_1000" => falling(600, pile(1000, 10, 0.92, 3, tumbled_box)),
-        "hull_pile_500" => falling(600, pile(500, 8, 0.66, 5, tumbled_hull)),
-        "sphere_pile_1000" => falling(600, pile(1000, 10, 0.6, 1, sphere)),
-        "sphere_pile_8000" => falling(600, pile(8000, 20, 0.6, 2, sphere)),
-        _ => return None,
+    /// Bodies that can move.
+    pub(crate) fn dynamic_bodies(&self) -> usize {
+        self.scene.bodies.iter().filter(|body| body.motion == Motion::Dynamic).count()
+    }
+}
+
+/// The scenes of files and folders, or all that are made in code if there are none; of these those
+/// with one of `names`, if any are given.
+///
+/// # Errors
+/// A file that is no scene, a name that no scene has.
+pub(crate) fn cases(paths: &[PathBuf], names: &[String]) -> Result<Vec<Case>, String> {
+    let mut cases = Vec::new();
+    if paths.is_empty() {
+        cases.extend(NAMES.iter().filter_map(|name| made(name)));
+    }
+    for path in paths {
+        if path.is_dir() {
+            for file in scene_files(path)? {
+                cases.push(from_file(&file)?);
+            }
+        } else {
+            cases.push(from_file(path)?);
+        }
+    }
+    for name in names {
+        if !cases.iter().any(|case| case.name == *name) {
+            let known: Vec<_> = cases.iter().map(|case| case.name.as_str()).collect();
+            return Err(format!("there is no scene {name}; the scenes are: {}", known.join(", ")));
+        }
+    }
+    cases.retain(|case| names.is_empty() || names.contains(&case.name));
+    Ok(cases)
+}
+
+/// The scene files of a folder, by name.
+fn scene_files(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let unreadable = |error| format!("{}: cannot be read: {error}", folder.display());
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        let extension = path.extension().and_then(|name| name.to_str()).unwrap_or("");
+        if ["json", "toml", "gltf", "glb"].contains(&extension) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    if files.is_empty() {
+        return Err(format!("{}: has no .json, .toml, .gltf or .glb file", folder.display()));
+    }
+    Ok(files)
+}
+
+fn from_file(file: &Path) -> Result<Case, String> {
+    let read = read(file).map_err(|error| error.to_string())?;
+    let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    Ok(Case {
+        name: stem.unwrap_or_default(),
+        file: Some(file.to_owned()),
+        steps: read.scene.steps.map_or(STEPS, |steps| steps as usize),
+        scene: read.scene,
+        stand_tolerance: stand_tolerance(file),
     })
 }
 
-fn ground() -> Body {
-    Body::fixed([50.0, 1.0, 50.0], [0.0, -1.0, 0.0])
-}
-
-fn unit_box(position: [f32; 3]) -> Body {
-    Body::new(Form::Box([0.5; 3]), position)
-}
-
-fn stack(count: usize) -> Vec<Body> {
-    let boxes = (0..count).map(|i| unit_box([0.0, 0.5 + i as f32, 0.0]));
-    std::iter::once(ground()).chain(boxes).collect()
-}
-
-fn pyramid(base: usize) -> Vec<Body> {
-    let mut bodies = vec![ground()];
-    for layer in 0..base {
-        let count = base - layer;
-        for i in 0..count {
-            let x = (i as f32 - (count - 1) as f32 / 2.0) * 1.02;
-            bodies.push(unit_box([x, 0.5 + layer as f32, 0.0]));
-        }
+/// `extras.stand_tolerance` of a scene: what the simulation ignores and tools may read. \[m\]
+fn stand_tolerance(file: &Path) -> Option<f64> {
+    #[derive(serde::Deserialize)]
+    struct File {
+        extras: Extras,
     }
-    bodies
-}
-
-/// Fifteen wedges between two abutments.
-fn arch() -> Vec<Body> {
-    const WEDGES: usize = 15;
-    let mut bodies = Vec::from([-4.5, 4.5].map(|x| Body::fixed([1.5, 1.0, 1.5], [x, -1.0, 0.0])));
-    for i in 0..WEDGES {
-        let mut corners = Vec::new();
-        for radius in [4.0, 5.0] {
-            for side in [i, i + 1] {
-                let (sin, cos) = (PI * side as f64 / WEDGES as f64).sin_cos();
-                corners.extend([-0.5, 0.5].map(|z| [radius * cos, radius * sin, z]));
-            }
-        }
-        let (hull, center, _) = centered(&corners);
-        bodies.push(Body::new(hull, center));
+    #[derive(serde::Deserialize)]
+    struct Extras {
+        stand_tolerance: f64,
     }
-    bodies
-}
-
-fn dominoes(count: usize) -> Vec<Body> {
-    const PITCH: f32 = 0.25;
-    let middle = count as f32 * PITCH / 2.0;
-    let mut bodies = vec![Body::fixed([middle + 10.0, 1.0, 5.0], [middle, -1.0, 0.0])];
-    for i in 0..count {
-        let form = Form::Box([0.05, 0.25, 0.125]);
-        bodies.push(Body::new(form, [i as f32 * PITCH, 0.25, 0.0]));
-    }
-    let striker = Body::new(Form::Sphere(0.15), [-0.6, 0.35, 0.0]);
-    bodies.push(Body { velocity: [2.0, 0.0, 0.0], density: 2000.0, ..striker });
-    bodies
-}
-
-/// Bodies in layers of `side` x `side`, `pitch` apart, dropped into an open container that is
-/// just as wide.
-fn pile(
-    count: usize,
-    side: usize,
-    pitch: f32,
-    seed: u64,
-    make: fn(&mut Random) -> (Form, [f32; 4]),
-) -> Vec<Body> {
-    let mut random = Random::new(seed);
-    let width = side as f32 * pitch;
-    let height = count.div_ceil(side * side) as f32 * pitch + 2.0;
-    // Walls half a meter to each side of their middle.
-    const T: f32 = 0.5;
-    let (out, up, middle) = (width / 2.0 + T, height / 2.0 + T, height / 2.0 - T);
-    let mut bodies = vec![
-        Body::fixed([out, T, out], [0.0, -T, 0.0]),
-        Body::fixed([T, up, out + T], [-out, middle, 0.0]),
-        Body::fixed([T, up, out + T], [out, middle, 0.0]),
-        Body::fixed([out + T, up, T], [0.0, middle, -out]),
-        Body::fixed([out + T, up, T], [0.0, middle, out]),
-    ];
-    for i in 0..count {
-        let (layer, place) = (i / (side * side), i % (side * side));
-        let cell = [place / side, layer, place % side];
-        let start = [0.5 * pitch - width / 2.0, 0.6 * pitch, 0.5 * pitch - width / 2.0];
-        let position: [f32; 3] = std::array::from_fn(|axis| {
-            start[axis] + (cell[axis] as f32 + random.within(-0.03, 0.03)) * pitch
-        });
-        let (form, rotation) = make(&mut random);
-        bodies.push(Body { rotation, ..Body::new(form, position) });
-    }
-    bodies
-}
-
-fn sphere(random: &mut Random) -> (Form, [f32; 4]) {
-    (Form::Sphere(random.within(0.22, 0.28)), [0.0, 0.0, 0.0, 1.0])
-}
-
-fn tumbled_box(random: &mut Random) -> (Form, [f32; 4]) {
-    let half = std::array::from_fn(|_| random.within(0.18, 0.26));
-    (Form::Box(half), random.direction())
-}
-
-/// The hull of 12 to 20 points near an ellipsoid of radius 0.3.
-fn tumbled_hull(random: &mut Random) -> (Form, [f32; 4]) {
-    const RADIUS: f32 = 0.3;
-    let least = 0.35 * 4.0 / 3.0 * PI * f64::from(0.8 * RADIUS).powi(3);
-    let count = 12 + (random.next() * 9.0) as usize;
-    loop {
-        let stretch: [f32; 3] = std::array::from_fn(|_| random.within(0.7, 1.0));
-        let points: Vec<[f64; 3]> = (0..count)
-            .map(|_| {
-                let far = RADIUS * random.within(0.9, 1.0);
-                let direction: [f32; 3] = random.direction();
-                std::array::from_fn(|i| f64::from(far * direction[i] * stretch[i]))
-            })
-            .collect();
-        let (hull, _, volume) = centered(&points);
-        if volume > least {
-            return (hull, random.direction());
-        }
-    }
-}
-
-/// The hull of points, moved so that its center of mass is its origin; where that was; its volume.
-fn centered(points: &[[f64; 3]]) -> (Form, [f32; 3], f64) {
-    let vectors: Vec<_> = points.iter().map(|&p| p.into()).collect();
-    let hull = Exact::convex_hull(&vectors).expect("a solid hull");
-    let solid = hull.mass_properties(1.0);
-    let center = solid.local_com.to_array();
-    let around = |p: &[f64; 3]| std::array::from_fn(|i| (p[i] - center[i]) as f32);
-    (Form::Hull(points.iter().map(around).collect()), center.map(|x| x as f32), solid.mass())
-}
-
-/// Xorshift with a multiplied output.
-struct Random(u64);
-
-impl Random {
-    fn new(seed: u64) -> Self {
-        let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-        (0..8).for_each(|_| _ = random.next());
-        random
-    }
-
-    /// 0 to below 1.
-    fn next(&mut self) -> f32 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        let bits = self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 40;
-        bits as f32 / (1u32 << 24) as f32
-    }
-
-    fn within(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * self.next()
-    }
-
-    /// A unit vector, all directions alike; of four components, a random rotation.
-    fn direction<const N: usize>(&mut self) -> [f32; N] {
-        loop {
-            let v: [f32; N] = std::array::from_fn(|_| self.within(-1.0, 1.0));
-            let squared: f32 = v.iter().map(|x| x * x).sum();
-            if (1e-4..=1.0).contains(&squared) {
-                let length = squared.sqrt();
-                return v.map(|x| x / length);
-            }
-        }
-    }
+    let text = std::fs::read_to_string(file).ok()?;
+    let read: File = match file.extension()?.to_str()? {
+        "json" => serde_json::from_str(&text).ok()?,
+        "toml" => toml::from_str(&text).ok()?,
+        _ => return None,
+    };
+    Some(read.extras.stand_tolerance)
 }

@@ -1,0 +1,100 @@
+//! Drystone alone: where the time of its steps goes.
+
+use drystone::{Stage, StepSettings};
+
+use crate::Options;
+use crate::engines::{Drystone, Refusal};
+use crate::run::{mean, per_step, run, settled, undisturbed};
+use crate::scenes::Case;
+use crate::table::{Table, number};
+
+/// Wall time by stage: of the steps of the last quarter, all rounds together, the time that a
+/// tenth of them stay below. A median would charge interruptions to the longest stages.
+///
+/// # Errors
+/// A scene that Drystone does not have.
+pub(crate) fn stages(cases: &[Case], options: &Options) -> Result<(), Refusal> {
+    let mut head = vec!["us per step"];
+    head.extend(Stage::ALL.map(Stage::name));
+    head.push("all");
+    let mut table = Table::new(&head);
+    for case in cases {
+        let late = settled(case.steps);
+        let mut times = vec![Vec::new(); Stage::ALL.len()];
+        for _ in 0..options.rounds {
+            let mut engine = Drystone::new(&case.scene, StepSettings::realtime(), options.threads)?;
+            run(case, &mut engine, options.threads, |step, engine| {
+                for (times, time) in times.iter_mut().zip(&engine.report.stages) {
+                    if step >= late {
+                        times.push(time.as_secs_f64() * 1e6);
+                    }
+                }
+            })?;
+        }
+        let each: Vec<f64> = times.into_iter().map(undisturbed).collect();
+        let all: f64 = each.iter().sum();
+        let mut cells = vec![case.name.clone()];
+        cells.extend(each.iter().map(|&x| format!("{} ({:.0} %)", number(x), 100.0 * x / all)));
+        cells.push(number(all));
+        table.row(cells);
+    }
+    table.print(options.markdown);
+    println!();
+    println!(
+        "Drystone, realtime settings, {} thread(s); last quarter of the steps, {} rounds; a tenth of \
+         the steps are faster.",
+        options.threads, options.rounds
+    );
+    Ok(())
+}
+
+/// Time per contact and step: flat if it does not depend on the size of the pile.
+///
+/// # Errors
+/// A scene that Drystone does not have.
+pub(crate) fn flat(cases: &[Case], options: &Options) -> Result<(), Refusal> {
+    let mut table =
+        Table::new(&["settings", "scene", "contacts", "ms per step", "ns per contact and step"]);
+    let presets = [("realtime", StepSettings::realtime()), ("quality", StepSettings::quality())];
+    for (name, settings) in presets {
+        let mut rounds: Vec<Vec<Vec<f64>>> = cases.iter().map(|_| Vec::new()).collect();
+        let mut contacts = vec![0.0; cases.len()];
+        for round in 1..=options.rounds {
+            for (number, case) in cases.iter().enumerate() {
+                eprintln!("{name}, {}: round {round} of {}", case.name, options.rounds);
+                let mut engine = Drystone::new(&case.scene, settings.clone(), options.threads)?;
+                let late = settled(case.steps);
+                let mut counts = Vec::new();
+                let run = run(case, &mut engine, options.threads, |step, engine| {
+                    if step >= late {
+                        counts.push(engine.report.contacts as f64);
+                    }
+                })?;
+                rounds[number].push(run.times);
+                contacts[number] = mean(&counts);
+            }
+        }
+        let mut per_contact = Vec::new();
+        for ((case, rounds), contacts) in cases.iter().zip(&rounds).zip(&contacts) {
+            let time = per_step(rounds, settled(case.steps));
+            per_contact.push(time * 1e6 / contacts);
+            table.row(vec![
+                name.to_string(),
+                case.name.clone(),
+                format!("{contacts:.0}"),
+                number(time),
+                number(time * 1e6 / contacts),
+            ]);
+        }
+        let growth = per_contact[1] / per_contact[0];
+        table.row(vec![
+            name.to_string(),
+            "8000 / 1000".to_string(),
+            String::new(),
+            String::new(),
+            format!("{growth:.2}"),
+        ]);
+    }
+    table.print(options.markdown);
+    Ok(())
+}

@@ -1,0 +1,157 @@
+//! Each engine runs in a process of its own, so that none spoils the memory of another and a crash
+//! is its own. The program starts itself, asks for one round after the other on the child's standard
+//! input, and reads one line of JSON for each.
+
+use std::io::{self, BufRead as _, BufReader, Write as _};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use serde::{Deserialize, Serialize};
+
+use crate::engines::{Effort, Kind, build};
+use crate::judge::Judge;
+use crate::run::run;
+use crate::scenes::Case;
+
+/// What a child answers to a round.
+#[derive(Serialize, Deserialize)]
+pub(crate) enum Answer {
+    Ran(Round),
+    Refused(String),
+}
+
+/// A round.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Round {
+    /// Time of each step. \[ms\]
+    pub(crate) times: Vec<f64>,
+    /// [`crate::run::Run::fingerprint`].
+    pub(crate) end: u64,
+    /// Of the first round.
+    pub(crate) verdict: Option<Verdict>,
+}
+
+/// What came of a run.
+#[derive(Clone, Serialize, Deserialize)]
+pub(crate) struct Verdict {
+    /// Deepest overlap in the last quarter; none where a pose was not finite. \[m\]
+    pub(crate) depth: Option<f64>,
+    /// Share of the bodies that stand where they started. \[1\]
+    pub(crate) standing: f64,
+    /// Whether the scene is built to stay as it is.
+    pub(crate) stands: bool,
+}
+
+/// Answers rounds until there are no more questions.
+///
+/// # Errors
+/// The answers cannot be written.
+pub(crate) fn answer(case: &Case, kind: Kind, effort: Effort, threads: usize) -> io::Result<()> {
+    let mut first = true;
+    for question in io::stdin().lock().lines() {
+        question?;
+        let answer =
+            round(case, kind, effort, threads, first).map_or_else(Answer::Refused, Answer::Ran);
+        first = false;
+        let mut out = io::stdout().lock();
+        serde_json::to_writer(&mut out, &answer)?;
+        writeln!(out)?;
+        out.flush()?;
+    }
+    Ok(())
+}
+
+fn round(
+    case: &Case,
+    kind: Kind,
+    effort: Effort,
+    threads: usize,
+    first: bool,
+) -> Result<Round, String> {
+    let mut engine =
+        build(kind, &case.scene, effort, threads).map_err(|refusal| refusal.to_string())?;
+    let run = run(case, &mut *engine, threads, |_, _| {}).map_err(|refusal| refusal.to_string())?;
+    let verdict = if first {
+        let judge = Judge::new(&case.scene)?;
+        let depths: Option<Vec<f64>> =
+            run.samples.iter().map(|poses| judge.deepest(poses)).collect();
+        Some(Verdict {
+            depth: depths.map(|depths| depths.into_iter().fold(0.0, f64::max)),
+            standing: judge.standing(&run.end, case.stand_tolerance),
+            stands: case.stand_tolerance.is_some() || judge.starts_at_rest(),
+        })
+    } else {
+        None
+    };
+    Ok(Round { end: run.fingerprint(), times: run.times, verdict })
+}
+
+/// A process that runs one scene in one engine.
+pub(crate) struct Engine {
+    child: Child,
+    questions: Option<ChildStdin>,
+    answers: BufReader<ChildStdout>,
+}
+
+impl Engine {
+    /// # Errors
+    /// The process cannot be started.
+    pub(crate) fn start(
+        case: &Case,
+        kind: Kind,
+        effort: Effort,
+        threads: usize,
+    ) -> io::Result<Self> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(["--child", kind.name(), "--effort", &effort.to_string()]);
+        command.args(["--steps", &case.steps.to_string(), "--threads", &threads.to_string()]);
+        match &case.file {
+            Some(file) => command.arg(absolute(file)?),
+            None => command.args(["--scenes", &case.name]),
+        };
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+        let (questions, answers) = (child.stdin.take(), child.stdout.take());
+        let answers = answers.ok_or_else(|| io::Error::other("the child has no output"))?;
+        Ok(Self { child, questions, answers: BufReader::new(answers) })
+    }
+
+    /// Lets the child run a round.
+    ///
+    /// # Errors
+    /// Why there is no result: the engine refused, or the process ended.
+    pub(crate) fn round(&mut self) -> Result<Round, String> {
+        match self.ask() {
+            Ok(Some(Answer::Ran(round))) => Ok(round),
+            Ok(Some(Answer::Refused(why))) => Err(why),
+            Ok(None) => {
+                let status = self.child.wait().map_err(|error| error.to_string())?;
+                Err(format!("its process ended: {status}"))
+            }
+            Err(error) => Err(format!("its process cannot be asked: {error}")),
+        }
+    }
+
+    fn ask(&mut self) -> io::Result<Option<Answer>> {
+        if let Some(questions) = &mut self.questions {
+            // Of a process that has ended, the end of its answers tells.
+            let _ = writeln!(questions);
+        }
+        let mut line = String::new();
+        if self.answers.read_line(&mut line)? == 0 {
+            return Ok(None);
+        }
+        Ok(Some(serde_json::from_str(&line)?))
+    }
+}
+
+impl Drop for Engine {
+    fn drop(&mut self) {
+        self.questions = None;
+        let _ = self.child.wait();
+    }
+}
+
+/// So that a name that begins with a dash is no option.
+fn absolute(file: &Path) -> io::Result<std::path::PathBuf> {
+    std::path::absolute(file)
+}

@@ -1,0 +1,47 @@
+//! A scene in Drystone.
+
+use ::drystone::scene::Scene;
+use ::drystone::{Simulation, StepReport, StepSettings};
+
+use super::{Effort, Engine, Refusal};
+
+/// A scene in Drystone.
+pub(crate) struct Drystone {
+    simulation: Box<dyn Simulation>,
+    pub(crate) report: StepReport,
+}
+
+impl Drystone {
+    /// # Errors
+    /// A shape that Drystone does not have.
+    pub(crate) fn new(
+        scene: &Scene,
+        settings: StepSettings,
+        threads: usize,
+    ) -> Result<Self, Refusal> {
+        let mut simulation = ::drystone::build(scene, settings)
+            .map_err(|error| Refusal::new(error.body, error.reason))?;
+        simulation.set_threads(threads);
+        Ok(Self { simulation, report: StepReport::default() })
+    }
+}
+
+/// What a scene itself asks for under `solver` is left out: all engines run with their own settings.
+pub(super) fn settings(effort: Effort) -> StepSettings {
+    match effort {
+        Effort::Default => StepSettings::realtime(),
+        Effort::Substeps(substeps) => StepSettings { substeps, ..StepSettings::realtime() },
+        Effort::Certified => StepSettings::certified(),
+    }
+}
+
+impl Engine for Drystone {
+    fn step(&mut self, dt: f32) -> Result<(), Refusal> {
+        self.report = self.simulation.step(dt.into());
+        Ok(())
+    }
+
+    fn write_poses(&self, out: &mut Vec<f32>) {
+        self.simulation.write_poses(out);
+    }
+}

@@ -1,0 +1,398 @@
+//! A scene in Jolt, with its default settings.
+#![allow(unsafe_code)]
+
+use std::ptr::null;
+use std::sync::Once;
+
+use ::drystone::scene::{Body, Motion, Rotation, Scene, ShapeKind};
+use oxijolt_sys as jolt;
+
+use super::{Effort, Engine, Peer, Refusal, density, solid, states_inertia};
+
+/// Object layers, and broad-phase layers: what stays, what moves.
+const FIXED: u32 = 0;
+const MOVING: u32 = 1;
+/// Jolt's default. \[m\]
+const CONVEX_RADIUS: f32 = 0.05;
+/// How much of its volume a hull may lose where Jolt merges near points. \[1\]
+const LOST_VOLUME: f64 = 1e-2;
+/// Jolt's default: half of the width to which a plane collides. \[m\]
+const PLANE: f32 = 1000.0;
+/// Memory for a step; more is taken where this does not do. \[byte\]
+const STEP_MEMORY: u32 = 64 << 20;
+/// Jolt's default. \[1\]
+const JOBS: u32 = 2048;
+
+/// A scene in Jolt.
+pub(super) struct Jolt {
+    system: *mut jolt::JPH_PhysicsSystem,
+    jobs: *mut jolt::JPH_JobSystem,
+    memory: *mut jolt::JPH_TempAllocator,
+    bodies: Vec<jolt::JPH_BodyID>,
+    collision_steps: i32,
+}
+
+impl Jolt {
+    /// # Errors
+    /// A shape or a body that Jolt does not have.
+    pub(super) fn new(scene: &Scene, effort: Effort, threads: usize) -> Result<Self, Refusal> {
+        static START: Once = Once::new();
+        START.call_once(|| {
+            // SAFETY: called once, before anything else of Jolt.
+            unsafe { jolt::JPH_Init() };
+        });
+        let count = scene.bodies.len() as u32;
+        // SAFETY: the layers and filters are owned by the system once it is made.
+        let system = unsafe {
+            let layers = jolt::JPH_BroadPhaseLayerInterfaceTable_Create(2, 2);
+            let pairs = jolt::JPH_ObjectLayerPairFilterTable_Create(2);
+            for (layer, broad) in [(FIXED, 0), (MOVING, 1)] {
+                jolt::JPH_BroadPhaseLayerInterfaceTable_MapObjectToBroadPhaseLayer(
+                    layers, layer, broad,
+                );
+                jolt::JPH_ObjectLayerPairFilterTable_EnableCollision(pairs, layer, MOVING);
+            }
+            let filter = jolt::JPH_ObjectVsBroadPhaseLayerFilterTable_Create(layers, 2, pairs, 2);
+            jolt::JPH_PhysicsSystem_Create(&jolt::JPH_PhysicsSystemSettings {
+                maxBodies: count.max(1024),
+                numBodyMutexes: 0,
+                maxBodyPairs: (16 * count).max(65_536),
+                maxContactConstraints: (16 * count).max(10_240),
+                _padding: 0,
+                broadPhaseLayerInterface: layers,
+                objectLayerPairFilter: pairs,
+                objectVsBroadPhaseLayerFilter: filter,
+            })
+        };
+        let pool = jolt::JobSystemThreadPoolConfig {
+            maxJobs: JOBS,
+            maxBarriers: 8,
+            // The caller works, too.
+            numThreads: threads as i32 - 1,
+        };
+        // SAFETY: the pool's settings live through the call.
+        let (jobs, memory) = unsafe {
+            let jobs = match threads {
+                1 => jolt::JPH_JobSystemSingleThreaded_Create(JOBS),
+                _ => jolt::JPH_JobSystemThreadPool_Create(&pool),
+            };
+            (jobs, jolt::JPH_TempAllocator_Create(STEP_MEMORY))
+        };
+        let collision_steps = if let Effort::Substeps(count) = effort { count as i32 } else { 1 };
+        let mut engine = Self { system, jobs, memory, bodies: Vec::new(), collision_steps };
+        // SAFETY: the system lives as long as the engine.
+        unsafe { jolt::JPH_PhysicsSystem_SetGravity(system, &vector(&scene.gravity)) };
+        for (index, body) in scene.bodies.iter().enumerate() {
+            engine.add(index, body)?;
+        }
+        // SAFETY: as above.
+        unsafe { jolt::JPH_PhysicsSystem_OptimizeBroadPhase(system) };
+        Ok(engine)
+    }
+
+    fn add(&mut self, index: usize, body: &Body) -> Result<(), Refusal> {
+        let refuse = |why: &str| Refusal::body(index, body, why);
+        let surface = |shape: &::drystone::scene::Shape| {
+            [shape.material.friction as f32, shape.material.restitution as f32]
+        };
+        let [friction, restitution] = body.shapes.first().map_or([0.0; 2], surface);
+        if body.shapes.iter().any(|shape| surface(shape) != [friction, restitution]) {
+            return Err(refuse("has shapes of different materials, and Jolt one for a body"));
+        }
+        let (motion, layer) = match body.motion {
+            Motion::Static => (jolt::JPH_MotionType_Static, FIXED),
+            Motion::Kinematic => (jolt::JPH_MotionType_Kinematic, MOVING),
+            Motion::Dynamic => (jolt::JPH_MotionType_Dynamic, MOVING),
+        };
+        let mut of_shapes = 1.0;
+        if body.motion == Motion::Dynamic {
+            of_shapes = density(body, solid::volume(index, body)?);
+        }
+        let mut shape =
+            body_shape(body, of_shapes).map_err(|why| Refusal::body(index, body, why))?;
+        let stated = match states_inertia(body) {
+            true => Some(solid::stated(index, body)?),
+            false => None,
+        };
+        // A body that nothing pushes turns about its origin, as in the scene.
+        let center = match (&stated, body.motion) {
+            (Some(stated), _) => Some(vector(&stated.local_com.to_array())),
+            (None, Motion::Kinematic) => Some(vector(&[])),
+            _ => None,
+        };
+        if let Some(center) = center {
+            shape = shape.centered(center);
+        }
+        // SAFETY: the settings are made, used and destroyed here; the shape lives until then, and the
+        // body keeps it after.
+        let id = unsafe {
+            let settings = jolt::JPH_BodyCreationSettings_Create3(
+                shape.0,
+                &vector(&body.position),
+                &rotation(&body.rotation),
+                motion,
+                layer,
+            );
+            jolt::JPH_BodyCreationSettings_SetFriction(settings, friction);
+            jolt::JPH_BodyCreationSettings_SetRestitution(settings, restitution);
+            jolt::JPH_BodyCreationSettings_SetLinearDamping(settings, 0.0);
+            jolt::JPH_BodyCreationSettings_SetAngularDamping(settings, 0.0);
+            jolt::JPH_BodyCreationSettings_SetAllowSleeping(settings, false);
+            jolt::JPH_BodyCreationSettings_SetGravityFactor(settings, body.gravity_factor as f32);
+            let [linear, angular] = [&body.linear_velocity, &body.angular_velocity];
+            jolt::JPH_BodyCreationSettings_SetLinearVelocity(settings, &vector(linear));
+            jolt::JPH_BodyCreationSettings_SetAngularVelocity(settings, &vector(angular));
+            if let Some(stated) = &stated {
+                let inertia = stated.reconstruct_inertia_matrix().to_cols_array_2d();
+                let column = |[x, y, z]: [f64; 3]| jolt::JPH_Vec4 {
+                    x: x as f32,
+                    y: y as f32,
+                    z: z as f32,
+                    w: 0.0,
+                };
+                let last = jolt::JPH_Vec4 { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
+                let [x, y, z] = inertia.map(column);
+                jolt::JPH_BodyCreationSettings_SetOverrideMassProperties(
+                    settings,
+                    jolt::JPH_OverrideMassProperties_MassAndInertiaProvided,
+                );
+                jolt::JPH_BodyCreationSettings_SetMassPropertiesOverride(
+                    settings,
+                    &jolt::JPH_MassProperties {
+                        mass: stated.mass() as f32,
+                        inertia: jolt::JPH_Mat4 { column: [x, y, z, last] },
+                    },
+                );
+            }
+            let bodies = jolt::JPH_PhysicsSystem_GetBodyInterface(self.system);
+            let active = match body.motion {
+                Motion::Static => jolt::JPH_Activation_DontActivate,
+                _ => jolt::JPH_Activation_Activate,
+            };
+            let id = jolt::JPH_BodyInterface_CreateAndAddBody(bodies, settings, active);
+            jolt::JPH_BodyCreationSettings_Destroy(settings);
+            id
+        };
+        self.bodies.push(id);
+        Ok(())
+    }
+}
+
+/// A shape that is let go when it is dropped.
+struct Shape(*mut jolt::JPH_Shape);
+
+impl Shape {
+    fn new(shape: *mut jolt::JPH_Shape, what: &str) -> Result<Self, String> {
+        if shape.is_null() {
+            Err(format!("{what} that Jolt does not take"))
+        } else {
+            Ok(Self(shape))
+        }
+    }
+
+    /// The same with another center of mass.
+    fn centered(self, center: jolt::JPH_Vec3) -> Self {
+        let mut own = vector(&[]);
+        // SAFETY: the shape is not null; the new one keeps it.
+        unsafe {
+            jolt::JPH_Shape_GetCenterOfMass(self.0, &mut own);
+            let offset =
+                jolt::JPH_Vec3 { x: center.x - own.x, y: center.y - own.y, z: center.z - own.z };
+            Self(jolt::JPH_OffsetCenterOfMassShape_Create(&offset, self.0).cast())
+        }
+    }
+}
+
+impl Drop for Shape {
+    fn drop(&mut self) {
+        // SAFETY: not null, and let go once.
+        unsafe { jolt::JPH_Shape_Destroy(self.0) };
+    }
+}
+
+fn body_shape(body: &Body, density: f64) -> Result<Shape, String> {
+    let mut parts = Vec::with_capacity(body.shapes.len());
+    for part in &body.shapes {
+        let at = (vector(&part.position), rotation(&part.rotation));
+        parts.push((shape(&part.kind, density as f32)?, at));
+    }
+    if let [(_, (position, rotation))] = parts.as_slice() {
+        let turned = [rotation.x, rotation.y, rotation.z];
+        let moved = [position.x, position.y, position.z];
+        if turned == [0.0; 3] && moved == [0.0; 3] {
+            return Ok(parts.remove(0).0);
+        }
+    }
+    // SAFETY: the settings are made, used and destroyed here; the compound keeps the parts.
+    unsafe {
+        if let [(part, (position, rotation))] = parts.as_slice() {
+            let shape = jolt::JPH_RotatedTranslatedShape_Create(position, rotation, part.0);
+            return Shape::new(shape.cast(), "a shape out of place");
+        }
+        let settings = jolt::JPH_StaticCompoundShapeSettings_Create();
+        for (part, (position, rotation)) in &parts {
+            jolt::JPH_CompoundShapeSettings_AddShape2(
+                settings.cast(),
+                position,
+                rotation,
+                part.0,
+                0,
+            );
+        }
+        let compound = jolt::JPH_StaticCompoundShape_Create(settings);
+        jolt::JPH_ShapeSettings_Destroy(settings.cast());
+        Shape::new(compound.cast(), "a compound")
+    }
+}
+
+fn shape(kind: &ShapeKind, density: f32) -> Result<Shape, String> {
+    // Jolt rounds edges by at most this, which thin shapes have no room for.
+    let radius = |half: f32| CONVEX_RADIUS.min(0.5 * half);
+    // SAFETY: values and lists that live through the calls; settings are destroyed after use.
+    let shape = unsafe {
+        match kind {
+            ShapeKind::Sphere { radius } => {
+                Shape::new(jolt::JPH_SphereShape_Create(*radius as f32).cast(), "a sphere")
+            }
+            ShapeKind::Box { half_extents } => {
+                let half = vector(half_extents);
+                let thinnest = half.x.min(half.y).min(half.z);
+                Shape::new(jolt::JPH_BoxShape_Create(&half, radius(thinnest)).cast(), "a box")
+            }
+            ShapeKind::Capsule { radius, half_height } => Shape::new(
+                jolt::JPH_CapsuleShape_Create(*half_height as f32, *radius as f32).cast(),
+                "a capsule",
+            ),
+            ShapeKind::Cylinder { radius: wide, half_height } => {
+                let (wide, high) = (*wide as f32, *half_height as f32);
+                let settings =
+                    jolt::JPH_CylinderShapeSettings_Create(high, wide, radius(high.min(wide)));
+                let shape = jolt::JPH_CylinderShapeSettings_CreateShape(settings);
+                jolt::JPH_ShapeSettings_Destroy(settings.cast());
+                Shape::new(shape.cast(), "a cylinder")
+            }
+            ShapeKind::ConvexHull { points } => {
+                let points: Vec<_> = points.iter().map(|point| vector(point)).collect();
+                let settings = jolt::JPH_ConvexHullShapeSettings_Create(
+                    points.as_ptr(),
+                    points.len() as u32,
+                    CONVEX_RADIUS,
+                );
+                let hull = jolt::JPH_ConvexHullShapeSettings_CreateShape(settings);
+                jolt::JPH_ShapeSettings_Destroy(settings.cast());
+                let hull = Shape::new(hull.cast(), &format!("a hull of {} points", points.len()))?;
+                let volume = crate::shapes::exact_space::shape(kind)?.mass_properties(1.0).mass();
+                let kept = jolt::JPH_Shape_GetVolume(hull.0);
+                if f64::from(kept) < (1.0 - LOST_VOLUME) * volume {
+                    return Err(format!("a hull of {volume} m^3, of which Jolt keeps {kept} m^3"));
+                }
+                Ok(hull)
+            }
+            ShapeKind::Halfspace { normal } => {
+                let normal = vector(normal);
+                let length = normal.x.hypot(normal.y).hypot(normal.z);
+                let [x, y, z] = [normal.x, normal.y, normal.z].map(|along| along / length);
+                let plane = jolt::JPH_Plane { normal: jolt::JPH_Vec3 { x, y, z }, distance: 0.0 };
+                let shape = jolt::JPH_PlaneShape_Create(&plane, null(), PLANE);
+                return Shape::new(shape.cast(), "a half-space");
+            }
+            ShapeKind::Trimesh { vertices, triangles } => {
+                let vertices: Vec<_> = vertices.iter().map(|vertex| vector(vertex)).collect();
+                let triangles: Vec<_> = triangles
+                    .iter()
+                    .map(|&[i1, i2, i3]| jolt::JPH_IndexedTriangle {
+                        i1,
+                        i2,
+                        i3,
+                        materialIndex: 0,
+                        userData: 0,
+                    })
+                    .collect();
+                let settings = jolt::JPH_MeshShapeSettings_Create2(
+                    vertices.as_ptr(),
+                    vertices.len() as u32,
+                    triangles.as_ptr(),
+                    triangles.len() as u32,
+                );
+                let shape = jolt::JPH_MeshShapeSettings_CreateShape(settings);
+                jolt::JPH_ShapeSettings_Destroy(settings.cast());
+                return Shape::new(shape.cast(), "a mesh");
+            }
+        }
+    }?;
+    // SAFETY: all shapes but planes and meshes, which returned above, are convex.
+    unsafe { jolt::JPH_ConvexShape_SetDensity(shape.0.cast(), density) };
+    Ok(shape)
+}
+
+fn vector(of: &[f64]) -> jolt::JPH_Vec3 {
+    let axis = |i: usize| of.get(i).copied().unwrap_or(0.0) as f32;
+    jolt::JPH_Vec3 { x: axis(0), y: axis(1), z: axis(2) }
+}
+
+fn rotation(of: &Rotation) -> jolt::JPH_Quat {
+    match of {
+        Rotation::Quaternion(q) => {
+            let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let [x, y, z, w] = q.map(|x| (x / length) as f32);
+            jolt::JPH_Quat { x, y, z, w }
+        }
+        Rotation::Angle(_) => jolt::JPH_Quat { x: 0.0, y: 0.0, z: 0.0, w: 1.0 },
+    }
+}
+
+impl Engine for Jolt {
+    fn step(&mut self, dt: f32) -> Result<(), Refusal> {
+        // SAFETY: all three live as long as self.
+        let fault = unsafe {
+            jolt::JPH_PhysicsSystem_Update2(
+                self.system,
+                dt,
+                self.collision_steps,
+                self.memory,
+                self.jobs,
+            )
+        };
+        match fault {
+            jolt::JPH_PhysicsUpdateError_None => Ok(()),
+            code => {
+                Err(Refusal::new("jolt", format!("has no room for all contacts (code {code})")))
+            }
+        }
+    }
+
+    fn write_poses(&self, out: &mut Vec<f32>) {
+        for &body in &self.bodies {
+            let mut p = vector(&[]);
+            let mut q = rotation(&Rotation::Angle(0.0));
+            // SAFETY: the body is in the system, which lives as long as self.
+            unsafe {
+                let bodies = jolt::JPH_PhysicsSystem_GetBodyInterface(self.system);
+                jolt::JPH_BodyInterface_GetPositionAndRotation(bodies, body, &mut p, &mut q);
+            }
+            out.extend([p.x, p.y, p.z, q.x, q.y, q.z, q.w]);
+        }
+    }
+}
+
+impl Peer for Jolt {
+    fn move_to(&mut self, body: usize, position: &[f64], turn: &Rotation, dt: f32) {
+        let (mut p, mut q) = (vector(position), rotation(turn));
+        // SAFETY: the body is in the system, which lives as long as self.
+        unsafe {
+            let bodies = jolt::JPH_PhysicsSystem_GetBodyInterface(self.system);
+            jolt::JPH_BodyInterface_MoveKinematic(bodies, self.bodies[body], &mut p, &mut q, dt);
+        }
+    }
+}
+
+impl Drop for Jolt {
+    fn drop(&mut self) {
+        // SAFETY: made in `new`, and not used after; bodies go with their system.
+        unsafe {
+            jolt::JPH_PhysicsSystem_Destroy(self.system);
+            jolt::JPH_JobSystem_Destroy(self.jobs);
+            jolt::JPH_TempAllocator_Destroy(self.memory);
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! Overlap over time of engines at several settings, as a picture.
+
+use std::fmt::Write as _;
+
+use crate::engines::Kind;
+
+const WIDTH: f64 = 720.0;
+/// Height of the part of a scene, and the edges of its frame within it.
+const PART: f64 = 400.0;
+const LEFT: f64 = 70.0;
+const RIGHT: f64 = 560.0;
+const TOP: f64 = 40.0;
+const BOTTOM: f64 = 340.0;
+/// Colors that are told apart also by those who see fewer of them (Okabe and Ito 2008), in the order
+/// of [`Kind::ALL`].
+const COLORS: [&str; 6] = ["#d55e00", "#0072b2", "#0072b2", "#009e73", "#009e73", "#cc79a7"];
+/// Smaller values are drawn here: a logarithm has no zero.
+const LEAST: f64 = 1e-4;
+
+/// What engines reach on a scene.
+pub(crate) struct Frontier {
+    scene: String,
+    points: Vec<Point>,
+}
+
+struct Point {
+    kind: Kind,
+    setting: String,
+    /// Time per step \[ms\] and overlap \[mm\].
+    at: [f64; 2],
+    /// A standing scene has fallen: its overlap says little.
+    fallen: bool,
+}
+
+impl Frontier {
+    pub(crate) fn new(scene: String) -> Self {
+        Self { scene, points: Vec::new() }
+    }
+
+    /// Adds a setting of an engine, at its time per step \[ms\] and its overlap \[mm\].
+    pub(crate) fn add(&mut self, kind: Kind, setting: String, at: [f64; 2], fallen: bool) {
+        self.points.push(Point { kind, setting, at: at.map(|x| x.max(LEAST)), fallen });
+    }
+
+    fn draw(&self, svg: &mut String, top: f64) {
+        let axes = [0, 1].map(|axis| Axis::of(self.points.iter().map(|point| point.at[axis])));
+        let place = |at: [f64; 2]| {
+            [
+                LEFT + (RIGHT - LEFT) * axes[0].part(at[0]),
+                top + BOTTOM - (BOTTOM - TOP) * axes[1].part(at[1]),
+            ]
+        };
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            svg,
+            "<text x=\"{LEFT}\" y=\"{}\" font-size=\"15\">{}</text>",
+            top + TOP - 12.0,
+            escaped(&self.scene)
+        );
+        for decade in axes[0].decades() {
+            let [x, y] = place([decade, axes[1].low()]);
+            let _ = writeln!(
+                svg,
+                "<line x1=\"{x:.1}\" y1=\"{:.1}\" x2=\"{x:.1}\" y2=\"{y:.1}\" stroke=\"#dddddd\"/>\n\
+                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{decade}</text>",
+                top + TOP,
+                y + 18.0
+            );
+        }
+        for decade in axes[1].decades() {
+            let [x, y] = place([axes[0].low(), decade]);
+            let _ = writeln!(
+                svg,
+                "<line x1=\"{x:.1}\" y1=\"{y:.1}\" x2=\"{RIGHT}\" y2=\"{y:.1}\" stroke=\"#dddddd\"/>\n\
+                 <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{decade}</text>",
+                x - 8.0,
+                y + 4.0
+            );
+        }
+        let (across, down) = (0.5 * (LEFT + RIGHT), top + 0.5 * (TOP + BOTTOM));
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{LEFT}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"none\" \
+             stroke=\"#444444\"/>\n\
+             <text x=\"{across}\" y=\"{}\" text-anchor=\"middle\">settled ms per step</text>\n\
+             <text x=\"16\" y=\"{down}\" text-anchor=\"middle\" transform=\"rotate(-90 16 {down})\">\
+             deepest overlap in mm</text>",
+            top + TOP,
+            RIGHT - LEFT,
+            BOTTOM - TOP,
+            top + BOTTOM + 36.0
+        );
+        let mut rows = 0;
+        for (kind, color) in Kind::ALL.into_iter().zip(COLORS) {
+            let points: Vec<&Point> = self.points.iter().filter(|p| p.kind == kind).collect();
+            if points.is_empty() {
+                continue;
+            }
+            let mut line = String::new();
+            for point in &points {
+                let [x, y] = place(point.at);
+                let _ = write!(line, "{x:.1},{y:.1} ");
+                let inside = if point.fallen { "#ffffff" } else { color };
+                let _ = writeln!(
+                    svg,
+                    "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{inside}\" \
+                     stroke=\"{color}\"/>\n\
+                     <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"10\" fill=\"{color}\">{}</text>",
+                    x + 6.0,
+                    y - 5.0,
+                    escaped(&point.setting)
+                );
+            }
+            let y = top + TOP + 12.0 + 20.0 * f64::from(rows);
+            let _ = writeln!(
+                svg,
+                "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\"/>\n\
+                 <line x1=\"{}\" y1=\"{y}\" x2=\"{}\" y2=\"{y}\" stroke=\"{color}\" \
+                 stroke-width=\"2.5\"/>\n<text x=\"{}\" y=\"{}\">{}</text>",
+                line.trim_end(),
+                RIGHT + 14.0,
+                RIGHT + 32.0,
+                RIGHT + 38.0,
+                y + 4.0,
+                kind.name()
+            );
+            rows += 1;
+        }
+        if self.points.iter().any(|point| point.fallen) {
+            let y = top + TOP + 16.0 + 20.0 * f64::from(rows);
+            let _ = writeln!(svg, "<text x=\"{}\" y=\"{y}\">hollow: fallen</text>", RIGHT + 14.0);
+        }
+    }
+}
+
+/// Whole decades that hold some values.
+struct Axis {
+    /// Powers of ten of its ends.
+    ends: [i32; 2],
+}
+
+impl Axis {
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        let (low, high) = values
+            .map(f64::log10)
+            .fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
+        if low > high {
+            return Self { ends: [0, 1] };
+        }
+        let low = low.floor() as i32;
+        Self { ends: [low, (high.ceil() as i32).max(low + 1)] }
+    }
+
+    fn low(&self) -> f64 {
+        10f64.powi(self.ends[0])
+    }
+
+    fn part(&self, value: f64) -> f64 {
+        let [low, high] = self.ends.map(f64::from);
+        (value.log10() - low) / (high - low)
+    }
+
+    fn decades(&self) -> impl Iterator<Item = f64> {
+        (self.ends[0]..=self.ends[1]).map(|power| 10f64.powi(power))
+    }
+}
+
+/// One frame for each scene, both axes logarithmic; hollow where a standing scene has fallen.
+pub(crate) fn svg(frontiers: &[Frontier]) -> String {
+    let height = PART * frontiers.len() as f64;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" \
+         font-family=\"sans-serif\" font-size=\"12\">\n\
+         <rect width=\"{WIDTH}\" height=\"{height}\" fill=\"#ffffff\"/>\n"
+    );
+    for (place, frontier) in frontiers.iter().enumerate() {
+        frontier.draw(&mut svg, PART * place as f64);
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}

@@ -1,0 +1,96 @@
+//! One run of one engine, and what is taken from it.
+
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::time::Instant;
+
+use cpu_time::ProcessTime;
+
+use crate::engines::{Engine, Refusal};
+use crate::scenes::Case;
+
+/// Poses are looked at once in so many steps.
+const SAMPLE: usize = 20;
+
+/// One run of one engine.
+pub(crate) struct Run {
+    /// Time of each step: of the processor, or with more threads than one of the clock. \[ms\]
+    pub(crate) times: Vec<f64>,
+    /// Poses now and then in the last quarter.
+    pub(crate) samples: Vec<Vec<f32>>,
+    /// Poses at the end.
+    pub(crate) end: Vec<f32>,
+}
+
+impl Run {
+    /// A number that differs if any bit of the last poses does.
+    pub(crate) fn fingerprint(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.end.iter().for_each(|x| x.to_bits().hash(&mut hasher));
+        hasher.finish()
+    }
+}
+
+/// First step of the last quarter.
+pub(crate) fn settled(steps: usize) -> usize {
+    steps - steps / 4
+}
+
+/// Runs a scene to its end.
+///
+/// # Errors
+/// A step that the engine could not do.
+pub(crate) fn run<E: Engine + ?Sized>(
+    case: &Case,
+    engine: &mut E,
+    threads: usize,
+    mut after_step: impl FnMut(usize, &E),
+) -> Result<Run, Refusal> {
+    let mut times = Vec::with_capacity(case.steps);
+    let mut samples = Vec::new();
+    for step in 0..case.steps {
+        // Of the whole process: an engine may work on a thread of its own.
+        let (clock, processor) = (Instant::now(), ProcessTime::now());
+        engine.step(case.dt())?;
+        let time = if threads == 1 { processor.elapsed() } else { clock.elapsed() };
+        times.push(time.as_secs_f64() * 1e3);
+        after_step(step, engine);
+        if step >= settled(case.steps) && (case.steps - 1 - step).is_multiple_of(SAMPLE) {
+            samples.push(poses(engine));
+        }
+    }
+    Ok(Run { times, samples, end: poses(engine) })
+}
+
+fn poses<E: Engine + ?Sized>(engine: &E) -> Vec<f32> {
+    let mut poses = Vec::new();
+    engine.write_poses(&mut poses);
+    poses
+}
+
+/// Mean of some values.
+pub(crate) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The value that half of them stay below.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let half = values.len() / 2;
+    if values.len() % 2 == 1 { values[half] } else { 0.5 * (values[half - 1] + values[half]) }
+}
+
+/// The value that a tenth stay below.
+pub(crate) fn undisturbed(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 10]
+}
+
+/// Time per step from step `from` on: of each step the median over the rounds, then the mean of
+/// these, so that a disturbance counts only if it strikes the same step in most rounds. \[ms\]
+pub(crate) fn per_step(rounds: &[Vec<f64>], from: usize) -> f64 {
+    let steps = rounds[0].len();
+    let each: Vec<f64> = (from..steps)
+        .map(|step| median(rounds.iter().map(|round| round[step]).collect()))
+        .collect();
+    mean(&each)
+}
