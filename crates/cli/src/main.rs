@@ -6,7 +6,9 @@ mod failure;
 mod fclib;
 mod schema;
 mod solve;
+mod verify;
 
+use std::io::{self, Write as _};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -24,23 +26,31 @@ enum Command {
     Bake(bake::Arguments),
     Schema(schema::Arguments),
     Solve(solve::Arguments),
+    Verify(verify::Arguments),
 }
 
-const CODES: &str = "Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged or \
+const CODES: &str = "Exit codes: 0 done, 1 done and the answer is no (bakes differ), 2 wrong input or usage, 3 the simulation diverged or \
                      the problem is not solved, 4 a file cannot be read or written, 130 \
                      interrupted.";
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Bake(arguments) => bake::run(&arguments),
-        Command::Schema(_) => schema::run(),
-        Command::Solve(arguments) => solve::run(&arguments),
+        Command::Bake(arguments) => bake::run(&arguments).map(|()| ExitCode::SUCCESS),
+        Command::Schema(_) => schema::run().map(|()| ExitCode::SUCCESS),
+        Command::Solve(arguments) => solve::run(&arguments).map(|()| ExitCode::SUCCESS),
+        Command::Verify(arguments) => verify::run(&arguments),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(failure) => {
             eprintln!("drystone: {failure}");
             ExitCode::from(failure.code())
         }
     }
+}
+
+/// Prints to standard output.
+fn print(text: &str) {
+    // A reader that is gone has read enough.
+    let _ = io::stdout().write_all(text.as_bytes());
 }

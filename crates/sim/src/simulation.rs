@@ -3,6 +3,7 @@
 use std::array::from_fn;
 
 use drystone_solver::{SymmetricMatrix, Vector, Velocity};
+use xxhash_rust::xxh3::xxh3_64;
 
 use crate::bodies::{Body, BodyId, Collider, Inertia};
 use crate::geometry::spheres::SphereShape;
@@ -20,6 +21,10 @@ pub trait Simulation: Send {
     /// Appends the poses of all bodies of the scene, in its order: 3D px py pz qx qy qz qw,
     /// 2D px py angle. \[m, rad\]
     fn write_poses(&self, out: &mut Vec<f32>);
+
+    /// XXH3 (64 bits) of the poses and then the velocities of all bodies, linear and angular, as
+    /// little-endian `f32`.
+    fn state_hash(&self) -> u64;
 
     /// Energies, deepest overlap and residual as the last step left them.
     fn measure(&self) -> Measure;
@@ -191,6 +196,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
 
     fn write_poses(&self, out: &mut Vec<f32>) {
         self.world.write_poses(out);
+    }
+
+    fn state_hash(&self) -> u64 {
+        let mut numbers = Vec::new();
+        self.world.write_poses(&mut numbers);
+        for velocity in &self.world.system().velocities {
+            numbers.extend(velocity.linear.0.iter().chain(&velocity.angular.0));
+        }
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        xxh3_64(&bytes)
     }
 
     fn measure(&self) -> Measure {
