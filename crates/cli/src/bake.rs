@@ -20,7 +20,7 @@ use drystone::{Simulation, StepSettings};
 use crate::failure::Failure;
 use crate::print;
 use output::Outputs;
-pub(crate) use output::extension;
+pub(crate) use output::{extension, wrong_extension};
 use record::{Bake, Step};
 use summary::Summary;
 

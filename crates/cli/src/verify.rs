@@ -9,7 +9,7 @@ use drystone::recording::npz::{self, Named};
 use drystone::recording::poses;
 use drystone::scene::{self, Scene};
 
-use crate::bake::extension;
+use crate::bake::{extension, wrong_extension};
 use crate::failure::Failure;
 use crate::print;
 
@@ -92,9 +92,11 @@ fn bytes(path: &Path) -> Result<Vec<u8>, Failure> {
 
 /// A bake with the names of its bodies; none where only a scene could tell what it is.
 fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, Failure> {
-    let path_of = |error: &io::Error| Failure::Input(format!("{}: {error}", path.display()));
-    if extension(path) == "npz" {
-        return npz::read(path).map(Some).map_err(|error| path_of(&error));
+    let refused = |error: io::Error| Failure::Input(format!("{}: {error}", path.display()));
+    match extension(path).as_str() {
+        "npz" => return npz::read(path).map(Some).map_err(refused),
+        "poses" => {}
+        _ => return Err(wrong_extension("a bake", path, ".npz, .poses")),
     }
     let Some(scene) = scene else { return Ok(None) };
     let bodies = scene.bodies.len();

@@ -59,5 +59,11 @@ fn a_shorter_bake_differs_and_one_of_another_scene_is_refused() {
     let other = ["verify", "long.poses", "short.poses", "--scene", "five.toml"];
     let message = place.fails(2, &other);
     assert!(message.contains("5 bodies in 3D"), "{message}");
+    fs::write(place.path("a.glb"), "other").unwrap();
+    let message = place.fails(2, &["verify", "long.poses", "a.glb", "--scene", "scene.toml"]);
+    assert!(
+        message.contains("a.glb: the format of a bake is \".glb\"; accepted: .npz, .poses"),
+        "{message}"
+    );
     assert!(place.fails(4, &["verify", "gone.poses", "long.poses"]).contains("gone.poses"));
 }

@@ -108,7 +108,7 @@ pub(crate) fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
-pub(super) fn wrong_extension(flag: &str, path: &Path, accepted: &str) -> Failure {
+pub(crate) fn wrong_extension(flag: &str, path: &Path, accepted: &str) -> Failure {
     let value = match extension(path).as_str() {
         "" => "not named".to_owned(),
         other => format!("\".{other}\""),
