@@ -50,7 +50,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         print(&format!("same         {shown}, to the last bit\n"));
         return Ok(ExitCode::SUCCESS);
     }
-    let scene = scene.as_ref().map(|scene| scene::read(scene)).transpose()?.map(|read| read.scene);
+    let scene = match scene {
+        Some(path) => Some(scene::read(path)?.scene),
+        None => None,
+    };
     let difference = match (take(a, scene.as_ref())?, take(b, scene.as_ref())?) {
         (Some(one), Some(other)) => described(&one, &other),
         _ => "where        give their scene with --scene to learn it\n".to_owned(),

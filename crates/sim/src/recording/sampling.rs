@@ -96,7 +96,7 @@ pub(super) fn tracks(
 /// Keeps a sample only if the line between its kept neighbors would miss one in between.
 ///
 /// `close(a, b, part, x)` says whether the interpolation between a and b at that part is near x.
-fn thin<const N: usize>(
+pub(super) fn thin<const N: usize>(
     times: &[f64],
     values: &[[f32; N]],
     close: impl Fn([f64; N], [f64; N], f64, [f64; N]) -> bool,

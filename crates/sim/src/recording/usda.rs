@@ -9,7 +9,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::pose::{normalized, pose_2d, pose_at};
+use super::pose::{normalized, pose_at};
 use super::sampling::{Track, sample_rate, sample_times, tracks};
 use super::{Recording, Sampling, write_whole};
 use crate::scene::{Body, Mass, Motion, Scene};
@@ -122,13 +122,7 @@ fn body_prim(scene: &Scene, index: usize, body: &Body, name: &str) -> Prim {
             prim.set("bool physics:kinematicEnabled", 1);
         }
     }
-    let pose = match (body.position.as_slice(), body.rotation) {
-        ([x, y], crate::scene::Rotation::Angle(angle)) => pose_2d([*x, *y], angle),
-        (position, rotation) => {
-            super::pose::Pose { position: space(position), rotation: shape::quaternion(rotation) }
-        }
-    };
-    prim.place(pose.position, pose.rotation, [1.0; 3]);
+    prim.place(space(&body.position), shape::quaternion(body.rotation), [1.0; 3]);
     let dimension = scene.dimension;
     let shapes = body.shapes.iter().enumerate();
     prim.children =
