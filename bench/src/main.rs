@@ -6,6 +6,7 @@ mod compare;
 mod engines;
 mod frontier;
 mod judge;
+mod kernel;
 mod made;
 mod run;
 mod scenes;
@@ -55,6 +56,9 @@ pub(crate) struct Options {
     /// Runs Drystone alone and prints its time per contact in a small and a large pile
     #[arg(long, conflicts_with_all = ["quality", "engines", "paths", "scenes", "stages"])]
     flat: bool,
+    /// Runs the sweep alone and prints its time beside what the machine could do
+    #[arg(long, exclusive = true)]
+    kernel: bool,
     /// Answers for one engine on one scene; how the program starts itself
     #[arg(long, hide = true, value_enum)]
     child: Option<Kind>,
@@ -81,6 +85,10 @@ fn main() -> ExitCode {
 }
 
 fn work(options: &Options) -> Result<(), String> {
+    if options.kernel {
+        kernel::run();
+        return Ok(());
+    }
     let piles = ["sphere_pile_1000", "sphere_pile_8000"].map(String::from);
     let names = if options.flat { &piles[..] } else { &options.scenes };
     let mut cases = scenes::cases(&options.paths, names)?;

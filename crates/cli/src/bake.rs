@@ -7,7 +7,6 @@ mod report;
 mod summary;
 
 use std::collections::BTreeSet;
-use std::io::{self, Write as _};
 use std::num::NonZero;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -19,7 +18,9 @@ use drystone::scene::{self, Read, Scene};
 use drystone::{Simulation, StepSettings};
 
 use crate::failure::Failure;
+use crate::print;
 use output::Outputs;
+pub(crate) use output::{extension, wrong_extension};
 use record::{Bake, Step};
 use summary::Summary;
 
@@ -39,12 +40,13 @@ pub(crate) struct Arguments {
     scene: PathBuf,
 
     /// Where the motion goes; may be given several times. By extension: .glb, an animated glTF
-    /// (of a glTF scene: the same document with a clip added); .poses, raw 32-bit floats, frame 0
-    /// being the initial state
+    /// (of a glTF scene: the same document with a clip added); .usda, OpenUSD with time samples;
+    /// .npz, arrays for NumPy: poses, names, times, contacts; .poses, raw 32-bit floats. Frame 0 is
+    /// the initial state
     #[arg(short, long, value_name = "OUT", group = "result")]
     output: Vec<PathBuf>,
 
-    /// Frames per second in the .glb [default: one per step]; the time step stays the scene's
+    /// Frames per second in the .glb and the .usda [default: one per step]; the time step stays the scene's
     #[arg(long, value_name = "N", value_parser = real(0.001..=100_000.0))]
     fps: Option<f64>,
 
@@ -110,9 +112,9 @@ Examples:
       or drop it on any glTF viewer, and press play
   drystone bake scenes/workshop.gltf -o baked.glb --fps 24
       the scene of the file back, with a clip 'Drystone' at 24 frames per second
-  drystone bake scenes/stones.json -o stones.poses --report stones.report.json
-      poses for NumPy: numpy.fromfile('stones.poses', '<f4').reshape(-1, bodies, 7)
-      (2D: 3), and numbers of each step
+  drystone bake scenes/stones.json -o stones.npz -o stones.usda --report stones.report.json
+      poses for NumPy: numpy.load('stones.npz')['poses'][frame, body]; a stage for Houdini or
+      usdview; and numbers of each step
   drystone bake scenes/tower.json -o tower.glb --substeps 64 --duration 20
       stiffer contacts, for longer
   drystone bake scenes/arch.json -o arch.glb --tolerance 0.1mm/s
@@ -254,7 +256,7 @@ fn write(
     summary: &Summary,
     threads: usize,
 ) -> Result<String, Failure> {
-    let (mut files, warnings) = outputs.write(read, &bake.recording, arguments.fps)?;
+    let (mut files, warnings) = outputs.write(read, bake, arguments.fps)?;
     print_warnings(arguments, warnings.iter());
     if let Some(saved) = &bake.saved {
         let step = arguments.dump_step.unwrap_or_default();
@@ -269,9 +271,4 @@ fn write(
         files.push(path.clone());
     }
     Ok(files.iter().map(|path| format!("wrote        {}\n", output::describe(path))).collect())
-}
-
-fn print(text: &str) {
-    // A reader that is gone has read enough.
-    let _ = io::stdout().write_all(text.as_bytes());
 }

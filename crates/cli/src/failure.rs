@@ -32,6 +32,11 @@ impl Failure {
         }
     }
 
+    /// A file that the system does not let us read.
+    pub(crate) fn cannot_read(path: &Path, error: &io::Error) -> Self {
+        Self::File(format!("{}: cannot be read: {error}", path.display()))
+    }
+
     /// A file that the system does not let us write.
     pub(crate) fn cannot_write(path: &Path, error: &io::Error) -> Self {
         Self::File(format!("{}: cannot be written: {error}", path.display()))

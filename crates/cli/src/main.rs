@@ -1,12 +1,16 @@
 //! The command line of Drystone: one module per command.
 
 mod bake;
+mod check;
 mod failure;
 #[cfg(feature = "fclib")]
 mod fclib;
+mod matrix;
 mod schema;
 mod solve;
+mod verify;
 
+use std::io::{self, Write as _};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -22,25 +26,37 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Bake(bake::Arguments),
+    Check(check::Arguments),
+    Matrix(matrix::Arguments),
     Schema(schema::Arguments),
     Solve(solve::Arguments),
+    Verify(verify::Arguments),
 }
 
-const CODES: &str = "Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged or \
+const CODES: &str = "Exit codes: 0 done, 1 done and the answer is no (bakes differ, a check found something), 2 wrong input or usage, 3 the simulation diverged or \
                      the problem is not solved, 4 a file cannot be read or written, 130 \
                      interrupted.";
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Bake(arguments) => bake::run(&arguments),
-        Command::Schema(_) => schema::run(),
-        Command::Solve(arguments) => solve::run(&arguments),
+        Command::Bake(arguments) => bake::run(&arguments).map(|()| ExitCode::SUCCESS),
+        Command::Check(arguments) => check::run(&arguments),
+        Command::Matrix(arguments) => matrix::run(&arguments).map(|()| ExitCode::SUCCESS),
+        Command::Schema(_) => schema::run().map(|()| ExitCode::SUCCESS),
+        Command::Solve(arguments) => solve::run(&arguments).map(|()| ExitCode::SUCCESS),
+        Command::Verify(arguments) => verify::run(&arguments),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(failure) => {
             eprintln!("drystone: {failure}");
             ExitCode::from(failure.code())
         }
     }
+}
+
+/// Prints to standard output.
+fn print(text: &str) {
+    // A reader that is gone has read enough.
+    let _ = io::stdout().write_all(text.as_bytes());
 }

@@ -17,6 +17,7 @@ use drystone_solver::assembled::{Limits, Outcome, Status};
 use serde_json::Value;
 
 use crate::failure::Failure;
+pub(crate) use plot::escaped;
 
 /// Solve a contact problem or a linear complementarity problem given as matrices.
 ///

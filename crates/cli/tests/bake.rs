@@ -1,76 +1,13 @@
 //! The command line as people use it.
 
+mod common;
+
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Command;
 
+use common::{Place, SCENE};
 use serde_json::Value;
-use tempfile::TempDir;
-
-const SCENE: &str = r#"
-name = "drop"
-duration = 2
-
-[[bodies]]
-name = "floor"
-motion = "static"
-shapes = [{ type = "halfspace", normal = [0, 1, 0] }]
-
-[[bodies]]
-name = "box"
-position = [0, 0.6, 0]
-rotation = [0.1, 0, 0.2, 0.9746794]
-shapes = [{ type = "box", half_extents = [0.2, 0.1, 0.3] }]
-
-[[bodies]]
-name = "ball"
-position = [0.1, 1.2, 0]
-shapes = [{ type = "sphere", radius = 0.2 }]
-"#;
-
-struct Place {
-    folder: TempDir,
-}
-
-impl Place {
-    fn new(scene: &str) -> Self {
-        let place = Self { folder: tempfile::tempdir().unwrap() };
-        fs::write(place.path("scene.toml"), scene).unwrap();
-        place
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    /// Runs `drystone` in this folder.
-    fn run(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
-        command.current_dir(self.folder.path()).args(arguments).output().unwrap()
-    }
-
-    fn fails(&self, code: i32, arguments: &[&str]) -> String {
-        let output = self.run(arguments);
-        let message = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
-        message
-    }
-
-    fn succeeds(&self, arguments: &[&str]) -> String {
-        let output = self.run(arguments);
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {message}");
-        String::from_utf8(output.stdout).unwrap()
-    }
-
-    fn files(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.folder.path()).unwrap();
-        let mut names: Vec<_> =
-            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    }
-}
 
 #[test]
 fn a_bake_writes_what_was_asked_for() {
@@ -241,6 +178,7 @@ fn a_report_has_every_step() {
         "potential_energy",
         "residual",
         "stage_ms",
+        "state",
         "step_ms",
         "sweeps",
     ];
@@ -365,7 +303,7 @@ fn wrong_usage_is_refused_before_the_simulation() {
     bake(&["-o", "a.glb", "--fps", "nan"], 2);
     bake(&["-o", "a.glb", "--duration", "1", "--steps", "1"], 2);
     bake(&["-o", "a.glb", "--wings"], 2);
-    assert!(bake(&["-o", "a.fbx"], 2).contains("\".fbx\"; accepted: .glb, .poses"));
+    assert!(bake(&["-o", "a.fbx"], 2).contains("\".fbx\"; accepted: .glb, .npz, .poses, .usda"));
     assert!(bake(&["-o", "a.glb", "--report", "r.txt"], 2).contains(".json"));
     assert!(bake(&["-o", "a.glb", "-o", "./a.glb"], 2).contains("twice"));
     let itself = place.fails(2, &["bake", "copy.glb", "-o", "./copy.glb"]);
@@ -438,7 +376,7 @@ fn an_interrupted_bake_leaves_nothing() {
 
     let place = Place::new(&SCENE.replace("duration = 2", "duration = 10000"));
     let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
-    command.current_dir(place.folder.path()).args(["bake", "scene.toml", "-o", "out.glb"]);
+    command.current_dir(place.folder()).args(["bake", "scene.toml", "-o", "out.glb"]);
     let mut child = command.stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
     sleep(Duration::from_millis(500));
     let id = child.id().to_string();

@@ -4,6 +4,7 @@ mod bodies;
 mod broad_phase;
 mod cache;
 mod certifier;
+pub mod check;
 pub mod geometry;
 mod ledger;
 mod motion;
@@ -22,7 +23,7 @@ pub use drystone_solver::jam::Jam;
 pub use drystone_solver::ladder::{Outcome, Rung};
 pub use drystone_solver::restitution::ImpactLaw;
 pub use ledger::Ledger;
-pub use report::{Measure, Stage, StepReport};
+pub use report::{Measure, Nearby, Stage, StepReport};
 pub use saved::SavedSystem;
 #[cfg(feature = "assembled")]
 pub use saved::{SavedContact, SavedProblem};

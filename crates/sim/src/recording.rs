@@ -2,14 +2,20 @@
 
 pub mod animation;
 pub mod buffer;
+mod color;
+pub mod compare;
 pub mod file;
 pub mod glb;
 pub mod gltf;
 mod mesh;
+pub mod npz;
+pub mod pose;
 pub mod poses;
+pub mod sampling;
+pub mod usda;
 
-pub use animation::GlbOptions;
 pub use file::write_whole;
+pub use sampling::Sampling;
 
 /// What a bake produced: the pose of every body at every frame.
 #[derive(Clone, Debug, PartialEq)]

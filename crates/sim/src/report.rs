@@ -127,6 +127,19 @@ pub struct Measure {
     pub finite: bool,
 }
 
+/// Two bodies with points of contact, made ahead or touching.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Nearby {
+    /// a and b.
+    pub bodies: [usize; 2],
+    /// Unit normal, from b towards a.
+    pub normal: Vec<f64>,
+    /// The least distance of its points, negative where they overlap. \[m\]
+    pub gap: f64,
+    /// Coulomb coefficient of the pair. \[1\]
+    pub friction: f64,
+}
+
 /// Charges time to stages.
 pub(crate) struct Clock {
     last: Instant,

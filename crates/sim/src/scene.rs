@@ -59,6 +59,20 @@ pub struct Scene {
     pub solver: serde_json::Map<String, Value>,
 }
 
+impl Scene {
+    /// The names of all bodies; `body 12` is one without.
+    pub fn names(&self) -> Vec<String> {
+        let name = |(i, body): (usize, &Body)| body.name.clone().unwrap_or(format!("body {i}"));
+        self.bodies.iter().enumerate().map(name).collect()
+    }
+
+    /// What messages call a body: its name in quotes, or its index.
+    pub fn name_of(&self, body: usize) -> String {
+        let name = self.bodies.get(body).and_then(|body| body.name.as_ref());
+        name.map_or_else(|| format!("body {body}"), |name| format!("'{name}'"))
+    }
+}
+
 /// How the bodies of a scene are simulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

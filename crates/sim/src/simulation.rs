@@ -2,12 +2,13 @@
 
 use std::array::from_fn;
 
-use drystone_solver::{SymmetricMatrix, Vector, Velocity};
+use drystone_solver::{Manifold, SymmetricMatrix, Vector, Velocity};
+use xxhash_rust::xxh3::xxh3_64;
 
 use crate::bodies::{Body, BodyId, Collider, Inertia};
 use crate::geometry::spheres::SphereShape;
 use crate::geometry::{Frame, Geometry, MassProperties, Rigid2, Rigid3, Spheres};
-use crate::report::{Measure, StepReport};
+use crate::report::{Measure, Nearby, StepReport};
 use crate::scene::{self, BodiesAs, Motion, Rotation, Scene, ShapeKind, Track};
 use crate::settings::StepSettings;
 use crate::world::World;
@@ -21,8 +22,19 @@ pub trait Simulation: Send {
     /// 2D px py angle. \[m, rad\]
     fn write_poses(&self, out: &mut Vec<f32>);
 
+    /// XXH3 (64 bits) of the poses and then the velocities of all bodies, linear and angular, as
+    /// little-endian `f32`.
+    fn state_hash(&self) -> u64;
+
     /// Energies, deepest overlap and residual as the last step left them.
     fn measure(&self) -> Measure;
+
+    /// Mass of each body; infinite for what nothing pushes. \[kg\]
+    fn masses(&self) -> Vec<f64>;
+
+    /// Bodies that were near each other at the start of the last search for contacts, one entry per
+    /// manifold.
+    fn nearby(&self) -> Vec<Nearby>;
 
     /// Uses `threads` threads; results do not depend on it.
     fn set_threads(&mut self, threads: usize);
@@ -193,8 +205,38 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
         self.world.write_poses(out);
     }
 
+    fn state_hash(&self) -> u64 {
+        let mut numbers = Vec::new();
+        self.world.write_poses(&mut numbers);
+        for velocity in &self.world.system().velocities {
+            numbers.extend(velocity.linear.0.iter().chain(&velocity.angular.0));
+        }
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        xxh3_64(&bytes)
+    }
+
     fn measure(&self) -> Measure {
         self.world.measure()
+    }
+
+    fn masses(&self) -> Vec<f64> {
+        self.world.system().masses.iter().map(|mass| 1.0 / f64::from(mass.linear)).collect()
+    }
+
+    fn nearby(&self) -> Vec<Nearby> {
+        let system = self.world.system();
+        let of = |manifold: &Manifold<f32, L>| {
+            let contacts = system.contacts[manifold.points()].iter();
+            Nearby {
+                bodies: manifold.bodies.map(|body| body as usize),
+                normal: manifold.normal().0.map(f64::from).to_vec(),
+                gap: contacts
+                    .map(|contact| f64::from(contact.gap[0]))
+                    .fold(f64::INFINITY, f64::min),
+                friction: f64::from(manifold.friction),
+            }
+        };
+        system.manifolds.iter().map(of).collect()
     }
 
     fn set_threads(&mut self, threads: usize) {

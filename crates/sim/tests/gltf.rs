@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use drystone::recording::{self, GlbOptions, Recording};
+use drystone::recording::{self, Recording, Sampling};
 use drystone::scene::{Combine, Motion, Place, Read, Rotation, SceneError, ShapeKind, gltf};
 use serde_json::{Value, json};
 
@@ -729,7 +729,7 @@ fn record(bodies: usize, frames: usize, pose: impl Fn(usize, usize) -> [f32; 7])
 
 fn written(read: &Read, recording: &Recording) -> Vec<u8> {
     let mut bytes = Vec::new();
-    let (source, options) = (read.source.as_ref().unwrap(), GlbOptions::default());
+    let (source, options) = (read.source.as_ref().unwrap(), Sampling::default());
     recording::gltf::write(&mut bytes, source, recording, &options).unwrap();
     bytes
 }
@@ -878,7 +878,7 @@ fn bodies_at_rest_have_no_keys_and_files_keep_their_animation() {
     assert_eq!(targets, [0], "the file's own animation plays on, and nothing else moves");
 
     let source = read.source.as_ref().unwrap();
-    let options = GlbOptions::default();
+    let options = Sampling::default();
     let refuses = |recording: &Recording| {
         recording::gltf::write(&mut Vec::new(), source, recording, &options).is_err()
     };
@@ -895,7 +895,7 @@ fn images_beside_the_file_are_embedded() {
     let read = read("images", &document(nodes, ball(), images)).unwrap();
     let mut bytes = Vec::new();
     let moving = record(1, 3, |frame, _| [frame as f32, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
-    let (source, options) = (read.source.as_ref().unwrap(), GlbOptions::default());
+    let (source, options) = (read.source.as_ref().unwrap(), Sampling::default());
     let warnings = recording::gltf::write(&mut bytes, source, &moving, &options).unwrap();
     assert_eq!(warnings.len(), 1);
     assert!(warnings[0].to_string().contains("gone.png"));

@@ -10,7 +10,6 @@ use serde_json::{Value, json};
 
 use super::Arguments;
 use super::output::{extension, wrong_extension};
-use super::record::name;
 use crate::failure::Failure;
 
 /// The step to save, if the run has it.
@@ -90,11 +89,11 @@ fn title(scene: &Scene, step: u32) -> String {
 
 fn document(scene: &Scene, step: u32, saved: &SavedProblem) -> Value {
     let of = &saved.assembly;
-    let body = |body: usize| json!({ "name": name(scene, body), "first": saved.width * body });
+    let body = |body: usize| json!({ "name": scene.name_of(body), "first": saved.width * body });
     let contact = |contact: &SavedContact| {
         json!({
             "bodies": contact.bodies,
-            "names": contact.bodies.map(|body| name(scene, body as usize)),
+            "names": contact.bodies.map(|body| scene.name_of(body as usize)),
             "point": contact.point,
             "normal": contact.frame.first(),
             "frame": contact.frame,

@@ -4,16 +4,18 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use drystone::recording::{self, GlbOptions, Recording, write_whole};
+use drystone::recording::{self, Sampling, write_whole};
 use drystone::scene::{Read, Warning};
 
-use super::Arguments;
+use super::{Arguments, Bake};
 use crate::failure::Failure;
 
 #[derive(Clone, Copy)]
 enum Format {
     Glb,
+    Npz,
     Poses,
+    Usda,
 }
 
 /// Where the results go.
@@ -67,17 +69,20 @@ impl Outputs {
     pub(super) fn write(
         &self,
         read: &Read,
-        recording: &Recording,
+        bake: &Bake,
         fps: Option<f64>,
     ) -> Result<(Vec<PathBuf>, Vec<Warning>), Failure> {
-        let options = GlbOptions { fps, ..GlbOptions::default() };
+        let options = Sampling { fps, ..Sampling::default() };
+        let (scene, recording) = (&read.scene, &bake.recording);
         let mut warnings = Vec::new();
         for (path, format) in &self.motions {
             let written = match (format, &read.source) {
                 (Format::Poses, _) => recording::poses::write(path, recording),
-                (Format::Glb, None) => {
-                    recording::glb::write(path, &read.scene, recording, &options)
+                (Format::Npz, _) => {
+                    recording::npz::write(path, recording, &scene.names(), &bake.contacts())
                 }
+                (Format::Usda, _) => recording::usda::write(path, scene, recording, &options),
+                (Format::Glb, None) => recording::glb::write(path, scene, recording, &options),
                 (Format::Glb, Some(source)) => write_whole(path, |out| {
                     warnings.extend(recording::gltf::write(out, source, recording, &options)?);
                     Ok(())
@@ -92,16 +97,18 @@ impl Outputs {
 fn format(path: &Path) -> Result<Format, Failure> {
     match extension(path).as_str() {
         "glb" => Ok(Format::Glb),
+        "npz" => Ok(Format::Npz),
         "poses" => Ok(Format::Poses),
-        _ => Err(wrong_extension("--output", path, ".glb, .poses")),
+        "usda" => Ok(Format::Usda),
+        _ => Err(wrong_extension("--output", path, ".glb, .npz, .poses, .usda")),
     }
 }
 
-pub(super) fn extension(path: &Path) -> String {
+pub(crate) fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
-pub(super) fn wrong_extension(flag: &str, path: &Path, accepted: &str) -> Failure {
+pub(crate) fn wrong_extension(flag: &str, path: &Path, accepted: &str) -> Failure {
     let value = match extension(path).as_str() {
         "" => "not named".to_owned(),
         other => format!("\".{other}\""),

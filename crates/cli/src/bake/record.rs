@@ -20,6 +20,8 @@ pub(super) struct Step {
     pub(super) time: Duration,
     pub(super) report: StepReport,
     pub(super) measure: Measure,
+    /// [`Simulation::state_hash`] after it.
+    pub(super) state: u64,
 }
 
 /// A run of a scene.
@@ -91,11 +93,18 @@ impl Bake {
         let time = clock.elapsed();
         let measure = simulation.measure();
         simulation.write_poses(&mut self.recording.poses);
-        self.steps.push(Step { time, report, measure });
+        let state = simulation.state_hash();
+        self.steps.push(Step { time, report, measure, state });
         if measure.finite && measure.fastest <= TOO_FAST {
             return Ok(());
         }
         Err(self.divergence(scene, &measure))
+    }
+
+    /// Points of contact in the step that led to each frame; none to the first.
+    pub(super) fn contacts(&self) -> Vec<u32> {
+        let steps = self.steps.iter().map(|step| step.report.contacts as u32);
+        std::iter::once(0).chain(steps).collect()
     }
 
     fn divergence(&self, scene: &Scene, measure: &Measure) -> Failure {
@@ -110,7 +119,7 @@ impl Bake {
              m/s. Look for huge velocities or overlaps at the start, or try more --substeps",
             self.steps.len(),
             self.steps.len() as f64 * scene.time_step,
-            name(scene, body),
+            scene.name_of(body),
         ))
     }
 
@@ -133,10 +142,4 @@ impl Bake {
         let apart = from.iter().zip(to).take(self.recording.dimension);
         apart.map(|(x, y)| (f64::from(*y) - f64::from(*x)).powi(2)).sum::<f64>().sqrt()
     }
-}
-
-/// What to call a body.
-pub(super) fn name(scene: &Scene, body: usize) -> String {
-    let name = scene.bodies.get(body).and_then(|body| body.name.as_ref());
-    name.map_or_else(|| format!("body {body}"), |name| format!("'{name}'"))
 }

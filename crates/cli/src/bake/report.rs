@@ -49,6 +49,8 @@ struct StepNumbers {
     potential_energy: f64,
     /// \[m/s\]
     residual: f64,
+    /// Hash of all poses and velocities after the step, in hexadecimal.
+    state: String,
     /// Where the energy came from and went, by item. \[J\]
     #[serde(skip_serializing_if = "Option::is_none")]
     energy: Option<BTreeMap<&'static str, f64>>,
@@ -86,6 +88,7 @@ fn numbers(step: &Step) -> StepNumbers {
         kinetic_energy: step.measure.kinetic_energy,
         potential_energy: step.measure.potential_energy,
         residual: step.measure.residual,
+        state: format!("{:016x}", step.state),
         energy: step.report.energy.map(|ledger| {
             let sums = [("created", ledger.created()), ("unexplained", ledger.unexplained())];
             ledger.items().into_iter().chain(sums).collect()

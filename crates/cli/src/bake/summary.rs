@@ -9,7 +9,6 @@ use drystone::{Ledger, Measure, StepSettings};
 use serde::Serialize;
 
 use super::Bake;
-use super::record::name;
 
 /// Energy above that of the start that passes for rounding, as a part of the energy that the run
 /// converts. \[1\]
@@ -272,7 +271,7 @@ impl Summary {
         let worst = mm(of.worst);
         let body = of
             .worst_body
-            .map_or_else(String::new, |body| format!(", around {}", name(scene, body as usize)));
+            .map_or_else(String::new, |body| format!(", around {}", scene.name_of(body as usize)));
         let place = format!("in step {}{body}", of.worst_step);
         if of.tolerance <= 0.0 {
             return format!(
@@ -310,7 +309,7 @@ impl Summary {
         let Some(body) = self.fastest_body else {
             return "nothing moves at the end".to_owned();
         };
-        format!("{} is the fastest at the end, {}", name(scene, body), speed(self.fastest))
+        format!("{} is the fastest at the end, {}", scene.name_of(body), speed(self.fastest))
     }
 
     /// Who was jammed, from when.
@@ -343,7 +342,7 @@ impl Summary {
             let far = self.moved * 1e3;
             lines.push(format!(
                 "not at rest: {} moved {far:.1} mm in the last second",
-                name(scene, body)
+                scene.name_of(body)
             ));
         }
         lines
@@ -371,7 +370,7 @@ fn books(bake: &Bake) -> Option<Books> {
 
 /// The first few bodies by name, and how many more there are.
 fn names(scene: &Scene, bodies: &[usize]) -> String {
-    let named: Vec<_> = bodies.iter().take(NAMED).map(|&body| name(scene, body)).collect();
+    let named: Vec<_> = bodies.iter().take(NAMED).map(|&body| scene.name_of(body)).collect();
     let more = bodies.len().saturating_sub(NAMED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     format!("{}{more}", named.join(", "))

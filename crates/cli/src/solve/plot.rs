@@ -188,6 +188,7 @@ fn legend(svg: &mut String, run: &Run, color: &str, place: usize) {
     );
 }
 
-fn escaped(text: &str) -> String {
+/// Text as XML.
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -7,21 +7,14 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::Recording;
-use super::animation::{Target, append_clip, as_body, pose_2d};
+use super::animation::{Target, append_clip, as_body};
 use super::buffer::{GltfBuffer, Use, write_glb};
+use super::color::{STATIC, color_of, linear};
 use super::file::write_whole;
 use super::mesh::{key_of, mesh_of, scale_of};
+use super::pose::pose_2d;
+use super::sampling::Sampling;
 use crate::scene::{Body, Motion, Rotation, Scene, Shape};
-
-pub use super::animation::GlbOptions;
-
-/// Colors of dynamic bodies, by index. \[sRGB\]
-const PALETTE: [u32; 10] = [
-    0x3f7cac, 0xe07a3f, 0x5aa469, 0xd1495b, 0x7d6bb0, 0xe3b23c, 0x4fb0ae, 0x9c6644, 0xd67ba8,
-    0x8aa83f,
-];
-const STATIC: u32 = 0xb8ad9e;
-const KINEMATIC: u32 = 0x46505c;
 
 /// Writes a scene with a mesh per shape and a node per body, and its recording as an animation.
 ///
@@ -35,17 +28,13 @@ pub fn write(
     path: &Path,
     scene: &Scene,
     recording: &Recording,
-    options: &GlbOptions,
+    options: &Sampling,
 ) -> io::Result<()> {
     let (document, bytes) = build(scene, recording, options)?;
     write_whole(path, |out| write_glb(out, &document, &bytes))
 }
 
-fn build(
-    scene: &Scene,
-    recording: &Recording,
-    options: &GlbOptions,
-) -> io::Result<(Value, Vec<u8>)> {
+fn build(scene: &Scene, recording: &Recording, options: &Sampling) -> io::Result<(Value, Vec<u8>)> {
     if (recording.bodies, recording.dimension) != (scene.bodies.len(), scene.dimension) {
         let message = "the recording is not of this scene";
         return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
@@ -95,11 +84,7 @@ impl Nodes {
         let name = body.name.clone().unwrap_or_else(|| format!("body {index}"));
         let mut node = json!({"name": name});
         place(&mut node, &body.position, body.rotation);
-        let color = match body.motion {
-            Motion::Dynamic => PALETTE[index % PALETTE.len()],
-            Motion::Static => STATIC,
-            Motion::Kinematic => KINEMATIC,
-        };
+        let color = color_of(index, body.motion);
         match body.shapes.as_slice() {
             [] => {}
             [shape] if is_centered(shape) => self.dress(gltf, &mut node, shape, color),
@@ -163,7 +148,7 @@ impl Nodes {
         if let Some(material) = self.materials.get(&color) {
             return *material;
         }
-        let [_, r, g, b] = color.to_be_bytes().map(linear);
+        let [r, g, b] = linear(color);
         let mut material = json!({
             "pbrMetallicRoughness": {
                 "baseColorFactor": [r, g, b, 1.0],
@@ -190,13 +175,6 @@ fn is_centered(shape: &Shape) -> bool {
 
 fn tone(second: bool) -> [u8; 4] {
     if second { [140, 140, 140, 255] } else { [255; 4] }
-}
-
-/// Linear value of an sRGB component.
-fn linear(component: u8) -> f64 {
-    let x = f64::from(component) / 255.0;
-    let y = if x <= 0.04045 { x / 12.92 } else { libm::pow((x + 0.055) / 1.055, 2.4) };
-    (y * 1e4).round() / 1e4
 }
 
 /// Sets translation and rotation, unless they are those of a node without.
@@ -244,9 +222,9 @@ mod tests {
         let body = |r: f64| format!("{{shapes = [{{type = \"sphere\", radius = {r}}}]}}");
         let list: Vec<_> = (1..=20).map(|i| body(f64::from(i))).collect();
         let scene = scene(&format!("bodies = [{}]", list.join(",")));
-        let (document, _) = build(&scene, &still(&scene, 2), &GlbOptions::default()).unwrap();
+        let (document, _) = build(&scene, &still(&scene, 2), &Sampling::default()).unwrap();
         assert_eq!(document["accessors"].as_array().unwrap().len(), 4);
-        assert_eq!(document["meshes"].as_array().unwrap().len(), PALETTE.len());
+        assert_eq!(document["meshes"].as_array().unwrap().len(), 10);
         assert_eq!(document["nodes"][19]["scale"], json!([20.0, 20.0, 20.0]));
         assert_eq!(document["nodes"][19]["name"], "body 19");
         assert_eq!(document.get("animations"), None);
@@ -255,7 +233,7 @@ mod tests {
     #[test]
     fn an_empty_scene_has_no_empty_lists() {
         let scene = scene("");
-        let (document, bytes) = build(&scene, &still(&scene, 0), &GlbOptions::default()).unwrap();
+        let (document, bytes) = build(&scene, &still(&scene, 0), &Sampling::default()).unwrap();
         assert_eq!(document["scenes"], json!([{}]));
         assert!(bytes.is_empty() && document.get("buffers").is_none());
     }
@@ -264,6 +242,6 @@ mod tests {
     fn a_recording_of_another_scene_is_refused() {
         let (one, none) = (scene("bodies = [{motion = \"static\"}]"), scene(""));
         let path = Path::new("never.glb");
-        assert!(write(path, &one, &still(&none, 1), &GlbOptions::default()).is_err());
+        assert!(write(path, &one, &still(&none, 1), &Sampling::default()).is_err());
     }
 }

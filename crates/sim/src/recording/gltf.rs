@@ -10,8 +10,10 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::Recording;
-use super::animation::{GlbOptions, Pose, Target, append_clip, pose_at};
+use super::animation::{Target, append_clip};
 use super::buffer::{GltfBuffer, Use, write_glb};
+use super::pose::{Pose, pose_at};
+use super::sampling::Sampling;
 use crate::scene::gltf::math::{self, Quat};
 use crate::scene::gltf::nodes::{Affine, Trs};
 use crate::scene::gltf::{BodyNode, Source, container};
@@ -35,7 +37,7 @@ pub fn write(
     out: &mut dyn Write,
     source: &Source,
     recording: &Recording,
-    options: &GlbOptions,
+    options: &Sampling,
 ) -> io::Result<Vec<Warning>> {
     let (mut document, mut bin, warnings) = merge(source)?;
     add_clip(&mut document, &mut bin, source, recording, options)?;
@@ -51,7 +53,7 @@ fn add_clip(
     bin: &mut Vec<u8>,
     source: &Source,
     recording: &Recording,
-    options: &GlbOptions,
+    options: &Sampling,
 ) -> io::Result<()> {
     check(source, recording)?;
     let written: Vec<usize> =

@@ -5,9 +5,9 @@ use parry3d::math::Vector;
 use crate::scene::ShapeKind;
 
 /// Half the thickness of what is flat. \[m\]
-const HALF_DEPTH: f64 = 0.25;
+pub(super) const HALF_DEPTH: f64 = 0.25;
 /// Half the side of a plane. \[m\]
-const HALF_PLANE: f64 = 20.0;
+pub(super) const HALF_PLANE: f64 = 20.0;
 /// Edges of a circle.
 const SECTORS: usize = 24;
 /// Edges from a pole to the equator.

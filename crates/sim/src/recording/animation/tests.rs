@@ -1,5 +1,7 @@
 use proptest::prelude::*;
 
+use super::super::pose::{dot, lerp, slerp};
+use super::super::sampling::thin;
 use super::*;
 
 fn recording(poses: Vec<f32>) -> Recording {
@@ -17,7 +19,7 @@ fn falling(frames: usize) -> Recording {
     recording(poses)
 }
 
-fn clip(recording: &Recording, options: &GlbOptions) -> (Value, Vec<u8>, bool) {
+fn clip(recording: &Recording, options: &Sampling) -> (Value, Vec<u8>, bool) {
     let (mut document, mut bytes) = (json!({}), Vec::new());
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
     let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
@@ -55,7 +57,7 @@ fn play<const N: usize>(keys: &[f32], values: &[f32], time: f32) -> [f64; N] {
 #[test]
 fn a_clip_stays_within_its_tolerance_and_is_short() {
     let run = falling(600);
-    let options = GlbOptions::default();
+    let options = Sampling::default();
     let (document, bytes, _) = clip(&run, &options);
     let samplers = document["animations"][0]["samplers"].as_array().unwrap();
     for (path, sampler) in samplers.iter().enumerate() {
@@ -79,7 +81,7 @@ fn a_clip_stays_within_its_tolerance_and_is_short() {
 fn rotations_change_their_sign_nowhere() {
     let mut run = falling(60);
     run.poses.chunks_mut(14).for_each(|pose| pose[3..7].iter_mut().for_each(|x| *x = -*x));
-    let (document, bytes, _) = clip(&run, &GlbOptions::default());
+    let (document, bytes, _) = clip(&run, &Sampling::default());
     let output = &document["animations"][0]["samplers"][1]["output"];
     let values = floats(&document, &bytes, output);
     let keys: Vec<[f64; 4]> =
@@ -90,7 +92,7 @@ fn rotations_change_their_sign_nowhere() {
 #[test]
 fn what_rests_has_no_channel() {
     let run = recording([1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0].repeat(100));
-    assert!(!clip(&run, &GlbOptions::default()).2);
+    assert!(!clip(&run, &Sampling::default()).2);
 }
 
 #[test]
@@ -99,7 +101,7 @@ fn what_rests_elsewhere_is_put_there() {
     let mut document = json!({"nodes": [{"translation": [1.0, 2.0, 3.0]}]});
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut Vec::new(), buffer: 0 };
     let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
-    let clip = append_clip(&mut gltf, "", &run, &targets, &GlbOptions::default()).unwrap();
+    let clip = append_clip(&mut gltf, "", &run, &targets, &Sampling::default()).unwrap();
     assert_eq!(clip, None);
     let node = json!({"translation": [1.0, 2.0, 3.0], "rotation": [0.0, 1.0, 0.0, 0.0]});
     assert_eq!(document["nodes"][0], node);
@@ -108,7 +110,7 @@ fn what_rests_elsewhere_is_put_there() {
 #[test]
 fn a_straight_motion_has_two_keys() {
     let poses = (0..1000).flat_map(|i| [i as f32 / 64.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
-    let (document, ..) = clip(&recording(poses.collect()), &GlbOptions::default());
+    let (document, ..) = clip(&recording(poses.collect()), &Sampling::default());
     assert_eq!(document["accessors"][0]["count"], 2);
     assert_eq!(document["animations"][0]["channels"].as_array().unwrap().len(), 1);
 }
@@ -121,7 +123,7 @@ fn equal_keys_are_stored_once() {
     });
     let (document, ..) = clip(
         &recording(poses.collect()),
-        &GlbOptions { rotation_tolerance: 1e-3, ..GlbOptions::default() },
+        &Sampling { rotation_tolerance: 1e-3, ..Sampling::default() },
     );
     let samplers = &document["animations"][0]["samplers"];
     assert_eq!(samplers[0]["input"], samplers[1]["input"]);
@@ -130,10 +132,10 @@ fn equal_keys_are_stored_once() {
 #[test]
 fn other_rates_end_at_the_last_frame() {
     let run = falling(62);
-    let options = GlbOptions { fps: Some(24.0), ..GlbOptions::default() };
+    let options = Sampling { fps: Some(24.0), ..Sampling::default() };
     let times = sample_times(&run, &options);
     assert_eq!(times.len(), 26);
-    assert_eq!(*times.last().unwrap(), (61.0 / 60.0) as f32);
+    assert!((times[25] - 61.0 / 60.0).abs() < 1e-12);
 }
 
 #[test]
@@ -143,21 +145,21 @@ fn a_pose_that_is_not_finite_is_an_error() {
     let (mut document, mut bytes) = (json!({}), Vec::new());
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
     let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
-    let error = append_clip(&mut gltf, "", &run, &targets, &GlbOptions::default()).unwrap_err();
+    let error = append_clip(&mut gltf, "", &run, &targets, &Sampling::default()).unwrap_err();
     assert!(error.to_string().starts_with("the pose of body 0 at 0.0166"), "{error}");
 }
 
 proptest! {
     #[test]
     fn thinning_keeps_any_track_within_its_tolerance(values in prop::collection::vec(-1.0f32..1.0, 2..60)) {
-        let times: Vec<f32> = (0..values.len()).map(|i| i as f32 / 60.0).collect();
+        let times: Vec<f64> = (0..values.len()).map(|i| i as f64 / 60.0).collect();
         let points: Vec<[f32; 1]> = values.iter().map(|x| [*x]).collect();
         let track = thin(&times, &points, |a, b, part, x| distance(lerp(a, b, part), x) <= 0.2);
         if !track.kept.is_empty() {
-            let keys: Vec<f32> = track.kept.iter().map(|i| times[*i as usize]).collect();
+            let keys: Vec<f32> = track.kept.iter().map(|i| times[*i as usize] as f32).collect();
             let kept: Vec<f32> = track.values.as_flattened().to_vec();
             for (time, value) in times.iter().zip(&values) {
-                let [x] = play::<1>(&keys, &kept, *time);
+                let [x] = play::<1>(&keys, &kept, *time as f32);
                 prop_assert!((x - f64::from(*value)).abs() <= 0.2 + 1e-5);
             }
         }

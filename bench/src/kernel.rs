@@ -1,0 +1,272 @@
+//! The sweep by itself: nanoseconds for a manifold, beside what the machine could do.
+
+use std::cell::Cell;
+use std::hint::black_box;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+use std::time::Instant;
+
+use drystone_solver::lanes::{Lanes, Portable, WIDTH};
+use drystone_solver::wide::Wide;
+use drystone_solver::{
+    Contact, InverseMass, Manifold, Mobility, Real, SymmetricMatrix, System, Vector, Velocity,
+    contact_frame, pgs,
+};
+
+/// Manifolds that stay in the second cache, and that do not stay in any.
+const COUNTS: [usize; 2] = [512, 200_000];
+
+/// Visits to manifolds in a measurement.
+const VISITS: usize = 20_000_000;
+
+/// Prints a table of all systems.
+pub(crate) fn run() {
+    let [operations, bytes] = [peak(), bandwidth()];
+    println!(
+        "This machine, one core: {operations:.1} products and sums of f32 per ns in {WIDTH} lanes, \
+         {bytes:.1} bytes per ns from memory.\n"
+    );
+    println!(
+        "| system | points | sweep | operations | cached ns | of peak | from memory ns | bytes | of bandwidth |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    let limits = [operations, bytes];
+    case::<3, 3>("rigid, 3D", 4, limits);
+    case::<2, 1>("rigid, 2D", 2, limits);
+    case::<3, 0>("particles, 3D", 1, limits);
+    case::<2, 0>("particles, 2D", 1, limits);
+}
+
+fn case<const L: usize, const A: usize>(name: &str, points: usize, [peak, bandwidth]: [f64; 2]) {
+    for (sweep, friction) in [("normals", false), ("normals and friction", true)] {
+        let operations = operations::<L, A>(points, friction) as f64;
+        let bytes = bytes::<L, A>(points) as f64;
+        let [cached, streamed] = COUNTS.map(|count| time::<L, A>(count, points, friction));
+        println!(
+            "| {name} | {points} | {sweep} | {operations} | {cached:.1} | {:.0} % | {streamed:.1} | \
+             {bytes} | {:.0} % |",
+            100.0 * operations / peak / cached,
+            100.0 * bytes / bandwidth / streamed,
+        );
+    }
+}
+
+/// A row of bodies, each touching the next with a manifold of `points` points.
+fn row<T: Real, const L: usize, const A: usize>(count: usize, points: usize) -> System<T, L, A> {
+    let mut system = System::new();
+    let number = T::from_f64;
+    for i in 0..=count {
+        let mut angular = SymmetricMatrix::ZERO;
+        for k in 0..A {
+            angular.0[k][k] = number(6.0 + 0.1 * k as f64);
+        }
+        let mut linear = Vector::ZERO;
+        linear[0] = number(0.1 * (i as f64).sin());
+        linear[1] = number(-0.1);
+        system.add_body(
+            Velocity { linear, angular: Vector::ZERO },
+            InverseMass { linear: T::ONE, angular },
+        );
+    }
+    let mut up = Vector::<f64, L>::ZERO;
+    up[1] = 1.0;
+    let frame = contact_frame(up).map(|axis| Vector(axis.0.map(number)));
+    let arm = |side: f64| {
+        let mut arm = Vector::ZERO;
+        arm[1] = number(0.5 * side);
+        arm
+    };
+    let corners = [[0.5, 0.5], [-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5]];
+    let contacts: Vec<Contact<T, L>> = (corners[..points].iter())
+        .map(|corner| {
+            let mut contact = Contact::default();
+            if A > 0 {
+                for i in 1..L {
+                    contact.place[i] = number(corner[i - 1]);
+                }
+            }
+            contact
+        })
+        .collect();
+    for i in 0..count as u32 {
+        let bodies = [i + 1, i];
+        let friction = number(0.5);
+        let arms = [arm(-1.0), arm(1.0)];
+        system.add_manifold(
+            Manifold { bodies, frame, arms, friction, ..Manifold::default() },
+            &contacts,
+        );
+    }
+    system
+}
+
+/// The least time of a sweep. \[ns per manifold\]
+fn time<const L: usize, const A: usize>(count: usize, points: usize, friction: bool) -> f64 {
+    let system = row::<f32, L, A>(count, points);
+    let mut wide = Wide::new();
+    wide.pack(&system, 0.1);
+    let mut velocities = system.velocities.clone();
+    let mut least = f64::INFINITY;
+    for _ in 0..VISITS / count {
+        velocities.clone_from(&system.velocities);
+        let start = Instant::now();
+        if friction {
+            wide.sweep(&mut velocities);
+        } else {
+            wide.sweep_normals(&mut velocities);
+        }
+        least = least.min(start.elapsed().as_secs_f64());
+    }
+    black_box(&velocities);
+    1e9 * least / count as f64
+}
+
+/// What a visit reads and writes in memory: a lane of its block, and two bodies.
+fn bytes<const L: usize, const A: usize>(points: usize) -> usize {
+    let point = size_of::<Contact<f32, L>>();
+    let shared = size_of::<Manifold<f32, L>>()
+        + size_of::<Mobility<f32, L, A>>()
+        + 2 * size_of::<InverseMass<f32, L, A>>();
+    // Impulses go back, and so do velocities.
+    points * (point + L * size_of::<f32>()) + shared + 4 * size_of::<Velocity<f32, L, A>>()
+}
+
+/// Operations of a visit in lanes, counted.
+fn operations<const L: usize, const A: usize>(points: usize, friction: bool) -> u64 {
+    let mut system = row::<Counting, L, A>(1, points);
+    system.prepare(Counting(0.1));
+    let manifold = system.manifolds[0];
+    let masses = system.masses_of(&manifold);
+    let known = count(|| {
+        black_box(Mobility::of(&manifold, &masses));
+    });
+    let sweep = if friction { pgs::sweep } else { pgs::sweep_normals };
+    count(|| sweep(&mut system)) - known
+}
+
+/// Products and sums per nanosecond, sixteen lanes in enough chains. \[1/ns\]
+fn peak() -> f64 {
+    #[cfg(target_arch = "x86_64")]
+    if drystone_solver::lanes::avx2_available() {
+        return rate::<drystone_solver::lanes::Avx2>();
+    }
+    rate::<Portable>()
+}
+
+fn rate<V: Lanes>() -> f64 {
+    const CHAINS: usize = 6;
+    const ROUNDS: usize = 10_000;
+    let mut best = 0.0f64;
+    for _ in 0..2000 {
+        let start = Instant::now();
+        let sums = V::run(
+            #[inline(always)]
+            || {
+                let factor = V::from_array([black_box(0.999); WIDTH]);
+                let mut sums = [V::ONE; CHAINS];
+                for _ in 0..ROUNDS {
+                    for sum in &mut sums {
+                        *sum = *sum * factor + V::ONE;
+                    }
+                }
+                sums
+            },
+        );
+        black_box(sums);
+        let operations = (2 * CHAINS * ROUNDS * WIDTH) as f64;
+        best = best.max(operations / (1e9 * start.elapsed().as_secs_f64()));
+    }
+    best
+}
+
+/// Bytes that are read per nanosecond from what no cache holds. \[1/ns\]
+fn bandwidth() -> f64 {
+    let numbers = vec![1u64; 1 << 25];
+    let mut best = 0.0f64;
+    for part in (0..4).flat_map(|_| numbers.chunks(1 << 17)) {
+        let start = Instant::now();
+        black_box(part.iter().fold(0u64, |sum, x| sum.wrapping_add(*x)));
+        best = best.max(size_of_val(part) as f64 / (1e9 * start.elapsed().as_secs_f64()));
+    }
+    best
+}
+
+thread_local! {
+    static OPERATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count(work: impl FnOnce()) -> u64 {
+    let before = OPERATIONS.get();
+    work();
+    OPERATIONS.get() - before
+}
+
+/// A number that counts what is done with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Counting(f64);
+
+fn counted(value: f64) -> Counting {
+    OPERATIONS.set(OPERATIONS.get() + 1);
+    Counting(value)
+}
+
+macro_rules! operator {
+    ($($trait:ident $method:ident $operator:tt;)*) => {$(
+        impl $trait for Counting {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                counted(self.0 $operator other.0)
+            }
+        }
+    )*};
+}
+
+operator! {
+    Add add +;
+    Sub sub -;
+    Mul mul *;
+    Div div /;
+}
+
+impl AddAssign for Counting {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl SubAssign for Counting {
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl Neg for Counting {
+    type Output = Self;
+    fn neg(self) -> Self {
+        counted(-self.0)
+    }
+}
+
+impl Real for Counting {
+    const ZERO: Self = Self(0.0);
+    const ONE: Self = Self(1.0);
+
+    fn from_f64(value: f64) -> Self {
+        Self(value)
+    }
+
+    fn sqrt(self) -> Self {
+        counted(self.0.sqrt())
+    }
+
+    fn max(self, other: Self) -> Self {
+        counted(f64::max(self.0, other.0))
+    }
+
+    fn min(self, other: Self) -> Self {
+        counted(f64::min(self.0, other.0))
+    }
+
+    fn choose(self, positive: Self, otherwise: Self) -> Self {
+        if counted(self.0).0 > 0.0 { positive } else { otherwise }
+    }
+}

@@ -1,0 +1,96 @@
+//! `drystone check`: what will hurt in a scene, before it does.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use drystone::StepSettings;
+use drystone::check::{Finding, Kind, check};
+use drystone::scene::{self, Scene};
+use serde_json::{Value, json};
+
+use crate::failure::Failure;
+use crate::print;
+
+/// Findings of a kind that are listed before the rest is counted.
+const LISTED: usize = 10;
+
+/// Find what will hurt in a scene before it does.
+///
+/// Overlaps, wedged bodies, heavy on light, stacks without friction, what may pass through, scale,
+/// meshes with holes or inside out, surfaces that never rest, and what the reader left out.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// The scene: .toml, .json, .gltf or .glb
+    scene: PathBuf,
+
+    /// For the settings for games, with their fixed work
+    #[arg(long)]
+    realtime: bool,
+
+    /// Print all findings as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  drystone check scenes/arch.json
+      nothing found: go ahead and bake
+  drystone check scenes/workshop.gltf --json
+      for other programs: kind, bodies, value, limit, and both in words
+
+Exit codes: 0 nothing found, 1 something found, 2 wrong input or usage, 4 a file cannot be read.";
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let read = scene::read(&arguments.scene)?;
+    let preset =
+        if arguments.realtime { StepSettings::realtime() } else { StepSettings::certified() };
+    let settings = read.scene.settings(preset)?;
+    let file = arguments.scene.display();
+    let findings =
+        check(&read, &settings).map_err(|error| Failure::Input(format!("{file}: {error}")))?;
+    if arguments.json {
+        let list: Vec<_> = findings.iter().map(|finding| value(&read.scene, finding)).collect();
+        let version = env!("CARGO_PKG_VERSION");
+        let whole = json!({ "scene": file.to_string(), "version": version, "findings": list });
+        print(&format!("{whole:#}\n"));
+    } else {
+        print(&text(&findings));
+        let count = match findings.len() {
+            0 => "nothing found".to_owned(),
+            1 => "1 finding".to_owned(),
+            count => format!("{count} findings"),
+        };
+        print(&format!("{file}: {count} among {} bodies\n", read.scene.bodies.len()));
+    }
+    Ok(if findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// A finding with the names of its bodies.
+fn value(scene: &Scene, finding: &Finding) -> Value {
+    let mut value = json!(finding);
+    value["names"] = finding.bodies.iter().map(|&body| scene.name_of(body)).collect();
+    value
+}
+
+/// The first findings of each kind, and how many more there are.
+fn text(findings: &[Finding]) -> String {
+    let mut kinds: BTreeMap<Kind, Vec<&Finding>> = BTreeMap::new();
+    for finding in findings {
+        kinds.entry(finding.kind).or_default().push(finding);
+    }
+    let mut text = String::new();
+    for (kind, found) in kinds {
+        let title = json!(kind).as_str().unwrap_or_default().replace('_', " ");
+        for Finding { what, advice, .. } in found.iter().take(LISTED) {
+            text += &format!("{title:<17} {what}; {advice}\n");
+        }
+        if found.len() > LISTED {
+            text += &format!("{title:<17} and {} more; --json has all\n", found.len() - LISTED);
+        }
+    }
+    text
+}

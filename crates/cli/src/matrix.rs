@@ -1,0 +1,158 @@
+//! `drystone matrix`: which contacts know of each other, as a picture.
+
+mod draw;
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use drystone::recording::write_whole;
+use drystone::scene::{self, Motion, Scene};
+use drystone::{SavedProblem, StepSettings, build};
+
+use crate::bake::{extension, wrong_extension};
+use crate::failure::Failure;
+use crate::print;
+use draw::{Entry, Picture, Point};
+
+/// More would be no picture.
+const MOST: usize = 1500;
+
+/// Draw the contact matrix A = J M^-1 J^T of a step beside its contacts.
+///
+/// A contact is one row and one column. Two contacts have an entry where a body that can be moved
+/// takes part in both; it has the color of that body.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// The scene: .toml, .json, .gltf or .glb
+    scene: PathBuf,
+
+    /// The step whose last substep is drawn, from 1
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    step: u32,
+
+    /// Where the picture goes: .svg
+    #[arg(short, long, value_name = "A.svg")]
+    output: PathBuf,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  drystone matrix scenes/arch.json --step 60 -o arch.svg
+      a band: each stone touches the next
+  drystone matrix scenes/billiards.toml --step 80 -o break.svg
+      the rack as it is hit
+
+Exit codes: 0 done, 2 wrong input or usage, 4 a file cannot be read or written.";
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments { scene: file, step, output } = arguments;
+    if extension(output) != "svg" {
+        return Err(wrong_extension("--output", output, ".svg"));
+    }
+    let scene = scene::read(file)?.scene;
+    let (saved, poses) = simulate(arguments, &scene)?;
+    let count = saved.contacts.len();
+    if !(1..=MOST).contains(&count) {
+        return Err(Failure::Input(format!(
+            "{}: step {step} has {count} contacts; accepted: 1 to {MOST}; choose another --step or a \
+             smaller scene",
+            file.display()
+        )));
+    }
+    let name = scene.name.as_deref().unwrap_or("scene");
+    let title = format!("{name}, step {step}: {count} contacts");
+    let svg = draw::svg(&picture(title, &scene, &saved, &poses)?);
+    write_whole(output, |out| out.write_all(svg.as_bytes()))
+        .map_err(|error| Failure::cannot_write(output, &error))?;
+    print(&format!("wrote        {}\n", output.display()));
+    Ok(())
+}
+
+/// The contacts of the step, and the poses after it.
+fn simulate(arguments: &Arguments, scene: &Scene) -> Result<(SavedProblem, Vec<f32>), Failure> {
+    let file = arguments.scene.display();
+    let settings = scene.settings(StepSettings::certified())?;
+    let mut simulation =
+        build(scene, settings).map_err(|error| Failure::Input(format!("{file}: {error}")))?;
+    for step in 1..=arguments.step {
+        simulation.save_systems(step == arguments.step);
+        simulation.step(scene.time_step);
+    }
+    let saved = simulation.saved().transpose();
+    let saved = saved.map_err(|error| Failure::Diverged(format!("{file}: {error}")))?;
+    let mut poses = Vec::new();
+    simulation.write_poses(&mut poses);
+    let none = || Failure::Input(format!("{file}: step {} has no contacts", arguments.step));
+    Ok((saved.ok_or_else(none)?, poses))
+}
+
+fn picture(
+    title: String,
+    scene: &Scene,
+    saved: &SavedProblem,
+    poses: &[f32],
+) -> Result<Picture, Failure> {
+    let wrong = |error| Failure::Diverged(format!("the contact matrix: {error}"));
+    let problem = saved.assembly.problem_in_space().map_err(wrong)?;
+    let (matrix, d) = (problem.matrix(), problem.dimension());
+    let moves = |body: u32| {
+        scene.bodies.get(body as usize).is_some_and(|body| body.motion == Motion::Dynamic)
+    };
+    let shared = |i: usize, j: usize| -> Vec<u32> {
+        let (a, b) = (saved.contacts[i].bodies, saved.contacts[j].bodies);
+        a.into_iter().filter(|body| b.contains(body) && moves(*body)).collect()
+    };
+    let rows = 0..matrix.nrows();
+    let blocks: BTreeSet<[usize; 2]> = rows
+        .flat_map(|row| {
+            let entries = matrix.col_idx_of_row(row).zip(matrix.val_of_row(row));
+            entries.filter(|(_, x)| **x != 0.0).map(move |(column, _)| [row / d, column / d])
+        })
+        .collect();
+    let entries = blocks.into_iter().map(|[row, column]| {
+        let body = match shared(row, column).as_slice() {
+            [body] => Some(*body),
+            _ => None,
+        };
+        Entry { row, column, body }
+    });
+    let flat = view(saved);
+    let stride = if scene.dimension == 3 { 7 } else { 3 };
+    let bodies = (0..scene.bodies.len()).zip(poses.chunks(stride));
+    Ok(Picture {
+        title,
+        entries: entries.collect(),
+        contacts: saved
+            .contacts
+            .iter()
+            .map(|contact| (contact.bodies, flat(&contact.point)))
+            .collect(),
+        bodies: bodies
+            .map(|(body, pose)| {
+                let place: Vec<f64> = pose.iter().map(|x| f64::from(*x)).collect();
+                (scene.name_of(body), moves(body as u32).then(|| flat(&place)))
+            })
+            .collect(),
+    })
+}
+
+/// From a point in space to one in the picture: from the front, from the side or from above, whichever
+/// shows most.
+fn view(saved: &SavedProblem) -> impl Fn(&[f64]) -> Point {
+    let spread = |axis: usize| {
+        let along = saved.contacts.iter().filter_map(|contact| contact.point.get(axis));
+        let bounds = |(low, high): (f64, f64), x: &f64| (low.min(*x), high.max(*x));
+        let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), bounds);
+        high - low
+    };
+    let deep = [2, 0, 1].into_iter().min_by(|&a, &b| spread(a).total_cmp(&spread(b)));
+    // Axis and direction, across and up.
+    let axes = match deep {
+        Some(0) => [(2, -1.0), (1, 1.0)],
+        Some(1) => [(0, 1.0), (2, -1.0)],
+        _ => [(0, 1.0), (1, 1.0)],
+    };
+    move |point| axes.map(|(axis, sign)| sign * point.get(axis).copied().unwrap_or(0.0))
+}

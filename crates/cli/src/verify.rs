@@ -1,0 +1,115 @@
+//! `drystone verify`: whether two bakes are the same, and where they part.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::{fs, io};
+
+use drystone::recording::compare::{Difference, differences};
+use drystone::recording::npz::{self, Named};
+use drystone::recording::poses;
+use drystone::scene::{self, Scene};
+
+use crate::bake::{extension, wrong_extension};
+use crate::failure::Failure;
+use crate::print;
+
+/// Compare two bakes to the last bit.
+///
+/// Says the first frame and body that differ, by how much, and where they differ most. A .npz names
+/// its bodies; a .poses file does not: --scene does.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// A bake: .npz or .poses
+    a: PathBuf,
+
+    /// Another bake of the same scene
+    b: PathBuf,
+
+    /// The scene that was baked, for the names of its bodies
+    #[arg(long)]
+    scene: Option<PathBuf>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  drystone verify a.npz b.npz
+      whether two bakes are the same; if not, which body moved first, and when
+  drystone verify a.poses b.poses --scene scenes/arch.json
+      the same for raw poses
+
+Exit codes: 0 the same, 1 different, 2 wrong input or usage, 4 a file cannot be read. The report of
+`drystone bake --report` has a hash of all poses and velocities after each step, `state`, to compare
+bakes on machines that are far apart.";
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let Arguments { a, b, scene } = arguments;
+    let shown = format!("{} and {}", a.display(), b.display());
+    if bytes(a)? == bytes(b)? {
+        print(&format!("same         {shown}, to the last bit\n"));
+        return Ok(ExitCode::SUCCESS);
+    }
+    let scene = match scene {
+        Some(path) => Some(scene::read(path)?.scene),
+        None => None,
+    };
+    let difference = match (take(a, scene.as_ref())?, take(b, scene.as_ref())?) {
+        (Some(one), Some(other)) => described(&one, &other),
+        _ => "where        give their scene with --scene to learn it\n".to_owned(),
+    };
+    print(&format!("different    {shown}\n{difference}"));
+    Ok(ExitCode::from(1))
+}
+
+/// The first difference, the largest, and what only one of both has.
+fn described(one: &Named, other: &Named) -> String {
+    let (a, b) = (&one.recording, &other.recording);
+    let line = |title: &str, of: Option<Difference>| {
+        let Some(Difference { frame, body, distance, angle }) = of else { return String::new() };
+        let (time, name) = (frame as f64 * a.frame_time, one.names.get(body));
+        format!(
+            "{title:<12} frame {frame} ({time:.3} s): '{}' by {:.3e} mm and {angle:.3e} rad\n",
+            name.map_or("", String::as_str),
+            distance * 1e3
+        )
+    };
+    let farther = |x: Difference, y: Difference| if y.distance > x.distance { y } else { x };
+    let mut text = line("first", differences(a, b).next());
+    text += &line("farthest", differences(a, b).reduce(farther));
+    for (title, [x, y]) in [
+        ("frames", [a.frames(), b.frames()]),
+        ("bodies", [a.bodies, b.bodies]),
+        ("dimensions", [a.dimension, b.dimension]),
+    ] {
+        if x != y {
+            text += &format!("{title:<12} {x} and {y}\n");
+        }
+    }
+    text
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, Failure> {
+    fs::read(path).map_err(|error| Failure::cannot_read(path, &error))
+}
+
+/// A bake with the names of its bodies; none where only a scene could tell what it is.
+fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, Failure> {
+    let refused = |error: io::Error| Failure::Input(format!("{}: {error}", path.display()));
+    match extension(path).as_str() {
+        "npz" => return npz::read(path).map(Some).map_err(refused),
+        "poses" => {}
+        _ => return Err(wrong_extension("a bake", path, ".npz, .poses")),
+    }
+    let Some(scene) = scene else { return Ok(None) };
+    let bodies = scene.bodies.len();
+    let recording = poses::read(path, scene.dimension, bodies, scene.time_step);
+    let recording = recording.map_err(|error| {
+        Failure::Input(format!(
+            "{}: is no bake of this scene, which has {bodies} bodies in {}D: {error}",
+            path.display(),
+            scene.dimension
+        ))
+    })?;
+    Ok(Some(Named { recording, names: scene.names() }))
+}

@@ -1,0 +1,125 @@
+//! What will hurt in a scene, found before it is simulated.
+
+mod contacts;
+mod meshes;
+mod motion;
+mod sizes;
+mod surfaces;
+
+use serde::Serialize;
+
+use crate::scene::{Read, Scene};
+use crate::settings::StepSettings;
+use crate::simulation::{BuildError, build};
+
+/// What a finding is about. Ordered as findings are listed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Two bodies overlap at the start. \[m\]
+    Overlap,
+    /// Contacts that no motion can open. \[m/s\]
+    Wedged,
+    /// A heavy body rests on a light one: the ratio of their masses. \[1\]
+    MassRatio,
+    /// A body that carries others stands on no friction. \[1\]
+    Frictionless,
+    /// A body may pass through another between two searches for contacts. \[m\]
+    TooFast,
+    /// A body is very large. \[m\]
+    TooLarge,
+    /// A body is very thin. \[m\]
+    TooSmall,
+    /// A body is far from the origin. \[m\]
+    TooFar,
+    /// A mesh that should enclose a volume has holes: the number of open edges.
+    OpenMesh,
+    /// A mesh looks the wrong way: the volume of a closed one (m^3), the number of edges where it
+    /// turns, or the part of its area that looks up (1).
+    InsideOutMesh,
+    /// A mesh passes through itself: the number of pairs of triangles.
+    CrossingMesh,
+    /// Two surfaces bounce without loss. \[1\]
+    LosslessBounce,
+    /// A surface has a restitution that never acts. \[1\]
+    IdleBounce,
+    /// The reader left something out, or took something else for it.
+    LeftOut,
+}
+
+/// Something that will hurt.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// What it is about.
+    pub kind: Kind,
+    /// The bodies, by index in the scene.
+    pub bodies: Vec<usize>,
+    /// The number found, in the unit of its kind; none where there is nothing to measure.
+    pub value: Option<f64>,
+    /// What is accepted: at most this, or for [`Kind::TooSmall`] and [`Kind::Frictionless`] at least.
+    pub limit: Option<f64>,
+    /// Names, number and limit in words.
+    pub what: String,
+    /// What to do.
+    pub advice: String,
+}
+
+/// Everything that will hurt in a scene with these settings, the worst of each kind first.
+///
+/// Takes two steps of the scene: one of almost no time, for the contacts at the start, and one of its
+/// own, for what is wedged.
+///
+/// # Errors
+/// No world can be made of the scene.
+pub fn check(read: &Read, settings: &StepSettings) -> Result<Vec<Finding>, BuildError> {
+    let scene = &read.scene;
+    let mut simulation = build(scene, contacts::at_the_start(settings))?;
+    simulation.step(contacts::INSTANT);
+    let (near, masses) = (simulation.nearby(), simulation.masses());
+    // Jams are looked for only where certificates are.
+    let certifying = StepSettings { certify: true, ..settings.clone() };
+    let wedged = build(scene, certifying)?.step(scene.time_step).jams;
+
+    let mut findings = contacts::overlaps(scene, &near);
+    findings.extend(contacts::wedged(scene, &wedged));
+    findings.extend(contacts::mass_ratios(scene, &near, &masses, settings));
+    findings.extend(contacts::frictionless(scene, &near, &masses));
+    findings.extend(motion::too_fast(scene, settings));
+    findings.extend(sizes::sizes(scene));
+    findings.extend(meshes::meshes(scene));
+    findings.extend(surfaces::bounces(scene));
+    findings.extend(read.warnings.iter().map(|warning| Finding {
+        kind: Kind::LeftOut,
+        bodies: Vec::new(),
+        value: None,
+        limit: None,
+        what: warning.to_string(),
+        advice: "see whether that is what you mean".to_owned(),
+    }));
+    let excess = |of: &Finding| match (of.value, of.limit) {
+        (Some(value), Some(limit)) => (value - limit).abs(),
+        _ => 0.0,
+    };
+    findings.sort_by(|a, b| a.kind.cmp(&b.kind).then(excess(b).total_cmp(&excess(a))));
+    Ok(findings)
+}
+
+/// Unit vector against gravity; zero without gravity.
+fn up(scene: &Scene) -> Vec<f64> {
+    let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    scene.gravity.iter().map(|g| if strength > 0.0 { -g / strength } else { 0.0 }).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// A length in the unit that suits it.
+fn length(meters: f64) -> String {
+    match meters.abs() {
+        0.0 => "0 m".to_owned(),
+        ..1e-3 => format!("{:.3} mm", meters * 1e3),
+        ..1.0 => format!("{:.2} mm", meters * 1e3),
+        _ => format!("{meters:.2} m"),
+    }
+}

@@ -1,0 +1,192 @@
+//! Findings about triangle meshes.
+
+use std::collections::{BTreeMap, HashMap};
+
+use parry3d::math::{Pose, Vector};
+use parry3d::query::intersection_test;
+use parry3d::shape::{TriMesh, Triangle};
+
+use super::{Finding, Kind};
+use crate::scene::{Scene, ShapeKind};
+
+/// A mesh whose triangles, as vectors of their areas, leave less than this part of their sum over is
+/// meant to enclose something. \[1\]
+const ENCLOSES: f64 = 0.1;
+/// A surface of which more than this part looks down, on balance, is upside down. \[1\]
+const DOWN: f64 = -0.5;
+/// Triangles are shrunk by this part, so that those that only touch do not cross. \[1\]
+const SHRINK: f32 = 1e-3;
+
+type Point = [f64; 3];
+
+/// Holes, triangles that look the wrong way and triangles that cross, one finding of each kind per
+/// shape.
+pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let up = super::up(scene);
+    for (index, body) in scene.bodies.iter().enumerate() {
+        for shape in &body.shapes {
+            let ShapeKind::Trimesh { vertices, triangles } = &shape.kind else { continue };
+            let mesh = Mesh::new(vertices, triangles);
+            let mut found = |kind, value: f64, limit: f64, what: String, advice: &str| {
+                findings.push(Finding {
+                    kind,
+                    bodies: vec![index],
+                    value: Some(value),
+                    limit: Some(limit),
+                    what: format!("the mesh of {} {what}", scene.name_of(index)),
+                    advice: advice.to_owned(),
+                });
+            };
+            let (open, turned) = mesh.edges();
+            let leftover = mesh.leftover();
+            let looks_up = super::dot(&leftover, &up);
+            if open > 0 && norm(leftover) < ENCLOSES {
+                let what = format!("has holes: {open} edges have one triangle; accepted: none");
+                let advice = "what gets in stays in: close it, or use its convex hull";
+                found(Kind::OpenMesh, open as f64, 0.0, what, advice);
+            }
+            if turned > 0 {
+                let what = format!(
+                    "looks both ways: at {turned} edges two neighbors face opposite sides; \
+                     accepted: none"
+                );
+                let advice = "contacts there push the wrong way: recalculate its normals outside";
+                found(Kind::InsideOutMesh, turned as f64, 0.0, what, advice);
+            } else if open == 0 && mesh.volume() < 0.0 {
+                let volume = mesh.volume();
+                let what =
+                    format!("is inside out: its volume is {volume:.3e} m^3; accepted: above 0");
+                found(Kind::InsideOutMesh, volume, 0.0, what, "flip its triangles");
+            }
+            if open > 0 && looks_up < DOWN {
+                let what = format!(
+                    "looks down: {:.0} % of its area, where -100 % is all of it; accepted: from {:.0} %",
+                    looks_up * 100.0,
+                    DOWN * 100.0
+                );
+                let advice =
+                    "what lies on it falls through: flip its triangles, unless it is a ceiling";
+                found(Kind::InsideOutMesh, looks_up, DOWN, what, advice);
+            }
+            let crossing = mesh.crossings();
+            if crossing > 0 {
+                let what = format!(
+                    "passes through itself: {crossing} pairs of triangles cross; accepted: none"
+                );
+                found(
+                    Kind::CrossingMesh,
+                    crossing as f64,
+                    0.0,
+                    what,
+                    "unite its parts, or split it",
+                );
+            }
+        }
+    }
+    findings
+}
+
+/// Triangles over points that are all different.
+struct Mesh {
+    points: Vec<Point>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// Vertices at one place become one; triangles that lose a side thereby are left out.
+    fn new(vertices: &[Point], triangles: &[[u32; 3]]) -> Self {
+        let mut places = HashMap::new();
+        let mut points = Vec::new();
+        let mut merged = Vec::with_capacity(vertices.len());
+        for vertex in vertices {
+            // Adding zero makes one of both zeros.
+            let place = vertex.map(|x| (x + 0.0).to_bits());
+            merged.push(*places.entry(place).or_insert_with(|| {
+                points.push(*vertex);
+                points.len() as u32 - 1
+            }));
+        }
+        let corner = |i: u32| merged.get(i as usize).copied();
+        let whole = |&[a, b, c]: &[u32; 3]| Some([corner(a)?, corner(b)?, corner(c)?]);
+        let triangles = triangles.iter().filter_map(whole);
+        let triangles = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        Self { points, triangles }
+    }
+
+    fn corners(&self, triangle: &[u32; 3]) -> [Point; 3] {
+        triangle.map(|i| self.points[i as usize])
+    }
+
+    /// How many edges have a triangle on one side only, and at how many the triangles on both sides
+    /// look different ways.
+    fn edges(&self) -> (usize, usize) {
+        // By edge: how often it is passed forwards and backwards.
+        let mut passed: BTreeMap<[u32; 2], [usize; 2]> = BTreeMap::new();
+        for &[a, b, c] in &self.triangles {
+            for [from, to] in [[a, b], [b, c], [c, a]] {
+                let backwards = usize::from(from > to);
+                passed.entry([from.min(to), from.max(to)]).or_default()[backwards] += 1;
+            }
+        }
+        let open = passed.values().filter(|of| of[0] + of[1] == 1).count();
+        let turned = passed.values().filter(|of| of[0] + of[1] > 1 && of[0] != of[1]).count();
+        (open, turned)
+    }
+
+    /// What areas, as vectors, leave over as a part of their sum: nothing where the surface is closed,
+    /// and for a flat one its normal.
+    fn leftover(&self) -> Point {
+        let (mut sum, mut total) = ([0.0; 3], 0.0);
+        for triangle in &self.triangles {
+            let area = area(self.corners(triangle));
+            sum = std::array::from_fn(|i| sum[i] + area[i]);
+            total += norm(area);
+        }
+        sum.map(|x| if total > 0.0 { x / total } else { 0.0 })
+    }
+
+    /// \[m^3\]
+    fn volume(&self) -> f64 {
+        let part = |triangle| {
+            let corners = self.corners(triangle);
+            (0..3).map(|i| corners[0][i] * area(corners)[i]).sum::<f64>() / 3.0
+        };
+        self.triangles.iter().map(part).sum()
+    }
+
+    /// Pairs of triangles without a common corner that share a point.
+    fn crossings(&self) -> usize {
+        let single = |p: &Point| Vector::from(p.map(|x| x as f32));
+        let points = self.points.iter().map(single).collect();
+        let Ok(mesh) = TriMesh::new(points, self.triangles.clone()) else { return 0 };
+        let shrunk = |triangle: &Triangle| {
+            let center = (triangle.a + triangle.b + triangle.c) / 3.0;
+            let towards = |p: Vector| p + (center - p) * SHRINK;
+            Triangle::new(towards(triangle.a), towards(triangle.b), towards(triangle.c))
+        };
+        let place = Pose::IDENTITY;
+        let crosses = |i: u32, j: u32| {
+            let (one, other) = (self.triangles[i as usize], self.triangles[j as usize]);
+            let (a, b) = (shrunk(&mesh.triangle(i)), shrunk(&mesh.triangle(j)));
+            !one.iter().any(|corner| other.contains(corner))
+                && intersection_test(&place, &a, &place, &b).is_ok_and(|of| of.intersecting)
+        };
+        let near = |i: u32| {
+            let around = mesh.triangle(i).local_aabb();
+            mesh.bvh().intersect_aabb(&around).filter(|&j| j > i && crosses(i, j)).count()
+        };
+        (0..self.triangles.len() as u32).map(near).sum()
+    }
+}
+
+/// The area of a triangle along its normal. \[m^2\]
+fn area([a, b, c]: [Point; 3]) -> Point {
+    let [u, v]: [Point; 2] = [b, c].map(|p| std::array::from_fn(|i| p[i] - a[i]));
+    let twice = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    twice.map(|x| 0.5 * x)
+}
+
+fn norm(v: Point) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -1,0 +1,78 @@
+//! Findings about how surfaces combine.
+
+use super::{Finding, Kind};
+use crate::scene::{Combine, Material, Motion, Scene};
+
+/// From here on nothing is lost. \[1\]
+const LOSSLESS: f64 = 1.0;
+
+/// A surface, and whose it is.
+struct Surface<'a> {
+    material: &'a Material,
+    body: usize,
+    /// The last body that has it: another one, if there are several.
+    last: usize,
+    dynamic: bool,
+}
+
+/// Pairs of surfaces that bounce for ever, and surfaces whose restitution no other lets act; the first
+/// body of each surface is named.
+pub(super) fn bounces(scene: &Scene) -> Vec<Finding> {
+    let surfaces = surfaces(scene);
+    let together = |a: &Surface<'_>, b: &Surface<'_>| {
+        let (p, q) = (a.material, b.material);
+        Combine::of(p.restitution_combine, q.restitution_combine, p.restitution, q.restitution)
+    };
+    let mut findings = Vec::new();
+    for (i, a) in surfaces.iter().enumerate() {
+        let met = |b: &&Surface<'_>| (a.dynamic || b.dynamic) && a.body != b.last;
+        for b in surfaces[i..].iter().filter(met).filter(|b| together(a, b) >= LOSSLESS) {
+            findings.push(Finding {
+                kind: Kind::LosslessBounce,
+                bodies: vec![a.body, b.body],
+                value: Some(together(a, b)),
+                limit: Some(LOSSLESS),
+                what: format!(
+                    "surfaces as of {} and {} bounce with a restitution of {}; accepted: below {LOSSLESS}",
+                    scene.name_of(a.body),
+                    scene.name_of(b.body),
+                    together(a, b)
+                ),
+                advice: "they never come to rest: lower one, or the way in which they combine"
+                    .to_owned(),
+            });
+        }
+        let own = a.material.restitution;
+        if own > 0.0 && surfaces.iter().filter(met).all(|b| together(a, b) <= 0.0) {
+            findings.push(Finding {
+                kind: Kind::IdleBounce,
+                bodies: vec![a.body],
+                value: Some(own),
+                limit: Some(0.0),
+                what: format!(
+                    "the restitution {own} of {} never acts: with every other surface it combines to 0",
+                    scene.name_of(a.body)
+                ),
+                advice: "give the others a restitution, or combine by maximum".to_owned(),
+            });
+        }
+    }
+    findings
+}
+
+/// Surfaces that differ, by the first body that has them.
+fn surfaces(scene: &Scene) -> Vec<Surface<'_>> {
+    let mut surfaces: Vec<Surface<'_>> = Vec::new();
+    for (index, body) in scene.bodies.iter().enumerate() {
+        let dynamic = body.motion == Motion::Dynamic;
+        for shape in &body.shapes {
+            let material = &shape.material;
+            let same = |of: &&mut Surface<'_>| of.material == material && of.dynamic == dynamic;
+            match surfaces.iter_mut().find(same) {
+                Some(known) => known.last = index,
+                None => surfaces.push(Surface { material, body: index, last: index, dynamic }),
+            }
+        }
+    }
+    surfaces
+}

@@ -1,0 +1,167 @@
+//! A recording as NumPy arrays in one `.npz`, and back.
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing))]
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, Write};
+use std::path::Path;
+
+use npyz::{AutoSerialize, DType, Deserialize, NpyFile, Serialize, WriterBuilder as _};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+use super::{Recording, write_whole};
+
+/// A recording, and what its bodies are called.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Named {
+    /// The poses.
+    pub recording: Recording,
+    /// One name per body.
+    pub names: Vec<String>,
+}
+
+/// Writes the arrays `poses` (frames x bodies x (3D: px py pz qx qy qz qw; 2D: px py angle), m and
+/// rad, `<f4`), `names` (bodies), `times` (frames, s, `<f8`) and `contacts` (frames: points of
+/// contact in the step that led to a frame, `<u4`).
+///
+/// # Errors
+/// Those of [`write_whole`].
+pub fn write(
+    path: &Path,
+    recording: &Recording,
+    names: &[String],
+    contacts: &[u32],
+) -> io::Result<()> {
+    let frames = recording.frames();
+    let size = [frames, recording.bodies, recording.stride()].map(|n| n as u64);
+    let times = (0..frames).map(|frame| frame as f64 * recording.frame_time);
+    let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(1);
+    let text = format!("<U{longest}").parse().map_err(io::Error::other)?;
+    write_whole(path, |out| {
+        let mut zip = ZipWriter::new_stream(out);
+        array(&mut zip, "poses", f32::default_dtype(), &size, &recording.poses)?;
+        array(&mut zip, "names", DType::new_scalar(text), &[names.len() as u64], names)?;
+        array(&mut zip, "times", f64::default_dtype(), &[size[0]], times)?;
+        array(&mut zip, "contacts", u32::default_dtype(), &[contacts.len() as u64], contacts)?;
+        zip.finish()?;
+        Ok(())
+    })
+}
+
+fn array<W: Write + Seek, T: Serialize>(
+    zip: &mut ZipWriter<W>,
+    name: &str,
+    dtype: DType,
+    shape: &[u64],
+    values: impl IntoIterator<Item = T>,
+) -> io::Result<()> {
+    // Poses hardly get smaller. A size beyond 4 GiB is only known once it is written.
+    let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    zip.start_file(format!("{name}.npy"), stored.large_file(true))?;
+    let mut npy = npyz::WriteOptions::new().dtype(dtype).shape(shape).writer(zip).begin_nd()?;
+    npy.extend(values)?;
+    npy.finish()
+}
+
+/// Reads what [`write`](fn@write) wrote, or another program that keeps to it.
+///
+/// # Errors
+/// The file cannot be read, or is no recording; says which array is wrong, and what is accepted.
+pub fn read(path: &Path) -> io::Result<Named> {
+    let mut zip = ZipArchive::new(BufReader::new(File::open(path)?))?;
+    let (poses, shape) = load::<f32>(&mut zip, "poses")?;
+    let (names, _) = load::<String>(&mut zip, "names")?;
+    let (times, _) = load::<f64>(&mut zip, "times")?;
+    let refuse = |text: String| Err(io::Error::new(io::ErrorKind::InvalidData, text));
+    let &[frames, bodies, stride] = shape.as_slice() else {
+        return refuse(format!("poses has {} dimensions; accepted: 3", shape.len()));
+    };
+    let dimension = match stride {
+        3 => 2,
+        7 => 3,
+        _ => return refuse(format!("a pose has {stride} numbers; accepted: 3 (2D), 7 (3D)")),
+    };
+    if (names.len() as u64, times.len() as u64) != (bodies, frames) {
+        let sizes = format!("{} names and {} times", names.len(), times.len());
+        return refuse(format!(
+            "{sizes}; accepted: one for each of {bodies} bodies, {frames} frames"
+        ));
+    }
+    let frame_time = if let [first, second, ..] = times.as_slice() { second - first } else { 0.0 };
+    let recording = Recording { dimension, bodies: names.len(), frame_time, poses };
+    Ok(Named { recording, names })
+}
+
+/// The numbers of an array in the order of C, and its shape.
+fn load<T: Deserialize>(
+    zip: &mut ZipArchive<impl Read + Seek>,
+    name: &str,
+) -> io::Result<(Vec<T>, Vec<u64>)> {
+    let wrong = |why: &dyn std::fmt::Display| {
+        io::Error::new(io::ErrorKind::InvalidData, format!("array {name}: {why}"))
+    };
+    let file = zip.by_name(&format!("{name}.npy")).map_err(|error| wrong(&error))?;
+    let room = file.size();
+    let npy = NpyFile::new(file)?;
+    let (shape, order) = (npy.shape().to_vec(), npy.order());
+    if order == npyz::Order::Fortran && shape.len() > 1 {
+        return Err(wrong(&"is in the order of Fortran; accepted: that of C"));
+    }
+    // Before memory is taken for it: a header can promise anything.
+    if npy.len() > room {
+        return Err(wrong(&format!("has {} entries in {room} bytes", npy.len())));
+    }
+    let data = npy.data::<T>().map_err(|error| wrong(&error))?;
+    Ok((data.collect::<io::Result<_>>()?, shape))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn named(frames: usize) -> Named {
+        let poses = (0..frames * 6).map(|i| i as f32 / 3.0).collect();
+        let recording = Recording { dimension: 2, bodies: 2, frame_time: 0.5, poses };
+        Named { recording, names: vec!["ball".to_owned(), "Würfel 2".to_owned()] }
+    }
+
+    fn write_named(path: &Path, Named { recording, names }: &Named, contacts: &[u32]) {
+        write(path, recording, names, contacts).unwrap();
+    }
+
+    #[test]
+    fn reading_what_was_written_gives_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.npz");
+        write_named(&path, &named(3), &[0, 4, 5]);
+        assert_eq!(read(&path).unwrap(), named(3));
+        let mut zip = ZipArchive::new(File::open(&path).unwrap()).unwrap();
+        assert_eq!(load::<f64>(&mut zip, "times").unwrap(), (vec![0.0, 0.5, 1.0], vec![3]));
+        assert_eq!(load::<u32>(&mut zip, "contacts").unwrap(), (vec![0, 4, 5], vec![3]));
+    }
+
+    #[test]
+    fn what_is_no_recording_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.npz");
+        let refused = |named: &Named, why: &str| {
+            write_named(&path, named, &[]);
+            let message = read(&path).unwrap_err().to_string();
+            assert!(message.contains(why), "{message}");
+        };
+        refused(&Named { names: vec!["one".to_owned()], ..named(2) }, "1 names and 2 times");
+        write_named(&path, &named(2), &[]);
+        let whole = std::fs::read(&path).unwrap();
+        for length in 0..whole.len() {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            assert!(read(&path).is_err(), "{length} of {} bytes", whole.len());
+        }
+        for byte in 0..whole.len() {
+            let mut broken = whole.clone();
+            broken[byte] ^= 0xff;
+            std::fs::write(&path, broken).unwrap();
+            // An error or other numbers, and never a panic.
+            let _ = read(&path);
+        }
+    }
+}

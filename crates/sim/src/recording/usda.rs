@@ -1,0 +1,177 @@
+//! A scene and its recording as OpenUSD text, for Houdini, Maya, Omniverse, Blender and others.
+
+mod prim;
+mod shape;
+
+use std::collections::HashSet;
+use std::io;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::pose::{normalized, pose_at};
+use super::sampling::{Track, sample_rate, sample_times, tracks};
+use super::{Recording, Sampling, write_whole};
+use crate::scene::{Body, Mass, Motion, Scene};
+use prim::{Prim, quoted, tuple};
+
+/// Writes a scene as a stage: an `Xform` per body with its shapes below it, moved by time samples,
+/// and with the schemas of UsdPhysics. Time code 0 is the initial state.
+///
+/// Meters, kilograms, +y up. 2D scenes lie in the plane z = 0, 0.5 m thick. Names that USD does not
+/// take for a prim become its display name.
+///
+/// # Errors
+/// The recording is of other bodies or not finite, or the file cannot be written; then the file
+/// stays as it was.
+pub fn write(
+    path: &Path,
+    scene: &Scene,
+    recording: &Recording,
+    options: &Sampling,
+) -> io::Result<()> {
+    if (recording.bodies, recording.dimension) != (scene.bodies.len(), scene.dimension) {
+        let message = "the recording is not of this scene";
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
+    }
+    let times = sample_times(recording, options);
+    let rate = rounded(sample_rate(recording, options));
+    let codes: Vec<f64> = times.iter().map(|time| rounded(time * rate)).collect();
+    let names = identifiers(scene);
+    let bodies: Vec<Prim> = (scene.bodies.par_iter().zip(&names).enumerate())
+        .map(|(index, (body, name))| {
+            let pose = |time| pose_at(recording, index, time);
+            let mut prim = body_prim(scene, index, body, name);
+            if !times.is_empty() {
+                let (positions, rotations) = tracks(&times, pose, options, index)?;
+                move_prim(&mut prim, &codes, &positions, &rotations);
+            }
+            Ok(prim)
+        })
+        .collect::<io::Result<_>>()?;
+    let mut world = Prim::new("Xform", "World");
+    world.metadata.push("kind = \"component\"".to_owned());
+    world.children.push(physics(scene));
+    world.children.extend(bodies);
+    let end = codes.last().copied().unwrap_or(0.0);
+    write_whole(path, |out| {
+        writeln!(out, "#usda 1.0\n(")?;
+        let creator = concat!("Drystone ", env!("CARGO_PKG_VERSION"));
+        writeln!(out, "    customLayerData = {{\n        string creator = \"{creator}\"\n    }}")?;
+        writeln!(out, "    defaultPrim = \"World\"\n    endTimeCode = {end}")?;
+        writeln!(out, "    framesPerSecond = {rate}\n    kilogramsPerUnit = 1")?;
+        writeln!(out, "    metersPerUnit = 1\n    startTimeCode = 0")?;
+        writeln!(out, "    timeCodesPerSecond = {rate}\n    upAxis = \"Y\"\n)\n")?;
+        world.write(out, 0)
+    })
+}
+
+/// Without what division leaves behind the ninth decimal, so that frames have whole time codes.
+fn rounded(x: f64) -> f64 {
+    (x * 1e9).round() / 1e9
+}
+
+/// A name for each body that no other prim beside it has: ASCII letters, digits and underscores,
+/// and no digit first.
+fn identifiers(scene: &Scene) -> Vec<String> {
+    let mut taken = HashSet::from([PHYSICS.to_owned()]);
+    let one = |(index, body): (usize, &Body)| {
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        let mut name: String = body.name.as_deref().unwrap_or("body").chars().map(plain).collect();
+        if !name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') {
+            name.insert(0, '_');
+        }
+        if body.name.is_none() || taken.contains(&name) {
+            name = format!("{name}_{index}");
+        }
+        while !taken.insert(name.clone()) {
+            name.push('_');
+        }
+        name
+    };
+    scene.bodies.iter().enumerate().map(one).collect()
+}
+
+const PHYSICS: &str = "PhysicsScene";
+
+fn physics(scene: &Scene) -> Prim {
+    let mut prim = Prim::new("PhysicsScene", PHYSICS);
+    let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let direction = space(&scene.gravity).map(|g| if strength > 0.0 { g / strength } else { 0.0 });
+    prim.set("vector3f physics:gravityDirection", tuple(&direction));
+    prim.set("float physics:gravityMagnitude", strength);
+    prim
+}
+
+/// The first components of a vector, in space.
+fn space(vector: &[f64]) -> [f64; 3] {
+    std::array::from_fn(|i| vector.get(i).copied().unwrap_or(0.0))
+}
+
+/// A body with its shapes, at its place in the scene.
+fn body_prim(scene: &Scene, index: usize, body: &Body, name: &str) -> Prim {
+    let mut prim = Prim::new("Xform", name);
+    if let Some(own) = body.name.as_ref().filter(|own| *own != name) {
+        prim.metadata.push(format!("displayName = {}", quoted(own)));
+    }
+    if body.motion != Motion::Static {
+        prim.schemas.extend(["PhysicsRigidBodyAPI", "PhysicsMassAPI"]);
+        mass(&mut prim, scene.dimension, &body.mass);
+        velocity(&mut prim, body);
+        if body.motion == Motion::Kinematic {
+            prim.set("bool physics:kinematicEnabled", 1);
+        }
+    }
+    prim.place(space(&body.position), shape::quaternion(body.rotation), [1.0; 3]);
+    let dimension = scene.dimension;
+    let shapes = body.shapes.iter().enumerate();
+    prim.children =
+        shapes.map(|(i, of)| shape::prim(of, dimension, i, index, body.motion)).collect();
+    prim
+}
+
+/// What the shapes do not say, or say otherwise.
+fn mass(prim: &mut Prim, dimension: usize, mass: &Mass) {
+    match mass.mass {
+        Some(mass) if mass.is_finite() => prim.set("float physics:mass", mass),
+        Some(_) => {}
+        None => {
+            let thickness = if dimension == 2 { shape::THICKNESS } else { 1.0 };
+            prim.set("float physics:density", mass.density.unwrap_or(1000.0) / thickness);
+        }
+    }
+    if let Some(center) = &mass.center {
+        prim.set("point3f physics:centerOfMass", tuple(&space(center)));
+    }
+    if let Some([x, y, z]) = mass.inertia.as_deref()
+        && [x, y, z].iter().all(|moment| moment.is_finite())
+    {
+        prim.set("float3 physics:diagonalInertia", tuple(&[x, y, z]));
+        let [a, b, c, w] = mass.inertia_rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+        prim.set("quatf physics:principalAxes", tuple(&[w, a, b, c]));
+    }
+}
+
+fn velocity(prim: &mut Prim, body: &Body) {
+    let angular = match body.angular_velocity.as_slice() {
+        [about_z] => [0.0, 0.0, *about_z],
+        vector => space(vector),
+    };
+    // Degrees per second.
+    prim.set("vector3f physics:angularVelocity", tuple(&angular.map(f64::to_degrees)));
+    prim.set("vector3f physics:velocity", tuple(&space(&body.linear_velocity)));
+}
+
+/// Lets a prim follow its recording: by samples, or as it always is.
+fn move_prim(prim: &mut Prim, codes: &[f64], positions: &Track<3>, rotations: &Track<4>) {
+    // OpenUSD takes the angle from w alone, and in single precision w is 1 up to a milliradian.
+    let turned = |q: [f32; 4]| {
+        let [x, y, z, w] = normalized(q.map(f64::from)).map(|x| (x * 1e12).round() / 1e12);
+        tuple(&[w, x, y, z])
+    };
+    prim.follow("double3 xformOp:translate", codes, positions, |x| tuple(&x));
+    prim.follow("quatd xformOp:orient", codes, rotations, turned);
+}
+
+#[cfg(test)]
+mod tests;

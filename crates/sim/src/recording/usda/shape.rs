@@ -1,0 +1,125 @@
+//! Shapes as prims of UsdGeom that collide.
+
+use super::super::color::{color_of, linear};
+use super::super::mesh::{self, mesh_of, scale_of};
+use super::super::pose::pose_2d;
+use super::prim::{Prim, list, tuple};
+use super::space;
+use crate::scene::gltf::math::quat_mul;
+use crate::scene::{Motion, Rotation, Shape, ShapeKind};
+
+/// Of what is flat. \[m\]
+pub(super) const THICKNESS: f64 = 2.0 * mesh::HALF_DEPTH;
+
+/// A quaternion x, y, z, w.
+pub(super) fn quaternion(rotation: Rotation) -> [f64; 4] {
+    match rotation {
+        Rotation::Quaternion(q) => q,
+        Rotation::Angle(angle) => pose_2d([0.0; 2], angle).rotation,
+    }
+}
+
+/// Shape `number` of a body.
+pub(super) fn prim(
+    shape: &Shape,
+    dimension: usize,
+    number: usize,
+    body: usize,
+    motion: Motion,
+) -> Prim {
+    let name = format!("Shape_{number}");
+    let (position, mut rotation) = (space(&shape.position), quaternion(shape.rotation));
+    let mut scale = [1.0; 3];
+    let mut prim = match &shape.kind {
+        kind if dimension == 2 => {
+            scale = scale_of(kind, dimension);
+            faces(&name, kind, dimension)
+        }
+        ShapeKind::Sphere { radius } => {
+            let mut prim = Prim::new("Sphere", name);
+            prim.set("double radius", radius);
+            prim.set("float3[] extent", extent([*radius; 3]));
+            prim
+        }
+        ShapeKind::Box { half_extents } => {
+            scale = space(half_extents);
+            let mut prim = Prim::new("Cube", name);
+            prim.set("double size", 2);
+            prim.set("float3[] extent", extent([1.0; 3]));
+            prim
+        }
+        ShapeKind::Capsule { radius, half_height } => {
+            round("Capsule", name, *radius, *half_height, half_height + radius)
+        }
+        ShapeKind::Cylinder { radius, half_height } => {
+            round("Cylinder", name, *radius, *half_height, *half_height)
+        }
+        ShapeKind::Halfspace { normal } => {
+            rotation = quat_mul(rotation, from_up(space(normal)));
+            let half = mesh::HALF_PLANE;
+            let mut prim = Prim::new("Plane", name);
+            prim.set("uniform token axis", "\"Y\"");
+            prim.set("bool doubleSided", 1);
+            prim.set("double length", 2.0 * half);
+            prim.set("double width", 2.0 * half);
+            prim.set("float3[] extent", extent([half, 0.0, half]));
+            prim
+        }
+        kind => faces(&name, kind, dimension),
+    };
+    prim.schemas.insert(0, "PhysicsCollisionAPI");
+    prim.set(
+        "color3f[] primvars:displayColor",
+        list([tuple(&linear(color_of(body, motion)))].iter()),
+    );
+    prim.place(position, rotation, scale);
+    prim
+}
+
+/// A capsule or a cylinder along y.
+fn round(kind: &'static str, name: String, radius: f64, half_height: f64, reach: f64) -> Prim {
+    let mut prim = Prim::new(kind, name);
+    prim.set("uniform token axis", "\"Y\"");
+    prim.set("double height", 2.0 * half_height);
+    prim.set("double radius", radius);
+    prim.set("float3[] extent", extent([radius, reach, radius]));
+    prim
+}
+
+/// A mesh; hulls, and all that is flat, collide as the hulls of their points.
+fn faces(name: &str, kind: &ShapeKind, dimension: usize) -> Prim {
+    let mesh = mesh_of(kind, dimension);
+    let hull = !matches!(kind, ShapeKind::Trimesh { .. });
+    let mut prim = Prim::new("Mesh", name);
+    prim.schemas.push("PhysicsMeshCollisionAPI");
+    prim.set(
+        "uniform token physics:approximation",
+        if hull { "\"convexHull\"" } else { "\"none\"" },
+    );
+    prim.set("uniform token subdivisionScheme", "\"none\"");
+    prim.set("bool doubleSided", i32::from(!hull));
+    prim.set("int[] faceVertexCounts", list(mesh.indices.chunks_exact(3).map(|_| 3)));
+    prim.set("int[] faceVertexIndices", list(mesh.indices.iter()));
+    prim.set("point3f[] points", list(mesh.positions.iter().map(|point| tuple(point))));
+    let bound = |pick: fn(f32, f32) -> f32| -> [f32; 3] {
+        std::array::from_fn(|i| mesh.positions.iter().map(|p| p[i]).reduce(pick).unwrap_or(0.0))
+    };
+    let (low, high) = (bound(f32::min), bound(f32::max));
+    prim.set("float3[] extent", list([tuple(&low), tuple(&high)].iter()));
+    prim
+}
+
+fn extent(half: [f64; 3]) -> String {
+    list([tuple(&half.map(|x| -x)), tuple(&half)].iter())
+}
+
+/// The rotation that turns +y into a unit vector.
+pub(super) fn from_up([x, y, z]: [f64; 3]) -> [f64; 4] {
+    // Upside down, any axis across will do.
+    if y < -1.0 + 1e-9 {
+        return [1.0, 0.0, 0.0, 0.0];
+    }
+    // y x n, and one plus their cosine: the double angle, halved.
+    let length = (2.0 * (1.0 + y)).sqrt();
+    [z / length, 0.0, -x / length, (1.0 + y) / length]
+}
