@@ -43,7 +43,8 @@ Examples:
   drystone matrix scenes/billiards.toml --step 80 -o break.svg
       the rack as it is hit
 
-Exit codes: 0 done, 2 wrong input or usage, 4 a file cannot be read or written.";
+Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged, 4 a file cannot be read or
+written.";
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {

@@ -109,9 +109,9 @@ fn graph(svg: &mut String, picture: &Picture, left: f64) {
         [0, 1].map(|i| points().map(|point| point[i]).reduce(pick).unwrap_or(0.0))
     };
     let (low, high) = (bound(f64::min), bound(f64::max));
-    let scale = SIDE / (high[0] - low[0]).max(high[1] - low[1]).max(1e-9);
-    let place = |point: Point| -> Point {
-        [left + (point[0] - low[0]) * scale, TOP + (high[1] - point[1]) * scale]
+    let scale = (SIDE - 2.0 * MARGIN) / (high[0] - low[0]).max(high[1] - low[1]).max(1e-9);
+    let place = |[x, y]: Point| -> Point {
+        [left + MARGIN + (x - low[0]) * scale, TOP + MARGIN + (high[1] - y) * scale]
     };
     let size = (260.0 / (pairs.len() as f64).sqrt().max(1.0)).clamp(5.0, 12.0);
     let mut texts = String::new();

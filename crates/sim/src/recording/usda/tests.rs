@@ -1,12 +1,12 @@
 use super::*;
 use crate::scene::format::read_toml;
 
-/// A stage of a scene in which each body moves by one metre along x per frame and turns by a
+/// A stage of a scene in which each body moves by one meter along x per frame and turns by half a
 /// right angle about z.
 fn stage(text: &str, frames: usize, options: &Sampling) -> String {
     let scene = read_toml(Path::new("test.toml"), text).unwrap().scene;
     let (dimension, bodies) = (scene.dimension, scene.bodies.len());
-    let half = std::f32::consts::FRAC_PI_4;
+    let half = std::f32::consts::FRAC_PI_8;
     let pose = |frame: usize| match dimension {
         2 => vec![frame as f32, 0.0, 2.0 * half * frame as f32],
         _ => {
@@ -50,10 +50,14 @@ fn a_body_at_rest_has_no_samples_and_no_frames_need_none() {
 
 #[test]
 fn names_are_identifiers_of_their_own() {
-    let named = |name: &str| format!("{{name = {name:?}, shapes = []}}");
+    let named = |name: &str| format!("{{name = {name:?}, motion = \"static\"}}");
     let names = ["Würfel 1", "W_rfel_1", "2nd", "PhysicsScene", "a\"b"];
     let list: Vec<_> = names.iter().map(|name| named(name)).collect();
-    let text = stage(&format!("bodies = [{}, {{}}]", list.join(",")), 0, &Sampling::default());
+    let text = stage(
+        &format!("bodies = [{}, {{motion = \"static\"}}]", list.join(",")),
+        0,
+        &Sampling::default(),
+    );
     let prims: Vec<_> =
         text.lines().filter_map(|line| line.strip_prefix("    def Xform ")).collect();
     let expected = ["W_rfel_1", "W_rfel_1_1", "_2nd", "PhysicsScene_3", "a_b", "body_5"];
