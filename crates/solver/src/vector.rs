@@ -189,10 +189,10 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
     #[inline(always)]
     pub fn seen_from(self, axes: &[Vector<T, N>; N]) -> Self {
         let mut out = Self::ZERO;
-        for i in 0..N {
-            let along = self * axes[i];
-            for j in 0..=i {
-                let entry = axes[j].dot(along);
+        for j in 0..N {
+            let along = self * axes[j];
+            for i in j..N {
+                let entry = axes[i].dot(along);
                 out.0[i][j] = entry;
                 out.0[j][i] = entry;
             }
