@@ -1,16 +1,18 @@
 //! The sweep by itself: nanoseconds for a manifold, beside what the machine could do.
 
-use std::cell::Cell;
 use std::hint::black_box;
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 use std::time::Instant;
 
+use drystone_solver::certificate::Tally;
+use drystone_solver::island::Islands;
 use drystone_solver::lanes::{Lanes, Portable, WIDTH};
 use drystone_solver::wide::Wide;
 use drystone_solver::{
-    Contact, InverseMass, Manifold, Mobility, Real, SymmetricMatrix, System, Vector, Velocity,
-    contact_frame, pgs,
+    Contact, InverseMass, Manifold, Mobility, Real, Repair, SymmetricMatrix, System, Vector,
+    Velocity, contact_frame, pgs,
 };
+
+use crate::counting::Counting;
 
 /// Manifolds that stay in the second cache, and that do not stay in any.
 const COUNTS: [usize; 2] = [512, 200_000];
@@ -34,6 +36,57 @@ pub(crate) fn run() {
     case::<2, 1>("rigid, 2D", 2, limits);
     case::<3, 0>("particles, 3D", 1, limits);
     case::<2, 0>("particles, 2D", 1, limits);
+    println!("\n| pass over manifolds of 4 points, 3D, cached | ns per manifold |");
+    println!("|---|---|");
+    for (name, least) in passes() {
+        println!("| {name} | {least:.1} |");
+    }
+}
+
+/// The least times of what a certified step does with its contacts. \[ns per manifold\]
+fn passes() -> [(&'static str, f64); 5] {
+    let count = COUNTS[0];
+    let system = row::<f32, 3, 3>(count, 4);
+    let still = vec![Velocity::ZERO; system.velocities.len()];
+    let repair = Repair { dt: 2e-3, rate: 0.2, slop: 0.0, push_speed: 1.0, hold: 20.0 };
+    let (mut wide, mut islands, mut tally) = (Wide::new(), Islands::default(), Tally::default());
+    islands.find(&system);
+    tally.set_masses(&system);
+    let mut velocities = system.velocities.clone();
+    let before = velocities.clone();
+    let mut out = [
+        ("packing and effective masses", f64::INFINITY),
+        ("targets and warm start", f64::INFINITY),
+        ("iteration of conjugate gradients", f64::INFINITY),
+        ("certificate, impulses at hand", f64::INFINITY),
+        ("certificate, best impulses on the line", f64::INFINITY),
+    ];
+    for _ in 0..500 {
+        velocities.clone_from(&before);
+        let mut passes = out.iter_mut();
+        let mut time = |work: &mut dyn FnMut()| {
+            let start = Instant::now();
+            work();
+            let taken = 1e9 * start.elapsed().as_secs_f64() / count as f64;
+            if let Some((_, least)) = passes.next() {
+                *least = least.min(taken);
+            }
+        };
+        time(&mut || wide.pack(&system, 0.1));
+        time(&mut || wide.start(&mut velocities, &still, &repair));
+        wide.set_islands(&islands);
+        wide.begin_conjugate(islands.count);
+        // The first has no direction yet.
+        wide.conjugate(&mut velocities, &[false]);
+        time(&mut || wide.conjugate(&mut velocities, &[false]));
+        time(&mut || {
+            black_box(wide.certify::<false, false>(&velocities, &before, &islands, &mut tally));
+        });
+        time(&mut || {
+            black_box(wide.certify::<false, true>(&velocities, &before, &islands, &mut tally));
+        });
+    }
+    out
 }
 
 fn case<const L: usize, const A: usize>(name: &str, points: usize, [peak, bandwidth]: [f64; 2]) {
@@ -136,11 +189,11 @@ fn operations<const L: usize, const A: usize>(points: usize, friction: bool) -> 
     system.prepare(Counting(0.1));
     let manifold = system.manifolds[0];
     let masses = system.masses_of(&manifold);
-    let known = count(|| {
+    let known = Counting::during(|| {
         black_box(Mobility::of(&manifold, &masses));
     });
     let sweep = if friction { pgs::sweep } else { pgs::sweep_normals };
-    count(|| sweep(&mut system)) - known
+    Counting::during(|| sweep(&mut system)) - known
 }
 
 /// Products and sums per nanosecond, sixteen lanes in enough chains. \[1/ns\]
@@ -188,85 +241,4 @@ fn bandwidth() -> f64 {
         best = best.max(size_of_val(part) as f64 / (1e9 * start.elapsed().as_secs_f64()));
     }
     best
-}
-
-thread_local! {
-    static OPERATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-fn count(work: impl FnOnce()) -> u64 {
-    let before = OPERATIONS.get();
-    work();
-    OPERATIONS.get() - before
-}
-
-/// A number that counts what is done with it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Counting(f64);
-
-fn counted(value: f64) -> Counting {
-    OPERATIONS.set(OPERATIONS.get() + 1);
-    Counting(value)
-}
-
-macro_rules! operator {
-    ($($trait:ident $method:ident $operator:tt;)*) => {$(
-        impl $trait for Counting {
-            type Output = Self;
-            fn $method(self, other: Self) -> Self {
-                counted(self.0 $operator other.0)
-            }
-        }
-    )*};
-}
-
-operator! {
-    Add add +;
-    Sub sub -;
-    Mul mul *;
-    Div div /;
-}
-
-impl AddAssign for Counting {
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-
-impl SubAssign for Counting {
-    fn sub_assign(&mut self, other: Self) {
-        *self = *self - other;
-    }
-}
-
-impl Neg for Counting {
-    type Output = Self;
-    fn neg(self) -> Self {
-        counted(-self.0)
-    }
-}
-
-impl Real for Counting {
-    const ZERO: Self = Self(0.0);
-    const ONE: Self = Self(1.0);
-
-    fn from_f64(value: f64) -> Self {
-        Self(value)
-    }
-
-    fn sqrt(self) -> Self {
-        counted(self.0.sqrt())
-    }
-
-    fn max(self, other: Self) -> Self {
-        counted(f64::max(self.0, other.0))
-    }
-
-    fn min(self, other: Self) -> Self {
-        counted(f64::min(self.0, other.0))
-    }
-
-    fn choose(self, positive: Self, otherwise: Self) -> Self {
-        if counted(self.0).0 > 0.0 { positive } else { otherwise }
-    }
 }

@@ -3,6 +3,10 @@
 mod alone;
 mod child;
 mod compare;
+/// Shared with the solver's tests.
+#[allow(unreachable_pub)]
+#[path = "../../crates/solver/tests/common/counting.rs"]
+mod counting;
 mod engines;
 mod frontier;
 mod judge;

@@ -14,6 +14,8 @@ pub mod poses;
 pub mod sampling;
 pub mod usda;
 
+use std::io;
+
 pub use file::write_whole;
 pub use sampling::Sampling;
 
@@ -40,6 +42,18 @@ impl Recording {
     /// Number of frames, the initial state included.
     pub fn frames(&self) -> usize {
         if self.bodies == 0 { 0 } else { self.poses.len() / (self.bodies * self.stride()) }
+    }
+
+    /// That it has as many bodies as a scene, in as many dimensions.
+    pub(crate) fn must_have(&self, bodies: usize, dimension: usize) -> io::Result<()> {
+        if (self.bodies, self.dimension) == (bodies, dimension) {
+            return Ok(());
+        }
+        let message = format!(
+            "a recording of {} bodies in {}D is not of a scene with {bodies} in {dimension}D",
+            self.bodies, self.dimension,
+        );
+        Err(io::Error::new(io::ErrorKind::InvalidInput, message))
     }
 
     /// The pose of a body at a frame.

@@ -2,7 +2,7 @@
 
 use drystone_solver::restitution::{self, Blow, Collisions};
 use drystone_solver::wide::Wide;
-use drystone_solver::{InverseMass, System, Vector, Velocity};
+use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
 
 use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
@@ -66,6 +66,21 @@ struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     material: Vec<Material>,
     filter: Vec<Filter>,
     removed: Vec<bool>,
+}
+
+/// How the substeps of a part of a step are taken.
+struct Plan {
+    /// Length of a substep. \[s\]
+    h: f32,
+    substeps: u32,
+    /// Whether each is solved to the tolerance.
+    solving: bool,
+    /// The one that is certified with all residuals.
+    examined: Option<u32>,
+    ledger: bool,
+    repair: Repair<f32>,
+    /// How blows are resolved, where anything bounces.
+    collisions: Option<Collisions<f32>>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
@@ -333,128 +348,150 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         clock: &mut Clock,
         report: &mut StepReport,
     ) {
-        let settings = self.settings.clone();
-        let solving = settings.tolerance > 0.0;
-        let examined = if last && settings.certify { substeps - 1 } else { substeps };
-        let h = dt / substeps as f32;
         self.find_manifolds();
         clock.lap(report, Stage::Manifolds);
         rows::rows(&self.records, &self.bodies, dt, &mut self.system);
-        self.displacements.fill(Velocity::ZERO);
-
-        let repair = settings.repair_in(h);
-        let (system, wide) = (&mut self.system, &mut self.wide);
-        let certifier = &mut self.certifier;
-        if solving || examined < substeps {
-            certifier.find_islands(system);
-        }
-        if solving {
-            let bodies = &self.bodies;
-            certifier.stiffen(system, |body| bodies.weight(body, self.gravity), &settings, h);
-        }
-        wide.pack(system, settings.softness);
-        if solving || examined < substeps {
-            certifier.start(system, wide);
-        }
-        let bouncing = system.manifolds.iter().any(|manifold| manifold.restitution > 0.0);
-        let collisions = Collisions {
-            law: settings.impact_law,
-            dt: h,
-            threshold: settings.restitution_threshold,
-            rounds: COLLISION_ROUNDS,
-            sweeps: COLLISION_SWEEPS,
-        };
-        let mut books = settings.ledger.then_some(&mut self.books);
-        if let Some(books) = &mut books {
-            books.open(&self.bodies, self.gravity, system);
-        }
+        let plan = self.plan(dt / substeps as f32, substeps, last);
+        self.pack(&plan);
         clock.lap(report, Stage::Rows);
         for substep in 0..substeps {
-            let bodies = &mut self.bodies;
-            if let Some(books) = &mut books {
-                books.start(&system.velocities);
-            }
-            motion::predict(bodies, &system.masses, self.gravity, h, &mut system.velocities);
-            clock.lap(report, Stage::Predict);
-            if bouncing {
-                if let Some(books) = &mut books {
-                    books.strike(0, &system.velocities);
-                }
-                system.set_targets(&self.displacements, &repair);
-                let moved = &mut self.displacements;
-                report.collisions +=
-                    restitution::collide(system, moved, &collisions, &mut self.blow);
-                wide.take_impacts(system);
-                if let Some(books) = &mut books {
-                    books.strike(1, &system.velocities);
-                }
-                clock.lap(report, Stage::Bounce);
-            }
-            if solving || substep == examined {
-                certifier.prospective.clone_from(&system.velocities);
-            }
-            if self.saving && substep + 1 == substeps {
-                let positions = bodies.frames.iter().map(|frame| frame.position).collect();
-                self.saved = Some(SavedSystem { system: system.clone(), positions, substep: h });
-            }
-            wide.start(&mut system.velocities, &self.displacements, &repair);
-            if self.saving
-                && let Some(saved) = &mut self.saved
-            {
-                // Targets are set by now, and no sweep has touched the impulses yet.
-                wide.unpack(&mut saved.system);
-            }
-            clock.lap(report, Stage::WarmStart);
-            if solving {
-                let outcome = certifier.refine(system, wide, &settings);
-                // Forward and back.
-                report.sweeps += 2 * outcome.iterations;
-                report.join(&outcome, clock);
-            } else {
-                for _ in 0..settings.iterations {
-                    wide.sweep_normals(&mut system.velocities);
-                }
-                report.sweeps += settings.iterations as usize;
-                clock.lap(report, Stage::Solve);
-            }
-            if substep == examined {
-                let outcome = certifier.examine(system, wide);
-                report.join(&outcome, clock);
-            }
-            if let Some(books) = &mut books {
-                wide.unpack(system);
-                books.depart(system);
-            }
-            motion::advance(bodies, h, &mut system.velocities, &mut self.displacements);
-            clock.lap(report, Stage::Advance);
-            if let Some(books) = &mut books {
-                books.arrive(&system.velocities);
-            }
-            wide.relax(&mut system.velocities);
-            if let Some(books) = &mut books {
-                wide.unpack(system);
-                books.end(bodies, self.gravity, system, h);
-            }
-            clock.lap(report, Stage::Relax);
-            report.sweeps += 1;
+            self.substep(&plan, substep, clock, report);
         }
-        wide.unpack(system);
-        if examined < substeps {
+        self.arrive(&plan, clock, report);
+    }
+
+    fn plan(&self, h: f32, substeps: u32, last: bool) -> Plan {
+        let settings = &self.settings;
+        let mut manifolds = self.system.manifolds.iter();
+        Plan {
+            h,
+            substeps,
+            solving: settings.tolerance > 0.0,
+            examined: (last && settings.certify).then_some(substeps - 1),
+            ledger: settings.ledger,
+            repair: settings.repair_in(h),
+            collisions: manifolds.any(|manifold| manifold.restitution > 0.0).then_some(
+                Collisions {
+                    law: settings.impact_law,
+                    dt: h,
+                    threshold: settings.restitution_threshold,
+                    rounds: COLLISION_ROUNDS,
+                    sweeps: COLLISION_SWEEPS,
+                },
+            ),
+        }
+    }
+
+    /// Makes the contacts of a part ready for its substeps.
+    fn pack(&mut self, plan: &Plan) {
+        self.displacements.fill(Velocity::ZERO);
+        let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
+        let certifying = plan.solving || plan.examined.is_some();
+        if certifying {
+            certifier.find_islands(system);
+        }
+        if plan.solving {
+            let weight = |body| self.bodies.weight(body, self.gravity);
+            certifier.stiffen(system, weight, &self.settings, plan.h);
+        }
+        wide.pack(system, self.settings.softness);
+        if certifying {
+            certifier.start(system, wide);
+        }
+        if plan.ledger {
+            self.books.open(&self.bodies, self.gravity, system);
+        }
+    }
+
+    /// Forces, blows, contacts, motion, and contacts again as rigid ones.
+    fn substep(&mut self, plan: &Plan, substep: u32, clock: &mut Clock, report: &mut StepReport) {
+        let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
+        let (bodies, moved, books) = (&mut self.bodies, &mut self.displacements, &mut self.books);
+        if plan.ledger {
+            books.start(&system.velocities);
+        }
+        motion::predict(bodies, &system.masses, self.gravity, plan.h, &mut system.velocities);
+        clock.lap(report, Stage::Predict);
+        if let Some(collisions) = &plan.collisions {
+            if plan.ledger {
+                books.strike(0, &system.velocities);
+            }
+            system.set_targets(moved, &plan.repair);
+            report.collisions += restitution::collide(system, moved, collisions, &mut self.blow);
+            wide.take_impacts(system);
+            if plan.ledger {
+                books.strike(1, &system.velocities);
+            }
+            clock.lap(report, Stage::Bounce);
+        }
+        if plan.solving || plan.examined == Some(substep) {
+            certifier.prospective.clone_from(&system.velocities);
+        }
+        if self.saving && substep + 1 == plan.substeps {
+            let positions = bodies.frames.iter().map(|frame| frame.position).collect();
+            self.saved = Some(SavedSystem { system: system.clone(), positions, substep: plan.h });
+        }
+        wide.start(&mut system.velocities, moved, &plan.repair);
+        if self.saving
+            && let Some(saved) = &mut self.saved
+        {
+            // Targets are set by now, and no sweep has touched the impulses yet.
+            wide.unpack(&mut saved.system);
+        }
+        clock.lap(report, Stage::WarmStart);
+        if plan.solving {
+            let outcome = certifier.refine(system, wide, &self.settings);
+            // Forward and back.
+            report.sweeps += 2 * outcome.iterations;
+            report.join(&outcome, clock);
+        } else {
+            for _ in 0..self.settings.iterations {
+                wide.sweep_normals(&mut system.velocities);
+            }
+            report.sweeps += self.settings.iterations as usize;
+            clock.lap(report, Stage::Solve);
+        }
+        if plan.examined == Some(substep) {
+            let outcome = certifier.examine(system, wide);
+            report.join(&outcome, clock);
+        }
+        if plan.ledger {
+            wide.unpack(system);
+            books.depart(system);
+        }
+        motion::advance(bodies, plan.h, &mut system.velocities, moved);
+        clock.lap(report, Stage::Advance);
+        if plan.ledger {
+            books.arrive(&system.velocities);
+        }
+        wide.relax(&mut system.velocities);
+        if plan.ledger {
+            wide.unpack(system);
+            books.end(bodies, self.gravity, system, plan.h);
+        }
+        clock.lap(report, Stage::Relax);
+        report.sweeps += 1;
+    }
+
+    /// Gives impulses and poses back at the end of a part.
+    fn arrive(&mut self, plan: &Plan, clock: &mut Clock, report: &mut StepReport) {
+        self.wide.unpack(&mut self.system);
+        if plan.examined.is_some() {
             let sinking = report.certified.map_or(0.0, |of| of.residuals[1]);
-            report.jams = certifier.jams(system, sinking);
+            report.jams = self.certifier.jams(&self.system, sinking);
             clock.lap(report, Stage::Certify);
         }
-
         motion::arrive(&mut self.bodies, &self.displacements);
-        if let Some(books) = &mut books {
-            let ledger = books.close(&self.bodies, self.gravity, &system.velocities);
+        if plan.ledger {
+            let ledger = self.books.close(&self.bodies, self.gravity, &self.system.velocities);
             report.energy.get_or_insert_default().join(&ledger);
         }
         for body in 0..self.len() {
             self.update_mass(body);
         }
         clock.lap(report, Stage::Advance);
-        rows::remember(&self.system, &self.displacements, settings.hold, &mut self.records);
+        let hold = self.settings.hold;
+        rows::remember(&self.system, &self.displacements, hold, &mut self.records);
         clock.lap(report, Stage::Remember);
     }
 

@@ -65,6 +65,22 @@ fn a_box_between_converging_walls() {
     }
 }
 
+/// The search for jams is part of the certificate: a step without one does not pay for it.
+#[test]
+fn nothing_is_named_without_certificates() {
+    let material = surface(0.3, 0.0);
+    let mut world: World3 = world();
+    for side in [-1.0, 1.0] {
+        let wall = Rigid3::cuboid([0.5; 3]);
+        let wall = body(Motion::Kinematic, [0.9 * side, 0.0, 0.0], wall, &material);
+        world.add(moving(wall, [-0.4 * side, 0.0, 0.0]));
+    }
+    world.add(dynamic([0.0; 3], Rigid3::cuboid([0.5; 3]), &material));
+    assert_eq!(world.step(DT).jams, []);
+    world.settings.certify = true;
+    assert_ne!(world.step(DT).jams, []);
+}
+
 /// A ball pressed into a groove by a lid that comes down.
 fn wedge<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let material = surface(0.2, 0.0);

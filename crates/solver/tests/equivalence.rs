@@ -2,18 +2,15 @@
 
 mod common;
 
-use std::cell::Cell;
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
-
+use common::counting::Counting;
 use common::{Random, Recipe, Scene, assert_all_close, random_scene};
 use drystone_solver::certificate::{Certificate, Tally, certify};
 use drystone_solver::color::Coloring;
+use drystone_solver::cone::Law;
 use drystone_solver::island::Islands;
 use drystone_solver::lanes::{Lanes, Portable, WIDTH};
 use drystone_solver::wide::Packed;
-use drystone_solver::{
-    Cast, InverseMass, Real, Repair, SymmetricMatrix, System, Vector, Velocity, pgs,
-};
+use drystone_solver::{Cast, InverseMass, Repair, SymmetricMatrix, System, Vector, Velocity, pgs};
 use proptest::prelude::*;
 
 fn any_scene<const L: usize, const A: usize>(random: &mut Random) -> Scene<L, A> {
@@ -201,8 +198,32 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     let mut tally = Tally::default();
     tally.set_masses(&system);
     let prospective = &start.velocities;
-    let lanes = packed.certify::<true, true>(&system.velocities, prospective, &islands, &mut tally);
-    [lanes[0], certify(&system, prospective)]
+    let v = &system.velocities;
+    let at_hand = packed.certify::<false, false>(v, prospective, &islands, &mut tally)[0].gap;
+    let lanes = packed.certify::<true, true>(v, prospective, &islands, &mut tally)[0];
+    let one = certify(&system, prospective);
+    let expected = losses(&system.cast()) + one.defect;
+    assert!((at_hand - expected).abs() <= 1e-9 * expected, "{at_hand} and {expected}");
+    assert!(lanes.gap <= at_hand * (1.0 + 1e-9), "the line begins at hand");
+    [lanes, one]
+}
+
+/// G without the defect, of the impulses at hand: by its definition, one contact after the other.
+fn losses<const L: usize, const A: usize>(system: &System<f64, L, A>) -> f64 {
+    let mut sum = 0.0;
+    for manifold in &system.manifolds {
+        let twist = system.twist_of(manifold);
+        for contact in &system.contacts[manifold.points()] {
+            let law = Law::of(manifold, contact);
+            let r = law.clamp(contact.impulse);
+            let mut y = contact.target - contact.relative_velocity(&twist);
+            y[0] -= law.shift(y, r);
+            if contact.effective_mass > 0.0 {
+                sum += law.loss(y, r);
+            }
+        }
+    }
+    sum
 }
 
 fn certificates_agree<const L: usize, const A: usize>(seed: u64) {
@@ -398,84 +419,6 @@ proptest! {
     #[test]
     fn bodies_a_and_b_exchanged(seed in any::<u64>()) {
         in_all_four!(exchange, seed);
-    }
-}
-
-thread_local! {
-    static OPERATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-/// A number that counts what is done with it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Counting(f64);
-
-impl Counting {
-    fn new(value: f64) -> Self {
-        OPERATIONS.set(OPERATIONS.get() + 1);
-        Self(value)
-    }
-
-    fn during(work: impl FnOnce()) -> u64 {
-        let before = OPERATIONS.get();
-        work();
-        OPERATIONS.get() - before
-    }
-}
-
-macro_rules! counting {
-    ($($operator:ident $method:ident),*) => {$(
-        impl $operator for Counting {
-            type Output = Self;
-            fn $method(self, other: Self) -> Self {
-                Self::new(self.0.$method(other.0))
-            }
-        }
-    )*};
-}
-
-counting!(Add add, Sub sub, Mul mul, Div div);
-
-impl Neg for Counting {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self::new(-self.0)
-    }
-}
-
-impl AddAssign for Counting {
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-
-impl SubAssign for Counting {
-    fn sub_assign(&mut self, other: Self) {
-        *self = *self - other;
-    }
-}
-
-impl Real for Counting {
-    const ZERO: Self = Self(0.0);
-    const ONE: Self = Self(1.0);
-
-    fn from_f64(value: f64) -> Self {
-        Self(value)
-    }
-
-    fn sqrt(self) -> Self {
-        Self::new(self.0.sqrt())
-    }
-
-    fn max(self, other: Self) -> Self {
-        Self::new(Real::max(self.0, other.0))
-    }
-
-    fn min(self, other: Self) -> Self {
-        Self::new(Real::min(self.0, other.0))
-    }
-
-    fn choose(self, positive: Self, otherwise: Self) -> Self {
-        Self::new(self.0.choose(positive.0, otherwise.0))
     }
 }
 

@@ -35,10 +35,7 @@ pub fn write(
 }
 
 fn build(scene: &Scene, recording: &Recording, options: &Sampling) -> io::Result<(Value, Vec<u8>)> {
-    if (recording.bodies, recording.dimension) != (scene.bodies.len(), scene.dimension) {
-        let message = "the recording is not of this scene";
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
-    }
+    recording.must_have(scene.bodies.len(), scene.dimension)?;
     let generator = concat!("Drystone ", env!("CARGO_PKG_VERSION"));
     let mut document = json!({"asset": {"version": "2.0", "generator": generator}});
     let mut bytes = Vec::new();

@@ -55,7 +55,7 @@ fn add_clip(
     recording: &Recording,
     options: &Sampling,
 ) -> io::Result<()> {
-    check(source, recording)?;
+    recording.must_have(source.bodies.len(), 3)?;
     let written: Vec<usize> =
         (0..source.bodies.len()).filter(|body| source.bodies[*body].is_written()).collect();
     let locals: Vec<_> =
@@ -71,17 +71,6 @@ fn add_clip(
     let clip = append_clip(&mut gltf, CLIP, recording, &targets, options)?;
     let nodes = targets.iter().map(|target| target.node).collect();
     repeat(&mut gltf, clip, &nodes)
-}
-
-fn check(source: &Source, recording: &Recording) -> io::Result<()> {
-    let bodies = source.bodies.len();
-    if recording.dimension != 3 || recording.bodies != bodies {
-        return Err(invalid(format!(
-            "a recording of {} bodies in {}D does not belong to a glTF with {bodies} bodies",
-            recording.bodies, recording.dimension,
-        )));
-    }
-    Ok(())
 }
 
 impl BodyNode {

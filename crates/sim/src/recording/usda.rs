@@ -30,10 +30,7 @@ pub fn write(
     recording: &Recording,
     options: &Sampling,
 ) -> io::Result<()> {
-    if (recording.bodies, recording.dimension) != (scene.bodies.len(), scene.dimension) {
-        let message = "the recording is not of this scene";
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
-    }
+    recording.must_have(scene.bodies.len(), scene.dimension)?;
     let times = sample_times(recording, options);
     let rate = rounded(sample_rate(recording, options));
     let codes: Vec<f64> = times.iter().map(|time| rounded(time * rate)).collect();

@@ -2,6 +2,8 @@
 // Each test file is a crate that uses its part of this.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod counting;
+
 use drystone_solver::{
     Contact, InverseMass, Manifold, SymmetricMatrix, System, Vector, Velocity, contact_frame,
 };
