@@ -4,8 +4,7 @@ mod alone;
 mod child;
 mod compare;
 /// Shared with the solver's tests.
-#[allow(unreachable_pub)]
-#[path = "../../crates/solver/tests/common/counting.rs"]
+#[path = "../../crates/solver/tests/suite/common/counting.rs"]
 mod counting;
 mod engines;
 mod frontier;

@@ -7,7 +7,7 @@
 //!
 //! Cost of an iteration: one sweep. Place: regular stacks, where the best factor would need about
 //! 3 n sweeps for n bodies. The factor that is found is smaller, since the first sweeps of a column
-//! lower the error faster than the last: half of what plain sweeps need (`tests/methods.rs`).
+//! lower the error faster than the last: half of what plain sweeps need (`tests/suite/methods.rs`).
 
 use crate::cone::Law;
 use crate::pgs::visit_manifold;

@@ -1,8 +1,6 @@
 //! The certificate never promises too much, and little too little.
 
-mod common;
-
-use common::{Random, Recipe, random_scene};
+use crate::common::{Random, Recipe, random_scene};
 use drystone_solver::certificate::certify;
 use drystone_solver::solution::{Goal, Status};
 use drystone_solver::{System, Velocity, ladder, newton, pgs};

@@ -1,8 +1,6 @@
 //! Jams are named, and what only presses is not.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::Motion;
 use drystone::{BodyId, StepReport, World, World3};

@@ -1,9 +1,7 @@
 //! Two ways to one answer: matrices and sweeps, f64 and f32, any order, a scene and its mirror.
 
-mod common;
-
-use common::counting::Counting;
-use common::{Random, Recipe, Scene, assert_all_close, random_scene};
+use crate::common::counting::Counting;
+use crate::common::{Random, Recipe, Scene, assert_all_close, random_scene};
 use drystone_solver::certificate::{Certificate, Tally, certify};
 use drystone_solver::color::Coloring;
 use drystone_solver::cone::Law;

@@ -1,10 +1,8 @@
 //! `drystone verify`, and the hashes of `drystone bake --report`, as people use them.
 
-mod common;
-
 use std::fs;
 
-use common::{Place, SCENE};
+use crate::common::{Place, SCENE};
 use serde_json::Value;
 
 #[test]

@@ -1,9 +1,6 @@
 //! A system and its matrices: the same velocities at contacts, the same residual, the same solution.
-#![cfg(feature = "assembled")]
 
-mod common;
-
-use common::{Random, Recipe, assert_all_close, assert_close, random_scene};
+use crate::common::{Random, Recipe, assert_all_close, assert_close, random_scene};
 use drystone_solver::assembled::{Assembly, Limits, Problem, ProblemError, Status, ladder};
 use drystone_solver::certificate::certify;
 use drystone_solver::{

@@ -1,10 +1,8 @@
 //! `drystone check` as people use it: every trap is found, and named; good scenes are quiet.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Place, SCENE};
+use crate::common::{Place, SCENE};
 use serde_json::Value;
 
 const FLOOR: &str = "[[bodies]]\nname = \"floor\"\nmotion = \"static\"\n\

@@ -2,12 +2,10 @@
 
 #![allow(unsafe_code)]
 
-mod common;
-
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::*;
+use crate::common::*;
 use drystone::World;
 use drystone::geometry::{Rigid2, Rigid3, Spheres};
 use drystone::scene::Motion;

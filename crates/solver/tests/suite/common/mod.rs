@@ -1,8 +1,5 @@
 //! Random systems of contacts, and what the tests measure on them with arithmetic of their own.
-// Each test file is a crate that uses its part of this.
-#![allow(dead_code, unreachable_pub)]
-
-pub mod counting;
+pub(crate) mod counting;
 
 use drystone_solver::{
     Contact, InverseMass, Manifold, SymmetricMatrix, System, Vector, Velocity, contact_frame,
@@ -21,13 +18,13 @@ macro_rules! in_all_four {
 
 /// |a - b| within `tolerance` of the larger of 1 and their sizes.
 #[track_caller]
-pub fn assert_close(a: f64, b: f64, tolerance: f64) {
+pub(crate) fn assert_close(a: f64, b: f64, tolerance: f64) {
     let scale = 1f64.max(a.abs()).max(b.abs());
     assert!((a - b).abs() <= tolerance * scale, "{a} is not {b}");
 }
 
 #[track_caller]
-pub fn assert_all_close(
+pub(crate) fn assert_all_close(
     a: impl IntoIterator<Item = f64>,
     b: impl IntoIterator<Item = f64>,
     tolerance: f64,
@@ -41,10 +38,10 @@ pub fn assert_all_close(
 }
 
 /// SplitMix64: a seed names a system.
-pub struct Random(pub u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    pub fn bits(&mut self) -> u64 {
+    pub(crate) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -52,19 +49,19 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn within(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    pub fn below(&mut self, count: usize) -> usize {
+    pub(crate) fn below(&mut self, count: usize) -> usize {
         (self.bits() % count as u64) as usize
     }
 
-    pub fn vector<const N: usize>(&mut self) -> Vector<f64, N> {
+    pub(crate) fn vector<const N: usize>(&mut self) -> Vector<f64, N> {
         Vector(std::array::from_fn(|_| self.within(-1.0, 1.0)))
     }
 
-    pub fn unit<const N: usize>(&mut self) -> Vector<f64, N> {
+    pub(crate) fn unit<const N: usize>(&mut self) -> Vector<f64, N> {
         loop {
             let v = self.vector::<N>();
             let length = v.length();
@@ -77,16 +74,16 @@ impl Random {
 
 /// A system, and what only a test needs to know of its bodies.
 #[derive(Clone)]
-pub struct Scene<const L: usize, const A: usize> {
-    pub system: System<f64, L, A>,
-    pub positions: Vec<Vector<f64, L>>,
+pub(crate) struct Scene<const L: usize, const A: usize> {
+    pub(crate) system: System<f64, L, A>,
+    pub(crate) positions: Vec<Vector<f64, L>>,
     /// Infinite for what is fixed.
-    pub masses: Vec<f64>,
-    pub inertias: Vec<SymmetricMatrix<f64, A>>,
+    pub(crate) masses: Vec<f64>,
+    pub(crate) inertias: Vec<SymmetricMatrix<f64, A>>,
 }
 
 impl<const L: usize, const A: usize> Scene<L, A> {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             system: System::new(),
             positions: Vec::new(),
@@ -96,7 +93,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
     }
 
     /// A body at rest with these principal moments of inertia about these axes.
-    pub fn body(
+    pub(crate) fn body(
         &mut self,
         position: Vector<f64, L>,
         mass: f64,
@@ -111,7 +108,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
     }
 
     /// A ball: a sphere of unit radius of gyration, at the origin of its own axes.
-    pub fn ball(&mut self, position: Vector<f64, L>, mass: f64) -> u32 {
+    pub(crate) fn ball(&mut self, position: Vector<f64, L>, mass: f64) -> u32 {
         let axes = std::array::from_fn(|i| {
             Vector(std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }))
         });
@@ -119,7 +116,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
     }
 
     /// A body that nothing moves.
-    pub fn wall(&mut self) -> u32 {
+    pub(crate) fn wall(&mut self) -> u32 {
         self.positions.push(Vector::ZERO);
         self.masses.push(f64::INFINITY);
         self.inertias.push(SymmetricMatrix::ZERO);
@@ -127,7 +124,12 @@ impl<const L: usize, const A: usize> Scene<L, A> {
     }
 
     /// Contacts at these points between two bodies, the normal from the second to the first.
-    pub fn touch(&mut self, bodies: [u32; 2], normal: Vector<f64, L>, points: &[Vector<f64, L>]) {
+    pub(crate) fn touch(
+        &mut self,
+        bodies: [u32; 2],
+        normal: Vector<f64, L>,
+        points: &[Vector<f64, L>],
+    ) {
         let center = points[0];
         let manifold = Manifold {
             bodies,
@@ -142,14 +144,14 @@ impl<const L: usize, const A: usize> Scene<L, A> {
     }
 
     /// One contact, for systems where the place does not matter.
-    pub fn push(&mut self, a: u32, b: u32, normal: Vector<f64, L>) {
+    pub(crate) fn push(&mut self, a: u32, b: u32, normal: Vector<f64, L>) {
         let middle = |x: Vector<f64, L>, y: Vector<f64, L>| (x + y) * 0.5;
         let point = middle(self.positions[a as usize], self.positions[b as usize]);
         self.touch([a, b], normal, &[point]);
     }
 
     /// Sum of 1/2 m v^2 + 1/2 omega . I omega. \[J\]
-    pub fn kinetic_energy(&self) -> f64 {
+    pub(crate) fn kinetic_energy(&self) -> f64 {
         let mut energy = 0.0;
         for (i, v) in self.system.velocities.iter().enumerate() {
             if self.masses[i].is_finite() {
@@ -161,7 +163,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
     }
 
     /// Sum of m v. \[N s\]
-    pub fn momentum(&self) -> Vector<f64, L> {
+    pub(crate) fn momentum(&self) -> Vector<f64, L> {
         let mut sum = Vector::ZERO;
         for (i, v) in self.system.velocities.iter().enumerate() {
             sum += v.linear * self.masses[i];
@@ -170,7 +172,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
     }
 
     /// Sum of x x m v + I omega, a number for each plane of rotation. \[N m s\]
-    pub fn angular_momentum(&self) -> Vec<f64> {
+    pub(crate) fn angular_momentum(&self) -> Vec<f64> {
         let planes: &[[usize; 2]] = if L == 2 { &[[0, 1]] } else { &[[1, 2], [2, 0], [0, 1]] };
         let mut sums = vec![0.0; planes.len()];
         for (i, v) in self.system.velocities.iter().enumerate() {
@@ -189,18 +191,18 @@ impl<const L: usize, const A: usize> Scene<L, A> {
 
 /// What a random system is made of.
 #[derive(Clone, Copy)]
-pub struct Recipe {
-    pub bodies: usize,
-    pub manifolds: usize,
+pub(crate) struct Recipe {
+    pub(crate) bodies: usize,
+    pub(crate) manifolds: usize,
     /// Points of a manifold: 1 to this.
-    pub points: usize,
+    pub(crate) points: usize,
     /// Whether contacts with walls are among them.
-    pub walls: bool,
+    pub(crate) walls: bool,
 }
 
 /// Contacts between random bodies at random places. Particles touch along the line between them.
 /// Targets are random; effective masses are those of rigid contacts.
-pub fn random_scene<const L: usize, const A: usize>(
+pub(crate) fn random_scene<const L: usize, const A: usize>(
     random: &mut Random,
     recipe: Recipe,
 ) -> Scene<L, A> {

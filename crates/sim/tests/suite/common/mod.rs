@@ -1,7 +1,5 @@
 //! Worlds, shapes, bodies and comparisons that the tests share.
 
-#![allow(dead_code)]
-
 use drystone::geometry::spheres::SphereShape;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::{Material, Motion};

@@ -2,11 +2,8 @@
 //! reader adds to it (`docs/notation.md` lists them), then the identities that hold for any system.
 //!
 //! Expected values are worked out with plain arithmetic, not with the crate's own kernels.
-#![cfg(feature = "assembled")]
 
-mod common;
-
-use common::{Random, Recipe, Scene, assert_all_close, assert_close, random_scene};
+use crate::common::{Random, Recipe, Scene, assert_all_close, assert_close, random_scene};
 use drystone_solver::assembled::{
     Column, Matrix, compliance, contacts_of, equality, friction_impulses, friction_jacobian,
     gauss_seidel, impulses, inverse_mass, jacobian, pattern, rhs, soften, system_matrix, targets,

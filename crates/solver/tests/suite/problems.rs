@@ -1,13 +1,10 @@
 //! Problems given as matrices: answers on paper, methods that agree, collections of real problems.
-#![cfg(feature = "assembled")]
-
-mod common;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use common::Random;
+use crate::common::Random;
 use drystone_solver::assembled::ladder::{self, Method, Solved};
 use drystone_solver::assembled::{
     Bodies, Limits, Matrix, Outcome, Problem, ProblemError, Status, block_gauss_seidel,

@@ -1,8 +1,6 @@
 //! Every method leads to the same velocities; how many iterations each needs.
 
-mod common;
-
-use common::{Random, Recipe, Scene, random_scene};
+use crate::common::{Random, Recipe, Scene, random_scene};
 use drystone_solver::solution::{Goal, Solution, Status};
 use drystone_solver::{System, Vector, apgd, newton, nncg, pgs, psor, symmetric};
 

@@ -1,11 +1,9 @@
 //! What the public test files for glTF physics expect, where a copy of them is at hand: in the
 //! folder that the environment variable DRYSTONE_DATA names.
 
-mod common;
-
 use std::path::PathBuf;
 
-use common::{GRAVITY, assert_within};
+use crate::common::{GRAVITY, assert_within};
 use drystone::recording::Recording;
 use drystone::scene::{Motion, Scene, read};
 use drystone::{StepSettings, build};

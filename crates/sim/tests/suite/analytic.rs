@@ -1,8 +1,6 @@
 //! Mechanics with answers on paper, at the default settings.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::Motion;
 use drystone::{BodyId, StepSettings, World, World3};

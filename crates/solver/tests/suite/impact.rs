@@ -1,8 +1,6 @@
 //! Laws of impact: what contacts that collide at once do with each other.
 
-mod common;
-
-use common::{Random, Recipe, Scene, assert_all_close, assert_close, random_scene};
+use crate::common::{Random, Recipe, Scene, assert_all_close, assert_close, random_scene};
 use drystone_solver::restitution::{Blow, Collisions, ImpactLaw, collide};
 use drystone_solver::{System, Vector, Velocity};
 use proptest::prelude::*;

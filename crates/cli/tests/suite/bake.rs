@@ -1,12 +1,10 @@
 //! The command line as people use it.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use common::{Place, SCENE};
+use crate::common::{Place, SCENE};
 use serde_json::Value;
 
 #[test]

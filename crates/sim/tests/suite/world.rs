@@ -1,8 +1,6 @@
 //! What a world promises of any scene: conservation, rest, and the bodies it is told of.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::{Filter, Motion};
 use drystone::{Body, BodyId, Collider, Inertia, World, World2, World3};

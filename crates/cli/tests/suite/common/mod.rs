@@ -1,7 +1,5 @@
 //! A place to run the command line in.
 
-#![allow(dead_code)]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,8 +1,6 @@
 //! Blows between several bodies, and the ledger that says where energy comes from and goes.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::Motion;
 use drystone::{BodyId, ImpactLaw, Ledger, World, World3};

@@ -1,10 +1,7 @@
 //! What no method may stumble over: copies of a contact, contacts at which nothing moves, masses far
 //! apart, targets that contradict each other. Each ends with a status and finite numbers.
-#![cfg(feature = "assembled")]
 
-mod common;
-
-use common::Scene;
+use crate::common::Scene;
 use drystone_solver::assembled::ladder::{self, Method};
 use drystone_solver::assembled::{self, Assembly, Limits};
 use drystone_solver::certificate::certify;

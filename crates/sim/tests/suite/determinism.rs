@@ -1,8 +1,6 @@
 //! The same input gives the same bits: run to run, on any number of threads, in any build.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::{ParticleWorld3, World, World2, World3};
 use drystone_solver::Vector;

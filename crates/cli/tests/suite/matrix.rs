@@ -1,10 +1,8 @@
 //! `drystone matrix` as people use it.
 
-mod common;
-
 use std::fs;
 
-use common::Place;
+use crate::common::Place;
 
 /// Particles in a row between two walls: contact i shares a particle with i - 1 and i + 1.
 fn row(particles: usize) -> String {

@@ -11,7 +11,7 @@ thread_local! {
 
 /// A number that counts what is done with it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Counting(pub f64);
+pub(crate) struct Counting(pub f64);
 
 impl Counting {
     fn new(value: f64) -> Self {
@@ -20,7 +20,7 @@ impl Counting {
     }
 
     /// Operations of some work.
-    pub fn during(work: impl FnOnce()) -> u64 {
+    pub(crate) fn during(work: impl FnOnce()) -> u64 {
         let before = OPERATIONS.get();
         work();
         OPERATIONS.get() - before

@@ -1,0 +1,12 @@
+//! The promises of the crate: mechanics, files, and the same bits each time.
+
+mod allocation;
+mod analytic;
+mod common;
+mod determinism;
+mod energy;
+mod gltf;
+mod gltf_physics;
+mod jam;
+mod scene;
+mod world;
