@@ -19,7 +19,7 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
     /// The velocities of a substep without the impulses of its contacts.
     pub(crate) prospective: Vec<Velocity<f32, L, A>>,
     islands: Islands,
-    climber: Climber<L, A>,
+    pub(crate) climber: Climber<L, A>,
     loads: Vec<Load>,
 }
 

@@ -41,6 +41,9 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// Appends position and rotation: 3D px py pz qx qy qz qw, 2D px py angle.
     fn write(pose: &Self::Pose, out: &mut Vec<f32>);
 
+    /// The pose that [`write`](Self::write) wrote, to the last bit; a number that is missing is 0.
+    fn read(numbers: &[f32]) -> Self::Pose;
+
     /// The axis-aligned box around a shape.
     fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<L>;
 
@@ -56,6 +59,16 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
         scratch: &mut Self::Scratch,
         report: &mut dyn FnMut(&Touch<L>),
     );
+}
+
+/// Numbers that [`Geometry::write`] writes in `dimension` dimensions.
+pub const fn pose_numbers(dimension: usize) -> usize {
+    if dimension == 3 { 7 } else { 3 }
+}
+
+/// The first numbers, and 0 for those that are missing.
+fn leading<const N: usize>(numbers: &[f32]) -> [f32; N] {
+    std::array::from_fn(|i| numbers.get(i).copied().unwrap_or(0.0))
 }
 
 /// Where a pose is and how it is turned.

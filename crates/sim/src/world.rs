@@ -1,5 +1,9 @@
 //! [`World`]: bodies, their contacts, and the step that moves both on.
 
+mod checkpoint;
+
+pub use checkpoint::{Checkpoint, CheckpointError};
+
 use drystone_solver::restitution::{self, Blow, Collisions};
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};

@@ -123,6 +123,7 @@ fn solve_by<const L: usize, const A: usize>(
 
 /// What became of the islands of a system.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Outcome {
     /// Islands.
     pub islands: usize,
@@ -185,14 +186,28 @@ const LONGEST: f64 = 16.0;
 /// Iterations before their rate is trusted.
 const TRIAL: usize = 12;
 
+/// What a [`Climber`] has learned from the systems so far: what it does with the next depends on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Pace {
+    /// Iterations before the first certificate: about as many as the last system needed.
+    pub planned: usize,
+    /// What an iteration left of the worst error of late. \[1\]
+    pub rate: f64,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self { planned: 0, rate: 0.7 }
+    }
+}
+
 /// Climbs the ladder for one system after the other: those of the substeps of a simulation.
 #[derive(Clone, Debug)]
 pub struct Climber<const L: usize, const A: usize> {
+    /// How the next system is begun.
+    pub pace: Pace,
     tally: Tally<L, A>,
-    /// Iterations before the first certificate: about as many as the last system needed.
-    planned: usize,
-    /// What an iteration left of the worst error of late. \[1\]
-    rate: f64,
     /// Whether the impulses at hand have been proof enough so far, without a better share of the load.
     direct: bool,
     done: Vec<bool>,
@@ -202,9 +217,8 @@ pub struct Climber<const L: usize, const A: usize> {
 impl<const L: usize, const A: usize> Default for Climber<L, A> {
     fn default() -> Self {
         Self {
+            pace: Pace::default(),
             tally: Tally::default(),
-            planned: 0,
-            rate: 0.7,
             direct: true,
             done: Vec::new(),
             errors: Vec::new(),
@@ -293,7 +307,8 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         self.errors.resize(islands.count, f64::INFINITY);
         wide.begin_conjugate(islands.count);
         let aim = AIM * goal.tolerance;
-        let mut due = self.planned;
+        // It may come from a file.
+        let mut due = self.pace.planned.min(IN_LANES);
         let mut before = Vec::new();
         loop {
             for _ in 0..due {
@@ -313,13 +328,13 @@ impl<const L: usize, const A: usize> Climber<L, A> {
                 break;
             }
             if worst_before.is_finite() {
-                self.rate = (worst / worst_before).powf(1.0 / due as f64).clamp(0.3, 0.95);
+                self.pace.rate = (worst / worst_before).powf(1.0 / due as f64).clamp(0.3, 0.95);
             }
-            due = ((aim / worst).ln() / self.rate.ln()).ceil().clamp(1.0, LONGEST) as usize;
+            due = ((aim / worst).ln() / self.pace.rate.ln()).ceil().clamp(1.0, LONGEST) as usize;
         }
         let ample = self.errors.iter().all(|&error| error <= 0.3 * aim);
         let needed = outcome.iterations.min(2 * LONGEST as usize);
-        self.planned = if ample { needed - needed.div_ceil(8) } else { needed };
+        self.pace.planned = if ample { needed - needed.div_ceil(8) } else { needed };
     }
 
     /// The certified errors of the islands: of the impulses at hand, if they are within `enough`, else of

@@ -3,6 +3,8 @@
 mod bake;
 mod check;
 mod common;
+mod faults;
 mod matrix;
+mod resume;
 mod solve;
 mod verify;

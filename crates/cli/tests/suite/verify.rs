@@ -60,7 +60,8 @@ fn a_shorter_bake_differs_and_one_of_another_scene_is_refused() {
     fs::write(place.path("a.glb"), "other").unwrap();
     let message = place.fails(2, &["verify", "long.poses", "a.glb", "--scene", "scene.toml"]);
     assert!(
-        message.contains("a.glb: the format of a bake is \".glb\"; accepted: .npz, .poses"),
+        message
+            .contains("a.glb: the format of a bake is \".glb\"; accepted: .npz, .poses, .journal"),
         "{message}"
     );
     assert!(place.fails(4, &["verify", "gone.poses", "long.poses"]).contains("gone.poses"));

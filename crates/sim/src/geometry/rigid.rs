@@ -3,7 +3,7 @@
 use drystone_solver::{SymmetricMatrix, Vector};
 
 use super::polyhedra::{Clipper, Crossing, Cuboid, Footing, Plane, box_edges, collide, on_plane};
-use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint};
+use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, leading};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
@@ -325,6 +325,11 @@ impl Geometry<2, 1> for Rigid2 {
         out.extend([pose.position.x, pose.position.y, pose.angle]);
     }
 
+    fn read(numbers: &[f32]) -> Pose2 {
+        let [x, y, angle] = leading(numbers);
+        Pose2::new([x, y].into(), angle)
+    }
+
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<2, 1> {
         if shape.as_trimesh().is_some() {
             return MassProperties::ZERO;
@@ -387,6 +392,12 @@ impl Geometry<3, 3> for Rigid3 {
     fn write(pose: &Self::Pose, out: &mut Vec<f32>) {
         out.extend(pose.translation.to_array());
         out.extend(pose.rotation.to_array());
+    }
+
+    fn read(numbers: &[f32]) -> Self::Pose {
+        let [x, y, z, a, b, c, w] = leading(numbers);
+        let rotation = parry3d::math::Rotation::from_xyzw(a, b, c, w);
+        parry3d::math::Pose::from_parts([x, y, z].into(), rotation)
     }
 
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<3, 3> {

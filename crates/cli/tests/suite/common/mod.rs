@@ -40,18 +40,20 @@ impl Place {
         place
     }
 
-    pub(crate) fn folder(&self) -> &Path {
-        self.folder.path()
-    }
-
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
+    /// `drystone` in this folder.
+    pub(crate) fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
+        command.current_dir(self.folder.path()).args(arguments);
+        command
+    }
+
     /// Runs `drystone` in this folder.
     pub(crate) fn run(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
-        command.current_dir(self.folder.path()).args(arguments).output().unwrap()
+        self.command(arguments).output().unwrap()
     }
 
     pub(crate) fn fails(&self, code: i32, arguments: &[&str]) -> String {
@@ -75,4 +77,10 @@ impl Place {
         names.sort();
         names
     }
+}
+
+/// A scene that comes with the project.
+pub(crate) fn example(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name);
+    path.to_str().unwrap().to_owned()
 }
