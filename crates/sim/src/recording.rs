@@ -10,6 +10,7 @@ pub mod gltf;
 pub mod journal;
 mod mesh;
 pub mod npz;
+pub mod physics;
 pub mod pose;
 pub mod poses;
 pub mod sampling;

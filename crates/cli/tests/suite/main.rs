@@ -3,6 +3,7 @@
 mod bake;
 mod check;
 mod common;
+mod convert;
 mod faults;
 mod matrix;
 mod resume;
