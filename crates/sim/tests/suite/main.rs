@@ -6,6 +6,7 @@ mod checkpoint;
 mod common;
 mod determinism;
 mod energy;
+mod fuzz;
 mod gltf;
 mod gltf_physics;
 mod jam;
