@@ -48,6 +48,8 @@ pub(crate) struct Record<const L: usize> {
     /// The same in the frame of b, and a's frame as seen from b, when the points were found.
     pub(crate) local_normal: Vector<f32, L>,
     pub(crate) found_at: Frame<L>,
+    /// Largest distance of its points from the center of mass of a. \[m\]
+    pub(crate) reach: f32,
 }
 
 /// A point of a record.

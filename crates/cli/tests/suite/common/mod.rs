@@ -1,5 +1,6 @@
 //! A place to run the command line in.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -50,7 +51,12 @@ impl Place {
 
     /// Runs `drystone` in this folder.
     pub(crate) fn run(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
+        self.run_build(OsStr::new(env!("CARGO_BIN_EXE_drystone")), arguments)
+    }
+
+    /// Runs another build of it.
+    pub(crate) fn run_build(&self, program: &OsStr, arguments: &[&str]) -> Output {
+        let mut command = Command::new(program);
         command.current_dir(self.folder.path()).args(arguments).output().unwrap()
     }
 
