@@ -120,6 +120,25 @@ impl<const L: usize> Frame<L> {
         Vector(std::array::from_fn(|i| self.axes[i].dot(world)))
     }
 
+    /// R D R^T v: what a tensor of the local frame does with a vector in world axes.
+    pub fn turned<const A: usize>(
+        &self,
+        local: SymmetricMatrix<f32, A>,
+        v: Vector<f32, A>,
+    ) -> Vector<f32, A> {
+        if A != L {
+            return local * v;
+        }
+        let axes: [Vector<f32, A>; A] =
+            std::array::from_fn(|i| Vector(std::array::from_fn(|j| self.axes[i][j])));
+        let seen = local * Vector(axes.map(|axis| axis.dot(v)));
+        let mut out = Vector::ZERO;
+        for i in 0..A {
+            out += axes[i] * seen[i];
+        }
+        out
+    }
+
     /// A tensor of the local frame in world axes: R D R^T (in 2D a number, in particles nothing).
     pub fn tensor<const A: usize>(
         &self,

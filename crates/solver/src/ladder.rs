@@ -164,6 +164,16 @@ impl Outcome {
         }
     }
 
+    fn set_residuals(&mut self, certificates: &[Certificate]) {
+        (self.residuals, self.complementarity) = ([0.0; 3], 0.0);
+        for of in certificates {
+            for (own, other) in self.residuals.iter_mut().zip([of.natural, of.sinking, of.cone]) {
+                *own = own.max(other);
+            }
+            self.complementarity += of.complementarity;
+        }
+    }
+
     fn set_worst(&mut self, errors: &[f64], islands: &Islands) {
         let worst = errors.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
         let Some((island, &error)) = worst else { return };
@@ -235,8 +245,9 @@ impl<const L: usize, const A: usize> Climber<L, A> {
 
     /// Brings every island within the tolerance: [`nncg`] in lanes for all, Newton's method in `f64`
     /// for those that it does not bring home. `wide` holds the contacts, with the impulses that
-    /// `system.velocities` hold too; `prospective` are the velocities without them.
-    pub fn climb(
+    /// `system.velocities` hold too; `prospective` are the velocities without them. `RESIDUALS`: as well
+    /// as errors.
+    pub fn climb<const RESIDUALS: bool>(
         &mut self,
         system: &mut System<f32, L, A>,
         wide: &mut Wide<L, A>,
@@ -246,7 +257,8 @@ impl<const L: usize, const A: usize> Climber<L, A> {
     ) -> Outcome {
         let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
         let beyond = |error: &f64| error.total_cmp(&goal.tolerance).is_gt();
-        self.in_lanes(&mut system.velocities, wide, prospective, islands, goal, &mut outcome);
+        let velocities = &mut system.velocities;
+        self.in_lanes::<RESIDUALS>(velocities, wide, prospective, islands, goal, &mut outcome);
         if self.errors.iter().any(beyond) {
             wide.unpack(system);
             // Rounding to the numbers of the system must not take what was reached away.
@@ -258,7 +270,8 @@ impl<const L: usize, const A: usize> Climber<L, A> {
                 }
             }
             wide.take_impulses(system);
-            self.certify(&system.velocities, wide, prospective, islands, 0.0, &mut outcome);
+            let velocities = &system.velocities;
+            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, 0.0, &mut outcome);
         }
         outcome.failed = self.errors.iter().filter(|error| beyond(error)).count();
         outcome.set_worst(&self.errors, islands);
@@ -273,26 +286,15 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
     ) -> Outcome {
-        let start = Instant::now();
-        let tally = &mut self.tally;
-        let certificates = wide.certify::<true, true>(velocities, prospective, islands, tally);
         let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
-        for of in certificates {
-            for (own, other) in outcome.residuals.iter_mut().zip([of.natural, of.sinking, of.cone])
-            {
-                *own = own.max(other);
-            }
-            outcome.complementarity += of.complementarity;
-        }
-        self.errors.clear();
-        self.errors.extend(certificates.iter().map(Certificate::error));
+        self.direct = false;
+        self.certify::<true>(velocities, wide, prospective, islands, 0.0, &mut outcome);
         outcome.set_worst(&self.errors, islands);
-        outcome.certifying = start.elapsed();
         outcome
     }
 
     /// The rungs in lanes. Leaves the certified errors of the islands.
-    fn in_lanes(
+    fn in_lanes<const RESIDUALS: bool>(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         wide: &mut Wide<L, A>,
@@ -316,7 +318,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             }
             outcome.iterations += due;
             before.clone_from(&self.errors);
-            self.certify(velocities, wide, prospective, islands, aim, outcome);
+            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, aim, outcome);
             let (mut worst, mut worst_before) = (0.0f64, 0.0f64);
             for ((done, &before), &error) in self.done.iter_mut().zip(&before).zip(&self.errors) {
                 *done |= error <= aim || is_hopeless(before, error, due, outcome.iterations, aim);
@@ -337,9 +339,9 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         self.pace.planned = if ample { needed - needed.div_ceil(8) } else { needed };
     }
 
-    /// The certified errors of the islands: of the impulses at hand, if they are within `enough`, else of
-    /// the best on the line.
-    fn certify(
+    /// The certified errors of the islands, and their residuals: of the impulses at hand, if they are
+    /// within `enough`, else of the best on the line.
+    fn certify<const RESIDUALS: bool>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
         wide: &Wide<L, A>,
@@ -353,12 +355,13 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         let mut take = |certificates: &[Certificate]| {
             errors.clear();
             errors.extend(certificates.iter().map(Certificate::error));
+            outcome.set_residuals(certificates);
             errors.iter().all(|&error| error <= enough)
         };
         self.direct = self.direct
-            && take(wide.certify::<false, false>(velocities, prospective, islands, tally));
+            && take(wide.certify::<RESIDUALS, false>(velocities, prospective, islands, tally));
         if !self.direct {
-            take(wide.certify::<false, true>(velocities, prospective, islands, tally));
+            take(wide.certify::<RESIDUALS, true>(velocities, prospective, islands, tally));
         }
         outcome.certifying += start.elapsed();
     }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{World, new_pair};
 use crate::broad_phase::BroadPhase;
-use crate::cache::{Pair, Point, Record, Records};
+use crate::cache::{self, Pair, Point, Record, Records};
 use crate::geometry::{Bounds, Frame, Geometry, MAX_POINTS, pose_numbers};
 
 /// What the next step of a world depends on and its bodies as they were added do not tell.
@@ -190,10 +190,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 if count as usize > MAX_POINTS {
                     return Err(CheckpointError::OtherPair([a, b]));
                 }
-                let first = records.points.len() as u32;
-                records.manifolds.push(record(&pair, [part, first, count], frames));
+                let first = records.points.len();
                 let own = points.by_ref().take(count as usize);
                 records.points.extend(own.map(|(numbers, feature)| point(numbers, *feature)));
+                let reach = cache::reach(&records.points[first..]);
+                let found = record(&pair, [part, first as u32, count], reach, frames);
+                records.manifolds.push(found);
             }
             pairs.push(pair);
         }
@@ -215,6 +217,7 @@ fn flat_record<const L: usize>(record: &Record<L>) -> impl Iterator<Item = f32> 
 fn record<const L: usize>(
     pair: &Pair,
     [part, first, count]: [u32; 3],
+    reach: f32,
     numbers: &[f32],
 ) -> Record<L> {
     let mut numbers = numbers.iter().copied();
@@ -228,6 +231,7 @@ fn record<const L: usize>(
         normal: take(&mut numbers),
         local_normal: take(&mut numbers),
         found_at: Frame { position: take(&mut numbers), axes: from_fn(|_| take(&mut numbers)) },
+        reach,
     }
 }
 

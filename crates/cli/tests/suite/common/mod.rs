@@ -1,5 +1,6 @@
 //! A place to run the command line in.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -46,7 +47,11 @@ impl Place {
 
     /// `drystone` in this folder.
     pub(crate) fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
+        self.command_of(OsStr::new(env!("CARGO_BIN_EXE_drystone")), arguments)
+    }
+
+    fn command_of(&self, program: &OsStr, arguments: &[&str]) -> Command {
+        let mut command = Command::new(program);
         command.current_dir(self.folder.path()).args(arguments);
         command
     }
@@ -54,6 +59,11 @@ impl Place {
     /// Runs `drystone` in this folder.
     pub(crate) fn run(&self, arguments: &[&str]) -> Output {
         self.command(arguments).output().unwrap()
+    }
+
+    /// Runs another build of it.
+    pub(crate) fn run_build(&self, program: &OsStr, arguments: &[&str]) -> Output {
+        self.command_of(program, arguments).output().unwrap()
     }
 
     pub(crate) fn fails(&self, code: i32, arguments: &[&str]) -> String {
