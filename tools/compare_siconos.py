@@ -13,6 +13,7 @@ formula, |r - P_K(r - (u + mu |u_t| n))| / |q|: whatever a solver says of itself
 """
 
 import argparse
+import importlib.util
 import json
 import pathlib
 import statistics
@@ -195,6 +196,8 @@ def main():
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--limit", type=float, default=20.0, help="seconds for each solve")
     arguments = parser.parse_args()
+    if importlib.util.find_spec("siconos") is None:
+        parser.error(f"{sys.executable} has no module siconos (Debian: python3-siconos, /usr/bin/python3)")
     paths = sorted(arguments.folder.glob("*.json"))
     if not paths:
         parser.error(f"{arguments.folder}: there is no problem (*.json) in this folder")
