@@ -104,7 +104,7 @@ fn a_gltf_becomes_a_scene_of_the_own_format() {
 
 #[test]
 fn what_a_gltf_cannot_say_is_refused() {
-    let place = Place::new("[[bodies]]\nname = \"nothing\"\n");
+    let place = Place::new("[[bodies]]\nname = \"nothing\"\nmotion = \"static\"\n");
     let refused = |scene: &str, out: &str| place.fails(2, &["convert", scene, out]);
     assert!(refused("scene.toml", "out.glb").contains("'nothing' has no shape"));
     assert!(refused(&example("wall_2d.json"), "out.glb").contains("is a scene in 2D"));

@@ -2,7 +2,7 @@
 //! it ended.
 //!
 //! A first line names the format; then come records: kind, length, content, checksum. The first is the
-//! [`Header`], then one [`Frame`] for the initial state and one for each step, and checkpoints among
+//! [`Header`], then one frame for the initial state and one for each step, and checkpoints among
 //! them. Records are only appended, so a bake that was cut off leaves whole records and at most one torn
 //! one, which its checksum tells. Whoever reads sees every whole record, also while more are written.
 #![cfg_attr(
