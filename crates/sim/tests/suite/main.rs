@@ -7,6 +7,7 @@ mod determinism;
 mod energy;
 mod gltf;
 mod gltf_physics;
+mod guide;
 mod jam;
 mod scene;
 mod world;
