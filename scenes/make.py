@@ -156,7 +156,7 @@ def pyramid():
 
 
 def bowl(radius, depth, thickness, sides=40, rings=8):
-    """A bowl that stands on y = 0, as triangles: the inside up, round the rim, the outside down."""
+    """A closed bowl above y = 0, as triangles: the inside up, round the rim, the outside down."""
     profile = []
     for ring in range(rings + 1):
         angle = math.pi / 2 * 0.8 * ring / rings
@@ -175,6 +175,11 @@ def bowl(radius, depth, thickness, sides=40, rings=8):
             a, b, c, d = (at(ring, side), at(ring, side + 1), at(ring + 1, side),
                           at(ring + 1, side + 1))
             triangles += [[a, b, d], [a, d, c]]
+    # The middle of the outside.
+    vertices.append([0.0, thickness * 0.4, 0.0])
+    last = len(profile) - 1
+    for side in range(sides):
+        triangles.append([len(vertices) - 1, at(last, side), at(last, side + 1)])
     return {"type": "trimesh", "vertices": vertices, "triangles": triangles}
 
 

@@ -31,7 +31,7 @@ def axes_of(pose):
 def differences(stage, arrays):
     """Frames and bodies that the stage has elsewhere."""
     world = stage.GetDefaultPrim()
-    prims = [prim for prim in world.GetChildren() if not prim.IsA(UsdPhysics.Scene)]
+    prims = [prim for prim in world.GetChildren() if prim.IsA(UsdGeom.Xformable)]
     names, poses = arrays["names"], arrays["poses"]
     if len(prims) != len(names):
         yield f"{len(prims)} bodies, not {len(names)}"

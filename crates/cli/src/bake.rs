@@ -1,5 +1,6 @@
 //! `drystone bake`: reads a scene, runs it and writes its motion.
 
+mod diary;
 mod dump;
 mod output;
 mod record;
@@ -14,14 +15,16 @@ use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::{fmt, process, thread};
 
+use drystone::recording::journal::Header;
 use drystone::scene::{self, Read, Scene};
 use drystone::{Simulation, StepSettings};
 
 use crate::failure::Failure;
 use crate::print;
+use diary::Diary;
 use output::Outputs;
-pub(crate) use output::{extension, wrong_extension};
-use record::{Bake, Step};
+pub(crate) use output::{Film, Format, extension, wrong_extension};
+use record::{Bake, Length};
 use summary::Summary;
 
 /// Seconds that a scene runs which does not say how long. \[s\]
@@ -100,6 +103,17 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", group = "result", requires = "dump_step")]
     dump: Vec<PathBuf>,
 
+    /// Go on with a bake that was ended, by whatever: from OUT.journal beside the first output, which a
+    /// bake keeps until its files are written. The files are those of a bake that was never ended, to
+    /// the last byte. Starts at the beginning where there is none; refuses one of another scene, other
+    /// settings or another version
+    #[arg(long)]
+    resume: bool,
+
+    /// Seconds between checkpoints of the whole state in OUT.journal; less are done again with --resume
+    #[arg(long, value_name = "S", value_parser = real(0.0..=1e6), default_value = "10")]
+    checkpoint: f64,
+
     /// No progress bar and no summary; warnings and errors remain
     #[arg(short, long)]
     quiet: bool,
@@ -119,6 +133,9 @@ Examples:
       stiffer contacts, for longer
   drystone bake scenes/arch.json -o arch.glb --tolerance 0.1mm/s
       every substep solved until its velocities are certified to be within 0.1 mm/s of the exact ones
+  drystone bake scenes/stones.json -o stones.glb --resume
+      go on where a bake was ended, by Ctrl-C, a power cut or a full disk; see its frames until then:
+      drystone convert stones.glb.journal preview.glb --scene scenes/stones.json
   drystone bake scenes/arch.json -o arch.glb --dump-step 60
       also the contact problem of step 60, as arch.glb.step-60.json for `drystone solve`
 
@@ -165,9 +182,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let steps = steps(arguments, &read.scene)?;
     let dump_step = dump::step(arguments.dump_step, steps)?;
     let bar = progress(arguments, steps);
-    let bake = Bake::run(simulation.as_mut(), &read.scene, steps, dump_step, bar)?;
+    let header = Header::new(&read.scene, simulation.settings());
+    let mut diary = Diary::open(arguments, outputs.first(arguments), header)?;
+    let length = Length { steps: steps as usize, dump_step: dump_step.map(|step| step as usize) };
+    let baked = Bake::run(simulation.as_mut(), &read.scene, length, &mut diary, &bar);
+    if let Err(Failure::Diverged(_)) = baked {
+        diary.discard(usize::MAX);
+        return baked.map(|_| ());
+    }
+    let bake = baked?;
     let summary = Summary::new(&read.scene, &bake);
-    let files = write(arguments, &outputs, &read, &bake, &summary, threads)?;
+    let files = match write(arguments, &outputs, &read, &bake, &summary, threads) {
+        Err(Failure::File(what)) => {
+            return Err(Failure::File(format!("{what}; {}", diary.way_on())));
+        }
+        files => files?,
+    };
+    diary.discard(bake.steps.len());
     if !arguments.quiet {
         let head =
             summary::Head { file: &arguments.scene, settings: simulation.settings(), threads };
@@ -186,7 +217,8 @@ fn print_warnings(arguments: &Arguments, warnings: impl Iterator<Item = impl fmt
 }
 
 /// The first signal ends the simulation between two steps; a file that is being written is
-/// finished first, so that none is left in part. A second one ends the process at once.
+/// finished first, so that none is left in part. A second one ends the process at once. Whatever
+/// happens, the bake can go on from its journal.
 fn listen() {
     let heard = || {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {

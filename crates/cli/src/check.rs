@@ -17,8 +17,8 @@ const LISTED: usize = 10;
 
 /// Find what will hurt in a scene before it does.
 ///
-/// Overlaps, wedged bodies, heavy on light, stacks without friction, what may pass through, scale,
-/// meshes with holes or inside out, surfaces that never rest, and what the reader left out.
+/// Overlaps, wedged bodies, heavy on light, stacks without friction, what may pass through, sizes,
+/// mirrored and uneven scales, meshes with holes or inside out, surfaces that never rest, and what the reader left out.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {

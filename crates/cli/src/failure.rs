@@ -18,7 +18,7 @@ pub(crate) enum Failure {
     /// A file cannot be read or written.
     File(String),
     /// The user ended it.
-    Interrupted,
+    Interrupted(String),
 }
 
 impl Failure {
@@ -28,7 +28,7 @@ impl Failure {
             Self::Input(_) => 2,
             Self::Diverged(_) | Self::Unsolved(_) => 3,
             Self::File(_) => 4,
-            Self::Interrupted => 130,
+            Self::Interrupted(_) => 130,
         }
     }
 
@@ -46,10 +46,11 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Input(text) | Self::Diverged(text) | Self::Unsolved(text) | Self::File(text) => {
-                f.write_str(text)
-            }
-            Self::Interrupted => f.write_str("interrupted; nothing was written"),
+            Self::Input(text)
+            | Self::Diverged(text)
+            | Self::Unsolved(text)
+            | Self::File(text)
+            | Self::Interrupted(text) => f.write_str(text),
         }
     }
 }

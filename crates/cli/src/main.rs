@@ -2,6 +2,7 @@
 
 mod bake;
 mod check;
+mod convert;
 mod failure;
 #[cfg(feature = "fclib")]
 mod fclib;
@@ -27,6 +28,7 @@ struct Arguments {
 enum Command {
     Bake(bake::Arguments),
     Check(check::Arguments),
+    Convert(convert::Arguments),
     Matrix(matrix::Arguments),
     Schema(schema::Arguments),
     Solve(solve::Arguments),
@@ -41,6 +43,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Bake(arguments) => bake::run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Matrix(arguments) => matrix::run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Schema(_) => schema::run().map(|()| ExitCode::SUCCESS),
         Command::Solve(arguments) => solve::run(&arguments).map(|()| ExitCode::SUCCESS),

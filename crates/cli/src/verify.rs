@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::{fs, io};
 
 use drystone::recording::compare::{Difference, differences};
+use drystone::recording::journal;
 use drystone::recording::npz::{self, Named};
 use drystone::recording::poses;
 use drystone::scene::{self, Scene};
@@ -20,7 +21,7 @@ use crate::print;
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// A bake: .npz or .poses
+    /// A bake: .npz, .poses, or the .journal of one that is under way
     a: PathBuf,
 
     /// Another bake of the same scene
@@ -94,12 +95,13 @@ fn bytes(path: &Path) -> Result<Vec<u8>, Failure> {
 }
 
 /// A bake with the names of its bodies; none where only a scene could tell what it is.
-fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, Failure> {
+pub(crate) fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, Failure> {
     let refused = |error: io::Error| Failure::Input(format!("{}: {error}", path.display()));
     match extension(path).as_str() {
         "npz" => return npz::read(path).map(Some).map_err(refused),
+        "journal" => return journal::read(path).map(|it| Some(it.named())).map_err(refused),
         "poses" => {}
-        _ => return Err(wrong_extension("a bake", path, ".npz, .poses")),
+        _ => return Err(wrong_extension("a bake", path, ".npz, .poses, .journal")),
     }
     let Some(scene) = scene else { return Ok(None) };
     let bodies = scene.bodies.len();

@@ -44,8 +44,28 @@ impl<const L: usize> BroadPhase<L> {
         }
         let extent = needed.max - needed.min;
         let margin = extent * MARGIN;
-        let stored = Bounds { min: needed.min - margin, max: needed.max + margin };
-        self.boxes[index] = Some(stored);
+        self.store(shape, Bounds { min: needed.min - margin, max: needed.max + margin });
+    }
+
+    /// The boxes of all shapes as they are stored; none for removed ones.
+    pub(crate) fn boxes(&self) -> &[Option<Bounds<L>>] {
+        &self.boxes
+    }
+
+    /// A broad phase that goes on from boxes that another has stored.
+    pub(crate) fn with_boxes(boxes: impl Iterator<Item = Option<Bounds<L>>>) -> Self {
+        let mut out = Self::new();
+        for (shape, stored) in boxes.enumerate() {
+            out.boxes.push(None);
+            if let Some(stored) = stored {
+                out.store(shape as u32, stored);
+            }
+        }
+        out
+    }
+
+    fn store(&mut self, shape: u32, stored: Bounds<L>) {
+        self.boxes[shape as usize] = Some(stored);
         // The tree reports a leaf as changed only when it is given a margin; ours is already in.
         self.tree.insert_or_update_partially(aabb(&stored), shape, f32::MIN_POSITIVE);
         self.changed = true;

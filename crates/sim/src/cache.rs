@@ -48,6 +48,8 @@ pub(crate) struct Record<const L: usize> {
     /// The same in the frame of b, and a's frame as seen from b, when the points were found.
     pub(crate) local_normal: Vector<f32, L>,
     pub(crate) found_at: Frame<L>,
+    /// Largest distance of its points from the center of mass of a. \[m\]
+    pub(crate) reach: f32,
 }
 
 /// A point of a record.
@@ -89,6 +91,11 @@ impl<const L: usize> Record<L> {
     pub(crate) fn points(&self) -> std::ops::Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
+}
+
+/// Largest distance of points from the center of mass of a. \[m\]
+pub(crate) fn reach<const L: usize>(points: &[Point<L>]) -> f32 {
+    points.iter().map(|point| point.on_a.length()).fold(0.0, f32::max)
 }
 
 /// Gives points the impulses and slips of the same manifold's points a step ago: by feature, then by

@@ -19,7 +19,7 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
     /// The velocities of a substep without the impulses of its contacts.
     pub(crate) prospective: Vec<Velocity<f32, L, A>>,
     islands: Islands,
-    climber: Climber<L, A>,
+    pub(crate) climber: Climber<L, A>,
     loads: Vec<Load>,
 }
 
@@ -85,16 +85,23 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         self.climber.set_masses(system);
     }
 
-    /// Brings a substep within the tolerance, from the impulses of the one before.
+    /// Brings a substep within the tolerance, from the impulses of the one before; with all residuals
+    /// if `examined`.
     pub(crate) fn refine(
         &mut self,
         system: &mut System<f32, L, A>,
         wide: &mut Wide<L, A>,
         settings: &StepSettings,
+        examined: bool,
     ) -> Outcome {
         let goal =
             Goal { tolerance: f64::from(settings.tolerance), budget: settings.budget as usize };
-        self.climber.climb(system, wide, &self.prospective, &self.islands, &goal)
+        let (prospective, islands) = (&self.prospective, &self.islands);
+        if examined {
+            self.climber.climb::<true>(system, wide, prospective, islands, &goal)
+        } else {
+            self.climber.climb::<false>(system, wide, prospective, islands, &goal)
+        }
     }
 
     /// The certificate of a substep as it is.

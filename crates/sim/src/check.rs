@@ -3,6 +3,7 @@
 mod contacts;
 mod meshes;
 mod motion;
+mod scales;
 mod sizes;
 mod surfaces;
 
@@ -33,6 +34,10 @@ pub enum Kind {
     TooSmall,
     /// A body is far from the origin. \[m\]
     TooFar,
+    /// A shape is mirrored: its smallest factor of scale. \[1\]
+    NegativeScale,
+    /// A shape is scaled unevenly: the largest factor over the smallest. \[1\]
+    UnevenScale,
     /// A mesh that should enclose a volume has holes: the number of open edges.
     OpenMesh,
     /// A mesh looks the wrong way: the volume of a closed one (m^3), the number of edges where it
@@ -87,6 +92,7 @@ pub fn check(read: &Read, settings: &StepSettings) -> Result<Vec<Finding>, Build
     findings.extend(contacts::frictionless(scene, &near, &masses));
     findings.extend(motion::too_fast(scene, settings));
     findings.extend(sizes::sizes(scene));
+    findings.extend(scales::scales(read));
     findings.extend(meshes::meshes(scene));
     findings.extend(surfaces::bounces(scene));
     findings.extend(read.warnings.iter().map(|warning| Finding {

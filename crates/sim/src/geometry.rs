@@ -41,6 +41,9 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// Appends position and rotation: 3D px py pz qx qy qz qw, 2D px py angle.
     fn write(pose: &Self::Pose, out: &mut Vec<f32>);
 
+    /// The pose that [`write`](Self::write) wrote, to the last bit; a number that is missing is 0.
+    fn read(numbers: &[f32]) -> Self::Pose;
+
     /// The axis-aligned box around a shape.
     fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<L>;
 
@@ -56,6 +59,16 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
         scratch: &mut Self::Scratch,
         report: &mut dyn FnMut(&Touch<L>),
     );
+}
+
+/// Numbers that [`Geometry::write`] writes in `dimension` dimensions.
+pub const fn pose_numbers(dimension: usize) -> usize {
+    if dimension == 3 { 7 } else { 3 }
+}
+
+/// The first numbers, and 0 for those that are missing.
+fn leading<const N: usize>(numbers: &[f32]) -> [f32; N] {
+    std::array::from_fn(|i| numbers.get(i).copied().unwrap_or(0.0))
 }
 
 /// Where a pose is and how it is turned.
@@ -105,6 +118,25 @@ impl<const L: usize> Frame<L> {
     #[inline]
     pub fn local_direction(&self, world: Vector<f32, L>) -> Vector<f32, L> {
         Vector(std::array::from_fn(|i| self.axes[i].dot(world)))
+    }
+
+    /// R D R^T v: what a tensor of the local frame does with a vector in world axes.
+    pub fn turned<const A: usize>(
+        &self,
+        local: SymmetricMatrix<f32, A>,
+        v: Vector<f32, A>,
+    ) -> Vector<f32, A> {
+        if A != L {
+            return local * v;
+        }
+        let axes: [Vector<f32, A>; A] =
+            std::array::from_fn(|i| Vector(std::array::from_fn(|j| self.axes[i][j])));
+        let seen = local * Vector(axes.map(|axis| axis.dot(v)));
+        let mut out = Vector::ZERO;
+        for i in 0..A {
+            out += axes[i] * seen[i];
+        }
+        out
     }
 
     /// A tensor of the local frame in world axes: R D R^T (in 2D a number, in particles nothing).

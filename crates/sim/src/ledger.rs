@@ -19,6 +19,7 @@
 //! between what gravity worked on and how far the bodies came down.
 
 use drystone_solver::{InverseMass, Manifold, Mass, System, Vector, Velocity};
+use serde::{Deserialize, Serialize};
 
 use crate::bodies::Bodies;
 use crate::geometry::Geometry;
@@ -27,7 +28,7 @@ use crate::geometry::Geometry;
 ///
 /// To rounding, kinetic + potential = forces + driven + impacts + contacts + friction + repair +
 /// relaxed + integration. Gravity is on the left already.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
     /// Change of the kinetic energy.
     pub kinetic: f64,

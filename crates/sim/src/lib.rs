@@ -89,7 +89,7 @@ pub use saved::SavedSystem;
 pub use saved::{SavedContact, SavedProblem};
 pub use settings::StepSettings;
 pub use simulation::{BuildError, Simulation, build};
-pub use world::World;
+pub use world::{Checkpoint, CheckpointError, World};
 
 /// Rigid bodies in the plane.
 pub type World2 = World<geometry::Rigid2, 2, 1>;

@@ -46,8 +46,8 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
             // omega(t) = W(q(t)) L with L constant; the rotation follows omega at mid-step.
             let inertia = &bodies.inertia[body];
             let frame = G::frame(pose);
-            let momentum = frame.tensor(inertia.moments) * velocity.angular;
-            let omega = |frame: &Frame<L>| frame.tensor(inertia.inverse_moments) * momentum;
+            let momentum = frame.turned(inertia.moments, velocity.angular);
+            let omega = |frame: &Frame<L>| frame.turned(inertia.inverse_moments, momentum);
             let middle = G::advance(pose, Vector::ZERO, turn * 0.5);
             let turn = omega(&G::frame(&middle)) * h;
             let end = G::advance(pose, Vector::ZERO, turn);

@@ -1,10 +1,10 @@
 //! Where near shapes touch: from pairs to the manifolds of this step.
 
-use drystone_solver::{Real, Vector};
+use drystone_solver::Vector;
 use rayon::prelude::*;
 
 use crate::bodies::Bodies;
-use crate::cache::{Pair, Point, Record, Records, inherit};
+use crate::cache::{self, Pair, Point, Record, Records, inherit};
 use crate::geometry::{Frame, Geometry};
 
 /// What the narrow phase reads.
@@ -111,9 +111,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         position: b.local_point(a.position),
         axes: a.axes.map(|axis| b.local_direction(axis)),
     };
-    let reusable = |record: &Record<L>| {
-        hardly_moved(record, old.points_of(record), &seen, around.reuse_distance)
-    };
+    let reusable = |record: &Record<L>| hardly_moved(record, &seen, around.reuse_distance);
     if known.first().is_some_and(reusable) {
         for record in known {
             reuse(record, old.points_of(record), a, b, records);
@@ -135,6 +133,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
                 let points = &mut records.points[first..];
                 inherit(points, old.points_of(before), MATCH_DISTANCE);
             }
+            let reach = cache::reach(&records.points[first..]);
             records.manifolds.push(Record {
                 bodies: pair.bodies,
                 friction: pair.friction,
@@ -145,6 +144,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
                 normal: touch.normal,
                 local_normal: b.local_direction(touch.normal),
                 found_at: seen,
+                reach,
             });
         });
     }
@@ -152,12 +152,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
 }
 
 /// Whether a has moved against b less than `distance` \[m\] since the record's points were found.
-fn hardly_moved<const L: usize>(
-    record: &Record<L>,
-    points: &[Point<L>],
-    seen: &Frame<L>,
-    distance: f32,
-) -> bool {
+fn hardly_moved<const L: usize>(record: &Record<L>, seen: &Frame<L>, distance: f32) -> bool {
     if distance <= 0.0 {
         return false;
     }
@@ -166,8 +161,7 @@ fn hardly_moved<const L: usize>(
     for (now, then) in seen.axes.iter().zip(&record.found_at.axes) {
         turned = turned.max((*now - *then).length());
     }
-    let reach = points.iter().map(|p| p.on_a.length()).fold(0.0f32, Real::max);
-    moved + turned * reach < distance
+    moved + turned * record.reach < distance
 }
 
 /// Appends the record with its gaps measured anew.

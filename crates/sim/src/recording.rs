@@ -7,8 +7,10 @@ pub mod compare;
 pub mod file;
 pub mod glb;
 pub mod gltf;
+pub mod journal;
 mod mesh;
 pub mod npz;
+pub mod physics;
 pub mod pose;
 pub mod poses;
 pub mod sampling;
@@ -16,6 +18,7 @@ pub mod usda;
 
 use std::io;
 
+use crate::geometry::pose_numbers;
 pub use file::write_whole;
 pub use sampling::Sampling;
 
@@ -36,7 +39,7 @@ pub struct Recording {
 impl Recording {
     /// Numbers per pose: 7 in 3D, 3 in 2D.
     pub fn stride(&self) -> usize {
-        if self.dimension == 3 { 7 } else { 3 }
+        pose_numbers(self.dimension)
     }
 
     /// Number of frames, the initial state included.

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use drystone_solver::jam::Jam;
 use drystone_solver::ladder::Outcome;
+use serde::{Deserialize, Serialize};
 
 use crate::ledger::Ledger;
 
@@ -70,7 +71,7 @@ impl Stage {
 }
 
 /// What [`World::step`](crate::World::step) did.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepReport {
     /// Wall time of each stage, in the order of [`Stage::ALL`]; all substeps together.
     pub stages: [Duration; Stage::ALL.len()],
@@ -111,7 +112,7 @@ impl StepReport {
 }
 
 /// What [`World::measure`](crate::World::measure) finds after a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measure {
     /// 1/2 v^T M v. \[J\]
     pub kinetic_energy: f64,

@@ -11,7 +11,7 @@ use crate::geometry::{Frame, Geometry, MassProperties, Rigid2, Rigid3, Spheres};
 use crate::report::{Measure, Nearby, StepReport};
 use crate::scene::{self, BodiesAs, Motion, Rotation, Scene, ShapeKind, Track};
 use crate::settings::StepSettings;
-use crate::world::World;
+use crate::world::{CheckpointError, World};
 
 /// A scene in motion, whatever its dimension.
 pub trait Simulation: Send {
@@ -28,6 +28,16 @@ pub trait Simulation: Send {
 
     /// Energies, deepest overlap and residual as the last step left them.
     fn measure(&self) -> Measure;
+
+    /// The state between two steps as bytes ([`World::checkpoint`]).
+    fn checkpoint(&self) -> Vec<u8>;
+
+    /// Goes on from a state of the same scene under the same settings, with the same bits
+    /// ([`World::restore`]).
+    ///
+    /// # Errors
+    /// The bytes are no checkpoint of this scene.
+    fn restore(&mut self, checkpoint: &[u8]) -> Result<(), CheckpointError>;
 
     /// Mass of each body; infinite for what nothing pushes. \[kg\]
     fn masses(&self) -> Vec<f64>;
@@ -217,6 +227,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
 
     fn measure(&self) -> Measure {
         self.world.measure()
+    }
+
+    fn checkpoint(&self) -> Vec<u8> {
+        // Into memory, from numbers alone: cannot fail.
+        postcard::to_stdvec(&(self.time, self.world.checkpoint())).unwrap_or_default()
+    }
+
+    fn restore(&mut self, checkpoint: &[u8]) -> Result<(), CheckpointError> {
+        let (time, world) = postcard::from_bytes(checkpoint)
+            .map_err(|error| CheckpointError::Unreadable(error.to_string()))?;
+        self.world.restore(&world)?;
+        self.time = time;
+        Ok(())
     }
 
     fn masses(&self) -> Vec<f64> {

@@ -1,5 +1,9 @@
 //! [`World`]: bodies, their contacts, and the step that moves both on.
 
+mod checkpoint;
+
+pub use checkpoint::{Checkpoint, CheckpointError};
+
 use drystone_solver::restitution::{self, Blow, Collisions};
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
@@ -424,7 +428,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             clock.lap(report, Stage::Bounce);
         }
-        if plan.solving || plan.examined == Some(substep) {
+        let examined = plan.examined == Some(substep);
+        if plan.solving || examined {
             certifier.prospective.clone_from(&system.velocities);
         }
         if self.saving && substep + 1 == plan.substeps {
@@ -440,7 +445,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         clock.lap(report, Stage::WarmStart);
         if plan.solving {
-            let outcome = certifier.refine(system, wide, &self.settings);
+            let outcome = certifier.refine(system, wide, &self.settings, examined);
             // Forward and back.
             report.sweeps += 2 * outcome.iterations;
             report.join(&outcome, clock);
@@ -450,10 +455,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             report.sweeps += self.settings.iterations as usize;
             clock.lap(report, Stage::Solve);
-        }
-        if plan.examined == Some(substep) {
-            let outcome = certifier.examine(system, wide);
-            report.join(&outcome, clock);
+            if examined {
+                let outcome = certifier.examine(system, wide);
+                report.join(&outcome, clock);
+            }
         }
         if plan.ledger {
             wide.unpack(system);

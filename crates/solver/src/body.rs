@@ -103,11 +103,13 @@ impl<const L: usize, const A: usize> Mass<L, A> {
     pub const ZERO: Self = Self { linear: 0.0, angular: SymmetricMatrix::ZERO };
 
     /// M v: the momentum of a body at this velocity. \[N s, N m s\]
+    #[inline(always)]
     pub fn momentum(&self, v: &Velocity<f64, L, A>) -> Velocity<f64, L, A> {
         Velocity { linear: v.linear * self.linear, angular: self.angular * v.angular }
     }
 
     /// v . M v: twice the kinetic energy. \[J\]
+    #[inline(always)]
     pub fn squared(&self, v: &Velocity<f64, L, A>) -> f64 {
         v.dot(&self.momentum(v))
     }

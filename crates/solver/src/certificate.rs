@@ -326,6 +326,7 @@ impl<const L: usize, const A: usize> Tally<L, A> {
     }
 
     /// The certificates, once all manifolds are added; `island` of a body may be none of them.
+    #[inline(always)]
     pub(crate) fn finish<T: Scalar, const LINE: bool>(
         &mut self,
         velocities: &[Velocity<T, L, A>],
@@ -337,14 +338,12 @@ impl<const L: usize, const A: usize> Tally<L, A> {
             let Some(certificate) = self.certificates.get_mut(island) else { continue };
             let [start, way] = &self.momenta[body];
             let d = velocities[body].cast() - prospective[body].cast() - inverse.velocity(start);
-            let (momentum, line) = (mass.momentum(&d), &mut self.lines[island]);
-            let defect = 0.5 * momentum.dot(&d);
+            let (defect, line) = (0.5 * mass.squared(&d), &mut self.lines[island]);
             certificate.defect += defect;
             line.c += defect;
             if LINE {
-                let way = inverse.velocity(way);
-                line.b -= momentum.dot(&way);
-                line.a += 0.5 * mass.squared(&way);
+                line.b -= d.dot(way);
+                line.a += 0.5 * way.dot(&inverse.velocity(way));
             }
             if mass.linear > 0.0 {
                 certificate.mass += mass.linear;

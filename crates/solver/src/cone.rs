@@ -61,14 +61,20 @@ impl<T: Real> Law<T> {
     fn respond<const L: usize>(&self, y: Vector<T, L>) -> Answer<T> {
         let mu = self.friction;
         let pull = tangents(y).length();
-        let sticking = (y[0] / self.normal).max(T::ZERO);
-        let beyond = pull - self.tangential * (mu * (sticking + self.impact));
-        let stiff = self.normal + mu * mu * self.tangential;
-        let missing = y[0] + mu * (pull - mu * self.tangential * self.impact);
-        let sliding = (missing / stiff).max(T::ZERO);
-        let per_slip = pull.choose(T::ONE / self.tangential, T::ZERO);
-        let normal = beyond.choose(sliding, sticking);
-        let part = beyond.choose(mu * (normal + self.impact) / pull, per_slip);
+        // What sticks has r_n = y_n / epsilon and r_T = y_T / epsilon_T. Compared without dividing, and
+        // for what is rigid as well.
+        let held = self.tangential * mu;
+        let free = pull - held * self.impact;
+        let beyond = y[0].choose(self.normal * free - held * y[0], free);
+        let missing = y[0] + mu * free;
+        let [normal, stiff] =
+            [beyond.choose(missing, y[0]), beyond.choose(self.normal + mu * held, self.normal)];
+        let normal = (normal / stiff).max(T::ZERO);
+        let [pushed, slip] = [
+            beyond.choose(mu * (normal + self.impact), T::ONE),
+            beyond.choose(pull, self.tangential),
+        ];
+        let part = pull.choose(pushed / slip, T::ZERO);
         Answer { normal, part, pull, beyond }
     }
 
@@ -163,7 +169,7 @@ struct Answer<T> {
     part: T,
     /// |y_T|. \[m/s\]
     pull: T,
-    /// Positive where the contact slides: by how much y_T is more than friction can hold. \[m/s\]
+    /// Positive where the contact slides.
     beyond: T,
 }
 

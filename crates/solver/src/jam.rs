@@ -37,6 +37,7 @@ const BUDGET: usize = 40;
 
 /// Contacts that jam.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Jam {
     /// Indices into [`System::contacts`].
     pub contacts: Vec<u32>,

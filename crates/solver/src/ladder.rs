@@ -123,6 +123,7 @@ fn solve_by<const L: usize, const A: usize>(
 
 /// What became of the islands of a system.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Outcome {
     /// Islands.
     pub islands: usize,
@@ -163,6 +164,16 @@ impl Outcome {
         }
     }
 
+    fn set_residuals(&mut self, certificates: &[Certificate]) {
+        (self.residuals, self.complementarity) = ([0.0; 3], 0.0);
+        for of in certificates {
+            for (own, other) in self.residuals.iter_mut().zip([of.natural, of.sinking, of.cone]) {
+                *own = own.max(other);
+            }
+            self.complementarity += of.complementarity;
+        }
+    }
+
     fn set_worst(&mut self, errors: &[f64], islands: &Islands) {
         let worst = errors.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
         let Some((island, &error)) = worst else { return };
@@ -185,14 +196,28 @@ const LONGEST: f64 = 16.0;
 /// Iterations before their rate is trusted.
 const TRIAL: usize = 12;
 
+/// What a [`Climber`] has learned from the systems so far: what it does with the next depends on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Pace {
+    /// Iterations before the first certificate: about as many as the last system needed.
+    pub planned: usize,
+    /// What an iteration left of the worst error of late. \[1\]
+    pub rate: f64,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self { planned: 0, rate: 0.7 }
+    }
+}
+
 /// Climbs the ladder for one system after the other: those of the substeps of a simulation.
 #[derive(Clone, Debug)]
 pub struct Climber<const L: usize, const A: usize> {
+    /// How the next system is begun.
+    pub pace: Pace,
     tally: Tally<L, A>,
-    /// Iterations before the first certificate: about as many as the last system needed.
-    planned: usize,
-    /// What an iteration left of the worst error of late. \[1\]
-    rate: f64,
     /// Whether the impulses at hand have been proof enough so far, without a better share of the load.
     direct: bool,
     done: Vec<bool>,
@@ -202,9 +227,8 @@ pub struct Climber<const L: usize, const A: usize> {
 impl<const L: usize, const A: usize> Default for Climber<L, A> {
     fn default() -> Self {
         Self {
+            pace: Pace::default(),
             tally: Tally::default(),
-            planned: 0,
-            rate: 0.7,
             direct: true,
             done: Vec::new(),
             errors: Vec::new(),
@@ -221,8 +245,9 @@ impl<const L: usize, const A: usize> Climber<L, A> {
 
     /// Brings every island within the tolerance: [`nncg`] in lanes for all, Newton's method in `f64`
     /// for those that it does not bring home. `wide` holds the contacts, with the impulses that
-    /// `system.velocities` hold too; `prospective` are the velocities without them.
-    pub fn climb(
+    /// `system.velocities` hold too; `prospective` are the velocities without them. `RESIDUALS`: as well
+    /// as errors.
+    pub fn climb<const RESIDUALS: bool>(
         &mut self,
         system: &mut System<f32, L, A>,
         wide: &mut Wide<L, A>,
@@ -232,7 +257,8 @@ impl<const L: usize, const A: usize> Climber<L, A> {
     ) -> Outcome {
         let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
         let beyond = |error: &f64| error.total_cmp(&goal.tolerance).is_gt();
-        self.in_lanes(&mut system.velocities, wide, prospective, islands, goal, &mut outcome);
+        let velocities = &mut system.velocities;
+        self.in_lanes::<RESIDUALS>(velocities, wide, prospective, islands, goal, &mut outcome);
         if self.errors.iter().any(beyond) {
             wide.unpack(system);
             // Rounding to the numbers of the system must not take what was reached away.
@@ -244,7 +270,8 @@ impl<const L: usize, const A: usize> Climber<L, A> {
                 }
             }
             wide.take_impulses(system);
-            self.certify(&system.velocities, wide, prospective, islands, 0.0, &mut outcome);
+            let velocities = &system.velocities;
+            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, 0.0, &mut outcome);
         }
         outcome.failed = self.errors.iter().filter(|error| beyond(error)).count();
         outcome.set_worst(&self.errors, islands);
@@ -259,26 +286,15 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
     ) -> Outcome {
-        let start = Instant::now();
-        let tally = &mut self.tally;
-        let certificates = wide.certify::<true, true>(velocities, prospective, islands, tally);
         let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
-        for of in certificates {
-            for (own, other) in outcome.residuals.iter_mut().zip([of.natural, of.sinking, of.cone])
-            {
-                *own = own.max(other);
-            }
-            outcome.complementarity += of.complementarity;
-        }
-        self.errors.clear();
-        self.errors.extend(certificates.iter().map(Certificate::error));
+        self.direct = false;
+        self.certify::<true>(velocities, wide, prospective, islands, 0.0, &mut outcome);
         outcome.set_worst(&self.errors, islands);
-        outcome.certifying = start.elapsed();
         outcome
     }
 
     /// The rungs in lanes. Leaves the certified errors of the islands.
-    fn in_lanes(
+    fn in_lanes<const RESIDUALS: bool>(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         wide: &mut Wide<L, A>,
@@ -293,7 +309,8 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         self.errors.resize(islands.count, f64::INFINITY);
         wide.begin_conjugate(islands.count);
         let aim = AIM * goal.tolerance;
-        let mut due = self.planned;
+        // It may come from a file.
+        let mut due = self.pace.planned.min(IN_LANES);
         let mut before = Vec::new();
         loop {
             for _ in 0..due {
@@ -301,7 +318,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             }
             outcome.iterations += due;
             before.clone_from(&self.errors);
-            self.certify(velocities, wide, prospective, islands, aim, outcome);
+            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, aim, outcome);
             let (mut worst, mut worst_before) = (0.0f64, 0.0f64);
             for ((done, &before), &error) in self.done.iter_mut().zip(&before).zip(&self.errors) {
                 *done |= error <= aim || is_hopeless(before, error, due, outcome.iterations, aim);
@@ -313,18 +330,18 @@ impl<const L: usize, const A: usize> Climber<L, A> {
                 break;
             }
             if worst_before.is_finite() {
-                self.rate = (worst / worst_before).powf(1.0 / due as f64).clamp(0.3, 0.95);
+                self.pace.rate = (worst / worst_before).powf(1.0 / due as f64).clamp(0.3, 0.95);
             }
-            due = ((aim / worst).ln() / self.rate.ln()).ceil().clamp(1.0, LONGEST) as usize;
+            due = ((aim / worst).ln() / self.pace.rate.ln()).ceil().clamp(1.0, LONGEST) as usize;
         }
         let ample = self.errors.iter().all(|&error| error <= 0.3 * aim);
         let needed = outcome.iterations.min(2 * LONGEST as usize);
-        self.planned = if ample { needed - needed.div_ceil(8) } else { needed };
+        self.pace.planned = if ample { needed - needed.div_ceil(8) } else { needed };
     }
 
-    /// The certified errors of the islands: of the impulses at hand, if they are within `enough`, else of
-    /// the best on the line.
-    fn certify(
+    /// The certified errors of the islands, and their residuals: of the impulses at hand, if they are
+    /// within `enough`, else of the best on the line.
+    fn certify<const RESIDUALS: bool>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
         wide: &Wide<L, A>,
@@ -338,12 +355,13 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         let mut take = |certificates: &[Certificate]| {
             errors.clear();
             errors.extend(certificates.iter().map(Certificate::error));
+            outcome.set_residuals(certificates);
             errors.iter().all(|&error| error <= enough)
         };
         self.direct = self.direct
-            && take(wide.certify::<false, false>(velocities, prospective, islands, tally));
+            && take(wide.certify::<RESIDUALS, false>(velocities, prospective, islands, tally));
         if !self.direct {
-            take(wide.certify::<false, true>(velocities, prospective, islands, tally));
+            take(wide.certify::<RESIDUALS, true>(velocities, prospective, islands, tally));
         }
         outcome.certifying += start.elapsed();
     }

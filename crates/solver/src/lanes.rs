@@ -59,7 +59,7 @@ impl Doubles for f64 {
 }
 
 /// Number of [`Doubles`] lanes.
-pub const PART: usize = 4;
+pub const PART: usize = 8;
 
 /// `N` numbers, or registers of numbers, that go through the same operations.
 ///
@@ -256,7 +256,7 @@ mod avx2 {
     }
 
     impl Lanes for Avx2 {
-        type Doubles = Floats64;
+        type Doubles = Group<Floats64, 2>;
 
         #[inline(always)]
         fn from_array(numbers: [f32; WIDTH]) -> Self {
@@ -324,24 +324,25 @@ mod avx2 {
         }
     }
 
-    impl Doubles for Floats64 {
+    impl Doubles for Group<Floats64, 2> {
         #[inline(always)]
         fn get(&self, lane: usize) -> f64 {
-            // SAFETY: a register in memory is as many numbers; the index is checked.
+            // SAFETY: registers in memory are as many numbers; the index is checked.
             unsafe { (*std::ptr::from_ref(self).cast::<[f64; PART]>())[lane] }
         }
     }
 
-    impl Cast<Floats64> for Avx2 {
+    impl Cast<Group<Floats64, 2>> for Avx2 {
         const PARTS: usize = WIDTH / PART;
 
         #[inline(always)]
-        fn part(&self, index: usize) -> Floats64 {
-            assert!(index < <Self as Cast<Floats64>>::PARTS);
+        fn part(&self, index: usize) -> Group<Floats64, 2> {
+            assert!(index < Self::PARTS);
             // SAFETY: within `run`, the machine has AVX2. The index is checked.
             unsafe {
                 let numbers = std::ptr::from_ref(self).cast::<f32>().add(PART * index);
-                Floats64(_mm256_cvtps_pd(_mm_loadu_ps(numbers)))
+                let half = |numbers| Floats64(_mm256_cvtps_pd(_mm_loadu_ps(numbers)));
+                Group([half(numbers), half(numbers.add(4))])
             }
         }
     }

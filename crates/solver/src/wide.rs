@@ -319,9 +319,9 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                         }
                     }
                 }
+                tally.finish::<f32, LINE>(velocities, prospective, |body| islands.of_body[body])
             },
-        );
-        tally.finish::<f32, LINE>(velocities, prospective, |body| islands.of_body[body])
+        )
     }
 
     /// [`pgs::sweep`](crate::pgs::sweep).

@@ -4,14 +4,15 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use drystone::recording::{self, Sampling, write_whole};
+use drystone::recording::{self, Recording, Sampling, write_whole};
 use drystone::scene::{Read, Warning};
 
 use super::{Arguments, Bake};
 use crate::failure::Failure;
 
+/// What a motion is written as.
 #[derive(Clone, Copy)]
-enum Format {
+pub(crate) enum Format {
     Glb,
     Npz,
     Poses,
@@ -28,7 +29,8 @@ pub(super) struct Outputs {
 impl Outputs {
     /// Refuses what cannot be meant.
     pub(super) fn new(arguments: &Arguments) -> Result<Self, Failure> {
-        let motions = arguments.output.iter().map(|path| Ok((path.clone(), format(path)?)));
+        let motions =
+            arguments.output.iter().map(|path| Ok((path.clone(), Format::of("--output", path)?)));
         let motions = motions.collect::<Result<_, Failure>>()?;
         let report = arguments.report.clone();
         let outputs = Self { motions, report, dumps: super::dump::files(arguments)? };
@@ -55,6 +57,11 @@ impl Outputs {
         self.motions.iter().map(|(path, _)| path).chain(&self.report).chain(&self.dumps)
     }
 
+    /// The one that was named first.
+    pub(super) fn first<'a>(&'a self, arguments: &'a Arguments) -> &'a Path {
+        self.paths().next().unwrap_or(&arguments.scene)
+    }
+
     /// Where the contact problem of a step goes.
     pub(super) fn dumps(&self) -> &[PathBuf] {
         &self.dumps
@@ -72,35 +79,66 @@ impl Outputs {
         bake: &Bake,
         fps: Option<f64>,
     ) -> Result<(Vec<PathBuf>, Vec<Warning>), Failure> {
+        let (names, contacts) = (read.scene.names(), bake.contacts());
+        let film = Film { recording: &bake.recording, names: &names, contacts: &contacts };
         let options = Sampling { fps, ..Sampling::default() };
-        let (scene, recording) = (&read.scene, &bake.recording);
         let mut warnings = Vec::new();
         for (path, format) in &self.motions {
-            let written = match (format, &read.source) {
-                (Format::Poses, _) => recording::poses::write(path, recording),
-                (Format::Npz, _) => {
-                    recording::npz::write(path, recording, &scene.names(), &bake.contacts())
-                }
-                (Format::Usda, _) => recording::usda::write(path, scene, recording, &options),
-                (Format::Glb, None) => recording::glb::write(path, scene, recording, &options),
-                (Format::Glb, Some(source)) => write_whole(path, |out| {
-                    warnings.extend(recording::gltf::write(out, source, recording, &options)?);
-                    Ok(())
-                }),
-            };
-            written.map_err(|error| Failure::cannot_write(path, &error))?;
+            warnings.extend(format.write(path, Some(read), &film, &options)?);
         }
         Ok((self.motions.iter().map(|(path, _)| path.clone()).collect(), warnings))
     }
 }
 
-fn format(path: &Path) -> Result<Format, Failure> {
-    match extension(path).as_str() {
-        "glb" => Ok(Format::Glb),
-        "npz" => Ok(Format::Npz),
-        "poses" => Ok(Format::Poses),
-        "usda" => Ok(Format::Usda),
-        _ => Err(wrong_extension("--output", path, ".glb, .npz, .poses, .usda")),
+/// A motion to be written.
+pub(crate) struct Film<'a> {
+    pub(crate) recording: &'a Recording,
+    /// One for each body.
+    pub(crate) names: &'a [String],
+    /// Points of contact in the step that led to each frame; empty where nobody knows.
+    pub(crate) contacts: &'a [u32],
+}
+
+impl Format {
+    /// The format of a path by its extension.
+    pub(crate) fn of(flag: &str, path: &Path) -> Result<Self, Failure> {
+        match extension(path).as_str() {
+            "glb" => Ok(Self::Glb),
+            "npz" => Ok(Self::Npz),
+            "poses" => Ok(Self::Poses),
+            "usda" => Ok(Self::Usda),
+            _ => Err(wrong_extension(flag, path, ".glb, .npz, .poses, .usda")),
+        }
+    }
+
+    /// Writes a motion; `read` is its scene, which arrays do not need. Tells what the file lacks.
+    pub(crate) fn write(
+        self,
+        path: &Path,
+        read: Option<&Read>,
+        film: &Film<'_>,
+        options: &Sampling,
+    ) -> Result<Vec<Warning>, Failure> {
+        let mut warnings = Vec::new();
+        let Film { recording, names, contacts } = film;
+        let source = read.and_then(|read| read.source.as_ref());
+        let written = match (self, read.map(|read| &read.scene), source) {
+            (Self::Poses, ..) => recording::poses::write(path, recording),
+            (Self::Npz, ..) => recording::npz::write(path, recording, names, contacts),
+            (Self::Usda, Some(scene), _) => recording::usda::write(path, scene, recording, options),
+            (Self::Glb, Some(scene), None) => {
+                recording::glb::write(path, scene, recording, options)
+            }
+            (Self::Glb, Some(_), Some(source)) => write_whole(path, |out| {
+                warnings.extend(recording::gltf::write(out, source, recording, options)?);
+                Ok(())
+            }),
+            (Self::Glb | Self::Usda, None, _) => {
+                let text = format!("{}: needs shapes; give the scene", path.display());
+                return Err(Failure::Input(text));
+            }
+        };
+        written.map(|()| warnings).map_err(|error| Failure::cannot_write(path, &error))
     }
 }
 

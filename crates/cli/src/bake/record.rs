@@ -1,28 +1,20 @@
 //! Running a simulation and keeping what happens.
 
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use drystone::recording::Recording;
+use drystone::recording::journal::Step;
 use drystone::scene::{Motion, Scene};
-use drystone::{Measure, SavedProblem, Simulation, StepReport, StepSettings};
+use drystone::{Measure, SavedProblem, Simulation, StepSettings};
 use indicatif::ProgressBar;
 
 use super::INTERRUPTED;
+use super::diary::{Diary, Kept};
 use crate::failure::Failure;
 
 /// A body faster than this has left the realm of the meaningful. \[m/s\]
 const TOO_FAST: f64 = 1e6;
-
-/// A step that was taken.
-pub(super) struct Step {
-    /// Wall time of the library's step alone.
-    pub(super) time: Duration,
-    pub(super) report: StepReport,
-    pub(super) measure: Measure,
-    /// [`Simulation::state_hash`] after it.
-    pub(super) state: u64,
-}
 
 /// A run of a scene.
 pub(super) struct Bake {
@@ -35,15 +27,55 @@ pub(super) struct Bake {
     pub(super) saved: Option<SavedProblem>,
 }
 
+/// How long a run is, and what is to be saved of it.
+#[derive(Clone, Copy)]
+pub(super) struct Length {
+    pub(super) steps: usize,
+    /// The step whose contact problem is saved, from 1.
+    pub(super) dump_step: Option<usize>,
+}
+
 impl Bake {
-    /// Takes `steps` steps, and saves the contact problem of one, counted from 1.
+    /// Takes the steps that the diary does not have yet.
     pub(super) fn run(
         simulation: &mut dyn Simulation,
         scene: &Scene,
-        steps: u32,
-        dump_step: Option<u32>,
-        bar: ProgressBar,
+        length: Length,
+        diary: &mut Diary,
+        bar: &ProgressBar,
     ) -> Result<Self, Failure> {
+        let mut bake = Self::new(simulation, scene, length.steps)?;
+        let taken = match diary.kept() {
+            Some(kept) => bake.go_on(simulation, length, diary, kept)?,
+            None => {
+                diary.begin(&bake.recording.poses)?;
+                0
+            }
+        };
+        for step in taken + 1..=length.steps {
+            bar.set_position(step as u64 - 1);
+            if INTERRUPTED.load(Ordering::SeqCst) {
+                return Err(diary.interrupted(bake.steps.len(), length.steps));
+            }
+            simulation.save_systems(length.dump_step == Some(step));
+            if step <= bake.steps.len() {
+                simulation.step(scene.time_step);
+                diary.compare(step, &bake.steps[step - 1], simulation.state_hash())?;
+            } else {
+                bake.step(simulation, scene, diary)?;
+            }
+            if length.dump_step == Some(step) {
+                bake.saved = simulation.saved().transpose().map_err(|error| {
+                    Failure::Diverged(format!("the contacts of step {step}: {error}"))
+                })?;
+            }
+        }
+        bar.finish_and_clear();
+        Ok(bake)
+    }
+
+    /// The initial state, and room for the steps.
+    fn new(simulation: &dyn Simulation, scene: &Scene, steps: usize) -> Result<Self, Failure> {
         let recording = Recording {
             dimension: scene.dimension,
             bodies: scene.bodies.len(),
@@ -55,29 +87,35 @@ impl Bake {
         let mut bake = Self { recording, settings, start, steps: Vec::new(), saved: None };
         bake.reserve(steps)?;
         simulation.write_poses(&mut bake.recording.poses);
-        for step in 1..=steps {
-            if INTERRUPTED.load(Ordering::SeqCst) {
-                return Err(Failure::Interrupted);
-            }
-            simulation.save_systems(dump_step == Some(step));
-            bake.step(simulation, scene)?;
-            if dump_step == Some(step) {
-                bake.saved = simulation.saved().transpose().map_err(|error| {
-                    Failure::Diverged(format!("the contacts of step {step}: {error}"))
-                })?;
-            }
-            bar.inc(1);
-        }
-        bar.finish_and_clear();
         Ok(bake)
     }
 
-    fn reserve(&mut self, steps: u32) -> Result<(), Failure> {
-        let frame = self.recording.bodies * self.recording.stride();
-        let numbers = frame.saturating_mul(steps as usize + 1);
-        let reserved = self.recording.poses.try_reserve_exact(numbers);
-        let reserved = reserved.and_then(|()| self.steps.try_reserve_exact(steps as usize));
-        reserved.map_err(|_| {
+    /// Takes over what was kept, and returns after how many steps the simulation goes on: it takes the
+    /// last ones again, so that another build or machine shows.
+    fn go_on(
+        &mut self,
+        simulation: &mut dyn Simulation,
+        length: Length,
+        diary: &mut Diary,
+        mut kept: Kept,
+    ) -> Result<usize, Failure> {
+        kept.steps.truncate(length.steps);
+        let frame = self.recording.poses.len();
+        kept.poses.truncate((kept.steps.len() + 1) * frame);
+        self.recording.poses.splice(.., kept.poses);
+        self.steps.append(&mut kept.steps);
+        let (taken, dump) = (self.steps.len(), length.dump_step);
+        if taken == length.steps && dump.is_none_or(|step| step > taken) {
+            return Ok(taken);
+        }
+        let before = taken.min(dump.unwrap_or(usize::MAX));
+        diary.restore(simulation, before)
+    }
+
+    fn reserve(&mut self, steps: usize) -> Result<(), Failure> {
+        let numbers = (self.recording.bodies * self.recording.stride()).saturating_mul(steps + 1);
+        let poses = self.recording.poses.try_reserve_exact(numbers);
+        poses.and_then(|()| self.steps.try_reserve_exact(steps)).map_err(|_| {
             let size = numbers as f64 * 4e-9;
             Failure::File(format!(
                 "{steps} steps of {} bodies need {size:.1} GB of memory, which cannot be had; \
@@ -87,18 +125,26 @@ impl Bake {
         })
     }
 
-    fn step(&mut self, simulation: &mut dyn Simulation, scene: &Scene) -> Result<(), Failure> {
+    fn step(
+        &mut self,
+        simulation: &mut dyn Simulation,
+        scene: &Scene,
+        diary: &mut Diary,
+    ) -> Result<(), Failure> {
         let clock = Instant::now();
         let report = simulation.step(scene.time_step);
         let time = clock.elapsed();
         let measure = simulation.measure();
+        let frame = self.recording.poses.len();
         simulation.write_poses(&mut self.recording.poses);
-        let state = simulation.state_hash();
-        self.steps.push(Step { time, report, measure, state });
-        if measure.finite && measure.fastest <= TOO_FAST {
-            return Ok(());
+        let step = Step { time, report, measure, state: simulation.state_hash() };
+        if !(measure.finite && measure.fastest <= TOO_FAST) {
+            self.steps.push(step);
+            return Err(self.divergence(scene, &measure));
         }
-        Err(self.divergence(scene, &measure))
+        diary.write(&step, &self.recording.poses[frame..], simulation)?;
+        self.steps.push(step);
+        Ok(())
     }
 
     /// Points of contact in the step that led to each frame; none to the first.

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
+use drystone::recording::journal::Step;
 use drystone::recording::write_whole;
 use drystone::{Stage, StepSettings};
 use serde::Serialize;
 
-use super::{Bake, Step, Summary};
+use super::{Bake, Summary};
 use crate::failure::Failure;
 
 /// What a report is about.

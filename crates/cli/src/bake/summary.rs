@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use drystone::recording::journal::Step;
 use drystone::scene::{Motion, Scene};
 use drystone::{Ledger, Measure, StepSettings};
 use serde::Serialize;
@@ -127,7 +128,7 @@ impl Summary {
         let last_second = ((1.0 / scene.time_step).round() as usize).clamp(1, steps.len().max(1));
         let settled = &steps[steps.len().saturating_sub(last_second)..];
         let contacts = || steps.iter().map(|step| step.report.contacts);
-        let depth = |step: &super::Step| step.measure.deepest_penetration;
+        let depth = |step: &Step| step.measure.deepest_penetration;
         let largest = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0, f64::max);
         let end = steps.last().map_or(bake.start, |step| step.measure);
         let moving = bake.moved_most(scene, last_second);

@@ -1,9 +1,19 @@
 //! Problems from JSON files.
 
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects
+    )
+)]
 // An error is made once, at the end of a reading.
 #![allow(clippy::result_large_err)]
 
 use std::fs;
+use std::num::NonZero;
 use std::path::Path;
 
 use drystone::scene::{Place, SceneError};
@@ -99,7 +109,7 @@ fn assembly(node: &Node<'_>) -> Result<Assembly, SceneError> {
     let friction = friction(&node.get("mu")?, rows / d)?;
     let or_zero = |key: &str| node.find(key).map_or(Ok(vec![0.0; rows]), |node| node.numbers());
     Ok(Assembly {
-        dimension: d,
+        dimension: d.get(),
         mass: node.get("M")?.sparse(columns, columns)?,
         jacobian: node.get("J")?.sparse(rows, columns)?,
         velocities,
@@ -112,10 +122,10 @@ fn assembly(node: &Node<'_>) -> Result<Assembly, SceneError> {
 }
 
 /// Rows of a contact.
-fn dimension(node: &Node<'_>) -> Result<usize, SceneError> {
+fn dimension(node: &Node<'_>) -> Result<NonZero<usize>, SceneError> {
     let dimension = node.get("dim")?;
     match dimension.value.as_u64() {
-        Some(d @ 1..=3) => Ok(d as usize),
+        Some(d @ 1..=3) => NonZero::new(d as usize).ok_or_else(|| dimension.wrong("1, 2 or 3")),
         _ => Err(dimension.wrong("1, 2 or 3")),
     }
 }
@@ -150,7 +160,7 @@ fn contacts(node: &Node<'_>) -> Result<Problem, SceneError> {
     let problem = match global {
         None => {
             let matrix = node.get("W")?.sparse(offset.len(), offset.len())?;
-            Problem::new(d, friction, matrix, offset)
+            Problem::new(d.get(), friction, matrix, offset)
         }
         Some(global) => {
             let momentum = global.get("f")?.numbers()?;
@@ -160,7 +170,7 @@ fn contacts(node: &Node<'_>) -> Result<Problem, SceneError> {
                 momentum,
                 given: offset,
             };
-            Problem::from_bodies(d, friction, bodies)
+            Problem::from_bodies(d.get(), friction, bodies)
         }
     };
     problem.map_err(|error| node.unfit(&error))
@@ -280,7 +290,8 @@ impl<'a> Node<'a> {
         if list.len() != n {
             return Err(self.length(list.len(), n));
         }
-        let mut entries = Vec::with_capacity(n * n);
+        // Room for n rows only when they are there.
+        let mut entries = Vec::new();
         for i in 0..n {
             let row = self.item(i);
             let values = row.numbers()?;
@@ -312,21 +323,22 @@ impl<'a> Node<'a> {
         if numbers.len() != count {
             return Err(values.length(numbers.len(), count));
         }
-        if starts.entries()?.len() != columns + 1 {
-            return Err(starts.length(starts.entries()?.len(), columns + 1));
+        let bounds = columns.saturating_add(1);
+        if starts.entries()?.len() != bounds {
+            return Err(starts.length(starts.entries()?.len(), bounds));
         }
         let mut entries = Vec::with_capacity(count);
         let mut from = 0;
         if columns == 0 || starts.item(0).count(0).is_ok() {
             for j in 0..columns {
-                let end = starts.item(j + 1);
+                let end = starts.item(j.saturating_add(1));
                 let to = end.count(count)?;
                 if to < from {
                     return Err(end.wrong(&format!("{from} to {count}")));
                 }
-                for k in from..to {
+                for (k, number) in numbers.iter().enumerate().take(to).skip(from) {
                     let row = places.item(k).count(rows.saturating_sub(1))?;
-                    entries.push((row, j, numbers[k]));
+                    entries.push((row, j, *number));
                 }
                 from = to;
             }
@@ -339,3 +351,6 @@ impl<'a> Node<'a> {
         from_entries(rows, columns, &entries).map_err(|error| self.unfit(&error))
     }
 }
+
+#[cfg(test)]
+mod tests;

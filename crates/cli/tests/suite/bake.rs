@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use crate::common::{Place, SCENE};
 use serde_json::Value;
@@ -363,22 +362,4 @@ fn a_gltf_comes_back_with_a_clip() {
     let clips = document["animations"].as_array().unwrap();
     assert_eq!(clips.last().unwrap()["name"], "Drystone");
     assert!(document["extensions"]["KHR_physics_rigid_bodies"].is_object());
-}
-
-#[cfg(unix)]
-#[test]
-fn an_interrupted_bake_leaves_nothing() {
-    use std::process::Stdio;
-    use std::thread::sleep;
-    use std::time::Duration;
-
-    let place = Place::new(&SCENE.replace("duration = 2", "duration = 10000"));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
-    command.current_dir(place.folder()).args(["bake", "scene.toml", "-o", "out.glb"]);
-    let mut child = command.stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
-    sleep(Duration::from_millis(500));
-    let id = child.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert_eq!(place.files(), ["scene.toml"]);
 }

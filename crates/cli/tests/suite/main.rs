@@ -3,6 +3,9 @@
 mod bake;
 mod check;
 mod common;
+mod convert;
+mod faults;
 mod matrix;
+mod resume;
 mod solve;
 mod verify;

@@ -1,6 +1,7 @@
 //! `drystone verify`, and the hashes of `drystone bake --report`, as people use them.
 
 use std::fs;
+use std::path::Path;
 
 use crate::common::{Place, SCENE};
 use serde_json::Value;
@@ -60,8 +61,32 @@ fn a_shorter_bake_differs_and_one_of_another_scene_is_refused() {
     fs::write(place.path("a.glb"), "other").unwrap();
     let message = place.fails(2, &["verify", "long.poses", "a.glb", "--scene", "scene.toml"]);
     assert!(
-        message.contains("a.glb: the format of a bake is \".glb\"; accepted: .npz, .poses"),
+        message
+            .contains("a.glb: the format of a bake is \".glb\"; accepted: .npz, .poses, .journal"),
         "{message}"
     );
     assert!(place.fails(4, &["verify", "gone.poses", "long.poses"]).contains("gone.poses"));
+}
+
+/// How the code was optimized must not show.
+#[test]
+fn a_release_build_bakes_the_same_bits() {
+    let Some(release) = std::env::var_os("DRYSTONE_RELEASE") else {
+        eprintln!("SKIPPED: DRYSTONE_RELEASE names no release build of drystone");
+        return;
+    };
+    let place = Place::new(SCENE);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    for scene in ["arch.json", "billiards.toml", "particles.json", "stones.json", "wall_2d.json"] {
+        let scene = folder.join(scene).into_os_string().into_string().unwrap();
+        for way in [&[][..], &["--realtime"]] {
+            let bake = |out| [&["bake", &scene, "--steps", "50", "-q", "-o", out], way].concat();
+            place.succeeds(&bake("own.poses"));
+            let output = place.run_build(&release, &bake("release.poses"));
+            assert!(output.status.success(), "{output:?}");
+            let [own, other] =
+                ["own.poses", "release.poses"].map(|name| fs::read(place.path(name)).unwrap());
+            assert!(own == other, "{scene} {way:?}");
+        }
+    }
 }

@@ -59,20 +59,28 @@ pub(super) fn collide<const L: usize>(
     b: &impl Solid<L>,
     from_b: &Frame<L>,
     prediction: f32,
-    crossing: impl FnOnce() -> Option<Crossing<L>>,
+    crossing: impl FnOnce(&Rival<L>) -> Option<Crossing<L>>,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
 ) {
     let margin = PREFERENCE * prediction;
-    let (gap_a, face_a) = best_face(a, |d| from_b.point(b.support(from_b.local_direction(d))));
-    if gap_a > prediction {
+    let far_b = |d| from_b.point(b.support(from_b.local_direction(d)));
+    let best_a = best_face(a, from_b.position, prediction, far_b);
+    if best_a.gap > prediction {
         return;
     }
-    let (gap_b, face_b) = best_face(b, |d| from_b.local_point(a.support(from_b.direction(d))));
-    if gap_b > prediction {
+    let far_a = |d| from_b.local_point(a.support(from_b.direction(d)));
+    let best_b = best_face(b, from_b.local_point(Vector::ZERO), prediction, far_a);
+    if best_b.gap > prediction {
         return;
     }
-    if let Some(Crossing { axis, on_a, on_b }) = crossing() {
+    let ([gap_a, gap_b], [face_a, face_b]) = ([best_a.gap, best_b.gap], [best_a.face, best_b.face]);
+    let rival = Rival {
+        gap: prediction.min(gap_a.max(gap_b) + margin),
+        apart: best_a.far - from_b.point(best_b.far),
+        faces: [best_a, best_b],
+    };
+    if let Some(Crossing { axis, on_a, on_b }) = crossing(&rival) {
         // What the axis really separates, whoever proposed it.
         let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
         let gap = axis.dot(far_b - a.support(axis));
@@ -179,17 +187,86 @@ fn name<const L: usize>(side: u64, face: usize, corner: &Corner<L>) -> u64 {
     side << 62 | (face as u64) << 32 | u64::from(corner.feature)
 }
 
-/// The face that the other solid is farthest outside of (or least inside): distance and index.
+/// What an axis that is no face's normal has to beat.
+pub(super) struct Rival<const L: usize> {
+    /// The gap along it. \[m\]
+    pub(super) gap: f32,
+    /// From a point of a to one of b, in the frame of a: along any axis, the gap is at most this far.
+    pub(super) apart: Vector<f32, L>,
+    /// The best of a, and of b.
+    faces: [Best<L>; 2],
+}
+
+impl<const L: usize> Rival<L> {
+    /// Whether it is certain that no axis beats it.
+    pub(super) fn is_sure(&self, a: &impl Solid<L>, b: &impl Solid<L>) -> bool {
+        self.faces[0].is_least(a) || self.faces[1].is_least(b)
+    }
+}
+
+/// A face, how far the other solid is outside of it, and that one's point which is the least far.
+struct Best<const L: usize> {
+    gap: f32,
+    face: usize,
+    far: Vector<f32, L>,
+}
+
+impl<const L: usize> Best<L> {
+    /// Whether no axis can have more gap than this face of `solid`, as it has room about the foot F of
+    /// the far point on the face.
+    ///
+    /// With no overlap, F within the face is enough: the solids are no farther apart than F and the far
+    /// point. Let that one be d below F, let the solid hold the disc of radius 3 d in the face about F,
+    /// and the point 3 d below F. The gap along an axis at angle t to the normal is at most that between
+    /// the far point and any of these: -d (cos t + 3 sin t) and 2 d cos t. One of the two is at most -d.
+    fn is_least(&self, solid: &impl Solid<L>) -> bool {
+        let (normal, _) = solid.face(self.face);
+        let foot = self.far - normal * self.gap;
+        let room = 3.0 * (-self.gap).max(0.0);
+        (0..solid.faces()).filter(|&face| face != self.face).all(|face| {
+            let (other, vertex) = solid.face(face);
+            let (inside, along) = (other.dot(vertex - foot), other.dot(normal));
+            let across = (1.0 - along * along).max(0.0);
+            inside >= 0.0 && inside * inside >= room * room * across && inside + room * along >= 0.0
+        })
+    }
+}
+
+/// The face that the other solid is farthest outside of (or least inside), or any that it is outside
+/// of by more than `enough`. `center` is within the other solid or near it; all in the frame of
+/// `solid`.
 fn best_face<const L: usize>(
     solid: &impl Solid<L>,
+    center: Vector<f32, L>,
+    enough: f32,
     other: impl Fn(Vector<f32, L>) -> Vector<f32, L>,
-) -> (f32, usize) {
-    let mut best = (f32::NEG_INFINITY, 0);
-    for face in 0..solid.faces() {
+) -> Best<L> {
+    let towards = |face: usize| {
         let (normal, vertex) = solid.face(face);
-        let gap = normal.dot(other(-normal) - vertex);
-        if gap > best.0 {
-            best = (gap, face);
+        normal.dot(center - vertex)
+    };
+    let likely = (1..solid.faces()).fold((towards(0), 0), |best, face| {
+        let along = towards(face);
+        if along > best.0 { (along, face) } else { best }
+    });
+    let measure = |face: usize| {
+        let (normal, vertex) = solid.face(face);
+        let far = other(-normal);
+        Best { gap: normal.dot(far - vertex), face, far }
+    };
+    let mut best = measure(likely.1);
+    for face in 0..solid.faces() {
+        if best.gap > enough {
+            break;
+        }
+        let (normal, vertex) = solid.face(face);
+        // No point of the other solid is less far out than its farthest: most faces lose by one.
+        if face == best.face || normal.dot(best.far - vertex) < best.gap {
+            continue;
+        }
+        let own = measure(face);
+        if own.gap > best.gap || own.gap == best.gap && face < best.face {
+            best = own;
         }
     }
     best
@@ -374,22 +451,35 @@ fn farthest<V: Copy>(points: &[V], direction: V, dot: impl Fn(V, V) -> f32) -> V
     points[best.1]
 }
 
-/// The axis across two edges, one of each box, that separates them most, with the points where
-/// the edges are nearest.
-pub(super) fn box_edges(a: &Cuboid<3>, b: &Cuboid<3>, from_b: &Frame<3>) -> Option<Crossing<3>> {
+/// The axis across two edges, one of each box, that separates them most and more than the rival, with
+/// the points where the edges are nearest.
+pub(super) fn box_edges(
+    a: &Cuboid<3>,
+    b: &Cuboid<3>,
+    from_b: &Frame<3>,
+    rival: &Rival<3>,
+) -> Option<Crossing<3>> {
     let mut best: Option<(f32, Crossing<3>)> = None;
+    let least = rival.gap * rival.gap.abs();
     for i in 0..3 {
         let mut edge_a = Vector::ZERO;
         edge_a[i] = 1.0;
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         for edge_b in from_b.axes {
-            let across: Vector<f32, 3> = moment(edge_a, edge_b);
-            let length = across.length();
+            let mut across = Vector::ZERO;
+            (across[j], across[k]) = (-edge_b[k], edge_b[j]);
+            let squared = across.dot(across);
             // Parallel edges: a face's normal is as good.
-            if length < 1e-3 {
+            if squared < 1e-6 {
                 continue;
             }
             let outward = if across.dot(from_b.position) < 0.0 { -1.0 } else { 1.0 };
-            let axis = across * (outward / length);
+            // At most this gap, times the length; compared as squares that keep their sign.
+            let most = outward * across.dot(rival.apart);
+            if most * most.abs() <= least * squared {
+                continue;
+            }
+            let axis = across * (outward / squared.sqrt());
             let far_a = a.support(axis);
             let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
             let gap = axis.dot(far_b - far_a);

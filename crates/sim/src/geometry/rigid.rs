@@ -2,8 +2,10 @@
 
 use drystone_solver::{SymmetricMatrix, Vector};
 
-use super::polyhedra::{Clipper, Crossing, Cuboid, Footing, Plane, box_edges, collide, on_plane};
-use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint};
+use super::polyhedra::{
+    Clipper, Crossing, Cuboid, Footing, Plane, Rival, Solid, box_edges, collide, on_plane,
+};
+use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, leading};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
@@ -208,7 +210,7 @@ fn polygons(
         shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
     };
     // In the plane, sides are all the axes there are.
-    let none = || None;
+    let none = |_: &Rival<2>| None;
     match (cuboid(a), a.as_convex_polygon(), cuboid(b), b.as_convex_polygon()) {
         (Some(a), _, Some(b), _) => collide(&a, &b, &frame, prediction, none, clipper, touch),
         (Some(a), _, _, Some(b)) => collide(&a, b, &frame, prediction, none, clipper, touch),
@@ -226,11 +228,11 @@ fn solids(
     a: &dyn parry3d::shape::Shape,
     b: &dyn parry3d::shape::Shape,
     prediction: f32,
-    (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
+    memory: (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut Touch<3>,
 ) -> bool {
     let frame = Rigid3::frame(from_b);
-    if over_plane_3(&frame, a, b, prediction, clipper, touch).is_some() {
+    if over_plane_3(&frame, a, b, prediction, memory.0, touch).is_some() {
         return true;
     }
     let cuboid = |shape: &dyn parry3d::shape::Shape| {
@@ -238,24 +240,40 @@ fn solids(
     };
     match (cuboid(a), a.as_convex_polyhedron(), cuboid(b), b.as_convex_polyhedron()) {
         (Some(a), _, Some(b), _) => {
-            let edges = || box_edges(&a, &b, &frame);
-            collide(&a, &b, &frame, prediction, edges, clipper, touch);
+            let edges = |rival: &Rival<3>| box_edges(&a, &b, &frame, rival);
+            collide(&a, &b, &frame, prediction, edges, memory.0, touch);
         }
-        (Some(box_a), _, _, Some(hull_b)) => {
-            let nearest = || closest(from_b, a, b, prediction, expansion);
-            collide(&box_a, hull_b, &frame, prediction, nearest, clipper, touch);
+        (Some(own), _, _, Some(hull)) => {
+            hulls((&own, a), (hull, b), from_b, &frame, prediction, memory, touch);
         }
-        (_, Some(hull_a), Some(box_b), _) => {
-            let nearest = || closest(from_b, a, b, prediction, expansion);
-            collide(hull_a, &box_b, &frame, prediction, nearest, clipper, touch);
+        (_, Some(hull), Some(own), _) => {
+            hulls((hull, a), (&own, b), from_b, &frame, prediction, memory, touch);
         }
-        (_, Some(hull_a), _, Some(hull_b)) => {
-            let nearest = || closest(from_b, a, b, prediction, expansion);
-            collide(hull_a, hull_b, &frame, prediction, nearest, clipper, touch);
+        (_, Some(one), _, Some(other)) => {
+            hulls((one, a), (other, b), from_b, &frame, prediction, memory, touch);
         }
         _ => return false,
     }
     true
+}
+
+/// Contact between two solids of which one is a hull, each with its shape.
+fn hulls(
+    a: (&impl Solid<3>, &dyn parry3d::shape::Shape),
+    b: (&impl Solid<3>, &dyn parry3d::shape::Shape),
+    from_b: &parry3d::math::Pose,
+    frame: &Frame<3>,
+    prediction: f32,
+    (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
+    touch: &mut Touch<3>,
+) {
+    let nearest = |rival: &Rival<3>| {
+        if rival.is_sure(a.0, b.0) {
+            return None;
+        }
+        closest(from_b, a.1, b.1, prediction, expansion)
+    };
+    collide(a.0, b.0, frame, prediction, nearest, clipper, touch);
 }
 
 /// The nearest points of two solids (GJK), or of their least overlap (EPA). Close to touching its
@@ -325,6 +343,11 @@ impl Geometry<2, 1> for Rigid2 {
         out.extend([pose.position.x, pose.position.y, pose.angle]);
     }
 
+    fn read(numbers: &[f32]) -> Pose2 {
+        let [x, y, angle] = leading(numbers);
+        Pose2::new([x, y].into(), angle)
+    }
+
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<2, 1> {
         if shape.as_trimesh().is_some() {
             return MassProperties::ZERO;
@@ -387,6 +410,12 @@ impl Geometry<3, 3> for Rigid3 {
     fn write(pose: &Self::Pose, out: &mut Vec<f32>) {
         out.extend(pose.translation.to_array());
         out.extend(pose.rotation.to_array());
+    }
+
+    fn read(numbers: &[f32]) -> Self::Pose {
+        let [x, y, z, a, b, c, w] = leading(numbers);
+        let rotation = parry3d::math::Rotation::from_xyzw(a, b, c, w);
+        parry3d::math::Pose::from_parts([x, y, z].into(), rotation)
     }
 
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<3, 3> {

@@ -2,7 +2,7 @@
 
 use drystone_solver::{SymmetricMatrix, Vector};
 
-use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint};
+use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, leading};
 
 /// Particles: (L, A) = (2, 0) or (3, 0).
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +57,10 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
     fn write(pose: &Self::Pose, out: &mut Vec<f32>) {
         out.extend(pose.0);
         out.extend(if L == 3 { &[0.0, 0.0, 0.0, 1.0][..] } else { &[0.0][..] });
+    }
+
+    fn read(numbers: &[f32]) -> Self::Pose {
+        Vector(leading(numbers))
     }
 
     fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<L> {

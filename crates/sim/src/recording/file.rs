@@ -66,8 +66,8 @@ fn create_beside(target: &Path) -> io::Result<(File, Temporary)> {
     Err(last)
 }
 
-/// Makes the rename itself last; not every system can, and the file is whole either way.
-fn sync_directory(target: &Path) {
+/// Makes a name in a directory last; not every system can, and the file is whole either way.
+pub(super) fn sync_directory(target: &Path) {
     let parent = target.parent().filter(|parent| !parent.as_os_str().is_empty());
     if let Ok(directory) = File::open(parent.unwrap_or(Path::new("."))) {
         let _ = directory.sync_all();

@@ -40,7 +40,7 @@ fn build(scene: &Scene, recording: &Recording, options: &Sampling) -> io::Result
     let mut document = json!({"asset": {"version": "2.0", "generator": generator}});
     let mut bytes = Vec::new();
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
-    let roots = Nodes { dimension: scene.dimension, ..Nodes::default() }.add(&mut gltf, scene);
+    let roots = Nodes::new(scene.dimension).add(&mut gltf, scene);
     let targets: Vec<_> = (roots.iter().enumerate())
         .filter(|(body, _)| scene.bodies[*body].motion != Motion::Static)
         .map(|(body, node)| Target { node: *node, body, unit: 1.0, local: &as_body })
@@ -60,7 +60,7 @@ fn build(scene: &Scene, recording: &Recording, options: &Sampling) -> io::Result
 
 /// What nodes share.
 #[derive(Default)]
-struct Nodes {
+pub(super) struct Nodes {
     dimension: usize,
     /// Attributes and indices by shape.
     primitives: HashMap<Vec<u64>, Value>,
@@ -71,6 +71,10 @@ struct Nodes {
 }
 
 impl Nodes {
+    pub(super) fn new(dimension: usize) -> Self {
+        Self { dimension, ..Self::default() }
+    }
+
     /// Adds all bodies and tells their nodes.
     fn add(mut self, gltf: &mut GltfBuffer<'_>, scene: &Scene) -> Vec<usize> {
         let bodies = scene.bodies.iter().enumerate();
@@ -91,6 +95,19 @@ impl Nodes {
                 node["children"] = json!(children);
             }
         }
+        gltf.push("nodes", node)
+    }
+
+    /// Adds a shape in the place of its parent.
+    pub(super) fn add_centered(
+        &mut self,
+        gltf: &mut GltfBuffer<'_>,
+        shape: &Shape,
+        body: usize,
+        motion: Motion,
+    ) -> usize {
+        let mut node = json!({});
+        self.dress(gltf, &mut node, shape, color_of(body, motion));
         gltf.push("nodes", node)
     }
 
@@ -162,7 +179,7 @@ impl Nodes {
     }
 }
 
-fn is_centered(shape: &Shape) -> bool {
+pub(super) fn is_centered(shape: &Shape) -> bool {
     let straight = match shape.rotation {
         Rotation::Angle(angle) => angle == 0.0,
         Rotation::Quaternion(q) => q == [0.0, 0.0, 0.0, 1.0],
@@ -175,7 +192,7 @@ fn tone(second: bool) -> [u8; 4] {
 }
 
 /// Sets translation and rotation, unless they are those of a node without.
-fn place(node: &mut Value, position: &[f64], rotation: Rotation) {
+pub(super) fn place(node: &mut Value, position: &[f64], rotation: Rotation) {
     let (position, rotation) = match (position, rotation) {
         ([x, y], Rotation::Angle(angle)) => {
             let pose = pose_2d([*x, *y], angle);

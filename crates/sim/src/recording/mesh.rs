@@ -1,5 +1,7 @@
 //! Triangles of shapes, in two tones by which one sees what turns.
 
+use std::collections::HashMap;
+
 use parry3d::math::Vector;
 
 use crate::scene::ShapeKind;
@@ -207,6 +209,17 @@ fn hull(points: &[Vec<f64>]) -> Mesh {
         }
     }
     if mesh.indices.is_empty() { bounding_box(points) } else { mesh }
+}
+
+/// The triangles of the hull of points, as indices of the points; none where it has no volume.
+pub(super) fn hull_triangles(points: &[[f32; 3]]) -> Option<Vec<u32>> {
+    let single: Vec<Vector> = points.iter().map(|p| Vector::from(*p)).collect();
+    let (vertices, triangles) = parry3d::transformation::try_convex_hull(&single).ok()?;
+    let bits = |p: Vector| p.to_array().map(f32::to_bits);
+    let places: HashMap<_, _> =
+        single.iter().enumerate().rev().map(|(place, p)| (bits(*p), place as u32)).collect();
+    let corners = triangles.iter().flatten();
+    corners.map(|corner| places.get(&bits(*vertices.get(*corner as usize)?)).copied()).collect()
 }
 
 /// Stands in for a hull that single precision cannot resolve.

@@ -1,5 +1,13 @@
 //! A recording as NumPy arrays in one `.npz`, and back.
-#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing))]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, Write};
@@ -68,10 +76,12 @@ fn array<W: Write + Seek, T: Serialize>(
 /// # Errors
 /// The file cannot be read, or is no recording; says which array is wrong, and what is accepted.
 pub fn read(path: &Path) -> io::Result<Named> {
-    let mut zip = ZipArchive::new(BufReader::new(File::open(path)?))?;
-    let (poses, shape) = load::<f32>(&mut zip, "poses")?;
-    let (names, _) = load::<String>(&mut zip, "names")?;
-    let (times, _) = load::<f64>(&mut zip, "times")?;
+    let file = File::open(path)?;
+    let size = file.metadata()?.len();
+    let mut zip = ZipArchive::new(BufReader::new(file))?;
+    let (poses, shape) = load::<f32>(&mut zip, size, "poses")?;
+    let (names, _) = load::<String>(&mut zip, size, "names")?;
+    let (times, _) = load::<f64>(&mut zip, size, "times")?;
     let refuse = |text: String| Err(io::Error::new(io::ErrorKind::InvalidData, text));
     let &[frames, bodies, stride] = shape.as_slice() else {
         return refuse(format!("poses has {} dimensions; accepted: 3", shape.len()));
@@ -92,24 +102,35 @@ pub fn read(path: &Path) -> io::Result<Named> {
     Ok(Named { recording, names })
 }
 
-/// The numbers of an array in the order of C, and its shape.
+/// The numbers of an array in the order of C, and its shape, out of an archive of `size` bytes.
 fn load<T: Deserialize>(
     zip: &mut ZipArchive<impl Read + Seek>,
+    size: u64,
     name: &str,
 ) -> io::Result<(Vec<T>, Vec<u64>)> {
     let wrong = |why: &dyn std::fmt::Display| {
         io::Error::new(io::ErrorKind::InvalidData, format!("array {name}: {why}"))
     };
-    let file = zip.by_name(&format!("{name}.npy")).map_err(|error| wrong(&error))?;
-    let room = file.size();
-    let npy = NpyFile::new(file)?;
+    let mut file = zip.by_name(&format!("{name}.npy")).map_err(|error| wrong(&error))?;
+    // Arrays are stored as they are: none is larger than its archive.
+    let room = file.size().min(size);
+    let mut start = [0; 12];
+    file.read_exact(&mut start)?;
+    let [.., major, _, a, b, c, d] = start;
+    let header =
+        if major < 2 { u32::from_le_bytes([a, b, 0, 0]) } else { u32::from_le_bytes([a, b, c, d]) };
+    if u64::from(header) > room {
+        return Err(wrong(&format!("has a header of {header} bytes")));
+    }
+    let npy = NpyFile::new(start.as_slice().chain(file))?;
     let (shape, order) = (npy.shape().to_vec(), npy.order());
     if order == npyz::Order::Fortran && shape.len() > 1 {
         return Err(wrong(&"is in the order of Fortran; accepted: that of C"));
     }
     // Before memory is taken for it: a header can promise anything.
-    if npy.len() > room {
-        return Err(wrong(&format!("has {} entries in {room} bytes", npy.len())));
+    let entry = npy.dtype().num_bytes().unwrap_or(usize::MAX) as u64;
+    if npy.len().saturating_mul(entry.max(1)) > room {
+        return Err(wrong(&format!("has {} entries of {entry} bytes", npy.len())));
     }
     let data = npy.data::<T>().map_err(|error| wrong(&error))?;
     Ok((data.collect::<io::Result<_>>()?, shape))
@@ -136,8 +157,11 @@ mod tests {
         write_named(&path, &named(3), &[0, 4, 5]);
         assert_eq!(read(&path).unwrap(), named(3));
         let mut zip = ZipArchive::new(File::open(&path).unwrap()).unwrap();
-        assert_eq!(load::<f64>(&mut zip, "times").unwrap(), (vec![0.0, 0.5, 1.0], vec![3]));
-        assert_eq!(load::<u32>(&mut zip, "contacts").unwrap(), (vec![0, 4, 5], vec![3]));
+        assert_eq!(
+            load::<f64>(&mut zip, 1 << 20, "times").unwrap(),
+            (vec![0.0, 0.5, 1.0], vec![3])
+        );
+        assert_eq!(load::<u32>(&mut zip, 1 << 20, "contacts").unwrap(), (vec![0, 4, 5], vec![3]));
     }
 
     #[test]

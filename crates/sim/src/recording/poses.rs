@@ -1,4 +1,13 @@
 //! Raw poses for measuring: little-endian f32 without a header.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 use std::fs;
 use std::io::{self, Write};

@@ -1,7 +1,8 @@
 //! A scene and its recording as OpenUSD text, for Houdini, Maya, Omniverse, Blender and others.
 
+mod materials;
 mod prim;
-mod shape;
+pub(super) mod shape;
 
 use std::collections::HashSet;
 use std::io;
@@ -13,6 +14,7 @@ use super::pose::{normalized, pose_at};
 use super::sampling::{Track, sample_rate, sample_times, tracks};
 use super::{Recording, Sampling, write_whole};
 use crate::scene::{Body, Mass, Motion, Scene};
+use materials::Materials;
 use prim::{Prim, quoted, tuple};
 
 /// Writes a scene as a stage: an `Xform` per body with its shapes below it, moved by time samples,
@@ -35,10 +37,11 @@ pub fn write(
     let rate = rounded(sample_rate(recording, options));
     let codes: Vec<f64> = times.iter().map(|time| rounded(time * rate)).collect();
     let names = identifiers(scene);
+    let materials = Materials::of(scene);
     let bodies: Vec<Prim> = (scene.bodies.par_iter().zip(&names).enumerate())
         .map(|(index, (body, name))| {
             let pose = |time| pose_at(recording, index, time);
-            let mut prim = body_prim(scene, index, body, name);
+            let mut prim = body_prim(scene, index, body, name, &materials);
             if !times.is_empty() {
                 let (positions, rotations) = tracks(&times, pose, options, index)?;
                 move_prim(&mut prim, &codes, &positions, &rotations);
@@ -49,6 +52,7 @@ pub fn write(
     let mut world = Prim::new("Xform", "World");
     world.metadata.push("kind = \"component\"".to_owned());
     world.children.push(physics(scene));
+    world.children.extend(materials.prim());
     world.children.extend(bodies);
     let end = codes.last().copied().unwrap_or(0.0);
     write_whole(path, |out| {
@@ -71,7 +75,7 @@ fn rounded(x: f64) -> f64 {
 /// A name for each body that no other prim beside it has: ASCII letters, digits and underscores,
 /// and no digit first.
 fn identifiers(scene: &Scene) -> Vec<String> {
-    let mut taken = HashSet::from([PHYSICS.to_owned()]);
+    let mut taken = HashSet::from([PHYSICS, materials::SCOPE].map(str::to_owned));
     let one = |(index, body): (usize, &Body)| {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
         let mut name: String = body.name.as_deref().unwrap_or("body").chars().map(plain).collect();
@@ -106,7 +110,13 @@ fn space(vector: &[f64]) -> [f64; 3] {
 }
 
 /// A body with its shapes, at its place in the scene.
-fn body_prim(scene: &Scene, index: usize, body: &Body, name: &str) -> Prim {
+fn body_prim(
+    scene: &Scene,
+    index: usize,
+    body: &Body,
+    name: &str,
+    materials: &Materials<'_>,
+) -> Prim {
     let mut prim = Prim::new("Xform", name);
     if let Some(own) = body.name.as_ref().filter(|own| *own != name) {
         prim.metadata.push(format!("displayName = {}", quoted(own)));
@@ -121,9 +131,12 @@ fn body_prim(scene: &Scene, index: usize, body: &Body, name: &str) -> Prim {
     }
     prim.place(space(&body.position), shape::quaternion(body.rotation), [1.0; 3]);
     let dimension = scene.dimension;
-    let shapes = body.shapes.iter().enumerate();
-    prim.children =
-        shapes.map(|(i, of)| shape::prim(of, dimension, i, index, body.motion)).collect();
+    let shapes = body.shapes.iter().enumerate().map(|(number, of)| {
+        let mut prim = shape::prim(of, dimension, number, index, body.motion);
+        materials.bind(&mut prim, &of.material);
+        prim
+    });
+    prim.children = shapes.collect();
     prim
 }
 

@@ -2,7 +2,15 @@
 //!
 //! Both become one tree (`tree`), which one walk turns into a [`Scene`]; every value is checked
 //! where it is read.
-#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing))]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects
+    )
+)]
 
 pub(super) mod body;
 pub(super) mod shape;

@@ -35,7 +35,7 @@ use self::meshes::Meshes;
 use self::nodes::{Affine, Trs};
 use self::physics::Builder;
 use self::tables::Dialect;
-use super::{BodiesAs, Place, Read, Scene, SceneError, Warning};
+use super::{Place, Read, Scene, SceneError, Warning, format};
 
 /// Largest coordinate, size and scale. \[m\]
 const FAR: f64 = 1e9;
@@ -65,6 +65,12 @@ impl Source {
         &self.document
     }
 
+    /// How the colliders of a body are scaled: what remains of the transforms of their nodes without
+    /// rotation, as three columns. \[1\]
+    pub fn scales(&self, body: usize) -> &[[[f64; 3]; 3]] {
+        self.bodies.get(body).map_or(&[], |node| &node.scales)
+    }
+
     /// The node that a body of the scene moves.
     pub fn node(&self, body: usize) -> Option<usize> {
         self.bodies.get(body).map(|b| b.node)
@@ -91,6 +97,8 @@ pub(crate) struct BodyNode {
     pub(crate) local: Trs,
     /// From the node's space to the body's frame: the scale.
     pub(crate) rest: Mat3,
+    /// The same of the node of each collider.
+    pub(crate) scales: Vec<Mat3>,
 }
 
 /// Reads a scene from a `.gltf` or `.glb` file.
@@ -151,18 +159,28 @@ pub fn read(file: &Path) -> Result<Read, SceneError> {
                 .into(),
         });
     }
-    let scene = Scene {
-        name: scene_name(&root)?,
-        dimension: 3,
-        gravity: vec![0.0, -9.81, 0.0],
-        time_step: 1.0 / 60.0,
-        steps: None,
-        bodies_as: BodiesAs::Rigid,
-        bodies,
-        solver: serde_json::Map::new(),
-    };
+    let scene = Scene { name: scene_name(&root)?, bodies, ..own_words(&root)? };
     let source = Source { document, buffers, folder, bodies: body_nodes };
     Ok(Read { scene, warnings, source: Some(source) })
+}
+
+/// What no extension has a word for: gravity, times and settings, as Drystone's own format writes them,
+/// in the extras of the document.
+fn own_words(root: &Cursor<'_>) -> Result<Scene, SceneError> {
+    let own = root.own()?;
+    let text = own.as_ref().map_or_else(|| "{}".to_owned(), |own| own.value.to_string());
+    let scene = match format::read_json(Path::new(""), &text) {
+        Ok(read) if read.scene.dimension == 3 && read.scene.bodies.is_empty() => read.scene,
+        Ok(_) => {
+            let at = own.as_ref().unwrap_or(root);
+            return Err(at.error("a scene of Drystone's own format in 3D, without bodies"));
+        }
+        Err(error) => {
+            let at = own.as_ref().unwrap_or(root);
+            return Err(at.fault(format!("{} {}", error.item, error.value), error.accepted));
+        }
+    };
+    Ok(scene)
 }
 
 /// Checks what comes before the contents: version, required extensions, form of extensions.

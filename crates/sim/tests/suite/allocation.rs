@@ -17,9 +17,12 @@ thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
     /// Set: the next allocation shows where it comes from.
     static TRAP: Cell<bool> = const { Cell::new(false) };
+    /// The largest piece asked for. \[byte\]
+    static LARGEST: Cell<usize> = const { Cell::new(0) };
 }
 
-fn count() {
+fn count(size: usize) {
+    LARGEST.with(|largest| largest.set(largest.get().max(size)));
     let count = COUNT.with(Cell::get) + 1;
     COUNT.with(|all| all.set(count));
     if TRAP.with(|trap| trap.replace(false)) {
@@ -31,7 +34,7 @@ fn count() {
 // SAFETY: passes everything on to the system's allocator; counting takes no memory.
 unsafe impl GlobalAlloc for Counter {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
+        count(layout.size());
         unsafe { System.alloc(layout) }
     }
 
@@ -40,7 +43,7 @@ unsafe impl GlobalAlloc for Counter {
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
+        count(size);
         unsafe { System.realloc(pointer, layout, size) }
     }
 }
@@ -56,8 +59,16 @@ fn allocations(mut work: impl FnMut()) -> usize {
     COUNT.with(Cell::get) - before
 }
 
+/// The largest piece of memory that work on this thread asks for. \[byte\]
+pub(crate) fn largest(work: impl FnOnce()) -> usize {
+    LARGEST.with(|largest| largest.set(0));
+    work();
+    LARGEST.with(Cell::get)
+}
+
 #[test]
 fn the_counter_counts() {
+    assert_eq!(largest(|| drop(vec![0u8; 12_345])), 12_345);
     assert_eq!(allocations(|| drop(std::hint::black_box(Box::new(1)))), 1);
     assert_eq!(allocations(|| ()), 0);
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use drystone::StepSettings;
 use drystone::check::{Kind, check};
-use drystone::scene::{format, json_schema};
+use drystone::scene::{self, format, json_schema};
 use serde_json::Value;
 
 const SETTINGS: &str = include_str!("../../../../guide/src/settings.md");
@@ -92,10 +92,12 @@ fn every_finding_has_an_entry_with_a_scene_that_has_it() {
     let entries = sections(TROUBLES, "##");
     let names: Vec<_> = entries.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, kinds);
+    let folder = tempfile::tempdir().unwrap();
     for (name, text) in &entries {
-        let scene = text.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next());
-        let scene = scene.unwrap_or_else(|| panic!("{name} has no scene"));
-        let read = format::read_toml(Path::new("scene.toml"), scene).unwrap();
+        let (language, block) = text.split_once("\n```").unwrap().1.split_once('\n').unwrap();
+        let file = folder.path().join(format!("{name}.{language}"));
+        std::fs::write(&file, block.split("```").next().unwrap()).unwrap();
+        let read = scene::read(&file).unwrap();
         let found = check(&read, &StepSettings::certified()).unwrap();
         let found: Vec<_> = found.iter().map(|of| serde_json::to_value(of.kind).unwrap()).collect();
         assert!(found.contains(&Value::from(name.as_str())), "{name}: {found:?}");

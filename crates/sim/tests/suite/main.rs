@@ -2,9 +2,11 @@
 
 mod allocation;
 mod analytic;
+mod checkpoint;
 mod common;
 mod determinism;
 mod energy;
+mod fuzz;
 mod gltf;
 mod gltf_physics;
 mod guide;

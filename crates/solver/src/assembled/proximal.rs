@@ -143,7 +143,8 @@ impl<const D: usize> Newton<'_, D> {
         alpha: f64,
         progress: &mut Progress<'_>,
     ) -> bool {
-        let mut equations = self.equations(r, center, alpha);
+        let mut image = self.image(r);
+        let mut equations = self.equations(r, &image, center, alpha);
         let mut recent = [equations.merit; 4];
         for step in 0..STEPS {
             if progress.spent() || !equations.merit.is_finite() {
@@ -153,23 +154,26 @@ impl<const D: usize> Newton<'_, D> {
                 return false;
             };
             progress.iterations += 1;
+            // W (r + t d) = W r + t W d: a trial costs no product.
+            let way = self.image(&direction);
             // Not always downhill: the highest of the last few is to be undercut.
             let highest = recent.iter().fold(0.0, |highest: f64, &x| highest.max(x));
             let mut length = 1.0;
             let mut next = None;
             for _ in 0..HALVINGS {
                 let trial = along(r, &direction, length);
-                let at = self.equations(&trial, center, alpha);
+                let moved = along(&image, &way, length);
+                let at = self.equations(&trial, &moved, center, alpha);
                 if at.merit <= (1.0 - 1e-3 * length) * highest {
-                    next = Some((trial, at));
+                    next = Some((trial, moved, at));
                     break;
                 }
                 length *= 0.5;
             }
-            let Some((trial, at)) = next else {
+            let Some((trial, moved, at)) = next else {
                 return false;
             };
-            (*r, equations) = (trial, at);
+            (*r, image, equations) = (trial, moved, at);
             recent[step % recent.len()] = equations.merit;
             progress.record(r.as_flattened());
             if progress.converged() {
@@ -190,12 +194,24 @@ impl<const D: usize> Newton<'_, D> {
         false
     }
 
-    fn equations(&self, r: &[[f64; D]], center: &[[f64; D]], alpha: f64) -> Equations<D> {
+    /// W r.
+    fn image(&self, r: &[[f64; D]]) -> Vec<[f64; D]> {
+        (0..r.len()).map(|i| self.blocks.product(i, r)).collect()
+    }
+
+    /// At r, with W r in `image`.
+    fn equations(
+        &self,
+        r: &[[f64; D]],
+        image: &[[f64; D]],
+        center: &[[f64; D]],
+        alpha: f64,
+    ) -> Equations<D> {
         let n = self.blocks.len();
         let (mut rows, mut rhs) = (Vec::with_capacity(n), Vec::with_capacity(n));
         let mut merit = 0.0;
         for i in 0..n {
-            let mut u = self.blocks.product(i, r);
+            let mut u = image[i];
             for k in 0..D {
                 u[k] += self.offset[i][k] + alpha * (r[i][k] - center[i][k]);
             }

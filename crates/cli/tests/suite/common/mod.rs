@@ -1,5 +1,6 @@
 //! A place to run the command line in.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -40,18 +41,29 @@ impl Place {
         place
     }
 
-    pub(crate) fn folder(&self) -> &Path {
-        self.folder.path()
-    }
-
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
+    /// `drystone` in this folder.
+    pub(crate) fn command(&self, arguments: &[&str]) -> Command {
+        self.command_of(OsStr::new(env!("CARGO_BIN_EXE_drystone")), arguments)
+    }
+
+    fn command_of(&self, program: &OsStr, arguments: &[&str]) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(self.folder.path()).args(arguments);
+        command
+    }
+
     /// Runs `drystone` in this folder.
     pub(crate) fn run(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
-        command.current_dir(self.folder.path()).args(arguments).output().unwrap()
+        self.command(arguments).output().unwrap()
+    }
+
+    /// Runs another build of it.
+    pub(crate) fn run_build(&self, program: &OsStr, arguments: &[&str]) -> Output {
+        self.command_of(program, arguments).output().unwrap()
     }
 
     pub(crate) fn fails(&self, code: i32, arguments: &[&str]) -> String {
@@ -75,4 +87,10 @@ impl Place {
         names.sort();
         names
     }
+}
+
+/// A scene that comes with the project.
+pub(crate) fn example(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name);
+    path.to_str().unwrap().to_owned()
 }

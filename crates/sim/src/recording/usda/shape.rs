@@ -114,7 +114,7 @@ fn extent(half: [f64; 3]) -> String {
 }
 
 /// The rotation that turns +y into a unit vector.
-pub(super) fn from_up([x, y, z]: [f64; 3]) -> [f64; 4] {
+pub(in crate::recording) fn from_up([x, y, z]: [f64; 3]) -> [f64; 4] {
     // Upside down, any axis across will do.
     if y < -1.0 + 1e-9 {
         return [1.0, 0.0, 0.0, 0.0];

@@ -77,3 +77,17 @@ fn planes_look_along_their_normal() {
         }
     }
 }
+
+#[test]
+fn surfaces_are_materials_of_physics() {
+    let ball = |friction: f64| {
+        format!("{{friction = {friction}, shapes = [{{type = \"sphere\", radius = 0.5}}]}}")
+    };
+    let bodies = [0.5, 0.25, 0.5].map(ball).join(",");
+    let text = stage(&format!("bodies = [{bodies}]"), 0, &Sampling::default());
+    assert_eq!(text.matches("def Material ").count(), 2, "{text}");
+    assert_eq!(text.matches("float physics:staticFriction = 0.25\n").count(), 1, "{text}");
+    let bound = "rel material:binding:physics = </World/Materials/Surface_0>\n";
+    assert_eq!(text.matches(bound).count(), 2, "{text}");
+    assert!(text.contains("\"PhysicsCollisionAPI\", \"MaterialBindingAPI\""), "{text}");
+}

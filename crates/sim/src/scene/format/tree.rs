@@ -74,7 +74,9 @@ impl<'a> Text<'a> {
     /// serde_json counts columns in bytes.
     fn line_of_bytes(self, line: usize, column: usize) -> Place {
         let text = self.text.split('\n').nth(line.saturating_sub(1)).unwrap_or("");
-        let before = text.get(..column.saturating_sub(1)).map_or(column, |s| s.chars().count() + 1);
+        let before = text
+            .get(..column.saturating_sub(1))
+            .map_or(column, |s| s.chars().count().saturating_add(1));
         Place::Line { line: line.max(1), column: before.max(1) }
     }
 

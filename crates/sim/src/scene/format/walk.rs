@@ -421,11 +421,11 @@ fn edit_distance(a: &str, b: &str) -> usize {
     let mut row: Vec<usize> = (0..=a.len()).collect();
     for (i, letter) in b.chars().enumerate() {
         let mut diagonal = i;
-        let mut left = i + 1;
+        let mut left = i.saturating_add(1);
         let mut next = vec![left];
         for (other, &above) in a.iter().zip(row.iter().skip(1)) {
-            let replaced = diagonal + usize::from(*other != letter);
-            left = replaced.min(left + 1).min(above + 1);
+            let replaced = diagonal.saturating_add(usize::from(*other != letter));
+            left = replaced.min(left.min(above).saturating_add(1));
             diagonal = above;
             next.push(left);
         }

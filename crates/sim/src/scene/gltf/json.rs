@@ -97,6 +97,15 @@ impl<'a> Cursor<'a> {
         }
     }
 
+    /// What Drystone has to say of this object beyond the extensions: `extras.drystone`.
+    pub(super) fn own(&self) -> Result<Option<Self>, SceneError> {
+        // The extras of other programs may be anything.
+        match self.get("extras")?.filter(|extras| extras.value.is_object()) {
+            Some(extras) => Ok(extras.get("drystone")?.filter(|own| own.value.is_object())),
+            None => Ok(None),
+        }
+    }
+
     pub(super) fn items(&self) -> Result<Vec<Self>, SceneError> {
         let array = self.value.as_array().ok_or_else(|| self.error("an array is accepted"))?;
         Ok(array.iter().enumerate().map(|(i, v)| self.child(&i.to_string(), v)).collect())

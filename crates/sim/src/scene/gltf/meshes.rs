@@ -1,5 +1,7 @@
 //! Triangles of meshes.
 
+use std::collections::HashSet;
+
 use super::super::SceneError;
 use super::accessors::Accessors;
 use super::json::Cursor;
@@ -34,15 +36,12 @@ impl Triangles {
         moved
     }
 
-    /// Points without repetition.
+    /// Points without repetition, in their order.
     pub(super) fn points(&self) -> Vec<Vec<f64>> {
-        let mut points = self.vertices.clone();
-        points.sort_by(|a, b| {
-            let mut orders = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
-            orders.find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
-        });
-        points.dedup();
-        points.into_iter().map(Vec::from).collect()
+        let mut seen = HashSet::new();
+        // Adding zero makes one of both zeros.
+        let new = |point: &&Vec3| seen.insert(point.map(|x| (x + 0.0).to_bits()));
+        self.vertices.iter().filter(new).map(|point| point.to_vec()).collect()
     }
 }
 

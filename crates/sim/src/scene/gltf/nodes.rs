@@ -55,12 +55,23 @@ pub(super) struct Node<'a> {
     pub(super) world: Affine,
     /// Product of the rotations from the root, which no scale distorts.
     pub(super) turn: Quat,
+    /// Whether nothing from the root to here scales it.
+    pub(super) rigid: bool,
     /// Whether it is part of the scene.
     pub(super) present: bool,
     pub(super) mesh: Option<usize>,
 }
 
 impl Node<'_> {
+    /// What remains of the transform in the scene without its rotation.
+    pub(super) fn scale(&self) -> Mat3 {
+        if self.rigid {
+            // Without what rounding makes of it.
+            return math::IDENTITY;
+        }
+        math::mul(math::transpose(math::rotation(self.turn)), self.world.linear)
+    }
+
     /// What the node is called in messages.
     pub(super) fn label(&self, index: usize) -> String {
         match self.name {
@@ -91,6 +102,7 @@ pub(super) fn read<'a>(
             matrix,
             world: Affine::IDENTITY,
             turn: math::NO_TURN,
+            rigid: local.scale == [1.0; 3] && cursor.get("matrix")?.is_none(),
             present: false,
             mesh,
             cursor,
@@ -101,8 +113,10 @@ pub(super) fn read<'a>(
     let order = top_down(&nodes)?;
     for index in order {
         let above = nodes.get(index).and_then(|n| n.parent).and_then(|p| nodes.get(p));
-        let (world, turn) = above.map_or((Affine::IDENTITY, math::NO_TURN), |p| (p.world, p.turn));
+        let (world, turn, rigid) =
+            above.map_or((Affine::IDENTITY, math::NO_TURN, true), |p| (p.world, p.turn, p.rigid));
         if let Some(node) = nodes.get_mut(index) {
+            node.rigid &= rigid;
             node.world = world.after(&node.matrix);
             node.turn =
                 math::quat_unit(math::quat_mul(turn, node.local.rotation)).unwrap_or(math::NO_TURN);

@@ -165,8 +165,7 @@ impl Builder<'_> {
             return Ok(None);
         }
 
-        let turn = node.turn;
-        let rest = math::mul(math::transpose(math::rotation(turn)), node.world.linear);
+        let (turn, rest) = (node.turn, node.scale());
         let track =
             if driven { self.animation.track(self.nodes, index)? } else { Track::default() };
         let (position, rotation) = start(node, &track);
@@ -211,6 +210,11 @@ impl Builder<'_> {
             parent_turn: math::NO_TURN,
             local: node.local,
             rest,
+            scales: colliders
+                .iter()
+                .filter_map(|at| self.nodes.get(*at))
+                .map(Node::scale)
+                .collect(),
         };
         Ok(Some((body, body_node)))
     }
@@ -239,10 +243,25 @@ impl Builder<'_> {
             if let (Some(collider), Some(part)) =
                 (properties.colliders.get(at), self.nodes.get(*at))
             {
-                shapes.extend(self.shape(*at, part, collider, node, motion, warnings)?);
+                let place = self.seen_from((index, node), *at);
+                shapes.extend(self.shape(*at, part, collider, place, motion, warnings)?);
             }
         }
         Ok(shapes)
+    }
+
+    /// Position and rotation of a node below a body in the frame of the body.
+    fn seen_from(&self, (top, body): (usize, &Node<'_>), index: usize) -> (Vec3, Quat) {
+        let (mut place, mut turn) = (Affine::IDENTITY, math::NO_TURN);
+        let mut at = index;
+        // Link by link, so that what is written in the file is what comes out.
+        while let Some(node) = self.nodes.get(at).filter(|_| at != top) {
+            place = node.matrix.after(&place);
+            turn = math::quat_mul(node.local.rotation, turn);
+            let Some(parent) = node.parent else { break };
+            at = parent;
+        }
+        (math::apply(body.scale(), place.shift), math::quat_unit(turn).unwrap_or(math::NO_TURN))
     }
 
     /// The shape of a collider in the frame of its body; none where it does not act.
@@ -251,15 +270,11 @@ impl Builder<'_> {
         index: usize,
         node: &Node<'_>,
         collider: &Collider<'_>,
-        body: &Node<'_>,
+        (position, turn): (Vec3, Quat),
         motion: Motion,
         warnings: &mut Vec<Warning>,
     ) -> Result<Option<Shape>, SceneError> {
-        let turn = math::quat_mul(math::conjugate(body.turn), node.turn);
-        let turn = math::quat_unit(turn).unwrap_or(math::NO_TURN);
-        let away = math::sub(node.world.shift, body.world.shift);
-        let position = math::turn(math::conjugate(body.turn), away);
-        let map = math::mul(math::transpose(math::rotation(node.turn)), node.world.linear);
+        let map = node.scale();
 
         let mut solid = |triangles: Triangles, convex: bool| {
             self.mesh(index, &triangles, map, convex, motion, warnings)
@@ -358,7 +373,8 @@ impl Builder<'_> {
             let Some(physics) = node.cursor.extension(self.dialect.bodies())? else { continue };
             tables::strangers(&physics, &["motion", "collider", "trigger", "joint"], warnings);
             if let Some(motion) = physics.get("motion")? {
-                properties.moving.insert(index, self.motion(&motion, warnings)?);
+                let own = node.cursor.own()?;
+                properties.moving.insert(index, self.motion(&motion, own.as_ref(), warnings)?);
             }
             if let Some(collider) = physics.get("collider")?
                 && let Some(collider) = self.collider(collider, warnings)?
@@ -388,6 +404,7 @@ impl Builder<'_> {
     fn motion(
         &self,
         motion: &Cursor<'_>,
+        own: Option<&Cursor<'_>>,
         warnings: &mut Vec<Warning>,
     ) -> Result<Moving, SceneError> {
         const KEYS: [&str; 9] = [
@@ -411,6 +428,7 @@ impl Builder<'_> {
                 _ => return Err(kind.error("static, kinematic or dynamic is accepted")),
             },
             _ => match motion.get("isKinematic")?.map(|k| k.boolean()).transpose()? {
+                Some(true) if is(own, "motion", "static")? => Motion::Static,
                 Some(true) => Motion::Kinematic,
                 _ => Motion::Dynamic,
             },
@@ -431,6 +449,13 @@ impl Builder<'_> {
             mass.mass = Some(amount(&cursor)?);
         } else if omi {
             mass.mass = Some(1.0);
+        }
+        if let Some(own) = own
+            && let (Some(density), Some(written)) = (own.get("density")?, own.get("mass")?)
+            && Some(written.number(HEAVY)?) == mass.mass
+        {
+            // As long as nobody has given it another mass.
+            mass = Mass { density: Some(density.within(LIGHT, HEAVY)?), ..Mass::default() };
         }
         if let Some(center) = motion.get("centerOfMass")? {
             mass.center = Some(center.numbers::<3>(FAR)?.into());
@@ -554,6 +579,12 @@ impl Builder<'_> {
         }
         Ok(())
     }
+}
+
+/// Whether a member of an object is this text.
+fn is(object: Option<&Cursor<'_>>, key: &str, text: &str) -> Result<bool, SceneError> {
+    let member = object.map(|object| object.get(key)).transpose()?.flatten();
+    Ok(member.is_some_and(|member| member.value == text))
 }
 
 /// Where a body starts: at the first pose of its track, else where its node is.

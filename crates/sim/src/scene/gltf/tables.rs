@@ -148,9 +148,14 @@ fn read_material(
         });
         restitution = 1.0;
     }
+    let own = cursor.own()?;
     let mut combine = |key: &str| -> Result<Combine, SceneError> {
+        let exact = own.as_ref().map(|own| own.get(key)).transpose()?.flatten();
+        let geometric = exact.is_some_and(|exact| exact.value == "geometric_mean");
         let Some(cursor) = cursor.get(key)? else { return Ok(Combine::Average) };
         Ok(match cursor.text()? {
+            // Which is as near as the extension comes.
+            "average" if geometric => Combine::GeometricMean,
             "average" => Combine::Average,
             "minimum" => Combine::Minimum,
             "maximum" => Combine::Maximum,

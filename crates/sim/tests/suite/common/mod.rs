@@ -1,5 +1,7 @@
 //! Worlds, shapes, bodies and comparisons that the tests share.
 
+pub(crate) mod mutation;
+
 use drystone::geometry::spheres::SphereShape;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::{Material, Motion};

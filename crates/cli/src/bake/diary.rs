@@ -1,0 +1,203 @@
+//! The journal of a bake as the command keeps it: begun, gone on with, and thrown away in the end.
+
+use std::ffi::OsString;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use std::{env, fs};
+
+use drystone::Simulation;
+use drystone::recording::journal::{Header, Journal, Mark, Step};
+
+use super::Arguments;
+use crate::failure::Failure;
+
+/// What a journal had when the bake went on.
+pub(super) struct Kept {
+    pub(super) steps: Vec<Step>,
+    pub(super) poses: Vec<f32>,
+}
+
+/// The journal of this bake.
+pub(super) struct Diary {
+    path: PathBuf,
+    header: Header,
+    /// None until it is begun.
+    journal: Option<Journal>,
+    kept: Option<Kept>,
+    /// Steps that it had.
+    found: usize,
+    marks: Vec<Mark>,
+    /// Time between checkpoints.
+    every: Duration,
+    last: Instant,
+    /// Size of the last checkpoint, and of the journal with it. \[byte\]
+    sizes: [u64; 2],
+}
+
+impl Diary {
+    /// Looks for a journal beside the first output. Goes on with it where that was asked for, and
+    /// refuses to throw work away where it was not.
+    pub(super) fn open(
+        arguments: &Arguments,
+        beside: &Path,
+        header: Header,
+    ) -> Result<Self, Failure> {
+        let mut path = OsString::from(beside);
+        path.push(".journal");
+        let every = Duration::from_secs_f64(arguments.checkpoint);
+        let mut diary = Self {
+            path: path.into(),
+            header,
+            journal: None,
+            kept: None,
+            found: 0,
+            marks: Vec::new(),
+            every,
+            last: Instant::now(),
+            sizes: [0; 2],
+        };
+        let found = Journal::resume(&diary.path).map_err(|error| diary.refused(&error))?;
+        let Some((journal, contents)) = found else { return Ok(diary) };
+        let (difference, steps) = (contents.header.difference(&diary.header), contents.steps.len());
+        match difference {
+            None if arguments.resume => {
+                diary.found = steps;
+                diary.marks = contents.checkpoints;
+                let poses = contents.recording.poses;
+                diary.kept = Some(Kept { steps: contents.steps, poses });
+                diary.journal = Some(journal);
+            }
+            None if steps > 0 => {
+                return Err(diary.wrong(&format!(
+                    "has {steps} steps of this bake already; go on with --resume, or delete it"
+                )));
+            }
+            Some(why) if arguments.resume => {
+                return Err(diary.wrong(&format!("cannot be gone on with: {why}; delete it")));
+            }
+            // Of something else, and not asked for.
+            _ => {}
+        }
+        Ok(diary)
+    }
+
+    /// What there was; only the first time.
+    pub(super) fn kept(&mut self) -> Option<Kept> {
+        self.kept.take()
+    }
+
+    /// Begins the journal with the poses of the initial state.
+    pub(super) fn begin(&mut self, poses: &[f32]) -> Result<(), Failure> {
+        let create = || {
+            let mut journal = Journal::create(&self.path, &self.header)?;
+            journal.frame(None, poses)?;
+            Ok(journal)
+        };
+        self.journal = Some(create().map_err(|error| self.refused(&error))?);
+        Ok(())
+    }
+
+    /// Adds a step and the poses that it led to; now and then the whole state.
+    pub(super) fn write(
+        &mut self,
+        step: &Step,
+        poses: &[f32],
+        simulation: &dyn Simulation,
+    ) -> Result<(), Failure> {
+        let Some(journal) = &mut self.journal else { return Ok(()) };
+        let mut written = journal.frame(Some(step), poses);
+        // Checkpoints may at most double the journal.
+        let [checkpoint, size] = self.sizes;
+        let due = self.last.elapsed() >= self.every && journal.size() >= size + checkpoint;
+        if written.is_ok() && due {
+            let state = simulation.checkpoint();
+            written = journal.checkpoint(&state);
+            self.last = Instant::now();
+            self.sizes = [state.len() as u64, journal.size()];
+        }
+        written.map_err(|error| {
+            Failure::File(format!("{}; {}", cannot_write(&self.path, &error), self.way_on()))
+        })
+    }
+
+    /// Takes the simulation to the last checkpoint before a step, or leaves it at its start; returns how
+    /// many steps that is.
+    pub(super) fn restore(
+        &mut self,
+        simulation: &mut dyn Simulation,
+        before: usize,
+    ) -> Result<usize, Failure> {
+        let mark = self.marks.iter().rev().find(|mark| mark.step < before);
+        let (Some(&mark), Some(journal)) = (mark, &mut self.journal) else { return Ok(0) };
+        let state = journal.state_at(mark).map_err(|error| self.refused(&error))?;
+        simulation.restore(&state).map_err(|error| self.wrong(&error.to_string()))?;
+        Ok(mark.step)
+    }
+
+    /// Whether a step that is taken again comes out as it did.
+    pub(super) fn compare(&self, step: usize, known: &Step, state: u64) -> Result<(), Failure> {
+        if known.state == state {
+            return Ok(());
+        }
+        Err(self.wrong(&format!(
+            "step {step} comes out otherwise now, so another build or machine baked it; go on with \
+             that one, or delete it"
+        )))
+    }
+
+    /// The user ended it.
+    pub(super) fn interrupted(&mut self, taken: usize, all: usize) -> Failure {
+        let synced = self.journal.as_mut().map_or(Ok(()), Journal::sync);
+        match synced {
+            Err(error) => self.refused(&error),
+            Ok(()) => {
+                let way_on = self.way_on();
+                Failure::Interrupted(format!("interrupted after step {taken} of {all}; {way_on}"))
+            }
+        }
+    }
+
+    /// How to go on with this bake.
+    pub(super) fn way_on(&self) -> String {
+        let mut words: Vec<String> =
+            env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy())).collect();
+        if !words.iter().any(|word| word == "--resume") {
+            words.push("--resume".to_owned());
+        }
+        format!("{} has the frames; go on with: drystone {}", self.path.display(), words.join(" "))
+    }
+
+    /// Deletes the journal, unless it has more than the `taken` steps of this bake.
+    pub(super) fn discard(self, taken: usize) {
+        if self.journal.is_some() && self.found <= taken {
+            drop(self.journal);
+            // It may stay: it has no frame that the outputs do not have.
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+
+    fn refused(&self, error: &io::Error) -> Failure {
+        match error.kind() {
+            ErrorKind::InvalidData => self.wrong(&format!("{error}; move it away or delete it")),
+            _ => Failure::File(cannot_write(&self.path, error)),
+        }
+    }
+
+    fn wrong(&self, what: &str) -> Failure {
+        Failure::Input(format!("{}: {what}", self.path.display()))
+    }
+}
+
+fn cannot_write(path: &Path, error: &io::Error) -> String {
+    Failure::cannot_write(path, error).to_string()
+}
+
+/// A word for a shell.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_=./,:+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
+}

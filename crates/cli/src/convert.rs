@@ -1,0 +1,102 @@
+//! `drystone convert`: a scene or a bake in another format.
+
+use std::path::{Path, PathBuf};
+
+use drystone::StepSettings;
+use drystone::recording::physics::Physics;
+use drystone::recording::{Sampling, write_whole};
+use drystone::scene::{self, Scene, to_json, to_toml};
+
+use crate::bake::{Film, Format, extension, wrong_extension};
+use crate::failure::Failure;
+use crate::print;
+use crate::verify::take;
+
+/// Write a scene or a bake in another format.
+///
+/// A scene of any format becomes one of Drystone's own (.toml, .json), and one of those a glTF with
+/// physics (.gltf, .glb), which comes back as the same bodies. A bake (.npz, .poses), or one that is
+/// under way (.journal), becomes an animation (.glb, .usda) or arrays (.npz, .poses).
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// A scene: .toml, .json, .gltf, .glb; or a bake: .npz, .poses, .journal
+    input: PathBuf,
+
+    /// The same in another format, by extension
+    output: PathBuf,
+
+    /// The scene of the bake: for .glb and .usda, and for what .poses does not tell
+    #[arg(long)]
+    scene: Option<PathBuf>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  drystone convert scenes/arch.json arch.glb
+      the arch with its physics as a glTF
+  drystone convert scenes/workshop.gltf workshop.toml
+      bodies, shapes and surfaces of a glTF, to be edited by hand; what does not collide is left out
+  drystone convert stones.glb.journal preview.glb --scene scenes/stones.json
+      the frames so far of a bake that is under way
+
+Exit codes: 0 done, 2 wrong input or usage, or the other format cannot say it, 4 a file cannot be read
+or written.";
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    match extension(&arguments.input).as_str() {
+        "npz" | "poses" | "journal" => motion(arguments),
+        _ => scene(arguments),
+    }?;
+    print(&format!("wrote        {}\n", arguments.output.display()));
+    Ok(())
+}
+
+fn motion(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments { input, output, scene } = arguments;
+    let format = Format::of("OUT", output)?;
+    let read = scene.as_deref().map(scene::read).transpose()?;
+    let named = take(input, read.as_ref().map(|read| &read.scene))?.ok_or_else(|| {
+        let what = "does not tell whose poses it has; give their scene with --scene";
+        Failure::Input(format!("{}: {what}", input.display()))
+    })?;
+    let film = Film { recording: &named.recording, names: &named.names, contacts: &[] };
+    let warnings = format.write(output, read.as_ref(), &film, &Sampling::default())?;
+    warnings.iter().for_each(|warning| warn(input, warning));
+    Ok(())
+}
+
+fn scene(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments { input, output, .. } = arguments;
+    let form = extension(output);
+    if !matches!(form.as_str(), "toml" | "json" | "gltf" | "glb") {
+        return Err(wrong_extension("OUT", output, ".toml, .json, .gltf, .glb"));
+    }
+    let read = scene::read(input)?;
+    read.warnings.iter().for_each(|warning| warn(input, warning));
+    let text = |text: String| write_whole(output, |out| out.write_all(text.as_bytes()));
+    let written = match form.as_str() {
+        "toml" => text(to_toml(&read.scene)),
+        "json" => text(to_json(&read.scene)),
+        _ if read.source.is_some() => {
+            let what = "is a glTF already; accepted as OUT: .toml, .json";
+            return Err(Failure::Input(format!("{}: {what}", input.display())));
+        }
+        "gltf" => physics(input, &read.scene)?.write_gltf(output),
+        _ => physics(input, &read.scene)?.write_glb(output),
+    };
+    written.map_err(|error| Failure::cannot_write(output, &error))
+}
+
+/// A scene as a glTF with physics.
+fn physics(file: &Path, scene: &Scene) -> Result<Physics, Failure> {
+    let wrong = |why: String| Failure::Input(format!("{}: {why}", file.display()));
+    let settings = scene.settings(StepSettings::certified())?;
+    let simulation = drystone::build(scene, settings).map_err(|error| wrong(error.to_string()))?;
+    Physics::new(scene, &simulation.masses()).map_err(wrong)
+}
+
+fn warn(file: &Path, warning: &scene::Warning) {
+    eprintln!("drystone: warning: {}: {warning}", file.display());
+}

@@ -1,0 +1,58 @@
+//! Findings about the scales of the nodes of a glTF.
+
+use super::{Finding, Kind};
+use crate::scene::Read;
+
+/// What differs by less than this part is even. \[1\]
+const EVEN: f64 = 1e-3;
+
+/// Bodies with mirrored or unevenly scaled shapes, one finding of each kind per body.
+pub(super) fn scales(read: &Read) -> Vec<Finding> {
+    let Some(source) = &read.source else { return Vec::new() };
+    let mut findings = Vec::new();
+    for index in 0..read.scene.bodies.len() {
+        let name = read.scene.name_of(index);
+        let mut found = |kind, value, limit, what: String, advice: &str| {
+            findings.push(Finding {
+                kind,
+                bodies: vec![index],
+                value: Some(value),
+                limit: Some(limit),
+                what,
+                advice: advice.to_owned(),
+            });
+        };
+        let scales = || source.scales(index).iter();
+        let mirror = scales().map(smallest).fold(f64::INFINITY, f64::min);
+        if mirror < 0.0 {
+            let what = format!("{name} has a shape of scale {mirror:.4}; accepted: above 0");
+            let advice =
+                "only its size counts, a mesh is mirrored: apply the scale before the export";
+            found(Kind::NegativeScale, mirror, 0.0, what, advice);
+        }
+        let uneven = scales().map(unevenness).fold(1.0, f64::max);
+        if uneven > 1.0 + EVEN {
+            let what = format!(
+                "{name} has a shape scaled {uneven:.4} times as much along one axis as along \
+                 another; accepted: evenly"
+            );
+            let advice = "round shapes become hulls, and what turns below it shears: apply the scale \
+                          before the export";
+            found(Kind::UnevenScale, uneven, 1.0, what, advice);
+        }
+    }
+    findings
+}
+
+/// The smallest factor along the axes of a shape.
+fn smallest([x, y, z]: &[[f64; 3]; 3]) -> f64 {
+    x[0].min(y[1]).min(z[2])
+}
+
+/// The largest factor over the smallest; even where the scale disables the shape.
+fn unevenness(scale: &[[f64; 3]; 3]) -> f64 {
+    let factors = scale.map(|axis| super::dot(&axis, &axis).sqrt());
+    let (low, high) =
+        factors.iter().fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(*x), high.max(*x)));
+    if low > 0.0 { high / low } else { 1.0 }
+}

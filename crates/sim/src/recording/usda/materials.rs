@@ -1,0 +1,63 @@
+//! Surfaces as materials of UsdPhysics. How two of them combine has no word there.
+
+use std::collections::HashMap;
+
+use super::prim::Prim;
+use crate::scene::{Material, Scene};
+
+/// What the materials lie under, in the world.
+pub(super) const SCOPE: &str = "Materials";
+
+/// Friction and restitution, to the bit.
+type Key = [u64; 2];
+
+/// The surfaces of a scene, each once.
+pub(super) struct Materials<'a> {
+    all: Vec<&'a Material>,
+    places: HashMap<Key, usize>,
+}
+
+impl<'a> Materials<'a> {
+    pub(super) fn of(scene: &'a Scene) -> Self {
+        let mut out = Self { all: Vec::new(), places: HashMap::new() };
+        for shape in scene.bodies.iter().flat_map(|body| &body.shapes) {
+            out.places.entry(key(&shape.material)).or_insert_with(|| {
+                out.all.push(&shape.material);
+                out.all.len() - 1
+            });
+        }
+        out
+    }
+
+    /// All of them; none where there are no shapes.
+    pub(super) fn prim(&self) -> Option<Prim> {
+        let mut scope = Prim::new("Scope", SCOPE);
+        scope.children = self.all.iter().enumerate().map(|(i, of)| prim(i, of)).collect();
+        (!scope.children.is_empty()).then_some(scope)
+    }
+
+    /// Gives a shape its material.
+    pub(super) fn bind(&self, shape: &mut Prim, material: &Material) {
+        let Some(place) = self.places.get(&key(material)) else { return };
+        shape.schemas.push("MaterialBindingAPI");
+        let path = format!("</World/{SCOPE}/{}>", name(*place));
+        shape.set("rel material:binding:physics", path);
+    }
+}
+
+fn key(material: &Material) -> Key {
+    [material.friction, material.restitution].map(f64::to_bits)
+}
+
+fn name(place: usize) -> String {
+    format!("Surface_{place}")
+}
+
+fn prim(place: usize, material: &Material) -> Prim {
+    let mut prim = Prim::new("Material", name(place));
+    prim.schemas.push("PhysicsMaterialAPI");
+    prim.set("float physics:dynamicFriction", material.friction);
+    prim.set("float physics:restitution", material.restitution);
+    prim.set("float physics:staticFriction", material.friction);
+    prim
+}

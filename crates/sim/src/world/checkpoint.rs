@@ -1,0 +1,286 @@
+//! [`Checkpoint`]: a world between two steps, so that another can go on from there with the same bits.
+
+use std::array::from_fn;
+
+use drystone_solver::ladder::Pace;
+use drystone_solver::{Vector, Velocity};
+use serde::{Deserialize, Serialize};
+
+use super::{World, new_pair};
+use crate::broad_phase::BroadPhase;
+use crate::cache::{self, Pair, Point, Record, Records};
+use crate::geometry::{Bounds, Frame, Geometry, MAX_POINTS, pose_numbers};
+
+/// What the next step of a world depends on and its bodies as they were added do not tell.
+///
+/// Numbers stand one after the other, body by body, shape by shape, point by point. What a step
+/// computes anew is left out: masses, boxes of what does not move, contact systems, colors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    /// Poses of the centers of mass ([`Geometry::write`]), which are not those of the bodies.
+    poses: Vec<f32>,
+    /// What rounding has left out of the positions. \[m\]
+    remainders: Vec<f32>,
+    /// Rotation vectors that the poses have not followed yet. \[rad\]
+    turns: Vec<f32>,
+    /// Linear and angular. \[m/s, rad/s\]
+    velocities: Vec<f32>,
+    /// What acts through the next step. \[N, N m\]
+    forces: Vec<f32>,
+    /// The stored boxes of the broad phase: lowest and highest corner. \[m\]
+    boxes: Vec<f32>,
+    /// Shapes that are near each other, and how many records they have.
+    pairs: Vec<[u32; 3]>,
+    /// Part and number of points of each record.
+    records: Vec<[u32; 2]>,
+    /// Of each record: the normal, the same in the frame of b, and a's frame as seen from b, when the
+    /// points were found.
+    frames: Vec<f32>,
+    /// Of each point: place on a and on b \[m\], gap \[m\], impulse \[N s\], slip \[m\].
+    points: Vec<f32>,
+    /// Of each point.
+    features: Vec<u64>,
+    /// What the solver has learned.
+    pace: Pace,
+}
+
+/// Why a world does not take a checkpoint.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CheckpointError {
+    /// The bytes are none.
+    #[error("is no checkpoint: {0}")]
+    Unreadable(String),
+    /// It was taken of other bodies.
+    #[error("is a checkpoint of another world: {what} need {expected} numbers, and it has {found}")]
+    OtherWorld {
+        /// What is too few or too many.
+        what: &'static str,
+        /// How many numbers this world has of it.
+        expected: usize,
+        /// How many the checkpoint has.
+        found: usize,
+    },
+    /// A number is infinite, or none.
+    #[error("has {0} that are not finite")]
+    NotFinite(&'static str),
+    /// It names a pair of shapes that cannot touch in this world.
+    #[error("is a checkpoint of another world: its shapes {0:?} do not collide here")]
+    OtherPair([u32; 2]),
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
+    /// The state between two steps.
+    pub fn checkpoint(&self) -> Checkpoint {
+        let bodies = &self.bodies;
+        let mut poses = Vec::with_capacity(self.len() * pose_numbers(L));
+        bodies.poses.iter().for_each(|pose| G::write(pose, &mut poses));
+        let records = &self.records;
+        let nothing = Bounds { min: Vector::ZERO, max: Vector::ZERO };
+        let boxes = self.broad_phase.boxes().iter().map(|stored| stored.unwrap_or(nothing));
+        Checkpoint {
+            poses,
+            remainders: flat(&bodies.remainders),
+            turns: flat(&bodies.turns),
+            velocities: flat_velocities(&self.system.velocities),
+            forces: flat_velocities(&bodies.forces),
+            boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
+            pairs: self
+                .pairs
+                .iter()
+                .map(|of| [of.colliders[0], of.colliders[1], of.count])
+                .collect(),
+            records: records.manifolds.iter().map(|of| [of.part, of.count]).collect(),
+            frames: records.manifolds.iter().flat_map(flat_record).collect(),
+            points: records.points.iter().flat_map(flat_point).collect(),
+            features: records.points.iter().map(|point| point.feature).collect(),
+            pace: self.certifier.climber.pace,
+        }
+    }
+
+    /// Takes on the state of a world with the same bodies, which were added and removed in the same
+    /// order, and the same settings: from here on both take the same steps, bit by bit.
+    ///
+    /// # Errors
+    /// It is of another world. This one is then as it was.
+    pub fn restore(&mut self, from: &Checkpoint) -> Result<(), CheckpointError> {
+        self.check(from)?;
+        let (pairs, records) = self.contacts_of(from)?;
+        self.pairs = pairs;
+        self.records = records;
+        self.broad_phase = BroadPhase::with_boxes(
+            from.boxes.chunks_exact(2 * L).zip(&self.colliders.removed).map(
+                |(corners, removed)| {
+                    let mut corners = corners.iter().copied();
+                    let (min, max) = (take(&mut corners), take(&mut corners));
+                    (!removed).then_some(Bounds { min, max })
+                },
+            ),
+        );
+        self.certifier.climber.pace = from.pace;
+        self.restore_bodies(from);
+        Ok(())
+    }
+
+    fn restore_bodies(&mut self, from: &Checkpoint) {
+        for (body, numbers) in from.poses.chunks_exact(pose_numbers(L)).enumerate() {
+            let pose = G::read(numbers);
+            self.bodies.poses[body] = pose;
+            self.bodies.frames[body] = G::frame(&pose);
+            self.update_mass(body);
+        }
+        let bodies = &mut self.bodies;
+        fill(&from.remainders, &mut bodies.remainders);
+        fill(&from.turns, &mut bodies.turns);
+        fill_velocities(&from.velocities, &mut self.system.velocities);
+        fill_velocities(&from.forces, &mut bodies.forces);
+    }
+
+    /// That sizes are those of this world, and numbers numbers.
+    fn check(&self, from: &Checkpoint) -> Result<(), CheckpointError> {
+        let (bodies, shapes) = (self.len(), self.colliders.body.len());
+        let records = from.pairs.iter().map(|[_, _, count]| *count as usize).sum();
+        let points: usize = from.records.iter().map(|[_, count]| *count as usize).sum();
+        for (what, expected, found) in [
+            ("poses", bodies * pose_numbers(L), from.poses.len()),
+            ("remainders", bodies * L, from.remainders.len()),
+            ("turns", bodies * A, from.turns.len()),
+            ("velocities", bodies * (L + A), from.velocities.len()),
+            ("forces", bodies * (L + A), from.forces.len()),
+            ("boxes", shapes * 2 * L, from.boxes.len()),
+            ("records", records, from.records.len()),
+            ("frames", from.records.len() * record_numbers(L), from.frames.len()),
+            ("points", points * point_numbers(L), from.points.len()),
+            ("features", points, from.features.len()),
+        ] {
+            if expected != found {
+                return Err(CheckpointError::OtherWorld { what, expected, found });
+            }
+        }
+        for (what, numbers) in [
+            ("poses", &from.poses),
+            ("remainders", &from.remainders),
+            ("turns", &from.turns),
+            ("velocities", &from.velocities),
+            ("forces", &from.forces),
+            ("boxes", &from.boxes),
+            ("frames", &from.frames),
+            ("points", &from.points),
+        ] {
+            if numbers.iter().any(|number| !number.is_finite()) {
+                return Err(CheckpointError::NotFinite(what));
+            }
+        }
+        Ok(())
+    }
+
+    /// The pairs and records of a checkpoint whose sizes are right.
+    fn contacts_of(&self, from: &Checkpoint) -> Result<(Vec<Pair>, Records<L>), CheckpointError> {
+        let shapes = self.colliders.body.len() as u32;
+        let (mut pairs, mut records): (Vec<Pair>, _) = (Vec::new(), Records::default());
+        let mut manifolds = from.records.iter().zip(from.frames.chunks_exact(record_numbers(L)));
+        let mut points = from.points.chunks_exact(point_numbers(L)).zip(&from.features);
+        for &[a, b, count] in &from.pairs {
+            let sorted = pairs.last().is_none_or(|last| last.colliders < [a, b]);
+            let pair = (sorted && a < b && b < shapes)
+                .then(|| new_pair(&self.colliders, &self.bodies, [a, b]))
+                .flatten()
+                .ok_or(CheckpointError::OtherPair([a, b]))?;
+            let pair = Pair { first: records.manifolds.len() as u32, count, ..pair };
+            for (&[part, count], frames) in manifolds.by_ref().take(count as usize) {
+                if count as usize > MAX_POINTS {
+                    return Err(CheckpointError::OtherPair([a, b]));
+                }
+                let first = records.points.len();
+                let own = points.by_ref().take(count as usize);
+                records.points.extend(own.map(|(numbers, feature)| point(numbers, *feature)));
+                let reach = cache::reach(&records.points[first..]);
+                let found = record(&pair, [part, first as u32, count], reach, frames);
+                records.manifolds.push(found);
+            }
+            pairs.push(pair);
+        }
+        Ok((pairs, records))
+    }
+}
+
+/// Numbers of a record: two normals, and the position and axes of a frame.
+const fn record_numbers(dimension: usize) -> usize {
+    (3 + dimension) * dimension
+}
+
+fn flat_record<const L: usize>(record: &Record<L>) -> impl Iterator<Item = f32> + use<L> {
+    let Frame { position, axes } = record.found_at;
+    let vectors = [record.normal, record.local_normal, position].into_iter().chain(axes);
+    vectors.flat_map(|vector| vector.0)
+}
+
+fn record<const L: usize>(
+    pair: &Pair,
+    [part, first, count]: [u32; 3],
+    reach: f32,
+    numbers: &[f32],
+) -> Record<L> {
+    let mut numbers = numbers.iter().copied();
+    Record {
+        bodies: pair.bodies,
+        friction: pair.friction,
+        restitution: pair.restitution,
+        part,
+        first,
+        count,
+        normal: take(&mut numbers),
+        local_normal: take(&mut numbers),
+        found_at: Frame { position: take(&mut numbers), axes: from_fn(|_| take(&mut numbers)) },
+        reach,
+    }
+}
+
+/// Numbers of a point: four vectors and a gap.
+const fn point_numbers(dimension: usize) -> usize {
+    4 * dimension + 1
+}
+
+fn flat_point<const L: usize>(point: &Point<L>) -> impl Iterator<Item = f32> + use<L> {
+    let vectors = [point.on_a, point.on_b, point.impulse, point.slip];
+    vectors.into_iter().flat_map(|vector| vector.0).chain([point.gap])
+}
+
+fn point<const L: usize>(numbers: &[f32], feature: u64) -> Point<L> {
+    let mut numbers = numbers.iter().copied();
+    Point {
+        on_a: take(&mut numbers),
+        on_b: take(&mut numbers),
+        impulse: take(&mut numbers),
+        slip: take(&mut numbers),
+        gap: numbers.next().unwrap_or(0.0),
+        feature,
+    }
+}
+
+/// The next numbers.
+fn take<const N: usize>(numbers: &mut impl Iterator<Item = f32>) -> Vector<f32, N> {
+    Vector(from_fn(|_| numbers.next().unwrap_or(0.0)))
+}
+
+fn flat<const N: usize>(vectors: &[Vector<f32, N>]) -> Vec<f32> {
+    vectors.iter().flat_map(|vector| vector.0).collect()
+}
+
+fn fill<const N: usize>(numbers: &[f32], vectors: &mut [Vector<f32, N>]) {
+    let mut numbers = numbers.iter().copied();
+    vectors.iter_mut().for_each(|vector| *vector = take(&mut numbers));
+}
+
+fn flat_velocities<const L: usize, const A: usize>(of: &[Velocity<f32, L, A>]) -> Vec<f32> {
+    of.iter().flat_map(|of| of.linear.0.into_iter().chain(of.angular.0)).collect()
+}
+
+fn fill_velocities<const L: usize, const A: usize>(
+    numbers: &[f32],
+    velocities: &mut [Velocity<f32, L, A>],
+) {
+    let mut numbers = numbers.iter().copied();
+    for velocity in velocities {
+        *velocity = Velocity { linear: take(&mut numbers), angular: take(&mut numbers) };
+    }
+}

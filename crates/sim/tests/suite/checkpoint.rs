@@ -1,0 +1,118 @@
+//! A world that goes on from a checkpoint takes the steps that the first one took, bit by bit.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use drystone::scene::{self, Scene};
+use drystone::{Simulation, StepReport, StepSettings, build};
+
+fn scenes() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes")
+}
+
+fn read(name: &str) -> Scene {
+    scene::read(&scenes().join(name)).unwrap().scene
+}
+
+fn start(scene: &Scene, preset: &StepSettings) -> Box<dyn Simulation> {
+    build(scene, scene.settings(preset.clone()).unwrap()).unwrap()
+}
+
+/// What a step says of itself, but for its times.
+fn timeless(mut report: StepReport) -> StepReport {
+    report.stages = Default::default();
+    if let Some(certified) = &mut report.certified {
+        certified.certifying = Duration::ZERO;
+    }
+    report
+}
+
+/// Takes steps; the state and the report after each.
+fn steps(
+    simulation: &mut dyn Simulation,
+    scene: &Scene,
+    count: usize,
+) -> Vec<(u64, StepReport, Vec<u8>)> {
+    let one = |_| {
+        let report = timeless(simulation.step(scene.time_step));
+        (simulation.state_hash(), report, simulation.checkpoint())
+    };
+    (0..count).map(one).collect()
+}
+
+/// Steps after which scenes are left, and how many follow.
+const LEFT_AFTER: [usize; 4] = [0, 13, 30, 60];
+const FOLLOWED: usize = 12;
+
+fn goes_on(name: &str, preset: &StepSettings) {
+    let scene = read(name);
+    let mut simulation = start(&scene, preset);
+    let mut taken = 0;
+    for left in LEFT_AFTER {
+        steps(simulation.as_mut(), &scene, left - taken);
+        let checkpoint = simulation.checkpoint();
+        let expected = steps(simulation.as_mut(), &scene, FOLLOWED);
+        let mut other = start(&scene, preset);
+        // On any number of threads, and whatever it did before.
+        other.set_threads(left % 2 + 1);
+        steps(other.as_mut(), &scene, left % 5);
+        other.restore(&checkpoint).unwrap();
+        assert!(other.checkpoint() == checkpoint, "{name} after {left} steps: the state itself");
+        let actual = steps(other.as_mut(), &scene, FOLLOWED);
+        for (step, (a, b)) in expected.iter().zip(&actual).enumerate() {
+            assert!(a == b, "{name} after {left} steps: step {} is another", step + 1);
+        }
+        taken = left + FOLLOWED;
+    }
+}
+
+#[test]
+fn a_certified_world_goes_on_with_the_same_bits() {
+    for name in ["arch.json", "billiards.toml", "wall_2d.json", "workshop.gltf"] {
+        goes_on(name, &StepSettings::certified());
+    }
+    let ledger = StepSettings { ledger: true, ..StepSettings::certified() };
+    goes_on("card_house.toml", &ledger);
+}
+
+#[test]
+fn a_world_of_fixed_work_goes_on_with_the_same_bits() {
+    for name in ["dominoes.json", "wall_2d.json", "particles.json", "stones.json"] {
+        goes_on(name, &StepSettings { certify: true, ..StepSettings::realtime() });
+    }
+    goes_on("arch.json", &StepSettings::quality());
+}
+
+#[test]
+fn a_checkpoint_of_another_world_is_refused() {
+    let (arch, wall) = (read("arch.json"), read("wall_2d.json"));
+    let preset = StepSettings::realtime();
+    let (mut one, mut other) = (start(&arch, &preset), start(&wall, &preset));
+    steps(one.as_mut(), &arch, 3);
+    steps(other.as_mut(), &wall, 3);
+    let before = one.checkpoint();
+    let error = one.restore(&other.checkpoint()).unwrap_err();
+    assert!(error.to_string().contains("of another world: poses need"), "{error}");
+    assert!(one.restore(&[]).unwrap_err().to_string().contains("is no checkpoint"));
+    for cut in (0..before.len()).step_by(97) {
+        assert!(one.restore(&before[..cut]).is_err(), "{cut} bytes");
+    }
+    assert_eq!(one.checkpoint(), before, "a world that refused is as it was");
+}
+
+/// Whatever is in a checkpoint, it is taken or refused.
+#[test]
+fn a_damaged_checkpoint_makes_no_panic() {
+    let scene = read("arch.json");
+    let mut simulation = start(&scene, &StepSettings::realtime());
+    steps(simulation.as_mut(), &scene, 3);
+    let whole = simulation.checkpoint();
+    for place in (0..whole.len()).step_by(61) {
+        let mut damaged = whole.clone();
+        damaged[place] ^= 0x85;
+        let mut other = start(&scene, &StepSettings::realtime());
+        if other.restore(&damaged).is_ok() {
+            other.step(scene.time_step);
+        }
+    }
+}
