@@ -7,6 +7,7 @@ mod scales;
 mod sizes;
 mod surfaces;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::scene::{Read, Scene};
@@ -14,7 +15,7 @@ use crate::settings::StepSettings;
 use crate::simulation::{BuildError, build};
 
 /// What a finding is about. Ordered as findings are listed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// Two bodies overlap at the start. \[m\]

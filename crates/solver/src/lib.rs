@@ -3,20 +3,23 @@
 //! # The problem
 //!
 //! Bodies have velocities **v** and inverse masses M^-1. At each of k contacts they touch, or
-//! nearly, along a unit normal n that points from body b towards body a. Find impulses gamma so
+//! nearly, along a unit normal n that points from body b towards body a. Find impulses γ (gamma) so
 //! that after the step no contact separates more slowly than it should, none pulls, and none pushes
 //! harder than that takes:
 //!
-//! 1. v_n = J v — relative velocity along each normal, positive when separating;
-//! 2. v+ = v + M^-1 J^T gamma — impulses change velocities;
-//! 3. t = max(-c_r v_n^-, c_d d) — the wanted v_n: a bounce, or the repair of an overlap;
-//! 4. A gamma = b with A = J M^-1 J^T and b = t - J v — what it takes to get exactly that;
-//! 5. gamma >= 0, A gamma - b >= 0, gamma . (A gamma - b) = 0 — contacts only push, and those
-//!    that separate faster than wanted do not push at all;
-//! 6. gamma_i <- max(0, gamma_i + m_eff (t_i - v_n)), v <- v + M^-1 J_i^T (the change of gamma_i)
-//!    — for each contact in turn, again and again.
+//! ```text
+//! 1.  v_n = J v                                relative velocity along each normal, positive
+//!                                              when separating
+//! 2.  v⁺ = v + M⁻¹ Jᵀ γ                        impulses change velocities
+//! 3.  t = max(−c_r v_n⁻, c_d d)                the wanted v_n: a bounce, or the repair of an overlap
+//! 4.  A γ = b,  A = J M⁻¹ Jᵀ,  b = t − J v     what it takes to get exactly that
+//! 5.  0 ≤ γ  ⊥  A γ − b ≥ 0                    contacts only push, and those that separate faster
+//!                                              than wanted do not push at all
+//! 6.  γ_i ← max(0, γ_i + m_eff (t_i − v_i))    for each contact in turn, again and again
+//!     v ← v + M⁻¹ J_iᵀ Δγ_i
+//! ```
 //!
-//! Here v is what the velocities would be without contacts (prospective), v^- what they were before
+//! Here v is what the velocities would be without contacts (prospective), v⁻ what they were before
 //! the step's forces, and m_eff = 1 / A_ii.
 //!
 //! | Equation | In code | Module |

@@ -50,6 +50,9 @@ struct StepNumbers {
     potential_energy: f64,
     /// \[m/s\]
     residual: f64,
+    /// The largest certified error of an island; absent if nothing was certified. \[m/s\]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    certificate: Option<f64>,
     /// Hash of all poses and velocities after the step, in hexadecimal.
     state: String,
     /// Where the energy came from and went, by item. \[J\]
@@ -89,6 +92,7 @@ fn numbers(step: &Step) -> StepNumbers {
         kinetic_energy: step.measure.kinetic_energy,
         potential_energy: step.measure.potential_energy,
         residual: step.measure.residual,
+        certificate: step.report.certified.map(|of| of.error),
         state: format!("{:016x}", step.state),
         energy: step.report.energy.map(|ledger| {
             let sums = [("created", ledger.created()), ("unexplained", ledger.unexplained())];

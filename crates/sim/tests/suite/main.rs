@@ -9,6 +9,7 @@ mod energy;
 mod fuzz;
 mod gltf;
 mod gltf_physics;
+mod guide;
 mod jam;
 mod scene;
 mod world;

@@ -1,0 +1,43 @@
+//! What the game moves, and what it pushes: a lift carries a crate up, and wind blows it off.
+//! `cargo run --release -p drystone --example forces`
+
+use drystone::scene::Motion;
+use drystone::{Body, StepSettings, Vector, Velocity, World3};
+use parry3d::math::{Pose, Vector as Point};
+use parry3d::shape::SharedShape;
+
+const STEP: f32 = 1.0 / 60.0;
+
+fn main() {
+    let mut world = World3::new(StepSettings::realtime());
+    world.gravity = [0.0, -9.81, 0.0].into();
+    world.add(Body::new(Motion::Static, [0.0, -0.5, 0.0], SharedShape::cuboid(9.0, 0.5, 9.0)));
+    let plate = SharedShape::cuboid(1.0, 0.1, 1.0);
+    let lift = world.add(Body::new(Motion::Kinematic, [0.0, 0.1, 0.0], plate));
+    let mut load = Body::new(Motion::Dynamic, [0.0, 0.5, 0.0], SharedShape::cuboid(0.3, 0.3, 0.3));
+    // A crate of 0.216 m^3 that weighs 20 kg.
+    load.colliders[0].density = 20.0 / 0.216;
+    let load = world.add(load);
+
+    for step in 0..300 {
+        let time = step as f32 * STEP;
+        // A kinematic body is told where to be after the step; it pushes, and is never pushed.
+        let height = 0.1 + (0.5 * (time + STEP)).min(1.5);
+        world.move_to(lift, &Pose::from_translation(Point::new(0.0, height, 0.0)), STEP);
+        if time > 3.5 {
+            // A force in N acts through one step.
+            world.add_force(load, Velocity { linear: Vector([150.0, 0.0, 0.0]), ..Velocity::ZERO });
+        }
+        world.step(STEP);
+        if step % 50 == 49
+            && let (Some(pose), Some(velocity)) = (world.pose(load), world.velocity(load))
+        {
+            let at = pose.translation;
+            println!("{time:.2} s: at ({:.2}, {:.2}) m", at.x, at.y);
+            println!(
+                "        {:.2} m/s along, {:.2} m/s up",
+                velocity.linear[0], velocity.linear[1]
+            );
+        }
+    }
+}

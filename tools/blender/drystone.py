@@ -1,0 +1,471 @@
+"""Blender add-on: bakes the rigid bodies of a scene with Drystone.
+
+Install it with Edit > Preferences > Add-ons > Install from Disk. The panel is in the scene's properties,
+below Rigid Body World; File > Export and File > Import have the two halves on their own.
+
+Blender is z up, Drystone y up: (x, y, z) becomes (x, z, -y), for places, for the axes of rotations and in
+the frames of objects alike.
+"""
+
+import json
+import math
+import subprocess
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.props import StringProperty
+from bpy.types import AddonPreferences, Operator, Panel
+from bpy_extras.io_utils import ExportHelper, ImportHelper
+from mathutils import Matrix, Quaternion
+
+bl_info = {
+    "name": "Drystone",
+    "author": "The Drystone developers",
+    "version": (0, 1, 0),
+    "blender": (4, 4, 0),
+    "location": "Properties > Scene > Drystone",
+    "description": "Certified rigid body bakes",
+    "category": "Physics",
+}
+
+# A body that carries a bake. Blender sees it as animated; for the next bake it is dynamic all the same.
+BAKED = "drystone_baked"
+# Longest substep that is asked for. [s]
+SUBSTEP = 1 / 480
+# What is thinner is a surface, which gets a body below it. [m]
+FLAT = 1e-4
+# A bake whose samples are this near to whole frames is not mixed. [frame]
+WHOLE = 1e-3
+
+
+# From Blender
+
+
+def turned(v):
+    """A vector of Blender as one of Drystone."""
+    return [v[0], v[2], -v[1]]
+
+
+def pose_of(matrix):
+    """Position and rotation of a matrix, as Drystone has them."""
+    place, rotation, _ = matrix.decompose()
+    return turned(place), [*turned([rotation.x, rotation.y, rotation.z]), rotation.w]
+
+
+def rigid(thing):
+    """Where an object is and how it is turned, without its scale."""
+    return Matrix.LocRotScale(*thing.matrix_world.decompose()[:2], None)
+
+
+def frames_per_second(scene):
+    return scene.render.fps / scene.render.fps_base
+
+
+class Exporter:
+    """Makes a scene of Drystone of the rigid bodies of a scene of Blender."""
+
+    def __init__(self, context):
+        self.context = context
+        self.scene = context.scene
+        self.notes = []
+
+    def document(self):
+        """The whole scene; frame 0 of a bake is the first frame of Blender's range."""
+        scene = self.scene
+        rate = frames_per_second(scene)
+        scene.frame_set(scene.frame_start)
+        bodies = [self.body(thing) for thing in self.things()]
+        tracks = self.tracks()
+        for body in bodies:
+            if body["name"] in tracks:
+                body["track"] = tracks[body["name"]]
+        gravity = turned(scene.gravity) if scene.use_gravity else [0.0, 0.0, 0.0]
+        return {
+            "name": scene.name,
+            "gravity": gravity,
+            "time_step": 1 / rate,
+            "steps": scene.frame_end - scene.frame_start,
+            "solver": {"substeps": max(8, math.ceil(1 / rate / SUBSTEP - 1e-9))},
+            "bodies": bodies,
+            "extras": {"frame_start": scene.frame_start},
+        }
+
+    def things(self):
+        """Objects with a rigid body, but for the parts of compounds."""
+        bodies = [thing for thing in self.scene.objects if thing.rigid_body]
+        return [thing for thing in bodies if not self.compound_of(thing)]
+
+    @staticmethod
+    def compound_of(thing):
+        """The object that a thing is a part of, if it is."""
+        parent = thing.parent
+        part = parent and parent.rigid_body and parent.rigid_body.collision_shape == "COMPOUND"
+        return parent if part else None
+
+    @staticmethod
+    def motion(thing):
+        of = thing.rigid_body
+        if of.type == "ACTIVE" and of.enabled and (not of.kinematic or thing.get(BAKED)):
+            return "dynamic"
+        return "kinematic" if of.kinematic and not thing.get(BAKED) else "static"
+
+    def body(self, thing):
+        of, motion = thing.rigid_body, self.motion(thing)
+        position, rotation = pose_of(thing.matrix_world)
+        body = {
+            "name": thing.name,
+            "motion": motion,
+            "position": position,
+            "rotation": rotation,
+            "friction": of.friction,
+            "restitution": of.restitution,
+            # As Blender has it.
+            "friction_combine": "multiply",
+            "restitution_combine": "multiply",
+            "shapes": self.shapes(thing, motion),
+        }
+        layers = [f"layer {i + 1}" for i, on in enumerate(of.collision_collections) if on]
+        body["collision"] = {"systems": layers, "collides_with": layers}
+        if motion == "dynamic":
+            body["mass"] = of.mass
+            if of.linear_damping > 0.05 or of.angular_damping > 0.11:
+                self.notes.append(f"'{thing.name}': damping is left out")
+        return body
+
+    def shapes(self, thing, motion):
+        if thing.rigid_body.collision_shape != "COMPOUND":
+            return [self.shape(thing, motion, Matrix())]
+        parts = [part for part in thing.children if part.rigid_body]
+        return [self.shape(part, motion, rigid(thing).inverted() @ rigid(part)) for part in parts]
+
+    def shape(self, thing, motion, place):
+        """A shape at a place in the frame of its body."""
+        points = self.points(thing)
+        low, high = points.min(axis=0), points.max(axis=0)
+        half = np.maximum((high - low) / 2, 1e-6)
+        middle = Matrix.Translation((low + high) / 2)
+        kind = thing.rigid_body.collision_shape
+        if motion != "dynamic" and half[2] < FLAT and (kind != "MESH" or len(points) <= 4):
+            return self.slab(points, kind, place)
+        if kind == "MESH" and motion == "dynamic":
+            self.notes.append(f"'{thing.name}': a mesh that moves collides as its convex hull")
+            kind = "CONVEX_HULL"
+        shape = {
+            "BOX": lambda: {"type": "box", "half_extents": [half[0], half[2], half[1]]},
+            "SPHERE": lambda: {"type": "sphere", "radius": max(half)},
+            "CYLINDER": lambda: {"type": "cylinder", "radius": max(half[:2]), "half_height": half[2]},
+            "CAPSULE": lambda: self.capsule(half),
+            "MESH": lambda: self.mesh(thing),
+        }.get(kind, lambda: {"type": "convex_hull", "points": [turned(p) for p in self.hull(points)]})()
+        if kind in ("BOX", "SPHERE", "CYLINDER", "CAPSULE"):
+            place = place @ middle
+        position, rotation = pose_of(place)
+        return {**shape, "position": position, "rotation": rotation}
+
+    @staticmethod
+    def slab(points, kind, place):
+        """A floor that is drawn as a plane: what is below it counts, so that nothing falls through."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        depth = max(0.1, 0.05 * (high - low).max())
+        if kind == "BOX" or len(points) <= 4:
+            half = (high - low + [0, 0, depth]) / 2
+            place = place @ Matrix.Translation((low + high - [0, 0, depth]) / 2)
+            shape = {"type": "box", "half_extents": [half[0], half[2], half[1]]}
+        else:
+            both = np.concatenate([points, points - [0, 0, depth]])
+            shape = {"type": "convex_hull", "points": [turned(p) for p in both]}
+        position, rotation = pose_of(place)
+        return {**shape, "position": position, "rotation": rotation}
+
+    @staticmethod
+    def capsule(half):
+        radius = max(half[:2])
+        return {"type": "capsule", "radius": radius, "half_height": max(half[2] - radius, 1e-6)}
+
+    def evaluated(self, thing):
+        """The mesh of an object with its modifiers, unless the object asks for the one before."""
+        if thing.rigid_body.mesh_source == "BASE":
+            return thing
+        return thing.evaluated_get(self.context.evaluated_depsgraph_get())
+
+    def points(self, thing):
+        """Vertices in meters, in the object's frame without its scale."""
+        mesh = self.evaluated(thing).to_mesh()
+        if mesh is None or not mesh.vertices:
+            raise ValueError(f"'{thing.name}' has a rigid body and no mesh")
+        points = np.empty(len(mesh.vertices) * 3, np.float32)
+        mesh.vertices.foreach_get("co", points)
+        return points.reshape(-1, 3).astype(float) * np.array(thing.matrix_world.to_scale())
+
+    @staticmethod
+    def hull(points):
+        """Points that are all different; those inside do no harm."""
+        return np.unique(points.round(6), axis=0)
+
+    def mesh(self, thing):
+        points = self.points(thing)
+        mesh = self.evaluated(thing).to_mesh()
+        mesh.calc_loop_triangles()
+        corners = np.empty(len(mesh.loop_triangles) * 3, np.int32)
+        mesh.loop_triangles.foreach_get("vertices", corners)
+        triangles = corners.reshape(-1, 3)
+        if np.prod(thing.matrix_world.to_scale()) < 0:
+            triangles = triangles[:, ::-1]
+        return {"type": "trimesh", "vertices": [turned(p) for p in points],
+                "triangles": triangles.tolist()}
+
+    def tracks(self):
+        """Poses of animated bodies, one per frame."""
+        animated = [thing for thing in self.things() if self.motion(thing) == "kinematic"]
+        tracks = {thing.name: [] for thing in animated}
+        if not animated:
+            return tracks
+        scene, rate = self.scene, frames_per_second(self.scene)
+        for frame in range(scene.frame_start, scene.frame_end + 1):
+            scene.frame_set(frame)
+            for thing in animated:
+                position, rotation = pose_of(thing.matrix_world)
+                time = (frame - scene.frame_start) / rate
+                tracks[thing.name].append({"time": time, "position": position, "rotation": rotation})
+        scene.frame_set(scene.frame_start)
+        return tracks
+
+
+def export(context, path):
+    """Writes the scene; returns what it had to leave out."""
+    exporter = Exporter(context)
+    document = exporter.document()
+    if not document["bodies"]:
+        raise ValueError("no object has a rigid body")
+    Path(path).write_text(json.dumps(document, default=float))
+    return exporter.notes
+
+
+# Back to Blender
+
+
+def at_frames(times, poses, rate):
+    """Poses at whole frames, from the first sample to the last: mixed where samples lie between."""
+    moments = np.asarray(times, float) * rate
+    if np.abs(moments - moments.round()).max() <= WHOLE and (np.diff(moments.round()) > 0).all():
+        return moments.round().astype(int), poses
+    frames = np.arange(int(math.floor(moments[-1] + WHOLE)) + 1)
+    after = np.clip(np.searchsorted(moments, frames), 1, len(moments) - 1)
+    part = (frames - moments[after - 1]) / (moments[after] - moments[after - 1])
+    part = np.clip(part, 0, 1)[:, None, None]
+    first, second = poses[after - 1].astype(float), poses[after].astype(float)
+    sign = np.where((first[..., 3:] * second[..., 3:]).sum(-1, keepdims=True) < 0, -1, 1)
+    second[..., 3:] *= sign
+    mixed = first + (second - first) * part
+    mixed[..., 3:] /= np.linalg.norm(mixed[..., 3:], axis=-1, keepdims=True)
+    return frames, mixed
+
+
+def to_blender(poses):
+    """Positions and quaternions w x y z of one body, z up; no quaternion far from the one before."""
+    places = np.stack([poses[:, 0], -poses[:, 2], poses[:, 1]], axis=1)
+    turns = np.stack([poses[:, 6], poses[:, 3], -poses[:, 5], poses[:, 4]], axis=1)
+    flips = np.where((turns[1:] * turns[:-1]).sum(axis=1) < 0, -1, 1)
+    turns[1:] *= np.cumprod(flips)[:, None]
+    return places, turns
+
+
+def basis(thing, places, turns):
+    """The same in the frame that an object's own channels are in, below its parent at this moment."""
+    if thing.parent is None:
+        return places, turns
+    above = (thing.parent.matrix_world @ thing.matrix_parent_inverse).inverted()
+    turn = above.to_quaternion()
+    places = np.array([above @ Matrix.Translation(p).translation for p in places])
+    return places, np.array([turn @ Quaternion(q) for q in turns])
+
+
+def key(bag, path, frames, values):
+    """Keys of one property: a curve per component, straight between keys."""
+    for index in range(values.shape[1]):
+        curve = bag.fcurves.new(path, index=index)
+        points = curve.keyframe_points
+        points.add(len(frames))
+        co = np.empty(len(frames) * 2, np.float32)
+        co[0::2], co[1::2] = frames, values[:, index]
+        points.foreach_set("co", co)
+        points.foreach_set("interpolation", np.ones(len(frames), np.int32))
+        curve.update()
+
+
+def apply(context, path):
+    """Puts a bake on the objects that have the names of its bodies; returns how many, and who is missing."""
+    with np.load(path, allow_pickle=False) as arrays:
+        poses, names, times = arrays["poses"], arrays["names"], arrays["times"]
+    if poses.shape[2] != 7:
+        raise ValueError(f"{path} is of a scene in the plane; accepted: bakes in 3D")
+    scene = context.scene
+    frames, poses = at_frames(times, poses, frames_per_second(scene))
+    frames = frames + scene.frame_start
+    action = bpy.data.actions.new("Drystone")
+    strip = action.layers.new("Drystone").strips.new(type="KEYFRAME")
+    missing, count = [], 0
+    for body, name in enumerate(names):
+        thing = scene.objects.get(str(name))
+        if thing is None:
+            missing.append(str(name))
+            continue
+        of = thing.rigid_body
+        if of and Exporter.motion(thing) != "dynamic":
+            continue
+        places, turns = basis(thing, *to_blender(poses[:, body]))
+        thing.rotation_mode = "QUATERNION"
+        slot = action.slots.new(id_type="OBJECT", name=thing.name)
+        bag = strip.channelbag(slot, ensure=True)
+        key(bag, "location", frames, places)
+        key(bag, "rotation_quaternion", frames, turns)
+        data = thing.animation_data or thing.animation_data_create()
+        data.action, data.action_slot = action, slot
+        if of:
+            # Or Blender's own simulation would move it as well.
+            of.kinematic = True
+            thing[BAKED] = True
+        count += 1
+    if count == 0:
+        bpy.data.actions.remove(action)
+    else:
+        scene.frame_end = max(int(frames[-1]), scene.frame_start)
+        scene.frame_set(scene.frame_start)
+    return count, missing
+
+
+def bake(context, drystone, folder):
+    """Exports, bakes and applies; returns what Drystone said of it."""
+    scene, arrays = Path(folder) / "scene.json", Path(folder) / "bake.npz"
+    notes = export(context, scene)
+    done = subprocess.run([drystone, "bake", scene, "-o", arrays], capture_output=True, text=True)
+    if done.returncode != 0:
+        raise ValueError(done.stderr.strip())
+    count, missing = apply(context, arrays)
+    said = [line for line in done.stdout.splitlines() if line.startswith(("certified", "note"))]
+    notes += [f"'{name}' is gone" for name in missing]
+    return [f"{count} bodies baked", *said, *notes]
+
+
+# What one sees
+
+
+class Preferences(AddonPreferences):
+    bl_idname = __name__
+
+    drystone: StringProperty(name="Command", subtype="FILE_PATH", default="drystone",
+                             description="The command line of Drystone")
+
+    def draw(self, _context):
+        self.layout.prop(self, "drystone")
+
+
+def command(context):
+    addon = context.preferences.addons.get(__name__)
+    return addon.preferences.drystone if addon else "drystone"
+
+
+class Baking(Operator):
+    """Bake all rigid bodies with Drystone and key them, from the first frame to the last"""
+
+    bl_idname = "drystone.bake"
+    bl_label = "Bake with Drystone"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                said = bake(context, command(context), folder)
+        except (OSError, ValueError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for line in said:
+            self.report({"INFO"}, line)
+        context.scene["drystone_said"] = said
+        return {"FINISHED"}
+
+
+class Export(Operator, ExportHelper):
+    """Write the rigid bodies of this scene for Drystone"""
+
+    bl_idname = "drystone.export_scene"
+    bl_label = "Export for Drystone"
+    filename_ext = ".json"
+
+    def execute(self, context):
+        try:
+            notes = export(context, self.filepath)
+        except (OSError, ValueError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for note in notes:
+            self.report({"WARNING"}, note)
+        return {"FINISHED"}
+
+
+class Apply(Operator, ImportHelper):
+    """Key the bodies of a bake on the objects of the same names"""
+
+    bl_idname = "drystone.apply_bake"
+    bl_label = "Apply Drystone Bake"
+    bl_options = {"REGISTER", "UNDO"}
+    filename_ext = ".npz"
+    filter_glob: StringProperty(default="*.npz", options={"HIDDEN"})
+
+    def execute(self, context):
+        try:
+            count, missing = apply(context, self.filepath)
+        except (OSError, ValueError, KeyError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for name in missing:
+            self.report({"WARNING"}, f"no object is called '{name}'")
+        self.report({"INFO"}, f"{count} bodies have keys")
+        return {"FINISHED"} if count else {"CANCELLED"}
+
+
+class ScenePanel(Panel):
+    bl_idname = "SCENE_PT_drystone"
+    bl_label = "Drystone"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "scene"
+
+    def draw(self, context):
+        self.layout.operator(Baking.bl_idname, icon="PHYSICS")
+        row = self.layout.row()
+        row.operator(Export.bl_idname, text="Export")
+        row.operator(Apply.bl_idname, text="Apply Bake")
+        for line in context.scene.get("drystone_said", []):
+            self.layout.label(text=line)
+
+
+CLASSES = [Preferences, Baking, Export, Apply, ScenePanel]
+
+
+def in_export_menu(menu, _context):
+    menu.layout.operator(Export.bl_idname, text="Drystone Scene (.json)")
+
+
+def in_import_menu(menu, _context):
+    menu.layout.operator(Apply.bl_idname, text="Drystone Bake (.npz)")
+
+
+def register():
+    for of in CLASSES:
+        bpy.utils.register_class(of)
+    bpy.types.TOPBAR_MT_file_export.append(in_export_menu)
+    bpy.types.TOPBAR_MT_file_import.append(in_import_menu)
+
+
+def unregister():
+    bpy.types.TOPBAR_MT_file_import.remove(in_import_menu)
+    bpy.types.TOPBAR_MT_file_export.remove(in_export_menu)
+    for of in reversed(CLASSES):
+        bpy.utils.unregister_class(of)
+
+
+if __name__ == "__main__":
+    register()
