@@ -168,6 +168,7 @@ fn a_report_has_every_step() {
     assert_eq!(steps.len(), 120);
     let keys: Vec<_> = steps[0].as_object().unwrap().keys().map(String::as_str).collect();
     let expected = [
+        "certificate",
         "contacts",
         "deepest_penetration",
         "kinetic_energy",
@@ -182,6 +183,7 @@ fn a_report_has_every_step() {
     assert_eq!(keys, expected);
     assert!(steps[119]["contacts"].as_u64().unwrap() > 0);
     assert!(steps[0]["stage_ms"]["manifolds"].is_f64());
+    assert!(steps.iter().all(|step| step["certificate"].as_f64().unwrap() <= 1e-3));
 }
 
 #[test]
