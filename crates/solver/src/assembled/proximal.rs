@@ -26,6 +26,10 @@ use super::outcome::{Limits, Outcome, Progress, Status};
 const SHIFT: (f64, f64, f64) = (1e-4, 1e-11, 1e2);
 /// Newton steps for one proximal point.
 const STEPS: usize = 30;
+/// Steps that must halve |F|^2 at least, or the point is given up.
+const SPAN: usize = 8;
+/// Steps whose highest |F|^2 is to be undercut.
+const RECENT: usize = 4;
 /// Halvings in a line search.
 const HALVINGS: usize = 14;
 /// Sweeps for a new start.
@@ -145,8 +149,8 @@ impl<const D: usize> Newton<'_, D> {
     ) -> bool {
         let mut image = self.image(r);
         let mut equations = self.equations(r, &image, center, alpha);
-        let mut recent = [equations.merit; 4];
-        for step in 0..STEPS {
+        let mut merits = vec![equations.merit];
+        for _ in 0..STEPS {
             if progress.spent() || !equations.merit.is_finite() {
                 return false;
             }
@@ -157,7 +161,8 @@ impl<const D: usize> Newton<'_, D> {
             // W (r + t d) = W r + t W d: a trial costs no product.
             let way = self.image(&direction);
             // Not always downhill: the highest of the last few is to be undercut.
-            let highest = recent.iter().fold(0.0, |highest: f64, &x| highest.max(x));
+            let recent = merits.iter().rev().take(RECENT);
+            let highest = recent.fold(0.0, |highest: f64, &x| highest.max(x));
             let mut length = 1.0;
             let mut next = None;
             for _ in 0..HALVINGS {
@@ -174,7 +179,7 @@ impl<const D: usize> Newton<'_, D> {
                 return false;
             };
             (*r, image, equations) = (trial, moved, at);
-            recent[step % recent.len()] = equations.merit;
+            merits.push(equations.merit);
             progress.record(r.as_flattened());
             if progress.converged() {
                 return true;
@@ -189,6 +194,10 @@ impl<const D: usize> Newton<'_, D> {
                 / self.blocks.mean_diagonal().max(f64::MIN_POSITIVE);
             if equations.merit <= 1e-4 * way {
                 return true;
+            }
+            let before = merits.len().checked_sub(1 + SPAN).map(|at| merits[at]);
+            if before.is_some_and(|before| equations.merit > 0.5 * before) {
+                return false;
             }
         }
         false
