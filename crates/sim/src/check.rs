@@ -70,6 +70,20 @@ pub struct Finding {
     pub advice: String,
 }
 
+impl Finding {
+    /// About one body: the number found, and its limit.
+    fn of_body(
+        body: usize,
+        kind: Kind,
+        [value, limit]: [f64; 2],
+        what: String,
+        advice: &str,
+    ) -> Self {
+        let (value, limit) = (Some(value), Some(limit));
+        Self { kind, bodies: vec![body], value, limit, what, advice: advice.to_owned() }
+    }
+}
+
 /// Everything that will hurt in a scene with these settings, the worst of each kind first.
 ///
 /// Takes two steps of the scene: one of almost no time, for the contacts at the start, and one of its

@@ -29,14 +29,8 @@ pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
             let ShapeKind::Trimesh { vertices, triangles } = &shape.kind else { continue };
             let mesh = Mesh::new(vertices, triangles);
             let mut found = |kind, value: f64, limit: f64, what: String, advice: &str| {
-                findings.push(Finding {
-                    kind,
-                    bodies: vec![index],
-                    value: Some(value),
-                    limit: Some(limit),
-                    what: format!("the mesh of {} {what}", scene.name_of(index)),
-                    advice: advice.to_owned(),
-                });
+                let what = format!("the mesh of {} {what}", scene.name_of(index));
+                findings.push(Finding::of_body(index, kind, [value, limit], what, advice));
             };
             let (open, turned) = mesh.edges();
             let leftover = mesh.leftover();

@@ -13,14 +13,7 @@ pub(super) fn scales(read: &Read) -> Vec<Finding> {
     for index in 0..read.scene.bodies.len() {
         let name = read.scene.name_of(index);
         let mut found = |kind, value, limit, what: String, advice: &str| {
-            findings.push(Finding {
-                kind,
-                bodies: vec![index],
-                value: Some(value),
-                limit: Some(limit),
-                what,
-                advice: advice.to_owned(),
-            });
+            findings.push(Finding::of_body(index, kind, [value, limit], what, advice));
         };
         let scales = || source.scales(index).iter();
         let mirror = scales().map(smallest).fold(f64::INFINITY, f64::min);

@@ -16,14 +16,7 @@ pub(super) fn sizes(scene: &Scene) -> Vec<Finding> {
     for (index, body) in scene.bodies.iter().enumerate() {
         let name = scene.name_of(index);
         let mut found = |kind, value, limit, what: String, advice: &str| {
-            findings.push(Finding {
-                kind,
-                bodies: vec![index],
-                value: Some(value),
-                limit: Some(limit),
-                what,
-                advice: advice.to_owned(),
-            });
+            findings.push(Finding::of_body(index, kind, [value, limit], what, advice));
         };
         let sides = || body.shapes.iter().filter_map(extents).flatten();
         let largest = sides().fold(0.0, f64::max);

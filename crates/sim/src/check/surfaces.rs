@@ -44,17 +44,12 @@ pub(super) fn bounces(scene: &Scene) -> Vec<Finding> {
         }
         let own = a.material.restitution;
         if own > 0.0 && surfaces.iter().filter(met).all(|b| together(a, b) <= 0.0) {
-            findings.push(Finding {
-                kind: Kind::IdleBounce,
-                bodies: vec![a.body],
-                value: Some(own),
-                limit: Some(0.0),
-                what: format!(
-                    "the restitution {own} of {} never acts: with every other surface it combines to 0",
-                    scene.name_of(a.body)
-                ),
-                advice: "give the others a restitution, or combine by maximum".to_owned(),
-            });
+            let what = format!(
+                "the restitution {own} of {} never acts: with every other surface it combines to 0",
+                scene.name_of(a.body)
+            );
+            let advice = "give the others a restitution, or combine by maximum";
+            findings.push(Finding::of_body(a.body, Kind::IdleBounce, [own, 0.0], what, advice));
         }
     }
     findings
