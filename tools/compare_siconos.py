@@ -7,8 +7,9 @@ FOLDER holds problems as JSON: dim, nc, mu, q and W by columns (u = W r + q, nor
 contact). Prints a table in Markdown. Needs numpy and siconos (Debian: python3-siconos).
 
 Each round runs Drystone and then each solver of Siconos, each in a process of its own with a time
-limit, so that what else the machine does meets all alike; times are medians over the rounds, of the
-solve alone. Both are asked for the same tolerance. The residual is computed here, for both by the same
+limit, so that what else the machine does meets all alike. A process solves the problem seven times
+from the start, fewer if it takes longer than a second, and states the median of the solve alone: the
+first time is that of reading the program into memory. The table has medians over the rounds. Both are asked for the same tolerance. The residual is computed here, for both by the same
 formula, |r - P_K(r - (u + mu |u_t| n))| / |q|: whatever a solver says of itself does not count.
 """
 
@@ -33,6 +34,8 @@ SOLVERS = {
 GAMS, which need programs of others."""
 SWEEPS = 200_000
 """Iterations at most, of first-order methods; the time limit comes first where problems are large."""
+REPEAT = 7
+"""Solves in a process."""
 STEPS = 5_000
 """Iterations at most, of the other methods."""
 FIRST_ORDER = {"NSGS", "NSGSV", "ADMM", "DSFP", "EG", "FPP", "VI_EG", "VI_FPP", "CPG"}
@@ -105,12 +108,14 @@ def solve_with_siconos(blocks, dim, name, tolerance):
     options.iparam[sn.SICONOS_IPARAM_MAX_ITER] = SWEEPS if name in FIRST_ORDER else STEPS
     options.dparam[sn.SICONOS_DPARAM_TOL] = tolerance
     size = problem.dimension * problem.numberOfContacts
-    r, u = np.zeros(size), np.zeros(size)
     driver = sn.fc3d_driver if dim == 3 else sn.fc2d_driver
-    start = time.perf_counter()
-    driver(problem, r, u, options)
-    elapsed = time.perf_counter() - start
-    print("result", json.dumps({"r": r.tolist(), "time_ms": elapsed * 1e3}))
+    times = []
+    while len(times) < REPEAT and sum(times) < 1.0:
+        r, u = np.zeros(size), np.zeros(size)
+        start = time.perf_counter()
+        driver(problem, r, u, options)
+        times.append(time.perf_counter() - start)
+    print("result", json.dumps({"r": r.tolist(), "time_ms": statistics.median(times) * 1e3}))
 
 
 def run(command, limit):
@@ -133,7 +138,7 @@ def drystone(path, folder, arguments):
     result = folder / "result.json"
     result.unlink(missing_ok=True)
     run([arguments.drystone, "solve", str(path), "--quiet", "--tolerance",
-         str(arguments.tolerance), "-o", str(result)], arguments.limit)
+         str(arguments.tolerance), "--repeat", str(REPEAT), "-o", str(result)], arguments.limit)
     if not result.exists():
         return None
     result = json.loads(result.read_text())

@@ -54,6 +54,11 @@ pub(crate) struct Arguments {
     #[arg(long)]
     compare: bool,
 
+    /// Solve so many times from the start, and state the median time
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    repeat: u32,
+
     /// Write the solution and how it was found as JSON
     #[arg(short, long, value_name = "RESULT.json")]
     output: Option<PathBuf>,
@@ -88,6 +93,19 @@ impl Choice {
         }
     }
 
+    fn solve(self, named: &read::Named, limits: &Limits) -> Solved {
+        let (problem, warm) = (&named.problem, named.warm.as_deref());
+        match self {
+            Self::Auto => ladder::solve(problem, warm, limits),
+            Self::Only(method) => {
+                let outcome = method.solve(problem, warm, limits);
+                let Outcome { status, iterations, residual, .. } = outcome;
+                let attempts = vec![Attempt { method, status, iterations, residual }];
+                Solved { method, outcome, attempts }
+            }
+        }
+    }
+
     fn all() -> impl Iterator<Item = Self> {
         [Self::Auto].into_iter().chain(Method::ALL.map(Self::Only))
     }
@@ -115,23 +133,22 @@ fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + 
 struct Run {
     choice: Choice,
     solved: Solved,
+    /// The median, if it was repeated.
     time: Duration,
 }
 
 impl Run {
-    fn new(named: &read::Named, choice: Choice, limits: &Limits) -> Self {
-        let (problem, warm) = (&named.problem, named.warm.as_deref());
-        let start = Instant::now();
-        let solved = match choice {
-            Choice::Auto => ladder::solve(problem, warm, limits),
-            Choice::Only(method) => {
-                let outcome = method.solve(problem, warm, limits);
-                let Outcome { status, iterations, residual, .. } = outcome;
-                let attempts = vec![Attempt { method, status, iterations, residual }];
-                Solved { method, outcome, attempts }
+    fn new(named: &read::Named, choice: Choice, limits: &Limits, repeat: u32) -> Self {
+        let mut times = Vec::new();
+        loop {
+            let start = Instant::now();
+            let solved = choice.solve(named, limits);
+            times.push(start.elapsed());
+            if times.len() >= repeat as usize {
+                times.sort_unstable();
+                return Self { choice, solved, time: times[times.len() / 2] };
             }
-        };
-        Self { choice, solved, time: start.elapsed() }
+        }
     }
 
     fn milliseconds(&self) -> f64 {
@@ -153,10 +170,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let named = read::read(&arguments.problem)?;
     let limits = Limits { tolerance: arguments.tolerance, budget: arguments.budget as usize };
-    let mut runs = vec![Run::new(&named, arguments.method, &limits)];
+    let run = |choice| Run::new(&named, choice, &limits, arguments.repeat);
+    let mut runs = vec![run(arguments.method)];
     if arguments.compare {
         let others = Choice::all().filter(|&choice| choice != arguments.method);
-        let others = others.map(|choice| Run::new(&named, choice, &limits));
+        let others = others.map(run);
         // What is not for such problems is not compared.
         runs.extend(others.filter(|run| run.solved.outcome.status != Status::BadInput));
     }

@@ -12,7 +12,8 @@ use super::outcome::{Limits, Outcome, Progress, Status};
 use super::problem::{largest, norm};
 use super::{Problem, jam, local};
 
-/// Sweeps between two looks at the residual, which costs as much as a sweep.
+/// Sweeps between two looks at the residual, which costs as much as a sweep; of the first ones those
+/// in powers of two have one.
 const LOOK: usize = 10;
 /// If the best residual falls by less than 1 % in so many sweeps, no more is to be expected.
 const PATIENCE: usize = 1000;
@@ -96,7 +97,9 @@ fn sweeps<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
         let changed = sweeper.sweep(&mut r, 0.0, &[]);
         progress.iterations += 1;
         let near = changed <= progress.limits.tolerance * size;
-        if near || progress.iterations <= LOOK || progress.iterations.is_multiple_of(LOOK) {
+        let done = progress.iterations;
+        let early = done < LOOK && done.is_power_of_two();
+        if near || early || done.is_multiple_of(LOOK) {
             progress.record(r.as_flattened());
             if progress.converged() {
                 return progress.end(Status::Converged, "within the tolerance");

@@ -17,25 +17,33 @@ impl<const D: usize> Blocks<D> {
     /// The blocks of a square matrix whose size is a multiple of D.
     pub(super) fn new(matrix: &Matrix) -> Self {
         let n = matrix.nrows() / D;
-        let (mut start, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
+        let most = matrix.compute_nnz().min(n * n) + n;
+        let (mut start, mut columns, mut values) =
+            (Vec::with_capacity(n + 1), Vec::with_capacity(most), Vec::with_capacity(most));
+        start.push(0);
         let mut diagonal = Vec::with_capacity(n);
+        // Where the block of a column is; of this row, if it is not before its first.
+        let mut place = vec![0; n];
         for i in 0..n {
-            let rows = D * i..D * (i + 1);
-            let mut row: Vec<usize> =
-                rows.clone().flat_map(|k| matrix.col_idx_of_row(k).map(|j| j / D)).collect();
-            row.push(i);
-            row.sort_unstable();
-            row.dedup();
-            let first = columns.len();
-            let position = |j: &usize| first + row.partition_point(|column| column < j);
-            diagonal.push(position(&i));
-            values.resize(first + row.len(), [[0.0; D]; D]);
-            for k in rows {
-                for (j, &x) in matrix.col_idx_of_row(k).zip(matrix.val_of_row(k)) {
-                    values[position(&(j / D))][k % D][j % D] += x;
+            let (rows, first) = (D * i..D * (i + 1), columns.len());
+            let own = rows.clone().flat_map(|k| matrix.col_idx_of_row(k).map(|j| j / D));
+            for j in own.chain([i]) {
+                if place[j] < first || columns.get(place[j]) != Some(&j) {
+                    place[j] = columns.len();
+                    columns.push(j);
                 }
             }
-            columns.extend(row);
+            columns[first..].sort_unstable();
+            for (at, &j) in columns.iter().enumerate().skip(first) {
+                place[j] = at;
+            }
+            diagonal.push(place[i]);
+            values.resize(columns.len(), [[0.0; D]; D]);
+            for k in rows {
+                for (j, &x) in matrix.col_idx_of_row(k).zip(matrix.val_of_row(k)) {
+                    values[place[j / D]][k % D][j % D] += x;
+                }
+            }
             start.push(columns.len());
         }
         Self { start, columns, values, diagonal }

@@ -122,21 +122,17 @@ struct Ladder<'a> {
 impl<'a> Ladder<'a> {
     fn new(problem: &'a Problem, warm: Option<&'a [f64]>, limits: &'a Limits) -> Self {
         let started = Instant::now();
-        let (start, _) = Progress::new(problem, warm, limits);
-        let outcome = Outcome { history: Vec::new(), ..start.out_of_budget() };
+        let outcome = Progress::unmeasured(problem, limits).out_of_budget();
         let solved = Solved { method: Method::GaussSeidel, outcome, attempts: Vec::new() };
         Self { problem, limits, warm, started, solved }
     }
 
     fn climb(&mut self) {
+        let promised = self.rung(Method::GaussSeidel, TRIAL, true);
         if self.done() {
             return;
         }
-        let trial = self.rung(Method::GaussSeidel, TRIAL, true);
-        if self.done() {
-            return;
-        }
-        if let Some(sweeps) = promised(&trial, self.limits.tolerance)
+        if let Some(sweeps) = promised
             && sweeps <= WORTH
         {
             self.rung(Method::GaussSeidel, sweeps as usize + TRIAL, true);
@@ -174,8 +170,9 @@ impl<'a> Ladder<'a> {
         }
     }
 
-    /// Runs a method, from the best iterate so far or by itself, and keeps what is better.
-    fn rung(&mut self, method: Method, budget: usize, warm: bool) -> Outcome {
+    /// Runs a method, from the best iterate so far or by itself, and keeps what is better. Returns how
+    /// many more iterations its rate promises.
+    fn rung(&mut self, method: Method, budget: usize, warm: bool) -> Option<f64> {
         let so_far = &self.solved.outcome;
         let left = self.limits.budget - so_far.iterations.min(self.limits.budget);
         let limits = Limits { budget: budget.min(left), ..*self.limits };
@@ -183,8 +180,9 @@ impl<'a> Ladder<'a> {
         let start = if first { self.warm } else { Some(so_far.impulses.as_slice()) };
         let before = self.started.elapsed();
         let outcome = method.solve(self.problem, start.filter(|_| warm), &limits);
-        self.keep(method, outcome.clone(), before);
-        outcome
+        let promised = promised(&outcome, self.limits.tolerance);
+        self.keep(method, outcome, before);
+        promised
     }
 
     /// `before` is when its time began.

@@ -4,6 +4,8 @@ use super::blocks::Block;
 
 /// A state of sliding that fits this well is one. \[1\]
 const TOLERANCE: f64 = 1e-14;
+/// From here one Newton step is enough. \[1\]
+const ALMOST: f64 = 1e-8;
 /// Newton steps, or halvings where Newton leads astray.
 const STEPS: usize = 60;
 
@@ -72,18 +74,19 @@ fn disc<const D: usize>(
     let (s11, s12, s21, s22) = (s(1, 1), s(1, 2), s(2, 1), s(2, 2));
     let c = [b[1] - a[1][0] * b[0] * inverse, b[2] - a[2][0] * b[0] * inverse];
     let free = -b[0] * inverse;
-    // -(S + lambda)^-1 x
-    let solve = |lambda: f64, x: [f64; 2]| {
+    // -(S + lambda)^-1, and -(S + lambda)^-1 x
+    let inverted = |lambda: f64| {
         let (p, q) = (s11 + lambda, s22 + lambda);
-        let determinant = p * q - s12 * s21;
-        [(s12 * x[1] - q * x[0]) / determinant, (s21 * x[0] - p * x[1]) / determinant]
+        let scale = 1.0 / (p * q - s12 * s21);
+        [[-q * scale, s12 * scale], [s21 * scale, -p * scale]]
     };
+    let times = |m: [[f64; 2]; 2], x: [f64; 2]| m.map(|row| row[0] * x[0] + row[1] * x[1]);
     let normal = |t: [f64; 2]| free - (a[0][1] * t[0] + a[0][2] * t[1]) * inverse;
     let length = |t: [f64; 2]| (t[0] * t[0] + t[1] * t[1]).sqrt();
 
     let determinant = s11 * s22 - s12 * s21;
     if determinant > 1e-14 * (s11.abs() + s22.abs()).powi(2) {
-        let t = solve(0.0, c);
+        let t = times(inverted(0.0), c);
         if length(t) <= friction * normal(t) {
             *lambda = 0.0;
             return Some((normal(t), t));
@@ -96,9 +99,11 @@ fn disc<const D: usize>(
     let scale = 0.5 * (s11.abs() + s22.abs()) + a[0][0] * f64::EPSILON;
     let mut at = if *lambda > 0.0 && lambda.is_finite() { *lambda } else { 0.1 * scale };
     for _ in 0..STEPS {
-        let t = solve(at, c);
-        let (n, size) = (normal(t), length(t));
-        let error = friction * n / size - 1.0;
+        let solve = inverted(at);
+        let t = times(solve, c);
+        let (n, squared) = (normal(t), t[0] * t[0] + t[1] * t[1]);
+        let part = friction / squared.sqrt();
+        let error = part * n - 1.0;
         if error.abs() <= TOLERANCE {
             break;
         }
@@ -108,11 +113,10 @@ fn disc<const D: usize>(
             high = at;
         }
         // d r_t / d lambda = -(S + lambda)^-1 r_t.
-        let dt = solve(at, t);
+        let dt = times(solve, t);
         let dn = -(a[0][1] * dt[0] + a[0][2] * dt[1]) * inverse;
-        let along = (t[0] * dt[0] + t[1] * dt[1]) / (size * size);
-        let slope = friction / size * (dn - n * along);
-        let newton = at - error / slope;
+        let along = t[0] * dt[0] + t[1] * dt[1];
+        let newton = at - error * squared / (part * (dn * squared - n * along));
         let next = if newton > low && newton < high {
             newton
         } else if high.is_finite() {
@@ -120,13 +124,15 @@ fn disc<const D: usize>(
         } else {
             4.0 * at
         };
-        if (next - at).abs() <= f64::EPSILON * at {
+        // Where a step squares the error, the next one would be rounding.
+        let last = error.abs() <= ALMOST || (next - at).abs() <= f64::EPSILON * at;
+        at = next;
+        if last {
             break;
         }
-        at = next;
     }
     *lambda = at;
-    let t = solve(at, c);
+    let t = times(inverted(at), c);
     // Exactly on the cone, whatever the rounding of lambda.
     let n = normal(t);
     let shrink = (friction * n / length(t)).min(1.0);

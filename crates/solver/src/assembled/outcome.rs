@@ -72,17 +72,22 @@ impl<'a> Progress<'a> {
         let usable = |r: &&[f64]| r.len() == problem.unknowns() && r.iter().all(|x| x.is_finite());
         let zero = || vec![0.0; problem.unknowns()];
         let start = warm.filter(usable).map_or_else(zero, <[f64]>::to_vec);
-        let mut progress = Self {
+        let mut progress = Self::unmeasured(problem, limits);
+        progress.record(&start);
+        (progress, start)
+    }
+
+    /// At zero, of which nothing is known yet.
+    pub(super) fn unmeasured(problem: &'a Problem, limits: &Limits) -> Self {
+        Self {
             problem,
             limits: *limits,
-            best: zero(),
+            best: vec![0.0; problem.unknowns()],
             residual: f64::INFINITY,
             history: Vec::new(),
             started: Instant::now(),
             iterations: 0,
-        };
-        progress.record(&start);
-        (progress, start)
+        }
     }
 
     /// Measures an iterate and keeps it if it is the best.
