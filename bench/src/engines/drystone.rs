@@ -19,6 +19,8 @@ impl Drystone {
         settings: StepSettings,
         threads: usize,
     ) -> Result<Self, Refusal> {
+        // As in all engines here, nothing sleeps.
+        let settings = StepSettings { sleep: 0.0, ..settings };
         let mut simulation = ::drystone::build(scene, settings)
             .map_err(|error| Refusal::new(error.body, error.reason))?;
         simulation.set_threads(threads);

@@ -75,6 +75,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "SPEED", value_parser = speed)]
     tolerance: Option<f32>,
 
+    /// Leave islands that have held still for so many seconds out of steps until something touches them;
+    /// 0: never [default: as the scene says, or 0; with --realtime 0.5]
+    #[arg(long, value_name = "S", value_parser = real(0.0..=1e6))]
+    sleep: Option<f64>,
+
     /// Threads; results do not depend on it [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
@@ -245,6 +250,7 @@ fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failur
     let mut settings = scene.settings(preset)?;
     settings.substeps = arguments.substeps.unwrap_or(settings.substeps);
     settings.iterations = arguments.iterations.unwrap_or(settings.iterations);
+    settings.sleep = arguments.sleep.map_or(settings.sleep, |seconds| seconds as f32);
     settings.tolerance = arguments.tolerance.unwrap_or(settings.tolerance);
     settings.ledger |= arguments.ledger;
     Ok(settings)

@@ -1,6 +1,6 @@
 //! The bodies of a world: poses, inertia and what acts on them, one array per property.
 
-use drystone_solver::{Mass, SymmetricMatrix, Vector, Velocity};
+use drystone_solver::{InverseMass, Mass, SymmetricMatrix, Vector, Velocity};
 
 use crate::geometry::{Frame, Geometry, MassProperties};
 use crate::scene::{Filter, Material, Motion};
@@ -220,6 +220,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         Mass {
             linear: if inertia.mass.is_finite() { f64::from(inertia.mass) } else { 0.0 },
             angular: self.frames[body].tensor(inertia.moments).cast(),
+        }
+    }
+
+    /// M^-1 of a body at its present pose.
+    pub(crate) fn inverse_mass(&self, body: usize) -> InverseMass<f32, L, A> {
+        let inertia = &self.inertia[body];
+        if !self.is_dynamic(body) {
+            return InverseMass::FIXED;
+        }
+        InverseMass {
+            linear: inertia.inverse_mass(),
+            angular: self.frames[body].tensor(inertia.inverse_moments),
         }
     }
 

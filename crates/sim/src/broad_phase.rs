@@ -33,13 +33,19 @@ impl<const L: usize> BroadPhase<L> {
         }
     }
 
+    /// Whether a shape that needs this room is still within its stored box.
+    pub(crate) fn holds(&self, shape: usize, needed: &Bounds<L>) -> bool {
+        let stored = self.boxes.get(shape).copied().flatten();
+        stored.is_some_and(|stored| contains(&stored, needed))
+    }
+
     /// Makes room for `needed` where it has grown out of its box.
     pub(crate) fn update(&mut self, shape: u32, needed: &Bounds<L>) {
         let index = shape as usize;
         if self.boxes.len() <= index {
             self.boxes.resize(index + 1, None);
         }
-        if self.boxes[index].is_some_and(|stored| contains(&stored, needed)) {
+        if self.holds(index, needed) {
             return;
         }
         let extent = needed.max - needed.min;

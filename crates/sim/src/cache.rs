@@ -15,7 +15,9 @@ pub(crate) struct Pair {
     pub(crate) restitution: f32,
     /// Smallest extent of the thinner shape. \[m\]
     pub(crate) thickness: f32,
-    /// Its records.
+    /// Whether it rests: neither body moves or can be moved.
+    pub(crate) rests: bool,
+    /// Its records: of the step, or of what rests.
     pub(crate) first: u32,
     pub(crate) count: u32,
 }
@@ -78,16 +80,33 @@ impl<const L: usize> Records<L> {
         &self.points[record.points()]
     }
 
-    /// Appends those of `others`.
-    pub(crate) fn append(&mut self, others: &Self) {
-        let offset = self.points.len() as u32;
-        self.points.extend_from_slice(&others.points);
-        let moved = |record: &Record<L>| Record { first: record.first + offset, ..*record };
-        self.manifolds.extend(others.manifolds.iter().map(moved));
+    /// Appends the records that a pair has in `from`, and makes them the pair's.
+    pub(crate) fn take_pair(&mut self, pair: &mut Pair, from: &Self) {
+        let own = pair.records();
+        pair.first = self.manifolds.len() as u32;
+        for record in &from.manifolds[own] {
+            let first = self.points.len() as u32;
+            self.points.extend_from_slice(from.points_of(record));
+            self.manifolds.push(Record { first, ..*record });
+        }
     }
 }
 
 impl<const L: usize> Record<L> {
+    /// No record.
+    pub(crate) const NONE: Self = Self {
+        bodies: [0; 2],
+        friction: 0.0,
+        restitution: 0.0,
+        part: 0,
+        first: 0,
+        count: 0,
+        normal: Vector::ZERO,
+        local_normal: Vector::ZERO,
+        found_at: Frame::IDENTITY,
+        reach: 0.0,
+    };
+
     pub(crate) fn points(&self) -> std::ops::Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }

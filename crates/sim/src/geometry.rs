@@ -1,6 +1,7 @@
 //! What a dimension must supply: poses that advance, shapes with bounds and mass, and the points
 //! where two shapes touch. Everything else in a world is written once for all of them.
 
+mod hull;
 mod polyhedra;
 mod rigid;
 pub mod spheres;
@@ -18,6 +19,8 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     type Pose: Copy + Debug + PartialEq + Send + Sync;
     /// A convex shape, a half-space or a triangle mesh.
     type Shape: Clone + Send + Sync;
+    /// A shape with what its contacts need at hand.
+    type Collider: Send + Sync;
     /// Memory that [`collide`](Self::collide) reuses.
     type Scratch: Default + Send;
 
@@ -51,10 +54,16 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// no volume.
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<L, A>;
 
+    /// A shape made ready for [`collide`](Self::collide).
+    fn collider(shape: Self::Shape) -> Self::Collider;
+
+    /// The shape it is made of.
+    fn shape_of(collider: &Self::Collider) -> &Self::Shape;
+
     /// Reports each manifold of points at which two shapes overlap or are within `prediction` \[m\].
     fn collide(
-        a: (&Self::Shape, &Self::Pose),
-        b: (&Self::Shape, &Self::Pose),
+        a: (&Self::Collider, &Self::Pose),
+        b: (&Self::Collider, &Self::Pose),
         prediction: f32,
         scratch: &mut Self::Scratch,
         report: &mut dyn FnMut(&Touch<L>),

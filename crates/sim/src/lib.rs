@@ -75,6 +75,7 @@ mod saved;
 pub mod scene;
 mod settings;
 mod simulation;
+mod sleep;
 mod world;
 
 pub use bodies::{Body, BodyId, Collider, Inertia};

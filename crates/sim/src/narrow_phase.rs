@@ -1,7 +1,7 @@
 //! Where near shapes touch: from pairs to the manifolds of this step.
 
 use drystone_solver::Vector;
-use rayon::prelude::*;
+use drystone_solver::team::Team;
 
 use crate::bodies::Bodies;
 use crate::cache::{self, Pair, Point, Record, Records, inherit};
@@ -9,12 +9,17 @@ use crate::geometry::{Frame, Geometry};
 
 /// What the narrow phase reads.
 pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    pub(crate) shapes: &'a [G::Shape],
+    pub(crate) shapes: &'a [G::Collider],
     /// Poses of the shapes, turned with their bodies but seen from their centers of mass.
     pub(crate) poses: &'a [G::Pose],
     pub(crate) bodies: &'a Bodies<G, L, A>,
     /// How far a body can move against another within the step, by body. \[m\]
     pub(crate) travel: &'a [Travel<L>],
+    /// Records of the step before, and of what rests.
+    pub(crate) old: &'a Records<L>,
+    pub(crate) resting: &'a Records<L>,
+    /// Whether a body moves or can be moved.
+    pub(crate) active: &'a [bool],
     pub(crate) prediction_distance: f32,
     pub(crate) reuse_distance: f32,
 }
@@ -53,23 +58,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L,
 }
 
 /// Fills `records` with the manifolds of all pairs, in the order of the pairs whatever the number
-/// of threads, and gives each pair its range. `old` are the records of the step before.
+/// of threads, and gives each pair its range; pairs that rest keep theirs.
 pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pairs: &mut [Pair],
-    old: &Records<L>,
     workers: &mut Vec<Worker<G, L, A>>,
-    parallel: bool,
+    team: &Team,
     records: &mut Records<L>,
 ) {
-    records.clear();
-    if !parallel || pairs.len() < 2 * CHUNK {
+    if team.members() == 1 || pairs.len() < 2 * CHUNK {
+        records.clear();
         if workers.is_empty() {
             workers.push(Worker::default());
         }
         let scratch = &mut workers[0].scratch;
         for pair in pairs {
-            collide(around, pair, old, scratch, records);
+            collide(around, pair, scratch, records);
         }
         return;
     }
@@ -77,28 +81,52 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     if workers.len() < chunks {
         workers.resize_with(chunks, Worker::default);
     }
-    pairs.par_chunks_mut(CHUNK).zip(workers.par_iter_mut()).for_each(|(pairs, worker)| {
+    let parts = pairs.chunks_mut(CHUNK).zip(workers.iter_mut());
+    team.for_each(true, parts, |(pairs, worker)| {
         worker.records.clear();
         for pair in pairs {
-            collide(around, pair, old, &mut worker.scratch, &mut worker.records);
+            collide(around, pair, &mut worker.scratch, &mut worker.records);
         }
     });
-    for (pairs, worker) in pairs.chunks_mut(CHUNK).zip(workers) {
-        let offset = records.manifolds.len() as u32;
-        for pair in pairs {
-            pair.first += offset;
+    let total =
+        |of: fn(&Records<L>) -> usize| workers[..chunks].iter().map(|w| of(&w.records)).sum();
+    records.manifolds.resize(total(|found| found.manifolds.len()), Record::NONE);
+    records.points.resize(total(|found| found.points.len()), Point::default());
+    let (mut first, mut first_point) = (0, 0);
+    let mut left = (&mut records.manifolds[..], &mut records.points[..]);
+    let parts =
+        pairs.chunks_mut(CHUNK).zip(workers).map(|(pairs, Worker { records: found, .. })| {
+            let (manifolds, points) = std::mem::take(&mut left);
+            let (manifolds, later_manifolds) = manifolds.split_at_mut(found.manifolds.len());
+            let (points, later_points) = points.split_at_mut(found.points.len());
+            left = (later_manifolds, later_points);
+            let offsets = [first, first_point];
+            first += manifolds.len() as u32;
+            first_point += points.len() as u32;
+            (pairs, &*found, manifolds, points, offsets)
+        });
+    team.for_each(true, parts, |(pairs, found, manifolds, points, [first, first_point])| {
+        for pair in pairs.iter_mut().filter(|pair| !pair.rests) {
+            pair.first += first;
         }
-        records.append(&worker.records);
-    }
+        points.copy_from_slice(&found.points);
+        for (to, from) in manifolds.iter_mut().zip(&found.manifolds) {
+            *to = Record { first: from.first + first_point, ..*from };
+        }
+    });
 }
 
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pair: &mut Pair,
-    old: &Records<L>,
     scratch: &mut G::Scratch,
     records: &mut Records<L>,
 ) {
+    if pair.rests && !pair.bodies.iter().any(|&body| around.active[body as usize]) {
+        return;
+    }
+    let old = if pair.rests { around.resting } else { around.old };
+    pair.rests = false;
     let known = &old.manifolds[pair.records()];
     pair.first = records.manifolds.len() as u32;
     // Everything is seen from the center of mass of b: so it does not matter how far the pair is

@@ -81,6 +81,8 @@ pub struct StepReport {
     pub manifolds: usize,
     /// Contact points, those that do not touch yet included.
     pub contacts: usize,
+    /// Bodies that sleep after it.
+    pub asleep: usize,
     /// Passes over all contacts.
     pub sweeps: usize,
     /// Collisions that bounced.

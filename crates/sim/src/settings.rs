@@ -58,6 +58,9 @@ pub struct StepSettings {
     pub searches: u32,
     /// Contact points are reused while two bodies move less than this against each other. \[m\]
     pub reuse_distance: f32,
+    /// Time after which an island that holds still is left out of steps, until something touches or
+    /// moves it. 0: never. \[s\]
+    pub sleep: f32,
     /// Whether each step reports where its energy came from and where it went. Motion does not
     /// depend on it.
     pub ledger: bool,
@@ -94,6 +97,7 @@ impl StepSettings {
             travel_per_search: 0.1,
             searches: 32,
             reuse_distance: 0.0,
+            sleep: 0.0,
             ledger: false,
         }
     }
@@ -122,6 +126,7 @@ impl StepSettings {
             travel_per_search: 1.0,
             searches: 4,
             reuse_distance: 0.002,
+            sleep: 0.5,
             ..Self::quality()
         }
     }

@@ -243,7 +243,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
     }
 
     fn masses(&self) -> Vec<f64> {
-        self.world.system().masses.iter().map(|mass| 1.0 / f64::from(mass.linear)).collect()
+        (0..self.world.len()).map(|body| self.world.mass(body)).collect()
     }
 
     fn nearby(&self) -> Vec<Nearby> {

@@ -4,7 +4,10 @@ mod checkpoint;
 
 pub use checkpoint::{Checkpoint, CheckpointError};
 
+use std::sync::Arc;
+
 use drystone_solver::restitution::{self, Blow, Collisions};
+use drystone_solver::team::Team;
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
 
@@ -14,12 +17,14 @@ use crate::cache::{Pair, Records};
 use crate::certifier::Certifier;
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties};
 use crate::ledger::Books;
+use crate::motion::{self, CHUNK};
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
+use crate::rows;
 use crate::saved::SavedSystem;
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::settings::StepSettings;
-use crate::{motion, rows};
+use crate::sleep::Sleep;
 
 /// Rounds of collisions within a substep: a blow passes through this many contacts against the
 /// order of the contacts.
@@ -38,8 +43,14 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     colliders: Colliders<G, L, A>,
     broad_phase: BroadPhase<L>,
     pairs: Vec<Pair>,
+    fresh_pairs: Vec<Pair>,
     records: Records<L>,
     old_records: Records<L>,
+    sleep: Sleep<L>,
+    /// Whether each body moves or can be moved.
+    active: Vec<bool>,
+    /// Gravity in the last step: another wakes all.
+    last_gravity: Vector<f32, L>,
     /// Velocities and inverse masses of the bodies live here, where the solver works on them.
     system: System<f32, L, A>,
     /// The contacts of `system`, sixteen side by side, for the sweeps.
@@ -51,7 +62,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     displacements: Vec<Velocity<f32, L, A>>,
     travel: Vec<Travel<L>>,
     workers: Vec<Worker<G, L, A>>,
-    pool: Option<rayon::ThreadPool>,
+    team: Arc<Team>,
     /// Whether steps save their last contact system, and that of the last step.
     saving: bool,
     saved: Option<SavedSystem<L, A>>,
@@ -60,7 +71,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
 /// The shapes of all bodies, one array per property.
 struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     body: Vec<u32>,
-    shapes: Vec<G::Shape>,
+    shapes: Vec<G::Collider>,
     /// Smallest extent of a solid; unlimited for what has no volume. \[m\]
     thickness: Vec<f32>,
     /// In the frame of the body's center of mass.
@@ -70,6 +81,8 @@ struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     material: Vec<Material>,
     filter: Vec<Filter>,
     removed: Vec<bool>,
+    /// The room that a shape needs, where it has outgrown its box in the broad phase.
+    outgrown: Vec<Option<Bounds<L>>>,
 }
 
 /// How the substeps of a part of a step are taken.
@@ -103,11 +116,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 material: Vec::new(),
                 filter: Vec::new(),
                 removed: Vec::new(),
+                outgrown: Vec::new(),
             },
             broad_phase: BroadPhase::new(),
             pairs: Vec::new(),
+            fresh_pairs: Vec::new(),
             records: Records::default(),
             old_records: Records::default(),
+            sleep: Sleep::default(),
+            active: Vec::new(),
+            last_gravity: Vector::ZERO,
             system: System::new(),
             wide: Wide::new(),
             certifier: Certifier::default(),
@@ -116,7 +134,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             displacements: Vec::new(),
             travel: Vec::new(),
             workers: Vec::new(),
-            pool: None,
+            team: Arc::default(),
             saving: false,
             saved: None,
         }
@@ -124,9 +142,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Uses `threads` threads; results do not depend on it. Keeps to one where no more can be had.
     pub fn set_threads(&mut self, threads: usize) {
-        self.pool = (threads > 1)
-            .then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok())
-            .flatten();
+        if threads.max(1) != self.team.members() {
+            self.team = Arc::new(Team::new(threads));
+            self.wide.set_team(Arc::clone(&self.team));
+        }
     }
 
     /// Adds a body. Mass and inertia come from its shapes unless it brings its own; a dynamic
@@ -164,7 +183,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.forces[index] = Velocity::ZERO;
         let moves = body.motion != Motion::Static;
         self.system.velocities[index] = if moves { body.velocity } else { Velocity::ZERO };
-        self.update_mass(index);
+        self.sleep.reset(index);
+        self.system.masses[index] = self.bodies.inverse_mass(index);
         for collider in body.colliders {
             let colliders = &mut self.colliders;
             let id = colliders.body.len() as u32;
@@ -174,12 +194,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.broad_phase.update(id, &bounds);
             colliders.body.push(index as u32);
             colliders.thickness.push(thickness::<G, L, A>(&collider.shape));
-            colliders.shapes.push(collider.shape);
+            colliders.shapes.push(G::collider(collider.shape));
             colliders.local.push(local);
             colliders.poses.push(turned);
             colliders.material.push(collider.material);
             colliders.filter.push(collider.filter);
             colliders.removed.push(false);
+            colliders.outgrown.push(None);
         }
         BodyId { index: index as u32, generation: self.bodies.generation[index] }
     }
@@ -211,6 +232,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Removes a body; returns whether it was there.
     pub fn remove(&mut self, id: BodyId) -> bool {
         let Some(index) = self.index(id) else { return false };
+        for pair in 0..self.pairs.len() {
+            let [a, b] = self.pairs[pair].bodies.map(|body| body as usize);
+            if a == index || b == index {
+                self.rouse(a);
+                self.rouse(b);
+            }
+        }
         self.bodies.motion[index] = None;
         self.bodies.inertia[index] = Inertia::FIXED;
         self.system.velocities[index] = Velocity::ZERO;
@@ -257,11 +285,25 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.index(id).map(|index| self.system.velocities[index])
     }
 
-    /// Sets the velocity of a dynamic or kinematic body.
+    /// Whether a body sleeps: it and all that it touches have held still for a while
+    /// ([`StepSettings::sleep`]), and steps leave it out until something touches or moves it.
+    pub fn sleeps(&self, id: BodyId) -> bool {
+        self.index(id).is_some_and(|index| self.sleep.sleeps(index))
+    }
+
+    /// Wakes a body and all that sleeps with it.
+    pub fn wake(&mut self, id: BodyId) {
+        if let Some(index) = self.index(id) {
+            self.rouse(index);
+        }
+    }
+
+    /// Sets the velocity of a dynamic or kinematic body, and wakes it.
     pub fn set_velocity(&mut self, id: BodyId, velocity: Velocity<f32, L, A>) {
         if let Some(index) = self.index(id)
             && self.bodies.motion[index] != Some(Motion::Static)
         {
+            self.rouse(index);
             self.system.velocities[index] = velocity;
         }
     }
@@ -277,9 +319,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
     }
 
-    /// Adds a force \[N\] and torque \[N m\] that act through the next step.
+    /// Adds a force \[N\] and torque \[N m\] that act through the next step, and wakes the body.
     pub fn add_force(&mut self, id: BodyId, force: Velocity<f32, L, A>) {
         if let Some(index) = self.index(id) {
+            self.rouse(index);
             self.bodies.forces[index] += force;
         }
     }
@@ -305,6 +348,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let mut report = StepReport::default();
         let mut clock = Clock::start();
         let substeps = self.settings.substeps.max(1);
+        if self.settings.sleep <= 0.0 || self.gravity != self.last_gravity {
+            self.rouse_all();
+        }
+        self.last_gravity = self.gravity;
         self.find_pairs(dt);
         let parts = self.parts(dt).min(self.settings.searches.max(1));
         let substeps = substeps.div_ceil(parts);
@@ -318,6 +365,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.part(dt / parts as f32, substeps, last, &mut clock, &mut report);
         }
         self.bodies.forces.fill(Velocity::ZERO);
+        let delay = self.settings.sleep;
+        if delay > 0.0 && self.sleep.fall_asleep(&self.bodies, &mut self.system, dt, delay) {
+            self.update_masses();
+            self.place_shapes();
+        }
+        report.asleep = (0..self.len()).filter(|&body| self.sleep.sleeps(body)).count();
         report.pairs = self.pairs.len();
         report.manifolds = self.system.manifolds.len();
         report.contacts = self.system.contacts.len();
@@ -330,7 +383,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let limit = self.settings.travel_per_search;
         let fall = self.gravity.length() * dt * dt;
         let mut worst = 0.0f32;
-        for pair in &self.pairs {
+        for pair in self.pairs.iter().filter(|pair| !pair.rests) {
             let [a, b] = pair.bodies.map(|body| body as usize);
             let [one, other] = [self.travel[a], self.travel[b]];
             let apart = (one.linear - other.linear).length();
@@ -354,7 +407,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     ) {
         self.find_manifolds();
         clock.lap(report, Stage::Manifolds);
-        rows::rows(&self.records, &self.bodies, dt, &mut self.system);
+        rows::rows(&self.records, &self.bodies, dt, &self.team, &mut self.system);
         let plan = self.plan(dt / substeps as f32, substeps, last);
         self.pack(&plan);
         clock.lap(report, Stage::Rows);
@@ -414,7 +467,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if plan.ledger {
             books.start(&system.velocities);
         }
-        motion::predict(bodies, &system.masses, self.gravity, plan.h, &mut system.velocities);
+        let (masses, velocities) = (&system.masses, &mut system.velocities);
+        motion::predict(bodies, masses, self.gravity, plan.h, &self.team, velocities);
         clock.lap(report, Stage::Predict);
         if let Some(collisions) = &plan.collisions {
             if plan.ledger {
@@ -464,7 +518,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             wide.unpack(system);
             books.depart(system);
         }
-        motion::advance(bodies, plan.h, &mut system.velocities, moved);
+        motion::advance(bodies, plan.h, &self.team, &mut system.velocities, moved);
         clock.lap(report, Stage::Advance);
         if plan.ledger {
             books.arrive(&system.velocities);
@@ -486,92 +540,161 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             report.jams = self.certifier.jams(&self.system, sinking);
             clock.lap(report, Stage::Certify);
         }
-        motion::arrive(&mut self.bodies, &self.displacements);
+        motion::arrive(&mut self.bodies, &self.team, &self.displacements);
         if plan.ledger {
             let ledger = self.books.close(&self.bodies, self.gravity, &self.system.velocities);
             report.energy.get_or_insert_default().join(&ledger);
         }
-        for body in 0..self.len() {
-            self.update_mass(body);
-        }
+        self.update_masses();
         clock.lap(report, Stage::Advance);
         let hold = self.settings.hold;
-        rows::remember(&self.system, &self.displacements, hold, &mut self.records);
+        let (system, moved) = (&self.system, &self.displacements);
+        rows::remember(system, moved, hold, &self.team, &mut self.records);
         clock.lap(report, Stage::Remember);
     }
 
-    /// M^-1 of a body at its present pose.
-    fn update_mass(&mut self, body: usize) {
-        if self.bodies.is_dynamic(body) {
-            let inertia = &self.bodies.inertia[body];
-            self.system.masses[body] = InverseMass {
-                linear: inertia.inverse_mass(),
-                angular: self.bodies.frames[body].tensor(inertia.inverse_moments),
-            };
-        } else {
-            self.system.masses[body] = InverseMass::FIXED;
+    /// M^-1 of all bodies at their present poses; nothing moves one that sleeps.
+    fn update_masses(&mut self) {
+        let (bodies, sleep) = (&self.bodies, &self.sleep);
+        let masses = self.system.masses.chunks_mut(CHUNK).enumerate();
+        self.team.for_each(bodies.poses.len() > 2 * CHUNK, masses, |(chunk, masses)| {
+            for (body, mass) in (CHUNK * chunk..).zip(masses) {
+                *mass =
+                    if sleep.sleeps(body) { InverseMass::FIXED } else { bodies.inverse_mass(body) };
+            }
+        });
+    }
+
+    /// Wakes a body, by its slot, and all that sleeps with it; returns whether it slept.
+    fn rouse(&mut self, body: usize) -> bool {
+        let slept = self.sleep.wake(body);
+        if slept {
+            self.update_masses();
+        }
+        slept
+    }
+
+    fn rouse_all(&mut self) {
+        for body in 0..self.len() {
+            self.rouse(body);
         }
     }
 
     /// Pairs of shapes whose boxes, enlarged by where they can get to in `dt`, overlap.
     fn find_pairs(&mut self, dt: f32) {
         let reach = self.settings.prediction_distance * 0.5;
-        for body in 0..self.len() {
-            let velocity = &self.system.velocities[body];
-            self.travel[body] = Travel {
+        let bodies = &self.bodies;
+        for ((travel, velocity), reach) in
+            self.travel.iter_mut().zip(&self.system.velocities).zip(&bodies.reach)
+        {
+            *travel = Travel {
                 linear: velocity.linear * dt,
-                angular: velocity.angular.length() * self.bodies.reach[body] * dt,
+                angular: velocity.angular.length() * reach * dt,
                 blow: 0.0,
             };
         }
-        let colliders = &mut self.colliders;
-        for id in 0..colliders.body.len() {
-            let body = colliders.body[id] as usize;
-            if colliders.removed[id] || self.bodies.motion[body] == Some(Motion::Static) {
-                continue;
+        let (travel, sleep, broad_phase) = (&self.travel, &self.sleep, &self.broad_phase);
+        let Colliders { body, shapes, local, poses, removed, outgrown, .. } = &mut self.colliders;
+        let useful = body.len() > 2 * CHUNK;
+        let chunks = poses.chunks_mut(CHUNK).zip(outgrown.chunks_mut(CHUNK)).enumerate();
+        self.team.for_each(useful, chunks, |(chunk, (poses, outgrown))| {
+            for (id, (turned, outgrown)) in (CHUNK * chunk..).zip(poses.iter_mut().zip(outgrown)) {
+                let body = body[id] as usize;
+                *outgrown = None;
+                let moves = bodies.motion[body] != Some(Motion::Static);
+                if removed[id] || !moves || sleep.sleeps(body) {
+                    continue;
+                }
+                let (pose, frame) = (&bodies.poses[body], &bodies.frames[body]);
+                let mut bounds;
+                (*turned, bounds) =
+                    place::<G, L, A>(G::shape_of(&shapes[id]), &local[id], pose, frame);
+                for i in 0..L {
+                    let ahead = travel[body].linear[i];
+                    bounds.min[i] += ahead.min(0.0) - reach;
+                    bounds.max[i] += ahead.max(0.0) + reach;
+                }
+                *outgrown = (!broad_phase.holds(id, &bounds)).then_some(bounds);
             }
-            let (pose, frame) = (&self.bodies.poses[body], &self.bodies.frames[body]);
-            let (turned, mut bounds) =
-                place::<G, L, A>(&colliders.shapes[id], &colliders.local[id], pose, frame);
-            colliders.poses[id] = turned;
-            for i in 0..L {
-                let ahead = self.travel[body].linear[i];
-                bounds.min[i] += ahead.min(0.0) - reach;
-                bounds.max[i] += ahead.max(0.0) + reach;
+        });
+        for (id, bounds) in outgrown.iter().enumerate() {
+            if let Some(bounds) = bounds {
+                self.broad_phase.update(id as u32, bounds);
             }
-            self.broad_phase.update(id as u32, &bounds);
         }
         let Some(found) = self.broad_phase.new_pairs() else { return };
-        let old = self.pairs.len();
+        let fresh = &mut self.fresh_pairs;
+        fresh.clear();
         for &pair in found {
-            let known = self.pairs[..old].binary_search_by_key(&pair, |known| known.colliders);
-            if known.is_err()
-                && let Some(pair) = new_pair(colliders, &self.bodies, pair)
-            {
-                self.pairs.push(pair);
+            if self.pairs.binary_search_by_key(&pair, |known| known.colliders).is_err() {
+                fresh.extend(new_pair(&self.colliders, &self.bodies, pair));
             }
         }
         let broad_phase = &self.broad_phase;
+        fresh.retain(|pair| broad_phase.near(pair.colliders));
         self.pairs.retain(|pair| broad_phase.near(pair.colliders));
-        self.pairs.sort_unstable_by_key(|pair| pair.colliders);
+        merge(&mut self.pairs, fresh);
+    }
+
+    /// Turns all shapes with their bodies, also of those that sleep.
+    fn place_shapes(&mut self) {
+        let colliders = &mut self.colliders;
+        for id in 0..colliders.body.len() {
+            let body = colliders.body[id] as usize;
+            let (shape, local) = (G::shape_of(&colliders.shapes[id]), &colliders.local[id]);
+            let (pose, frame) = (&self.bodies.poses[body], &self.bodies.frames[body]);
+            colliders.poses[id] = place::<G, L, A>(shape, local, pose, frame).0;
+        }
     }
 
     fn find_manifolds(&mut self) {
         std::mem::swap(&mut self.records, &mut self.old_records);
+        self.note_active();
+        if self.sleep.is_used() {
+            let active = |body: u32| self.active[body as usize];
+            self.sleep.rest_pairs(&mut self.pairs, &self.old_records, active);
+        }
+        self.collide();
+        // What is touched wakes, and may wake what it touches.
+        while self.rouse_touched() {
+            self.note_active();
+            std::mem::swap(&mut self.records, &mut self.old_records);
+            self.collide();
+        }
+    }
+
+    fn note_active(&mut self) {
+        let (bodies, velocities) = (&self.bodies, &self.system.velocities);
+        let active = |body: usize| self.sleep.is_active(bodies, velocities, body);
+        self.active.clear();
+        self.active.extend((0..bodies.poses.len()).map(active));
+    }
+
+    /// Wakes what something active touches; returns whether any slept.
+    fn rouse_touched(&mut self) -> bool {
+        let mut any = false;
+        for record in 0..self.records.manifolds.len() {
+            for body in self.records.manifolds[record].bodies {
+                any |= self.sleep.sleeps(body as usize) && self.rouse(body as usize);
+            }
+        }
+        any
+    }
+
+    fn collide(&mut self) {
         let around = Surroundings::<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
             bodies: &self.bodies,
             travel: &self.travel,
+            old: &self.old_records,
+            resting: &self.sleep.records,
+            active: &self.active,
             prediction_distance: self.settings.prediction_distance,
             reuse_distance: self.settings.reuse_distance,
         };
-        let (pairs, old) = (&mut self.pairs, &self.old_records);
-        let (workers, records) = (&mut self.workers, &mut self.records);
-        match &self.pool {
-            None => manifolds(&around, pairs, old, workers, false, records),
-            Some(pool) => pool.install(|| manifolds(&around, pairs, old, workers, true, records)),
-        }
+        let workers = &mut self.workers;
+        manifolds(&around, &mut self.pairs, workers, &self.team, &mut self.records);
     }
 
     /// Energies, deepest overlap and residual as the last step left them.
@@ -598,8 +721,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 out.deepest_penetration = out.deepest_penetration.max(f64::from(-gap));
             }
         }
+        for pair in self.pairs.iter().filter(|pair| pair.rests) {
+            for record in &self.sleep.records.manifolds[pair.records()] {
+                for point in self.sleep.records.points_of(record) {
+                    out.deepest_penetration = out.deepest_penetration.max(f64::from(-point.gap));
+                }
+            }
+        }
         out.residual = self.system.residual(true);
         out
+    }
+
+    /// m of a body, by its slot; infinite for what no push moves. \[kg\]
+    pub(crate) fn mass(&self, body: usize) -> f64 {
+        if self.bodies.is_dynamic(body) {
+            f64::from(self.bodies.inertia[body].mass)
+        } else {
+            f64::INFINITY
+        }
     }
 }
 
@@ -625,6 +764,19 @@ fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(shape: &G::Shape
     (bounds.max - bounds.min).0.into_iter().fold(f32::INFINITY, f32::min)
 }
 
+/// Merges sorted pairs into others, from the end on.
+fn merge(pairs: &mut Vec<Pair>, fresh: &[Pair]) {
+    let mut old = pairs.len();
+    pairs.extend_from_slice(fresh);
+    for (added, pair) in fresh.iter().enumerate().rev() {
+        while old > 0 && pairs[old - 1].colliders > pair.colliders {
+            pairs[old + added] = pairs[old - 1];
+            old -= 1;
+        }
+        pairs[old + added] = *pair;
+    }
+}
+
 fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
     colliders: &Colliders<G, L, A>,
     bodies: &Bodies<G, L, A>,
@@ -646,6 +798,7 @@ fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
         friction: friction as f32,
         restitution: bounce as f32,
         thickness: colliders.thickness[a].min(colliders.thickness[b]),
+        rests: false,
         first: 0,
         count: 0,
     })

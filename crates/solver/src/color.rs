@@ -15,6 +15,8 @@ pub struct Coloring {
     /// lane 0 on; blocks come color after color, in a color by number of points, then in the order
     /// of the manifolds.
     pub places: Vec<u32>,
+    /// The blocks of each color; what fits in none has one of its own.
+    pub colors: Vec<std::ops::Range<u32>>,
     /// Points of the longest manifold of each block.
     pub points: Vec<u32>,
     used: Vec<u64>,
@@ -54,13 +56,20 @@ impl Coloring {
         // Then where each kind begins, a new color in a new block.
         let mut next = [0u32; COLORS * BINS];
         let mut end = 0;
+        self.colors.clear();
         for (next, counts) in next.chunks_mut(BINS).zip(counts.chunks(BINS)) {
+            let first = end / WIDTH as u32;
             for (next, count) in next.iter_mut().zip(counts) {
                 *next = end;
                 end += count;
             }
             end = end.next_multiple_of(WIDTH as u32);
+            if end / WIDTH as u32 > first {
+                self.colors.push(first..end / WIDTH as u32);
+            }
         }
+        let after = end / WIDTH as u32;
+        self.colors.extend((0..alone as u32).map(|i| after + i..after + i + 1));
         self.points.clear();
         self.points.resize(end as usize / WIDTH + alone, 0);
         for (place, (_, points)) in self.places.iter_mut().zip(manifolds) {

@@ -7,7 +7,8 @@
 //! Sixteen, since a visit is a chain: each point waits for the one before it, longer than the arithmetic
 //! of eight lanes takes. The second register fills the wait.
 //!
-//! This module and its entry point [`Lanes::run`] are the only unsafe code of the project.
+//! This module, with its entry point [`Lanes::run`], [`team`](crate::team) and how a team walks over
+//! blocks (`wide/walk.rs`) are the only unsafe code of the project.
 #![allow(unsafe_code)]
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};

@@ -112,6 +112,7 @@ pub mod restitution;
 pub mod solution;
 pub mod symmetric;
 mod system;
+pub mod team;
 mod vector;
 pub mod wide;
 

@@ -3,15 +3,22 @@
 //! The kernels are those of [`pgs`](crate::pgs), run on a number that is sixteen numbers. The
 //! velocities of the bodies are gathered once per visit to a block and serve all its points.
 
+mod block;
 mod conjugate;
+mod walk;
+
+use std::sync::Arc;
 
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::color::Coloring;
-use crate::island::{Islands, NONE};
-use crate::lanes::{Lanes, PART, Portable, Row, WIDTH};
-use crate::pgs::{Parts, visit};
-use crate::{Contact, InverseMass, Manifold, Mobility, Repair, System, Vector, Velocity};
+use crate::island::Islands;
+use crate::lanes::{Lanes, PART, Portable, WIDTH};
+use crate::pgs::visit;
+use crate::team::Team;
+use crate::{Contact, InverseMass, Repair, System, Velocity};
+use block::{Block, fill, prepare, set, splat};
 use conjugate::Conjugate;
+use walk::Ground;
 
 /// A system of `f32` contacts, packed, on the best lanes of this machine.
 #[derive(Clone, Debug)]
@@ -42,6 +49,11 @@ impl<const L: usize, const A: usize> Wide<L, A> {
             return Self::Avx2(Packed::new());
         }
         Self::Portable(Packed::new())
+    }
+
+    /// [`Packed::set_team`].
+    pub fn set_team(&mut self, team: Arc<Team>) {
+        on_lanes!(self, packed => packed.set_team(team));
     }
 
     /// [`Packed::pack`].
@@ -131,23 +143,11 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
     conjugate: Conjugate<V, L>,
+    team: Arc<Team>,
 }
 
-/// The gap of a point that is not there. \[m\]
-const FAR: f32 = 1e6;
-
-/// Up to sixteen manifolds that move different bodies.
-#[derive(Clone, Debug)]
-struct Block<V: Lanes, const L: usize, const A: usize> {
-    /// How many of the lanes are in use.
-    lanes: usize,
-    bodies: [[u32; WIDTH]; 2],
-    islands: [u32; WIDTH],
-    masses: [InverseMass<V, L, A>; 2],
-    mobility: Mobility<V, L, A>,
-    /// `bodies` of this one mean nothing: each lane has its own.
-    manifold: Manifold<V, L>,
-}
+/// Manifolds that a thread takes at once.
+const CHUNK: usize = 256;
 
 impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// An empty one.
@@ -157,7 +157,13 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             contacts: Vec::new(),
             coloring: Coloring::default(),
             conjugate: Conjugate::default(),
+            team: Arc::default(),
         }
+    }
+
+    /// Lets a team work on it; results do not depend on it.
+    pub fn set_team(&mut self, team: Arc<Team>) {
+        self.team = team;
     }
 
     /// Takes over the manifolds and contacts of `system`, and finds their effective masses
@@ -176,46 +182,64 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             first += count;
         }
         self.contacts.resize_with(first as usize, Contact::default);
-        // In the order of the manifolds: they come from memory in a stream, while the blocks that
-        // are being filled, at most one for each color and number of points, stay in cache.
-        for (manifold, &place) in system.manifolds.iter().zip(&self.coloring.places) {
-            let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
-            let block = &mut self.blocks[block];
-            let points = &mut self.contacts[block.manifold.points()];
-            block.take(lane, manifold, system, points);
-        }
-        self.prepare(splat(softness));
-    }
-
-    fn prepare(&mut self, softness: V) {
-        V::run(
-            #[inline(always)]
-            || {
-                for block in &mut self.blocks {
-                    block.mobility = Mobility::of(&block.manifold, &block.masses);
-                    for contact in &mut self.contacts[block.manifold.points()] {
-                        contact.prepare(&block.manifold, &block.mobility, softness);
-                    }
-                }
-            },
-        );
+        let Self { blocks, contacts, coloring, team, .. } = self;
+        let useful = team.is_useful(blocks.len());
+        let share = blocks.len().div_ceil(if useful { team.members() } else { 1 });
+        let mut left = (0, &mut blocks[..], &mut contacts[..]);
+        let parts = std::iter::from_fn(|| {
+            let (first, blocks, contacts) = std::mem::take(&mut left);
+            let (blocks, later) = blocks.split_at_mut(share.min(blocks.len()));
+            let points = blocks.iter().map(|block| block.manifold.count as usize).sum();
+            let (contacts, later_contacts) = contacts.split_at_mut(points);
+            left = (first + blocks.len(), later, later_contacts);
+            (!blocks.is_empty()).then_some((first, blocks, contacts))
+        });
+        team.for_each(useful, parts, |(first, blocks, contacts)| {
+            fill(first, blocks, contacts, coloring, system);
+            V::run(
+                #[inline(always)]
+                || prepare(blocks, contacts, splat(softness)),
+            );
+        });
     }
 
     /// Gives impulses, targets and effective masses to the contacts of `system`.
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
-        for (manifold, &place) in system.manifolds.iter().zip(&self.coloring.places) {
-            let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
-            let wide = &self.contacts[self.blocks[block].manifold.points()];
-            for (contact, wide) in system.contacts[manifold.points()].iter_mut().zip(wide) {
-                for i in 0..L {
-                    contact.impulse[i] = wide.impulse[i].get(lane);
-                    contact.target[i] = wide.target[i].get(lane);
-                }
-                contact.effective_mass = wide.effective_mass.get(lane);
-                contact.tangential_mass = wide.tangential_mass.get(lane);
-                contact.compliance = wide.compliance.get(lane);
-                contact.tangential_compliance = wide.tangential_compliance.get(lane);
+        let System { manifolds, contacts, .. } = system;
+        let mut left = (&manifolds[..], &self.coloring.places[..], &mut contacts[..]);
+        let parts = std::iter::from_fn(|| {
+            let (manifolds, places, contacts) = std::mem::take(&mut left);
+            let (manifolds, later) = manifolds.split_at(manifolds.len().min(CHUNK));
+            let (places, later_places) = places.split_at(manifolds.len());
+            let points = manifolds.iter().map(|manifold| manifold.count as usize).sum();
+            let (contacts, later_contacts) = contacts.split_at_mut(points);
+            left = (later, later_places, later_contacts);
+            (!manifolds.is_empty()).then_some((manifolds, places, contacts))
+        });
+        let useful = self.team.is_useful(self.blocks.len());
+        self.team.for_each(useful, parts, |(manifolds, places, contacts)| {
+            let mut later = contacts;
+            for (manifold, &place) in manifolds.iter().zip(places) {
+                let own;
+                (own, later) = later.split_at_mut(manifold.count as usize);
+                self.give(place as usize, own);
             }
+        });
+    }
+
+    /// Gives the contacts of a manifold what the lane at `place` has.
+    fn give(&self, place: usize, contacts: &mut [Contact<f32, L>]) {
+        let (block, lane) = (place / WIDTH, place % WIDTH);
+        let wide = &self.contacts[self.blocks[block].manifold.points()];
+        for (contact, wide) in contacts.iter_mut().zip(wide) {
+            for i in 0..L {
+                contact.impulse[i] = wide.impulse[i].get(lane);
+                contact.target[i] = wide.target[i].get(lane);
+            }
+            contact.effective_mass = wide.effective_mass.get(lane);
+            contact.tangential_mass = wide.tangential_mass.get(lane);
+            contact.compliance = wide.compliance.get(lane);
+            contact.tangential_compliance = wide.tangential_compliance.get(lane);
         }
     }
 
@@ -258,24 +282,36 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             push_speed: splat(repair.push_speed),
             hold: splat(repair.hold),
         };
-        V::run(
-            #[inline(always)]
-            || {
-                for block in &self.blocks {
-                    let manifold = &block.manifold;
-                    let [moved_a, moved_b] = block.gather(displacements);
-                    let moved = manifold.twist(&moved_a, &moved_b);
-                    let mut wrench = Velocity::ZERO;
-                    for contact in &mut self.contacts[manifold.points()] {
-                        contact.set_target(&moved, &repair);
-                        contact.add_wrench(0..L, contact.impulse, &mut wrench);
+        let (team, ground) = self.ground(velocities);
+        team.run(team.is_useful(ground.blocks.len()), &|member| {
+            V::run(
+                #[inline(always)]
+                || {
+                    for mut visit in ground.walk(member) {
+                        let (block, manifold) = (visit.block, &visit.block.manifold);
+                        let [moved_a, moved_b] = block.gather_from(displacements);
+                        let moved = manifold.twist(&moved_a, &moved_b);
+                        let mut wrench = Velocity::ZERO;
+                        for contact in visit.points() {
+                            contact.set_target(&moved, &repair);
+                            contact.add_wrench(0..L, contact.impulse, &mut wrench);
+                        }
+                        let [mut a, mut b] = visit.gather();
+                        manifold.apply(&wrench, &block.masses, &mut a, &mut b);
+                        visit.scatter([a, b]);
                     }
-                    let [mut a, mut b] = block.gather(velocities);
-                    manifold.apply(&wrench, &block.masses, &mut a, &mut b);
-                    block.scatter([a, b], velocities);
-                }
-            },
-        );
+                },
+            );
+        });
+    }
+
+    /// What a team works on.
+    fn ground<'a>(
+        &'a mut self,
+        velocities: &'a mut [Velocity<f32, L, A>],
+    ) -> (&'a Team, Ground<'a, V, L, A>) {
+        let Self { blocks, contacts, coloring, team, .. } = self;
+        (team, Ground::new(blocks, coloring, contacts, velocities))
     }
 
     /// Tells each manifold which island it belongs to.
@@ -304,7 +340,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             || {
                 for block in &self.blocks {
                     let points = &self.contacts[block.manifold.points()];
-                    let own = block.gather(velocities);
+                    let own = block.gather_from(velocities);
                     for part in 0..block.lanes.div_ceil(PART) {
                         let evidence: Evidence<V::Doubles, L, A> =
                             Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &own);
@@ -343,157 +379,19 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
     ) {
-        V::run(
-            #[inline(always)]
-            || {
-                for block in &self.blocks {
-                    let manifold = &block.manifold;
-                    let [mut a, mut b] = block.gather(velocities);
-                    let points = &mut self.contacts[manifold.points()];
-                    visit::<V, L, A, RIGID, FRICTION>(block.parts(), points, &mut a, &mut b);
-                    block.scatter([a, b], velocities);
-                }
-            },
-        );
-    }
-}
-
-impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
-    fn empty() -> Self {
-        Self {
-            lanes: 0,
-            bodies: [[0; WIDTH]; 2],
-            islands: [NONE; WIDTH],
-            masses: [InverseMass::default(); 2],
-            mobility: Mobility::default(),
-            manifold: Manifold::default(),
-        }
-    }
-
-    /// Puts a manifold into a lane of the block and of its points.
-    fn take(
-        &mut self,
-        lane: usize,
-        manifold: &Manifold<f32, L>,
-        system: &System<f32, L, A>,
-        points: &mut [Contact<V, L>],
-    ) {
-        if self.lanes == 0 {
-            // Idle lanes read the bodies of the first, and are not written back. What a lane has
-            // too few points for is so far open that it never takes an impulse.
-            self.bodies = manifold.bodies.map(|body| [body; WIDTH]);
-            self.masses = [InverseMass::default(); 2];
-            self.manifold.frame = [Vector::ZERO; L];
-            self.manifold.arms = [Vector::ZERO; 2];
-            let mut open = Contact::default();
-            open.gap[0] = splat(FAR);
-            points.fill(open);
-        }
-        self.lanes += 1;
-        self.manifold.friction.set(lane, manifold.friction);
-        self.manifold.compliance.set(lane, manifold.compliance);
-        for (wide, axis) in self.manifold.frame.iter_mut().zip(&manifold.frame) {
-            set(wide, lane, axis);
-        }
-        for side in 0..2 {
-            set(&mut self.manifold.arms[side], lane, &manifold.arms[side]);
-            let body = manifold.bodies[side];
-            let mass = &system.masses[body as usize];
-            self.bodies[side][lane] = body;
-            self.masses[side].linear.set(lane, mass.linear);
-            for (wide, row) in self.masses[side].angular.0.iter_mut().zip(&mass.angular.0) {
-                set(wide, lane, row);
-            }
-        }
-        for (wide, contact) in points.iter_mut().zip(&system.contacts[manifold.points()]) {
-            set(&mut wide.place, lane, &contact.place);
-            set(&mut wide.gap, lane, &contact.gap);
-            set(&mut wide.impulse, lane, &contact.impulse);
-        }
-    }
-
-    fn parts(&self) -> Parts<'_, V, L, A> {
-        (&self.manifold, &self.mobility, &self.masses)
-    }
-
-    /// Whether all its manifolds belong to islands that are done.
-    fn is_done(&self, done: &[bool]) -> bool {
-        let mut own = self.islands[..self.lanes].iter();
-        own.all(|&island| done.get(island as usize).copied().unwrap_or(true))
-    }
-
-    #[inline(always)]
-    fn gather(&self, from: &[Velocity<f32, L, A>]) -> [Velocity<V, L, A>; 2] {
-        let mut out = [Velocity::ZERO; 2];
-        for (bodies, out) in self.bodies.iter().zip(&mut out) {
-            let mut rows = [[[0.0; 4]; WIDTH]; 2];
-            for lane in 0..WIDTH {
-                [rows[0][lane], rows[1][lane]] = to_rows(&from[bodies[lane] as usize]);
-            }
-            let [first, last] = [V::from_rows(rows[0]), V::from_rows(rows[1])];
-            for i in 0..L + A {
-                let number = if i < 4 { first[i] } else { last[i - 2] };
-                if i < L {
-                    out.linear[i] = number;
-                } else {
-                    out.angular[i - L] = number;
-                }
-            }
-        }
-        out
-    }
-
-    #[inline(always)]
-    fn scatter(&self, velocities: [Velocity<V, L, A>; 2], to: &mut [Velocity<f32, L, A>]) {
-        for (bodies, velocity) in self.bodies.iter().zip(&velocities) {
-            let (mut first, mut last) = ([V::ZERO; 4], [V::ZERO; 4]);
-            for i in 0..L + A {
-                let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
-                if i < 4 {
-                    first[i] = number;
-                }
-                if i >= 2 {
-                    last[i - 2] = number;
-                }
-            }
-            let (first, last) = (V::to_rows(first), V::to_rows(last));
-            for lane in 0..self.lanes {
-                let body = &mut to[bodies[lane] as usize];
-                for i in 0..L + A {
-                    let number = if i < 4 { first[lane][i] } else { last[lane][i - 2] };
-                    if i < L {
-                        body.linear[i] = number;
-                    } else {
-                        body.angular[i - L] = number;
+        let (team, ground) = self.ground(velocities);
+        team.run(team.is_useful(ground.blocks.len()), &|member| {
+            V::run(
+                #[inline(always)]
+                || {
+                    for mut at in ground.walk(member) {
+                        let [mut a, mut b] = at.gather();
+                        let points = at.points();
+                        visit::<V, L, A, RIGID, FRICTION>(at.block.parts(), points, &mut a, &mut b);
+                        at.scatter([a, b]);
                     }
-                }
-            }
-        }
-    }
-}
-
-/// The numbers of a velocity, from the first and, where they are more than four, from the third.
-#[inline(always)]
-fn to_rows<const L: usize, const A: usize>(velocity: &Velocity<f32, L, A>) -> [Row; 2] {
-    let mut rows = [[0.0; 4]; 2];
-    for i in 0..L + A {
-        let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
-        if i < 4 {
-            rows[0][i] = number;
-        }
-        if i >= 2 {
-            rows[1][i - 2] = number;
-        }
-    }
-    rows
-}
-
-fn splat<V: Lanes>(value: f32) -> V {
-    V::from_array([value; WIDTH])
-}
-
-fn set<V: Lanes, const N: usize>(wide: &mut Vector<V, N>, lane: usize, of: &Vector<f32, N>) {
-    for i in 0..N {
-        wide[i].set(lane, of[i]);
+                },
+            );
+        });
     }
 }

@@ -200,7 +200,7 @@ pub(super) struct Rival<const L: usize> {
 impl<const L: usize> Rival<L> {
     /// Whether it is certain that no axis beats it.
     pub(super) fn is_sure(&self, a: &impl Solid<L>, b: &impl Solid<L>) -> bool {
-        self.faces[0].is_least(a) || self.faces[1].is_least(b)
+        self.faces[0].is_sure(a) || self.faces[1].is_sure(b)
     }
 }
 
@@ -219,7 +219,7 @@ impl<const L: usize> Best<L> {
     /// point. Let that one be d below F, let the solid hold the disc of radius 3 d in the face about F,
     /// and the point 3 d below F. The gap along an axis at angle t to the normal is at most that between
     /// the far point and any of these: -d (cos t + 3 sin t) and 2 d cos t. One of the two is at most -d.
-    fn is_least(&self, solid: &impl Solid<L>) -> bool {
+    fn is_sure(&self, solid: &impl Solid<L>) -> bool {
         let (normal, _) = solid.face(self.face);
         let foot = self.far - normal * self.gap;
         let room = 3.0 * (-self.gap).max(0.0);
@@ -414,32 +414,6 @@ impl Solid<2> for parry2d::shape::ConvexPolygon {
     }
 }
 
-impl Solid<3> for parry3d::shape::ConvexPolyhedron {
-    fn support(&self, direction: Vector<f32, 3>) -> Vector<f32, 3> {
-        farthest(self.points(), direction.0.into(), |p, d| p.dot(d)).to_array().into()
-    }
-
-    fn faces(&self) -> usize {
-        parry3d::shape::ConvexPolyhedron::faces(self).len()
-    }
-
-    fn face(&self, index: usize) -> (Vector<f32, 3>, Vector<f32, 3>) {
-        let face = &parry3d::shape::ConvexPolyhedron::faces(self)[index];
-        let vertex = self.vertices_adj_to_face()[face.first_vertex_or_edge as usize];
-        (face.normal.to_array().into(), self.points()[vertex as usize].to_array().into())
-    }
-
-    fn corners(&self, face: usize, out: &mut Vec<Corner<3>>) {
-        let face = &parry3d::shape::ConvexPolyhedron::faces(self)[face];
-        let first = face.first_vertex_or_edge as usize;
-        let range = first..first + face.num_vertices_or_edges as usize;
-        for &vertex in &self.vertices_adj_to_face()[range] {
-            let position = self.points()[vertex as usize].to_array().into();
-            out.push(Corner { position, feature: vertex });
-        }
-    }
-}
-
 fn farthest<V: Copy>(points: &[V], direction: V, dot: impl Fn(V, V) -> f32) -> V {
     let mut best = (f32::NEG_INFINITY, 0);
     for (i, point) in points.iter().enumerate() {
@@ -498,3 +472,6 @@ pub(super) fn box_edges(
     }
     best.map(|(_, crossing)| crossing)
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,9 @@
 //! Rigid bodies in 2D and 3D over parry, which supplies shapes, bounds, mass and manifolds.
 
 use drystone_solver::{SymmetricMatrix, Vector};
+use parry2d::shape::ConvexPolygon;
 
+use super::hull::Hull;
 use super::polyhedra::{
     Clipper, Crossing, Cuboid, Footing, Plane, Rival, Solid, box_edges, collide, on_plane,
 };
@@ -45,8 +47,9 @@ impl From<Pose2> for parry2d::math::Pose {
 
 /// The part of [`Geometry`] that reads the same over parry2d and parry3d.
 macro_rules! over_parry {
-    ($parry:ident, $polyhedra:ident, $l:literal, $a:literal) => {
+    ($parry:ident, $polyhedra:ident, $hull:ident, $faces:ident, $l:literal, $a:literal) => {
         type Shape = $parry::shape::SharedShape;
+        type Collider = Collider<Self::Shape, $hull>;
         type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $parry::query::epa::EPA, $l>;
 
         fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<$l> {
@@ -57,9 +60,17 @@ macro_rules! over_parry {
             Bounds { min: clamp(aabb.mins), max: clamp(aabb.maxs) }
         }
 
+        fn collider(shape: Self::Shape) -> Self::Collider {
+            Collider { hull: $faces(&shape), shape }
+        }
+
+        fn shape_of(collider: &Self::Collider) -> &Self::Shape {
+            &collider.shape
+        }
+
         fn collide(
-            a: (&Self::Shape, &Self::Pose),
-            b: (&Self::Shape, &Self::Pose),
+            a: (&Self::Collider, &Self::Pose),
+            b: (&Self::Collider, &Self::Pose),
             prediction: f32,
             scratch: &mut Self::Scratch,
             report: &mut dyn FnMut(&Touch<$l>),
@@ -73,8 +84,9 @@ macro_rules! over_parry {
                 ((*a.1).into(), (*b.1).into());
             let from_b = pose_a.inv_mul(&pose_b);
             // parry's pair of convex pieces, in a's frame, as one of our manifolds.
-            let mut pair = |shape_a: &dyn Shape,
-                            shape_b: &dyn Shape,
+            type Piece<'a> = super::rigid::Piece<'a, dyn Shape, $hull>;
+            let mut pair = |piece_a: Piece<'_>,
+                            piece_b: Piece<'_>,
                             normals: [Option<&dyn NormalConstraints>; 2],
                             part: u32| {
                 let manifold = &mut scratch.manifold;
@@ -85,12 +97,18 @@ macro_rules! over_parry {
                 touch.points.clear();
                 touch.part = part;
                 let memory = (&mut scratch.clipper, &mut scratch.expansion);
-                if $polyhedra(&from_b, shape_a, shape_b, prediction, memory, touch) {
+                if $polyhedra(&from_b, piece_a, piece_b, prediction, memory, touch) {
                     touch.place(&<Self as Geometry<$l, $a>>::frame(a.1));
                 } else {
                     // The only error is an unsupported pair: a half-space against a half-space.
                     let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
-                        &from_b, shape_a, shape_b, normals[0], normals[1], prediction, manifold,
+                        &from_b,
+                        piece_a.shape,
+                        piece_b.shape,
+                        normals[0],
+                        normals[1],
+                        prediction,
+                        manifold,
                     );
                     // parry's normal points from its first shape to its second; ours from b to a.
                     let normal = -(pose_a.rotation * manifold.local_n1);
@@ -111,26 +129,56 @@ macro_rules! over_parry {
                 }
             };
             // Against a mesh: against each of its triangles nearby.
-            if let Some(mesh) = a.0.as_trimesh() {
-                let near = b.0.compute_aabb(&from_b).loosened(prediction);
-                for triangle in mesh.bvh().intersect_aabb(&near) {
-                    let normals = mesh.triangle_normal_constraints(triangle);
+            let (shape_a, shape_b) = (&a.0.shape, &b.0.shape);
+            let whole_a = Piece { shape: &*shape_a.0, hull: a.0.hull.as_ref() };
+            let whole_b = Piece { shape: &*shape_b.0, hull: b.0.hull.as_ref() };
+            if let Some(mesh) = shape_a.as_trimesh() {
+                let near = shape_b.compute_aabb(&from_b).loosened(prediction);
+                for index in mesh.bvh().intersect_aabb(&near) {
+                    let normals = mesh.triangle_normal_constraints(index);
                     let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
-                    pair(&mesh.triangle(triangle), &**b.0, [normals, None], triangle);
+                    let triangle = Piece { shape: &mesh.triangle(index), hull: None };
+                    pair(triangle, whole_b, [normals, None], index);
                 }
-            } else if let Some(mesh) = b.0.as_trimesh() {
-                let near = a.0.compute_aabb(&from_b.inverse()).loosened(prediction);
-                for triangle in mesh.bvh().intersect_aabb(&near) {
-                    let normals = mesh.triangle_normal_constraints(triangle);
+            } else if let Some(mesh) = shape_b.as_trimesh() {
+                let near = shape_a.compute_aabb(&from_b.inverse()).loosened(prediction);
+                for index in mesh.bvh().intersect_aabb(&near) {
+                    let normals = mesh.triangle_normal_constraints(index);
                     let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
-                    pair(&**a.0, &mesh.triangle(triangle), [None, normals], triangle);
+                    let triangle = Piece { shape: &mesh.triangle(index), hull: None };
+                    pair(whole_a, triangle, [None, normals], index);
                 }
             } else {
-                pair(&**a.0, &**b.0, [None, None], 0);
+                pair(whole_a, whole_b, [None, None], 0);
             }
         }
     };
 }
+
+/// A shape with the flat faces that its contacts need.
+#[derive(Clone)]
+pub struct Collider<S, H> {
+    shape: S,
+    /// If it is a hull.
+    hull: Option<H>,
+}
+
+/// What is tested against another: a shape, or one triangle of it.
+struct Piece<'a, S: ?Sized, H> {
+    shape: &'a S,
+    hull: Option<&'a H>,
+}
+
+impl<S: ?Sized, H> Clone for Piece<'_, S, H> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S: ?Sized, H> Copy for Piece<'_, S, H> {}
+
+type Piece2<'a> = Piece<'a, dyn parry2d::shape::Shape, ConvexPolygon>;
+type Piece3<'a> = Piece<'a, dyn parry3d::shape::Shape, Hull>;
 
 /// Memory for one thread's collisions.
 #[derive(Default)]
@@ -145,18 +193,18 @@ pub struct Scratch<M, E, const L: usize> {
 /// Defines contact between a half-space and another shape, in the frame of a; `None`: neither is a
 /// half-space, or the other is none of the shapes here.
 macro_rules! over_plane {
-    ($name:ident, $parry:ident, $hull:ident, $l:literal) => {
+    ($name:ident, $piece:ident, $l:literal) => {
         fn $name(
             frame_of_b: &Frame<$l>,
-            a: &dyn $parry::shape::Shape,
-            b: &dyn $parry::shape::Shape,
+            a: $piece<'_>,
+            b: $piece<'_>,
             prediction: f32,
             clipper: &mut Clipper<$l>,
             touch: &mut Touch<$l>,
         ) -> Option<()> {
             let own = Frame::IDENTITY;
-            let (half_space, from_plane, shape, from_shape, above) =
-                match (a.as_halfspace(), b.as_halfspace()) {
+            let (half_space, from_plane, piece, from_shape, above) =
+                match (a.shape.as_halfspace(), b.shape.as_halfspace()) {
                     (None, Some(b)) => (b, frame_of_b, a, &own, true),
                     (Some(a), None) => (a, &own, b, frame_of_b, false),
                     _ => return None,
@@ -168,6 +216,7 @@ macro_rules! over_plane {
             let mut stand = |footing: &Footing<'_, Cuboid<$l>, $l>| {
                 on_plane(&plane, footing, from_shape, above, prediction, clipper, touch);
             };
+            let shape = piece.shape;
             if let Some(ball) = shape.as_ball() {
                 stand(&Footing::Round(&[Vector::ZERO], ball.radius));
             } else if let Some(capsule) = shape.as_capsule() {
@@ -177,7 +226,7 @@ macro_rules! over_plane {
             } else if let Some(cuboid) = shape.as_cuboid() {
                 stand(&Footing::Solid(&Cuboid(cuboid.half_extents.to_array().into())));
             } else {
-                let hull = Footing::Solid(shape.$hull()?);
+                let hull = Footing::Solid(piece.hull?);
                 on_plane(&plane, &hull, from_shape, above, prediction, clipper, touch);
             }
             Some(())
@@ -185,15 +234,15 @@ macro_rules! over_plane {
     };
 }
 
-over_plane!(over_plane_2, parry2d, as_convex_polygon, 2);
-over_plane!(over_plane_3, parry3d, as_convex_polyhedron, 3);
+over_plane!(over_plane_2, Piece2, 2);
+over_plane!(over_plane_3, Piece3, 3);
 
 /// Contact between two boxes or polygons, or between a shape and a half-space; false: the shapes
 /// are something else.
 fn polygons(
     from_b: &parry2d::math::Pose,
-    a: &dyn parry2d::shape::Shape,
-    b: &dyn parry2d::shape::Shape,
+    a: Piece2<'_>,
+    b: Piece2<'_>,
     prediction: f32,
     (clipper, _): (&mut Clipper<2>, &mut parry2d::query::epa::EPA),
     touch: &mut Touch<2>,
@@ -206,12 +255,12 @@ fn polygons(
     if over_plane_2(&frame, a, b, prediction, clipper, touch).is_some() {
         return true;
     }
-    let cuboid = |shape: &dyn parry2d::shape::Shape| {
-        shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
+    let cuboid = |piece: Piece2<'_>| {
+        piece.shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
     };
     // In the plane, sides are all the axes there are.
     let none = |_: &Rival<2>| None;
-    match (cuboid(a), a.as_convex_polygon(), cuboid(b), b.as_convex_polygon()) {
+    match (cuboid(a), a.hull, cuboid(b), b.hull) {
         (Some(a), _, Some(b), _) => collide(&a, &b, &frame, prediction, none, clipper, touch),
         (Some(a), _, _, Some(b)) => collide(&a, b, &frame, prediction, none, clipper, touch),
         (_, Some(a), Some(b), _) => collide(a, &b, &frame, prediction, none, clipper, touch),
@@ -225,8 +274,8 @@ fn polygons(
 /// something else.
 fn solids(
     from_b: &parry3d::math::Pose,
-    a: &dyn parry3d::shape::Shape,
-    b: &dyn parry3d::shape::Shape,
+    a: Piece3<'_>,
+    b: Piece3<'_>,
     prediction: f32,
     memory: (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut Touch<3>,
@@ -235,22 +284,22 @@ fn solids(
     if over_plane_3(&frame, a, b, prediction, memory.0, touch).is_some() {
         return true;
     }
-    let cuboid = |shape: &dyn parry3d::shape::Shape| {
-        shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
+    let cuboid = |piece: Piece3<'_>| {
+        piece.shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
     };
-    match (cuboid(a), a.as_convex_polyhedron(), cuboid(b), b.as_convex_polyhedron()) {
+    match (cuboid(a), a.hull, cuboid(b), b.hull) {
         (Some(a), _, Some(b), _) => {
             let edges = |rival: &Rival<3>| box_edges(&a, &b, &frame, rival);
             collide(&a, &b, &frame, prediction, edges, memory.0, touch);
         }
         (Some(own), _, _, Some(hull)) => {
-            hulls((&own, a), (hull, b), from_b, &frame, prediction, memory, touch);
+            hulls((&own, a.shape), (hull, b.shape), from_b, &frame, prediction, memory, touch);
         }
         (_, Some(hull), Some(own), _) => {
-            hulls((hull, a), (&own, b), from_b, &frame, prediction, memory, touch);
+            hulls((hull, a.shape), (&own, b.shape), from_b, &frame, prediction, memory, touch);
         }
         (_, Some(one), _, Some(other)) => {
-            hulls((one, a), (other, b), from_b, &frame, prediction, memory, touch);
+            hulls((one, a.shape), (other, b.shape), from_b, &frame, prediction, memory, touch);
         }
         _ => return false,
     }
@@ -301,6 +350,14 @@ fn closest(
     };
     let [axis, on_a, on_b] = [axis, on_a, on_b].map(|v| Vector(v.to_array()));
     Some(Crossing { axis, on_a, on_b })
+}
+
+fn polygon(shape: &parry2d::shape::SharedShape) -> Option<ConvexPolygon> {
+    shape.as_convex_polygon().cloned()
+}
+
+fn hull(shape: &parry3d::shape::SharedShape) -> Option<Hull> {
+    Hull::of(shape.as_convex_polyhedron()?.points())
 }
 
 impl Geometry<2, 1> for Rigid2 {
@@ -360,7 +417,7 @@ impl Geometry<2, 1> for Rigid2 {
         }
     }
 
-    over_parry!(parry2d, polygons, 2, 1);
+    over_parry!(parry2d, polygons, ConvexPolygon, polygon, 2, 1);
 }
 
 impl Geometry<3, 3> for Rigid3 {
@@ -431,7 +488,7 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, solids, 3, 3);
+    over_parry!(parry3d, solids, Hull, hull, 3, 3);
 }
 
 /// sin(t/2)/t from t^2; the series' error is below one rounding for t < 0.5.

@@ -29,6 +29,7 @@ const UNBOUNDED: f32 = 1.0e5;
 impl<const L: usize> Geometry<L, 0> for Spheres {
     type Pose = Vector<f32, L>;
     type Shape = SphereShape<L>;
+    type Collider = SphereShape<L>;
     type Scratch = Touch<L>;
 
     fn pose(position: Vector<f32, L>, _rotation: &[f32]) -> Self::Pose {
@@ -87,9 +88,17 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         }
     }
 
+    fn collider(shape: Self::Shape) -> Self::Collider {
+        shape
+    }
+
+    fn shape_of(collider: &Self::Collider) -> &Self::Shape {
+        collider
+    }
+
     fn collide(
-        a: (&Self::Shape, &Self::Pose),
-        b: (&Self::Shape, &Self::Pose),
+        a: (&Self::Collider, &Self::Pose),
+        b: (&Self::Collider, &Self::Pose),
         prediction: f32,
         touch: &mut Touch<L>,
         report: &mut dyn FnMut(&Touch<L>),

@@ -25,7 +25,7 @@ impl Fault {
 }
 
 /// Smallest and largest sensible values; a setting that is not here only has to fit its type.
-const RANGES: [(&str, f64, f64); 15] = [
+const RANGES: [(&str, f64, f64); 16] = [
     ("substeps", 1.0, 1000.0),
     ("iterations", 1.0, 10_000.0),
     ("repair", 0.0, 1.0),
@@ -41,6 +41,7 @@ const RANGES: [(&str, f64, f64); 15] = [
     ("travel_per_search", 0.001, 1e6),
     ("searches", 1.0, 1000.0),
     ("reuse_distance", 0.0, 1e3),
+    ("sleep", 0.0, 1e6),
 ];
 
 /// The names of [`ImpactLaw`](crate::ImpactLaw), the one setting that is a word.

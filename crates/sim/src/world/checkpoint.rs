@@ -10,6 +10,7 @@ use super::{World, new_pair};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Point, Record, Records};
 use crate::geometry::{Bounds, Frame, Geometry, MAX_POINTS, pose_numbers};
+use crate::sleep::Sleep;
 
 /// What the next step of a world depends on and its bodies as they were added do not tell.
 ///
@@ -40,6 +41,10 @@ pub struct Checkpoint {
     points: Vec<f32>,
     /// Of each point.
     features: Vec<u64>,
+    /// How long each body has held still \[s\], the group it sleeps with, and gravity.
+    still: Vec<f32>,
+    groups: Vec<u32>,
+    gravity: Vec<f32>,
     /// What the solver has learned.
     pace: Pace,
 }
@@ -74,7 +79,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let bodies = &self.bodies;
         let mut poses = Vec::with_capacity(self.len() * pose_numbers(L));
         bodies.poses.iter().for_each(|pose| G::write(pose, &mut poses));
-        let records = &self.records;
+        let (mut pairs, mut records) = (self.pairs.clone(), Records::default());
+        for pair in &mut pairs {
+            let from = if pair.rests { &self.sleep.records } else { &self.records };
+            records.take_pair(pair, from);
+        }
         let nothing = Bounds { min: Vector::ZERO, max: Vector::ZERO };
         let boxes = self.broad_phase.boxes().iter().map(|stored| stored.unwrap_or(nothing));
         Checkpoint {
@@ -84,15 +93,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             velocities: flat_velocities(&self.system.velocities),
             forces: flat_velocities(&bodies.forces),
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
-            pairs: self
-                .pairs
-                .iter()
-                .map(|of| [of.colliders[0], of.colliders[1], of.count])
-                .collect(),
+            pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
             records: records.manifolds.iter().map(|of| [of.part, of.count]).collect(),
             frames: records.manifolds.iter().flat_map(flat_record).collect(),
             points: records.points.iter().flat_map(flat_point).collect(),
             features: records.points.iter().map(|point| point.feature).collect(),
+            still: self.sleep.still.clone(),
+            groups: self.sleep.group.clone(),
+            gravity: self.last_gravity.0.to_vec(),
             pace: self.certifier.climber.pace,
         }
     }
@@ -107,6 +115,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let (pairs, records) = self.contacts_of(from)?;
         self.pairs = pairs;
         self.records = records;
+        self.sleep = Sleep::resumed(from.still.clone(), from.groups.clone());
+        self.last_gravity = take(&mut from.gravity.iter().copied());
         self.broad_phase = BroadPhase::with_boxes(
             from.boxes.chunks_exact(2 * L).zip(&self.colliders.removed).map(
                 |(corners, removed)| {
@@ -118,6 +128,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         );
         self.certifier.climber.pace = from.pace;
         self.restore_bodies(from);
+        self.place_shapes();
         Ok(())
     }
 
@@ -126,13 +137,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let pose = G::read(numbers);
             self.bodies.poses[body] = pose;
             self.bodies.frames[body] = G::frame(&pose);
-            self.update_mass(body);
         }
         let bodies = &mut self.bodies;
         fill(&from.remainders, &mut bodies.remainders);
         fill(&from.turns, &mut bodies.turns);
         fill_velocities(&from.velocities, &mut self.system.velocities);
         fill_velocities(&from.forces, &mut bodies.forces);
+        self.update_masses();
     }
 
     /// That sizes are those of this world, and numbers numbers.
@@ -151,6 +162,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("frames", from.records.len() * record_numbers(L), from.frames.len()),
             ("points", points * point_numbers(L), from.points.len()),
             ("features", points, from.features.len()),
+            ("times at rest", bodies, from.still.len()),
+            ("groups", bodies, from.groups.len()),
+            ("gravity", L, from.gravity.len()),
         ] {
             if expected != found {
                 return Err(CheckpointError::OtherWorld { what, expected, found });
@@ -165,6 +179,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("boxes", &from.boxes),
             ("frames", &from.frames),
             ("points", &from.points),
+            ("times at rest", &from.still),
+            ("gravity", &from.gravity),
         ] {
             if numbers.iter().any(|number| !number.is_finite()) {
                 return Err(CheckpointError::NotFinite(what));

@@ -2,12 +2,15 @@
 
 use crate::common::counting::Counting;
 use crate::common::{Random, Recipe, Scene, assert_all_close, random_scene};
+use std::sync::Arc;
+
 use drystone_solver::certificate::{Certificate, Tally, certify};
 use drystone_solver::color::Coloring;
 use drystone_solver::cone::Law;
 use drystone_solver::island::Islands;
 use drystone_solver::lanes::{Lanes, Portable, WIDTH};
-use drystone_solver::wide::Packed;
+use drystone_solver::team::Team;
+use drystone_solver::wide::{Packed, Wide};
 use drystone_solver::{Cast, InverseMass, Repair, SymmetricMatrix, System, Vector, Velocity, pgs};
 use proptest::prelude::*;
 
@@ -172,6 +175,41 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
         use drystone_solver::lanes::Avx2;
         assert_eq!(packed::<Avx2, L, A>(&system, &displacements), portable);
     }
+}
+
+/// Enough blocks that a team shares them, swept and conjugated by teams of every size.
+fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
+    let random = &mut Random(seed);
+    let recipe = Recipe { bodies: 700, manifolds: 2500, points: 4, walls: true };
+    let start: System<f32, L, A> = random_scene::<L, A>(random, recipe).system.cast();
+    let still = vec![Velocity::ZERO; start.velocities.len()];
+    let by = |members: usize| {
+        let mut system = start.clone();
+        let mut wide = Wide::new();
+        wide.set_team(Arc::new(Team::new(members)));
+        wide.pack(&system, 0.1);
+        for _ in 0..2 {
+            wide.start(&mut system.velocities, &still, &REPAIR);
+            wide.sweep_normals(&mut system.velocities);
+            wide.relax(&mut system.velocities);
+        }
+        wide.begin_conjugate(1);
+        for _ in 0..3 {
+            wide.conjugate(&mut system.velocities, &[false]);
+        }
+        wide.unpack(&mut system);
+        system
+    };
+    let alone = by(1);
+    assert_ne!(alone.velocities, start.velocities);
+    for members in [2, 3, 5] {
+        assert_eq!(by(members), alone, "{members} members");
+    }
+}
+
+#[test]
+fn teams_of_any_size_and_one() {
+    in_all_four!(teams_and_one, 11);
 }
 
 /// The certificate of all contacts together, by lanes and by one number at a time.

@@ -15,3 +15,4 @@ mod methods;
 mod notes;
 #[cfg(feature = "assembled")]
 mod problems;
+mod team;

@@ -1,0 +1,162 @@
+//! Convex hulls whose faces are flat.
+
+use std::collections::HashMap;
+
+use drystone_solver::{Vector, moment};
+
+use super::polyhedra::{Corner, Solid};
+
+/// How far a corner may be from the plane of its face, as part of the hull's largest side: what
+/// rounding in a file leaves of a flat face. More, and what rests on the face would sink in.
+const FLAT: f32 = 1e-4;
+
+/// Points that are looked at together when the farthest is sought.
+const BLOCK: usize = 8;
+
+/// A convex hull as a [`Solid`].
+#[derive(Clone, Debug)]
+pub struct Hull {
+    points: Vec<Vector<f32, 3>>,
+    /// The same by coordinates, the last block filled up with its last point.
+    blocks: Vec<[[f32; BLOCK]; 3]>,
+    faces: Vec<Face>,
+    /// Of all faces, one after the other, counter-clockwise seen from outside.
+    corners: Vec<u32>,
+}
+
+#[derive(Clone, Debug)]
+struct Face {
+    normal: Vector<f32, 3>,
+    /// The point of the hull that is farthest out: no other is beyond the plane through it.
+    outermost: Vector<f32, 3>,
+    corners: std::ops::Range<usize>,
+}
+
+impl Hull {
+    /// The hull of points \[m\]; `None` where they span no volume.
+    pub(super) fn of(points: &[parry3d::math::Vector]) -> Option<Self> {
+        let (points, triangles) = parry3d::transformation::try_convex_hull(points).ok()?;
+        let points: Vec<Vector<f32, 3>> = points.iter().map(|p| Vector(p.to_array())).collect();
+        let block = |some: &[Vector<f32, 3>]| {
+            std::array::from_fn(|axis| std::array::from_fn(|i| some[i.min(some.len() - 1)][axis]))
+        };
+        let blocks = points.chunks(BLOCK).map(block).collect();
+        let mut hull = Self { points, blocks, faces: Vec::new(), corners: Vec::new() };
+        hull.join(&triangles);
+        Some(hull)
+    }
+
+    /// Makes faces of the triangles of the surface, joined where they lie in a plane.
+    fn join(&mut self, triangles: &[[u32; 3]]) {
+        let at = |corner: u32| self.points[corner as usize];
+        let axes = [0, 1, 2].map(|axis| Vector(std::array::from_fn(|i| (i == axis) as u8 as f32)));
+        let sides = axes.map(|axis| axis.dot(self.support(axis) - self.support(-axis)));
+        let near = FLAT * sides.into_iter().fold(0.0, f32::max);
+        let areas: Vec<_> = triangles.iter().map(|t| area(&t.map(at))).collect();
+        let mut of_edge = HashMap::new();
+        for (index, &[a, b, c]) in triangles.iter().enumerate() {
+            of_edge.extend([[a, b], [b, c], [c, a]].map(|edge| (edge, index)));
+        }
+        // From the largest on: slivers, whose own planes mean nothing, join what they lie on.
+        let mut order: Vec<usize> = (0..triangles.len()).collect();
+        order.sort_by(|&a, &b| areas[b].length().total_cmp(&areas[a].length()));
+        let mut free = vec![true; triangles.len()];
+        for seed in order {
+            let length = areas[seed].length();
+            let normal = areas[seed] * (1.0 / length);
+            let plane = at(triangles[seed][0]);
+            let out = |point: Vector<f32, 3>| normal.dot(point - plane);
+            if !free[seed] || length <= 0.0 || out(self.support(normal)) > near {
+                continue;
+            }
+            free[seed] = false;
+            let mut around = triangles[seed].to_vec();
+            let mut side = 0;
+            while side < around.len() {
+                let [from, to] = [around[side], around[(side + 1) % around.len()]];
+                let beyond = of_edge.get(&[to, from]).copied().filter(|&beyond| {
+                    let flat = triangles[beyond].iter().all(|&c| out(at(c)).abs() <= near);
+                    free[beyond] && flat && areas[beyond].dot(normal) >= 0.0
+                });
+                if let Some(beyond) = beyond {
+                    free[beyond] = false;
+                    let apex = triangles[beyond].into_iter().filter(|&c| c != from && c != to);
+                    around.splice(side + 1..side + 1, apex);
+                } else {
+                    side += 1;
+                }
+            }
+            cut_spurs(&mut around);
+            let area = area(&around.iter().map(|&c| at(c)).collect::<Vec<_>>());
+            let normal = area * (1.0 / area.length());
+            let outermost = self.support(normal);
+            let start = self.corners.len();
+            self.corners.extend(around);
+            self.faces.push(Face { normal, outermost, corners: start..self.corners.len() });
+        }
+    }
+}
+
+/// Twice the area of a polygon, along its normal.
+fn area(corners: &[Vector<f32, 3>]) -> Vector<f32, 3> {
+    let mut area = Vector::ZERO;
+    for pair in corners.windows(2) {
+        area += moment(pair[0] - corners[0], pair[1] - corners[0]);
+    }
+    area
+}
+
+/// Removes ways there and back from a closed line, which joining all triangles around a point leaves.
+fn cut_spurs(around: &mut Vec<u32>) {
+    let mut at = 0;
+    while around.len() > 3 && at < around.len() {
+        if around[at] == around[(at + 2) % around.len()] {
+            around.rotate_left(at);
+            around.drain(1..3);
+            at = 0;
+        } else {
+            at += 1;
+        }
+    }
+}
+
+impl Solid<3> for Hull {
+    fn support(&self, direction: Vector<f32, 3>) -> Vector<f32, 3> {
+        let mut most = [f32::NEG_INFINITY; BLOCK];
+        let mut block_of = [0u32; BLOCK];
+        for (index, [x, y, z]) in self.blocks.iter().enumerate() {
+            for i in 0..BLOCK {
+                let along = x[i] * direction[0] + y[i] * direction[1] + z[i] * direction[2];
+                let better = along > most[i];
+                most[i] = if better { along } else { most[i] };
+                block_of[i] = if better { index as u32 } else { block_of[i] };
+            }
+        }
+        let mut best = 0;
+        for i in 1..BLOCK {
+            if most[i] > most[best] || most[i] == most[best] && block_of[i] < block_of[best] {
+                best = i;
+            }
+        }
+        let [x, y, z] = &self.blocks[block_of[best] as usize];
+        Vector([x[best], y[best], z[best]])
+    }
+
+    fn faces(&self) -> usize {
+        self.faces.len()
+    }
+
+    fn face(&self, index: usize) -> (Vector<f32, 3>, Vector<f32, 3>) {
+        let face = &self.faces[index];
+        (face.normal, face.outermost)
+    }
+
+    fn corners(&self, face: usize, out: &mut Vec<Corner<3>>) {
+        for &corner in &self.corners[self.faces[face].corners.clone()] {
+            out.push(Corner { position: self.points[corner as usize], feature: corner });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

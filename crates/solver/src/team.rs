@@ -1,0 +1,310 @@
+//! [`Team`]: threads that stay, work on one thing together, and wait for each other without locks.
+//!
+//! A sweep over blocks of independent contacts takes some microseconds from color to color: too short
+//! to hand work out and gather it in. So all members walk through the same sweep, each over its own
+//! share of each color, and meet after each ([`Member::meet`]). Between two sweeps they wait for the
+//! next on the processor for a moment, then asleep.
+#![allow(unsafe_code)]
+
+use std::marker::PhantomData;
+use std::num::NonZero;
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle, Thread};
+
+/// Pieces of work for each member, at least.
+const SHARE: usize = 8;
+
+/// Looks at a flag before a waiting thread lets others run: some 30 microseconds. None where there are
+/// fewer processors than members.
+const LOOKS: u32 = 512;
+
+/// How often it lets others run before it sleeps.
+const YIELDS: u32 = 256;
+
+/// A job as the members see it. It lives as long as [`Team::run`] waits for it.
+type Job = *const (dyn Fn(&Member<'_>) + Sync);
+
+/// Threads that work together. Without any the caller works alone.
+#[derive(Debug)]
+pub struct Team {
+    common: Arc<Common>,
+    helpers: Vec<JoinHandle<()>>,
+}
+
+#[derive(Debug)]
+struct Common {
+    members: usize,
+    /// Looks at a flag before others may run.
+    looks: u32,
+    /// What to do, and how many jobs there have been.
+    job: Mutex<Option<Task>>,
+    jobs: AtomicUsize,
+    /// Helpers that are still at the job.
+    busy: AtomicUsize,
+    /// Who has come to the present meeting, and how many meetings there have been.
+    arrived: AtomicUsize,
+    meetings: AtomicUsize,
+    /// A member has panicked: nobody waits for it any more.
+    broken: AtomicBool,
+    ended: AtomicBool,
+    /// Whether a job is under way.
+    taken: AtomicBool,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Task(Job);
+
+// SAFETY: what it points to is `Sync`, and `Team::run` keeps it alive while helpers use it.
+unsafe impl Send for Task {}
+
+/// One thread of a team at a job.
+#[derive(Debug)]
+pub struct Member<'a> {
+    index: usize,
+    count: usize,
+    common: Option<&'a Common>,
+}
+
+impl Team {
+    /// A team of so many members, the caller included; fewer where no more threads can be had.
+    pub fn new(members: usize) -> Self {
+        let wanted = members.max(1);
+        // Only as many as start take part: so they start before anybody counts.
+        let (ready, mut started) = (Arc::new(Mutex::new(None::<Arc<Common>>)), Vec::new());
+        for index in 1..wanted {
+            let ready = Arc::clone(&ready);
+            let name = format!("contacts {index}");
+            let helper = thread::Builder::new().name(name).spawn(move || {
+                let common = loop {
+                    let common = ready.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                    match common {
+                        Some(common) => break common,
+                        None => thread::park(),
+                    }
+                };
+                common.serve(index);
+            });
+            match helper {
+                Ok(helper) => started.push(helper),
+                Err(_) => break,
+            }
+        }
+        let members = started.len() + 1;
+        let processors = thread::available_parallelism().map_or(1, NonZero::get);
+        let common = Arc::new(Common {
+            members,
+            looks: if members <= processors { LOOKS } else { 0 },
+            job: Mutex::new(None),
+            jobs: AtomicUsize::new(0),
+            busy: AtomicUsize::new(0),
+            arrived: AtomicUsize::new(0),
+            meetings: AtomicUsize::new(0),
+            broken: AtomicBool::new(false),
+            ended: AtomicBool::new(false),
+            taken: AtomicBool::new(false),
+        });
+        *ready.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&common));
+        started.iter().map(JoinHandle::thread).for_each(Thread::unpark);
+        Self { common, helpers: started }
+    }
+
+    /// How many work together.
+    pub fn members(&self) -> usize {
+        self.common.members
+    }
+
+    /// Whether so many pieces of work are enough to share.
+    pub fn is_useful(&self, pieces: usize) -> bool {
+        pieces >= SHARE * self.common.members
+    }
+
+    /// Does `job` once on each member, and returns when all are done. The caller does it alone where a
+    /// team is not `useful`, and within a job.
+    pub fn run(&self, useful: bool, job: &(dyn Fn(&Member<'_>) + Sync)) {
+        let common = &*self.common;
+        if !useful || self.helpers.is_empty() || common.taken.swap(true, Ordering::Acquire) {
+            return job(&Member::ALONE);
+        }
+        // SAFETY: only the lifetime is forgotten. `job` outlives this call, which does not return, nor
+        // unwind, before `busy` says that no helper uses it any more.
+        let task = unsafe { std::mem::transmute::<&(dyn Fn(&Member<'_>) + Sync), Job>(job) };
+        *common.job.lock().unwrap_or_else(PoisonError::into_inner) = Some(Task(task));
+        common.broken.store(false, Ordering::Relaxed);
+        common.arrived.store(0, Ordering::Relaxed);
+        common.busy.store(self.helpers.len(), Ordering::Relaxed);
+        common.jobs.fetch_add(1, Ordering::Release);
+        self.helpers.iter().map(JoinHandle::thread).for_each(Thread::unpark);
+        let own = catch_unwind(AssertUnwindSafe(|| job(&common.member(0))));
+        if own.is_err() {
+            common.broken.store(true, Ordering::Release);
+        }
+        common.wait(|| common.busy.load(Ordering::Acquire) == 0, || {});
+        let broken = common.broken.load(Ordering::Acquire);
+        common.taken.store(false, Ordering::Release);
+        match own {
+            Err(panic) => std::panic::resume_unwind(panic),
+            Ok(()) => assert!(!broken, "a thread of the team has panicked"),
+        }
+    }
+}
+
+impl Team {
+    /// Hands `items` out one after the other, to whoever is free. Alone where it is not `useful`.
+    pub fn for_each<T: Send>(
+        &self,
+        useful: bool,
+        items: impl Iterator<Item = T> + Send,
+        work: impl Fn(T) + Sync,
+    ) {
+        let items = Mutex::new(items);
+        self.run(useful, &|_| {
+            let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
+            while let Some(item) = next() {
+                work(item);
+            }
+        });
+    }
+}
+
+impl Default for Team {
+    fn default() -> Self {
+        Self::new(1)
+    }
+}
+
+impl Drop for Team {
+    fn drop(&mut self) {
+        self.common.ended.store(true, Ordering::Release);
+        for helper in self.helpers.drain(..) {
+            helper.thread().unpark();
+            // It has told of a panic already.
+            let _ = helper.join();
+        }
+    }
+}
+
+impl Common {
+    fn member(&self, index: usize) -> Member<'_> {
+        Member { index, count: self.members, common: Some(self) }
+    }
+
+    /// Waits for something that is to happen soon; `sleep` once it has taken long.
+    fn wait(&self, happened: impl Fn() -> bool, sleep: impl Fn()) {
+        for _ in 0..self.looks {
+            if happened() {
+                return;
+            }
+            std::hint::spin_loop();
+        }
+        for _ in 0..YIELDS {
+            if happened() {
+                return;
+            }
+            thread::yield_now();
+        }
+        while !happened() {
+            sleep();
+            thread::yield_now();
+        }
+    }
+
+    /// The life of a helper.
+    fn serve(&self, index: usize) {
+        let mut done = 0;
+        loop {
+            let ended = || self.ended.load(Ordering::Acquire);
+            self.wait(|| self.jobs.load(Ordering::Acquire) != done || ended(), thread::park);
+            if ended() {
+                return;
+            }
+            done += 1;
+            let task = *self.job.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(Task(job)) = task {
+                // SAFETY: `Team::run` waits for `busy`, which counts this helper.
+                let job = unsafe { &*job };
+                if catch_unwind(AssertUnwindSafe(|| job(&self.member(index)))).is_err() {
+                    self.broken.store(true, Ordering::Release);
+                }
+            }
+            self.busy.fetch_sub(1, Ordering::Release);
+        }
+    }
+}
+
+impl Member<'_> {
+    const ALONE: Self = Self { index: 0, count: 1, common: None };
+
+    /// Whether it is the one that does what cannot be shared.
+    pub fn is_first(&self) -> bool {
+        self.index == 0
+    }
+
+    /// Its part of some items.
+    pub fn part(&self, items: Range<usize>) -> Range<usize> {
+        let place = |of: usize| items.start + items.len() * of / self.count;
+        place(self.index)..place(self.index + 1)
+    }
+
+    /// Waits until all members have come here.
+    ///
+    /// # Panics
+    /// Another member has panicked.
+    pub fn meet(&self) {
+        let Some(common) = self.common else { return };
+        let meeting = common.meetings.load(Ordering::Acquire);
+        if common.arrived.fetch_add(1, Ordering::AcqRel) + 1 == self.count {
+            common.arrived.store(0, Ordering::Relaxed);
+            common.meetings.fetch_add(1, Ordering::Release);
+            return;
+        }
+        let broken = || common.broken.load(Ordering::Acquire);
+        common.wait(|| common.meetings.load(Ordering::Acquire) != meeting || broken(), || {});
+        assert!(!broken(), "another thread of the team has panicked");
+    }
+}
+
+/// A slice whose members several threads use at once, each other ones.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shared<'a, T> {
+    start: *mut T,
+    len: usize,
+    lifetime: PhantomData<&'a mut [T]>,
+}
+
+// SAFETY: it is a `&mut [T]` of which each thread uses other members, as `get` and `get_mut` demand.
+unsafe impl<T: Send + Sync> Send for Shared<'_, T> {}
+// SAFETY: as above.
+unsafe impl<T: Send + Sync> Sync for Shared<'_, T> {}
+
+impl<'a, T> Shared<'a, T> {
+    /// Of which `get_mut` must not be used.
+    pub(crate) fn reading(slice: &'a [T]) -> Self {
+        Self { start: slice.as_ptr().cast_mut(), len: slice.len(), lifetime: PhantomData }
+    }
+
+    pub(crate) fn new(slice: &'a mut [T]) -> Self {
+        Self { start: slice.as_mut_ptr(), len: slice.len(), lifetime: PhantomData }
+    }
+
+    /// # Safety
+    /// Nobody changes this member at the same time.
+    #[inline(always)]
+    pub(crate) unsafe fn get(&self, index: usize) -> &T {
+        assert!(index < self.len);
+        // SAFETY: within the slice; the caller keeps others away.
+        unsafe { &*self.start.add(index) }
+    }
+
+    /// # Safety
+    /// Nobody else uses these members at the same time.
+    #[inline(always)]
+    #[allow(clippy::mut_from_ref)]
+    pub(crate) unsafe fn get_mut(&self, range: Range<usize>) -> &mut [T] {
+        assert!(range.start <= range.end && range.end <= self.len);
+        // SAFETY: within the slice; the caller keeps others away.
+        unsafe { std::slice::from_raw_parts_mut(self.start.add(range.start), range.len()) }
+    }
+}

@@ -1,0 +1,202 @@
+//! How a team goes over the blocks of a packed system.
+//!
+//! All members walk through the colors side by side, each over its share of the blocks of a color, and
+//! meet after each. Within a color no two blocks have a body in common that is written to, and each
+//! block has its own points. So what a member touches at a [`Visit`] nobody else does, and nothing
+//! depends on how many members there are.
+#![allow(unsafe_code)]
+
+use std::ops::Range;
+
+use super::block::Block;
+use crate::color::Coloring;
+use crate::lanes::{Lanes, Row, WIDTH};
+use crate::team::{Member, Shared};
+use crate::{Contact, Velocity};
+
+/// A packed system and the velocities of its bodies.
+pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
+    pub(super) blocks: &'a [Block<V, L, A>],
+    /// The blocks of each color.
+    colors: &'a [Range<u32>],
+    contacts: Shared<'a, Contact<V, L>>,
+    velocities: Shared<'a, Velocity<f32, L, A>>,
+}
+
+/// A member's way over the blocks, from the first color to the last, or back.
+pub(super) struct Walk<'a, V: Lanes, const L: usize, const A: usize> {
+    ground: &'a Ground<'a, V, L, A>,
+    member: &'a Member<'a>,
+    back: bool,
+    /// Colors begun.
+    begun: usize,
+    share: Range<usize>,
+}
+
+/// A member at a block.
+pub(super) struct Visit<'a, V: Lanes, const L: usize, const A: usize> {
+    pub(super) index: usize,
+    pub(super) block: &'a Block<V, L, A>,
+    velocities: &'a Shared<'a, Velocity<f32, L, A>>,
+    contacts: &'a Shared<'a, Contact<V, L>>,
+}
+
+impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
+    pub(super) fn new(
+        blocks: &'g [Block<V, L, A>],
+        coloring: &'g Coloring,
+        contacts: &'g mut [Contact<V, L>],
+        velocities: &'g mut [Velocity<f32, L, A>],
+    ) -> Self {
+        let (contacts, velocities) = (Shared::new(contacts), Shared::new(velocities));
+        Self { blocks, colors: &coloring.colors, contacts, velocities }
+    }
+
+    #[inline(always)]
+    pub(super) fn walk<'a>(&'a self, member: &'a Member<'a>) -> Walk<'a, V, L, A> {
+        Walk { ground: self, member, back: false, begun: 0, share: 0..0 }
+    }
+
+    #[inline(always)]
+    pub(super) fn walk_back<'a>(&'a self, member: &'a Member<'a>) -> Walk<'a, V, L, A> {
+        Walk { back: true, ..self.walk(member) }
+    }
+}
+
+impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A> {
+    type Item = Visit<'a, V, L, A>;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Self::Item> {
+        let colors = self.ground.colors;
+        while self.share.is_empty() {
+            if self.begun > 0 {
+                self.member.meet();
+            }
+            if self.begun == colors.len() {
+                return None;
+            }
+            let color = if self.back { colors.len() - 1 - self.begun } else { self.begun };
+            let Range { start, end } = colors[color];
+            self.share = self.member.part(start as usize..end as usize);
+            self.begun += 1;
+        }
+        let index = if self.back { self.share.next_back() } else { self.share.next() }?;
+        let Ground { blocks, contacts, velocities, .. } = self.ground;
+        Some(Visit { index, block: &blocks[index], velocities, contacts })
+    }
+}
+
+impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
+    #[inline(always)]
+    pub(super) fn points(&mut self) -> &'a mut [Contact<V, L>] {
+        self.of_points(self.contacts)
+    }
+
+    /// What belongs to the points of the block, in an array over all points.
+    #[inline(always)]
+    pub(super) fn of_points<T>(&self, all: &'a Shared<'a, T>) -> &'a mut [T] {
+        // SAFETY: no other block has these points, and no other member is at this block.
+        unsafe { all.get_mut(self.block.manifold.points()) }
+    }
+
+    /// What belongs to the block, in an array over all blocks.
+    #[inline(always)]
+    pub(super) fn of_block<T>(&self, all: &'a Shared<'a, T>) -> &'a mut [T] {
+        // SAFETY: no other member is at this block.
+        unsafe { all.get_mut(self.index..self.index + 1) }
+    }
+
+    /// The velocities of the bodies in each lane.
+    #[inline(always)]
+    pub(super) fn gather(&self) -> [Velocity<V, L, A>; 2] {
+        // SAFETY: bodies that are written to belong to one block of a color; only its member is here.
+        unsafe { self.block.gather(self.velocities) }
+    }
+
+    /// Gives bodies that can be moved new velocities.
+    #[inline(always)]
+    pub(super) fn scatter(&self, velocities: [Velocity<V, L, A>; 2]) {
+        for ((bodies, moving), velocity) in
+            self.block.bodies.iter().zip(self.block.moving).zip(&velocities)
+        {
+            let (mut first, mut last) = ([V::ZERO; 4], [V::ZERO; 4]);
+            for i in 0..L + A {
+                let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
+                if i < 4 {
+                    first[i] = number;
+                }
+                if i >= 2 {
+                    last[i - 2] = number;
+                }
+            }
+            let (first, last) = (V::to_rows(first), V::to_rows(last));
+            for lane in 0..WIDTH {
+                if moving >> lane & 1 == 0 {
+                    continue;
+                }
+                let at = bodies[lane] as usize;
+                // SAFETY: as in `gather`.
+                let body = unsafe { &mut self.velocities.get_mut(at..at + 1)[0] };
+                for i in 0..L + A {
+                    let number = if i < 4 { first[lane][i] } else { last[lane][i - 2] };
+                    if i < L {
+                        body.linear[i] = number;
+                    } else {
+                        body.angular[i - L] = number;
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
+    /// The velocities, or whatever else, of the bodies in each lane.
+    #[inline(always)]
+    pub(super) fn gather_from(&self, from: &[Velocity<f32, L, A>]) -> [Velocity<V, L, A>; 2] {
+        // SAFETY: nobody changes what is borrowed.
+        unsafe { self.gather(&Shared::reading(from)) }
+    }
+
+    /// # Safety
+    /// Nobody changes the velocities of its bodies at the same time.
+    #[inline(always)]
+    unsafe fn gather(&self, from: &Shared<'_, Velocity<f32, L, A>>) -> [Velocity<V, L, A>; 2] {
+        let mut out = [Velocity::ZERO; 2];
+        for (bodies, out) in self.bodies.iter().zip(&mut out) {
+            let mut rows = [[[0.0; 4]; WIDTH]; 2];
+            for lane in 0..WIDTH {
+                // SAFETY: as the caller promises.
+                let body = unsafe { from.get(bodies[lane] as usize) };
+                [rows[0][lane], rows[1][lane]] = to_rows(body);
+            }
+            let [first, last] = [V::from_rows(rows[0]), V::from_rows(rows[1])];
+            for i in 0..L + A {
+                let number = if i < 4 { first[i] } else { last[i - 2] };
+                if i < L {
+                    out.linear[i] = number;
+                } else {
+                    out.angular[i - L] = number;
+                }
+            }
+        }
+        out
+    }
+}
+
+/// The numbers of a velocity, from the first and, where they are more than four, from the third.
+#[inline(always)]
+fn to_rows<const L: usize, const A: usize>(velocity: &Velocity<f32, L, A>) -> [Row; 2] {
+    let mut rows = [[0.0; 4]; 2];
+    for i in 0..L + A {
+        let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
+        if i < 4 {
+            rows[0][i] = number;
+        }
+        if i >= 2 {
+            rows[1][i - 2] = number;
+        }
+    }
+    rows
+}

@@ -1,0 +1,82 @@
+//! Threads that work together: everything is done once, in order, whatever happens.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+
+use drystone_solver::team::Team;
+
+#[test]
+fn every_member_does_a_job_once_and_parts_cover_it() {
+    for members in [1, 2, 3, 8] {
+        let team = Team::new(members);
+        assert_eq!(team.members(), members);
+        for count in [0, 1, 7, 1000] {
+            let done: Vec<_> = (0..count).map(|_| AtomicUsize::new(0)).collect();
+            team.run(true, &|member| {
+                for item in member.part(0..count) {
+                    done[item].fetch_add(1, Ordering::Relaxed);
+                }
+            });
+            assert!(done.iter().all(|times| times.load(Ordering::Relaxed) == 1));
+        }
+    }
+}
+
+#[test]
+fn nobody_goes_on_before_all_have_met() {
+    let team = Team::new(4);
+    let steps: Vec<_> = (0..200).map(|_| AtomicUsize::new(0)).collect();
+    team.run(true, &|member| {
+        for step in &steps {
+            step.fetch_add(1, Ordering::Relaxed);
+            member.meet();
+            assert_eq!(step.load(Ordering::Relaxed), 4);
+        }
+    });
+}
+
+#[test]
+fn items_are_handed_out_once() {
+    let team = Team::new(3);
+    let seen = Mutex::new(Vec::new());
+    team.for_each(true, 0..500, |item| seen.lock().unwrap().push(item));
+    let mut seen = seen.into_inner().unwrap();
+    seen.sort_unstable();
+    assert!(seen.into_iter().eq(0..500));
+}
+
+#[test]
+fn a_job_within_a_job_is_done_alone() {
+    let team = Arc::new(Team::new(2));
+    let done = AtomicUsize::new(0);
+    team.run(true, &|_| {
+        team.run(true, &|member| {
+            assert_eq!(member.part(0..9), 0..9);
+            member.meet();
+            done.fetch_add(1, Ordering::Relaxed);
+        });
+    });
+    assert_eq!(done.into_inner(), 2);
+}
+
+/// A panic of any member reaches the caller, who then has a team that works.
+#[test]
+fn a_panic_is_passed_on() {
+    let team = Team::new(3);
+    for culprit in 0..3 {
+        let panicked = catch_unwind(AssertUnwindSafe(|| {
+            team.run(true, &|member| {
+                assert_ne!(member.part(0..3).start, culprit, "on purpose");
+                member.meet();
+            });
+        }));
+        assert!(panicked.is_err(), "member {culprit}");
+        let done = AtomicUsize::new(0);
+        team.run(true, &|member| {
+            member.meet();
+            done.fetch_add(1, Ordering::Relaxed);
+        });
+        assert_eq!(done.into_inner(), 3);
+    }
+}
