@@ -111,7 +111,7 @@ fn what_a_gltf_cannot_say_is_refused() {
     assert!(refused(&example("tower.json"), "out.glb").contains("follows a track"));
     assert!(refused(&example("workshop.gltf"), "out.glb").contains("is a glTF already"));
     let wrong = refused("scene.toml", "out.obj");
-    assert!(wrong.contains("\".obj\"; accepted: .toml, .json, .gltf, .glb"), "{wrong}");
+    assert!(wrong.contains("\".obj\"; accepted: .toml, .json, .gltf, .glb, .usda"), "{wrong}");
     assert_eq!(place.files(), ["scene.toml"]);
 }
 
