@@ -18,9 +18,7 @@ use super::glb::{Nodes, is_centered, place};
 use super::mesh::hull_triangles;
 use crate::scene::graph::math::{self, Quat};
 use crate::scene::write::own_words;
-use crate::scene::{
-    Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind,
-};
+use crate::scene::{Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind};
 
 /// A scene as a glTF document and its buffer.
 #[derive(Clone, Debug, PartialEq)]

@@ -30,6 +30,7 @@ mod surfaces;
 mod value;
 mod xform;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use self::files::Files;
@@ -72,6 +73,9 @@ pub fn read(file: &Path) -> Result<Read, SceneError> {
         });
     }
     let scene = Scene { bodies, ..physics(&stage, &mut warnings)? };
+    // What is wrong with a material is told once, not for each that has it.
+    let mut told = BTreeSet::new();
+    warnings.retain(|warning| told.insert(warning.message.clone()));
     Ok(Read { scene, warnings, source: None })
 }
 

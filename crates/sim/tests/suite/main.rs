@@ -12,4 +12,5 @@ mod gltf_physics;
 mod guide;
 mod jam;
 mod scene;
+mod usd;
 mod world;

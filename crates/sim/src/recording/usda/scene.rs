@@ -105,7 +105,8 @@ fn follow(prim: &mut Prim, track: &Track) {
         return;
     }
     let samples = |values: &mut dyn Iterator<Item = String>| {
-        let all: Vec<_> = track.times.iter().zip(values).map(|(t, v)| format!("{t}: {v}")).collect();
+        let all: Vec<_> =
+            track.times.iter().zip(values).map(|(t, v)| format!("{t}: {v}")).collect();
         format!("{{ {} }}", all.join(", "))
     };
     let places = samples(&mut track.positions.iter().map(|position| tuple(position)));
@@ -173,7 +174,8 @@ fn groups(scene: &Scene, names: &[String]) -> Option<Prim> {
             let mut prim = Prim::new("PhysicsCollisionGroup", format!("Group_{index}"));
             prim.schemas.push("CollectionAPI:colliders");
             prim.set("rel collection:colliders:includes", list(paths.iter()));
-            let apart = filters.iter().enumerate().filter(|(_, (other, _))| !filter.collides(other));
+            let apart =
+                filters.iter().enumerate().filter(|(_, (other, _))| !filter.collides(other));
             let apart = apart.map(|(other, _)| format!("</World/{GROUPS}/Group_{other}>"));
             prim.set("rel physics:filteredGroups", list(apart));
             let bits = |mask: u64| list((0..64).filter(move |bit: &u32| mask >> bit & 1 == 1));

@@ -174,7 +174,10 @@ impl Builder<'_> {
             ));
         }
         let mut body = Body {
-            name: node.name.filter(|n| !n.is_empty()).map(|n| unique(n, &format!("node {index}"), names)),
+            name: node
+                .name
+                .filter(|n| !n.is_empty())
+                .map(|n| unique(n, &format!("node {index}"), names)),
             motion,
             position: position.into(),
             rotation: Rotation::Quaternion(rotation),

@@ -156,7 +156,8 @@ pub(crate) fn principal(matrix: Mat3) -> (Vec3, Quat) {
             let cos = 1.0 / (1.0 + tangent * tangent).sqrt();
             let sin = tangent * cos;
             let mut turn = [[0.0; 3]; 3];
-            for (i, j, value) in [(p, p, cos), (q, q, cos), (p, q, sin), (q, p, -sin), (r, r, 1.0)] {
+            for (i, j, value) in [(p, p, cos), (q, q, cos), (p, q, sin), (q, p, -sin), (r, r, 1.0)]
+            {
                 if let Some(entry) = turn.get_mut(j).and_then(|column| column.get_mut(i)) {
                     *entry = value;
                 }

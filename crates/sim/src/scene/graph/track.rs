@@ -10,10 +10,7 @@ const LONGEST: f64 = 3600.0;
 
 /// The times of a track: those of the keys where these are exact, and samples between them where
 /// not. Else how long the keys take, and what is accepted. \[s\]
-pub(in crate::scene) fn times(
-    mut keys: Vec<f64>,
-    exact: bool,
-) -> Result<Vec<f64>, (f64, String)> {
+pub(in crate::scene) fn times(mut keys: Vec<f64>, exact: bool) -> Result<Vec<f64>, (f64, String)> {
     let first = keys.iter().copied().fold(f64::INFINITY, f64::min);
     let last = keys.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if !exact && first < last {

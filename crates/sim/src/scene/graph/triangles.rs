@@ -76,7 +76,10 @@ impl Triangles {
                 notes.push("collider: a convex hull stands for the mesh of a moving body");
             }
             if !flat {
-                return Solid { kind: Some(ShapeKind::ConvexHull { points: moved.points() }), notes };
+                return Solid {
+                    kind: Some(ShapeKind::ConvexHull { points: moved.points() }),
+                    notes,
+                };
             }
             notes.push("collider: its mesh is flat and stays a mesh");
         }

@@ -15,10 +15,7 @@ use super::xform::Pose;
 use super::{filters, shapes, surfaces};
 
 /// The bodies of a stage, in the order of their prims.
-pub(super) fn all(
-    stage: &Stage<'_>,
-    warnings: &mut Vec<Warning>,
-) -> Result<Vec<Body>, SceneError> {
+pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<Body>, SceneError> {
     strangers(stage, warnings);
     let transforms = Transforms::read(stage)?;
     let is_body = |prim: &Prim| prim.schemas.contains("PhysicsRigidBodyAPI");
@@ -83,9 +80,8 @@ impl Builder<'_> {
         let parent = self.transforms.parent(stage, index);
         let above = parent.map_or(Pose::REST, |parent| self.transforms.of(parent));
         let moving = if is_body {
-            let carries = |(i, p): (usize, &Prim)| {
-                i != index && p.schemas.contains("PhysicsRigidBodyAPI")
-            };
+            let carries =
+                |(i, p): (usize, &Prim)| i != index && p.schemas.contains("PhysicsRigidBodyAPI");
             if parent.is_some() && stage.up(index).any(carries) {
                 let what = "a body below another moves on its own: the one above does not carry it";
                 stage.warn(prim, what, warnings);
@@ -171,7 +167,9 @@ impl Builder<'_> {
     ) -> Result<Option<(Shape, Option<f64>)>, SceneError> {
         let stage = self.stage;
         let Some(prim) = stage.prim(index) else { return Ok(None) };
-        if index != body && self.transforms.driven(stage, index) && !self.transforms.driven(stage, body)
+        if index != body
+            && self.transforms.driven(stage, index)
+            && !self.transforms.driven(stage, body)
         {
             let what = "its animation inside of a body is not simulated: its collider keeps its \
                         place on the body";
@@ -208,7 +206,8 @@ impl Builder<'_> {
     fn beside(&self, body: usize, index: usize) -> (Vec3, Quat) {
         let (body, own) = (self.transforms.of(body), self.transforms.of(index));
         let away = math::sub(own.map.shift, body.map.shift);
-        let place = math::inverse(body.map.linear).map_or(away, |inverse| math::apply(inverse, away));
+        let place =
+            math::inverse(body.map.linear).map_or(away, |inverse| math::apply(inverse, away));
         let turn = math::quat_mul(math::conjugate(body.turn), own.turn);
         (place, math::quat_unit(turn).unwrap_or(math::NO_TURN))
     }
@@ -223,7 +222,8 @@ impl Builder<'_> {
         let stage = self.stage;
         let normal = stage.vector::<3>(prim, "drystone:normal", 1.0)?;
         let own = stage.vector::<4>(prim, "drystone:orient", 1.0)?;
-        if let (ShapeKind::Halfspace { .. }, Some(normal), Some([w, x, y, z])) = (&kind, normal, own)
+        if let (ShapeKind::Halfspace { .. }, Some(normal), Some([w, x, y, z])) =
+            (&kind, normal, own)
             && math::quat_mul([x, y, z, w], math::from_up(normal)) == turn
         {
             return Ok((ShapeKind::Halfspace { normal: normal.into() }, [x, y, z, w]));

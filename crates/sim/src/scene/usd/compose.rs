@@ -214,10 +214,10 @@ impl<'a> Composer<'a> {
         chosen: &mut Chosen,
         depth: usize,
     ) -> Result<Node<'a>, SceneError> {
-        let at = node.sites.first().map_or(Origin::default(), |site| Origin {
-            layer: site.layer,
-            at: site.spec.at,
-        });
+        let at = node
+            .sites
+            .first()
+            .map_or(Origin::default(), |site| Origin { layer: site.layer, at: site.spec.at });
         self.count(at.layer, at.at)?;
         for site in &node.sites {
             let entry = site.spec.metadata("variants");

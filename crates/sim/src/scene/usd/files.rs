@@ -85,7 +85,8 @@ impl Files {
     /// Reads one more layer.
     fn layer(&mut self, path: &Path) -> Result<(), SceneError> {
         let mut start = [0; 8];
-        if file::starts_with(path, &mut start) && (&start == b"PXR-USDC" || start.starts_with(b"PK"))
+        if file::starts_with(path, &mut start)
+            && (&start == b"PXR-USDC" || start.starts_with(b"PK"))
         {
             // Not text, and told to be binary by the parser.
             let binary = String::from_utf8_lossy(&start).into_owned();

@@ -102,9 +102,8 @@ pub(super) fn of(
         _ => None,
     };
     let systems = systems(stage, colliders, &classes)?;
-    let meets = |a: &Class, b: &Class| {
-        !a.iter().any(|x| b.iter().any(|y| apart.contains(&(*x, *y))))
-    };
+    let meets =
+        |a: &Class, b: &Class| !a.iter().any(|x| b.iter().any(|y| apart.contains(&(*x, *y))));
     let filters: BTreeMap<&Class, Filter> = systems
         .iter()
         .map(|(class, bit)| {
@@ -148,7 +147,8 @@ fn systems<'c>(
             let prim = stage.prim(*collider);
             let accepted = "accepted: up to 64 kinds of colliders that differ in their groups and \
                             filtered pairs; put bodies that are filtered alike into a group";
-            let wrong = prim.map(|prim| stage.wrong(prim, "filter", "one too many".into(), accepted));
+            let wrong =
+                prim.map(|prim| stage.wrong(prim, "filter", "one too many".into(), accepted));
             return wrong.map_or_else(|| Ok(systems), Err);
         };
         systems.entry(class).or_insert(bit);

@@ -134,7 +134,12 @@ impl<'a> Lexer<'a> {
         let end = inner.find(close).filter(|end| !inner.get(..*end).unwrap_or("").contains('\n'));
         let end = end.ok_or_else(|| {
             let item = format!("what starts with '{open}'");
-            Fault::new(self.at, item, "without end", format!("accepted: '{close}' on the same line"))
+            Fault::new(
+                self.at,
+                item,
+                "without end",
+                format!("accepted: '{close}' on the same line"),
+            )
         })?;
         self.skip(open.len().saturating_add(end).saturating_add(close.len()));
         Ok(inner.get(..end).unwrap_or(""))
@@ -150,9 +155,9 @@ impl<'a> Lexer<'a> {
         let within = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '+' | '-');
         let end = rest.find(|c| !within(c)).unwrap_or(rest.len());
         let text = rest.get(..end).unwrap_or("");
-        let number = text
-            .parse::<f64>()
-            .map_err(|_| Fault::new(self.at, "a number", clipped(text), "accepted: 1, -2.5, 3e-4"))?;
+        let number = text.parse::<f64>().map_err(|_| {
+            Fault::new(self.at, "a number", clipped(text), "accepted: 1, -2.5, 3e-4")
+        })?;
         self.skip(end);
         Ok(Token::Number(number))
     }

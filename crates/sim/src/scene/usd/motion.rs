@@ -80,11 +80,8 @@ impl Transforms {
         let chain = self.chain(stage, index);
         let movers: Vec<_> = chain.iter().filter_map(|at| self.own.get(*at)).collect();
         let units = stage.units;
-        let keys: Vec<f64> = movers
-            .iter()
-            .flat_map(|own| own.codes())
-            .map(|code| units.seconds(code))
-            .collect();
+        let keys: Vec<f64> =
+            movers.iter().flat_map(|own| own.codes()).map(|code| units.seconds(code)).collect();
         let moving = movers.iter().filter(|own| own.moves()).count();
         let first = movers.first().is_some_and(|own| own.moves());
         let exact = moving <= 1 && first && movers.iter().all(|own| own.straight());

@@ -26,7 +26,8 @@ fn whole(text: &str) -> Result<(Spec, usize), Fault> {
         } else {
             "not '#usda 1.0'"
         };
-        let accepted = "accepted: OpenUSD in text form; usdcat IN -o OUT.usda makes it of any other";
+        let accepted =
+            "accepted: OpenUSD in text form; usdcat IN -o OUT.usda makes it of any other";
         return Err(Fault::new(0, "the first line", value, accepted));
     }
     let start = text.len().saturating_sub(body.len()).saturating_add(first.len());
@@ -314,12 +315,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    fn samples(
-        &mut self,
-        kind: &str,
-        list: bool,
-        name: &str,
-    ) -> Result<Vec<(f64, Value)>, Fault> {
+    fn samples(&mut self, kind: &str, list: bool, name: &str) -> Result<Vec<(f64, Value)>, Fault> {
         self.need('{')?;
         let mut samples = Vec::new();
         loop {
@@ -353,4 +349,3 @@ fn edit(word: &str) -> Option<Edit> {
         _ => return None,
     })
 }
-

@@ -101,12 +101,7 @@ fn names(node: &Node<'_>) -> Vec<String> {
 }
 
 /// The prim of a node; none where it is not there: only spoken of, a template, or not active.
-fn prim(
-    node: &Node<'_>,
-    name: String,
-    parent: Option<usize>,
-    prims: &[Prim],
-) -> Option<Prim> {
+fn prim(node: &Node<'_>, name: String, parent: Option<usize>, prims: &[Prim]) -> Option<Prim> {
     let opinions = node.opinions();
     let specs = || opinions.iter().map(|opinion| opinion.site.spec);
     let made = specs().find(|spec| spec.specifier != Specifier::Over)?;
@@ -130,7 +125,11 @@ fn prim(
     });
     Some(Prim {
         properties: properties(&opinions, &path),
-        kind: specs().map(|spec| &spec.kind).find(|kind| !kind.is_empty()).cloned().unwrap_or_default(),
+        kind: specs()
+            .map(|spec| &spec.kind)
+            .find(|kind| !kind.is_empty())
+            .cloned()
+            .unwrap_or_default(),
         schemas: schemas.into_iter().collect(),
         origin: Origin { layer: first.site.layer, at: first.site.spec.at },
         path,
@@ -168,7 +167,8 @@ fn properties(opinions: &[Opinion<'_>], path: &str) -> BTreeMap<String, Property
             if property.value.is_none() {
                 property.value.clone_from(&said.value);
             }
-            property.samples = said.samples.as_ref().map(|samples| moved(samples, opinion.site.time));
+            property.samples =
+                said.samples.as_ref().map(|samples| moved(samples, opinion.site.time));
             property.decided = said.value.is_some() || said.samples.is_some();
         }
     }

@@ -75,7 +75,8 @@ impl<'f> Stage<'f> {
         if meters.is_none() {
             warnings.push(Warning {
                 place: Place::File,
-                message: "there is no metersPerUnit: a unit is a centimeter, as OpenUSD has it".into(),
+                message: "there is no metersPerUnit: a unit is a centimeter, as OpenUSD has it"
+                    .into(),
             });
         }
         let kilograms = unit("kilogramsPerUnit", UNITS)?;
@@ -151,7 +152,13 @@ impl<'f> Stage<'f> {
     }
 
     /// Something wrong with a prim.
-    pub(super) fn wrong(&self, prim: &Prim, what: &str, value: String, accepted: &str) -> SceneError {
+    pub(super) fn wrong(
+        &self,
+        prim: &Prim,
+        what: &str,
+        value: String,
+        accepted: &str,
+    ) -> SceneError {
         let Origin { layer, at } = prim.origin;
         let item = format!("{what} of <{}>", prim.path);
         self.files.fault(layer, Fault::new(at, item, value, accepted))
@@ -181,9 +188,7 @@ impl<'f> Stage<'f> {
         match self.value(prim, name) {
             None => Ok(None),
             Some(Value::Number(x)) if (low..=high).contains(x) => Ok(Some(*x)),
-            Some(_) => {
-                Err(self.refuse(prim, name, &format!("a number from {low:?} to {high:?}")))
-            }
+            Some(_) => Err(self.refuse(prim, name, &format!("a number from {low:?} to {high:?}"))),
         }
     }
 

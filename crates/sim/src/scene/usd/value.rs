@@ -86,9 +86,7 @@ impl<'a> Parser<'a> {
             Token::Mark('(') => self.deeper(at, |parser| parser.tuple())?,
             Token::Mark('[') => self.deeper(at, |parser| parser.list(arcs))?,
             Token::Mark('{') => self.deeper(at, |parser| parser.dictionary())?,
-            Token::Path(path) => {
-                Value::Targets(vec![self.target(None, path.trim(), at, arcs)?])
-            }
+            Token::Path(path) => Value::Targets(vec![self.target(None, path.trim(), at, arcs)?]),
             Token::Asset(asset) => {
                 let path = match self.peek()?.0 {
                     Token::Path(path) => {

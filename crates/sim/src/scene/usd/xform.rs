@@ -142,7 +142,11 @@ impl Transform {
         let pose = transform.at(None);
         let numbers = pose.map.linear.iter().flatten().chain(&pose.map.shift);
         if !numbers.copied().all(|x| x.abs() <= FAR) {
-            return Err(stage.refuse(prim, ORDER, &format!("coordinates and scales up to {FAR:e}")));
+            return Err(stage.refuse(
+                prim,
+                ORDER,
+                &format!("coordinates and scales up to {FAR:e}"),
+            ));
         }
         Ok(transform)
     }
@@ -246,10 +250,9 @@ impl Op {
         let numbers = code.map_or(self.rest, |code| self.sample(code));
         let [a, b, c, d, ..] = numbers;
         let pose = match self.kind {
-            Kind::Translate => Pose {
-                map: Affine { linear: math::IDENTITY, shift: [a, b, c] },
-                ..Pose::REST
-            },
+            Kind::Translate => {
+                Pose { map: Affine { linear: math::IDENTITY, shift: [a, b, c] }, ..Pose::REST }
+            }
             Kind::Scale => Pose {
                 map: Affine { linear: math::diagonal([a, b, c]), shift: [0.0; 3] },
                 turn: math::NO_TURN,
@@ -259,11 +262,12 @@ impl Op {
                 Pose::turned(math::quat_as_written([b, c, d, a]).unwrap_or(math::NO_TURN))
             }
             Kind::Rotate(axes) => {
-                let angles = axes.iter().map(|axis| if axes.len() == 1 { a } else {
-                    numbers.get(*axis).copied().unwrap_or(0.0)
+                let angles = axes.iter().map(|axis| {
+                    if axes.len() == 1 { a } else { numbers.get(*axis).copied().unwrap_or(0.0) }
                 });
                 axes.iter().zip(angles).fold(Pose::REST, |pose, (axis, angle)| {
-                    let (sin, cos) = (libm::sin(angle.to_radians() / 2.0), libm::cos(angle.to_radians() / 2.0));
+                    let (sin, cos) =
+                        (libm::sin(angle.to_radians() / 2.0), libm::cos(angle.to_radians() / 2.0));
                     let mut turn = [0.0, 0.0, 0.0, cos];
                     if let Some(part) = turn.get_mut(*axis) {
                         *part = sin;
