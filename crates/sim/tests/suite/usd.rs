@@ -321,7 +321,7 @@ fn masses_go_by_precedence() {
         (scene.bodies[0].mass.clone(), mass)
     };
     let stone = "rel material:binding = </Stone>";
-    let mass = |body, first, second| two(body, first, second).1;
+    let mass = |body: &str, first: &str, second: &str| two(body, first, second).1;
     near(&[mass("", "", "")], &[2000.0]);
     near(&[mass(stone, "", "")], &[4000.0]);
     near(&[mass(&format!("{stone}\nfloat physics:density = 500"), "", "")], &[1000.0]);
