@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""A baked stage against the same bake as arrays.
+"""A stage in OpenUSD; a baked one against the same bake as arrays.
 
-    python3 tools/check_usd.py STAGE.usda ARRAYS.npz
+    python3 tools/check_usd.py STAGE.usda [ARRAYS.npz]
 
 Opens the stage in OpenUSD, runs all validators that come with it, and compares the place of every
 body at every frame with the arrays: to 0.1 mm and 0.3 mrad, since OpenUSD mixes near rotations
@@ -58,7 +58,9 @@ def problems(stage, arrays):
         yield "not in meters with +y up"
     if UsdPhysics.GetStageKilogramsPerUnit(stage) != 1:
         yield "not in kilograms"
-    last = arrays["times"][-1] * stage.GetTimeCodesPerSecond()
+    last = stage.GetEndTimeCode()
+    if arrays is not None:
+        last = arrays["times"][-1] * stage.GetTimeCodesPerSecond()
     if stage.GetStartTimeCode() != 0 or abs(stage.GetEndTimeCode() - last) > 1e-6:
         yield f"from {stage.GetStartTimeCode()} to {stage.GetEndTimeCode()}, not 0 to {last}"
     if not any(prim.HasAPI(UsdPhysics.CollisionAPI) for prim in stage.Traverse()):
@@ -67,20 +69,25 @@ def problems(stage, arrays):
     context = UsdValidation.ValidationContext(registry.GetOrLoadAllValidators())
     for error in context.Validate(stage):
         yield error.GetMessage()
-    yield from differences(stage, arrays)
+    if arrays is not None:
+        yield from differences(stage, arrays)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("stage")
-    parser.add_argument("arrays")
+    parser.add_argument("arrays", nargs="?")
     arguments = parser.parse_args()
-    stage, arrays = Usd.Stage.Open(arguments.stage), np.load(arguments.arrays)
+    stage = Usd.Stage.Open(arguments.stage)
+    arrays = np.load(arguments.arrays) if arguments.arrays else None
     found = list(problems(stage, arrays))
     for problem in found:
         print(f"{arguments.stage}: {problem}")
-    frames, bodies = arrays["poses"].shape[:2]
-    print(f"{arguments.stage}: {len(found)} problems, {frames} frames of {bodies} bodies")
+    what = "a scene"
+    if arrays is not None:
+        frames, bodies = arrays["poses"].shape[:2]
+        what = f"{frames} frames of {bodies} bodies"
+    print(f"{arguments.stage}: {len(found)} problems, {what}")
     sys.exit(1 if found else 0)
 
 

@@ -33,13 +33,14 @@ const MAX_STEPS: u32 = 10_000_000;
 
 /// Run a scene and write its motion.
 ///
-/// SCENE is a scene of Drystone's own format (.toml, .json; `drystone schema` describes it) or a
-/// glTF with physics (.gltf, .glb; extensions KHR_physics_rigid_bodies and KHR_implicit_shapes).
+/// SCENE is a scene of Drystone's own format (.toml, .json; `drystone schema` describes it), a glTF with
+/// physics (.gltf, .glb; extensions KHR_physics_rigid_bodies and KHR_implicit_shapes) or OpenUSD with
+/// UsdPhysics (.usda).
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 #[command(group(clap::ArgGroup::new("result").required(true).multiple(true)))]
 pub(crate) struct Arguments {
-    /// The scene: .toml, .json, .gltf or .glb
+    /// The scene: .toml, .json, .gltf, .glb or .usda
     scene: PathBuf,
 
     /// Where the motion goes; may be given several times. By extension: .glb, an animated glTF

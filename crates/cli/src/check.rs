@@ -22,7 +22,7 @@ const LISTED: usize = 10;
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// The scene: .toml, .json, .gltf or .glb
+    /// The scene: .toml, .json, .gltf, .glb or .usda
     scene: PathBuf,
 
     /// For the settings for games, with their fixed work

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use drystone::StepSettings;
 use drystone::recording::physics::Physics;
+use drystone::recording::usda::Stage;
 use drystone::recording::{Sampling, write_whole};
 use drystone::scene::{self, Scene, to_json, to_toml};
 
@@ -14,13 +15,13 @@ use crate::verify::take;
 
 /// Write a scene or a bake in another format.
 ///
-/// A scene of any format becomes one of Drystone's own (.toml, .json), and one of those a glTF with
-/// physics (.gltf, .glb), which comes back as the same bodies. A bake (.npz, .poses), or one that is
+/// A scene of any format becomes one of Drystone's own (.toml, .json), a glTF with physics (.gltf, .glb) or
+/// OpenUSD with UsdPhysics (.usda); these come back as the same bodies. A bake (.npz, .poses), or one that is
 /// under way (.journal), becomes an animation (.glb, .usda) or arrays (.npz, .poses).
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// A scene: .toml, .json, .gltf, .glb; or a bake: .npz, .poses, .journal
+    /// A scene: .toml, .json, .gltf, .glb, .usda; or a bake: .npz, .poses, .journal
     input: PathBuf,
 
     /// The same in another format, by extension
@@ -37,6 +38,8 @@ Examples:
       the arch with its physics as a glTF
   drystone convert scenes/workshop.gltf workshop.toml
       bodies, shapes and surfaces of a glTF, to be edited by hand; what does not collide is left out
+  drystone convert scenes/arch.json arch.usda
+      the arch as OpenUSD with UsdPhysics, to be opened in Houdini or Omniverse
   drystone convert stones.glb.journal preview.glb --scene scenes/stones.json
       the frames so far of a bake that is under way
 
@@ -70,8 +73,8 @@ fn motion(arguments: &Arguments) -> Result<(), Failure> {
 fn scene(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { input, output, .. } = arguments;
     let form = extension(output);
-    if !matches!(form.as_str(), "toml" | "json" | "gltf" | "glb") {
-        return Err(wrong_extension("OUT", output, ".toml, .json, .gltf, .glb"));
+    if !matches!(form.as_str(), "toml" | "json" | "gltf" | "glb" | "usda") {
+        return Err(wrong_extension("OUT", output, ".toml, .json, .gltf, .glb, .usda"));
     }
     let read = scene::read(input)?;
     read.warnings.iter().for_each(|warning| warn(input, warning));
@@ -79,8 +82,12 @@ fn scene(arguments: &Arguments) -> Result<(), Failure> {
     let written = match form.as_str() {
         "toml" => text(to_toml(&read.scene)),
         "json" => text(to_json(&read.scene)),
+        "usda" => {
+            let wrong = |why: String| Failure::Input(format!("{}: {why}", input.display()));
+            Stage::new(&read.scene).map_err(wrong)?.write(output)
+        }
         _ if read.source.is_some() => {
-            let what = "is a glTF already; accepted as OUT: .toml, .json";
+            let what = "is a glTF already; accepted as OUT: .toml, .json, .usda";
             return Err(Failure::Input(format!("{}: {what}", input.display())));
         }
         "gltf" => physics(input, &read.scene)?.write_gltf(output),

@@ -24,7 +24,7 @@ const MOST: usize = 1500;
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// The scene: .toml, .json, .gltf or .glb
+    /// The scene: .toml, .json, .gltf, .glb or .usda
     scene: PathBuf,
 
     /// The step whose last substep is drawn, from 1

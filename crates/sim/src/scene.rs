@@ -11,8 +11,10 @@ mod error;
 mod file;
 pub mod format;
 pub mod gltf;
+pub(crate) mod graph;
 pub mod schema;
 mod settings;
+pub mod usd;
 pub mod write;
 
 pub use error::{Place, SceneError, Warning};
@@ -234,7 +236,7 @@ impl Default for Material {
 }
 
 /// How two coefficients combine. When two surfaces differ, the earlier in this list decides.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Combine {
     /// (a + b) / 2.

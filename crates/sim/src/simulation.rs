@@ -363,6 +363,48 @@ fn inertia<G: Geometry<L, A>, const L: usize, const A: usize>(
     inertia
 }
 
+/// What says how heavy a shape is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Weight {
+    /// \[kg/m^3\]
+    Density(f64),
+    /// \[kg\]
+    Mass(f64),
+}
+
+/// Mass \[kg\], center \[m\] and inertia about it \[kg m^2\] of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Solid {
+    pub(crate) mass: f64,
+    pub(crate) center: [f64; 3],
+    pub(crate) inertia: [[f64; 3]; 3],
+}
+
+/// A body in 3D of shapes that are not equally dense; none where they have no volume.
+pub(crate) fn compound<'s>(
+    parts: impl Iterator<Item = (&'s scene::Shape, Weight)>,
+) -> Option<Solid> {
+    let mut solid = MassProperties::<3, 3>::ZERO;
+    for (shape, weight) in parts {
+        let form = <Rigid3 as FromScene<3, 3>>::shape(&shape.kind).ok()?;
+        let mut own = Rigid3::mass(&form, 1.0);
+        let factor = match weight {
+            Weight::Density(density) => density as f32,
+            Weight::Mass(mass) => mass as f32 / own.mass,
+        };
+        own.mass *= factor;
+        own.inertia.0 = own.inertia.0.map(|row| row * factor);
+        let pose = place::<Rigid3, 3, 3>(&shape.position, &shape.rotation);
+        solid = solid.joined(&own.placed(&Rigid3::frame(&pose)));
+    }
+    let sound = solid.mass > 0.0 && solid.mass.is_finite();
+    sound.then(|| Solid {
+        mass: f64::from(solid.mass),
+        center: solid.center.0.map(f64::from),
+        inertia: solid.inertia.0.map(|row| row.0.map(f64::from)),
+    })
+}
+
 impl Track {
     /// Position and rotation at `time` \[s\]: linear between keys, held before the first and after
     /// the last.

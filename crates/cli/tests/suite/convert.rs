@@ -39,6 +39,28 @@ fn scenes_come_back_from_a_gltf_with_the_same_bits() {
     }
 }
 
+#[test]
+fn scenes_come_back_from_openusd_with_the_same_bits() {
+    for name in ["arch.json", "tower.json", "particles.json", "workshop.gltf"] {
+        let (place, scene) = (Place::new(""), example(name));
+        let expected = motion(&place, &scene);
+        place.succeeds(&["convert", &scene, "there.usda"]);
+        assert!(motion(&place, "there.usda") == expected, "{name} as .usda");
+        place.succeeds(&["convert", "there.usda", "back.toml"]);
+        assert!(motion(&place, "back.toml") == expected, "{name} and back as .toml");
+        // The same file again, to the last byte.
+        place.succeeds(&["convert", "back.toml", "again.usda"]);
+        let read = |file: &str| fs::read(place.path(file)).unwrap();
+        assert!(read("again.usda") == read("there.usda"), "{name} again");
+    }
+    let place = Place::new("");
+    let refused = place.fails(2, &["convert", &example("wall_2d.json"), "out.usda"]);
+    assert!(refused.contains("is a scene in 2D; a stage is in 3D"), "{refused}");
+    fs::write(place.path("x.usdc"), "PXR-USDC\0\0").unwrap();
+    let refused = place.fails(2, &["check", "x.usdc"]);
+    assert!(refused.contains("usdcat IN -o OUT.usda"), "{refused}");
+}
+
 /// Compounds, half-spaces that lie askew, filters, masses and moments, and speeds of bodies that are
 /// turned: within what rounding makes of a rotation there and back.
 #[test]
@@ -111,7 +133,7 @@ fn what_a_gltf_cannot_say_is_refused() {
     assert!(refused(&example("tower.json"), "out.glb").contains("follows a track"));
     assert!(refused(&example("workshop.gltf"), "out.glb").contains("is a glTF already"));
     let wrong = refused("scene.toml", "out.obj");
-    assert!(wrong.contains("\".obj\"; accepted: .toml, .json, .gltf, .glb"), "{wrong}");
+    assert!(wrong.contains("\".obj\"; accepted: .toml, .json, .gltf, .glb, .usda"), "{wrong}");
     assert_eq!(place.files(), ["scene.toml"]);
 }
 

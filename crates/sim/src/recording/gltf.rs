@@ -14,9 +14,9 @@ use super::animation::{Target, append_clip};
 use super::buffer::{GltfBuffer, Use, write_glb};
 use super::pose::{Pose, pose_at};
 use super::sampling::Sampling;
-use crate::scene::gltf::math::{self, Quat};
-use crate::scene::gltf::nodes::{Affine, Trs};
 use crate::scene::gltf::{BodyNode, Source, container};
+use crate::scene::graph::math::{self, Quat};
+use crate::scene::graph::transform::{Affine, Trs};
 use crate::scene::{Place, Warning};
 
 /// Name of the animation that is added.

@@ -16,11 +16,9 @@ use super::buffer::{GltfBuffer, Use, write_glb};
 use super::file::write_whole;
 use super::glb::{Nodes, is_centered, place};
 use super::mesh::hull_triangles;
-use super::usda::shape::from_up;
-use crate::scene::gltf::math::{self, Quat};
-use crate::scene::{
-    Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind, to_json,
-};
+use crate::scene::graph::math::{self, Quat};
+use crate::scene::write::own_words;
+use crate::scene::{Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind};
 
 /// A scene as a glTF document and its buffer.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,7 +64,7 @@ impl Physics {
         }
         document["scene"] = json!(0);
         document["scenes"] = json!([root]);
-        let own = own_words(scene);
+        let own: Value = serde_json::from_str(&own_words(scene)).unwrap_or_default();
         if own != json!({}) {
             document["extras"] = json!({ "drystone": own });
         }
@@ -97,12 +95,6 @@ impl Physics {
             out.write_all(b"\n")
         })
     }
-}
-
-/// What a scene says that no extension of glTF does, in its own words.
-fn own_words(scene: &Scene) -> Value {
-    let alone = Scene { bodies: Vec::new(), name: None, ..scene.clone() };
-    serde_json::from_str(&to_json(&alone)).unwrap_or_default()
 }
 
 /// Lists that bodies share, each item once.
@@ -246,7 +238,7 @@ impl Writer<'_> {
                     && let Some(normal) = math::unit(normal)
                     && normal != [0.0, 1.0, 0.0]
                 {
-                    turn = from_up(normal);
+                    turn = math::from_up(normal);
                 }
                 implicit("plane", json!({}))
             }

@@ -2,7 +2,8 @@
 
 mod materials;
 mod prim;
-pub(super) mod shape;
+mod scene;
+mod shape;
 
 use std::collections::HashSet;
 use std::io;
@@ -16,6 +17,7 @@ use super::{Recording, Sampling, write_whole};
 use crate::scene::{Body, Mass, Motion, Scene};
 use materials::Materials;
 use prim::{Prim, quoted, tuple};
+pub use scene::Stage;
 
 /// Writes a scene as a stage: an `Xform` per body with its shapes below it, moved by time samples,
 /// and with the schemas of UsdPhysics. Time code 0 is the initial state.
@@ -55,14 +57,20 @@ pub fn write(
     world.children.extend(materials.prim());
     world.children.extend(bodies);
     let end = codes.last().copied().unwrap_or(0.0);
+    write_stage(path, &world, end, rate, rate)
+}
+
+/// Writes what is in the world, from time code 0 to the last, with so many frames and time codes per
+/// second.
+fn write_stage(path: &Path, world: &Prim, end: f64, frames: f64, codes: f64) -> io::Result<()> {
     write_whole(path, |out| {
         writeln!(out, "#usda 1.0\n(")?;
         let creator = concat!("Drystone ", env!("CARGO_PKG_VERSION"));
         writeln!(out, "    customLayerData = {{\n        string creator = \"{creator}\"\n    }}")?;
         writeln!(out, "    defaultPrim = \"World\"\n    endTimeCode = {end}")?;
-        writeln!(out, "    framesPerSecond = {rate}\n    kilogramsPerUnit = 1")?;
+        writeln!(out, "    framesPerSecond = {frames}\n    kilogramsPerUnit = 1")?;
         writeln!(out, "    metersPerUnit = 1\n    startTimeCode = 0")?;
-        writeln!(out, "    timeCodesPerSecond = {rate}\n    upAxis = \"Y\"\n)\n")?;
+        writeln!(out, "    timeCodesPerSecond = {codes}\n    upAxis = \"Y\"\n)\n")?;
         world.write(out, 0)
     })
 }
@@ -75,7 +83,7 @@ fn rounded(x: f64) -> f64 {
 /// A name for each body that no other prim beside it has: ASCII letters, digits and underscores,
 /// and no digit first.
 fn identifiers(scene: &Scene) -> Vec<String> {
-    let mut taken = HashSet::from([PHYSICS, materials::SCOPE].map(str::to_owned));
+    let mut taken = HashSet::from([PHYSICS, materials::SCOPE, scene::GROUPS].map(str::to_owned));
     let one = |(index, body): (usize, &Body)| {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
         let mut name: String = body.name.as_deref().unwrap_or("body").chars().map(plain).collect();
@@ -145,10 +153,12 @@ fn mass(prim: &mut Prim, dimension: usize, mass: &Mass) {
     match mass.mass {
         Some(mass) if mass.is_finite() => prim.set("float physics:mass", mass),
         Some(_) => {}
-        None => {
-            let thickness = if dimension == 2 { shape::THICKNESS } else { 1.0 };
-            prim.set("float physics:density", mass.density.unwrap_or(1000.0) / thickness);
+        None if dimension == 2 => {
+            let density = mass.density.unwrap_or(1000.0) / shape::THICKNESS;
+            prim.set("float physics:density", density);
         }
+        // What OpenUSD takes without a density is what we take.
+        None => mass.density.into_iter().for_each(|x| prim.set("float physics:density", x)),
     }
     if let Some(center) = &mass.center {
         prim.set("point3f physics:centerOfMass", tuple(&space(center)));
@@ -157,8 +167,9 @@ fn mass(prim: &mut Prim, dimension: usize, mass: &Mass) {
         && [x, y, z].iter().all(|moment| moment.is_finite())
     {
         prim.set("float3 physics:diagonalInertia", tuple(&[x, y, z]));
-        let [a, b, c, w] = mass.inertia_rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-        prim.set("quatf physics:principalAxes", tuple(&[w, a, b, c]));
+        if let Some([a, b, c, w]) = mass.inertia_rotation {
+            prim.set("quatf physics:principalAxes", tuple(&[w, a, b, c]));
+        }
     }
 }
 
@@ -167,9 +178,15 @@ fn velocity(prim: &mut Prim, body: &Body) {
         [about_z] => [0.0, 0.0, *about_z],
         vector => space(vector),
     };
-    // Degrees per second.
-    prim.set("vector3f physics:angularVelocity", tuple(&angular.map(f64::to_degrees)));
+    prim.set("vector3f physics:angularVelocity", tuple(&angular.map(degrees)));
     prim.set("vector3f physics:velocity", tuple(&space(&body.linear_velocity)));
+}
+
+/// An angle in degrees which, back in radians, is the same in single precision.
+fn degrees(angle: f64) -> f64 {
+    let near = angle.to_degrees();
+    let same = |degrees: &f64| degrees.to_radians() as f32 == angle as f32;
+    [near, near.next_up(), near.next_down()].into_iter().find(same).unwrap_or(near)
 }
 
 /// Lets a prim follow its recording: by samples, or as it always is.

@@ -11,14 +11,15 @@
 
 use std::fs::File;
 use std::io::{self, Read as _};
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
-use super::{Place, Read, SceneError, format, gltf};
+use super::{Place, Read, SceneError, format, gltf, usd};
 
 /// Largest scene file. \[byte\]
 const MAX_SIZE: u64 = 1 << 30;
 
-/// Reads a scene from a file: `.toml`, `.json`, `.gltf` or `.glb`, in upper or lower case.
+/// Reads a scene from a file: `.toml`, `.json`, `.gltf`, `.glb`, `.usda` or `.usd`, in upper or lower
+/// case.
 ///
 /// # Errors
 /// [`SceneError::unreadable`] if the operating system does not give the file; otherwise what is
@@ -29,18 +30,20 @@ pub fn read(file: &Path) -> Result<Read, SceneError> {
         "toml" => format::read_toml(file, &read_text(file)?),
         "json" => format::read_json(file, &read_text(file)?),
         "gltf" | "glb" => gltf::read(file),
+        // Binary ones are refused there, with what to do.
+        "usda" | "usd" | "usdc" | "usdz" => usd::read(file),
         other => Err(SceneError {
             file: file.to_owned(),
             place: Place::File,
             item: "the format".to_owned(),
             value: if other.is_empty() { "not named".to_owned() } else { format!("\".{other}\"") },
-            accepted: "accepted: .toml, .json, .gltf, .glb".to_owned(),
+            accepted: "accepted: .toml, .json, .gltf, .glb, .usda".to_owned(),
             unreadable: false,
         }),
     }
 }
 
-fn read_text(file: &Path) -> Result<String, SceneError> {
+pub(super) fn read_text(file: &Path) -> Result<String, SceneError> {
     let bytes = read_bytes(file).map_err(|error| SceneError {
         file: file.to_owned(),
         place: Place::File,
@@ -83,4 +86,38 @@ fn read_bytes(file: &Path) -> io::Result<Option<Vec<u8>>> {
     // The file may grow while it is read.
     File::open(file)?.take(MAX_SIZE + 1).read_to_end(&mut bytes)?;
     Ok(if bytes.len() as u64 > MAX_SIZE { None } else { Some(bytes) })
+}
+
+/// Fills `start` with the first bytes of a file; whether there are as many.
+pub(super) fn starts_with(file: &Path, start: &mut [u8]) -> bool {
+    let regular = std::fs::metadata(file).is_ok_and(|data| data.is_file());
+    regular && File::open(file).is_ok_and(|mut file| file.read_exact(start).is_ok())
+}
+
+/// The file that a path names which starts at `here`, if it is in the folder `home` or below; else
+/// why there is none. Messages call the folder that of `whose`.
+pub(super) fn inside(path: &str, here: &Path, home: &Path, whose: &str) -> Result<PathBuf, String> {
+    let refused = || format!("a relative path to a file inside the folder of {whose} is accepted");
+    let relative = Path::new(path);
+    let plain = relative
+        .components()
+        .all(|c| matches!(c, Component::Normal(_) | Component::CurDir | Component::ParentDir));
+    let scheme = path.split('/').next().is_some_and(|first| first.contains(':'));
+    if path.is_empty() || !plain || scheme || path.contains(['\\', '\0']) {
+        return Err(refused());
+    }
+    let named = |folder: &Path| {
+        if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() }
+    };
+    let absent = |error: io::Error| format!("it could not be read: {error}");
+    // Step by step, so that a path out of the folder and back does not tell what is there.
+    let home = named(home).canonicalize().map_err(absent)?;
+    let mut reached = named(here).canonicalize().map_err(absent)?;
+    for step in relative.components() {
+        reached = reached.join(step).canonicalize().map_err(absent)?;
+        if !reached.starts_with(&home) {
+            return Err(refused());
+        }
+    }
+    Ok(reached)
 }

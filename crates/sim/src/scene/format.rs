@@ -14,7 +14,7 @@
 
 pub(super) mod body;
 pub(super) mod shape;
-pub(super) mod surface;
+pub(crate) mod surface;
 mod tree;
 mod walk;
 

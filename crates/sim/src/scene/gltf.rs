@@ -16,9 +16,8 @@ mod accessors;
 mod animation;
 pub(crate) mod container;
 mod json;
-pub(crate) mod math;
 mod meshes;
-pub(crate) mod nodes;
+mod nodes;
 mod physics;
 mod shapes;
 mod tables;
@@ -30,21 +29,13 @@ use serde_json::Value;
 use self::accessors::Accessors;
 use self::animation::Animation;
 use self::json::Cursor;
-use self::math::{Mat3, Quat};
 use self::meshes::Meshes;
-use self::nodes::{Affine, Trs};
 use self::physics::Builder;
 use self::tables::Dialect;
-use super::{Place, Read, Scene, SceneError, Warning, format};
-
-/// Largest coordinate, size and scale. \[m\]
-const FAR: f64 = 1e9;
-/// Smallest size of a shape. \[m\]
-const NEAR: f64 = 1e-9;
-/// Largest velocity. \[m/s, rad/s\]
-const FAST: f64 = 1e9;
-/// How far the length of a quaternion may be from 1, as exporters round it.
-const TURN_SLACK: f64 = 0.01;
+use super::graph::math::{Mat3, Quat};
+use super::graph::own_words;
+use super::graph::transform::{Affine, Trs};
+use super::{Place, Read, Scene, SceneError, Warning};
 
 /// What it takes to write the glTF of a scene again, with an animation added.
 #[derive(Clone, Debug, PartialEq)]
@@ -159,28 +150,17 @@ pub fn read(file: &Path) -> Result<Read, SceneError> {
                 .into(),
         });
     }
-    let scene = Scene { name: scene_name(&root)?, bodies, ..own_words(&root)? };
+    let scene = Scene { name: scene_name(&root)?, bodies, ..own(&root)? };
     let source = Source { document, buffers, folder, bodies: body_nodes };
     Ok(Read { scene, warnings, source: Some(source) })
 }
 
-/// What no extension has a word for: gravity, times and settings, as Drystone's own format writes them,
-/// in the extras of the document.
-fn own_words(root: &Cursor<'_>) -> Result<Scene, SceneError> {
+/// What no extension has a word for, in the extras of the document.
+fn own(root: &Cursor<'_>) -> Result<Scene, SceneError> {
     let own = root.own()?;
     let text = own.as_ref().map_or_else(|| "{}".to_owned(), |own| own.value.to_string());
-    let scene = match format::read_json(Path::new(""), &text) {
-        Ok(read) if read.scene.dimension == 3 && read.scene.bodies.is_empty() => read.scene,
-        Ok(_) => {
-            let at = own.as_ref().unwrap_or(root);
-            return Err(at.error("a scene of Drystone's own format in 3D, without bodies"));
-        }
-        Err(error) => {
-            let at = own.as_ref().unwrap_or(root);
-            return Err(at.fault(format!("{} {}", error.item, error.value), error.accepted));
-        }
-    };
-    Ok(scene)
+    let at = own.as_ref().unwrap_or(root);
+    own_words(&text).map_err(|(item, accepted)| at.fault(item, accepted))
 }
 
 /// Checks what comes before the contents: version, required extensions, form of extensions.

@@ -15,6 +15,12 @@ pub fn to_json(scene: &Scene) -> String {
     serde_json::to_string_pretty(&document(scene)).unwrap_or_default() + "\n"
 }
 
+/// What a scene says besides its bodies and its name, in JSON of one line.
+pub(crate) fn own_words(scene: &Scene) -> String {
+    let alone = Scene { bodies: Vec::new(), name: None, ..scene.clone() };
+    serde_json::to_string(&document(&alone)).unwrap_or_default()
+}
+
 /// The scene as TOML. Reading it gives the same scene.
 pub fn to_toml(scene: &Scene) -> String {
     toml::to_string(&document(scene)).unwrap_or_default()

@@ -120,7 +120,7 @@ fn document() -> Value {
     serde_json::from_str(include_str!("../corpus/seed.gltf")).unwrap()
 }
 
-fn read_gltf(path: &Path) {
+fn read_any(path: &Path) {
     if let Ok(read) = scene::read(path) {
         use_scene(&read.scene);
     }
@@ -129,7 +129,7 @@ fn read_gltf(path: &Path) {
 #[test]
 fn gltf_documents() {
     let corpus = [serde_json::to_vec(&document()).unwrap()];
-    run("gltf", &corpus, true, as_file("gltf", read_gltf));
+    run("gltf", &corpus, true, as_file("gltf", read_any));
 }
 
 #[test]
@@ -139,7 +139,13 @@ fn glb_containers() {
     let buffer: Vec<u8> = (0..200u8).collect();
     document["buffers"][0].as_object_mut().unwrap().remove("uri");
     drystone::recording::buffer::write_glb(&mut glb, &document, &buffer).unwrap();
-    run("glb", &[glb], false, as_file("glb", read_gltf));
+    run("glb", &[glb], false, as_file("glb", read_any));
+}
+
+#[test]
+fn stages_as_usda() {
+    let corpus = [include_bytes!("../corpus/seed.usda").to_vec()];
+    run("usda", &corpus, false, as_file("usda", read_any));
 }
 
 fn recording() -> Recording {

@@ -13,4 +13,5 @@ mod guide;
 mod jam;
 mod scene;
 mod sleep;
+mod usd;
 mod world;

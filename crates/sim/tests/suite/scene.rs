@@ -526,7 +526,7 @@ fn files_are_read_by_their_extension() {
         assert_eq!(read(&path(name)).unwrap().scene.steps, Some(3));
     }
     let error = read(&path("a.yaml")).unwrap_err();
-    assert_eq!(error.accepted, "accepted: .toml, .json, .gltf, .glb");
+    assert_eq!(error.accepted, "accepted: .toml, .json, .gltf, .glb, .usda");
     assert!(!error.unreadable);
     std::fs::create_dir(path("c.toml")).unwrap();
     for name in ["c.toml", "missing.json"] {

@@ -1,15 +1,16 @@
-//! Surfaces as materials of UsdPhysics. How two of them combine has no word there.
+//! Surfaces as materials of UsdPhysics. How two of them combine has no word there but ours.
 
 use std::collections::HashMap;
 
 use super::prim::Prim;
-use crate::scene::{Material, Scene};
+use crate::scene::format::surface::COMBINE;
+use crate::scene::{Combine, Material, Scene};
 
 /// What the materials lie under, in the world.
 pub(super) const SCOPE: &str = "Materials";
 
-/// Friction and restitution, to the bit.
-type Key = [u64; 2];
+/// Friction and restitution, to the bit, and how they combine.
+type Key = ([u64; 2], [Combine; 2]);
 
 /// The surfaces of a scene, each once.
 pub(super) struct Materials<'a> {
@@ -46,7 +47,8 @@ impl<'a> Materials<'a> {
 }
 
 fn key(material: &Material) -> Key {
-    [material.friction, material.restitution].map(f64::to_bits)
+    let combine = [material.friction_combine, material.restitution_combine];
+    ([material.friction, material.restitution].map(f64::to_bits), combine)
 }
 
 fn name(place: usize) -> String {
@@ -59,5 +61,14 @@ fn prim(place: usize, material: &Material) -> Prim {
     prim.set("float physics:dynamicFriction", material.friction);
     prim.set("float physics:restitution", material.restitution);
     prim.set("float physics:staticFriction", material.friction);
+    let default = Material::default();
+    for (key, of, usual) in [
+        ("friction", material.friction_combine, default.friction_combine),
+        ("restitution", material.restitution_combine, default.restitution_combine),
+    ] {
+        if let Some((word, _)) = COMBINE.iter().find(|(_, combine)| of != usual && *combine == of) {
+            prim.set(format!("custom token drystone:{key}Combine"), format!("\"{word}\""));
+        }
+    }
     prim
 }

@@ -5,7 +5,7 @@ use super::super::mesh::{self, mesh_of, scale_of};
 use super::super::pose::pose_2d;
 use super::prim::{Prim, list, tuple};
 use super::space;
-use crate::scene::gltf::math::quat_mul;
+use crate::scene::graph::math::{from_up, quat_mul};
 use crate::scene::{Motion, Rotation, Shape, ShapeKind};
 
 /// Of what is flat. \[m\]
@@ -111,15 +111,4 @@ fn faces(name: &str, kind: &ShapeKind, dimension: usize) -> Prim {
 
 fn extent(half: [f64; 3]) -> String {
     list([tuple(&half.map(|x| -x)), tuple(&half)].iter())
-}
-
-/// The rotation that turns +y into a unit vector.
-pub(in crate::recording) fn from_up([x, y, z]: [f64; 3]) -> [f64; 4] {
-    // Upside down, any axis across will do.
-    if y < -1.0 + 1e-9 {
-        return [1.0, 0.0, 0.0, 0.0];
-    }
-    // y x n, and one plus their cosine: the double angle, halved.
-    let length = (2.0 * (1.0 + y)).sqrt();
-    [z / length, 0.0, -x / length, (1.0 + y) / length]
 }

@@ -70,7 +70,7 @@ fn names_are_identifiers_of_their_own() {
 #[test]
 fn planes_look_along_their_normal() {
     for normal in [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.6, -0.8]] {
-        let [a, b, c, d] = shape::from_up(normal);
+        let [a, b, c, d] = crate::scene::graph::math::from_up(normal);
         let up = [2.0 * (a * b - c * d), 1.0 - 2.0 * (a * a + c * c), 2.0 * (b * c + a * d)];
         for (x, y) in up.iter().zip(normal) {
             assert!((x - y).abs() < 1e-12, "{up:?} is not {normal:?}");

@@ -14,7 +14,7 @@ pub(in crate::scene) const COLLISION_KEYS: &[&str] =
 
 const DENSITY: Range = Range::new(1e-12, 1e15, "kg/m^3 (3D), kg/m^2 (2D)");
 
-pub(in crate::scene) const COMBINE: [(&str, Combine); 5] = [
+pub(crate) const COMBINE: [(&str, Combine); 5] = [
     ("average", Combine::Average),
     ("minimum", Combine::Minimum),
     ("maximum", Combine::Maximum),

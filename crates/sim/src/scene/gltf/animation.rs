@@ -2,16 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::super::{Rotation, SceneError, Track, Warning};
+use super::super::graph::math::{self, Quat, Vec3};
+use super::super::graph::track;
+use super::super::graph::transform::Affine;
+use super::super::{SceneError, Track, Warning};
 use super::accessors::Accessors;
 use super::json::Cursor;
-use super::math::{self, Quat, Vec3};
-use super::nodes::{Affine, Node};
-
-/// Samples per second where keys alone do not give the poses between them.
-const RATE: f64 = 60.0;
-/// Longest stretch that is sampled. \[s\]
-const LONGEST: f64 = 3600.0;
+use super::nodes::Node;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Interpolation {
@@ -152,35 +149,11 @@ impl Animation {
         let cubic = channels.iter().any(|(_, c)| c.interpolation == Interpolation::Cubic);
         let swings = channels.iter().any(|(m, c)| c.path == Path::Rotation && *m != node);
         let exact = movers.len() <= 1 && !cubic && !swings;
-        let first = times.iter().copied().fold(f64::INFINITY, f64::min);
-        let last = times.iter().copied().fold(0.0, f64::max);
-        if !exact && first < last {
-            if last - first > LONGEST {
-                return Err(owner.cursor.fault(
-                    format!("animation of the node, {} s long", last - first),
-                    format!("up to {LONGEST} s are accepted"),
-                ));
-            }
-            let samples = ((last - first) * RATE).floor() as usize;
-            times.extend((0..=samples).map(|i| first + i as f64 / RATE));
-        }
-        times.sort_by(f64::total_cmp);
-        times.dedup();
-
-        let mut track = Track::default();
-        let mut held: Option<Quat> = None;
-        for time in times {
-            let (position, rotation) = self.pose(nodes, &chain, time);
-            let rotation = match held {
-                Some(last) if math::quat_dot(last, rotation) < 0.0 => rotation.map(|x| -x),
-                _ => rotation,
-            };
-            held = Some(rotation);
-            track.times.push(time);
-            track.positions.push(position.into());
-            track.rotations.push(Rotation::Quaternion(rotation));
-        }
-        Ok(track)
+        let times = track::times(times, exact).map_err(|(length, accepted)| {
+            let item = format!("animation of the node, {length} s long");
+            owner.cursor.fault(item, accepted)
+        })?;
+        Ok(track::of(times, |time| self.pose(nodes, &chain, time)))
     }
 
     /// Pose in the world at a time; `chain` leads from the root to the node.

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
-use super::super::{Place, SceneError, Warning};
+use super::super::{Place, SceneError, Warning, file};
 use super::json::Cursor;
 
 /// Most bytes that a file, or all buffers together, may have.
@@ -233,17 +233,10 @@ pub(crate) fn contained(uri: &str, folder: &Path) -> Result<PathBuf, String> {
     const INSIDE: &str = "a relative path to a file inside the folder of the glTF is accepted";
     let decoded = percent(uri).ok_or("a percent-encoded path in UTF-8 is accepted")?;
     let relative = Path::new(&decoded);
-    let plain =
-        relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-    let scheme = decoded.split('/').next().is_some_and(|first| first.contains(':'));
-    if decoded.is_empty() || !plain || scheme || decoded.contains(['\\', '\0']) {
+    if relative.components().any(|c| c == Component::ParentDir) {
         return Err(INSIDE.into());
     }
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let reached = folder.join(relative).canonicalize();
-    let reached = reached.map_err(|error| format!("it could not be read: {error}"))?;
-    let home = folder.canonicalize().map_err(|error| format!("it could not be read: {error}"))?;
-    if reached.starts_with(&home) { Ok(reached) } else { Err(INSIDE.into()) }
+    file::inside(&decoded, folder, folder, "the glTF")
 }
 
 fn percent(text: &str) -> Option<String> {

@@ -1,49 +1,11 @@
 //! Triangles of meshes.
 
-use std::collections::HashSet;
-
 use super::super::SceneError;
+use super::super::graph::transform::Affine;
+use super::super::graph::triangles::Triangles;
 use super::accessors::Accessors;
 use super::json::Cursor;
-use super::math::{self, Vec3};
-use super::nodes::{Affine, Node};
-
-/// Triangles, counter-clockwise seen from outside.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Triangles {
-    pub(super) vertices: Vec<Vec3>,
-    pub(super) triangles: Vec<[u32; 3]>,
-}
-
-impl Triangles {
-    /// Adds other triangles, moved by `map`; a mirror turns them over.
-    fn append(&mut self, other: &Self, map: &Affine) -> Option<()> {
-        let base = u32::try_from(self.vertices.len()).ok()?;
-        let flip = math::determinant(map.linear) < 0.0;
-        self.vertices.extend(other.vertices.iter().map(|v| map.point(*v)));
-        for [a, b, c] in &other.triangles {
-            let [a, b, c] = [a.checked_add(base)?, b.checked_add(base)?, c.checked_add(base)?];
-            self.triangles.push(if flip { [a, c, b] } else { [a, b, c] });
-        }
-        Some(())
-    }
-
-    /// The same triangles, moved by `map`.
-    pub(super) fn moved(&self, map: &Affine) -> Self {
-        let mut moved = Self::default();
-        // Starting from nothing, no index overflows.
-        let _ = moved.append(self, map);
-        moved
-    }
-
-    /// Points without repetition, in their order.
-    pub(super) fn points(&self) -> Vec<Vec<f64>> {
-        let mut seen = HashSet::new();
-        // Adding zero makes one of both zeros.
-        let new = |point: &&Vec3| seen.insert(point.map(|x| (x + 0.0).to_bits()));
-        self.vertices.iter().filter(new).map(|point| point.to_vec()).collect()
-    }
-}
+use super::nodes::Node;
 
 /// What a mesh is made of, checked; its triangles are read when something needs them.
 pub(super) struct Meshes<'a> {

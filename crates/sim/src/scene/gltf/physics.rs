@@ -2,22 +2,20 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::super::graph::implicit::{self, Implicit, Placed};
+use super::super::graph::math::{self, Mat3, Quat, Vec3};
+use super::super::graph::transform::Affine;
+use super::super::graph::triangles::Triangles;
+use super::super::graph::{FAR, FAST, HEAVY, LIGHT, unique};
 use super::super::{
     Body, Filter, Mass, Material, Motion, Rotation, SceneError, Shape, ShapeKind, Track, Warning,
 };
+use super::BodyNode;
 use super::animation::{self, Animation};
 use super::json::Cursor;
-use super::math::{self, Mat3, Quat, Vec3};
-use super::meshes::{Meshes, Triangles};
-use super::nodes::{self, Affine, Node};
-use super::shapes::{self, Implicit, Placed};
+use super::meshes::Meshes;
+use super::nodes::{self, Node};
 use super::tables::{self, Dialect, Tables};
-use super::{BodyNode, FAR, FAST};
-
-/// Largest mass and moment of inertia. \[kg, kg m^2\]
-const HEAVY: f64 = 1e18;
-/// Smallest mass and moment of inertia other than 0, which means infinity. \[kg, kg m^2\]
-const LIGHT: f64 = 1e-18;
 /// Largest factor on gravity, either way.
 const MOST_GRAVITY: f64 = 1e6;
 
@@ -176,7 +174,10 @@ impl Builder<'_> {
             ));
         }
         let mut body = Body {
-            name: node.name.filter(|n| !n.is_empty()).map(|n| unique(n, index, names)),
+            name: node
+                .name
+                .filter(|n| !n.is_empty())
+                .map(|n| unique(n, &format!("node {index}"), names)),
             motion,
             position: position.into(),
             rotation: Rotation::Quaternion(rotation),
@@ -284,7 +285,7 @@ impl Builder<'_> {
                 Some(Implicit::Mesh { mesh, convex }) => {
                     solid(self.meshes.triangles(*mesh)?, *convex || collider.convex)
                 }
-                Some(implicit) => match shapes::place(implicit, map, motion) {
+                Some(shape) => match implicit::place(shape, map, motion) {
                     Placed::Shape(kind) => Some(kind),
                     Placed::Instead(kind, why) => {
                         self.warn(index, format!("collider: {why}"), warnings);
@@ -333,34 +334,9 @@ impl Builder<'_> {
         motion: Motion,
         warnings: &mut Vec<Warning>,
     ) -> Option<ShapeKind> {
-        if map.iter().flatten().all(|x| *x == 0.0) {
-            let what = "no collider acts: its node has scale 0, which disables it";
-            self.warn(index, what, warnings);
-            return None;
-        }
-        let moved = triangles.moved(&Affine { linear: map, shift: [0.0; 3] });
-        if moved.triangles.is_empty() {
-            self.warn(index, "no collider acts: its mesh has no triangles", warnings);
-            return None;
-        }
-        let dynamic = motion == Motion::Dynamic;
-        if dynamic || convex {
-            let flat = flat(&moved.vertices);
-            if dynamic && flat {
-                let what = "no collider acts: its mesh is flat, and a moving body needs a volume";
-                self.warn(index, what, warnings);
-                return None;
-            }
-            if !convex {
-                let what = "collider: a convex hull stands for the mesh of a moving body";
-                self.warn(index, what, warnings);
-            }
-            if !flat {
-                return Some(ShapeKind::ConvexHull { points: moved.points() });
-            }
-            self.warn(index, "collider: its mesh is flat and stays a mesh", warnings);
-        }
-        Some(ShapeKind::Trimesh { vertices: moved.vertices, triangles: moved.triangles })
+        let solid = triangles.solid(map, convex, motion);
+        solid.notes.into_iter().for_each(|note| self.warn(index, note, warnings));
+        solid.kind
     }
 
     /// Reads what every node says, whether or not it is part of the scene.
@@ -596,29 +572,4 @@ fn start(node: &Node<'_>, track: &Track) -> (Vec3, Quat) {
         return (position, *turn);
     }
     (node.world.shift, node.turn)
-}
-
-/// `name`, changed where another body already has it.
-fn unique(name: &str, node: usize, names: &mut BTreeSet<String>) -> String {
-    let mut unique = name.to_string();
-    while !names.insert(unique.clone()) {
-        unique = format!("{unique} (node {node})");
-    }
-    unique
-}
-
-/// Whether all points lie in a plane, for the accuracy of what they span.
-fn flat(points: &[Vec3]) -> bool {
-    let farthest = |measure: &dyn Fn(Vec3) -> f64| {
-        points.iter().copied().max_by(|a, b| measure(*a).total_cmp(&measure(*b)))
-    };
-    let Some(origin) = points.first().copied() else { return true };
-    let from = |p: Vec3| math::sub(p, origin);
-    let Some(a) = farthest(&|p| math::length(from(p))).map(from) else { return true };
-    let Some(b) = farthest(&|p| math::length(math::cross(a, from(p)))).map(from) else {
-        return true;
-    };
-    let Some(normal) = math::unit(math::cross(a, b)) else { return true };
-    let height = points.iter().fold(0.0_f64, |most, p| most.max(math::dot(normal, from(*p)).abs()));
-    height <= 1e-6 * math::length(a)
 }

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use super::super::graph::FAR;
+use super::super::graph::implicit::Implicit;
 use super::super::{Combine, Filter, Material, SceneError, Warning};
-use super::FAR;
 use super::json::Cursor;
-use super::shapes::{self, Implicit};
+use super::shapes;
 
 /// Which of the two families of extensions a file uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -134,3 +134,48 @@ pub(crate) fn slerp(a: Quat, b: Quat, t: f64) -> Quat {
     quat_unit([wa * a0 + wb * b0, wa * a1 + wb * b1, wa * a2 + wb * b2, wa * a3 + wb * b3])
         .unwrap_or(a)
 }
+
+/// The unit quaternion along `q`, as written where it is one to rounding.
+pub(crate) fn quat_as_written(q: Quat) -> Option<Quat> {
+    if (quat_dot(q, q) - 1.0).abs() <= 8.0 * f64::EPSILON { Some(q) } else { quat_unit(q) }
+}
+
+/// Eigenvalues of a symmetric matrix, and the rotation from its axes: Jacobi's method, ten sweeps.
+pub(crate) fn principal(matrix: Mat3) -> (Vec3, Quat) {
+    let (mut m, mut axes) = (matrix, IDENTITY);
+    for _ in 0..10 {
+        for [p, q, r] in [[0_usize, 1, 2], [0, 2, 1], [1, 2, 0]] {
+            let at = |i: usize, j: usize| m.get(j).and_then(|column| column.get(i)).copied();
+            let (Some(pp), Some(qq), Some(pq)) = (at(p, p), at(q, q), at(p, q)) else { continue };
+            if pq == 0.0 {
+                continue;
+            }
+            // The angle that makes this entry zero (Golub and Van Loan, 8.5.2).
+            let ratio = (qq - pp) / (2.0 * pq);
+            let tangent = ratio.signum() / (ratio.abs() + (1.0 + ratio * ratio).sqrt());
+            let cos = 1.0 / (1.0 + tangent * tangent).sqrt();
+            let sin = tangent * cos;
+            let mut turn = [[0.0; 3]; 3];
+            for (i, j, value) in [(p, p, cos), (q, q, cos), (p, q, sin), (q, p, -sin), (r, r, 1.0)]
+            {
+                if let Some(entry) = turn.get_mut(j).and_then(|column| column.get_mut(i)) {
+                    *entry = value;
+                }
+            }
+            m = mul(transpose(turn), mul(m, turn));
+            axes = mul(axes, turn);
+        }
+    }
+    ([m[0][0], m[1][1], m[2][2]], from_rotation(axes))
+}
+
+/// The rotation that turns +y into a unit vector.
+pub(crate) fn from_up([x, y, z]: Vec3) -> Quat {
+    // Upside down, any axis across will do.
+    if y < -1.0 + 1e-9 {
+        return [1.0, 0.0, 0.0, 0.0];
+    }
+    // y x n, and one plus their cosine: the double angle, halved.
+    let length = (2.0 * (1.0 + y)).sqrt();
+    [z / length, 0.0, -x / length, (1.0 + y) / length]
+}

@@ -1,0 +1,56 @@
+//! What readers of scene graphs share: transforms, shapes under scale, meshes, tracks, names.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects
+    )
+)]
+
+pub(super) mod implicit;
+pub(crate) mod math;
+pub(super) mod track;
+pub(crate) mod transform;
+pub(super) mod triangles;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::{Scene, format};
+
+/// Largest coordinate, size and scale. \[m\]
+pub(super) const FAR: f64 = 1e9;
+/// Smallest size of a shape. \[m\]
+pub(super) const NEAR: f64 = 1e-9;
+/// Largest velocity. \[m/s, rad/s\]
+pub(super) const FAST: f64 = 1e9;
+/// Largest mass and moment of inertia. \[kg, kg m^2\]
+pub(super) const HEAVY: f64 = 1e18;
+/// Smallest mass and moment of inertia. \[kg, kg m^2\]
+pub(super) const LIGHT: f64 = 1e-18;
+/// How far the length of a quaternion may be from 1, as exporters round it.
+pub(super) const TURN_SLACK: f64 = 0.01;
+
+/// `name`, changed where another body already has it; `place` tells them apart.
+pub(super) fn unique(name: &str, place: &str, names: &mut BTreeSet<String>) -> String {
+    let mut unique = name.to_owned();
+    while !names.insert(unique.clone()) {
+        unique = format!("{unique} ({place})");
+    }
+    unique
+}
+
+/// A scene without bodies from JSON of the own format: gravity, times and settings, which other
+/// formats have no words for. Else what is wrong with it, and what is accepted.
+pub(super) fn own_words(text: &str) -> Result<Scene, (String, String)> {
+    match format::read_json(Path::new(""), text) {
+        Ok(read) if read.scene.dimension == 3 && read.scene.bodies.is_empty() => Ok(read.scene),
+        Ok(_) => {
+            let item = "a scene in other dimensions, or with bodies".to_owned();
+            Err((item, "a scene of Drystone's own format in 3D, without bodies".to_owned()))
+        }
+        Err(error) => Err((format!("{} {}", error.item, error.value), error.accepted)),
+    }
+}

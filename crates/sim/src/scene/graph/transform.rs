@@ -1,0 +1,65 @@
+//! Where nodes are in each other.
+
+use super::math::{self, Mat3, Quat, Vec3};
+
+/// A linear map and a shift.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Affine {
+    pub(crate) linear: Mat3,
+    pub(crate) shift: Vec3,
+}
+
+impl Affine {
+    pub(crate) const IDENTITY: Self = Self { linear: math::IDENTITY, shift: [0.0; 3] };
+
+    /// `self` after `inner`.
+    pub(crate) fn after(&self, inner: &Self) -> Self {
+        Self {
+            linear: math::mul(self.linear, inner.linear),
+            shift: math::add(math::apply(self.linear, inner.shift), self.shift),
+        }
+    }
+
+    pub(crate) fn point(&self, p: Vec3) -> Vec3 {
+        math::add(math::apply(self.linear, p), self.shift)
+    }
+}
+
+/// Translation, rotation and scale of a node in its parent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Trs {
+    pub(crate) translation: Vec3,
+    pub(crate) rotation: Quat,
+    pub(crate) scale: Vec3,
+}
+
+impl Trs {
+    pub(crate) fn affine(&self) -> Affine {
+        let linear = math::mul(math::rotation(self.rotation), math::diagonal(self.scale));
+        Affine { linear, shift: self.translation }
+    }
+}
+
+/// Rotation, scale and relative shear of a linear map; none where an axis collapses.
+pub(crate) fn split(linear: Mat3) -> Option<(Quat, Vec3, f64)> {
+    let [x, y, z] = linear;
+    let mut sizes = [math::length(x), math::length(y), math::length(z)];
+    let ux = math::unit(x)?;
+    let uy = math::unit(math::sub(y, math::scale(ux, math::dot(ux, y))))?;
+    let uz = math::cross(ux, uy);
+    let mirrored = math::determinant(linear) < 0.0;
+    if math::dot(uz, z) == 0.0 {
+        return None;
+    }
+    let mut axes = [ux, uy, uz];
+    if mirrored {
+        // One axis takes the mirror; the rotation stays proper.
+        sizes[0] = -sizes[0];
+        axes = [math::scale(ux, -1.0), uy, math::scale(uz, -1.0)];
+    }
+    let exact = math::mul(axes, math::diagonal(sizes));
+    let largest = sizes.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
+    let off = exact.iter().flatten().zip(linear.iter().flatten());
+    let shear = off.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs())) / largest;
+    Some((math::from_rotation(axes), sizes, shear))
+}

@@ -1,0 +1,105 @@
+//! Triangles of meshes.
+
+use std::collections::HashSet;
+
+use super::super::{Motion, ShapeKind};
+use super::math::{self, Mat3, Vec3};
+use super::transform::Affine;
+
+/// Triangles, counter-clockwise seen from outside.
+#[derive(Clone, Debug, Default)]
+pub(in crate::scene) struct Triangles {
+    pub(in crate::scene) vertices: Vec<Vec3>,
+    pub(in crate::scene) triangles: Vec<[u32; 3]>,
+}
+
+impl Triangles {
+    /// Adds other triangles, moved by `map`; a mirror turns them over.
+    pub(in crate::scene) fn append(&mut self, other: &Self, map: &Affine) -> Option<()> {
+        let base = u32::try_from(self.vertices.len()).ok()?;
+        let flip = math::determinant(map.linear) < 0.0;
+        self.vertices.extend(other.vertices.iter().map(|v| map.point(*v)));
+        for [a, b, c] in &other.triangles {
+            let [a, b, c] = [a.checked_add(base)?, b.checked_add(base)?, c.checked_add(base)?];
+            self.triangles.push(if flip { [a, c, b] } else { [a, b, c] });
+        }
+        Some(())
+    }
+
+    /// The same triangles, moved by `map`.
+    pub(in crate::scene) fn moved(&self, map: &Affine) -> Self {
+        let mut moved = Self::default();
+        // Starting from nothing, no index overflows.
+        let _ = moved.append(self, map);
+        moved
+    }
+
+    /// Points without repetition, in their order.
+    pub(in crate::scene) fn points(&self) -> Vec<Vec<f64>> {
+        let mut seen = HashSet::new();
+        // Adding zero makes one of both zeros.
+        let new = |point: &&Vec3| seen.insert(point.map(|x| (x + 0.0).to_bits()));
+        self.vertices.iter().filter(new).map(|point| point.to_vec()).collect()
+    }
+}
+
+/// What became of triangles that collide.
+pub(in crate::scene) struct Solid {
+    /// None where nothing acts.
+    pub(in crate::scene) kind: Option<ShapeKind>,
+    /// What is not as the file says.
+    pub(in crate::scene) notes: Vec<&'static str>,
+}
+
+impl Triangles {
+    /// The shape of triangles under the scale of their node; of a dynamic body, which needs a volume,
+    /// it is their hull.
+    pub(in crate::scene) fn solid(&self, map: Mat3, convex: bool, motion: Motion) -> Solid {
+        let nothing = |why| Solid { kind: None, notes: vec![why] };
+        if map.iter().flatten().all(|x| *x == 0.0) {
+            return nothing("no collider acts: its node has scale 0, which disables it");
+        }
+        let moved = self.moved(&Affine { linear: map, shift: [0.0; 3] });
+        if moved.triangles.is_empty() {
+            return nothing("no collider acts: its mesh has no triangles");
+        }
+        let mut notes = Vec::new();
+        let dynamic = motion == Motion::Dynamic;
+        if dynamic || convex {
+            let flat = flat(&moved.vertices);
+            if dynamic && flat {
+                return nothing(
+                    "no collider acts: its mesh is flat, and a moving body needs a volume",
+                );
+            }
+            if !convex {
+                notes.push("collider: a convex hull stands for the mesh of a moving body");
+            }
+            if !flat {
+                return Solid {
+                    kind: Some(ShapeKind::ConvexHull { points: moved.points() }),
+                    notes,
+                };
+            }
+            notes.push("collider: its mesh is flat and stays a mesh");
+        }
+        let kind = ShapeKind::Trimesh { vertices: moved.vertices, triangles: moved.triangles };
+        Solid { kind: Some(kind), notes }
+    }
+}
+
+/// Whether all points lie in a plane, for the accuracy of what they span.
+fn flat(points: &[Vec3]) -> bool {
+    let farthest = |measure: &dyn Fn(Vec3) -> f64| {
+        points.iter().copied().max_by(|a, b| measure(*a).total_cmp(&measure(*b)))
+    };
+    let Some(origin) = points.first().copied() else { return true };
+    let from = |p: Vec3| math::sub(p, origin);
+    let Some(a) = farthest(&|p| math::length(from(p))).map(from) else { return true };
+    let Some(b) = farthest(&|p| math::length(math::cross(a, from(p)))).map(from) else {
+        return true;
+    };
+    let Some(normal) = math::unit(math::cross(a, b)) else { return true };
+    let height = points.iter().fold(0.0_f64, |most, p| most.max(math::dot(normal, from(*p)).abs()));
+    height <= 1e-6 * math::length(a)
+}

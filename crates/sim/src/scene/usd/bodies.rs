@@ -1,0 +1,233 @@
+//! Bodies and colliders of a stage, and the scene that they make.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::super::graph::math::{self, Mat3, Quat, Vec3};
+use super::super::graph::unique;
+use super::super::{
+    Body, Filter, Mass, Material, Motion, Rotation, SceneError, Shape, ShapeKind, Track, Warning,
+};
+use super::mass::{self, Part};
+use super::motion::{self, Moving, Transforms};
+use super::prims::Prim;
+use super::stage::Stage;
+use super::xform::Pose;
+use super::{filters, shapes, surfaces};
+
+/// The bodies of a stage, in the order of their prims.
+pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<Body>, SceneError> {
+    strangers(stage, warnings);
+    let transforms = Transforms::read(stage)?;
+    let is_body = |prim: &Prim| prim.schemas.contains("PhysicsRigidBodyAPI");
+    let mut colliders = Vec::new();
+    // Colliders by the prim that carries them: the nearest body, else their own.
+    let mut carried: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (index, prim) in stage.prims.iter().enumerate() {
+        if is_body(prim) {
+            carried.entry(index).or_default();
+        }
+        let collides = prim.schemas.contains("PhysicsCollisionAPI");
+        if collides && stage.flag(prim, "physics:collisionEnabled")? != Some(false) {
+            let body = stage.up(index).find(|(_, above)| is_body(above));
+            carried.entry(body.map_or(index, |(body, _)| body)).or_default().push(index);
+            colliders.push(index);
+        }
+    }
+    let filters = filters::of(stage, &colliders, warnings)?;
+    let filters = colliders.into_iter().zip(filters).collect();
+    let builder = Builder { stage, transforms, filters };
+    let mut names = BTreeSet::new();
+    let mut bodies = Vec::new();
+    for (prim, colliders) in &carried {
+        bodies.extend(builder.body(*prim, colliders, &mut names, warnings)?);
+    }
+    Ok(bodies)
+}
+
+/// Warns of what is not simulated.
+fn strangers(stage: &Stage<'_>, warnings: &mut Vec<Warning>) {
+    for prim in &stage.prims {
+        if prim.kind.starts_with("Physics") && prim.kind.ends_with("Joint") {
+            let what = "the joint is not simulated: nothing holds the bodies together";
+            stage.warn(prim, what, warnings);
+        }
+        if prim.schemas.contains("PhysicsArticulationRootAPI") {
+            stage.warn(prim, "its articulation is not simulated", warnings);
+        }
+        if prim.kind == "PointInstancer" {
+            stage.warn(prim, "its instances are not simulated", warnings);
+        }
+    }
+}
+
+struct Builder<'s> {
+    stage: &'s Stage<'s>,
+    transforms: Transforms,
+    filters: BTreeMap<usize, Filter>,
+}
+
+impl Builder<'_> {
+    fn body(
+        &self,
+        index: usize,
+        colliders: &[usize],
+        names: &mut BTreeSet<String>,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Option<Body>, SceneError> {
+        let stage = self.stage;
+        let Some(prim) = stage.prim(index) else { return Ok(None) };
+        let is_body = prim.schemas.contains("PhysicsRigidBodyAPI");
+        let parent = self.transforms.parent(stage, index);
+        let above = parent.map_or(Pose::REST, |parent| self.transforms.of(parent));
+        let moving = if is_body {
+            let carries =
+                |(i, p): (usize, &Prim)| i != index && p.schemas.contains("PhysicsRigidBodyAPI");
+            if parent.is_some() && stage.up(index).any(carries) {
+                let what = "a body below another moves on its own: the one above does not carry it";
+                stage.warn(prim, what, warnings);
+            }
+            motion::of(stage, prim, above, warnings)?
+        } else {
+            Moving { motion: Motion::Static, linear: [0.0; 3], angular: [0.0; 3], gravity: 1.0 }
+        };
+        let driven = self.transforms.driven(stage, index);
+        let motion = match moving.motion {
+            Motion::Static if driven => Motion::Kinematic,
+            motion => motion,
+        };
+        let follows = driven && motion == Motion::Kinematic;
+        if driven && !follows {
+            let what = "its animation is not played: contacts move it; physics:kinematicEnabled \
+                        lets the animation do so";
+            stage.warn(prim, what, warnings);
+        }
+        let pose = self.transforms.of(index);
+        let rest = self.scale(index);
+        let (mut shapes, mut densities) = (Vec::new(), Vec::new());
+        for collider in colliders {
+            if let Some((shape, density)) =
+                self.shape((index, rest), *collider, motion, warnings)?
+            {
+                shapes.push(shape);
+                densities.push((*collider, density));
+            }
+        }
+        if shapes.is_empty() && (motion == Motion::Dynamic || !is_body) {
+            if is_body {
+                stage.warn(prim, "it has no collider that acts: it is not simulated", warnings);
+            }
+            return Ok(None);
+        }
+        let parts: Vec<_> = shapes
+            .iter()
+            .zip(&densities)
+            .map(|(shape, (prim, density))| Part { prim: *prim, shape, density: *density })
+            .collect();
+        let mass = if is_body {
+            mass::of(stage, index, &parts, motion, rest, warnings)?
+        } else {
+            Mass::default()
+        };
+        let track =
+            if follows { self.transforms.track(stage, index, prim)? } else { Track::default() };
+        let units = stage.units;
+        let (linear, angular) = match motion {
+            _ if follows => ([0.0; 3], [0.0; 3]),
+            _ => (moving.linear, moving.angular),
+        };
+        let name = prim.label.as_deref().unwrap_or(&prim.name);
+        Ok(Some(Body {
+            name: (!name.is_empty()).then(|| unique(name, &prim.path, names)),
+            motion,
+            position: units.length(pose.map.shift).into(),
+            rotation: Rotation::Quaternion(units.turn(pose.turn)),
+            linear_velocity: linear.into(),
+            angular_velocity: angular.into(),
+            mass,
+            gravity_factor: moving.gravity,
+            shapes,
+            track,
+        }))
+    }
+
+    /// From the space of a prim to meters, without its rotation.
+    fn scale(&self, prim: usize) -> Mat3 {
+        let scale = self.transforms.of(prim).scale;
+        let meters = self.stage.units.meters;
+        if meters == 1.0 { scale } else { scale.map(|column| math::scale(column, meters)) }
+    }
+
+    /// The shape of a collider in the frame of its body, and the density of its material.
+    fn shape(
+        &self,
+        (body, rest): (usize, Mat3),
+        index: usize,
+        motion: Motion,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Option<(Shape, Option<f64>)>, SceneError> {
+        let stage = self.stage;
+        let Some(prim) = stage.prim(index) else { return Ok(None) };
+        if index != body
+            && self.transforms.driven(stage, index)
+            && !self.transforms.driven(stage, body)
+        {
+            let what = "its animation inside of a body is not simulated: its collider keeps its \
+                        place on the body";
+            stage.warn(prim, what, warnings);
+        }
+        let map = self.scale(index);
+        let Some((kind, axis)) = shapes::read(stage, prim, map, motion, warnings)? else {
+            return Ok(None);
+        };
+        let (place, turn) = match self.transforms.within(stage, index, body) {
+            Some(pose) => (pose.map.shift, pose.turn),
+            None => self.beside(body, index),
+        };
+        let place = if rest == math::IDENTITY { place } else { math::apply(rest, place) };
+        let turn = match (turn, axis) {
+            (turn, math::NO_TURN) => turn,
+            (math::NO_TURN, axis) => axis,
+            (turn, axis) => math::quat_mul(turn, axis),
+        };
+        let surface = surfaces::of(stage, index, warnings)?;
+        let density = surface.as_ref().and_then(|surface| surface.density);
+        let (kind, turn) = self.tilted(prim, kind, turn)?;
+        let shape = Shape {
+            kind,
+            position: place.into(),
+            rotation: Rotation::Quaternion(turn),
+            material: surface.map_or_else(Material::default, |surface| surface.material),
+            filter: self.filters.get(&index).copied().unwrap_or_default(),
+        };
+        Ok(Some((shape, density)))
+    }
+
+    /// Where a collider is that starts from the world again.
+    fn beside(&self, body: usize, index: usize) -> (Vec3, Quat) {
+        let (body, own) = (self.transforms.of(body), self.transforms.of(index));
+        let away = math::sub(own.map.shift, body.map.shift);
+        let place =
+            math::inverse(body.map.linear).map_or(away, |inverse| math::apply(inverse, away));
+        let turn = math::quat_mul(math::conjugate(body.turn), own.turn);
+        (place, math::quat_unit(turn).unwrap_or(math::NO_TURN))
+    }
+
+    /// A half-space as it was in the own format, as long as nobody turned it.
+    fn tilted(
+        &self,
+        prim: &Prim,
+        kind: ShapeKind,
+        turn: Quat,
+    ) -> Result<(ShapeKind, Quat), SceneError> {
+        let stage = self.stage;
+        let normal = stage.vector::<3>(prim, "drystone:normal", 1.0)?;
+        let own = stage.vector::<4>(prim, "drystone:orient", 1.0)?;
+        if let (ShapeKind::Halfspace { .. }, Some(normal), Some([w, x, y, z])) =
+            (&kind, normal, own)
+            && math::quat_mul([x, y, z, w], math::from_up(normal)) == turn
+        {
+            return Ok((ShapeKind::Halfspace { normal: normal.into() }, [x, y, z, w]));
+        }
+        Ok((kind, turn))
+    }
+}

@@ -1,0 +1,149 @@
+//! How bodies move: what UsdPhysics says, and the animation of their prims.
+
+use super::super::graph::track;
+use super::super::graph::{FAR, FAST};
+use super::super::{Motion, SceneError, Track, Warning};
+use super::prims::Prim;
+use super::stage::Stage;
+use super::xform::{Pose, Transform};
+use crate::scene::graph::math::{self, Vec3};
+
+/// Largest factor on gravity, either way.
+const MOST_GRAVITY: f64 = 1e6;
+
+/// The transforms of all prims.
+pub(super) struct Transforms {
+    own: Vec<Transform>,
+    /// At rest, in the stage.
+    pub(super) world: Vec<Pose>,
+}
+
+impl Transforms {
+    pub(super) fn read(stage: &Stage<'_>) -> Result<Self, SceneError> {
+        let mut transforms = Self { own: Vec::new(), world: Vec::new() };
+        for prim in &stage.prims {
+            let own = Transform::read(stage, prim)?;
+            let above = prim.parent.filter(|_| !own.reset);
+            let above = above.and_then(|above| transforms.world.get(above)).copied();
+            let world = above.unwrap_or(Pose::REST).after(&own.at(None));
+            let numbers = world.map.linear.iter().flatten().chain(&world.map.shift);
+            if !numbers.copied().all(|x| x.abs() <= FAR) {
+                let accepted = format!("accepted: coordinates and scales up to {FAR:e}");
+                return Err(stage.wrong(prim, "the place in the stage", String::new(), &accepted));
+            }
+            transforms.world.push(world);
+            transforms.own.push(own);
+        }
+        Ok(transforms)
+    }
+
+    pub(super) fn of(&self, prim: usize) -> Pose {
+        self.world.get(prim).copied().unwrap_or(Pose::REST)
+    }
+
+    /// The parent of a prim, as far as its place depends on it.
+    pub(super) fn parent(&self, stage: &Stage<'_>, prim: usize) -> Option<usize> {
+        let reset = self.own.get(prim).is_some_and(|own| own.reset);
+        stage.prim(prim).and_then(|prim| prim.parent).filter(|_| !reset)
+    }
+
+    /// A prim and what its place depends on, from below.
+    fn chain(&self, stage: &Stage<'_>, prim: usize) -> Vec<usize> {
+        std::iter::successors(Some(prim), |at| self.parent(stage, *at)).collect()
+    }
+
+    /// The place of a prim in one above it, link by link; none where its place does not depend on that.
+    pub(super) fn within(&self, stage: &Stage<'_>, prim: usize, top: usize) -> Option<Pose> {
+        let mut pose = Pose::REST;
+        for at in self.chain(stage, prim) {
+            if at == top {
+                return Some(pose);
+            }
+            pose = self.own.get(at).map_or(pose, |own| own.at(None).after(&pose));
+        }
+        None
+    }
+
+    /// Whether an animation moves a prim.
+    pub(super) fn driven(&self, stage: &Stage<'_>, prim: usize) -> bool {
+        let moves = |at: &usize| self.own.get(*at).is_some_and(Transform::moves);
+        self.chain(stage, prim).iter().any(moves)
+    }
+
+    /// Poses of a prim in the scene, as it and what is above move.
+    pub(super) fn track(
+        &self,
+        stage: &Stage<'_>,
+        index: usize,
+        prim: &Prim,
+    ) -> Result<Track, SceneError> {
+        let chain = self.chain(stage, index);
+        let movers: Vec<_> = chain.iter().filter_map(|at| self.own.get(*at)).collect();
+        let units = stage.units;
+        let keys: Vec<f64> =
+            movers.iter().flat_map(|own| own.codes()).map(|code| units.seconds(code)).collect();
+        let moving = movers.iter().filter(|own| own.moves()).count();
+        let first = movers.first().is_some_and(|own| own.moves());
+        let exact = moving <= 1 && first && movers.iter().all(|own| own.straight());
+        let times = track::times(keys, exact).map_err(|(length, accepted)| {
+            let value = format!("{length} s long");
+            stage.wrong(prim, "the animation", value, &format!("accepted: {accepted}"))
+        })?;
+        let track = track::of(times, |time| {
+            let code = units.start + time * units.rate;
+            let world = movers.iter().fold(Pose::REST, |pose, own| own.at(Some(code)).after(&pose));
+            (units.length(world.map.shift), units.turn(world.turn))
+        });
+        match track.positions.iter().flatten().find(|x| !(-FAR..=FAR).contains(*x)) {
+            None => Ok(track),
+            Some(far) => {
+                let accepted = format!("accepted: coordinates up to {FAR:e} m");
+                Err(stage.wrong(prim, "an animated position", far.to_string(), &accepted))
+            }
+        }
+    }
+}
+
+/// How a body moves.
+pub(super) struct Moving {
+    pub(super) motion: Motion,
+    pub(super) linear: Vec3,
+    pub(super) angular: Vec3,
+    pub(super) gravity: f64,
+}
+
+/// What UsdPhysics says of the motion of a prim, with what is above it at `above`.
+pub(super) fn of(
+    stage: &Stage<'_>,
+    prim: &Prim,
+    above: Pose,
+    warnings: &mut Vec<Warning>,
+) -> Result<Moving, SceneError> {
+    const ANGULAR: &str = "physics:angularVelocity";
+    let flag = |name: &str| stage.flag(prim, name);
+    let motion = if flag("physics:rigidBodyEnabled")? == Some(false) {
+        Motion::Static
+    } else if flag("physics:kinematicEnabled")? == Some(true) {
+        Motion::Kinematic
+    } else {
+        Motion::Dynamic
+    };
+    if flag("physics:startsAsleep")? == Some(true) && motion == Motion::Dynamic {
+        let what = "it starts awake: nothing sleeps here, and what rests stays at rest";
+        stage.warn(prim, what, warnings);
+    }
+    // In the space that its transform leads to, which is that of its parent.
+    let linear = stage.vector::<3>(prim, "physics:velocity", FAST)?.unwrap_or_default();
+    let degrees = stage.vector::<3>(prim, ANGULAR, FAST)?.unwrap_or_default();
+    let straight = above == Pose::REST;
+    let linear = if straight { linear } else { math::apply(above.map.linear, linear) };
+    let angular = degrees.map(f64::to_radians);
+    let angular = if straight { angular } else { math::turn(above.turn, angular) };
+    let gravity = stage.number(prim, "drystone:gravityFactor", -MOST_GRAVITY, MOST_GRAVITY)?;
+    Ok(Moving {
+        motion,
+        linear: stage.units.length(linear),
+        angular: stage.units.direction(angular),
+        gravity: gravity.unwrap_or(1.0),
+    })
+}

@@ -1,0 +1,203 @@
+//! The prims of a stage, as all layers make them.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::super::SceneError;
+use super::compose::{Composer, Node, Opinion, edit};
+use super::files::{Files, Origin};
+use super::layer::{Entry, Specifier, Time, Value};
+use super::lexer::Fault;
+use super::parser::DEEPEST;
+
+/// A prim.
+#[derive(Debug, Default)]
+pub(super) struct Prim {
+    pub(super) path: String,
+    pub(super) name: String,
+    /// Its name for people, where it has one.
+    pub(super) label: Option<String>,
+    /// Its type.
+    pub(super) kind: String,
+    pub(super) schemas: BTreeSet<String>,
+    pub(super) properties: BTreeMap<String, Property>,
+    pub(super) parent: Option<usize>,
+    pub(super) origin: Origin,
+}
+
+/// A property.
+#[derive(Debug, Default)]
+pub(super) struct Property {
+    pub(super) origin: Origin,
+    /// None where weaker opinions do not count.
+    pub(super) value: Option<Value>,
+    /// By time code of the stage.
+    pub(super) samples: Option<Vec<(f64, Value)>>,
+    /// Paths of the stage.
+    pub(super) targets: Vec<String>,
+    decided: bool,
+}
+
+impl Property {
+    /// The value at no time: else that of the first sample.
+    pub(super) fn value(&self) -> Option<&Value> {
+        let first = || self.samples.as_ref().and_then(|s| s.first()).map(|(_, value)| value);
+        self.value.as_ref().or_else(first).filter(|value| **value != Value::Blocked)
+    }
+}
+
+/// All prims that are there, parents before children.
+pub(super) fn all(files: &Files) -> Result<Vec<Prim>, SceneError> {
+    let mut composer = Composer::new(files);
+    let root = composer.root()?;
+    let mut walk = Walk { files, composer, prims: Vec::new() };
+    walk.children(&root, None, 0)?;
+    Ok(walk.prims)
+}
+
+struct Walk<'f> {
+    files: &'f Files,
+    composer: Composer<'f>,
+    prims: Vec<Prim>,
+}
+
+impl<'f> Walk<'f> {
+    fn children(
+        &mut self,
+        node: &Node<'f>,
+        parent: Option<usize>,
+        depth: usize,
+    ) -> Result<(), SceneError> {
+        for name in names(node) {
+            let mut chosen = BTreeMap::new();
+            let Some(child) = self.composer.child(node, &name, &mut chosen, 0)? else { continue };
+            let Some(prim) = prim(&child, name, parent, &self.prims) else { continue };
+            if depth >= DEEPEST {
+                let item = "the depth of a prim";
+                let value = format!("more than {DEEPEST}");
+                let accepted = format!("accepted: up to {DEEPEST}");
+                let fault = Fault::new(prim.origin.at, item, value, accepted);
+                return Err(self.files.fault(prim.origin.layer, fault));
+            }
+            let index = self.prims.len();
+            self.prims.push(prim);
+            self.children(&child, Some(index), depth.saturating_add(1))?;
+        }
+        Ok(())
+    }
+}
+
+/// The names of the children, those of the weakest first.
+fn names(node: &Node<'_>) -> Vec<String> {
+    let mut known = BTreeSet::new();
+    let mut names = Vec::new();
+    for opinion in node.opinions().iter().rev() {
+        for (name, _) in &opinion.site.spec.children {
+            if known.insert(name) {
+                names.push(name.clone());
+            }
+        }
+    }
+    names
+}
+
+/// The prim of a node; none where it is not there: only spoken of, a template, or not active.
+fn prim(node: &Node<'_>, name: String, parent: Option<usize>, prims: &[Prim]) -> Option<Prim> {
+    let opinions = node.opinions();
+    let specs = || opinions.iter().map(|opinion| opinion.site.spec);
+    let made = specs().find(|spec| spec.specifier != Specifier::Over)?;
+    let flag = specs().find_map(|spec| spec.metadata("active"));
+    let off = |value: &Value| *value == Value::Number(0.0) || is_word(value, "false");
+    if made.specifier == Specifier::Class || flag.is_some_and(|entry| off(&entry.value)) {
+        return None;
+    }
+    let above = parent.and_then(|parent| prims.get(parent)).map_or("", |prim| prim.path.as_str());
+    let path = format!("{above}/{name}");
+    let first = opinions.first()?;
+    let mut schemas = Vec::new();
+    for spec in opinions.iter().rev().map(|opinion| opinion.site.spec) {
+        for entry in spec.metadata.get("apiSchemas").into_iter().flatten() {
+            edit(&mut schemas, entry, texts(entry), |a, b| a == b);
+        }
+    }
+    let label = specs().find_map(|spec| match &spec.metadata("displayName")?.value {
+        Value::Text(text) => Some(text.clone()),
+        _ => None,
+    });
+    Some(Prim {
+        properties: properties(&opinions, &path),
+        kind: specs()
+            .map(|spec| &spec.kind)
+            .find(|kind| !kind.is_empty())
+            .cloned()
+            .unwrap_or_default(),
+        schemas: schemas.into_iter().collect(),
+        origin: Origin { layer: first.site.layer, at: first.site.spec.at },
+        path,
+        name,
+        label,
+        parent,
+    })
+}
+
+pub(super) fn is_word(value: &Value, word: &str) -> bool {
+    matches!(value, Value::Text(text) if text.eq_ignore_ascii_case(word))
+}
+
+fn texts(entry: &Entry) -> Vec<String> {
+    match &entry.value {
+        Value::Texts(texts) => texts.clone(),
+        Value::Text(text) => vec![text.clone()],
+        _ => Vec::new(),
+    }
+}
+
+/// All properties: of each, what the strongest layer says that says anything.
+fn properties(opinions: &[Opinion<'_>], path: &str) -> BTreeMap<String, Property> {
+    let mut all: BTreeMap<String, Property> = BTreeMap::new();
+    for opinion in opinions {
+        for (name, said) in &opinion.site.spec.properties {
+            let new = !all.contains_key(name);
+            let property = all.entry(name.clone()).or_default();
+            if new {
+                property.origin = Origin { layer: opinion.site.layer, at: said.at };
+            }
+            if property.decided {
+                continue;
+            }
+            if property.value.is_none() {
+                property.value.clone_from(&said.value);
+            }
+            property.samples =
+                said.samples.as_ref().map(|samples| moved(samples, opinion.site.time));
+            property.decided = said.value.is_some() || said.samples.is_some();
+        }
+    }
+    // Lists are changed from the weakest on.
+    for opinion in opinions.iter().rev() {
+        for (name, said) in &opinion.site.spec.properties {
+            let Some(property) = all.get_mut(name) else { continue };
+            for entry in &said.targets {
+                let targets = match &entry.value {
+                    Value::Targets(targets) => targets.as_slice(),
+                    _ => &[],
+                };
+                let paths = targets.iter().filter_map(|to| opinion.path(&to.path, path)).collect();
+                edit(&mut property.targets, entry, paths, |a, b| a == b);
+            }
+        }
+    }
+    all
+}
+
+/// Samples in the time codes of the stage.
+fn moved(samples: &[(f64, Value)], time: Time) -> Vec<(f64, Value)> {
+    let mut moved: Vec<_> = samples
+        .iter()
+        .map(|(code, value)| {
+            let code = if time == Time::SAME { *code } else { time.offset + time.scale * code };
+            (code, value.clone())
+        })
+        .collect();
+    moved.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    moved
+}

@@ -1,0 +1,288 @@
+//! A stage: its prims, its units, and its values, checked as they are read.
+
+use std::collections::BTreeMap;
+
+use super::super::graph::FAR;
+use super::super::graph::math::{self, Quat, Vec3};
+use super::super::{Place, SceneError, Warning};
+use super::files::{Files, Origin};
+use super::layer::Value;
+use super::lexer::Fault;
+use super::prims::{self, Prim, Property, is_word};
+
+/// Smallest and largest of the units. \[m, kg\]
+const UNITS: (f64, f64) = (1e-12, 1e12);
+
+/// A stage.
+pub(super) struct Stage<'f> {
+    files: &'f Files,
+    pub(super) prims: Vec<Prim>,
+    pub(super) units: Units,
+    places: BTreeMap<String, usize>,
+}
+
+/// What the numbers of a stage mean.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Units {
+    /// Of a unit of length. \[m\]
+    pub(super) meters: f64,
+    /// Of a unit of mass. \[kg\]
+    pub(super) kilograms: f64,
+    /// Whether z points up, not y.
+    pub(super) z_up: bool,
+    /// Time codes per second. \[1/s\]
+    pub(super) rate: f64,
+    /// The time code at which the simulation starts.
+    pub(super) start: f64,
+}
+
+impl Units {
+    /// A direction of the stage in the scene, where y is up.
+    pub(super) fn direction(&self, [x, y, z]: Vec3) -> Vec3 {
+        if self.z_up { [x, z, -y] } else { [x, y, z] }
+    }
+
+    /// A point or a velocity.
+    pub(super) fn length(&self, vector: Vec3) -> Vec3 {
+        let turned = self.direction(vector);
+        if self.meters == 1.0 { turned } else { math::scale(turned, self.meters) }
+    }
+
+    pub(super) fn turn(&self, turn: Quat) -> Quat {
+        const UP: f64 = std::f64::consts::FRAC_1_SQRT_2;
+        if self.z_up { math::quat_mul([-UP, 0.0, 0.0, UP], turn) } else { turn }
+    }
+
+    /// Of a density. \[kg/m^3\]
+    pub(super) fn density(&self) -> f64 {
+        self.kilograms / self.meters.powi(3)
+    }
+
+    /// A moment when a time code is reached. \[s\]
+    pub(super) fn seconds(&self, code: f64) -> f64 {
+        (code - self.start) / self.rate
+    }
+}
+
+impl<'f> Stage<'f> {
+    pub(super) fn new(files: &'f Files, warnings: &mut Vec<Warning>) -> Result<Self, SceneError> {
+        let units = Units { meters: 1.0, kilograms: 1.0, z_up: false, rate: 24.0, start: 0.0 };
+        let prims = prims::all(files)?;
+        let places = prims.iter().enumerate().map(|(i, prim)| (prim.path.clone(), i)).collect();
+        let mut stage = Self { files, prims, units, places };
+        let unit = |key: &str, (low, high): (f64, f64)| stage.metadata_number(key, low, high);
+        let meters = unit("metersPerUnit", UNITS)?;
+        if meters.is_none() {
+            warnings.push(Warning {
+                place: Place::File,
+                message: "there is no metersPerUnit: a unit is a centimeter, as OpenUSD has it"
+                    .into(),
+            });
+        }
+        let kilograms = unit("kilogramsPerUnit", UNITS)?;
+        let own = unit("timeCodesPerSecond", (1e-3, 1e9))?;
+        let rate = own.or(unit("framesPerSecond", (1e-3, 1e9))?);
+        let start = unit("startTimeCode", (-FAR, FAR))?;
+        let up = stage.metadata("upAxis");
+        let z_up = match up {
+            None => false,
+            Some((value, _)) if is_word(value, "y") => false,
+            Some((value, _)) if is_word(value, "z") => true,
+            Some((value, at)) => {
+                let accepted = "accepted: \"Y\", \"Z\"";
+                return Err(files.fault(0, Fault::new(at, "upAxis", value.label(), accepted)));
+            }
+        };
+        stage.units = Units {
+            meters: meters.unwrap_or(0.01),
+            kilograms: kilograms.unwrap_or(1.0),
+            z_up,
+            rate: rate.unwrap_or(24.0),
+            start: start.unwrap_or(0.0),
+        };
+        Ok(stage)
+    }
+
+    /// Metadata of the stage, and its place in the root layer.
+    fn metadata(&self, key: &str) -> Option<(&'f Value, usize)> {
+        let entry = self.files.layers.first()?.root.metadata(key)?;
+        (entry.value != Value::Blocked).then_some((&entry.value, entry.at))
+    }
+
+    fn metadata_number(&self, key: &str, low: f64, high: f64) -> Result<Option<f64>, SceneError> {
+        match self.metadata(key) {
+            None => Ok(None),
+            Some((Value::Number(x), _)) if (low..=high).contains(x) => Ok(Some(*x)),
+            Some((other, at)) => {
+                let accepted = format!("accepted: a number from {low:e} to {high:e}");
+                Err(self.files.fault(0, Fault::new(at, key, other.label(), accepted)))
+            }
+        }
+    }
+
+    /// Something wrong with the stage as a whole.
+    pub(super) fn fault(&self, item: &str, accepted: String) -> SceneError {
+        self.files.fault(0, Fault::new(0, item, "", accepted))
+    }
+
+    pub(super) fn prim(&self, index: usize) -> Option<&Prim> {
+        self.prims.get(index)
+    }
+
+    /// The index of the prim at a path.
+    pub(super) fn find(&self, path: &str) -> Option<usize> {
+        self.places.get(path).copied()
+    }
+
+    /// A prim and all above it, from below.
+    pub(super) fn up(&self, index: usize) -> impl Iterator<Item = (usize, &Prim)> {
+        let next = |(_, prim): &(usize, &Prim)| {
+            let above = prim.parent?;
+            Some((above, self.prim(above)?))
+        };
+        std::iter::successors(self.prim(index).map(|prim| (index, prim)), next)
+    }
+
+    pub(super) fn place(&self, prim: &Prim) -> Place {
+        self.files.place(prim.origin)
+    }
+
+    pub(super) fn warn(&self, prim: &Prim, what: impl std::fmt::Display, to: &mut Vec<Warning>) {
+        to.push(Warning { place: self.place(prim), message: format!("<{}>: {what}", prim.path) });
+    }
+
+    /// Something wrong with a prim.
+    pub(super) fn wrong(
+        &self,
+        prim: &Prim,
+        what: &str,
+        value: String,
+        accepted: &str,
+    ) -> SceneError {
+        let Origin { layer, at } = prim.origin;
+        let item = format!("{what} of <{}>", prim.path);
+        self.files.fault(layer, Fault::new(at, item, value, accepted))
+    }
+
+    /// Something wrong with a property.
+    pub(super) fn refuse(&self, prim: &Prim, name: &str, accepted: &str) -> SceneError {
+        let property = prim.properties.get(name);
+        let Origin { layer, at } = property.map_or(prim.origin, |property| property.origin);
+        let value = property.and_then(Property::value).map_or_else(String::new, Value::label);
+        let item = format!("{name} of <{}>", prim.path);
+        self.files.fault(layer, Fault::new(at, item, value, format!("accepted: {accepted}")))
+    }
+
+    pub(super) fn value<'p>(&self, prim: &'p Prim, name: &str) -> Option<&'p Value> {
+        prim.properties.get(name).and_then(Property::value)
+    }
+
+    /// A number within a range.
+    pub(super) fn number(
+        &self,
+        prim: &Prim,
+        name: &str,
+        low: f64,
+        high: f64,
+    ) -> Result<Option<f64>, SceneError> {
+        match self.value(prim, name) {
+            None => Ok(None),
+            Some(Value::Number(x)) if (low..=high).contains(x) => Ok(Some(*x)),
+            Some(_) => Err(self.refuse(prim, name, &format!("a number from {low:?} to {high:?}"))),
+        }
+    }
+
+    pub(super) fn flag(&self, prim: &Prim, name: &str) -> Result<Option<bool>, SceneError> {
+        match self.value(prim, name) {
+            None => Ok(None),
+            Some(Value::Number(x)) => Ok(Some(*x != 0.0)),
+            Some(value) if is_word(value, "true") => Ok(Some(true)),
+            Some(value) if is_word(value, "false") => Ok(Some(false)),
+            Some(_) => Err(self.refuse(prim, name, "true, false, 1 or 0")),
+        }
+    }
+
+    pub(super) fn word<'p>(
+        &self,
+        prim: &'p Prim,
+        name: &str,
+    ) -> Result<Option<&'p str>, SceneError> {
+        match self.value(prim, name) {
+            None => Ok(None),
+            Some(Value::Text(text)) => Ok(Some(text)),
+            Some(_) => Err(self.refuse(prim, name, "a text")),
+        }
+    }
+
+    /// A vector of numbers up to `most` either way.
+    pub(super) fn vector<const N: usize>(
+        &self,
+        prim: &Prim,
+        name: &str,
+        most: f64,
+    ) -> Result<Option<[f64; N]>, SceneError> {
+        let Some(vector) = self.any_vector::<N>(prim, name)? else { return Ok(None) };
+        if vector.iter().all(|x| x.abs() <= most) {
+            return Ok(Some(vector));
+        }
+        Err(self.refuse(prim, name, &format!("{N} numbers from {:?} to {most:?}", -most)))
+    }
+
+    /// A vector of numbers, infinite ones among them.
+    pub(super) fn any_vector<const N: usize>(
+        &self,
+        prim: &Prim,
+        name: &str,
+    ) -> Result<Option<[f64; N]>, SceneError> {
+        let vector = match self.value(prim, name) {
+            None => return Ok(None),
+            Some(Value::Tuple(numbers)) => <[f64; N]>::try_from(numbers.as_slice()).ok(),
+            Some(_) => None,
+        };
+        match vector.filter(|vector| vector.iter().all(|x| !x.is_nan())) {
+            Some(vector) => Ok(Some(vector)),
+            None => Err(self.refuse(prim, name, &format!("{N} numbers"))),
+        }
+    }
+
+    /// A list of points up to `most` either way.
+    pub(super) fn points(
+        &self,
+        prim: &Prim,
+        name: &str,
+        most: f64,
+    ) -> Result<Vec<Vec3>, SceneError> {
+        let points = match self.value(prim, name) {
+            None => Vec::new(),
+            Some(Value::Tuples(3, numbers)) => numbers.as_chunks::<3>().0.to_vec(),
+            Some(Value::Numbers(none)) if none.is_empty() => Vec::new(),
+            Some(_) => return Err(self.refuse(prim, name, "a list of points")),
+        };
+        let Some(wrong) = points.iter().position(|p| p.iter().any(|x| !(-most..=most).contains(x)))
+        else {
+            return Ok(points);
+        };
+        let value = points.get(wrong).map_or_else(String::new, |point| format!("{point:?}"));
+        let Origin { layer, at } = prim.properties.get(name).map_or(prim.origin, |p| p.origin);
+        let item = format!("point {wrong} of {name} of <{}>", prim.path);
+        let accepted = format!("accepted: coordinates up to {most:e}");
+        Err(self.files.fault(layer, Fault::new(at, item, value, accepted)))
+    }
+
+    /// A list of whole numbers from 0.
+    pub(super) fn wholes(&self, prim: &Prim, name: &str) -> Result<Option<Vec<u32>>, SceneError> {
+        let Some(value) = self.value(prim, name) else { return Ok(None) };
+        let Value::Numbers(numbers) = value else {
+            return Err(self.refuse(prim, name, "a list of whole numbers"));
+        };
+        let whole = |x: &f64| {
+            (x.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(x)).then_some(*x as u32)
+        };
+        let wholes: Option<Vec<u32>> = numbers.iter().map(whole).collect();
+        wholes.map(Some).ok_or_else(|| self.refuse(prim, name, "whole numbers from 0"))
+    }
+
+    pub(super) fn targets<'p>(&self, prim: &'p Prim, name: &str) -> &'p [String] {
+        prim.properties.get(name).map_or(&[], |property| &property.targets)
+    }
+}

@@ -1,0 +1,326 @@
+//! Where prims are: their transforms, at rest and over time.
+
+use super::super::SceneError;
+use super::super::graph::math::{self, Mat3, Quat, Vec3};
+use super::super::graph::transform::{Affine, split};
+use super::super::graph::{FAR, TURN_SLACK};
+use super::layer::Value;
+use super::prims::Prim;
+use super::stage::Stage;
+
+/// What one step of a transform does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Translate,
+    Scale,
+    /// About these axes, the first before the others. \[degree\]
+    Rotate(&'static [usize]),
+    Orient,
+    Matrix,
+}
+
+const KINDS: [(&str, Kind); 13] = [
+    ("translate", Kind::Translate),
+    ("scale", Kind::Scale),
+    ("orient", Kind::Orient),
+    ("transform", Kind::Matrix),
+    ("rotateX", Kind::Rotate(&[0])),
+    ("rotateY", Kind::Rotate(&[1])),
+    ("rotateZ", Kind::Rotate(&[2])),
+    ("rotateXYZ", Kind::Rotate(&[0, 1, 2])),
+    ("rotateXZY", Kind::Rotate(&[0, 2, 1])),
+    ("rotateYXZ", Kind::Rotate(&[1, 0, 2])),
+    ("rotateYZX", Kind::Rotate(&[1, 2, 0])),
+    ("rotateZXY", Kind::Rotate(&[2, 0, 1])),
+    ("rotateZYX", Kind::Rotate(&[2, 1, 0])),
+];
+
+/// A step of a transform; numbers are padded with zeros.
+#[derive(Clone, Debug)]
+struct Op {
+    kind: Kind,
+    inverse: bool,
+    rest: [f64; 16],
+    /// By time code.
+    samples: Vec<(f64, [f64; 16])>,
+}
+
+/// The transform of a prim in its parent.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Transform {
+    ops: Vec<Op>,
+    /// It starts from the world.
+    pub(super) reset: bool,
+}
+
+/// A transform at some time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pose {
+    pub(super) map: Affine,
+    /// Its rotation, which no scale distorts.
+    pub(super) turn: Quat,
+    /// What remains of it without its rotation.
+    pub(super) scale: Mat3,
+}
+
+impl Pose {
+    pub(super) const REST: Self =
+        Self { map: Affine::IDENTITY, turn: math::NO_TURN, scale: math::IDENTITY };
+
+    /// `self` after `inner`, without rounding what one of them leaves as it is.
+    pub(super) fn after(&self, inner: &Self) -> Self {
+        let linear = match (self.map.linear, inner.map.linear) {
+            (math::IDENTITY, linear) | (linear, math::IDENTITY) => linear,
+            (a, b) => math::mul(a, b),
+        };
+        let shift = match (self.map.linear, self.map.shift, inner.map.shift) {
+            (_, shift, [0.0, 0.0, 0.0]) | (math::IDENTITY, [0.0, 0.0, 0.0], shift) => shift,
+            (linear, shift, inner) => math::add(math::apply(linear, inner), shift),
+        };
+        let turn = match (self.turn, inner.turn) {
+            (math::NO_TURN, turn) | (turn, math::NO_TURN) => turn,
+            (a, b) => math::quat_unit(math::quat_mul(a, b)).unwrap_or(math::NO_TURN),
+        };
+        let scale = if self.scale == math::IDENTITY {
+            inner.scale
+        } else {
+            math::mul(math::transpose(math::rotation(turn)), linear)
+        };
+        Self { map: Affine { linear, shift }, turn, scale }
+    }
+
+    fn turned(turn: Quat) -> Self {
+        let linear = if turn == math::NO_TURN { math::IDENTITY } else { math::rotation(turn) };
+        Self { map: Affine { linear, shift: [0.0; 3] }, turn, scale: math::IDENTITY }
+    }
+
+    fn inverted(self) -> Option<Self> {
+        let linear = math::inverse(self.map.linear)?;
+        let shift = math::scale(math::apply(linear, self.map.shift), -1.0);
+        let turn = math::conjugate(self.turn);
+        let rigid = self.scale == math::IDENTITY;
+        let scale = if rigid {
+            math::IDENTITY
+        } else {
+            math::mul(math::transpose(math::rotation(turn)), linear)
+        };
+        Some(Self { map: Affine { linear, shift }, turn, scale })
+    }
+}
+
+impl Transform {
+    pub(super) fn read(stage: &Stage<'_>, prim: &Prim) -> Result<Self, SceneError> {
+        const ORDER: &str = "xformOpOrder";
+        let names: &[String] = match stage.value(prim, ORDER) {
+            None => &[],
+            Some(Value::Texts(names)) => names,
+            Some(Value::Numbers(none)) if none.is_empty() => &[],
+            Some(_) => return Err(stage.refuse(prim, ORDER, "a list of names")),
+        };
+        let mut transform = Self::default();
+        for name in names {
+            if name == "!resetXformStack!" {
+                transform = Self { ops: Vec::new(), reset: true };
+                continue;
+            }
+            let (inverse, name) = match name.strip_prefix("!invert!") {
+                Some(name) => (true, name),
+                None => (false, name.as_str()),
+            };
+            let kind = name.strip_prefix("xformOp:").and_then(|rest| rest.split(':').next());
+            let found = KINDS.iter().find(|(known, _)| Some(*known) == kind);
+            let Some((_, kind)) = found else {
+                let known: Vec<_> = KINDS.iter().map(|(known, _)| *known).collect();
+                let accepted = format!("xformOp: and one of {}", known.join(", "));
+                return Err(stage.refuse(prim, ORDER, &accepted));
+            };
+            // One without a value does nothing.
+            if let Some(op) = Op::read(stage, prim, name, *kind, inverse)? {
+                transform.ops.push(op);
+            }
+        }
+        let pose = transform.at(None);
+        let numbers = pose.map.linear.iter().flatten().chain(&pose.map.shift);
+        if !numbers.copied().all(|x| x.abs() <= FAR) {
+            return Err(stage.refuse(
+                prim,
+                ORDER,
+                &format!("coordinates and scales up to {FAR:e}"),
+            ));
+        }
+        Ok(transform)
+    }
+
+    /// At rest, or at a time code.
+    pub(super) fn at(&self, code: Option<f64>) -> Pose {
+        let steps = self.ops.iter().map(|op| op.at(code));
+        steps.fold(Pose::REST, |pose, step| pose.after(&step))
+    }
+
+    /// Whether it changes over time.
+    pub(super) fn moves(&self) -> bool {
+        self.ops.iter().any(|op| !op.samples.is_empty())
+    }
+
+    /// Whether poses between its keys are as straight as a track.
+    pub(super) fn straight(&self) -> bool {
+        let plain = |op: &Op| matches!(op.kind, Kind::Translate | Kind::Orient);
+        let mut turned = false;
+        self.ops.iter().all(|op| {
+            // What moves after a turn that changes swings.
+            let swings = turned && op.kind == Kind::Translate;
+            turned |= op.kind == Kind::Orient && !op.samples.is_empty();
+            op.samples.is_empty() && !swings || plain(op) && !swings && !op.inverse
+        })
+    }
+
+    pub(super) fn codes(&self) -> impl Iterator<Item = f64> {
+        self.ops.iter().flat_map(|op| op.samples.iter().map(|(code, _)| *code))
+    }
+}
+
+impl Op {
+    fn read(
+        stage: &Stage<'_>,
+        prim: &Prim,
+        name: &str,
+        kind: Kind,
+        inverse: bool,
+    ) -> Result<Option<Self>, SceneError> {
+        let Some(rest) = stage.value(prim, name) else { return Ok(None) };
+        let width = match kind {
+            Kind::Rotate([_]) => 1,
+            Kind::Translate | Kind::Scale | Kind::Rotate(_) => 3,
+            Kind::Orient => 4,
+            Kind::Matrix => 16,
+        };
+        let padded = |value: &Value| -> Option<[f64; 16]> {
+            let numbers = match value {
+                Value::Number(x) if width == 1 => std::slice::from_ref(x),
+                Value::Tuple(numbers) if numbers.len() == width => numbers.as_slice(),
+                _ => return None,
+            };
+            let mut all = [0.0; 16];
+            all.iter_mut().zip(numbers).for_each(|(to, from)| *to = *from);
+            if !all.iter().all(|x| x.abs() <= FAR) {
+                return None;
+            }
+            match kind {
+                Kind::Orient => {
+                    let [w, x, y, z, ..] = all;
+                    let length = math::quat_dot([x, y, z, w], [x, y, z, w]).sqrt();
+                    ((length - 1.0).abs() <= TURN_SLACK).then_some(all)
+                }
+                Kind::Matrix => {
+                    let (affine, last) = matrix(&all);
+                    (last == [0.0, 0.0, 0.0, 1.0] && split(affine.linear).is_some()).then_some(all)
+                }
+                _ => Some(all),
+            }
+        };
+        let accepted = || match kind {
+            Kind::Orient => "a quaternion (w, x, y, z) of length 1".to_owned(),
+            Kind::Matrix => "a matrix of translation, rotation and scale, with the last column \
+                             0, 0, 0, 1"
+                .to_owned(),
+            _ => format!("{width} numbers up to {FAR:e}"),
+        };
+        let refuse = || stage.refuse(prim, name, &accepted());
+        let rest = padded(rest).ok_or_else(refuse)?;
+        let mut samples = Vec::new();
+        let sampled = prim.properties.get(name).and_then(|p| p.samples.as_ref());
+        for (code, value) in sampled.into_iter().flatten() {
+            if *value != Value::Blocked {
+                samples.push((*code, padded(value).ok_or_else(refuse)?));
+            }
+        }
+        if let [(_, only)] = samples.as_slice() {
+            // It stands still.
+            let rest = if prim.properties.get(name).is_some_and(|p| p.value.is_some()) {
+                rest
+            } else {
+                *only
+            };
+            return Ok(Some(Self { kind, inverse, rest, samples: Vec::new() }));
+        }
+        Ok(Some(Self { kind, inverse, rest, samples }))
+    }
+
+    fn at(&self, code: Option<f64>) -> Pose {
+        let numbers = code.map_or(self.rest, |code| self.sample(code));
+        let [a, b, c, d, ..] = numbers;
+        let pose = match self.kind {
+            Kind::Translate => {
+                Pose { map: Affine { linear: math::IDENTITY, shift: [a, b, c] }, ..Pose::REST }
+            }
+            Kind::Scale => Pose {
+                map: Affine { linear: math::diagonal([a, b, c]), shift: [0.0; 3] },
+                turn: math::NO_TURN,
+                scale: math::diagonal([a, b, c]),
+            },
+            Kind::Orient => {
+                Pose::turned(math::quat_as_written([b, c, d, a]).unwrap_or(math::NO_TURN))
+            }
+            Kind::Rotate(axes) => {
+                let angles = axes.iter().map(|axis| {
+                    if axes.len() == 1 { a } else { numbers.get(*axis).copied().unwrap_or(0.0) }
+                });
+                axes.iter().zip(angles).fold(Pose::REST, |pose, (axis, angle)| {
+                    let (sin, cos) =
+                        (libm::sin(angle.to_radians() / 2.0), libm::cos(angle.to_radians() / 2.0));
+                    let mut turn = [0.0, 0.0, 0.0, cos];
+                    if let Some(part) = turn.get_mut(*axis) {
+                        *part = sin;
+                    }
+                    Pose::turned(turn).after(&pose)
+                })
+            }
+            Kind::Matrix => {
+                let (map, _) = matrix(&numbers);
+                let (turn, size, shear) =
+                    split(map.linear).unwrap_or((math::NO_TURN, [1.0; 3], 0.0));
+                let rigid = shear < 1e-9 && size.iter().all(|s| (s - 1.0).abs() < 1e-9);
+                let scale = if rigid {
+                    math::IDENTITY
+                } else {
+                    math::mul(math::transpose(math::rotation(turn)), map.linear)
+                };
+                Pose { map, turn, scale }
+            }
+        };
+        if self.inverse { pose.inverted().unwrap_or(Pose::REST) } else { pose }
+    }
+
+    /// Straight between samples, held before the first and after the last.
+    fn sample(&self, code: f64) -> [f64; 16] {
+        let after = self.samples.partition_point(|(at, _)| *at <= code);
+        let Some(before) = after.checked_sub(1) else {
+            return self.samples.first().map_or(self.rest, |(_, value)| *value);
+        };
+        let Some((t0, a)) = self.samples.get(before) else { return self.rest };
+        let Some((t1, b)) = self.samples.get(after) else { return *a };
+        let t = (code - t0) / (t1 - t0);
+        if t == 0.0 {
+            return *a;
+        }
+        let mut mixed = [0.0; 16];
+        if self.kind == Kind::Orient {
+            let ([aw, ax, ay, az, ..], [bw, bx, by, bz, ..]) = (a, b);
+            let [x, y, z, w] = math::slerp([*ax, *ay, *az, *aw], [*bx, *by, *bz, *bw], t);
+            mixed.iter_mut().zip([w, x, y, z]).for_each(|(to, from)| *to = from);
+            return mixed;
+        }
+        for (to, (a, b)) in mixed.iter_mut().zip(a.iter().zip(b)) {
+            *to = a + (b - a) * t;
+        }
+        mixed
+    }
+}
+
+/// A matrix as USD writes it: rows that vectors are multiplied with from the left. The map, and the last
+/// column.
+fn matrix(numbers: &[f64; 16]) -> (Affine, [f64; 4]) {
+    let [a0, a1, a2, a3, b0, b1, b2, b3, c0, c1, c2, c3, t0, t1, t2, t3] = *numbers;
+    let linear: [Vec3; 3] = [[a0, a1, a2], [b0, b1, b2], [c0, c1, c2]];
+    (Affine { linear, shift: [t0, t1, t2] }, [a3, b3, c3, t3])
+}
