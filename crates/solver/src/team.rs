@@ -242,6 +242,12 @@ impl Member<'_> {
         self.index == 0
     }
 
+    /// Whether so many items, of half a microsecond each, are worth a meeting.
+    #[inline(always)]
+    pub fn shares(&self, items: usize) -> bool {
+        items >= 2 * self.count
+    }
+
     /// Its part of some items.
     pub fn part(&self, items: Range<usize>) -> Range<usize> {
         let place = |of: usize| items.start + items.len() * of / self.count;

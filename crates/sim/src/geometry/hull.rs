@@ -2,8 +2,9 @@
 
 use std::collections::HashMap;
 
-use drystone_solver::{Vector, moment};
+use drystone_solver::{SymmetricMatrix, Vector, moment};
 
+use super::MassProperties;
 use super::polyhedra::{Corner, Solid};
 
 /// How far a corner may be from the plane of its face, as part of the hull's largest side: what
@@ -94,6 +95,52 @@ impl Hull {
             self.corners.extend(around);
             self.faces.push(Face { normal, outermost, corners: start..self.corners.len() });
         }
+    }
+}
+
+/// Mass, center and inertia of what a closed surface of triangles, counter-clockwise seen from outside,
+/// encloses: the sum over the tetrahedra from a point to each triangle. (parry turns the inertia into
+/// principal axes and back, with sines that are not the same on every machine.)
+pub(super) fn mass(
+    points: &[parry3d::math::Vector],
+    triangles: &[[u32; 3]],
+    density: f32,
+) -> MassProperties<3, 3> {
+    let at = |corner: u32| -> Vector<f64, 3> {
+        let arm = points[corner as usize] - points[0];
+        Vector(arm.to_array().map(f64::from))
+    };
+    let (mut volume, mut first, mut second) = (0.0, Vector::ZERO, [[0.0; 3]; 3]);
+    for corners in triangles {
+        let [a, b, c] = corners.map(at);
+        let area: Vector<f64, 3> = moment(b, c);
+        let (own, sum) = (a.dot(area) / 6.0, a + b + c);
+        volume += own;
+        first += sum * (own / 4.0);
+        for i in 0..3 {
+            for j in 0..3 {
+                let squares = a[i] * a[j] + b[i] * b[j] + c[i] * c[j];
+                second[i][j] += own / 20.0 * (squares + sum[i] * sum[j]);
+            }
+        }
+    }
+    if volume <= 0.0 {
+        return MassProperties::ZERO;
+    }
+    let (center, density) = (first * (1.0 / volume), f64::from(density));
+    let about = |i: usize, j: usize| second[i][j] - volume * center[i] * center[j];
+    let trace = about(0, 0) + about(1, 1) + about(2, 2);
+    let mut inertia = SymmetricMatrix::ZERO;
+    for i in 0..3 {
+        for j in 0..3 {
+            let diagonal = if i == j { trace } else { 0.0 };
+            inertia.0[i][j] = (density * (diagonal - about(i, j))) as f32;
+        }
+    }
+    MassProperties {
+        mass: (density * volume) as f32,
+        center: Vector(points[0].to_array()) + Vector(center.0.map(|x| x as f32)),
+        inertia,
     }
 }
 

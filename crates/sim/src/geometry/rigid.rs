@@ -3,7 +3,7 @@
 use drystone_solver::{SymmetricMatrix, Vector};
 use parry2d::shape::ConvexPolygon;
 
-use super::hull::Hull;
+use super::hull::{self, Hull};
 use super::polyhedra::{
     Clipper, Crossing, Cuboid, Footing, Plane, Rival, Solid, box_edges, collide, on_plane,
 };
@@ -356,7 +356,7 @@ fn polygon(shape: &parry2d::shape::SharedShape) -> Option<ConvexPolygon> {
     shape.as_convex_polygon().cloned()
 }
 
-fn hull(shape: &parry3d::shape::SharedShape) -> Option<Hull> {
+fn flat_hull(shape: &parry3d::shape::SharedShape) -> Option<Hull> {
     Hull::of(shape.as_convex_polyhedron()?.points())
 }
 
@@ -479,6 +479,10 @@ impl Geometry<3, 3> for Rigid3 {
         if shape.as_trimesh().is_some() {
             return MassProperties::ZERO;
         }
+        if let Some(polyhedron) = shape.as_convex_polyhedron() {
+            let (points, triangles) = polyhedron.to_trimesh();
+            return hull::mass(&points, &triangles, density);
+        }
         let of = shape.mass_properties(density);
         let inertia = of.reconstruct_inertia_matrix().to_cols_array_2d();
         MassProperties {
@@ -488,7 +492,7 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, solids, Hull, hull, 3, 3);
+    over_parry!(parry3d, solids, Hull, flat_hull, 3, 3);
 }
 
 /// sin(t/2)/t from t^2; the series' error is below one rounding for t < 0.5.

@@ -1,7 +1,7 @@
 //! How a team goes over the blocks of a packed system.
 //!
 //! All members walk through the colors side by side, each over its share of the blocks of a color, and
-//! meet after each. Within a color no two blocks have a body in common that is written to, and each
+//! meet after each; colors of few blocks are done by one. Within a color no two blocks have a body in common that is written to, and each
 //! block has its own points. So what a member touches at a [`Visit`] nobody else does, and nothing
 //! depends on how many members there are.
 #![allow(unsafe_code)]
@@ -63,22 +63,39 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     }
 }
 
+impl<V: Lanes, const L: usize, const A: usize> Walk<'_, V, L, A> {
+    /// The blocks of a color, in the order of the walk.
+    #[inline(always)]
+    fn color(&self, index: usize) -> Option<Range<usize>> {
+        let colors = self.ground.colors;
+        let index =
+            if self.back { colors.len().wrapping_sub(1).wrapping_sub(index) } else { index };
+        colors.get(index).map(|blocks| blocks.start as usize..blocks.end as usize)
+    }
+}
+
 impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A> {
     type Item = Visit<'a, V, L, A>;
 
     #[inline(always)]
     fn next(&mut self) -> Option<Self::Item> {
-        let colors = self.ground.colors;
         while self.share.is_empty() {
-            if self.begun > 0 {
+            let (before, now) = (self.color(self.begun.wrapping_sub(1)), self.color(self.begun));
+            // Between two colors that the first member does alone there is nobody to wait for.
+            let alone = |of: &Option<Range<usize>>| {
+                of.as_ref().is_some_and(|blocks| !self.member.shares(blocks.len()))
+            };
+            if before.is_some() && !(alone(&before) && alone(&now)) {
                 self.member.meet();
             }
-            if self.begun == colors.len() {
-                return None;
-            }
-            let color = if self.back { colors.len() - 1 - self.begun } else { self.begun };
-            let Range { start, end } = colors[color];
-            self.share = self.member.part(start as usize..end as usize);
+            let blocks = now?;
+            self.share = if self.member.shares(blocks.len()) {
+                self.member.part(blocks)
+            } else if self.member.is_first() {
+                blocks
+            } else {
+                0..0
+            };
             self.begun += 1;
         }
         let index = if self.back { self.share.next_back() } else { self.share.next() }?;

@@ -93,3 +93,37 @@ fn the_farthest_point_is_that_of_a_plain_search() {
         assert_eq!(hull.support(direction).dot(direction), most);
     }
 }
+
+/// A box far off, and the tetrahedron of the unit vectors, whose moments are 1/60 - m (1/4)^2 twice.
+#[test]
+fn mass_is_that_of_the_solid() {
+    let solid = |corners: &[[f32; 3]]| {
+        let points: Vec<_> = corners.iter().map(|&p| parry3d::math::Vector::from(p)).collect();
+        let (points, triangles) = parry3d::transformation::try_convex_hull(&points).unwrap();
+        mass(&points, &triangles, 2.0)
+    };
+    let near = |x: f32, expected: f32| assert!((x - expected).abs() < 1e-5, "{x}, not {expected}");
+    let half = [0.7, 0.2, 0.4];
+    let corner = |i: usize| {
+        std::array::from_fn(|axis| 3.0 + half[axis] * if i >> axis & 1 == 1 { 1.0 } else { -1.0 })
+    };
+    let of = solid(&(0..8).map(corner).collect::<Vec<_>>());
+    near(of.mass, 2.0 * 8.0 * 0.7 * 0.2 * 0.4);
+    for i in 0..3 {
+        near(of.center[i], 3.0);
+        for j in 0..3 {
+            let [p, q] = [half[(i + 1) % 3], half[(i + 2) % 3]];
+            near(of.inertia.0[i][j], if i == j { of.mass / 3.0 * (p * p + q * q) } else { 0.0 });
+        }
+    }
+    let of = solid(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    near(of.mass, 2.0 / 6.0);
+    for i in 0..3 {
+        near(of.center[i], 0.25);
+        for j in 0..3 {
+            // Integrals of x^2 and of x y over it: 1/60 and 1/120.
+            let [square, product] = [1.0 / 60.0 - 1.0 / 96.0, 1.0 / 120.0 - 1.0 / 96.0];
+            near(of.inertia.0[i][j], 2.0 * if i == j { 2.0 * square } else { -product });
+        }
+    }
+}
