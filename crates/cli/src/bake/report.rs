@@ -41,6 +41,7 @@ struct StepNumbers {
     stage_ms: BTreeMap<&'static str, f64>,
     contacts: usize,
     manifolds: usize,
+    asleep: usize,
     sweeps: usize,
     /// \[m\]
     deepest_penetration: f64,
@@ -87,6 +88,7 @@ fn numbers(step: &Step) -> StepNumbers {
         stage_ms: stages.map(|(stage, time)| (stage.name(), milliseconds(time))).collect(),
         contacts: step.report.contacts,
         manifolds: step.report.manifolds,
+        asleep: step.report.asleep,
         sweeps: step.report.sweeps,
         deepest_penetration: step.measure.deepest_penetration,
         kinetic_energy: step.measure.kinetic_energy,

@@ -33,6 +33,8 @@ pub(super) struct Summary {
     simulated: f64,
     contacts_mean: f64,
     contacts_max: usize,
+    /// Bodies that sleep at the end.
+    asleep: usize,
     step_ms_median: f64,
     total_ms: f64,
     /// \[m\]
@@ -150,6 +152,7 @@ impl Summary {
             simulated: steps.len() as f64 * scene.time_step,
             contacts_mean: contacts().sum::<usize>() as f64 / steps.len().max(1) as f64,
             contacts_max: contacts().max().unwrap_or(0),
+            asleep: steps.last().map_or(0, |step| step.report.asleep),
             step_ms_median: times.get(times.len() / 2).copied().unwrap_or(0.0),
             total_ms: times.iter().sum(),
             deepest_penetration: largest(&mut steps.iter().map(depth)),
@@ -235,7 +238,13 @@ impl Summary {
     }
 
     fn contacts(&self) -> String {
-        format!("{:.1} points on average, {} at most", self.contacts_mean, self.contacts_max)
+        let sleepers = match self.asleep {
+            0 => String::new(),
+            1 => "; 1 body sleeps at the end, and has none".to_owned(),
+            many => format!("; {many} bodies sleep at the end, and have none"),
+        };
+        let (mean, most) = (self.contacts_mean, self.contacts_max);
+        format!("{mean:.1} points on average, {most} at most{sleepers}")
     }
 
     fn penetration(&self) -> String {
@@ -392,14 +401,16 @@ fn certified(bake: &Bake) -> Option<Certified> {
     let outcomes: Vec<_> =
         outcomes.filter_map(|(step, of)| Some((step, of.report.certified?))).collect();
     let (step, worst) = *outcomes.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
-    let mut errors: Vec<f64> = outcomes.iter().map(|(_, of)| of.error).collect();
+    // Where all sleep there is nothing to certify.
+    let awake = outcomes.iter().filter(|(_, of)| of.islands > 0);
+    let mut errors: Vec<f64> = awake.map(|(_, of)| of.error).collect();
     errors.sort_unstable_by(f64::total_cmp);
     let residual = |i: usize| outcomes.iter().map(|(_, of)| of.residuals[i]).fold(0.0, f64::max);
     Some(Certified {
         tolerance: f64::from(bake.settings.tolerance),
         steps: outcomes.iter().filter(|(_, of)| of.failed == 0).count(),
         worst: worst.error,
-        median: errors[errors.len() / 2],
+        median: errors.get(errors.len() / 2).copied().unwrap_or(0.0),
         natural: residual(0),
         sinking: residual(1),
         cone: residual(2),

@@ -168,6 +168,7 @@ fn a_report_has_every_step() {
     assert_eq!(steps.len(), 120);
     let keys: Vec<_> = steps[0].as_object().unwrap().keys().map(String::as_str).collect();
     let expected = [
+        "asleep",
         "certificate",
         "contacts",
         "deepest_penetration",
@@ -266,6 +267,27 @@ fn flags_come_before_the_scene_and_the_scene_before_presets() {
     let summary = place.succeeds(&["bake", "scene.toml", "-o", "a.poses", "--steps", "0"]);
     assert!(summary.contains("0 steps"));
     assert_eq!(fs::metadata(place.path("a.poses")).unwrap().len(), 3 * 7 * 4);
+}
+
+#[test]
+fn islands_sleep_in_real_time_unless_told_not_to() {
+    let place = Place::new(SCENE);
+    let asleep = |flags: &[&str]| {
+        let bake = ["bake", "scene.toml", "-o", "a.poses", "--report", "r.json", "--duration", "8"];
+        let summary = place.succeeds(&[&bake[..], flags].concat());
+        let report = fs::read(place.path("r.json")).unwrap();
+        let report: Value = serde_json::from_slice(&report).unwrap();
+        let last = report["per_step"].as_array().unwrap().last().unwrap();
+        (last["asleep"].as_u64().unwrap(), last["contacts"].as_u64().unwrap(), summary)
+    };
+    let (sleepers, _, summary) = asleep(&["--realtime"]);
+    assert!(sleepers > 0, "{summary}");
+    assert!(summary.contains("at the end, and ha"), "{summary}");
+    for flags in [&["--realtime", "--sleep", "0"][..], &[]] {
+        let (sleepers, contacts, summary) = asleep(flags);
+        assert!(sleepers == 0 && contacts > 0, "{flags:?}: {sleepers}, {contacts}");
+        assert!(!summary.contains("sleep"), "{summary}");
+    }
 }
 
 #[test]
