@@ -22,7 +22,7 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// A shape with what its contacts need at hand.
     type Collider: Send + Sync;
     /// Memory that [`collide`](Self::collide) reuses.
-    type Scratch: Default + Send;
+    type Scratch: Default + Send + Sync;
 
     /// A pose from a position \[m\] and a rotation: nothing (`A` = 0), an angle \[rad\], or a unit
     /// quaternion x, y, z, w.

@@ -1,7 +1,7 @@
 //! Where near shapes touch: from pairs to the manifolds of this step.
 
 use drystone_solver::Vector;
-use drystone_solver::team::Team;
+use drystone_solver::team::{Team, chunks_with_parts};
 
 use crate::bodies::Bodies;
 use crate::cache::{self, Pair, Point, Record, Records, inherit};
@@ -88,22 +88,20 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
             collide(around, pair, &mut worker.scratch, &mut worker.records);
         }
     });
-    let total =
-        |of: fn(&Records<L>) -> usize| workers[..chunks].iter().map(|w| of(&w.records)).sum();
-    records.manifolds.resize(total(|found| found.manifolds.len()), Record::NONE);
-    records.points.resize(total(|found| found.points.len()), Point::default());
+    let workers = &workers[..chunks];
+    let manifolds = |of: &Worker<G, L, A>| of.records.manifolds.len();
+    let points = |of: &Worker<G, L, A>| of.records.points.len();
+    records.manifolds.resize(workers.iter().map(manifolds).sum(), Record::NONE);
+    records.points.resize(workers.iter().map(points).sum(), Point::default());
+    let found = chunks_with_parts(workers, 1, &mut records.manifolds, manifolds);
+    let found = found.zip(chunks_with_parts(workers, 1, &mut records.points, points));
     let (mut first, mut first_point) = (0, 0);
-    let mut left = (&mut records.manifolds[..], &mut records.points[..]);
     let parts =
-        pairs.chunks_mut(CHUNK).zip(workers).map(|(pairs, Worker { records: found, .. })| {
-            let (manifolds, points) = std::mem::take(&mut left);
-            let (manifolds, later_manifolds) = manifolds.split_at_mut(found.manifolds.len());
-            let (points, later_points) = points.split_at_mut(found.points.len());
-            left = (later_manifolds, later_points);
+        pairs.chunks_mut(CHUNK).zip(found).map(|(pairs, ((from, manifolds), (_, points)))| {
             let offsets = [first, first_point];
             first += manifolds.len() as u32;
             first_point += points.len() as u32;
-            (pairs, &*found, manifolds, points, offsets)
+            (pairs, &from[0].records, manifolds, points, offsets)
         });
     team.for_each(true, parts, |(pairs, found, manifolds, points, [first, first_point])| {
         for pair in pairs.iter_mut().filter(|pair| !pair.rests) {

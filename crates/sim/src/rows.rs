@@ -1,6 +1,6 @@
 //! Between manifolds and the contact system: what the solver is given, and what it gives back.
 
-use drystone_solver::team::Team;
+use drystone_solver::team::{Team, chunks_with_parts};
 use drystone_solver::{Contact, InverseMass, Manifold, System, Vector, Velocity, contact_frame};
 
 use crate::bodies::Bodies;
@@ -22,19 +22,11 @@ pub(crate) fn rows<G: Geometry<L, A>, const L: usize, const A: usize>(
     let System { velocities, masses, manifolds, contacts, .. } = system;
     manifolds.resize_with(records.manifolds.len(), Manifold::default);
     contacts.resize_with(records.points.len(), Contact::default);
-    let mut left = (&records.manifolds[..], &mut manifolds[..], &mut contacts[..]);
-    let chunks = std::iter::from_fn(|| {
-        let (records, manifolds, contacts) = std::mem::take(&mut left);
-        let count = records.len().min(CHUNK);
-        let points = records[..count].iter().map(|record| record.count as usize).sum();
-        let (records, later_records) = records.split_at(count);
-        let (manifolds, later_manifolds) = manifolds.split_at_mut(count);
-        let (contacts, later_contacts) = contacts.split_at_mut(points);
-        left = (later_records, later_manifolds, later_contacts);
-        (count > 0).then_some((records, manifolds, contacts))
-    });
+    let points = |record: &Record<L>| record.count as usize;
+    let chunks = chunks_with_parts(&records.manifolds, CHUNK, contacts, points);
+    let chunks = chunks.zip(manifolds.chunks_mut(CHUNK));
     let (velocities, masses) = (&velocities[..], &masses[..]);
-    team.for_each(records.manifolds.len() > 2 * CHUNK, chunks, |(part, manifolds, contacts)| {
+    team.for_each(records.manifolds.len() > 2 * CHUNK, chunks, |((part, contacts), manifolds)| {
         let mut contacts = contacts.iter_mut();
         for (record, manifold) in part.iter().zip(manifolds) {
             let own = contacts.by_ref().take(record.count as usize);
@@ -96,16 +88,8 @@ pub(crate) fn remember<const L: usize, const A: usize>(
     team: &Team,
     records: &mut Records<L>,
 ) {
-    let mut left = (&system.manifolds[..], &mut records.points[..]);
-    let chunks = std::iter::from_fn(|| {
-        let (manifolds, points) = std::mem::take(&mut left);
-        let count = manifolds.len().min(CHUNK);
-        let own = manifolds[..count].iter().map(|manifold| manifold.count as usize).sum();
-        let (manifolds, later_manifolds) = manifolds.split_at(count);
-        let (points, later_points) = points.split_at_mut(own);
-        left = (later_manifolds, later_points);
-        (count > 0).then_some((manifolds, points))
-    });
+    let count = |manifold: &Manifold<f32, L>| manifold.count as usize;
+    let chunks = chunks_with_parts(&system.manifolds, CHUNK, &mut records.points, count);
     team.for_each(system.manifolds.len() > 2 * CHUNK, chunks, |(manifolds, points)| {
         let mut points = points.iter_mut();
         for manifold in manifolds {

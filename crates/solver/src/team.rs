@@ -272,6 +272,23 @@ impl Member<'_> {
     }
 }
 
+/// Items in chunks of `size`, each with its own of `parts`: every item has as many, one item's after the
+/// other's.
+pub fn chunks_with_parts<'a, T, U>(
+    items: &'a [T],
+    size: usize,
+    parts: &'a mut [U],
+    count: impl Fn(&T) -> usize + 'a,
+) -> impl Iterator<Item = (&'a [T], &'a mut [U])> {
+    let mut left = parts;
+    items.chunks(size.max(1)).map(move |chunk| {
+        let own = chunk.iter().map(&count).sum();
+        let (own, later) = std::mem::take(&mut left).split_at_mut(own);
+        left = later;
+        (chunk, own)
+    })
+}
+
 /// A slice whose members several threads use at once, each other ones.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shared<'a, T> {

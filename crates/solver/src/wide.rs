@@ -14,7 +14,7 @@ use crate::color::Coloring;
 use crate::island::Islands;
 use crate::lanes::{Lanes, PART, Portable, WIDTH};
 use crate::pgs::visit;
-use crate::team::Team;
+use crate::team::{Team, chunks_with_parts};
 use crate::{Contact, InverseMass, Repair, System, Velocity};
 use block::{Block, fill, prepare, set, splat};
 use conjugate::Conjugate;
@@ -185,17 +185,10 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         let Self { blocks, contacts, coloring, team, .. } = self;
         let useful = team.is_useful(blocks.len());
         let share = blocks.len().div_ceil(if useful { team.members() } else { 1 });
-        let mut left = (0, &mut blocks[..], &mut contacts[..]);
-        let parts = std::iter::from_fn(|| {
-            let (first, blocks, contacts) = std::mem::take(&mut left);
-            let (blocks, later) = blocks.split_at_mut(share.min(blocks.len()));
-            let points = blocks.iter().map(|block| block.manifold.count as usize).sum();
-            let (contacts, later_contacts) = contacts.split_at_mut(points);
-            left = (first + blocks.len(), later, later_contacts);
-            (!blocks.is_empty()).then_some((first, blocks, contacts))
-        });
-        team.for_each(useful, parts, |(first, blocks, contacts)| {
-            fill(first, blocks, contacts, coloring, system);
+        let parts = chunks_with_parts(&coloring.points, share, contacts, |&points| points as usize);
+        let parts = parts.zip(blocks.chunks_mut(share.max(1))).enumerate();
+        team.for_each(useful, parts, |(part, ((_, contacts), blocks))| {
+            fill(part * share, blocks, contacts, coloring, system);
             V::run(
                 #[inline(always)]
                 || prepare(blocks, contacts, splat(softness)),
@@ -206,18 +199,10 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// Gives impulses, targets and effective masses to the contacts of `system`.
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
         let System { manifolds, contacts, .. } = system;
-        let mut left = (&manifolds[..], &self.coloring.places[..], &mut contacts[..]);
-        let parts = std::iter::from_fn(|| {
-            let (manifolds, places, contacts) = std::mem::take(&mut left);
-            let (manifolds, later) = manifolds.split_at(manifolds.len().min(CHUNK));
-            let (places, later_places) = places.split_at(manifolds.len());
-            let points = manifolds.iter().map(|manifold| manifold.count as usize).sum();
-            let (contacts, later_contacts) = contacts.split_at_mut(points);
-            left = (later, later_places, later_contacts);
-            (!manifolds.is_empty()).then_some((manifolds, places, contacts))
-        });
+        let parts = chunks_with_parts(manifolds, CHUNK, contacts, |of| of.count as usize);
+        let parts = parts.zip(self.coloring.places.chunks(CHUNK));
         let useful = self.team.is_useful(self.blocks.len());
-        self.team.for_each(useful, parts, |(manifolds, places, contacts)| {
+        self.team.for_each(useful, parts, |((manifolds, contacts), places)| {
             let mut later = contacts;
             for (manifold, &place) in manifolds.iter().zip(places) {
                 let own;
