@@ -66,12 +66,15 @@ impl<const L: usize> Sleep<L> {
     /// Wakes all that fell asleep with a body; returns whether it slept.
     pub(crate) fn wake(&mut self, body: usize) -> bool {
         let group = self.group[body];
+        if group == 0 {
+            return false;
+        }
         for (of, still) in self.group.iter_mut().zip(&mut self.still) {
-            if group != 0 && *of == group {
+            if *of == group {
                 (*of, *still) = (0, 0.0);
             }
         }
-        group != 0
+        true
     }
 
     /// Puts pairs to rest of which neither body is active; their records move here.

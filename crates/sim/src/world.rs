@@ -308,11 +308,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Gives a kinematic body the velocity that takes it to `target` within `dt` \[s\].
+    /// Gives a kinematic body the velocity that takes it to `target` within `dt` \[s\]. A dynamic one
+    /// wakes, and is thrown there.
     pub fn move_to(&mut self, id: BodyId, target: &G::Pose, dt: f32) {
         let Some(index) = self.index(id) else { return };
         let from = self.bodies.origin(index);
         let apart = G::frame(target).position - G::frame(&from).position;
+        self.rouse(index);
         self.system.velocities[index] = Velocity {
             linear: apart * (1.0 / dt),
             angular: G::turn_between(&from, target) * (1.0 / dt),

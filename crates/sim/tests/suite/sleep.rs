@@ -1,6 +1,6 @@
 //! Sleep is an economy: what sleeps rests, wakes when it must, and changes nothing else.
 
-use drystone::geometry::{Rigid2, Rigid3};
+use drystone::geometry::{Geometry, Rigid2, Rigid3};
 use drystone::scene::Motion;
 use drystone::{BodyId, StepSettings, World};
 use drystone_solver::{Vector, Velocity};
@@ -113,7 +113,11 @@ fn whatever_moves_a_sleeper_wakes_it() {
     };
     let push = Velocity { linear: Vector([1.0, 0.0, 0.0]), angular: Vector::ZERO };
     type Deed = fn(&mut World3, &[BodyId], BodyId, Velocity<f32, 3, 3>);
-    let deeds: [(&str, Deed); 6] = [
+    let deeds: [(&str, Deed); 7] = [
+        ("throw", |world, boxes, _, _| {
+            let target = Rigid3::pose(Vector([0.01, 1.25, 0.0]), &[]);
+            world.move_to(boxes[2], &target, DT);
+        }),
         ("velocity", |world, boxes, _, push| world.set_velocity(boxes[2], push)),
         ("force", |world, boxes, _, push| world.add_force(boxes[1], push * 10.0)),
         ("lift", |world, _, lift, _| {
