@@ -171,6 +171,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) frames: Vec<Frame<L>>,
     /// What rounding has left out of the positions. \[m\]
     pub(crate) remainders: Vec<Vector<f32, L>>,
+    /// How far any point of its shapes can have come, step by step, since it was added. \[m\]
+    pub(crate) paths: Vec<f64>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
     pub(crate) gyroscopic: Vec<bool>,
     /// Rotation vectors that the poses have not followed yet. \[rad\]
@@ -190,6 +192,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             poses: Vec::new(),
             frames: Vec::new(),
             remainders: Vec::new(),
+            paths: Vec::new(),
             inertia: Vec::new(),
             gyroscopic: Vec::new(),
             turns: Vec::new(),

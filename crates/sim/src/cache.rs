@@ -17,6 +17,9 @@ pub(crate) struct Pair {
     pub(crate) thickness: f32,
     /// Whether it rests: neither body moves or can be moved.
     pub(crate) rests: bool,
+    /// If it has no records: it has none as long as the paths of its bodies and what is looked ahead add
+    /// up to less. \[m\]
+    pub(crate) apart_until: f64,
     /// Its records: of the step, or of what rests.
     pub(crate) first: u32,
     pub(crate) count: u32,
@@ -61,6 +64,9 @@ pub(crate) struct Point<const L: usize> {
     pub(crate) on_a: Vector<f32, L>,
     /// On the surface of b, in the frame of b. \[m\]
     pub(crate) on_b: Vector<f32, L>,
+    /// Where both bodies are pushed, midway between the surfaces: so the pair keeps its angular momentum.
+    /// World, from the center of mass of b. \[m\]
+    pub(crate) middle: Vector<f32, L>,
     pub(crate) gap: f32,
     pub(crate) feature: u64,
     /// On a, world. \[N s\]
@@ -73,6 +79,11 @@ impl<const L: usize> Records<L> {
     pub(crate) fn clear(&mut self) {
         self.manifolds.clear();
         self.points.clear();
+    }
+
+    /// The bodies of each manifold.
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = [u32; 2]> + Clone {
+        self.manifolds.iter().map(|record| record.bodies)
     }
 
     /// The points of one of the manifolds.
@@ -156,6 +167,7 @@ impl<const L: usize> Point<L> {
         Self {
             on_a: a.local_point(touch.on_a),
             on_b: b.local_point(touch.on_b),
+            middle: (touch.on_a + touch.on_b) * 0.5,
             gap: touch.gap,
             feature: touch.feature,
             impulse: Vector::ZERO,

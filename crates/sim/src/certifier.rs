@@ -5,7 +5,7 @@ use drystone_solver::jam::{self, Jam};
 use drystone_solver::ladder::{Climber, Outcome};
 use drystone_solver::solution::Goal;
 use drystone_solver::wide::Wide;
-use drystone_solver::{System, Velocity};
+use drystone_solver::{InverseMass, System, Velocity};
 
 use crate::settings::StepSettings;
 
@@ -16,8 +16,6 @@ const MISSED: f64 = 0.1;
 /// Islands, and how they are brought within the tolerance.
 #[derive(Default)]
 pub(crate) struct Certifier<const L: usize, const A: usize> {
-    /// The velocities of a substep without the impulses of its contacts.
-    pub(crate) prospective: Vec<Velocity<f32, L, A>>,
     islands: Islands,
     pub(crate) climber: Climber<L, A>,
     loads: Vec<Load>,
@@ -32,18 +30,37 @@ struct Load {
     supports: f32,
 }
 
+/// How much contacts give way at most.
+///
+/// Those which carry an island sink by the sag: the island's weight W \[N\] on its n manifolds with
+/// fixed bodies gives the stiffness k = W / (n sag), and a spring of implicit form that repairs the part
+/// c of its depth per substep h has epsilon = c / (h^2 k).
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Stiffness<'a> {
+    /// None: as they come.
+    islands: Option<(&'a Islands, &'a [Load])>,
+    /// c sag / h^2. \[m/s^2\]
+    give: f32,
+}
+
+impl Stiffness<'_> {
+    /// The largest epsilon of contacts between these bodies. \[1/kg\]
+    pub(crate) fn compliance(&self, bodies: [u32; 2]) -> f32 {
+        let Some((islands, loads)) = self.islands else { return f32::INFINITY };
+        let load = loads.get(islands.of_pair(bodies) as usize).copied().unwrap_or_default();
+        self.give / (load.weight / load.supports.max(1.0))
+    }
+}
+
 impl<const L: usize, const A: usize> Certifier<L, A> {
-    /// Makes contacts so stiff that those which carry an
-    /// island sink by the sag: the island's weight W \[N\] on its n manifolds with fixed bodies
-    /// gives the stiffness k = W / (n sag), and a spring of implicit form that repairs the part c of
-    /// its depth per substep h has epsilon = c / (h^2 k).
-    pub(crate) fn stiffen(
+    /// Weighs the islands, for the stiffness of contacts in substeps of `h` \[s\] between these `pairs`.
+    pub(crate) fn stiffness(
         &mut self,
-        system: &mut System<f32, L, A>,
+        pairs: impl Iterator<Item = [u32; 2]>,
         weight: impl Fn(usize) -> f32,
         settings: &StepSettings,
         h: f32,
-    ) {
+    ) -> Stiffness<'_> {
         let of_body = &self.islands.of_body;
         self.loads.clear();
         self.loads.resize(self.islands.count, Load::default());
@@ -52,31 +69,40 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
                 load.weight += weight(body);
             }
         }
-        for manifold in &system.manifolds {
-            if manifold.bodies.iter().any(|&body| of_body[body as usize] == island::NONE)
-                && let Some(load) =
-                    self.loads.get_mut(self.islands.of_pair(manifold.bodies) as usize)
+        for bodies in pairs {
+            if bodies.iter().any(|&body| of_body[body as usize] == island::NONE)
+                && let Some(load) = self.loads.get_mut(self.islands.of_pair(bodies) as usize)
             {
                 load.supports += 1.0;
             }
         }
-        for manifold in &mut system.manifolds {
-            let island = self.islands.of_pair(manifold.bodies) as usize;
-            let load = self.loads.get(island).copied().unwrap_or_default();
-            let share = load.weight / load.supports.max(1.0);
-            manifold.compliance = settings.repair * settings.sag / (h * h * share);
-        }
+        let give = settings.repair * settings.sag / (h * h);
+        Stiffness { islands: Some((&self.islands, &self.loads)), give }
     }
 
     /// Contacts whose targets no velocities can meet. `sinking` is the most that any missed its target
     /// by. \[m/s\]
-    pub(crate) fn jams(&mut self, system: &System<f32, L, A>, sinking: f64) -> Vec<Jam> {
-        if sinking > MISSED { jam::find(system, &mut self.islands, MISSED) } else { Vec::new() }
+    pub(crate) fn jams(
+        &mut self,
+        system: &mut System<f32, L, A>,
+        wide: &Wide<L, A>,
+        sinking: f64,
+    ) -> Vec<Jam> {
+        if sinking > MISSED {
+            wide.unpack(system);
+            jam::find(system, &mut self.islands, MISSED)
+        } else {
+            Vec::new()
+        }
     }
 
-    /// Finds the islands of a part of a step.
-    pub(crate) fn find_islands(&mut self, system: &System<f32, L, A>) {
-        self.islands.find(system);
+    /// Finds the islands of a part of a step, in which these pairs of bodies touch.
+    pub(crate) fn find_islands(
+        &mut self,
+        masses: &[InverseMass<f32, L, A>],
+        pairs: impl Iterator<Item = [u32; 2]>,
+    ) {
+        self.islands.join(masses, pairs);
     }
 
     /// Takes over a system that has been packed, for all substeps of a part of a step.
@@ -91,12 +117,13 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         &mut self,
         system: &mut System<f32, L, A>,
         wide: &mut Wide<L, A>,
+        prospective: &[Velocity<f32, L, A>],
         settings: &StepSettings,
         examined: bool,
     ) -> Outcome {
         let goal =
             Goal { tolerance: f64::from(settings.tolerance), budget: settings.budget as usize };
-        let (prospective, islands) = (&self.prospective, &self.islands);
+        let islands = &self.islands;
         if examined {
             self.climber.climb::<true>(system, wide, prospective, islands, &goal)
         } else {
@@ -105,7 +132,12 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     }
 
     /// The certificate of a substep as it is.
-    pub(crate) fn examine(&mut self, system: &System<f32, L, A>, wide: &Wide<L, A>) -> Outcome {
-        self.climber.examine(&system.velocities, wide, &self.prospective, &self.islands)
+    pub(crate) fn examine(
+        &mut self,
+        velocities: &[Velocity<f32, L, A>],
+        wide: &Wide<L, A>,
+        prospective: &[Velocity<f32, L, A>],
+    ) -> Outcome {
+        self.climber.examine(velocities, wide, prospective, &self.islands)
     }
 }

@@ -61,13 +61,14 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     fn shape_of(collider: &Self::Collider) -> &Self::Shape;
 
     /// Reports each manifold of points at which two shapes overlap or are within `prediction` \[m\].
+    /// Returns how far they are apart at least. \[m\]
     fn collide(
         a: (&Self::Collider, &Self::Pose),
         b: (&Self::Collider, &Self::Pose),
         prediction: f32,
         scratch: &mut Self::Scratch,
         report: &mut dyn FnMut(&Touch<L>),
-    );
+    ) -> f32;
 }
 
 /// Numbers that [`Geometry::write`] writes in `dimension` dimensions.

@@ -13,7 +13,9 @@ pub(crate) const CHUNK: usize = 512;
 /// velocity by less than this part of itself.
 const SMALL_TURN: f32 = 1e-4;
 
-/// v* = v + h (g + M^-1 f): the prospective velocities.
+/// v* = v + h (g + M^-1 f): the prospective velocities. `push` takes what contacts gave to the velocities
+/// in the substep before, M^-1 J^T gamma: their difference from the prospective ones of that substep,
+/// which it comes with.
 pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &Bodies<G, L, A>,
     masses: &[InverseMass<f32, L, A>],
@@ -21,10 +23,13 @@ pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
     h: f32,
     team: &Team,
     velocities: &mut [Velocity<f32, L, A>],
+    push: &mut [Velocity<f32, L, A>],
 ) {
     let useful = velocities.len() > 2 * CHUNK;
-    team.for_each(useful, velocities.chunks_mut(CHUNK).enumerate(), |(chunk, velocities)| {
-        for (body, velocity) in (CHUNK * chunk..).zip(velocities) {
+    let chunks = velocities.chunks_mut(CHUNK).zip(push.chunks_mut(CHUNK));
+    team.for_each(useful, chunks.enumerate(), |(chunk, (velocities, push))| {
+        for (body, (velocity, push)) in (CHUNK * chunk..).zip(velocities.iter_mut().zip(push)) {
+            *push = *velocity - *push;
             let (mass, force) = (&masses[body], &bodies.forces[body]);
             if bodies.is_dynamic(body) && mass.linear > 0.0 {
                 let fall = bodies.pull(body, gravity);
@@ -37,6 +42,25 @@ pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
     });
 }
 
+/// v = v* + M^-1 J^T gamma of the substep before, which `push` holds; it takes v* for it.
+///
+/// J and M stay through all substeps, so bodies know what their contacts will give them.
+pub(crate) fn warm_start<const L: usize, const A: usize>(
+    team: &Team,
+    velocities: &mut [Velocity<f32, L, A>],
+    push: &mut [Velocity<f32, L, A>],
+) {
+    let useful = velocities.len() > 2 * CHUNK;
+    let chunks = velocities.chunks_mut(CHUNK).zip(push.chunks_mut(CHUNK));
+    team.for_each(useful, chunks, |(velocities, push)| {
+        for (velocity, push) in velocities.iter_mut().zip(push) {
+            let prospective = *velocity;
+            *velocity += *push;
+            *push = prospective;
+        }
+    });
+}
+
 /// Displacement += h v. A body that precesses turns at once: its free motion keeps the angular
 /// momentum and, to second order in h, the energy. The others turn at the end of the step.
 pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
@@ -44,16 +68,19 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
     h: f32,
     team: &Team,
     velocities: &mut [Velocity<f32, L, A>],
+    prospective: &mut [Velocity<f32, L, A>],
     displacements: &mut [Velocity<f32, L, A>],
 ) {
     let Bodies { poses, turns, inertia, gyroscopic, .. } = bodies;
     let useful = velocities.len() > 2 * CHUNK;
-    let moved = velocities.chunks_mut(CHUNK).zip(displacements.chunks_mut(CHUNK));
+    let moved = velocities.chunks_mut(CHUNK).zip(prospective.chunks_mut(CHUNK));
+    let moved = moved.zip(displacements.chunks_mut(CHUNK));
     let placed = poses.chunks_mut(CHUNK).zip(turns.chunks_mut(CHUNK));
     team.for_each(useful, moved.zip(placed).enumerate(), |(chunk, (moved, placed))| {
-        let moved = moved.0.iter_mut().zip(moved.1);
+        let ((velocities, prospective), displacements) = moved;
+        let moved = velocities.iter_mut().zip(prospective).zip(displacements);
         let placed = placed.0.iter_mut().zip(placed.1);
-        for (body, ((velocity, displacement), (pose, turned))) in
+        for (body, (((velocity, prospective), displacement), (pose, turned))) in
             (CHUNK * chunk..).zip(moved.zip(placed))
         {
             *displacement += *velocity * h;
@@ -69,7 +96,10 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
                 let turn = omega(&G::frame(&middle)) * h;
                 let end = G::advance(pose, Vector::ZERO, turn);
                 // A difference, so that the rounding of I I^-1 does not add up from step to step.
-                velocity.angular += omega(&G::frame(&end)) - omega(&frame);
+                let change = omega(&G::frame(&end)) - omega(&frame);
+                velocity.angular += change;
+                // It is not from contacts.
+                prospective.angular += change;
                 *pose = end;
             } else {
                 *turned += turn;
@@ -84,24 +114,31 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     team: &Team,
     displacements: &[Velocity<f32, L, A>],
 ) {
-    let Bodies { poses, turns, frames, remainders, .. } = bodies;
+    let Bodies { poses, turns, frames, remainders, paths, reach, .. } = bodies;
     let placed = poses.chunks_mut(CHUNK).zip(turns.chunks_mut(CHUNK));
     let exact = frames.chunks_mut(CHUNK).zip(remainders.chunks_mut(CHUNK));
-    let parts = displacements.chunks(CHUNK).zip(placed.zip(exact));
-    team.for_each(displacements.len() > 2 * CHUNK, parts, |(displacements, (placed, exact))| {
+    let went = paths.chunks_mut(CHUNK).zip(reach.chunks(CHUNK));
+    let parts = displacements.chunks(CHUNK).zip(placed.zip(exact).zip(went));
+    let useful = displacements.len() > 2 * CHUNK;
+    team.for_each(useful, parts, |(displacements, ((placed, exact), went))| {
         let placed = placed.0.iter_mut().zip(placed.1);
         let exact = exact.0.iter_mut().zip(exact.1);
-        for (displacement, ((pose, turn), (frame, remainder))) in
-            displacements.iter().zip(placed.zip(exact))
+        let went = went.0.iter_mut().zip(went.1);
+        for (displacement, (((pose, turn), (frame, remainder)), (path, reach))) in
+            displacements.iter().zip(placed.zip(exact).zip(went))
         {
             if *displacement == Velocity::ZERO {
                 continue;
             }
             let by = displacement.linear + *remainder;
-            let from = frame.position;
+            let before = *frame;
             *pose = G::advance(pose, by, std::mem::replace(turn, Vector::ZERO));
             *frame = G::frame(pose);
-            *remainder = rounding(from, by, frame.position);
+            *remainder = rounding(before.position, by, frame.position);
+            let axes = frame.axes.iter().zip(&before.axes);
+            // The norm of R - R' is at most this.
+            let turned = axes.fold(0.0, |sum, (now, then)| sum + (*now - *then).length());
+            *path += f64::from(displacement.linear.length() + turned * reach);
         }
     });
 }

@@ -5,7 +5,7 @@ use drystone_solver::team::{Team, chunks_with_parts};
 
 use crate::bodies::Bodies;
 use crate::cache::{self, Pair, Point, Record, Records, inherit};
-use crate::geometry::{Frame, Geometry};
+use crate::geometry::{Frame, Geometry, Touch};
 
 /// What the narrow phase reads.
 pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -41,6 +41,9 @@ const MATCH_DISTANCE: f32 = 0.02;
 
 /// The prediction distance is at most this part of the thinner shape. \[1\]
 const THIN: f32 = 0.25;
+
+/// Gaps are known to this part of themselves and of the distance between the bodies. \[1\]
+const ROUNDING: f32 = 1e-5;
 
 /// Pairs per unit of parallel work.
 const CHUNK: usize = 128;
@@ -127,6 +130,16 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     pair.rests = false;
     let known = &old.manifolds[pair.records()];
     pair.first = records.manifolds.len() as u32;
+    let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
+    // Never through a thin body to what is behind it.
+    let prediction = around.prediction_distance.min(THIN * pair.thickness)
+        + travel_a.blow.max(travel_b.blow)
+        + travel_a.angular
+        + travel_b.angular;
+    let paths: f64 = pair.bodies.iter().map(|&body| around.bodies.paths[body as usize]).sum();
+    if known.is_empty() && paths + f64::from(prediction) < pair.apart_until {
+        return;
+    }
     // Everything is seen from the center of mass of b: so it does not matter how far the pair is
     // from the origin.
     let apart = around.bodies.apart(pair.bodies);
@@ -143,16 +156,10 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             reuse(record, old.points_of(record), a, b, records);
         }
     } else {
-        let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
-        // Never through a thin body to what is behind it.
-        let prediction = around.prediction_distance.min(THIN * pair.thickness)
-            + travel_a.blow.max(travel_b.blow)
-            + travel_a.angular
-            + travel_b.angular;
         let [shape_a, shape_b] = pair.colliders.map(|c| &around.shapes[c as usize]);
         let [pose_a, pose_b] = pair.colliders.map(|c| &around.poses[c as usize]);
         let pose_a = G::advance(pose_a, apart, Vector::ZERO);
-        G::collide((shape_a, &pose_a), (shape_b, pose_b), prediction, scratch, &mut |touch| {
+        let mut report = |touch: &Touch<L>| {
             let first = records.points.len();
             records.points.extend(touch.points.iter().map(|found| Point::new(found, a, b)));
             if let Some(before) = known.iter().find(|known| known.part == touch.part) {
@@ -172,7 +179,10 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
                 found_at: seen,
                 reach,
             });
-        });
+        };
+        let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
+        let gap = G::collide(a, b, prediction, scratch, &mut report);
+        pair.apart_until = paths + f64::from(gap - ROUNDING * (gap.abs() + apart.length()));
     }
     pair.count = records.manifolds.len() as u32 - pair.first;
 }
@@ -201,8 +211,8 @@ fn reuse<const L: usize>(
     let normal = b.direction(record.local_normal);
     let first = records.points.len() as u32;
     records.points.extend(points.iter().map(|point| {
-        let gap = normal.dot(a.point(point.on_a) - b.point(point.on_b));
-        Point { gap, ..*point }
+        let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
+        Point { gap: normal.dot(on_a - on_b), middle: (on_a + on_b) * 0.5, ..*point }
     }));
     records.manifolds.push(Record { normal, first, ..*record });
 }

@@ -218,7 +218,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
     fn state_hash(&self) -> u64 {
         let mut numbers = Vec::new();
         self.world.write_poses(&mut numbers);
-        for velocity in &self.world.system().velocities {
+        for velocity in self.world.velocities() {
             numbers.extend(velocity.linear.0.iter().chain(&velocity.angular.0));
         }
         let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();

@@ -101,11 +101,12 @@ impl<const L: usize> Sleep<L> {
     }
 
     /// Counts how long bodies have held still, `dt` \[s\] longer now, and puts islands to sleep all of
-    /// whose bodies have for `delay` \[s\]. Returns whether any were.
+    /// whose bodies have for `delay` \[s\]; `touching` are the pairs that do. Returns whether any were.
     pub(crate) fn fall_asleep<G: Geometry<L, A>, const A: usize>(
         &mut self,
         bodies: &Bodies<G, L, A>,
         system: &mut System<f32, L, A>,
+        touching: impl Iterator<Item = [u32; 2]> + Clone,
         dt: f32,
         delay: f32,
     ) -> bool {
@@ -119,7 +120,7 @@ impl<const L: usize> Sleep<L> {
         if !tired {
             return false;
         }
-        self.islands.find(system);
+        self.islands.join(&system.masses, touching.clone());
         let of_body = &self.islands.of_body;
         self.ready.clear();
         self.ready.resize(self.islands.count, true);
@@ -128,14 +129,13 @@ impl<const L: usize> Sleep<L> {
                 *ready &= self.still[body] >= delay;
             }
         }
-        for manifold in &system.manifolds {
-            let carried = manifold.bodies.iter().any(|&body| {
+        for bodies in touching {
+            let carried = bodies.iter().any(|&body| {
                 of_body[body as usize] == island::NONE
                     && system.velocities[body as usize] != Velocity::ZERO
             });
             if carried
-                && let Some(ready) =
-                    self.ready.get_mut(self.islands.of_pair(manifold.bodies) as usize)
+                && let Some(ready) = self.ready.get_mut(self.islands.of_pair(bodies) as usize)
             {
                 *ready = false;
             }

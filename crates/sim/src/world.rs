@@ -15,12 +15,13 @@ use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{Pair, Records};
 use crate::certifier::Certifier;
+use crate::certifier::Stiffness;
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties};
 use crate::ledger::Books;
 use crate::motion::{self, CHUNK};
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
-use crate::rows;
+use crate::rows::{self, RowsOf};
 use crate::saved::SavedSystem;
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::settings::StepSettings;
@@ -32,6 +33,10 @@ const COLLISION_ROUNDS: usize = 32;
 
 /// Sweeps over what collides at once.
 const COLLISION_SWEEPS: usize = 40;
+
+/// After so many substeps contacts are asked again what they give to the velocities
+/// ([`motion::warm_start`]): what rounding adds to it would add up.
+const ASK_AGAIN: u32 = 4;
 
 /// Bodies and their contacts, in the dimension of `G`.
 pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -51,10 +56,13 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     active: Vec<bool>,
     /// Gravity in the last step: another wakes all.
     last_gravity: Vector<f32, L>,
-    /// Velocities and inverse masses of the bodies live here, where the solver works on them.
+    /// Velocities and inverse masses of the bodies live here, where the solver works on them; contacts
+    /// only as copies of those in `wide`, for whoever looks at them one by one.
     system: System<f32, L, A>,
-    /// The contacts of `system`, sixteen side by side, for the sweeps.
+    /// The contacts of the step, sixteen side by side.
     wide: Wide<L, A>,
+    /// The velocities of a substep without the impulses of its contacts.
+    prospective: Vec<Velocity<f32, L, A>>,
     certifier: Certifier<L, A>,
     blow: Blow<L, A>,
     books: Books<L, A>,
@@ -128,6 +136,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             last_gravity: Vector::ZERO,
             system: System::new(),
             wide: Wide::new(),
+            prospective: Vec::new(),
             certifier: Certifier::default(),
             blow: Blow::default(),
             books: Books::default(),
@@ -218,6 +227,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.poses.push(origin);
         bodies.frames.push(G::frame(&origin));
         bodies.remainders.push(Vector::ZERO);
+        bodies.paths.push(0.0);
         bodies.inertia.push(Inertia::FIXED);
         bodies.gyroscopic.push(false);
         bodies.turns.push(Vector::ZERO);
@@ -329,9 +339,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
+    /// Velocities of all slots, in order.
+    pub fn velocities(&self) -> &[Velocity<f32, L, A>] {
+        &self.system.velocities
+    }
+
     /// The contact system of the last substep, as the solver left it.
-    pub fn system(&self) -> &System<f32, L, A> {
-        &self.system
+    pub fn system(&self) -> System<f32, L, A> {
+        let (velocities, masses) = (self.system.velocities.clone(), self.system.masses.clone());
+        let mut system = System { velocities, masses, ..System::new() };
+        self.wide.unpack(&mut system);
+        system
     }
 
     /// Whether steps save the contact system of their last substep. By default they do not.
@@ -368,14 +386,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.bodies.forces.fill(Velocity::ZERO);
         let delay = self.settings.sleep;
-        if delay > 0.0 && self.sleep.fall_asleep(&self.bodies, &mut self.system, dt, delay) {
-            self.update_masses();
-            self.place_shapes();
+        if delay > 0.0 {
+            let (sleep, system, touching) =
+                (&mut self.sleep, &mut self.system, self.records.pairs());
+            if sleep.fall_asleep(&self.bodies, system, touching, dt, delay) {
+                self.update_masses();
+                self.place_shapes();
+            }
         }
         report.asleep = (0..self.len()).filter(|&body| self.sleep.sleeps(body)).count();
         report.pairs = self.pairs.len();
-        report.manifolds = self.system.manifolds.len();
-        report.contacts = self.system.contacts.len();
+        report.manifolds = self.records.manifolds.len();
+        report.contacts = self.records.points.len();
         report
     }
 
@@ -409,9 +431,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     ) {
         self.find_manifolds();
         clock.lap(report, Stage::Manifolds);
-        rows::rows(&self.records, &self.bodies, dt, &self.team, &mut self.system);
         let plan = self.plan(dt / substeps as f32, substeps, last);
-        self.pack(&plan);
+        self.pack(&plan, dt);
         clock.lap(report, Stage::Rows);
         for substep in 0..substeps {
             self.substep(&plan, substep, clock, report);
@@ -421,7 +442,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     fn plan(&self, h: f32, substeps: u32, last: bool) -> Plan {
         let settings = &self.settings;
-        let mut manifolds = self.system.manifolds.iter();
+        let mut records = self.records.manifolds.iter();
         Plan {
             h,
             substeps,
@@ -429,33 +450,39 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             examined: (last && settings.certify).then_some(substeps - 1),
             ledger: settings.ledger,
             repair: settings.repair_in(h),
-            collisions: manifolds.any(|manifold| manifold.restitution > 0.0).then_some(
-                Collisions {
-                    law: settings.impact_law,
-                    dt: h,
-                    threshold: settings.restitution_threshold,
-                    rounds: COLLISION_ROUNDS,
-                    sweeps: COLLISION_SWEEPS,
-                },
-            ),
+            collisions: records.any(|record| record.restitution > 0.0).then_some(Collisions {
+                law: settings.impact_law,
+                dt: h,
+                threshold: settings.restitution_threshold,
+                rounds: COLLISION_ROUNDS,
+                sweeps: COLLISION_SWEEPS,
+            }),
         }
     }
 
-    /// Makes the contacts of a part ready for its substeps.
-    fn pack(&mut self, plan: &Plan) {
+    /// Makes the contacts of a part, which lasts `dt` \[s\], ready for its substeps.
+    fn pack(&mut self, plan: &Plan, dt: f32) {
         self.displacements.fill(Velocity::ZERO);
+        self.prospective.clone_from(&self.system.velocities);
         let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
+        let (records, bodies, softness) = (&self.records, &self.bodies, self.settings.softness);
         let certifying = plan.solving || plan.examined.is_some();
         if certifying {
-            certifier.find_islands(system);
+            certifier.find_islands(&system.masses, records.pairs());
         }
-        if plan.solving {
-            let weight = |body| self.bodies.weight(body, self.gravity);
-            certifier.stiffen(system, weight, &self.settings, plan.h);
-        }
-        wide.pack(system, self.settings.softness);
+        let stiffness = if plan.solving {
+            let weight = |body| bodies.weight(body, self.gravity);
+            certifier.stiffness(records.pairs(), weight, &self.settings, plan.h)
+        } else {
+            Stiffness::default()
+        };
+        let rows = RowsOf::<G, L, A> { records, bodies, system, stiffness, dt };
+        wide.pack(&rows, &system.masses, softness);
         if certifying {
             certifier.start(system, wide);
+        }
+        if plan.ledger || plan.collisions.is_some() {
+            wide.unpack(system);
         }
         if plan.ledger {
             self.books.open(&self.bodies, self.gravity, system);
@@ -466,11 +493,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn substep(&mut self, plan: &Plan, substep: u32, clock: &mut Clock, report: &mut StepReport) {
         let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
         let (bodies, moved, books) = (&mut self.bodies, &mut self.displacements, &mut self.books);
+        let prospective = &mut self.prospective;
         if plan.ledger {
             books.start(&system.velocities);
         }
         let (masses, velocities) = (&system.masses, &mut system.velocities);
-        motion::predict(bodies, masses, self.gravity, plan.h, &self.team, velocities);
+        motion::predict(bodies, masses, self.gravity, plan.h, &self.team, velocities, prospective);
         clock.lap(report, Stage::Predict);
         if let Some(collisions) = &plan.collisions {
             if plan.ledger {
@@ -485,34 +513,37 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             clock.lap(report, Stage::Bounce);
         }
         let examined = plan.examined == Some(substep);
-        if plan.solving || examined {
-            certifier.prospective.clone_from(&system.velocities);
+        let saving = self.saving && substep + 1 == plan.substeps;
+        if plan.solving || saving {
+            wide.set_targets(moved, &plan.repair);
         }
-        if self.saving && substep + 1 == plan.substeps {
+        if saving {
+            let mut saved = system.clone();
+            wide.unpack(&mut saved);
             let positions = bodies.frames.iter().map(|frame| frame.position).collect();
-            self.saved = Some(SavedSystem { system: system.clone(), positions, substep: plan.h });
+            self.saved = Some(SavedSystem { system: saved, positions, substep: plan.h });
         }
-        wide.start(&mut system.velocities, moved, &plan.repair);
-        if self.saving
-            && let Some(saved) = &mut self.saved
-        {
-            // Targets are set by now, and no sweep has touched the impulses yet.
-            wide.unpack(&mut saved.system);
+        if substep.is_multiple_of(ASK_AGAIN) {
+            prospective.clone_from(&system.velocities);
+            wide.apply_impulses(&mut system.velocities);
+        } else {
+            motion::warm_start(&self.team, &mut system.velocities, prospective);
         }
         clock.lap(report, Stage::WarmStart);
         if plan.solving {
-            let outcome = certifier.refine(system, wide, &self.settings, examined);
+            let outcome = certifier.refine(system, wide, prospective, &self.settings, examined);
             // Forward and back.
             report.sweeps += 2 * outcome.iterations;
             report.join(&outcome, clock);
         } else {
-            for _ in 0..self.settings.iterations {
+            wide.sweep_normals_to_targets(&mut system.velocities, moved, &plan.repair);
+            for _ in 1..self.settings.iterations {
                 wide.sweep_normals(&mut system.velocities);
             }
-            report.sweeps += self.settings.iterations as usize;
+            report.sweeps += self.settings.iterations.max(1) as usize;
             clock.lap(report, Stage::Solve);
             if examined {
-                let outcome = certifier.examine(system, wide);
+                let outcome = certifier.examine(&system.velocities, wide, prospective);
                 report.join(&outcome, clock);
             }
         }
@@ -520,7 +551,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             wide.unpack(system);
             books.depart(system);
         }
-        motion::advance(bodies, plan.h, &self.team, &mut system.velocities, moved);
+        motion::advance(bodies, plan.h, &self.team, &mut system.velocities, prospective, moved);
         clock.lap(report, Stage::Advance);
         if plan.ledger {
             books.arrive(&system.velocities);
@@ -536,10 +567,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Gives impulses and poses back at the end of a part.
     fn arrive(&mut self, plan: &Plan, clock: &mut Clock, report: &mut StepReport) {
-        self.wide.unpack(&mut self.system);
         if plan.examined.is_some() {
             let sinking = report.certified.map_or(0.0, |of| of.residuals[1]);
-            report.jams = self.certifier.jams(&self.system, sinking);
+            report.jams = self.certifier.jams(&mut self.system, &self.wide, sinking);
             clock.lap(report, Stage::Certify);
         }
         motion::arrive(&mut self.bodies, &self.team, &self.displacements);
@@ -549,9 +579,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.update_masses();
         clock.lap(report, Stage::Advance);
-        let hold = self.settings.hold;
-        let (system, moved) = (&self.system, &self.displacements);
-        rows::remember(system, moved, hold, &self.team, &mut self.records);
+        self.wide.trace(&self.displacements, self.settings.hold);
+        rows::remember(&self.wide, &self.team, &mut self.records);
         clock.lap(report, Stage::Remember);
     }
 
@@ -715,10 +744,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             out.kinetic_energy += 0.5 * self.bodies.mass(body).squared(&velocity.cast());
         }
         out.potential_energy = self.bodies.potential_energy(self.gravity);
-        for manifold in &self.system.manifolds {
+        let system = self.system();
+        for manifold in &system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &self.displacements[body as usize]);
             let moved = manifold.twist(a, b);
-            for contact in &self.system.contacts[manifold.points()] {
+            for contact in &system.contacts[manifold.points()] {
                 let gap = contact.gap[0] + contact.normal_velocity(&moved);
                 out.deepest_penetration = out.deepest_penetration.max(f64::from(-gap));
             }
@@ -730,7 +760,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 }
             }
         }
-        out.residual = self.system.residual(true);
+        out.residual = system.residual(true);
         out
     }
 
@@ -801,6 +831,7 @@ fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
         restitution: bounce as f32,
         thickness: colliders.thickness[a].min(colliders.thickness[b]),
         rests: false,
+        apart_until: 0.0,
         first: 0,
         count: 0,
     })

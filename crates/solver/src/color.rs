@@ -8,6 +8,14 @@ const COLORS: usize = 64;
 /// Manifolds of one color are sorted by their number of points, up to this many.
 const BINS: usize = 8;
 
+/// A manifold as colors see it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Outline {
+    /// [`u32::MAX`] for one that cannot be moved: it may have many manifolds of a color.
+    bodies: [u32; 2],
+    points: u32,
+}
+
 /// Places for manifolds in blocks of [`WIDTH`] lanes: no two of a block move the same body.
 #[derive(Clone, Debug, Default)]
 pub struct Coloring {
@@ -19,6 +27,9 @@ pub struct Coloring {
     pub colors: Vec<std::ops::Range<u32>>,
     /// Points of the longest manifold of each block.
     pub points: Vec<u32>,
+    outlines: Vec<Outline>,
+    /// Those of the call before.
+    before: Vec<Outline>,
     used: Vec<u64>,
 }
 
@@ -29,25 +40,37 @@ impl Coloring {
     pub fn assign(
         &mut self,
         bodies: usize,
-        manifolds: impl Iterator<Item = ([u32; 2], u32)> + Clone,
+        manifolds: impl Iterator<Item = ([u32; 2], u32)>,
         moves: impl Fn(u32) -> bool,
     ) {
+        std::mem::swap(&mut self.outlines, &mut self.before);
+        self.outlines.clear();
+        self.outlines.extend(manifolds.map(|(bodies, points)| Outline {
+            bodies: bodies.map(|body| if moves(body) { body } else { u32::MAX }),
+            points,
+        }));
+        // What rests keeps its places.
+        if self.outlines == self.before {
+            return;
+        }
         self.used.clear();
         self.used.resize(bodies, 0);
         self.places.clear();
         let mut counts = [0u32; COLORS * BINS];
         let mut alone = 0;
         // First the kind of each manifold: its color and bin.
-        for (pair, points) in manifolds.clone() {
-            let [a, b] = pair.map(|body| if moves(body) { self.used[body as usize] } else { 0 });
+        for &Outline { bodies, points } in &self.outlines {
+            let [a, b] = bodies.map(|body| self.used.get(body as usize).copied().unwrap_or(0));
             let color = (a | b).trailing_ones() as usize;
             if color == COLORS {
                 self.places.push((COLORS * BINS + alone) as u32);
                 alone += 1;
                 continue;
             }
-            for body in pair {
-                self.used[body as usize] |= 1 << color;
+            for body in bodies {
+                if let Some(used) = self.used.get_mut(body as usize) {
+                    *used |= 1 << color;
+                }
             }
             let kind = color * BINS + (points as usize).min(BINS - 1);
             counts[kind] += 1;
@@ -72,7 +95,7 @@ impl Coloring {
         self.colors.extend((0..alone as u32).map(|i| after + i..after + i + 1));
         self.points.clear();
         self.points.resize(end as usize / WIDTH + alone, 0);
-        for (place, (_, points)) in self.places.iter_mut().zip(manifolds) {
+        for (place, &Outline { points, .. }) in self.places.iter_mut().zip(&self.outlines) {
             let kind = *place as usize;
             *place = match next.get_mut(kind) {
                 Some(next) => {
@@ -84,5 +107,10 @@ impl Coloring {
             let longest = &mut self.points[*place as usize / WIDTH];
             *longest = points.max(*longest);
         }
+    }
+
+    /// How many points each manifold has.
+    pub(crate) fn counts(&self) -> impl ExactSizeIterator<Item = u32> {
+        self.outlines.iter().map(|outline| outline.points)
     }
 }

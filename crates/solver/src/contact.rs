@@ -117,6 +117,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
 
     /// The slip that is kept of `slip` \[m\]: no more than what friction, as a spring that gives
     /// way like the normal does, can hold at the present normal impulse.
+    #[inline(always)]
     pub fn held_slip(&self, friction: T, hold: T, slip: Vector<T, L>) -> Vector<T, L> {
         let softness = self.softness();
         let stiffness = self.tangential_mass * hold * (T::ONE - softness);

@@ -20,14 +20,22 @@ pub struct Islands {
 impl Islands {
     /// Finds the islands of a system.
     pub fn find<T: Real, const L: usize, const A: usize>(&mut self, system: &System<T, L, A>) {
-        let bodies = system.masses.len();
-        let moves = |body: u32| system.masses[body as usize] != InverseMass::FIXED;
+        self.join(&system.masses, system.manifolds.iter().map(|manifold| manifold.bodies));
+    }
+
+    /// Finds the islands of bodies with these masses, of which these pairs touch.
+    pub fn join<T: Real, const L: usize, const A: usize>(
+        &mut self,
+        masses: &[InverseMass<T, L, A>],
+        pairs: impl Iterator<Item = [u32; 2]>,
+    ) {
+        let bodies = masses.len();
+        let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
         self.parents.clear();
         self.parents.extend(0..bodies as u32);
         self.of_body.clear();
         self.of_body.resize(bodies, NONE);
-        for manifold in &system.manifolds {
-            let [a, b] = manifold.bodies;
+        for [a, b] in pairs {
             for body in [a, b].into_iter().filter(|&body| moves(body)) {
                 // Touched: numbered below.
                 self.of_body[body as usize] = 0;

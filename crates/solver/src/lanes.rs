@@ -13,13 +13,14 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
+use crate::wide::passes::{Table, table};
 use crate::{Cast, Real};
 
 /// Number of lanes, on every target.
 pub const WIDTH: usize = 16;
 
 /// Several `f32` that are computed together.
-pub trait Lanes: Real + Cast<Self::Doubles> {
+pub trait Lanes: Real + Cast<Self::Doubles> + 'static {
     /// As many of them as fill a register of `f64`: a part each.
     type Doubles: Doubles;
 
@@ -37,6 +38,10 @@ pub trait Lanes: Real + Cast<Self::Doubles> {
 
     /// The four numbers of each lane.
     fn to_rows(columns: [Self; 4]) -> [Row; WIDTH];
+
+    /// The passes over packed systems, as they were compiled for these lanes.
+    #[doc(hidden)]
+    fn passes() -> Table;
 
     /// Runs `f` with the instructions that this type needs. Arithmetic on the type is only fast, and
     /// on [`Avx2`] only allowed, within.
@@ -225,6 +230,11 @@ impl Lanes for Portable {
         rows
     }
 
+    #[inline(never)]
+    fn passes() -> Table {
+        table!(Self)
+    }
+
     #[inline(always)]
     fn run<R>(f: impl FnOnce() -> R) -> R {
         f()
@@ -240,6 +250,7 @@ mod avx2 {
     use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
     use super::{Doubles, Group, Lanes, PART, Row, WIDTH};
+    use crate::wide::passes::{Table, table};
     use crate::{Cast, Real};
 
     /// Numbers in registers of AVX2. Values can be made and moved anywhere; arithmetic must happen
@@ -315,6 +326,11 @@ mod avx2 {
                 }
             }
             rows
+        }
+
+        #[inline(never)]
+        fn passes() -> Table {
+            table!(Self)
         }
 
         #[inline(always)]

@@ -191,23 +191,27 @@ impl<T: Real, const L: usize> Manifold<T, L> {
 }
 
 /// An orthonormal frame with `normal` first; equal normals give equal frames.
-pub fn contact_frame<T: Scalar, const L: usize>(normal: Vector<T, L>) -> [Vector<T, L>; L] {
+#[inline(always)]
+pub fn contact_frame<T: Real, const L: usize>(normal: Vector<T, L>) -> [Vector<T, L>; L] {
     let mut frame = [normal; L];
     match L {
         2 => {
-            frame[1] = Vector(std::array::from_fn(|i| if i == 0 { -normal[1] } else { normal[0] }))
+            frame[1][0] = -normal[1];
+            frame[1][1] = normal[0];
         }
         3 => {
             // The axis least along the normal, made orthogonal to it.
-            let mut least = 0;
+            let (mut axis, mut least) = (Vector::ZERO, normal[0] * normal[0]);
+            axis[0] = T::ONE;
             for i in 1..L {
-                if (normal[i] * normal[i]) < normal[least] * normal[least] {
-                    least = i;
+                let along = normal[i] * normal[i];
+                let less = least - along;
+                for j in 0..L {
+                    axis[j] = less.choose(if i == j { T::ONE } else { T::ZERO }, axis[j]);
                 }
+                least = less.choose(along, least);
             }
-            let mut axis = Vector::ZERO;
-            axis[least] = T::ONE;
-            let across = axis - normal * normal[least];
+            let across = axis - normal * normal.dot(axis);
             frame[1] = across * (T::ONE / across.length());
             frame[2] = moment(frame[0], frame[1]);
         }

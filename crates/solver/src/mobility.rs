@@ -67,11 +67,17 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
         // A moment about axis k turns the body at W e_k, and so moves the center at W e_k x arm.
         let mut cross = [Vector::<T, A>::ZERO; L];
         for k in 0..A {
-            let moved: Vector<T, L> = spin(angular.0[k], arm);
+            let mut turned = Vector::<T, A>::ZERO;
+            for m in 0..A {
+                turned[m] = angular.entry(k, m);
+            }
+            let moved: Vector<T, L> = spin(turned, arm);
             for i in 0..L {
                 cross[i][k] = moved[i];
             }
-            self.angular.0[k] += angular.0[k];
+            for m in k..A {
+                self.angular.0[k][m] += angular.entry(k, m);
+            }
         }
         for i in 0..L {
             self.cross.0[i] += cross[i];
@@ -79,7 +85,7 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
             // An impulse along axis i has the moment arm x e_i.
             let mut lever = Vector::ZERO;
             add_moment(arm, i, T::ONE, &mut lever);
-            for j in 0..L {
+            for j in i..L {
                 self.linear.0[i][j] += cross[j].dot(lever);
             }
         }
@@ -105,7 +111,7 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
     ) {
         for i in to.linear.clone() {
             for j in from.linear.clone() {
-                twist.linear[i] += self.linear.0[i][j] * wrench.linear[j];
+                twist.linear[i] += self.linear.entry(i, j) * wrench.linear[j];
             }
             for k in from.angular.clone() {
                 twist.linear[i] += self.cross.0[i][k] * wrench.angular[k];
@@ -116,7 +122,7 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
                 twist.angular[k] += self.cross.0[j][k] * wrench.linear[j];
             }
             for m in from.angular.clone() {
-                twist.angular[k] += self.angular.0[k][m] * wrench.angular[m];
+                twist.angular[k] += self.angular.entry(k, m) * wrench.angular[m];
             }
         }
     }

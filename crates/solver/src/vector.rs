@@ -156,7 +156,8 @@ impl<T, const N: usize> IndexMut<usize> for Vector<T, N> {
     }
 }
 
-/// A symmetric `N` x `N` matrix, stored by rows.
+/// A symmetric `N` x `N` matrix, stored by rows. Products read its diagonal and what is above alone: half
+/// of it need not come from memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(transparent)]
 pub struct SymmetricMatrix<T, const N: usize>(pub [Vector<T, N>; N]);
@@ -172,6 +173,12 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
             matrix.0[i][i] = entries[i];
         }
         matrix
+    }
+
+    /// The entry of this row and column.
+    #[inline(always)]
+    pub fn entry(&self, row: usize, column: usize) -> T {
+        self.0[row.min(column)][row.max(column)]
     }
 
     /// R D R^T, where `axes` are the columns of R.
@@ -250,7 +257,10 @@ impl<T: Real, const N: usize> Mul<Vector<T, N>> for SymmetricMatrix<T, N> {
     fn mul(self, vector: Vector<T, N>) -> Vector<T, N> {
         let mut out = Vector::ZERO;
         for i in 0..N {
-            out.0[i] = self.0[i].dot(vector);
+            out.0[i] = self.entry(i, 0) * vector[0];
+            for j in 1..N {
+                out.0[i] += self.entry(i, j) * vector[j];
+            }
         }
         out
     }

@@ -5,20 +5,80 @@
 
 mod block;
 mod conjugate;
+pub(crate) mod passes;
 mod walk;
 
 use std::sync::Arc;
 
-use crate::certificate::{Certificate, Evidence, Tally};
+use crate::certificate::{Certificate, Tally};
 use crate::color::Coloring;
 use crate::island::Islands;
-use crate::lanes::{Lanes, PART, Portable, WIDTH};
-use crate::pgs::visit;
+use crate::lanes::{Lanes, Portable, WIDTH};
 use crate::team::{Team, chunks_with_parts};
-use crate::{Contact, InverseMass, Repair, System, Velocity};
-use block::{Block, fill, prepare, set, splat};
+use crate::{Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
+pub use block::set;
+use block::{Block, contact_in, fill, get};
 use conjugate::Conjugate;
-use walk::Ground;
+use passes::{Passes, Targets, passes};
+
+/// Manifolds and their points, to be packed.
+pub trait Rows<const L: usize>: Sync {
+    /// The bodies of each manifold and how many points it has, in the order of the manifolds.
+    fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)>;
+
+    /// Puts the manifold of this index into a lane, and its points, place, gap and impulse, into that
+    /// lane of `points`, which are as many or more. What is left out is zero, and gaps are open.
+    fn put<V: Lanes>(
+        &self,
+        index: usize,
+        lane: usize,
+        manifold: &mut Manifold<V, L>,
+        points: &mut [Contact<V, L>],
+    );
+
+    /// Does what remains to be done when all lanes are in.
+    #[inline(always)]
+    fn finish<V: Lanes>(_manifold: &mut Manifold<V, L>, _points: &mut [Contact<V, L>]) {}
+}
+
+impl<const L: usize, const A: usize> Rows<L> for System<f32, L, A> {
+    fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
+        self.manifolds.iter().map(|manifold| (manifold.bodies, manifold.count))
+    }
+
+    fn put<V: Lanes>(
+        &self,
+        index: usize,
+        lane: usize,
+        wide: &mut Manifold<V, L>,
+        points: &mut [Contact<V, L>],
+    ) {
+        let manifold = &self.manifolds[index];
+        for (wide, axis) in wide.frame.iter_mut().zip(&manifold.frame) {
+            set(wide, lane, axis);
+        }
+        for (wide, arm) in wide.arms.iter_mut().zip(&manifold.arms) {
+            set(wide, lane, arm);
+        }
+        wide.friction.set(lane, manifold.friction);
+        wide.restitution.set(lane, manifold.restitution);
+        wide.compliance.set(lane, manifold.compliance);
+        for (wide, contact) in points.iter_mut().zip(&self.contacts[manifold.points()]) {
+            set(&mut wide.place, lane, &contact.place);
+            set(&mut wide.gap, lane, &contact.gap);
+            set(&mut wide.impulse, lane, &contact.impulse);
+        }
+    }
+}
+
+/// What a point hands to the next step, in world axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Trace<T, const L: usize> {
+    /// On a. \[N s\]
+    pub impulse: Vector<T, L>,
+    /// Of a on b since the point began to stick, as far as friction holds it. \[m\]
+    pub slip: Vector<T, L>,
+}
 
 /// A system of `f32` contacts, packed, on the best lanes of this machine.
 #[derive(Clone, Debug)]
@@ -57,8 +117,18 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 
     /// [`Packed::pack`].
-    pub fn pack(&mut self, system: &System<f32, L, A>, softness: f32) {
-        on_lanes!(self, packed => packed.pack(system, softness));
+    pub fn pack(&mut self, rows: &impl Rows<L>, masses: &[InverseMass<f32, L, A>], softness: f32) {
+        on_lanes!(self, packed => packed.pack(rows, masses, softness));
+    }
+
+    /// [`Packed::trace`].
+    pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
+        on_lanes!(self, packed => packed.trace(displacements, hold));
+    }
+
+    /// [`Packed::traces`].
+    pub fn traces(&self, manifold: usize, take: impl FnMut(Trace<f32, L>)) {
+        on_lanes!(self, packed => packed.traces(manifold, take));
     }
 
     /// [`Packed::unpack`].
@@ -76,14 +146,26 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         on_lanes!(self, packed => packed.take_impulses(system));
     }
 
-    /// [`Packed::start`].
-    pub fn start(
+    /// [`Packed::apply_impulses`].
+    pub fn apply_impulses(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, packed => packed.apply_impulses(velocities));
+    }
+
+    /// [`Packed::set_targets`].
+    pub fn set_targets(&mut self, displacements: &[Velocity<f32, L, A>], repair: &Repair<f32>) {
+        on_lanes!(self, packed => packed.set_targets(displacements, repair));
+    }
+
+    /// [`Packed::sweep_normals_to_targets`].
+    pub fn sweep_normals_to_targets(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         displacements: &[Velocity<f32, L, A>],
         repair: &Repair<f32>,
     ) {
-        on_lanes!(self, packed => packed.start(velocities, displacements, repair));
+        on_lanes!(self, packed => {
+            packed.sweep_normals_to_targets(velocities, displacements, repair)
+        });
     }
 
     /// [`Packed::set_islands`].
@@ -137,13 +219,22 @@ impl<const L: usize, const A: usize> Default for Wide<L, A> {
 }
 
 /// A system of `f32` contacts, packed into lanes of type `V`.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     blocks: Vec<Block<V, L, A>>,
     contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
     conjugate: Conjugate<V, L>,
+    /// Of each point.
+    traces: Vec<Trace<V, L>>,
     team: Arc<Team>,
+    passes: &'static dyn Passes<V, L, A>,
+}
+
+impl<V: Lanes, const L: usize, const A: usize> Default for Packed<V, L, A> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// Manifolds that a thread takes at once.
@@ -157,7 +248,9 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             contacts: Vec::new(),
             coloring: Coloring::default(),
             conjugate: Conjugate::default(),
+            traces: Vec::new(),
             team: Arc::default(),
+            passes: passes(),
         }
     }
 
@@ -166,14 +259,12 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         self.team = team;
     }
 
-    /// Takes over the manifolds and contacts of `system`, and finds their effective masses
-    /// ([`Contact::prepare`]).
-    pub fn pack(&mut self, system: &System<f32, L, A>, softness: f32) {
-        self.coloring.assign(
-            system.velocities.len(),
-            system.manifolds.iter().map(|manifold| (manifold.bodies, manifold.count)),
-            |body| system.masses[body as usize] != InverseMass::FIXED,
-        );
+    /// Takes manifolds in between bodies of these masses, and finds the effective masses of their
+    /// points ([`Contact::prepare`]).
+    pub fn pack<R: Rows<L>>(&mut self, rows: &R, masses: &[InverseMass<f32, L, A>], softness: f32) {
+        self.coloring.assign(masses.len(), rows.outlines(), |body| {
+            masses[body as usize] != InverseMass::FIXED
+        });
         self.blocks.resize_with(self.coloring.points.len(), Block::empty);
         let mut first = 0;
         for (block, &count) in self.blocks.iter_mut().zip(&self.coloring.points) {
@@ -182,49 +273,121 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             first += count;
         }
         self.contacts.resize_with(first as usize, Contact::default);
-        let Self { blocks, contacts, coloring, team, .. } = self;
+        let Self { blocks, contacts, coloring, team, passes, .. } = self;
         let useful = team.is_useful(blocks.len());
         let share = blocks.len().div_ceil(if useful { team.members() } else { 1 });
         let parts = chunks_with_parts(&coloring.points, share, contacts, |&points| points as usize);
         let parts = parts.zip(blocks.chunks_mut(share.max(1))).enumerate();
         team.for_each(useful, parts, |(part, ((_, contacts), blocks))| {
-            fill(part * share, blocks, contacts, coloring, system);
+            fill(part * share, blocks, contacts, coloring, rows, masses);
             V::run(
                 #[inline(always)]
-                || prepare(blocks, contacts, splat(softness)),
+                || {
+                    let mut later = contacts;
+                    for block in blocks {
+                        let points;
+                        (points, later) = later.split_at_mut(block.manifold.count as usize);
+                        R::finish(&mut block.manifold, points);
+                        passes.prepare(block, points, softness);
+                    }
+                },
             );
         });
     }
 
-    /// Gives impulses, targets and effective masses to the contacts of `system`.
+    /// Gives `system` the manifolds and contacts as they are now.
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
         let System { manifolds, contacts, .. } = system;
+        manifolds.clear();
+        let mut first = 0;
+        for (&place, count) in self.coloring.places.iter().zip(self.coloring.counts()) {
+            let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+            manifolds.push(Manifold { first, count, ..self.blocks[block].manifold_in(lane) });
+            first += count;
+        }
+        contacts.resize_with(first as usize, Contact::default);
         let parts = chunks_with_parts(manifolds, CHUNK, contacts, |of| of.count as usize);
         let parts = parts.zip(self.coloring.places.chunks(CHUNK));
         let useful = self.team.is_useful(self.blocks.len());
         self.team.for_each(useful, parts, |((manifolds, contacts), places)| {
-            let mut later = contacts;
+            let mut later = contacts.iter_mut();
             for (manifold, &place) in manifolds.iter().zip(places) {
-                let own;
-                (own, later) = later.split_at_mut(manifold.count as usize);
-                self.give(place as usize, own);
+                let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+                let wide = &self.contacts[self.blocks[block].manifold.points()];
+                for (wide, contact) in wide.iter().zip(later.by_ref().take(manifold.count as usize))
+                {
+                    *contact = contact_in(wide, lane);
+                }
             }
         });
     }
 
-    /// Gives the contacts of a manifold what the lane at `place` has.
-    fn give(&self, place: usize, contacts: &mut [Contact<f32, L>]) {
+    /// [`System::apply_impulses`].
+    pub fn apply_impulses(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.apply_impulses(self, velocities);
+    }
+
+    /// [`System::set_targets`].
+    pub fn set_targets(&mut self, displacements: &[Velocity<f32, L, A>], repair: &Repair<f32>) {
+        self.passes.set_targets(self, &Targets::new(displacements, repair));
+    }
+
+    /// [`pgs::sweep`](crate::pgs::sweep).
+    pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.sweep(self, velocities);
+    }
+
+    /// [`pgs::sweep_normals`](crate::pgs::sweep_normals).
+    pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.sweep_normals(self, velocities, None);
+    }
+
+    /// [`System::set_targets`] and [`pgs::sweep_normals`](crate::pgs::sweep_normals) in one pass.
+    pub fn sweep_normals_to_targets(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        displacements: &[Velocity<f32, L, A>],
+        repair: &Repair<f32>,
+    ) {
+        let targets = Targets::new(displacements, repair);
+        self.passes.sweep_normals(self, velocities, Some(&targets));
+    }
+
+    /// [`pgs::relax`](crate::pgs::relax).
+    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.relax(self, velocities);
+    }
+
+    /// One iteration of [`nncg`](crate::nncg) over the islands that are not `done`.
+    pub fn conjugate(&mut self, velocities: &mut [Velocity<f32, L, A>], done: &[bool]) {
+        self.passes.conjugate(self, velocities, done);
+    }
+
+    /// The certificate of each island ([`certificate`](crate::certificate)), in `f64`, with the
+    /// masses that `tally` was given; with `RESIDUALS` or G alone, for the best impulses on the `LINE`
+    /// or those at hand.
+    pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
+        &self,
+        velocities: &[Velocity<f32, L, A>],
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        tally: &'a mut Tally<L, A>,
+    ) -> &'a [Certificate] {
+        self.passes.certify(self, [RESIDUALS, LINE], [velocities, prospective], islands, tally)
+    }
+
+    /// Finds what the points hand to the next step, once bodies have moved by `displacements`: `hold` is
+    /// that of [`Repair`].
+    pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
+        self.passes.trace(self, displacements, hold);
+    }
+
+    /// What the points of a manifold hand to the next step, one after the other.
+    pub fn traces(&self, manifold: usize, mut take: impl FnMut(Trace<f32, L>)) {
+        let place = self.coloring.places[manifold] as usize;
         let (block, lane) = (place / WIDTH, place % WIDTH);
-        let wide = &self.contacts[self.blocks[block].manifold.points()];
-        for (contact, wide) in contacts.iter_mut().zip(wide) {
-            for i in 0..L {
-                contact.impulse[i] = wide.impulse[i].get(lane);
-                contact.target[i] = wide.target[i].get(lane);
-            }
-            contact.effective_mass = wide.effective_mass.get(lane);
-            contact.tangential_mass = wide.tangential_mass.get(lane);
-            contact.compliance = wide.compliance.get(lane);
-            contact.tangential_compliance = wide.tangential_compliance.get(lane);
+        for trace in &self.traces[self.blocks[block].manifold.points()] {
+            take(Trace { impulse: get(&trace.impulse, lane), slip: get(&trace.slip, lane) });
         }
     }
 
@@ -253,52 +416,6 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         }
     }
 
-    /// [`System::set_targets`] and [`System::apply_impulses`] in one pass.
-    pub fn start(
-        &mut self,
-        velocities: &mut [Velocity<f32, L, A>],
-        displacements: &[Velocity<f32, L, A>],
-        repair: &Repair<f32>,
-    ) {
-        let repair = Repair {
-            dt: splat(repair.dt),
-            rate: splat(repair.rate),
-            slop: splat(repair.slop),
-            push_speed: splat(repair.push_speed),
-            hold: splat(repair.hold),
-        };
-        let (team, ground) = self.ground(velocities);
-        team.run(team.is_useful(ground.blocks.len()), &|member| {
-            V::run(
-                #[inline(always)]
-                || {
-                    for mut visit in ground.walk(member) {
-                        let (block, manifold) = (visit.block, &visit.block.manifold);
-                        let [moved_a, moved_b] = block.gather_from(displacements);
-                        let moved = manifold.twist(&moved_a, &moved_b);
-                        let mut wrench = Velocity::ZERO;
-                        for contact in visit.points() {
-                            contact.set_target(&moved, &repair);
-                            contact.add_wrench(0..L, contact.impulse, &mut wrench);
-                        }
-                        let [mut a, mut b] = visit.gather();
-                        manifold.apply(&wrench, &block.masses, &mut a, &mut b);
-                        visit.scatter([a, b]);
-                    }
-                },
-            );
-        });
-    }
-
-    /// What a team works on.
-    fn ground<'a>(
-        &'a mut self,
-        velocities: &'a mut [Velocity<f32, L, A>],
-    ) -> (&'a Team, Ground<'a, V, L, A>) {
-        let Self { blocks, contacts, coloring, team, .. } = self;
-        (team, Ground::new(blocks, coloring, contacts, velocities))
-    }
-
     /// Tells each manifold which island it belongs to.
     pub fn set_islands(&mut self, islands: &Islands) {
         for block in &mut self.blocks {
@@ -307,76 +424,5 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                 block.islands[lane] = islands.of_pair(bodies);
             }
         }
-    }
-
-    /// The certificate of each island ([`certificate`](crate::certificate)), in `f64`, with the
-    /// masses that `tally` was given; with `RESIDUALS` or G alone, for the best impulses on the `LINE`
-    /// or those at hand.
-    pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
-        &self,
-        velocities: &[Velocity<f32, L, A>],
-        prospective: &[Velocity<f32, L, A>],
-        islands: &Islands,
-        tally: &'a mut Tally<L, A>,
-    ) -> &'a [Certificate] {
-        tally.start(islands.count);
-        V::run(
-            #[inline(always)]
-            || {
-                for block in &self.blocks {
-                    let points = &self.contacts[block.manifold.points()];
-                    let own = block.gather_from(velocities);
-                    for part in 0..block.lanes.div_ceil(PART) {
-                        let evidence: Evidence<V::Doubles, L, A> =
-                            Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &own);
-                        for lane in PART * part..block.lanes.min(PART * (part + 1)) {
-                            let bodies = block.bodies.map(|side| side[lane]);
-                            tally.add::<V::Doubles, RESIDUALS, LINE>(
-                                bodies,
-                                block.islands[lane],
-                                &evidence,
-                                lane % PART,
-                            );
-                        }
-                    }
-                }
-                tally.finish::<f32, LINE>(velocities, prospective, |body| islands.of_body[body])
-            },
-        )
-    }
-
-    /// [`pgs::sweep`](crate::pgs::sweep).
-    pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.visit_all::<false, true>(velocities);
-    }
-
-    /// [`pgs::sweep_normals`](crate::pgs::sweep_normals).
-    pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.visit_all::<false, false>(velocities);
-    }
-
-    /// [`pgs::relax`](crate::pgs::relax).
-    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.visit_all::<true, true>(velocities);
-    }
-
-    fn visit_all<const RIGID: bool, const FRICTION: bool>(
-        &mut self,
-        velocities: &mut [Velocity<f32, L, A>],
-    ) {
-        let (team, ground) = self.ground(velocities);
-        team.run(team.is_useful(ground.blocks.len()), &|member| {
-            V::run(
-                #[inline(always)]
-                || {
-                    for mut at in ground.walk(member) {
-                        let [mut a, mut b] = at.gather();
-                        let points = at.points();
-                        visit::<V, L, A, RIGID, FRICTION>(at.block.parts(), points, &mut a, &mut b);
-                        at.scatter([a, b]);
-                    }
-                },
-            );
-        });
     }
 }

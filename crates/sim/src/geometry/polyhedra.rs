@@ -52,8 +52,8 @@ pub(super) struct Clipper<const L: usize> {
     next: Vec<Corner<L>>,
 }
 
-/// Fills `touch`, in the frame of a, with where `a` and `b` overlap or are within `prediction` \[m\].
-/// `from_b` is the frame of b as seen from a; `crossing` proposes an axis that is no face's normal.
+/// Fills `touch`, in the frame of a, with where `a` and `b` overlap or are within `prediction` \[m\];
+/// returns how far they are apart at least, along the best axis that was looked at. \[m\] `from_b` is the frame of b as seen from a; `crossing` proposes an axis that is no face's normal.
 pub(super) fn collide<const L: usize>(
     a: &impl Solid<L>,
     b: &impl Solid<L>,
@@ -62,17 +62,17 @@ pub(super) fn collide<const L: usize>(
     crossing: impl FnOnce(&Rival<L>) -> Option<Crossing<L>>,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
-) {
+) -> f32 {
     let margin = PREFERENCE * prediction;
     let far_b = |d| from_b.point(b.support(from_b.local_direction(d)));
     let best_a = best_face(a, from_b.position, prediction, far_b);
     if best_a.gap > prediction {
-        return;
+        return best_a.gap;
     }
     let far_a = |d| from_b.local_point(a.support(from_b.direction(d)));
     let best_b = best_face(b, from_b.local_point(Vector::ZERO), prediction, far_a);
     if best_b.gap > prediction {
-        return;
+        return best_b.gap;
     }
     let ([gap_a, gap_b], [face_a, face_b]) = ([best_a.gap, best_b.gap], [best_a.face, best_b.face]);
     let rival = Rival {
@@ -85,12 +85,12 @@ pub(super) fn collide<const L: usize>(
         let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
         let gap = axis.dot(far_b - a.support(axis));
         if gap > prediction {
-            return;
+            return gap;
         }
         if gap > gap_a.max(gap_b) + margin {
             touch.normal = -axis;
             touch.points.push(TouchPoint { on_a, on_b, gap: axis.dot(on_b - on_a), feature: 0 });
-            return;
+            return gap;
         }
     }
     if gap_b > gap_a + margin {
@@ -125,6 +125,7 @@ pub(super) fn collide<const L: usize>(
         }
     }
     touch.points.retain(|point| point.gap <= prediction);
+    gap_a.max(gap_b)
 }
 
 /// The boundary of a half-space.
@@ -135,14 +136,16 @@ pub(super) struct Plane<const L: usize> {
 }
 
 /// What of a shape can lie on a plane.
-pub(super) enum Footing<'a, S, const L: usize> {
-    /// A face of a solid.
-    Solid(&'a S),
+pub(super) enum Footing<'a, H, const L: usize> {
+    /// A face.
+    Cuboid(&'a Cuboid<L>),
+    Hull(&'a H),
     /// Balls of this radius around these centers: a ball, the ends of a capsule.
     Round(&'a [Vector<f32, L>], f32),
 }
 
-/// Fills `touch` with where a shape overlaps a half-space or is within `prediction` \[m\] of it.
+/// Fills `touch` with where a shape overlaps a half-space or is within `prediction` \[m\] of it; returns how
+/// far they are apart \[m\].
 /// `from_shape` is the frame of the shape as seen from where `plane` and `touch` are given; the
 /// shape is a if `above`, else b.
 pub(super) fn on_plane<const L: usize>(
@@ -153,13 +156,18 @@ pub(super) fn on_plane<const L: usize>(
     prediction: f32,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
-) {
+) -> f32 {
     let normal = plane.normal;
     let corners = &mut clipper.incident;
     corners.clear();
+    let down = from_shape.local_direction(-normal);
     let radius = match *footing {
-        Footing::Solid(solid) => {
-            solid.corners(facing(solid, from_shape.local_direction(-normal)), corners);
+        Footing::Cuboid(cuboid) => {
+            cuboid.corners(facing(cuboid, down), corners);
+            0.0
+        }
+        Footing::Hull(hull) => {
+            hull.corners(facing(hull, down), corners);
             0.0
         }
         Footing::Round(centers, radius) => {
@@ -170,9 +178,11 @@ pub(super) fn on_plane<const L: usize>(
         }
     };
     touch.normal = if above { normal } else { -normal };
+    let mut apart = f32::INFINITY;
     for corner in corners {
         let lowest = from_shape.point(corner.position) - normal * radius;
         let gap = normal.dot(lowest - plane.point);
+        apart = apart.min(gap);
         if gap > prediction {
             continue;
         }
@@ -181,6 +191,7 @@ pub(super) fn on_plane<const L: usize>(
         let feature = u64::from(corner.feature);
         touch.points.push(TouchPoint { on_a, on_b, gap, feature });
     }
+    apart
 }
 
 fn name<const L: usize>(side: u64, face: usize, corner: &Corner<L>) -> u64 {
@@ -348,6 +359,7 @@ fn cut<const L: usize>(
 }
 
 /// A box of any dimension, by its half extents.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Cuboid<const L: usize>(pub(super) Vector<f32, L>);
 
 impl<const L: usize> Solid<L> for Cuboid<L> {

@@ -7,6 +7,7 @@ use super::hull::{self, Hull};
 use super::polyhedra::{
     Clipper, Crossing, Cuboid, Footing, Plane, Rival, Solid, box_edges, collide, on_plane,
 };
+use super::spheres::between_balls;
 use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, leading};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
@@ -47,9 +48,9 @@ impl From<Pose2> for parry2d::math::Pose {
 
 /// The part of [`Geometry`] that reads the same over parry2d and parry3d.
 macro_rules! over_parry {
-    ($parry:ident, $polyhedra:ident, $hull:ident, $faces:ident, $l:literal, $a:literal) => {
+    ($parry:ident, $polyhedra:ident, $hull:ident, $form:ident, $l:literal, $a:literal) => {
         type Shape = $parry::shape::SharedShape;
-        type Collider = Collider<Self::Shape, $hull>;
+        type Collider = Collider<Self::Shape, $hull, $l>;
         type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $parry::query::epa::EPA, $l>;
 
         fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<$l> {
@@ -61,7 +62,7 @@ macro_rules! over_parry {
         }
 
         fn collider(shape: Self::Shape) -> Self::Collider {
-            Collider { hull: $faces(&shape), shape }
+            Collider { form: $form(&shape), shape }
         }
 
         fn shape_of(collider: &Self::Collider) -> &Self::Shape {
@@ -74,7 +75,7 @@ macro_rules! over_parry {
             prediction: f32,
             scratch: &mut Self::Scratch,
             report: &mut dyn FnMut(&Touch<$l>),
-        ) {
+        ) -> f32 {
             use $parry::bounding_volume::BoundingVolume;
             use $parry::query::details::NormalConstraints;
             use $parry::query::{DefaultQueryDispatcher, PersistentQueryDispatcher};
@@ -84,7 +85,8 @@ macro_rules! over_parry {
                 ((*a.1).into(), (*b.1).into());
             let from_b = pose_a.inv_mul(&pose_b);
             // parry's pair of convex pieces, in a's frame, as one of our manifolds.
-            type Piece<'a> = super::rigid::Piece<'a, dyn Shape, $hull>;
+            type Piece<'a> = super::rigid::Piece<'a, dyn Shape, $hull, $l>;
+            let mut apart = f32::INFINITY;
             let mut pair = |piece_a: Piece<'_>,
                             piece_b: Piece<'_>,
                             normals: [Option<&dyn NormalConstraints>; 2],
@@ -97,9 +99,12 @@ macro_rules! over_parry {
                 touch.points.clear();
                 touch.part = part;
                 let memory = (&mut scratch.clipper, &mut scratch.expansion);
-                if $polyhedra(&from_b, piece_a, piece_b, prediction, memory, touch) {
+                if let Some(gap) = $polyhedra(&from_b, piece_a, piece_b, prediction, memory, touch)
+                {
+                    apart = apart.min(gap);
                     touch.place(&<Self as Geometry<$l, $a>>::frame(a.1));
                 } else {
+                    apart = apart.min(prediction);
                     // The only error is an unsupported pair: a half-space against a half-space.
                     let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
                         &from_b,
@@ -130,14 +135,15 @@ macro_rules! over_parry {
             };
             // Against a mesh: against each of its triangles nearby.
             let (shape_a, shape_b) = (&a.0.shape, &b.0.shape);
-            let whole_a = Piece { shape: &*shape_a.0, hull: a.0.hull.as_ref() };
-            let whole_b = Piece { shape: &*shape_b.0, hull: b.0.hull.as_ref() };
+            let whole_a = Piece { shape: &*shape_a.0, form: &a.0.form };
+            let whole_b = Piece { shape: &*shape_b.0, form: &b.0.form };
+            let form = &Form::Other;
             if let Some(mesh) = shape_a.as_trimesh() {
                 let near = shape_b.compute_aabb(&from_b).loosened(prediction);
                 for index in mesh.bvh().intersect_aabb(&near) {
                     let normals = mesh.triangle_normal_constraints(index);
                     let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
-                    let triangle = Piece { shape: &mesh.triangle(index), hull: None };
+                    let triangle = Piece { shape: &mesh.triangle(index), form };
                     pair(triangle, whole_b, [normals, None], index);
                 }
             } else if let Some(mesh) = shape_b.as_trimesh() {
@@ -145,40 +151,57 @@ macro_rules! over_parry {
                 for index in mesh.bvh().intersect_aabb(&near) {
                     let normals = mesh.triangle_normal_constraints(index);
                     let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
-                    let triangle = Piece { shape: &mesh.triangle(index), hull: None };
+                    let triangle = Piece { shape: &mesh.triangle(index), form };
                     pair(whole_a, triangle, [None, normals], index);
                 }
             } else {
                 pair(whole_a, whole_b, [None, None], 0);
+                return apart;
             }
+            // Triangles that were not looked at are farther than that.
+            apart.min(prediction)
         }
     };
 }
 
-/// A shape with the flat faces that its contacts need.
+/// A shape, prepared for contact.
 #[derive(Clone)]
-pub struct Collider<S, H> {
+pub struct Collider<S, H, const L: usize> {
     shape: S,
-    /// If it is a hull.
-    hull: Option<H>,
+    form: Form<H, L>,
+}
+
+/// A shape as contacts see it.
+#[derive(Clone)]
+enum Form<H, const L: usize> {
+    /// Of this radius. \[m\]
+    Ball(f32),
+    /// The ends of its segment, and its radius. \[m\]
+    Capsule([Vector<f32, L>; 2], f32),
+    Cuboid(Cuboid<L>),
+    Hull(H),
+    /// By its outward normal.
+    Halfspace(Vector<f32, L>),
+    /// Left to parry.
+    Other,
 }
 
 /// What is tested against another: a shape, or one triangle of it.
-struct Piece<'a, S: ?Sized, H> {
+struct Piece<'a, S: ?Sized, H, const L: usize> {
     shape: &'a S,
-    hull: Option<&'a H>,
+    form: &'a Form<H, L>,
 }
 
-impl<S: ?Sized, H> Clone for Piece<'_, S, H> {
+impl<S: ?Sized, H, const L: usize> Clone for Piece<'_, S, H, L> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<S: ?Sized, H> Copy for Piece<'_, S, H> {}
+impl<S: ?Sized, H, const L: usize> Copy for Piece<'_, S, H, L> {}
 
-type Piece2<'a> = Piece<'a, dyn parry2d::shape::Shape, ConvexPolygon>;
-type Piece3<'a> = Piece<'a, dyn parry3d::shape::Shape, Hull>;
+type Piece2<'a> = Piece<'a, dyn parry2d::shape::Shape, ConvexPolygon, 2>;
+type Piece3<'a> = Piece<'a, dyn parry3d::shape::Shape, Hull, 3>;
 
 /// Memory for one thread's collisions.
 #[derive(Default)]
@@ -190,55 +213,47 @@ pub struct Scratch<M, E, const L: usize> {
     clipper: Clipper<L>,
 }
 
-/// Defines contact between a half-space and another shape, in the frame of a; `None`: neither is a
-/// half-space, or the other is none of the shapes here.
-macro_rules! over_plane {
-    ($name:ident, $piece:ident, $l:literal) => {
-        fn $name(
-            frame_of_b: &Frame<$l>,
-            a: $piece<'_>,
-            b: $piece<'_>,
-            prediction: f32,
-            clipper: &mut Clipper<$l>,
-            touch: &mut Touch<$l>,
-        ) -> Option<()> {
-            let own = Frame::IDENTITY;
-            let (half_space, from_plane, piece, from_shape, above) =
-                match (a.shape.as_halfspace(), b.shape.as_halfspace()) {
-                    (None, Some(b)) => (b, frame_of_b, a, &own, true),
-                    (Some(a), None) => (a, &own, b, frame_of_b, false),
-                    _ => return None,
-                };
-            let plane = Plane {
-                point: from_plane.position,
-                normal: from_plane.direction(half_space.normal.to_array().into()),
-            };
-            let mut stand = |footing: &Footing<'_, Cuboid<$l>, $l>| {
-                on_plane(&plane, footing, from_shape, above, prediction, clipper, touch);
-            };
-            let shape = piece.shape;
-            if let Some(ball) = shape.as_ball() {
-                stand(&Footing::Round(&[Vector::ZERO], ball.radius));
-            } else if let Some(capsule) = shape.as_capsule() {
-                let ends = [capsule.segment.a, capsule.segment.b];
-                let ends = ends.map(|end| Vector(end.to_array()));
-                stand(&Footing::Round(&ends, capsule.radius));
-            } else if let Some(cuboid) = shape.as_cuboid() {
-                stand(&Footing::Solid(&Cuboid(cuboid.half_extents.to_array().into())));
-            } else {
-                let hull = Footing::Solid(piece.hull?);
-                on_plane(&plane, &hull, from_shape, above, prediction, clipper, touch);
+/// Contact between two balls, or between a half-space and another shape, in the frame of a; returns how
+/// far they are apart. `None`: they are something else.
+fn round_or_plane<H: Solid<L>, const L: usize>(
+    from_b: &Frame<L>,
+    a: &Form<H, L>,
+    b: &Form<H, L>,
+    prediction: f32,
+    clipper: &mut Clipper<L>,
+    touch: &mut Touch<L>,
+) -> Option<f32> {
+    use Form::{Ball, Capsule, Cuboid, Halfspace, Hull, Other};
+    let own = Frame::IDENTITY;
+    let (normal, from_plane, shape, from_shape, above) = match (a, b) {
+        (Ball(radius_a), Ball(radius_b)) => {
+            let (normal, gap) = between_balls(-from_b.position, [*radius_a, *radius_b]);
+            if gap <= prediction {
+                let on_a = normal * -radius_a;
+                let on_b = on_a - normal * gap;
+                touch.normal = normal;
+                touch.points.push(TouchPoint { on_a, on_b, gap, feature: 0 });
             }
-            Some(())
+            return Some(gap);
         }
+        (Halfspace(_), Halfspace(_)) => return None,
+        (_, Halfspace(normal)) => (normal, from_b, a, &own, true),
+        (Halfspace(normal), _) => (normal, &own, b, from_b, false),
+        _ => return None,
     };
+    let plane = Plane { point: from_plane.position, normal: from_plane.direction(*normal) };
+    let footing = match shape {
+        Ball(radius) => Footing::Round(&[Vector::ZERO], *radius),
+        Capsule(ends, radius) => Footing::Round(ends, *radius),
+        Cuboid(cuboid) => Footing::Cuboid(cuboid),
+        Hull(hull) => Footing::Hull(hull),
+        Halfspace(_) | Other => return None,
+    };
+    Some(on_plane(&plane, &footing, from_shape, above, prediction, clipper, touch))
 }
 
-over_plane!(over_plane_2, Piece2, 2);
-over_plane!(over_plane_3, Piece3, 3);
-
-/// Contact between two boxes or polygons, or between a shape and a half-space; false: the shapes
-/// are something else.
+/// Contact between the shapes that parry is not asked for; returns how far they are apart at least. `None`:
+/// they are something else.
 fn polygons(
     from_b: &parry2d::math::Pose,
     a: Piece2<'_>,
@@ -246,32 +261,26 @@ fn polygons(
     prediction: f32,
     (clipper, _): (&mut Clipper<2>, &mut parry2d::query::epa::EPA),
     touch: &mut Touch<2>,
-) -> bool {
+) -> Option<f32> {
+    use Form::{Cuboid, Hull};
     let (c, s) = (from_b.rotation.cos(), from_b.rotation.sin());
     let frame = Frame {
         position: from_b.translation.to_array().into(),
         axes: [Vector([c, s]), Vector([-s, c])],
     };
-    if over_plane_2(&frame, a, b, prediction, clipper, touch).is_some() {
-        return true;
-    }
-    let cuboid = |piece: Piece2<'_>| {
-        piece.shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
-    };
     // In the plane, sides are all the axes there are.
     let none = |_: &Rival<2>| None;
-    match (cuboid(a), a.hull, cuboid(b), b.hull) {
-        (Some(a), _, Some(b), _) => collide(&a, &b, &frame, prediction, none, clipper, touch),
-        (Some(a), _, _, Some(b)) => collide(&a, b, &frame, prediction, none, clipper, touch),
-        (_, Some(a), Some(b), _) => collide(a, &b, &frame, prediction, none, clipper, touch),
-        (_, Some(a), _, Some(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
-        _ => return false,
-    }
-    true
+    let apart = match (a.form, b.form) {
+        (Cuboid(a), Cuboid(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
+        (Cuboid(a), Hull(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
+        (Hull(a), Cuboid(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
+        (Hull(a), Hull(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
+        (a, b) => return round_or_plane(&frame, a, b, prediction, clipper, touch),
+    };
+    Some(apart)
 }
 
-/// Contact between two boxes or hulls, or between a shape and a half-space; false: the shapes are
-/// something else.
+/// As [`polygons`], in space.
 fn solids(
     from_b: &parry3d::math::Pose,
     a: Piece3<'_>,
@@ -279,31 +288,26 @@ fn solids(
     prediction: f32,
     memory: (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut Touch<3>,
-) -> bool {
+) -> Option<f32> {
+    use Form::{Cuboid, Hull};
     let frame = Rigid3::frame(from_b);
-    if over_plane_3(&frame, a, b, prediction, memory.0, touch).is_some() {
-        return true;
-    }
-    let cuboid = |piece: Piece3<'_>| {
-        piece.shape.as_cuboid().map(|cuboid| Cuboid(cuboid.half_extents.to_array().into()))
+    let apart = match (a.form, b.form) {
+        (Cuboid(a), Cuboid(b)) => {
+            let edges = |rival: &Rival<3>| box_edges(a, b, &frame, rival);
+            collide(a, b, &frame, prediction, edges, memory.0, touch)
+        }
+        (Cuboid(one), Hull(other)) => {
+            hulls((one, a.shape), (other, b.shape), from_b, &frame, prediction, memory, touch)
+        }
+        (Hull(one), Cuboid(other)) => {
+            hulls((one, a.shape), (other, b.shape), from_b, &frame, prediction, memory, touch)
+        }
+        (Hull(one), Hull(other)) => {
+            hulls((one, a.shape), (other, b.shape), from_b, &frame, prediction, memory, touch)
+        }
+        (a, b) => return round_or_plane(&frame, a, b, prediction, memory.0, touch),
     };
-    match (cuboid(a), a.hull, cuboid(b), b.hull) {
-        (Some(a), _, Some(b), _) => {
-            let edges = |rival: &Rival<3>| box_edges(&a, &b, &frame, rival);
-            collide(&a, &b, &frame, prediction, edges, memory.0, touch);
-        }
-        (Some(own), _, _, Some(hull)) => {
-            hulls((&own, a.shape), (hull, b.shape), from_b, &frame, prediction, memory, touch);
-        }
-        (_, Some(hull), Some(own), _) => {
-            hulls((hull, a.shape), (&own, b.shape), from_b, &frame, prediction, memory, touch);
-        }
-        (_, Some(one), _, Some(other)) => {
-            hulls((one, a.shape), (other, b.shape), from_b, &frame, prediction, memory, touch);
-        }
-        _ => return false,
-    }
-    true
+    Some(apart)
 }
 
 /// Contact between two solids of which one is a hull, each with its shape.
@@ -315,14 +319,14 @@ fn hulls(
     prediction: f32,
     (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut Touch<3>,
-) {
+) -> f32 {
     let nearest = |rival: &Rival<3>| {
         if rival.is_sure(a.0, b.0) {
             return None;
         }
         closest(from_b, a.1, b.1, prediction, expansion)
     };
-    collide(a.0, b.0, frame, prediction, nearest, clipper, touch);
+    collide(a.0, b.0, frame, prediction, nearest, clipper, touch)
 }
 
 /// The nearest points of two solids (GJK), or of their least overlap (EPA). Close to touching its
@@ -352,13 +356,32 @@ fn closest(
     Some(Crossing { axis, on_a, on_b })
 }
 
-fn polygon(shape: &parry2d::shape::SharedShape) -> Option<ConvexPolygon> {
-    shape.as_convex_polygon().cloned()
+/// Defines how contacts see a shape.
+macro_rules! form {
+    ($name:ident, $parry:ident, $hull:ident, $l:literal, $hulls:pat => $found:expr) => {
+        fn $name(shape: &$parry::shape::SharedShape) -> Form<$hull, $l> {
+            use $parry::shape::TypedShape;
+            match shape.as_typed_shape() {
+                TypedShape::Ball(ball) => Form::Ball(ball.radius),
+                TypedShape::Capsule(capsule) => {
+                    let ends = [capsule.segment.a, capsule.segment.b];
+                    Form::Capsule(ends.map(|end| Vector(end.to_array())), capsule.radius)
+                }
+                TypedShape::Cuboid(cuboid) => {
+                    Form::Cuboid(Cuboid(cuboid.half_extents.to_array().into()))
+                }
+                TypedShape::HalfSpace(plane) => Form::Halfspace(plane.normal.to_array().into()),
+                $hulls => $found,
+                _ => Form::Other,
+            }
+        }
+    };
 }
 
-fn flat_hull(shape: &parry3d::shape::SharedShape) -> Option<Hull> {
-    Hull::of(shape.as_convex_polyhedron()?.points())
-}
+form!(form_2, parry2d, ConvexPolygon, 2,
+    TypedShape::ConvexPolygon(polygon) => Form::Hull(polygon.clone()));
+form!(form_3, parry3d, Hull, 3,
+    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(Form::Other, Form::Hull));
 
 impl Geometry<2, 1> for Rigid2 {
     type Pose = Pose2;
@@ -417,7 +440,7 @@ impl Geometry<2, 1> for Rigid2 {
         }
     }
 
-    over_parry!(parry2d, polygons, ConvexPolygon, polygon, 2, 1);
+    over_parry!(parry2d, polygons, ConvexPolygon, form_2, 2, 1);
 }
 
 impl Geometry<3, 3> for Rigid3 {
@@ -492,7 +515,7 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, solids, Hull, flat_hull, 3, 3);
+    over_parry!(parry3d, solids, Hull, form_3, 3, 3);
 }
 
 /// sin(t/2)/t from t^2; the series' error is below one rounding for t < 0.5.

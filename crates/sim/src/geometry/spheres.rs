@@ -102,28 +102,23 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         prediction: f32,
         touch: &mut Touch<L>,
         report: &mut dyn FnMut(&Touch<L>),
-    ) {
+    ) -> f32 {
         use SphereShape::{Halfspace, Sphere};
         let between = *a.1 - *b.1;
-        let (normal, reach_a, reach_b, distance) = match (a.0, b.0) {
+        let (reach_b, (normal, gap)) = match (a.0, b.0) {
             (Sphere { radius: r_a }, Sphere { radius: r_b }) => {
-                let distance = between.length();
-                // Concentric spheres part along the first axis.
-                let apart = distance > 0.0;
-                let first = Vector(std::array::from_fn(|i| if i == 0 { 1.0 } else { 0.0 }));
-                (if apart { between * (1.0 / distance) } else { first }, *r_a, *r_b, distance)
+                (*r_b, between_balls(between, [*r_a, *r_b]))
             }
             (Sphere { radius }, Halfspace { normal }) => {
-                (*normal, *radius, 0.0, between.dot(*normal))
+                (0.0, (*normal, between.dot(*normal) - radius))
             }
             (Halfspace { normal }, Sphere { radius }) => {
-                (-*normal, 0.0, *radius, -between.dot(*normal))
+                (*radius, (-*normal, -between.dot(*normal) - radius))
             }
-            (Halfspace { .. }, Halfspace { .. }) => return,
+            (Halfspace { .. }, Halfspace { .. }) => return f32::NEG_INFINITY,
         };
-        let gap = distance - reach_a - reach_b;
         if gap > prediction {
-            return;
+            return gap;
         }
         // The sphere's center and radius give its own surface point, the gap the other's.
         let (on_a, on_b) = if let Sphere { radius } = a.0 {
@@ -138,5 +133,21 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         touch.points.clear();
         touch.points.push(TouchPoint { on_a, on_b, gap, feature: 0 });
         report(touch);
+        gap
     }
+}
+
+/// The unit normal from ball b to ball a, and the gap \[m\], where a's center is `between` from b's.
+pub(super) fn between_balls<const L: usize>(
+    between: Vector<f32, L>,
+    radii: [f32; 2],
+) -> (Vector<f32, L>, f32) {
+    let distance = between.length();
+    let normal = if distance > 0.0 {
+        between * (1.0 / distance)
+    } else {
+        // Concentric ones part along the first axis.
+        Vector(std::array::from_fn(|i| if i == 0 { 1.0 } else { 0.0 }))
+    };
+    (normal, distance - radii[0] - radii[1])
 }

@@ -270,6 +270,8 @@ fn point<const L: usize>(numbers: &[f32], feature: u64) -> Point<L> {
         slip: take(&mut numbers),
         gap: numbers.next().unwrap_or(0.0),
         feature,
+        // The step finds it.
+        ..Point::default()
     }
 }
 

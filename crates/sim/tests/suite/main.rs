@@ -2,6 +2,7 @@
 
 mod allocation;
 mod analytic;
+mod apart;
 mod checkpoint;
 mod common;
 mod determinism;

@@ -2,18 +2,19 @@
 
 use std::ops::Range;
 
+use super::Rows;
 use crate::color::Coloring;
 use crate::island::NONE;
 use crate::lanes::{Lanes, WIDTH};
 use crate::pgs::Parts;
-use crate::{Contact, InverseMass, Manifold, Mobility, System, Vector};
+use crate::{Contact, InverseMass, Manifold, Mobility, Vector};
 
 /// The gap of a point that is not there. \[m\]
 const FAR: f32 = 1e6;
 
 /// Up to sixteen manifolds that move different bodies.
 #[derive(Clone, Debug)]
-pub(super) struct Block<V: Lanes, const L: usize, const A: usize> {
+pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
     /// How many of the lanes are in use.
     pub(super) lanes: usize,
     pub(super) bodies: [[u32; WIDTH]; 2],
@@ -39,18 +40,22 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Puts a manifold into a lane of the block and of its points.
-    pub(super) fn take(
+    /// Takes the manifold of this index, between these bodies, into a lane of the block and of its
+    /// points.
+    #[inline(always)]
+    fn take(
         &mut self,
         lane: usize,
-        manifold: &Manifold<f32, L>,
-        system: &System<f32, L, A>,
+        bodies: [u32; 2],
+        index: usize,
+        rows: &impl Rows<L>,
+        masses: &[InverseMass<f32, L, A>],
         points: &mut [Contact<V, L>],
     ) {
         if self.lanes == 0 {
             // Idle lanes read the bodies of the first, and are not written back. What a lane has
             // too few points for is so far open that it never takes an impulse.
-            self.bodies = manifold.bodies.map(|body| [body; WIDTH]);
+            self.bodies = bodies.map(|body| [body; WIDTH]);
             self.moving = [0; 2];
             self.masses = [InverseMass::default(); 2];
             self.manifold.frame = [Vector::ZERO; L];
@@ -60,26 +65,44 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             points.fill(open);
         }
         self.lanes += 1;
-        self.manifold.friction.set(lane, manifold.friction);
-        self.manifold.compliance.set(lane, manifold.compliance);
-        for (wide, axis) in self.manifold.frame.iter_mut().zip(&manifold.frame) {
-            set(wide, lane, axis);
-        }
-        for side in 0..2 {
-            set(&mut self.manifold.arms[side], lane, &manifold.arms[side]);
-            let body = manifold.bodies[side];
-            let mass = &system.masses[body as usize];
+        for (side, body) in bodies.into_iter().enumerate() {
             self.bodies[side][lane] = body;
-            self.moving[side] |= u16::from(*mass != InverseMass::FIXED) << lane;
+            let mass = &masses[body as usize];
+            if *mass == InverseMass::FIXED {
+                continue;
+            }
+            self.moving[side] |= 1 << lane;
             self.masses[side].linear.set(lane, mass.linear);
-            for (wide, row) in self.masses[side].angular.0.iter_mut().zip(&mass.angular.0) {
-                set(wide, lane, row);
+            for i in 0..A {
+                for j in i..A {
+                    self.masses[side].angular.0[i][j].set(lane, mass.angular.0[i][j]);
+                }
             }
         }
-        for (wide, contact) in points.iter_mut().zip(&system.contacts[manifold.points()]) {
-            set(&mut wide.place, lane, &contact.place);
-            set(&mut wide.gap, lane, &contact.gap);
-            set(&mut wide.impulse, lane, &contact.impulse);
+        rows.put(index, lane, &mut self.manifold, points);
+    }
+
+    /// Finds the effective masses of its points ([`Contact::prepare`]).
+    #[inline(always)]
+    pub(super) fn prepare(&mut self, points: &mut [Contact<V, L>], softness: V) {
+        self.mobility = Mobility::of(&self.manifold, &self.masses);
+        for contact in points {
+            contact.prepare(&self.manifold, &self.mobility, softness);
+        }
+    }
+
+    /// The manifold in a lane, without its points.
+    pub(super) fn manifold_in(&self, lane: usize) -> Manifold<f32, L> {
+        let wide = &self.manifold;
+        Manifold {
+            bodies: self.bodies.map(|side| side[lane]),
+            frame: std::array::from_fn(|i| get(&wide.frame[i], lane)),
+            arms: std::array::from_fn(|i| get(&wide.arms[i], lane)),
+            friction: wide.friction.get(lane),
+            restitution: wide.restitution.get(lane),
+            compliance: wide.compliance.get(lane),
+            first: 0,
+            count: 0,
         }
     }
 
@@ -103,32 +126,16 @@ pub(super) fn fill<V: Lanes, const L: usize, const A: usize>(
     blocks: &mut [Block<V, L, A>],
     contacts: &mut [Contact<V, L>],
     coloring: &Coloring,
-    system: &System<f32, L, A>,
+    rows: &impl Rows<L>,
+    masses: &[InverseMass<f32, L, A>],
 ) {
     let start = blocks.first().map_or(0, |block| block.manifold.first as usize);
-    for (manifold, &place) in system.manifolds.iter().zip(&coloring.places) {
+    for (index, (&place, (bodies, _))) in coloring.places.iter().zip(rows.outlines()).enumerate() {
         let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
         if let Some(block) = block.checked_sub(first).and_then(|at| blocks.get_mut(at)) {
             let Range { start: from, end } = block.manifold.points();
-            block.take(lane, manifold, system, &mut contacts[from - start..end - start]);
-        }
-    }
-}
-
-/// The effective masses ([`Contact::prepare`]) of blocks that have been filled, and their points.
-#[inline(always)]
-pub(super) fn prepare<V: Lanes, const L: usize, const A: usize>(
-    blocks: &mut [Block<V, L, A>],
-    contacts: &mut [Contact<V, L>],
-    softness: V,
-) {
-    let mut later = contacts;
-    for block in blocks {
-        block.mobility = Mobility::of(&block.manifold, &block.masses);
-        let points;
-        (points, later) = later.split_at_mut(block.manifold.count as usize);
-        for contact in points {
-            contact.prepare(&block.manifold, &block.mobility, softness);
+            let points = &mut contacts[from - start..end - start];
+            block.take(lane, bodies, index, rows, masses, points);
         }
     }
 }
@@ -137,11 +144,36 @@ pub(super) fn splat<V: Lanes>(value: f32) -> V {
     V::from_array([value; WIDTH])
 }
 
-pub(super) fn set<V: Lanes, const N: usize>(
-    wide: &mut Vector<V, N>,
+/// What a lane of a contact has.
+pub(super) fn contact_in<V: Lanes, const L: usize>(
+    wide: &Contact<V, L>,
     lane: usize,
-    of: &Vector<f32, N>,
-) {
+) -> Contact<f32, L> {
+    Contact {
+        place: get(&wide.place, lane),
+        gap: get(&wide.gap, lane),
+        target: get(&wide.target, lane),
+        impulse: get(&wide.impulse, lane),
+        impact: wide.impact.get(lane),
+        effective_mass: wide.effective_mass.get(lane),
+        tangential_mass: wide.tangential_mass.get(lane),
+        compliance: wide.compliance.get(lane),
+        tangential_compliance: wide.tangential_compliance.get(lane),
+    }
+}
+
+#[inline(always)]
+pub(super) fn get<V: Lanes, const N: usize>(wide: &Vector<V, N>, lane: usize) -> Vector<f32, N> {
+    let mut out = Vector::ZERO;
+    for i in 0..N {
+        out[i] = wide[i].get(lane);
+    }
+    out
+}
+
+/// Puts a vector into a lane of a wide one.
+#[inline(always)]
+pub fn set<V: Lanes, const N: usize>(wide: &mut Vector<V, N>, lane: usize, of: &Vector<f32, N>) {
     for i in 0..N {
         wide[i].set(lane, of[i]);
     }

@@ -42,70 +42,6 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         state.sizes_before.push(f32::INFINITY);
     }
 
-    /// One iteration over the islands that are not `done`.
-    pub fn conjugate(&mut self, velocities: &mut [Velocity<f32, L, A>], done: &[bool]) {
-        let Self { blocks, contacts, conjugate: state, coloring, team, .. } = self;
-        let ground = Ground::new(blocks, coloring, contacts, velocities);
-        let before = Shared::new(&mut state.before);
-        let direction = Shared::new(&mut state.direction);
-        let gradients = Shared::new(&mut state.gradients);
-        let betas = &state.betas;
-        team.run(team.is_useful(ground.blocks.len()), &|member| {
-            V::run(
-                #[inline(always)]
-                || {
-                    // r <- r + beta p with p <- beta p - g, and the velocities that go with it.
-                    for mut at in ground.walk(member) {
-                        let (block, manifold) = (at.block, &at.block.manifold);
-                        if block.is_done(done) {
-                            continue;
-                        }
-                        let mut own = [0.0; WIDTH];
-                        for (own, &island) in own.iter_mut().zip(&block.islands) {
-                            *own = betas[(island as usize).min(betas.len() - 1)];
-                        }
-                        let beta = V::from_array(own);
-                        let mut wrench = Velocity::ZERO;
-                        let kept = at.of_points(&before).iter_mut().zip(at.of_points(&direction));
-                        for (contact, (before, direction)) in at.points().iter_mut().zip(kept) {
-                            *direction = nncg::next_direction(contact, *before, *direction, beta);
-                            let change = *direction * beta;
-                            contact.impulse += change;
-                            contact.add_wrench(0..L, change, &mut wrench);
-                            *before = contact.impulse;
-                        }
-                        let [mut a, mut b] = at.gather();
-                        manifold.apply(&wrench, &block.masses, &mut a, &mut b);
-                        at.scatter([a, b]);
-                    }
-                    for mut at in ground.walk(member) {
-                        if !at.block.is_done(done) {
-                            let [mut a, mut b] = at.gather();
-                            let points = at.points();
-                            visit::<V, L, A, false, true>(at.block.parts(), points, &mut a, &mut b);
-                            at.scatter([a, b]);
-                        }
-                    }
-                    for mut at in ground.walk_back(member) {
-                        if at.block.is_done(done) {
-                            continue;
-                        }
-                        let [mut a, mut b] = at.gather();
-                        let points = at.points();
-                        visit::<V, L, A, false, true>(at.block.parts(), points, &mut a, &mut b);
-                        at.scatter([a, b]);
-                        let mut size = V::ZERO;
-                        for (contact, before) in points.iter().zip(at.of_points(&before)) {
-                            size += nncg::size(contact, *before);
-                        }
-                        at.of_block(&gradients)[0] = size;
-                    }
-                },
-            );
-        });
-        self.find_betas(done);
-    }
-
     /// beta of each island, from the gradients of its blocks, always in the same order.
     fn find_betas(&mut self, done: &[bool]) {
         let state = &mut self.conjugate;
@@ -123,4 +59,72 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             *beta = nncg::beta_of(size, before);
         }
     }
+}
+
+/// One iteration over the islands that are not `done`.
+pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
+    packed: &mut Packed<V, L, A>,
+    velocities: &mut [Velocity<f32, L, A>],
+    done: &[bool],
+) {
+    let Packed { blocks, contacts, conjugate: state, coloring, team, .. } = packed;
+    let ground = Ground::new(blocks, coloring, contacts, velocities);
+    let before = Shared::new(&mut state.before);
+    let direction = Shared::new(&mut state.direction);
+    let gradients = Shared::new(&mut state.gradients);
+    let betas = &state.betas;
+    team.run(team.is_useful(ground.blocks.len()), &|member| {
+        V::run(
+            #[inline(always)]
+            || {
+                // r <- r + beta p with p <- beta p - g, and the velocities that go with it.
+                for mut at in ground.walk(member) {
+                    let (block, manifold) = (at.block, &at.block.manifold);
+                    if block.is_done(done) {
+                        continue;
+                    }
+                    let mut own = [0.0; WIDTH];
+                    for (own, &island) in own.iter_mut().zip(&block.islands) {
+                        *own = betas[(island as usize).min(betas.len() - 1)];
+                    }
+                    let beta = V::from_array(own);
+                    let mut wrench = Velocity::ZERO;
+                    let kept = at.of_points(&before).iter_mut().zip(at.of_points(&direction));
+                    for (contact, (before, direction)) in at.points().iter_mut().zip(kept) {
+                        *direction = nncg::next_direction(contact, *before, *direction, beta);
+                        let change = *direction * beta;
+                        contact.impulse += change;
+                        contact.add_wrench(0..L, change, &mut wrench);
+                        *before = contact.impulse;
+                    }
+                    let [mut a, mut b] = at.gather();
+                    manifold.apply(&wrench, &block.masses, &mut a, &mut b);
+                    at.scatter([a, b]);
+                }
+                for mut at in ground.walk(member) {
+                    if !at.block.is_done(done) {
+                        let [mut a, mut b] = at.gather();
+                        let points = at.points();
+                        visit::<V, L, A, false, true>(at.block.parts(), points, &mut a, &mut b);
+                        at.scatter([a, b]);
+                    }
+                }
+                for mut at in ground.walk_back(member) {
+                    if at.block.is_done(done) {
+                        continue;
+                    }
+                    let [mut a, mut b] = at.gather();
+                    let points = at.points();
+                    visit::<V, L, A, false, true>(at.block.parts(), points, &mut a, &mut b);
+                    at.scatter([a, b]);
+                    let mut size = V::ZERO;
+                    for (contact, before) in points.iter().zip(at.of_points(&before)) {
+                        size += nncg::size(contact, *before);
+                    }
+                    at.of_block(&gradients)[0] = size;
+                }
+            },
+        );
+    });
+    packed.find_betas(done);
 }

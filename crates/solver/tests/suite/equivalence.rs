@@ -99,9 +99,11 @@ fn packed<V: Lanes, const L: usize, const A: usize>(
 ) -> System<f32, L, A> {
     let mut system = system.clone();
     let mut packed = Packed::<V, L, A>::new();
-    packed.pack(&system, 0.1);
+    packed.pack(&system, &system.masses, 0.1);
     for _ in 0..3 {
-        packed.start(&mut system.velocities, displacements, &REPAIR);
+        packed.apply_impulses(&mut system.velocities);
+        packed.sweep_normals_to_targets(&mut system.velocities, displacements, &REPAIR);
+        packed.set_targets(displacements, &REPAIR);
         packed.sweep_normals(&mut system.velocities);
         packed.relax(&mut system.velocities);
     }
@@ -161,6 +163,7 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
         scalar.set_targets(&displacements, &REPAIR);
         scalar.apply_impulses();
         pgs::sweep_normals(&mut scalar);
+        pgs::sweep_normals(&mut scalar);
         pgs::relax(&mut scalar);
     }
 
@@ -187,9 +190,10 @@ fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
         let mut system = start.clone();
         let mut wide = Wide::new();
         wide.set_team(Arc::new(Team::new(members)));
-        wide.pack(&system, 0.1);
+        wide.pack(&system, &system.masses, 0.1);
         for _ in 0..2 {
-            wide.start(&mut system.velocities, &still, &REPAIR);
+            wide.apply_impulses(&mut system.velocities);
+            wide.set_targets(&still, &REPAIR);
             wide.sweep_normals(&mut system.velocities);
             wide.relax(&mut system.velocities);
         }
@@ -218,9 +222,10 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
 ) -> [Certificate; 2] {
     let mut system = start.clone();
     let mut packed = Packed::<V, L, A>::new();
-    packed.pack(&system, 0.1);
+    packed.pack(&system, &system.masses, 0.1);
     let still = vec![Velocity::ZERO; system.velocities.len()];
-    packed.start(&mut system.velocities, &still, &REPAIR);
+    packed.apply_impulses(&mut system.velocities);
+    packed.set_targets(&still, &REPAIR);
     packed.sweep(&mut system.velocities);
     packed.begin_conjugate(1);
     for _ in 0..3 {

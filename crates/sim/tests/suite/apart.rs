@@ -1,0 +1,68 @@
+//! Pairs that are apart: how far is said to be known, and what is left out because of it.
+
+use parry3d::query::{ShapeDistance, distance};
+
+use crate::common::*;
+use drystone::geometry::{Geometry, Rigid3};
+use drystone::{StepSettings, World3};
+use drystone_solver::Velocity;
+
+type Shape = <Rigid3 as Geometry<3, 3>>::Shape;
+
+fn shapes() -> Vec<Shape> {
+    let corners = [[0.5, 0.0, 0.0], [-0.3, 0.4, 0.1], [0.0, -0.4, 0.2], [0.1, 0.1, -0.5]];
+    vec![
+        Rigid3::ball(0.3),
+        Rigid3::cuboid([0.5, 0.3, 0.2]),
+        Rigid3::capsule(0.4, 0.2),
+        Rigid3::hull(&corners),
+        Rigid3::halfspace([0.0, 1.0, 0.0]),
+    ]
+}
+
+/// What reports nothing is as far apart as it says, by parry's distance, or farther.
+#[test]
+fn shapes_are_apart_as_far_as_they_say() {
+    const PREDICTION: f32 = 0.02;
+    let random = &mut Random(5);
+    let (mut scratch, mut apart) = (<Rigid3 as Geometry<3, 3>>::Scratch::default(), 0);
+    for _ in 0..20_000 {
+        let mut pick = || shapes().swap_remove(random.between(0.0, 4.999) as usize);
+        let (a, b) = (pick(), pick());
+        let mut pose = || Rigid3::pose(random.vector(1.2).into(), &random.quaternion());
+        let (pose_a, pose_b) = (pose(), pose());
+        let Ok(ShapeDistance { distance, .. }) = distance(&pose_a, &*a.0, &pose_b, &*b.0) else {
+            continue;
+        };
+        let (a, b) = (Rigid3::collider(a), Rigid3::collider(b));
+        let mut touches = 0;
+        let mut count = |_: &_| touches += 1;
+        let gap =
+            Rigid3::collide((&a, &pose_a), (&b, &pose_b), PREDICTION, &mut scratch, &mut count);
+        if touches == 0 {
+            apart += 1;
+            assert!(gap <= distance + 1e-4, "{gap} m said, {distance} m apart");
+        }
+    }
+    assert!(apart > 1000, "{apart}");
+}
+
+/// A box that turns on the spot, its corner far from it for most of the time, strikes what it passes.
+#[test]
+fn turning_brings_together() {
+    let mut world = World3::new(StepSettings::realtime());
+    let rough = surface(0.5, 0.0);
+    let mut bar = dynamic([0.0; 3], Rigid3::cuboid([1.0, 0.05, 0.05]), &rough);
+    bar.velocity = Velocity { angular: [0.0, 0.0, 1.0].into(), ..Velocity::ZERO };
+    world.add(bar);
+    let ball = world.add(dynamic([0.0, 0.9, 0.0], Rigid3::ball(0.1), &rough));
+    let mut touched = None;
+    for step in 0..120 {
+        if world.step(DT).contacts > 0 {
+            touched.get_or_insert(step);
+        }
+    }
+    // A quarter of a turn, less what the ball and the look ahead take of it.
+    assert!(touched.is_some_and(|step| (70..95).contains(&step)), "{touched:?}");
+    assert!(world.velocity(ball).is_some_and(|v| v.linear[0] < -0.1));
+}

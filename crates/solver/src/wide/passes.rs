@@ -1,0 +1,319 @@
+//! The passes over a packed system, block by block.
+//!
+//! They are most of the code that there is to compile, and it is hard to optimise. So it is compiled
+//! once, with this crate, for every kind of lanes and bodies: who uses a packed system calls it through
+//! [`Passes`].
+
+use std::any::Any;
+use std::fmt::Debug;
+
+use super::block::{Block, splat};
+use super::conjugate;
+use super::walk::Ground;
+use super::{Packed, Trace};
+use crate::certificate::{Certificate, Evidence, Tally};
+use crate::island::Islands;
+use crate::lanes::{Lanes, PART};
+use crate::pgs::visit;
+use crate::team::{Team, chunks_with_parts};
+use crate::{Contact, Repair, Vector, Velocity};
+
+type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
+
+/// What [`Packed`] has done to its blocks, by the names of its own methods.
+pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync {
+    fn prepare(&self, block: &mut Block<V, L, A>, points: &mut [Contact<V, L>], softness: f32);
+
+    fn apply_impulses(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn set_targets(&self, packed: &mut Packed<V, L, A>, targets: &Targets<'_, V, L, A>);
+
+    fn sweep_normals(
+        &self,
+        packed: &mut Packed<V, L, A>,
+        velocities: &mut Velocities<L, A>,
+        targets: Option<&Targets<'_, V, L, A>>,
+    );
+
+    fn sweep(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn relax(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn conjugate(
+        &self,
+        packed: &mut Packed<V, L, A>,
+        velocities: &mut Velocities<L, A>,
+        done: &[bool],
+    );
+
+    /// With residuals, for the line: both as in [`Packed::certify`].
+    fn certify<'a>(
+        &self,
+        packed: &Packed<V, L, A>,
+        which: [bool; 2],
+        velocities: [&Velocities<L, A>; 2],
+        islands: &Islands,
+        tally: &'a mut Tally<L, A>,
+    ) -> &'a [Certificate];
+
+    fn trace(&self, packed: &mut Packed<V, L, A>, displacements: &Velocities<L, A>, hold: f32);
+}
+
+/// References to `&dyn Passes<Self, L, A>`, one for each kind of bodies.
+pub(crate) type Table = [&'static dyn Any; 4];
+
+/// The [`Table`] of a type of lanes. Whatever it stands in must not be generic, nor be inlined: it is
+/// where they are compiled.
+macro_rules! table {
+    ($lanes:ty) => {{
+        use $crate::wide::passes::{Compiled, Passes};
+        [
+            &(&Compiled as &'static dyn Passes<$lanes, 2, 0>),
+            &(&Compiled as &'static dyn Passes<$lanes, 3, 0>),
+            &(&Compiled as &'static dyn Passes<$lanes, 2, 1>),
+            &(&Compiled as &'static dyn Passes<$lanes, 3, 3>),
+        ]
+    }};
+}
+pub(crate) use table;
+
+/// The passes for these lanes and bodies.
+///
+/// # Panics
+/// There are no such bodies: neither particles nor rigid ones, in the plane nor in space.
+pub(super) fn passes<V: Lanes, const L: usize, const A: usize>() -> &'static dyn Passes<V, L, A> {
+    let own = V::passes().into_iter().find_map(|of| of.downcast_ref::<&dyn Passes<V, L, A>>());
+    *own.expect("particles or rigid bodies, of two dimensions or three")
+}
+
+#[derive(Debug)]
+pub(crate) struct Compiled;
+
+impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
+    fn prepare(&self, block: &mut Block<V, L, A>, points: &mut [Contact<V, L>], softness: f32) {
+        V::run(
+            #[inline(always)]
+            || block.prepare(points, splat(softness)),
+        );
+    }
+
+    fn apply_impulses(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>) {
+        let (team, ground) = ground(packed, velocities);
+        team.run(team.is_useful(ground.blocks.len()), &|member| {
+            V::run(
+                #[inline(always)]
+                || {
+                    for mut at in ground.walk(member) {
+                        let mut wrench = Velocity::ZERO;
+                        for contact in at.points() {
+                            contact.add_wrench(0..L, contact.impulse, &mut wrench);
+                        }
+                        let [mut a, mut b] = at.gather();
+                        at.block.manifold.apply(&wrench, &at.block.masses, &mut a, &mut b);
+                        at.scatter([a, b]);
+                    }
+                },
+            );
+        });
+    }
+
+    fn set_targets(&self, packed: &mut Packed<V, L, A>, targets: &Targets<'_, V, L, A>) {
+        let Packed { blocks, contacts, coloring, team, .. } = packed;
+        let useful = team.is_useful(blocks.len());
+        let share = blocks.len().div_ceil(if useful { team.members() } else { 1 });
+        let parts = chunks_with_parts(&coloring.points, share, contacts, |&points| points as usize);
+        let parts = parts.zip(blocks.chunks(share.max(1)));
+        team.for_each(useful, parts, |((_, contacts), blocks)| {
+            V::run(
+                #[inline(always)]
+                || {
+                    let mut later = contacts;
+                    for block in blocks {
+                        let points;
+                        (points, later) = later.split_at_mut(block.manifold.count as usize);
+                        targets.set(block, points);
+                    }
+                },
+            );
+        });
+    }
+
+    fn sweep_normals(
+        &self,
+        packed: &mut Packed<V, L, A>,
+        velocities: &mut Velocities<L, A>,
+        targets: Option<&Targets<'_, V, L, A>>,
+    ) {
+        visit_all::<V, L, A, false, false>(packed, velocities, targets);
+    }
+
+    fn sweep(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>) {
+        visit_all::<V, L, A, false, true>(packed, velocities, None);
+    }
+
+    fn relax(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>) {
+        visit_all::<V, L, A, true, true>(packed, velocities, None);
+    }
+
+    fn conjugate(
+        &self,
+        packed: &mut Packed<V, L, A>,
+        velocities: &mut Velocities<L, A>,
+        done: &[bool],
+    ) {
+        conjugate::iterate(packed, velocities, done);
+    }
+
+    fn certify<'a>(
+        &self,
+        packed: &Packed<V, L, A>,
+        which: [bool; 2],
+        velocities: [&Velocities<L, A>; 2],
+        islands: &Islands,
+        tally: &'a mut Tally<L, A>,
+    ) -> &'a [Certificate] {
+        match which {
+            [false, false] => certify::<V, L, A, false, false>(packed, velocities, islands, tally),
+            [false, true] => certify::<V, L, A, false, true>(packed, velocities, islands, tally),
+            [true, false] => certify::<V, L, A, true, false>(packed, velocities, islands, tally),
+            [true, true] => certify::<V, L, A, true, true>(packed, velocities, islands, tally),
+        }
+    }
+
+    fn trace(&self, packed: &mut Packed<V, L, A>, displacements: &Velocities<L, A>, hold: f32) {
+        let nothing = Trace { impulse: Vector::ZERO, slip: Vector::ZERO };
+        let Packed { blocks, contacts, coloring, traces, team, .. } = packed;
+        traces.resize(contacts.len(), nothing);
+        let useful = team.is_useful(blocks.len());
+        let share = blocks.len().div_ceil(if useful { team.members() } else { 1 });
+        let parts = chunks_with_parts(&coloring.points, share, traces, |&points| points as usize);
+        let parts = parts.zip(blocks.chunks(share.max(1)));
+        team.for_each(useful, parts, |((_, traces), blocks)| {
+            V::run(
+                #[inline(always)]
+                || {
+                    let mut traces = traces.iter_mut();
+                    for block in blocks {
+                        let manifold = &block.manifold;
+                        let [moved_a, moved_b] = block.gather_from(displacements);
+                        let moved = manifold.twist(&moved_a, &moved_b);
+                        for (contact, trace) in contacts[manifold.points()].iter().zip(&mut traces)
+                        {
+                            let slip = contact.gap + contact.relative_velocity(&moved);
+                            let mut slip = contact.held_slip(manifold.friction, splat(hold), slip);
+                            slip[0] = V::ZERO;
+                            *trace = Trace {
+                                impulse: manifold.to_world(contact.impulse),
+                                slip: manifold.to_world(slip),
+                            };
+                        }
+                    }
+                },
+            );
+        });
+    }
+}
+
+/// What a team works on.
+fn ground<'a, V: Lanes, const L: usize, const A: usize>(
+    packed: &'a mut Packed<V, L, A>,
+    velocities: &'a mut Velocities<L, A>,
+) -> (&'a Team, Ground<'a, V, L, A>) {
+    let Packed { blocks, contacts, coloring, team, .. } = packed;
+    (team, Ground::new(blocks, coloring, contacts, velocities))
+}
+
+fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
+    packed: &mut Packed<V, L, A>,
+    velocities: &mut Velocities<L, A>,
+    targets: Option<&Targets<'_, V, L, A>>,
+) {
+    let (team, ground) = ground(packed, velocities);
+    team.run(team.is_useful(ground.blocks.len()), &|member| {
+        V::run(
+            #[inline(always)]
+            || {
+                for mut at in ground.walk(member) {
+                    let points = at.points();
+                    if let Some(targets) = targets {
+                        targets.set(at.block, points);
+                    }
+                    let [mut a, mut b] = at.gather();
+                    visit::<V, L, A, RIGID, FRICTION>(at.block.parts(), points, &mut a, &mut b);
+                    at.scatter([a, b]);
+                }
+            },
+        );
+    });
+}
+
+fn certify<
+    'a,
+    V: Lanes,
+    const L: usize,
+    const A: usize,
+    const RESIDUALS: bool,
+    const LINE: bool,
+>(
+    packed: &Packed<V, L, A>,
+    [velocities, prospective]: [&Velocities<L, A>; 2],
+    islands: &Islands,
+    tally: &'a mut Tally<L, A>,
+) -> &'a [Certificate] {
+    tally.start(islands.count);
+    V::run(
+        #[inline(always)]
+        || {
+            for block in &packed.blocks {
+                let points = &packed.contacts[block.manifold.points()];
+                let own = block.gather_from(velocities);
+                for part in 0..block.lanes.div_ceil(PART) {
+                    let evidence: Evidence<V::Doubles, L, A> =
+                        Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &own);
+                    for lane in PART * part..block.lanes.min(PART * (part + 1)) {
+                        let bodies = block.bodies.map(|side| side[lane]);
+                        tally.add::<V::Doubles, RESIDUALS, LINE>(
+                            bodies,
+                            block.islands[lane],
+                            &evidence,
+                            lane % PART,
+                        );
+                    }
+                }
+            }
+            tally.finish::<f32, LINE>(velocities, prospective, |body| islands.of_body[body])
+        },
+    )
+}
+
+/// What targets are set from ([`System::set_targets`](crate::System::set_targets)).
+#[derive(Clone, Copy)]
+pub(crate) struct Targets<'a, V: Lanes, const L: usize, const A: usize> {
+    displacements: &'a [Velocity<f32, L, A>],
+    repair: Repair<V>,
+}
+
+impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
+    pub(super) fn new(displacements: &'a [Velocity<f32, L, A>], repair: &Repair<f32>) -> Self {
+        Self {
+            displacements,
+            repair: Repair {
+                dt: splat(repair.dt),
+                rate: splat(repair.rate),
+                slop: splat(repair.slop),
+                push_speed: splat(repair.push_speed),
+                hold: splat(repair.hold),
+            },
+        }
+    }
+
+    /// Those of the points of a block.
+    #[inline(always)]
+    fn set(&self, block: &Block<V, L, A>, points: &mut [Contact<V, L>]) {
+        let [a, b] = block.gather_from(self.displacements);
+        let moved = block.manifold.twist(&a, &b);
+        for contact in points {
+            contact.set_target(&moved, &self.repair);
+        }
+    }
+}
