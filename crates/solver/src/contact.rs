@@ -104,9 +104,9 @@ impl<T: Real, const L: usize> Contact<T, L> {
     pub fn set_target<const A: usize>(&mut self, moved: &Velocity<T, L, A>, repair: &Repair<T>) {
         let gap = self.gap + self.relative_velocity(moved);
         let overlap = T::ZERO.max(-gap[0] - repair.slop);
-        let push = (overlap * repair.rate / repair.dt).min(repair.push_speed);
+        let push = (overlap * (repair.rate / repair.dt)).min(repair.push_speed);
         self.target = gap * -repair.hold;
-        self.target[0] = gap[0].choose(-gap[0] / repair.dt, push);
+        self.target[0] = gap[0].choose(gap[0] * (-T::ONE / repair.dt), push);
     }
 
     /// epsilon over A_ii + epsilon: 0 rigid, towards 1 ever softer. \[1\]
