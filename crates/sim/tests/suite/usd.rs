@@ -805,7 +805,8 @@ fn a_bake_is_read_as_its_scene() {
     let scene = format::read_toml(Path::new("x.toml"), scene).unwrap().scene;
     let poses =
         (0..3).flat_map(|i| [0.0, 2.0 - 0.1 * i as f32 * i as f32, 0.0, 0.0, 0.0, 0.0, 1.0]);
-    let recording = Recording { dimension: 3, bodies: 1, frame_time: 0.1, poses: poses.collect() };
+    let recording =
+        Recording { dimension: 3, bodies: 1, frame_time: 0.1, start: 0, poses: poses.collect() };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bake.usda");
     recording::usda::write(&path, &scene, &recording, &Sampling::default()).unwrap();
@@ -813,4 +814,51 @@ fn a_bake_is_read_as_its_scene() {
     assert_eq!(read.scene.bodies, scene.bodies);
     assert!(read.warnings[0].message.contains("its animation is not played"));
     assert_eq!(read.scene.bodies[0].shapes[0].material.friction_combine, Combine::GeometricMean);
+}
+
+/// Keys of a stage, as its reader sees what is between them.
+#[test]
+fn keys_are_as_close_as_asked() {
+    let scene = "[[bodies]]\nmotion = \"kinematic\"\nshapes = [{type = \"sphere\", radius = 0.5}]";
+    let scene = format::read_toml(Path::new("x.toml"), scene).unwrap().scene;
+    let pose = |frame: usize| {
+        let t = frame as f32 * 0.02;
+        let (sin, cos) = (0.4 * t * t).sin_cos();
+        [t.cos(), 2.0 - 0.3 * t * t, 0.0, 0.0, sin, 0.0, cos]
+    };
+    let whole = Recording {
+        dimension: 3,
+        bodies: 1,
+        frame_time: 0.02,
+        start: 0,
+        poses: (0..200).flat_map(pose).collect(),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("keys.usda");
+    let mut counts = Vec::new();
+    for tolerance in [1e-5, 1e-3, 1e-1] {
+        for recording in [whole.piece(50..=150), whole.clone()] {
+            recording::usda::write(&path, &scene, &recording, &Sampling::within(tolerance))
+                .unwrap();
+            let read = usd::read(&path).unwrap();
+            let track = &read.scene.bodies[0].track;
+            // The stage starts with its first frame.
+            let start = recording.times().next().unwrap();
+            for (frame, time) in recording.times().enumerate() {
+                let (position, rotation) = track.at(time - start);
+                let pose: Vec<_> = recording.pose(frame, 0).iter().map(|x| f64::from(*x)).collect();
+                let apart = |a: &[f64], b: &[f64]| {
+                    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+                };
+                let off = apart(&position, &pose[..3]);
+                assert!(off < 1.01 * tolerance + 1e-6, "frame {frame}: {off} m");
+                let Rotation::Quaternion(turn) = rotation else { panic!("{rotation:?}") };
+                let off = 2.0 * apart(&turn, &pose[3..]);
+                assert!(off < 1.01 * tolerance + 1e-6, "frame {frame}: {off} rad");
+            }
+            counts.push(track.times.len());
+        }
+    }
+    println!("{counts:?} keys");
+    assert!(counts[1] > counts[3] && counts[3] > counts[5], "{counts:?}");
 }
