@@ -473,6 +473,66 @@ fn animations_move_kinematic_bodies() {
     near(&body.track.positions[30], &[half, half, 0.0]);
 }
 
+/// What many programs write of all that stands still.
+#[test]
+fn one_sample_stands_still() {
+    const ORDER: &str = "uniform token[] xformOpOrder = [\"xformOp:translate\"]";
+    let sample = "double3 xformOp:translate.timeSamples = { 10: (1, 2, 3) }\n";
+    let default = "double3 xformOp:translate = (4, 5, 6)\n";
+    let fixed = body(&collider("Cube", &format!("{sample}{ORDER}")));
+    assert_eq!((fixed.motion, fixed.position), (Motion::Static, vec![1.0, 2.0, 3.0]));
+    let free = body(&ball(&format!("{sample}{ORDER}")));
+    assert_eq!((free.motion, free.position), (Motion::Dynamic, vec![1.0, 2.0, 3.0]));
+    // It holds what follows its animation, from wherever that starts and however fast.
+    let speed = "vector3f physics:velocity = (7, 0, 0)\nbool physics:kinematicEnabled = true\n";
+    for (default, start) in [("", [1.0, 2.0, 3.0]), (default, [4.0, 5.0, 6.0])] {
+        let held = body(&ball(&format!("{speed}{default}{sample}{ORDER}")));
+        assert_eq!((held.motion, held.position), (Motion::Kinematic, start.to_vec()));
+        assert_eq!(held.track.positions, [[1.0, 2.0, 3.0]]);
+        assert_eq!(held.linear_velocity, [0.0; 3]);
+    }
+    // A scale that stands still leaves keys as they are.
+    let scaled = moving("bool physics:kinematicEnabled = true").replace(
+        "[\"xformOp:translate\"]",
+        "[\"xformOp:translate\", \"xformOp:scale\"]\nfloat3 xformOp:scale.timeSamples = { 10: (2, 2, 2) }",
+    );
+    assert_eq!(body(&scaled).track.times.len(), 2);
+}
+
+#[test]
+fn large_groups_are_read_fast() {
+    let cube = |i: usize| {
+        format!(
+            "def Xform \"B{i}\" (prepend apiSchemas = [\"PhysicsRigidBodyAPI\"]) {{\n\
+             def Cube \"C\" (prepend apiSchemas = [\"PhysicsCollisionAPI\"]) {{\n}}\n}}\n"
+        )
+    };
+    let members: Vec<_> = (0..10_000).map(|i| format!("</B{i}>")).collect();
+    let cubes: String = (0..members.len()).map(cube).collect();
+    let ten: String = (0..10)
+        .map(|i| {
+            let members: Vec<_> = members.iter().skip(i).step_by(10).cloned().collect();
+            let next = (i + 1) % 10;
+            group(
+                &format!("G{i}"),
+                &members.join(", "),
+                &format!(
+                    "rel physics:filteredGroups = </G{next}>\n\
+                     rel physics:filteredPairs = [</B{i}>, </B{next}>]"
+                ),
+            )
+        })
+        .collect();
+    for groups in [group("G", &members.join(", "), ""), ten] {
+        let start = Instant::now();
+        let (scene, _) = prims(&format!("{cubes}{groups}"));
+        let took = start.elapsed();
+        println!("{} bodies in groups: {took:?}", scene.bodies.len());
+        assert_eq!(scene.bodies.len(), members.len());
+        assert!(took < Duration::from_secs(5), "{took:?}");
+    }
+}
+
 #[test]
 fn layers_are_composed() {
     let brick = "#usda 1.0\n(\n defaultPrim = \"Brick\"\n)\ndef Xform \"Brick\" (\n\
@@ -776,6 +836,16 @@ name = "Materials"
 motion = "kinematic"
 position = [0, 0, 7]
 track = [{ time = 0.5, position = [0, 0.1, 7] }, { time = 1.7, position = [1, 0, 7], rotation = [0, 0.6, 0, 0.8] }]
+shapes = []
+[[bodies]]
+name = "held where it is"
+motion = "kinematic"
+track = [{ time = 0.5, position = [0, 0, 0] }]
+shapes = []
+[[bodies]]
+name = "held elsewhere"
+motion = "kinematic"
+track = [{ time = 0.5, position = [0, 1, 0], rotation = [0, 0.6, 0, 0.8] }]
 shapes = []
 "#;
     let scene = format::read_toml(Path::new("all.toml"), scene).unwrap().scene;
