@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use crate::common::{Place, SCENE};
-use drystone::recording::npz;
+use drystone::recording::{Recording, npz};
 use serde_json::Value;
 
 #[test]
@@ -350,7 +350,11 @@ fn some_frames_are_those_of_the_whole() {
         let names = outputs.map(|form| format!("some.{form}"));
         names.iter().for_each(|name| bake.extend(["-o", name]));
         place.succeeds(&bake);
-        assert_eq!(arrays("some.npz"), whole.piece(steps.clone()), "{cut:?}");
+        let some = arrays("some.npz");
+        // The time of a late frame does not tell its last bit.
+        assert!((some.frame_time / whole.frame_time - 1.0).abs() < 1e-15, "{cut:?}");
+        let some = Recording { frame_time: whole.frame_time, ..some };
+        assert!(some == whole.piece(steps.clone()), "{cut:?}");
         let numbers = 4 * 3 * 7;
         let expected = &read("all.poses")[numbers * steps.start()..numbers * (steps.end() + 1)];
         assert!(read("some.poses") == expected, "{cut:?}");
@@ -367,7 +371,7 @@ fn some_frames_are_those_of_the_whole() {
                 let convert = ["convert", input, &name, "--scene", "scene.toml"];
                 place.succeeds(&[&convert[..], cut].concat());
                 if form == "npz" {
-                    assert_eq!(arrays(&name), arrays(&from));
+                    assert!(arrays(&name) == arrays(&from), "{input}: {cut:?}");
                 } else {
                     assert!(read(&name) == read(&from), "{input} to {form}: {cut:?}");
                 }

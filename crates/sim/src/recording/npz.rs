@@ -100,7 +100,11 @@ pub fn read(path: &Path) -> io::Result<Named> {
         ));
     }
     let (frame_time, start) = match times.as_slice() {
-        [first, second, ..] => (second - first, (first / (second - first)).round()),
+        // Their difference has lost what the times of late frames leave out.
+        [first, second, ..] => {
+            let start = (first / (second - first)).round();
+            (second / (start + 1.0), start)
+        }
         // Nobody knows when the next one would have been.
         _ => (0.0, 0.0),
     };
