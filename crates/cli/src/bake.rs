@@ -9,9 +9,7 @@ mod summary;
 
 use std::collections::BTreeSet;
 use std::num::NonZero;
-use std::ops::RangeInclusive;
 use std::path::PathBuf;
-use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::{fmt, process, thread};
 
@@ -19,11 +17,13 @@ use drystone::recording::journal::Header;
 use drystone::scene::{self, Read, Scene};
 use drystone::{Simulation, StepSettings};
 
+use crate::cut::Cut;
 use crate::failure::Failure;
 use crate::print;
+use crate::quantity::{real, speed};
 use diary::Diary;
 use output::Outputs;
-pub(crate) use output::{Film, Format, extension, wrong_extension};
+pub(crate) use output::{Format, extension, wrong_extension};
 use record::{Bake, Length};
 use summary::Summary;
 
@@ -50,9 +50,8 @@ pub(crate) struct Arguments {
     #[arg(short, long, value_name = "OUT", group = "result")]
     output: Vec<PathBuf>,
 
-    /// Frames per second in the .glb and the .usda [default: one per step]; the time step stays the scene's
-    #[arg(long, value_name = "N", value_parser = real(0.001..=100_000.0))]
-    fps: Option<f64>,
+    #[command(flatten)]
+    cut: Cut,
 
     /// Seconds to simulate [default: as the scene says, or 10]
     #[arg(long, value_name = "S", value_parser = real(0.0..=1e7), conflicts_with = "steps")]
@@ -132,6 +131,8 @@ Examples:
       or drop it on any glTF viewer, and press play
   drystone bake scenes/workshop.gltf -o baked.glb --fps 24
       the scene of the file back, with a clip 'Drystone' at 24 frames per second
+  drystone bake scenes/workshop.gltf -o shot.glb --fps 24 --frames 24..96 --key-tolerance 0.1mm
+      frames 24 to 96 of it, with fewer keys
   drystone bake scenes/stones.json -o stones.npz -o stones.usda --report stones.report.json
       poses for NumPy: numpy.load('stones.npz')['poses'][frame, body]; a stage for Houdini or
       usdview; and numbers of each step
@@ -148,30 +149,6 @@ Examples:
 Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged, 4 a file cannot be read or
 written, 130 interrupted. A file under its final name is always whole.";
 
-/// A parser of finite numbers within a range.
-fn real(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
-    move |text| match f64::from_str(text) {
-        Ok(x) if range.contains(&x) => Ok(x),
-        _ => Err(format!("accepted: a number from {} to {}", range.start(), range.end())),
-    }
-}
-
-/// A parser of speeds; a number without a unit is in m/s. \[m/s\]
-fn speed(text: &str) -> Result<f32, String> {
-    let (number, unit) = match text.trim().strip_suffix("/s").map(str::trim_end) {
-        None => (text.trim(), 1.0),
-        Some(text) => match (text.strip_suffix("mm"), text.strip_suffix('m')) {
-            (Some(number), _) => (number.trim_end(), 1e-3),
-            (None, Some(number)) => (number.trim_end(), 1.0),
-            (None, None) => ("", 1.0),
-        },
-    };
-    match f64::from_str(number) {
-        Ok(x) if (0.0..=1e3).contains(&(x * unit)) => Ok((x * unit) as f32),
-        _ => Err("accepted: a speed from 0 to 1000 m/s, such as 1mm/s or 0.001m/s".to_owned()),
-    }
-}
-
 /// Set when the user wants to end.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
@@ -186,6 +163,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let threads = threads(arguments);
     simulation.set_threads(threads);
     let steps = steps(arguments, &read.scene)?;
+    arguments.cut.steps(0..=steps as usize, read.scene.time_step)?;
     let dump_step = dump::step(arguments.dump_step, steps)?;
     let bar = progress(arguments, steps);
     let header = Header::new(&read.scene, simulation.settings());
@@ -295,7 +273,7 @@ fn write(
     summary: &Summary,
     threads: usize,
 ) -> Result<String, Failure> {
-    let (mut files, warnings) = outputs.write(read, bake, arguments.fps)?;
+    let (mut files, warnings) = outputs.write(read, bake, &arguments.cut)?;
     print_warnings(arguments, warnings.iter());
     if let Some(saved) = &bake.saved {
         let step = arguments.dump_step.unwrap_or_default();

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use drystone::StepSettings;
 use drystone::recording::physics::Physics;
 use drystone::recording::usda::Stage;
-use drystone::recording::{Sampling, write_whole};
+use drystone::recording::write_whole;
 use drystone::scene::{self, Scene, to_json, to_toml};
 
-use crate::bake::{Film, Format, extension, wrong_extension};
+use crate::bake::{Format, extension, wrong_extension};
+use crate::cut::Cut;
 use crate::failure::Failure;
 use crate::print;
 use crate::verify::take;
@@ -30,6 +31,9 @@ pub(crate) struct Arguments {
     /// The scene of the bake: for .glb and .usda, and for what .poses does not tell
     #[arg(long)]
     scene: Option<PathBuf>,
+
+    #[command(flatten)]
+    cut: Cut,
 }
 
 const EXAMPLES: &str = "\
@@ -42,6 +46,8 @@ Examples:
       the arch as OpenUSD with UsdPhysics, to be opened in Houdini or Omniverse
   drystone convert stones.glb.journal preview.glb --scene scenes/stones.json
       the frames so far of a bake that is under way
+  drystone convert stones.npz shot.glb --scene scenes/stones.json --fps 24 --frames 24..96
+      some frames of a bake, at 24 per second; those of 24 to 96
 
 Exit codes: 0 done, 2 wrong input or usage, or the other format cannot say it, 4 a file cannot be read
 or written.";
@@ -57,21 +63,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn motion(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { input, output, scene } = arguments;
+    let Arguments { input, output, scene, cut } = arguments;
     let format = Format::of("OUT", output)?;
     let read = scene.as_deref().map(scene::read).transpose()?;
     let named = take(input, read.as_ref().map(|read| &read.scene))?.ok_or_else(|| {
         let what = "does not tell whose poses it has; give their scene with --scene";
         Failure::Input(format!("{}: {what}", input.display()))
     })?;
-    let film = Film { recording: &named.recording, names: &named.names, contacts: &[] };
-    let warnings = format.write(output, read.as_ref(), &film, &Sampling::default())?;
+    let film = cut.film(&named.recording, &named.names, &[])?;
+    let warnings = format.write(output, read.as_ref(), &film, &cut.sampling())?;
     warnings.iter().for_each(|warning| warn(input, warning));
     Ok(())
 }
 
 fn scene(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { input, output, .. } = arguments;
+    let Arguments { input, output, cut, .. } = arguments;
+    if cut.is_asked() {
+        let what = "is a scene; accepted with --fps, --frames and --key-tolerance: a bake";
+        return Err(Failure::Input(format!("{}: {what}", input.display())));
+    }
     let form = extension(output);
     if !matches!(form.as_str(), "toml" | "json" | "gltf" | "glb" | "usda") {
         return Err(wrong_extension("OUT", output, ".toml, .json, .gltf, .glb, .usda"));

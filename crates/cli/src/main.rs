@@ -3,10 +3,12 @@
 mod bake;
 mod check;
 mod convert;
+mod cut;
 mod failure;
 #[cfg(feature = "fclib")]
 mod fclib;
 mod matrix;
+mod quantity;
 mod schema;
 mod solve;
 mod verify;

@@ -1,8 +1,8 @@
 //! `drystone verify`: whether two bakes are the same, and where they part.
 
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::{fs, io};
 
 use drystone::recording::compare::{Difference, differences};
 use drystone::recording::journal;
@@ -68,6 +68,7 @@ fn described(one: &Named, other: &Named) -> String {
     let (a, b) = (&one.recording, &other.recording);
     let line = |title: &str, of: Option<Difference>| {
         let Some(Difference { frame, body, distance, angle }) = of else { return String::new() };
+        let frame = a.start.saturating_add(frame);
         let (time, name) = (frame as f64 * a.frame_time, one.names.get(body));
         format!(
             "{title:<12} frame {frame} ({time:.3} s): '{}' by {:.3e} mm and {angle:.3e} rad\n",
@@ -79,6 +80,7 @@ fn described(one: &Named, other: &Named) -> String {
     let mut text = line("first", differences(a, b).next());
     text += &line("farthest", differences(a, b).reduce(farther));
     for (title, [x, y]) in [
+        ("first frame", [a.start, b.start]),
         ("frames", [a.frames(), b.frames()]),
         ("bodies", [a.bodies, b.bodies]),
         ("dimensions", [a.dimension, b.dimension]),
@@ -91,14 +93,24 @@ fn described(one: &Named, other: &Named) -> String {
 }
 
 fn bytes(path: &Path) -> Result<Vec<u8>, Failure> {
-    fs::read(path).map_err(|error| Failure::cannot_read(path, &error))
+    let mut bytes = Vec::new();
+    let read = scene::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
+    read.map(|_| bytes).map_err(|error| Failure::cannot_read(path, &error))
 }
 
 /// A bake with the names of its bodies; none where only a scene could tell what it is.
 pub(crate) fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, Failure> {
     let refused = |error: io::Error| Failure::Input(format!("{}: {error}", path.display()));
+    scene::open(path).map_err(|error| Failure::cannot_read(path, &error))?;
     match extension(path).as_str() {
-        "npz" => return npz::read(path).map(Some).map_err(refused),
+        "npz" => {
+            let mut named = npz::read(path).map_err(refused)?;
+            // One frame does not tell when the next would have been.
+            if let Some(scene) = scene.filter(|_| named.recording.frames() < 2) {
+                named.recording.frame_time = scene.time_step;
+            }
+            return Ok(Some(named));
+        }
         "journal" => return journal::read(path).map(|it| Some(it.named())).map_err(refused),
         "poses" => {}
         _ => return Err(wrong_extension("a bake", path, ".npz, .poses, .journal")),

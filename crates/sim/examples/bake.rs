@@ -22,6 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         dimension: scene.dimension,
         bodies: scene.bodies.len(),
         frame_time: scene.time_step,
+        start: 0,
         poses: Vec::new(),
     };
     simulation.write_poses(&mut recording.poses);

@@ -17,10 +17,14 @@ pub mod sampling;
 pub mod usda;
 
 use std::io;
+use std::ops::RangeInclusive;
 
 use crate::geometry::pose_numbers;
 pub use file::write_whole;
 pub use sampling::Sampling;
+
+/// Times between two frames that are meant. \[s\]
+const APART: RangeInclusive<f64> = 1e-9..=1e6;
 
 /// What a bake produced: the pose of every body at every frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,8 +35,9 @@ pub struct Recording {
     pub bodies: usize,
     /// Time between two frames. \[s\]
     pub frame_time: f64,
-    /// frames x bodies x (3D: px py pz qx qy qz qw; 2D: px py angle); frame 0 is the initial
-    /// state. \[m, rad\]
+    /// Number of its first frame; 0 is the initial state.
+    pub start: usize,
+    /// frames x bodies x (3D: px py pz qx qy qz qw; 2D: px py angle). \[m, rad\]
     pub poses: Vec<f32>,
 }
 
@@ -47,19 +52,42 @@ impl Recording {
         if self.bodies == 0 { 0 } else { self.poses.len() / (self.bodies * self.stride()) }
     }
 
-    /// That it has as many bodies as a scene, in as many dimensions.
+    /// When its frames are. \[s\]
+    pub fn times(&self) -> impl ExactSizeIterator<Item = f64> {
+        let (start, frame_time) = (self.start, self.frame_time);
+        (0..self.frames()).map(move |frame| start.saturating_add(frame) as f64 * frame_time)
+    }
+
+    /// Some of its frames, by number; they keep their times.
+    ///
+    /// # Panics
+    /// It does not have all of them.
+    #[must_use]
+    pub fn piece(&self, frames: RangeInclusive<usize>) -> Self {
+        let (first, last) = frames.into_inner();
+        let number = |frame: usize| (frame - self.start) * self.bodies * self.stride();
+        let poses = self.poses[number(first)..number(last + 1)].to_vec();
+        Self { start: first, poses, ..*self }
+    }
+
+    /// That it has as many bodies as a scene, in as many dimensions, and a rate.
     pub(crate) fn must_have(&self, bodies: usize, dimension: usize) -> io::Result<()> {
-        if (self.bodies, self.dimension) == (bodies, dimension) {
+        let message = if (self.bodies, self.dimension) != (bodies, dimension) {
+            format!(
+                "a recording of {} bodies in {}D is not of a scene with {bodies} in {dimension}D",
+                self.bodies, self.dimension,
+            )
+        } else if !APART.contains(&self.frame_time) {
+            let [low, high] = [APART.start(), APART.end()];
+            let accepted = format!("accepted: {low:e} to {high:e} s");
+            format!("the frames of a recording are {} s apart; {accepted}", self.frame_time)
+        } else {
             return Ok(());
-        }
-        let message = format!(
-            "a recording of {} bodies in {}D is not of a scene with {bodies} in {dimension}D",
-            self.bodies, self.dimension,
-        );
+        };
         Err(io::Error::new(io::ErrorKind::InvalidInput, message))
     }
 
-    /// The pose of a body at a frame.
+    /// The pose of a body at a frame, counted from its first.
     pub fn pose(&self, frame: usize, body: usize) -> &[f32] {
         let stride = self.stride();
         let start = (frame * self.bodies + body) * stride;

@@ -8,7 +8,7 @@
 
 mod document;
 mod error;
-mod file;
+pub(crate) mod file;
 pub mod format;
 pub mod gltf;
 pub(crate) mod graph;
@@ -18,7 +18,7 @@ pub mod usd;
 pub mod write;
 
 pub use error::{Place, SceneError, Warning};
-pub use file::read;
+pub use file::{open, read};
 pub use schema::json_schema;
 pub use write::{to_json, to_toml};
 

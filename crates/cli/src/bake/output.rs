@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use drystone::recording::{self, Recording, Sampling, write_whole};
+use drystone::recording::{self, Sampling, write_whole};
 use drystone::scene::{Read, Warning};
 
 use super::{Arguments, Bake};
+use crate::cut::{Cut, Film};
 use crate::failure::Failure;
 
 /// What a motion is written as.
@@ -77,26 +78,17 @@ impl Outputs {
         &self,
         read: &Read,
         bake: &Bake,
-        fps: Option<f64>,
+        cut: &Cut,
     ) -> Result<(Vec<PathBuf>, Vec<Warning>), Failure> {
         let (names, contacts) = (read.scene.names(), bake.contacts());
-        let film = Film { recording: &bake.recording, names: &names, contacts: &contacts };
-        let options = Sampling { fps, ..Sampling::default() };
+        let film = cut.film(&bake.recording, &names, &contacts)?;
+        let options = cut.sampling();
         let mut warnings = Vec::new();
         for (path, format) in &self.motions {
             warnings.extend(format.write(path, Some(read), &film, &options)?);
         }
         Ok((self.motions.iter().map(|(path, _)| path.clone()).collect(), warnings))
     }
-}
-
-/// A motion to be written.
-pub(crate) struct Film<'a> {
-    pub(crate) recording: &'a Recording,
-    /// One for each body.
-    pub(crate) names: &'a [String],
-    /// Points of contact in the step that led to each frame; empty where nobody knows.
-    pub(crate) contacts: &'a [u32],
 }
 
 impl Format {

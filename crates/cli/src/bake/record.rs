@@ -80,6 +80,7 @@ impl Bake {
             dimension: scene.dimension,
             bodies: scene.bodies.len(),
             frame_time: scene.time_step,
+            start: 0,
             poses: Vec::new(),
         };
         let settings = simulation.settings().clone();

@@ -12,11 +12,11 @@
 // An error is made once, at the end of a reading.
 #![allow(clippy::result_large_err)]
 
-use std::fs;
+use std::io::Read as _;
 use std::num::NonZero;
 use std::path::Path;
 
-use drystone::scene::{Place, SceneError};
+use drystone::scene::{self, Place, SceneError};
 use drystone_solver::assembled::{Assembly, Bodies, Matrix, Problem, ProblemError, from_entries};
 use serde_json::Value;
 
@@ -41,7 +41,9 @@ pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
     if path.extension().is_some_and(|extension| extension == "hdf5" || extension == "h5") {
         return Ok(Named { name: stem(), problem: fclib(&file)?, assembly: None, warm: None });
     }
-    let bytes = fs::read(path).map_err(|error| SceneError {
+    let mut bytes = Vec::new();
+    let whole = scene::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
+    whole.map_err(|error| SceneError {
         unreadable: true,
         ..file.error(Place::File, format!("cannot be read: {error}"), String::new(), "")
     })?;

@@ -2,8 +2,11 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
 
 use crate::common::{Place, SCENE};
+use drystone::recording::{Recording, npz};
 use serde_json::Value;
 
 #[test]
@@ -299,6 +302,107 @@ fn fewer_frames_make_a_smaller_clip() {
     let size = |name: &str| fs::metadata(place.path(name)).unwrap().len();
     assert!(size("few.glb") < size("all.glb"));
     assert_eq!(size("few.poses"), size("all.poses"));
+    for (tolerance, smaller) in [("0.01mm", false), ("0.1m", true)] {
+        let keys = ["-o", "keys.glb", "--key-tolerance", tolerance, "-q"];
+        place.succeeds(&[&["bake", "scene.toml"], &keys[..]].concat());
+        assert_eq!(size("keys.glb") < size("all.glb"), smaller, "{tolerance}");
+    }
+    for wrong in ["-1mm", "nan", "1km", "2000"] {
+        let wrong = format!("--key-tolerance={wrong}");
+        let message = place.fails(2, &["bake", "scene.toml", "-o", "keys.glb", &wrong]);
+        assert!(message.contains("accepted: a length from 0 to 1000 m"), "{message}");
+    }
+}
+
+/// First and last time of the keys of a `.glb`. \[s\]
+fn ends(glb: &[u8]) -> [f64; 2] {
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let document: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+    let samplers = document["animations"][0]["samplers"].as_array().unwrap();
+    let inputs = samplers.iter().map(|sampler| sampler["input"].as_u64().unwrap() as usize);
+    let ends: Vec<_> = inputs
+        .map(|input| {
+            let accessor = &document["accessors"][input];
+            ["min", "max"].map(|end| accessor[end][0].as_f64().unwrap())
+        })
+        .collect();
+    let first = ends.iter().map(|ends| ends[0]).fold(f64::INFINITY, f64::min);
+    [first, ends.iter().map(|ends| ends[1]).fold(0.0, f64::max)]
+}
+
+/// From a bake, and afterwards from its arrays.
+#[test]
+fn some_frames_are_those_of_the_whole() {
+    let place = Place::new(SCENE);
+    place.succeeds(&["bake", "scene.toml", "-o", "all.npz", "-o", "all.poses", "-q"]);
+    let read = |name: &str| fs::read(place.path(name)).unwrap();
+    let arrays = |name: &str| npz::read(&place.path(name)).unwrap().recording;
+    let whole = arrays("all.npz");
+    let outputs = ["glb", "usda", "npz", "poses"];
+    for (cut, steps, codes) in [
+        (&["--frames", "30..60"][..], 30..=60, [30, 60]),
+        (&["--frames=6..12", "--fps", "12"], 30..=60, [6, 12]),
+        // Between steps.
+        (&["--frames", "1..3", "--fps=24"], 2..=8, [1, 3]),
+        (&["--frames", "0..120", "--fps=60"], 0..=120, [0, 120]),
+    ] {
+        let mut bake = [&["bake", "scene.toml", "-q"], cut].concat();
+        let names = outputs.map(|form| format!("some.{form}"));
+        names.iter().for_each(|name| bake.extend(["-o", name]));
+        place.succeeds(&bake);
+        let some = arrays("some.npz");
+        // The time of a late frame does not tell its last bit.
+        assert!((some.frame_time / whole.frame_time - 1.0).abs() < 1e-15, "{cut:?}");
+        let some = Recording { frame_time: whole.frame_time, ..some };
+        assert!(some == whole.piece(steps.clone()), "{cut:?}");
+        let numbers = 4 * 3 * 7;
+        let expected = &read("all.poses")[numbers * steps.start()..numbers * (steps.end() + 1)];
+        assert!(read("some.poses") == expected, "{cut:?}");
+        let stage = fs::read_to_string(place.path("some.usda")).unwrap();
+        let [first, last] = codes.map(|code| code.to_string());
+        assert!(stage.contains(&format!("startTimeCode = {first}\n")), "{cut:?}");
+        assert!(stage.contains(&format!("endTimeCode = {last}\n")), "{cut:?}");
+        let rate = if steps.start() == &2 { 24.0 } else { 60.0 / (steps.end() / codes[1]) as f64 };
+        let times = ends(&read("some.glb")).map(|time| (time * rate * 1e4).round() / 1e4);
+        assert_eq!(times, codes.map(|code| code as f64), "{cut:?}");
+        for form in outputs {
+            let (name, from) = (format!("again.{form}"), format!("some.{form}"));
+            for input in ["all.npz", "all.poses"] {
+                let convert = ["convert", input, &name, "--scene", "scene.toml"];
+                place.succeeds(&[&convert[..], cut].concat());
+                if form == "npz" {
+                    assert!(arrays(&name) == arrays(&from), "{input}: {cut:?}");
+                } else {
+                    assert!(read(&name) == read(&from), "{input} to {form}: {cut:?}");
+                }
+            }
+        }
+        // A piece remembers where it was.
+        let rate: Vec<_> = cut.iter().filter(|word| word.contains("fps")).collect();
+        if rate.is_empty() {
+            place.succeeds(&["convert", "some.npz", "piece.glb", "--scene", "scene.toml"]);
+            assert!(read("piece.glb") == read("some.glb"));
+        }
+    }
+}
+
+#[test]
+fn frames_that_there_are_not_are_refused_before_the_simulation() {
+    let place = Place::new(&SCENE.replace("duration = 2", "duration = 10000"));
+    let refused =
+        |more: &[&str]| place.fails(2, &[&["bake", "scene.toml", "-o", "a.glb"], more].concat());
+    let beyond = refused(&["--frames", "7..600001"]);
+    assert!(
+        beyond.contains("--frames is 7..600001; accepted: frames from 0 to 600000"),
+        "{beyond}"
+    );
+    let beyond = refused(&["--frames", "7..9", "--fps", "24", "--steps", "10"]);
+    assert!(beyond.contains("--frames is 7..9; accepted: frames from 0 to 4"), "{beyond}");
+    for wrong in ["9..7", "7", "7..", "-1..3", "a..b", "7...9"] {
+        let message = refused(&[&format!("--frames={wrong}")]);
+        assert!(message.contains("accepted: two whole numbers, such as 24..96"), "{message}");
+    }
+    assert_eq!(place.files(), ["scene.toml"]);
 }
 
 #[test]
@@ -335,6 +439,35 @@ fn wrong_usage_is_refused_before_the_simulation() {
     assert!(bake(&["-o", "folder.glb"], 4).contains("a folder is in its place"));
     assert!(place.fails(4, &["bake", "gone.toml", "-o", "a.glb"]).contains("gone.toml"));
     assert_eq!(place.files(), ["copy.glb", "folder.glb", "scene.toml"]);
+}
+
+/// Neither what has no end, nor what waits for somebody to write.
+#[cfg(unix)]
+#[test]
+fn what_is_no_regular_file_is_not_read() {
+    let place = Place::new(SCENE);
+    let refused = |arguments: &[&str]| {
+        let start = Instant::now();
+        let message = place.fails(4, arguments);
+        assert!(message.contains("Not a regular file"), "{message}");
+        assert_eq!(message.lines().count(), 1, "{message}");
+        assert!(start.elapsed() < Duration::from_secs(5), "{:?}: {arguments:?}", start.elapsed());
+    };
+    for form in ["toml", "json", "gltf", "glb", "usda", "npz", "poses", "journal"] {
+        let (endless, pipe) = (format!("endless.{form}"), format!("pipe.{form}"));
+        std::os::unix::fs::symlink("/dev/zero", place.path(&endless)).unwrap();
+        let made = Command::new("mkfifo").arg(place.path(&pipe)).status();
+        assert!(made.is_ok_and(|status| status.success()), "mkfifo");
+        for name in [&endless, &pipe] {
+            if form == "npz" || form == "poses" || form == "journal" {
+                refused(&["verify", name, name]);
+                refused(&["convert", name, "out.npz", "--scene", "scene.toml"]);
+            } else {
+                refused(&["check", name]);
+            }
+        }
+    }
+    refused(&["solve", "endless.json"]);
 }
 
 #[test]

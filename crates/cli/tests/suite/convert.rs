@@ -152,6 +152,15 @@ fn a_bake_becomes_another() {
     place.succeeds(&["convert", "a.poses", "c.npz", "--scene", "scene.toml"]);
     assert!(place.succeeds(&["convert", "c.npz", "c.poses"]).contains("c.poses"));
     assert!(read("c.poses") == read("a.poses"));
+    // Of one frame nobody knows how long it is.
+    place.succeeds(&["bake", "scene.toml", "--steps", "0", "-o", "one.npz", "-o", "one.glb", "-q"]);
+    place.succeeds(&["convert", "one.npz", "again.glb", "--scene", "scene.toml"]);
+    place.succeeds(&["convert", "one.npz", "again.usda", "--scene", "scene.toml"]);
+    assert!(read("again.glb") == read("one.glb"));
+    let beyond = place.fails(2, &["convert", "a.npz", "d.npz", "--frames", "3..10"]);
+    assert!(beyond.contains("--frames is 3..10; accepted: frames from 0 to 9"), "{beyond}");
+    let scene = place.fails(2, &["convert", "scene.toml", "d.json", "--frames", "3..10"]);
+    assert!(scene.contains("scene.toml: is a scene; accepted with --fps"), "{scene}");
     for (from, out) in [("a.poses", "d.npz"), ("a.npz", "d.glb")] {
         assert!(place.fails(2, &["convert", from, out]).contains("scene"), "{from}");
     }

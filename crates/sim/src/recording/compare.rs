@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     fn recording(poses: Vec<f32>) -> Recording {
-        Recording { dimension: 2, bodies: 2, frame_time: 0.5, poses }
+        Recording { dimension: 2, bodies: 2, frame_time: 0.5, start: 0, poses }
     }
 
     #[test]

@@ -224,7 +224,13 @@ mod tests {
             }
         }
         let (dimension, bodies) = (scene.dimension, scene.bodies.len());
-        Recording { dimension, bodies, frame_time: 1.0 / 60.0, poses: poses.repeat(frames) }
+        Recording {
+            dimension,
+            bodies,
+            frame_time: 1.0 / 60.0,
+            start: 0,
+            poses: poses.repeat(frames),
+        }
     }
 
     fn scene(text: &str) -> Scene {

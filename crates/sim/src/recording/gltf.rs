@@ -3,7 +3,6 @@
 #![deny(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -17,12 +16,14 @@ use super::sampling::Sampling;
 use crate::scene::gltf::{BodyNode, Source, container};
 use crate::scene::graph::math::{self, Quat};
 use crate::scene::graph::transform::{Affine, Trs};
-use crate::scene::{Place, Warning};
+use crate::scene::{Place, Warning, file};
 
 /// Name of the animation that is added.
 const CLIP: &str = "Drystone";
 /// Buffers start at multiples of this, which suits every component type.
 const ALIGNMENT: usize = 8;
+/// Largest image that is embedded. \[byte\]
+const LARGEST: u64 = 1 << 30;
 
 /// Writes `recording` into the glTF that its scene was read from, as one `.glb`.
 ///
@@ -281,7 +282,8 @@ fn embed_images(
             continue;
         }
         let bytes = container::contained(uri, folder)
-            .and_then(|path| fs::read(path).map_err(|error| error.to_string()));
+            .and_then(|path| file::read_bytes(&path, LARGEST).map_err(|error| error.to_string()))
+            .and_then(|bytes| bytes.ok_or_else(|| "it is too large".to_owned()));
         let kind = bytes.as_ref().ok().and_then(|bytes| image_type(bytes));
         let (Ok(bytes), Some(kind)) = (bytes, kind) else {
             warnings.push(Warning {

@@ -267,7 +267,7 @@ impl Journal {
 /// # Errors
 /// The system refuses; the file is no journal, or has not got as far as its header.
 pub fn read(path: &Path) -> io::Result<Contents> {
-    let found = contents(&mut File::open(path)?)?;
+    let found = contents(&mut scene::open(path)?)?;
     found.map(|(contents, _)| contents).ok_or_else(|| refusal("it is no journal, or an empty one"))
 }
 
@@ -396,6 +396,7 @@ impl Contents {
             dimension: header.dimension,
             bodies: header.names.len(),
             frame_time: header.frame_time,
+            start: 0,
             poses: Vec::new(),
         };
         let (steps, checkpoints) = (Vec::new(), Vec::new());

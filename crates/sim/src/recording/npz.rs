@@ -9,7 +9,6 @@
     )
 )]
 
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, Write};
 use std::path::Path;
 
@@ -17,7 +16,11 @@ use npyz::{AutoSerialize, DType, Deserialize, NpyFile, Serialize, WriterBuilder 
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::{Recording, write_whole};
+use super::{APART, Recording, write_whole};
+use crate::scene;
+
+/// Largest number of a first frame.
+const LATEST: f64 = 1e9;
 
 /// A recording, and what its bodies are called.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,14 +45,13 @@ pub fn write(
 ) -> io::Result<()> {
     let frames = recording.frames();
     let size = [frames, recording.bodies, recording.stride()].map(|n| n as u64);
-    let times = (0..frames).map(|frame| frame as f64 * recording.frame_time);
     let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(1);
     let text = format!("<U{longest}").parse().map_err(io::Error::other)?;
     write_whole(path, |out| {
         let mut zip = ZipWriter::new_stream(out);
         array(&mut zip, "poses", f32::default_dtype(), &size, &recording.poses)?;
         array(&mut zip, "names", DType::new_scalar(text), &[names.len() as u64], names)?;
-        array(&mut zip, "times", f64::default_dtype(), &[size[0]], times)?;
+        array(&mut zip, "times", f64::default_dtype(), &[size[0]], recording.times())?;
         array(&mut zip, "contacts", u32::default_dtype(), &[contacts.len() as u64], contacts)?;
         zip.finish()?;
         Ok(())
@@ -76,7 +78,7 @@ fn array<W: Write + Seek, T: Serialize>(
 /// # Errors
 /// The file cannot be read, or is no recording; says which array is wrong, and what is accepted.
 pub fn read(path: &Path) -> io::Result<Named> {
-    let file = File::open(path)?;
+    let file = scene::open(path)?;
     let size = file.metadata()?.len();
     let mut zip = ZipArchive::new(BufReader::new(file))?;
     let (poses, shape) = load::<f32>(&mut zip, size, "poses")?;
@@ -97,8 +99,24 @@ pub fn read(path: &Path) -> io::Result<Named> {
             "{sizes}; accepted: one for each of {bodies} bodies, {frames} frames"
         ));
     }
-    let frame_time = if let [first, second, ..] = times.as_slice() { second - first } else { 0.0 };
-    let recording = Recording { dimension, bodies: names.len(), frame_time, poses };
+    let (frame_time, start) = match times.as_slice() {
+        // Their difference has lost what the times of late frames leave out.
+        [first, second, ..] => {
+            let start = (first / (second - first)).round();
+            (second / (start + 1.0), start)
+        }
+        // Nobody knows when the next one would have been.
+        _ => (0.0, 0.0),
+    };
+    if times.len() > 1 && !APART.contains(&frame_time) {
+        let [low, high] = [APART.start(), APART.end()];
+        return refuse(format!("times is {frame_time} s apart; accepted: {low:e} to {high:e} s"));
+    }
+    if !(0.0..=LATEST).contains(&start) {
+        return refuse(format!("times begins at frame {start}; accepted: 0 to {LATEST}"));
+    }
+    let start = start as usize;
+    let recording = Recording { dimension, bodies: names.len(), frame_time, start, poses };
     Ok(Named { recording, names })
 }
 
@@ -142,7 +160,7 @@ mod tests {
 
     fn named(frames: usize) -> Named {
         let poses = (0..frames * 6).map(|i| i as f32 / 3.0).collect();
-        let recording = Recording { dimension: 2, bodies: 2, frame_time: 0.5, poses };
+        let recording = Recording { dimension: 2, bodies: 2, frame_time: 0.5, start: 0, poses };
         Named { recording, names: vec!["ball".to_owned(), "Würfel 2".to_owned()] }
     }
 
@@ -156,7 +174,7 @@ mod tests {
         let path = folder.path().join("run.npz");
         write_named(&path, &named(3), &[0, 4, 5]);
         assert_eq!(read(&path).unwrap(), named(3));
-        let mut zip = ZipArchive::new(File::open(&path).unwrap()).unwrap();
+        let mut zip = ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
         assert_eq!(
             load::<f64>(&mut zip, 1 << 20, "times").unwrap(),
             (vec![0.0, 0.5, 1.0], vec![3])
@@ -174,6 +192,16 @@ mod tests {
             assert!(message.contains(why), "{message}");
         };
         refused(&Named { names: vec!["one".to_owned()], ..named(2) }, "1 names and 2 times");
+        let timed = |frame_time: f64, start: usize| {
+            let recording = Recording { frame_time, start, ..named(2).recording };
+            Named { recording, ..named(2) }
+        };
+        for wrong in [0.0, -0.5, f64::NAN, f64::INFINITY, 1e7] {
+            refused(&timed(wrong, 0), "s apart; accepted: 1e-9 to 1e6 s");
+        }
+        refused(&timed(0.5, 1 << 40), "times begins at frame 1099511627776; accepted: 0 to");
+        write_named(&path, &timed(1.0 / 60.0, 1234), &[]);
+        assert_eq!(read(&path).unwrap().recording.start, 1234);
         write_named(&path, &named(2), &[]);
         let whole = std::fs::read(&path).unwrap();
         for length in 0..whole.len() {

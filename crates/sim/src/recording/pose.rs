@@ -17,7 +17,7 @@ pub struct Pose {
 /// The recording has no such body or no frame.
 pub fn pose_at(recording: &Recording, body: usize, time: f64) -> Pose {
     let last = recording.frames() - 1;
-    let frame = (time / recording.frame_time).clamp(0.0, last as f64);
+    let frame = (time / recording.frame_time - recording.start as f64).clamp(0.0, last as f64);
     // Times of frames are products of the frame time, which may round to either side.
     let near = frame.round();
     if (frame - near).abs() < 1e-6 {

@@ -9,12 +9,12 @@
     )
 )]
 
-use std::fs;
-use std::io::{self, Write};
+use std::io::{self, Read as _, Write};
 use std::path::Path;
 
 use super::Recording;
 use super::file::write_whole;
+use crate::scene;
 
 /// Numbers that are turned into bytes at a time.
 const BLOCK: usize = 1 << 16;
@@ -44,8 +44,9 @@ pub fn read(
     bodies: usize,
     frame_time: f64,
 ) -> io::Result<Recording> {
-    let bytes = fs::read(path)?;
-    let mut recording = Recording { dimension, bodies, frame_time, poses: Vec::new() };
+    let mut bytes = Vec::new();
+    scene::open(path)?.read_to_end(&mut bytes)?;
+    let mut recording = Recording { dimension, bodies, frame_time, start: 0, poses: Vec::new() };
     let frame = bodies.saturating_mul(recording.stride()).saturating_mul(size_of::<f32>());
     if bytes.len().checked_rem(frame).unwrap_or(bytes.len()) != 0 {
         let message = format!("{} bytes are no whole number of frames of {frame}", bytes.len());
@@ -58,13 +59,15 @@ pub fn read(
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]
     fn reading_what_was_written_gives_the_same_poses() {
         let path = tempfile::tempdir().unwrap().keep().join("run.poses");
         let poses = (0..12).map(|i| i as f32 / 3.0).collect();
-        let recording = Recording { dimension: 2, bodies: 2, frame_time: 0.5, poses };
+        let recording = Recording { dimension: 2, bodies: 2, frame_time: 0.5, start: 0, poses };
         write(&path, &recording).unwrap();
         assert_eq!(fs::read(&path).unwrap()[4..8], (1.0f32 / 3.0).to_le_bytes());
         assert_eq!(read(&path, 2, 2, 0.5).unwrap(), recording);

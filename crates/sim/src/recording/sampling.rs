@@ -12,45 +12,52 @@ pub struct Sampling {
     pub position_tolerance: f64,
     /// Largest angle between the animation and a sample of the recording. \[rad\]
     pub rotation_tolerance: f64,
-    /// Samples per second; absent, or as many as there are frames: every recorded frame.
-    /// \[1/s\]
+    /// Samples per second, at its whole multiples; absent, or as many as there are frames: every
+    /// recorded frame. \[1/s\]
     pub fps: Option<f64>,
+}
+
+impl Sampling {
+    /// By so much, and by as many radians as meters: a point a meter from the center of its body moves as
+    /// far by the one as by the other. \[m\]
+    pub fn within(tolerance: f64) -> Self {
+        Self { position_tolerance: tolerance, rotation_tolerance: tolerance, fps: None }
+    }
+
+    /// Frames of the recording from one sample to the next; 1 where all are taken.
+    pub fn stride(&self, frame_time: f64) -> f64 {
+        let fewer = self.fps.filter(|fps| *fps > 0.0 && *fps * frame_time < 1.0);
+        fewer.map_or(1.0, |fps| 1.0 / (fps * frame_time))
+    }
 }
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { position_tolerance: 1e-5, rotation_tolerance: 1e-5, fps: None }
+        Self::within(1e-5)
     }
 }
 
-/// Samples per second, if they are fewer than frames.
-fn fewer(recording: &Recording, options: &Sampling) -> Option<f64> {
-    options.fps.filter(|fps| *fps > 0.0 && *fps * recording.frame_time < 1.0)
-}
+/// What rounding may take from a whole number of samples.
+const WHOLE: f64 = 1e-6;
 
-/// Samples per second; the last one may follow sooner. \[1/s\]
+/// Samples per second. \[1/s\]
 pub(super) fn sample_rate(recording: &Recording, options: &Sampling) -> f64 {
-    fewer(recording, options).unwrap_or(1.0 / recording.frame_time)
+    1.0 / (options.stride(recording.frame_time) * recording.frame_time)
 }
 
-/// Rising times of the samples: those of all frames, or of fewer and of the last. \[s\]
+/// Rising times of the samples. \[s\]
 pub(super) fn sample_times(recording: &Recording, options: &Sampling) -> Vec<f64> {
-    let Some(last) = recording.frames().checked_sub(1) else {
+    let stride = options.stride(recording.frame_time);
+    let Some(more) = recording.frames().checked_sub(1) else {
         return Vec::new();
     };
-    let end = last as f64 * recording.frame_time;
-    match fewer(recording, options) {
-        None => (0..=last).map(|frame| frame as f64 * recording.frame_time).collect(),
-        Some(fps) => {
-            let whole = (end * fps + 1e-6).floor() as u64;
-            let mut times: Vec<f64> = (0..=whole).map(|i| i as f64 / fps).collect();
-            // The last frame is where things come to rest.
-            if end - whole as f64 / fps > 1e-6 * recording.frame_time {
-                times.push(end);
-            }
-            times
-        }
+    if stride == 1.0 {
+        return recording.times().collect();
     }
+    let number = |frame: usize| frame as f64 / stride;
+    let first = (number(recording.start) - WHOLE).ceil() as usize;
+    let last = (number(recording.start + more) + WHOLE).floor() as usize;
+    (first..=last).map(|sample| sample as f64 * stride * recording.frame_time).collect()
 }
 
 /// Kept samples and their values; none if the track is constant.

@@ -56,20 +56,26 @@ pub fn write(
     world.children.push(physics(scene));
     world.children.extend(materials.prim());
     world.children.extend(bodies);
-    let end = codes.last().copied().unwrap_or(0.0);
-    write_stage(path, &world, end, rate, rate)
+    let ends = [codes.first(), codes.last()].map(|code| code.copied().unwrap_or(0.0));
+    write_stage(path, &world, ends, rate, rate)
 }
 
-/// Writes what is in the world, from time code 0 to the last, with so many frames and time codes per
-/// second.
-fn write_stage(path: &Path, world: &Prim, end: f64, frames: f64, codes: f64) -> io::Result<()> {
+/// Writes what is in the world, from a first time code to a last one, with so many frames and time codes
+/// per second.
+fn write_stage(
+    path: &Path,
+    world: &Prim,
+    [start, end]: [f64; 2],
+    frames: f64,
+    codes: f64,
+) -> io::Result<()> {
     write_whole(path, |out| {
         writeln!(out, "#usda 1.0\n(")?;
         let creator = concat!("Drystone ", env!("CARGO_PKG_VERSION"));
         writeln!(out, "    customLayerData = {{\n        string creator = \"{creator}\"\n    }}")?;
         writeln!(out, "    defaultPrim = \"World\"\n    endTimeCode = {end}")?;
         writeln!(out, "    framesPerSecond = {frames}\n    kilogramsPerUnit = 1")?;
-        writeln!(out, "    metersPerUnit = 1\n    startTimeCode = 0")?;
+        writeln!(out, "    metersPerUnit = 1\n    startTimeCode = {start}")?;
         writeln!(out, "    timeCodesPerSecond = {codes}\n    upAxis = \"Y\"\n)\n")?;
         world.write(out, 0)
     })

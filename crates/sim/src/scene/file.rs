@@ -44,7 +44,7 @@ pub fn read(file: &Path) -> Result<Read, SceneError> {
 }
 
 pub(super) fn read_text(file: &Path) -> Result<String, SceneError> {
-    let bytes = read_bytes(file).map_err(|error| SceneError {
+    let bytes = read_bytes(file, MAX_SIZE).map_err(|error| SceneError {
         file: file.to_owned(),
         place: Place::File,
         item: "the file cannot be read".to_owned(),
@@ -70,22 +70,31 @@ pub(super) fn read_text(file: &Path) -> Result<String, SceneError> {
     })
 }
 
-/// All bytes; none if there are too many.
-fn read_bytes(file: &Path) -> io::Result<Option<Vec<u8>>> {
-    let data = std::fs::metadata(file)?;
+/// Opens a file to be read, unless it is one that may never end, or that waits for somebody to write.
+///
+/// # Errors
+/// It is a folder or no regular file, or the system refuses.
+pub fn open(path: &Path) -> io::Result<File> {
+    let data = std::fs::metadata(path)?;
     if data.is_dir() {
         return Err(io::Error::other("Is a directory"));
     }
     if !data.is_file() {
         return Err(io::Error::other("Not a regular file"));
     }
-    if data.len() > MAX_SIZE {
+    File::open(path)
+}
+
+/// All bytes; none if there are more than so many.
+pub(crate) fn read_bytes(file: &Path, most: u64) -> io::Result<Option<Vec<u8>>> {
+    let file = open(file)?;
+    if file.metadata()?.len() > most {
         return Ok(None);
     }
     let mut bytes = Vec::new();
     // The file may grow while it is read.
-    File::open(file)?.take(MAX_SIZE + 1).read_to_end(&mut bytes)?;
-    Ok(if bytes.len() as u64 > MAX_SIZE { None } else { Some(bytes) })
+    file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    Ok(if bytes.len() as u64 > most { None } else { Some(bytes) })
 }
 
 /// Fills `start` with the first bytes of a file; whether there are as many.

@@ -150,7 +150,7 @@ fn stages_as_usda() {
 
 fn recording() -> Recording {
     let poses = (0..3 * 2 * 7).map(|i| i as f32 / 3.0).collect();
-    Recording { dimension: 3, bodies: 2, frame_time: 0.5, poses }
+    Recording { dimension: 3, bodies: 2, frame_time: 0.5, start: 0, poses }
 }
 
 fn written(write: impl Fn(&Path)) -> Vec<u8> {

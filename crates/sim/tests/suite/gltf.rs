@@ -618,12 +618,15 @@ fn files_without_physics_and_strange_extensions() {
     let mut required = document(json!([]), ball(), json!({}));
     required["extensionsRequired"] = json!(["KHR_lights_punctual", "EXT_nope"]);
     assert_eq!(refused(read("required", &required), "/extensionsRequired/1").value, "\"EXT_nope\"");
+    // The last one would win without a word.
+    const TWICE: &str = "{\"asset\":{\"version\":\"2.0\"},\n\"x\":[{\"y\":1,\n\"y\":2}]}";
     for (text, line) in
-        [("{\"asset\":{\"version\":\"2.0\"},\n\"x\":1e999}", 2), ("NaN", 1), ("", 1)]
+        [("{\"asset\":{\"version\":\"2.0\"},\n\"x\":1e999}", 2), ("NaN", 1), ("", 1), (TWICE, 3)]
     {
         let error = read_text("text", text).expect_err("no JSON");
         assert!(matches!(error.place, Place::Line { line: l, .. } if l == line), "{error}");
     }
+    assert!(read_text("twice", TWICE).expect_err("twice").item.contains("duplicate key \"y\""));
     let deep = "[".repeat(100_000);
     assert!(read_text("deep", &deep).is_err());
     assert!(gltf::read(Path::new("no such file.gltf")).expect_err("missing").unreadable);
@@ -724,7 +727,7 @@ fn animated_nodes_are_kinematic() {
 fn record(bodies: usize, frames: usize, pose: impl Fn(usize, usize) -> [f32; 7]) -> Recording {
     let poses = (0..frames).flat_map(|f| (0..bodies).flat_map(move |b| [(f, b)]));
     let poses = poses.flat_map(|(f, b)| pose(f, b)).collect();
-    Recording { dimension: 3, bodies, frame_time: 1.0 / 60.0, poses }
+    Recording { dimension: 3, bodies, frame_time: 1.0 / 60.0, start: 0, poses }
 }
 
 fn written(read: &Read, recording: &Recording) -> Vec<u8> {

@@ -38,6 +38,7 @@ impl Run {
             dimension: scene.dimension,
             bodies: scene.bodies.len(),
             frame_time: 1.0 / RATE as f64,
+            start: 0,
             poses: Vec::new(),
         };
         simulation.write_poses(&mut recording.poses);

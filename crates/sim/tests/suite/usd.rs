@@ -473,6 +473,66 @@ fn animations_move_kinematic_bodies() {
     near(&body.track.positions[30], &[half, half, 0.0]);
 }
 
+/// What many programs write of all that stands still.
+#[test]
+fn one_sample_stands_still() {
+    const ORDER: &str = "uniform token[] xformOpOrder = [\"xformOp:translate\"]";
+    let sample = "double3 xformOp:translate.timeSamples = { 10: (1, 2, 3) }\n";
+    let default = "double3 xformOp:translate = (4, 5, 6)\n";
+    let fixed = body(&collider("Cube", &format!("{sample}{ORDER}")));
+    assert_eq!((fixed.motion, fixed.position), (Motion::Static, vec![1.0, 2.0, 3.0]));
+    let free = body(&ball(&format!("{sample}{ORDER}")));
+    assert_eq!((free.motion, free.position), (Motion::Dynamic, vec![1.0, 2.0, 3.0]));
+    // It holds what follows its animation, from wherever that starts and however fast.
+    let speed = "vector3f physics:velocity = (7, 0, 0)\nbool physics:kinematicEnabled = true\n";
+    for (default, start) in [("", [1.0, 2.0, 3.0]), (default, [4.0, 5.0, 6.0])] {
+        let held = body(&ball(&format!("{speed}{default}{sample}{ORDER}")));
+        assert_eq!((held.motion, held.position), (Motion::Kinematic, start.to_vec()));
+        assert_eq!(held.track.positions, [[1.0, 2.0, 3.0]]);
+        assert_eq!(held.linear_velocity, [0.0; 3]);
+    }
+    // A scale that stands still leaves keys as they are.
+    let scaled = moving("bool physics:kinematicEnabled = true").replace(
+        "[\"xformOp:translate\"]",
+        "[\"xformOp:translate\", \"xformOp:scale\"]\nfloat3 xformOp:scale.timeSamples = { 10: (2, 2, 2) }",
+    );
+    assert_eq!(body(&scaled).track.times.len(), 2);
+}
+
+#[test]
+fn large_groups_are_read_fast() {
+    let cube = |i: usize| {
+        format!(
+            "def Xform \"B{i}\" (prepend apiSchemas = [\"PhysicsRigidBodyAPI\"]) {{\n\
+             def Cube \"C\" (prepend apiSchemas = [\"PhysicsCollisionAPI\"]) {{\n}}\n}}\n"
+        )
+    };
+    let members: Vec<_> = (0..10_000).map(|i| format!("</B{i}>")).collect();
+    let cubes: String = (0..members.len()).map(cube).collect();
+    let ten: String = (0..10)
+        .map(|i| {
+            let members: Vec<_> = members.iter().skip(i).step_by(10).cloned().collect();
+            let next = (i + 1) % 10;
+            group(
+                &format!("G{i}"),
+                &members.join(", "),
+                &format!(
+                    "rel physics:filteredGroups = </G{next}>\n\
+                     rel physics:filteredPairs = [</B{i}>, </B{next}>]"
+                ),
+            )
+        })
+        .collect();
+    for groups in [group("G", &members.join(", "), ""), ten] {
+        let start = Instant::now();
+        let (scene, _) = prims(&format!("{cubes}{groups}"));
+        let took = start.elapsed();
+        println!("{} bodies in groups: {took:?}", scene.bodies.len());
+        assert_eq!(scene.bodies.len(), members.len());
+        assert!(took < Duration::from_secs(5), "{took:?}");
+    }
+}
+
 #[test]
 fn layers_are_composed() {
     let brick = "#usda 1.0\n(\n defaultPrim = \"Brick\"\n)\ndef Xform \"Brick\" (\n\
@@ -777,6 +837,16 @@ motion = "kinematic"
 position = [0, 0, 7]
 track = [{ time = 0.5, position = [0, 0.1, 7] }, { time = 1.7, position = [1, 0, 7], rotation = [0, 0.6, 0, 0.8] }]
 shapes = []
+[[bodies]]
+name = "held where it is"
+motion = "kinematic"
+track = [{ time = 0.5, position = [0, 0, 0] }]
+shapes = []
+[[bodies]]
+name = "held elsewhere"
+motion = "kinematic"
+track = [{ time = 0.5, position = [0, 1, 0], rotation = [0, 0.6, 0, 0.8] }]
+shapes = []
 "#;
     let scene = format::read_toml(Path::new("all.toml"), scene).unwrap().scene;
     let there = back(&scene);
@@ -805,7 +875,8 @@ fn a_bake_is_read_as_its_scene() {
     let scene = format::read_toml(Path::new("x.toml"), scene).unwrap().scene;
     let poses =
         (0..3).flat_map(|i| [0.0, 2.0 - 0.1 * i as f32 * i as f32, 0.0, 0.0, 0.0, 0.0, 1.0]);
-    let recording = Recording { dimension: 3, bodies: 1, frame_time: 0.1, poses: poses.collect() };
+    let recording =
+        Recording { dimension: 3, bodies: 1, frame_time: 0.1, start: 0, poses: poses.collect() };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bake.usda");
     recording::usda::write(&path, &scene, &recording, &Sampling::default()).unwrap();
@@ -813,4 +884,51 @@ fn a_bake_is_read_as_its_scene() {
     assert_eq!(read.scene.bodies, scene.bodies);
     assert!(read.warnings[0].message.contains("its animation is not played"));
     assert_eq!(read.scene.bodies[0].shapes[0].material.friction_combine, Combine::GeometricMean);
+}
+
+/// Keys of a stage, as its reader sees what is between them.
+#[test]
+fn keys_are_as_close_as_asked() {
+    let scene = "[[bodies]]\nmotion = \"kinematic\"\nshapes = [{type = \"sphere\", radius = 0.5}]";
+    let scene = format::read_toml(Path::new("x.toml"), scene).unwrap().scene;
+    let pose = |frame: usize| {
+        let t = frame as f32 * 0.02;
+        let (sin, cos) = (0.4 * t * t).sin_cos();
+        [t.cos(), 2.0 - 0.3 * t * t, 0.0, 0.0, sin, 0.0, cos]
+    };
+    let whole = Recording {
+        dimension: 3,
+        bodies: 1,
+        frame_time: 0.02,
+        start: 0,
+        poses: (0..200).flat_map(pose).collect(),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("keys.usda");
+    let mut counts = Vec::new();
+    for tolerance in [1e-5, 1e-3, 1e-1] {
+        for recording in [whole.piece(50..=150), whole.clone()] {
+            recording::usda::write(&path, &scene, &recording, &Sampling::within(tolerance))
+                .unwrap();
+            let read = usd::read(&path).unwrap();
+            let track = &read.scene.bodies[0].track;
+            // The stage starts with its first frame.
+            let start = recording.times().next().unwrap();
+            for (frame, time) in recording.times().enumerate() {
+                let (position, rotation) = track.at(time - start);
+                let pose: Vec<_> = recording.pose(frame, 0).iter().map(|x| f64::from(*x)).collect();
+                let apart = |a: &[f64], b: &[f64]| {
+                    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+                };
+                let off = apart(&position, &pose[..3]);
+                assert!(off < 1.01 * tolerance + 1e-6, "frame {frame}: {off} m");
+                let Rotation::Quaternion(turn) = rotation else { panic!("{rotation:?}") };
+                let off = 2.0 * apart(&turn, &pose[3..]);
+                assert!(off < 1.01 * tolerance + 1e-6, "frame {frame}: {off} rad");
+            }
+            counts.push(track.times.len());
+        }
+    }
+    println!("{counts:?} keys");
+    assert!(counts[1] > counts[3] && counts[3] > counts[5], "{counts:?}");
 }

@@ -5,7 +5,7 @@ use super::super::sampling::thin;
 use super::*;
 
 fn recording(poses: Vec<f32>) -> Recording {
-    Recording { dimension: 3, bodies: 1, frame_time: 1.0 / 60.0, poses }
+    Recording { dimension: 3, bodies: 1, frame_time: 1.0 / 60.0, start: 0, poses }
 }
 
 /// Falls, then rests; spins while it falls, turning by more than half a turn.
@@ -56,25 +56,36 @@ fn play<const N: usize>(keys: &[f32], values: &[f32], time: f32) -> [f64; N] {
 
 #[test]
 fn a_clip_stays_within_its_tolerance_and_is_short() {
-    let run = falling(600);
-    let options = Sampling::default();
-    let (document, bytes, _) = clip(&run, &options);
+    let mut keys = Vec::new();
+    for tolerance in [1e-5, 5e-3, 0.1] {
+        let options = Sampling::within(tolerance);
+        keys.push(keys_within(&falling(600), &options));
+        // A piece is as close, at the times that it had.
+        keys_within(&falling(600).piece(20..=50), &options);
+    }
+    assert!(keys[0] < 140 && keys.is_sorted_by(|a, b| a > b), "{keys:?}");
+}
+
+/// How many keys a clip has; they must be within the tolerance.
+fn keys_within(run: &Recording, options: &Sampling) -> usize {
+    let (document, bytes, _) = clip(run, options);
+    let mut count = 0;
     let samplers = document["animations"][0]["samplers"].as_array().unwrap();
     for (path, sampler) in samplers.iter().enumerate() {
         let keys = floats(&document, &bytes, &sampler["input"]);
         let values = floats(&document, &bytes, &sampler["output"]);
-        assert!(keys.len() < 70, "{} keys", keys.len());
-        for frame in 0..run.frames() {
-            let pose = pose_at(&run, 0, frame as f64 * run.frame_time);
-            let time = (frame as f64 * run.frame_time) as f32;
+        count += keys.len();
+        for (frame, at) in run.times().enumerate() {
+            let (pose, time) = (pose_at(run, 0, at), at as f32);
             let error = if path == 0 {
                 distance(play::<3>(&keys, &values, time), pose.position)
             } else {
                 angle(play::<4>(&keys, &values, time), pose.rotation)
             };
-            assert!(error < 1.1e-5, "frame {frame}: {error}");
+            assert!(error < 1.1 * options.position_tolerance, "frame {frame}: {error}");
         }
     }
+    count
 }
 
 #[test]
@@ -130,12 +141,34 @@ fn equal_keys_are_stored_once() {
 }
 
 #[test]
-fn other_rates_end_at_the_last_frame() {
+fn other_rates_have_whole_frames() {
     let run = falling(62);
     let options = Sampling { fps: Some(24.0), ..Sampling::default() };
     let times = sample_times(&run, &options);
-    assert_eq!(times.len(), 26);
-    assert!((times[25] - 61.0 / 60.0).abs() < 1e-12);
+    assert_eq!(times.len(), 25);
+    assert!((times[24] - 1.0).abs() < 1e-12);
+    let piece = sample_times(&run.piece(2..=8), &options);
+    assert_eq!(piece, times[1..=3]);
+    // More than there are frames make no difference.
+    let more = Sampling { fps: Some(100.0), ..options };
+    assert_eq!(sample_times(&run, &more).len(), 62);
+}
+
+#[test]
+fn a_piece_has_its_frames_at_their_times() {
+    let run = falling(90);
+    let (piece, times) = (run.piece(30..=59), run.times().collect::<Vec<_>>());
+    assert_eq!(piece.times().collect::<Vec<_>>(), times[30..=59]);
+    for frame in 0..30 {
+        assert_eq!(piece.pose(frame, 0), run.pose(30 + frame, 0));
+        let between = times[30 + frame] + 0.3 * run.frame_time;
+        let held = between.min(times[59]);
+        assert_eq!(pose_at(&piece, 0, between), pose_at(&run, 0, held));
+    }
+    assert_eq!(piece.piece(40..=45), run.piece(40..=45));
+    // One frame, and no time to the next.
+    let still = Recording { frame_time: 0.0, ..run.piece(7..=7) };
+    assert_eq!(pose_at(&still, 0, 3.0), pose_at(&run, 0, times[7]));
 }
 
 #[test]

@@ -62,7 +62,7 @@ impl Stage {
     /// # Errors
     /// Those of [`write_whole`](crate::recording::write_whole).
     pub fn write(&self, path: &Path) -> io::Result<()> {
-        write_stage(path, &self.world, self.end, self.frames_per_second, 1.0)
+        write_stage(path, &self.world, [0.0, self.end], self.frames_per_second, 1.0)
     }
 }
 

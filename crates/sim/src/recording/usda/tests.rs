@@ -15,7 +15,7 @@ fn stage(text: &str, frames: usize, options: &Sampling) -> String {
         }
     };
     let poses = (0..frames).flat_map(|frame| pose(frame).repeat(bodies)).collect();
-    let recording = Recording { dimension, bodies, frame_time: 0.01, poses };
+    let recording = Recording { dimension, bodies, frame_time: 0.01, start: 0, poses };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.usda");
     write(&path, &scene, &recording, options).unwrap();

@@ -1,13 +1,11 @@
 //! The file as bytes: GLB chunks, the JSON text, buffers and where they come from.
 
-use std::fs;
-use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
 use super::super::{Place, SceneError, Warning, file};
-use super::json::Cursor;
+use super::json::{Cursor, parse};
 
 /// Most bytes that a file, or all buffers together, may have.
 const MOST: u64 = 2 << 30;
@@ -34,7 +32,7 @@ pub(super) fn open(file: &Path, warnings: &mut Vec<Warning>) -> Result<Container
     if named_glb || bytes.starts_with(b"glTF") {
         return open_glb(file, &bytes, warnings);
     }
-    let document = serde_json::from_slice(&bytes).map_err(|error| SceneError {
+    let document = parse(&bytes).map_err(|error| SceneError {
         file: file.to_path_buf(),
         place: Place::Line { line: error.line(), column: error.column() },
         item: format!("JSON: {}", reason(&error)),
@@ -52,14 +50,8 @@ fn reason(error: &serde_json::Error) -> String {
 }
 
 fn read_file(file: &Path, most: u64) -> std::io::Result<Vec<u8>> {
-    let opened = fs::File::open(file)?;
-    if opened.metadata()?.len() > most {
-        return Err(std::io::Error::other(format!("it is larger than {most} bytes")));
-    }
-    let mut bytes = Vec::new();
-    // A special file has no length to check beforehand.
-    opened.take(most).read_to_end(&mut bytes)?;
-    Ok(bytes)
+    file::read_bytes(file, most)?
+        .ok_or_else(|| std::io::Error::other(format!("it is larger than {most} bytes")))
 }
 
 fn open_glb(
@@ -129,7 +121,7 @@ fn open_glb(
         })?;
         match (&kind.to_le_bytes(), chunks) {
             (b"JSON", 0) => {
-                document = Some(serde_json::from_slice(chunk).map_err(|error| {
+                document = Some(parse(chunk).map_err(|error| {
                     let at = payload.saturating_add(byte_of(chunk, error.line(), error.column()));
                     let accepted = "a glTF 2.0 document in UTF-8 is accepted";
                     let item = format!("JSON: {}", reason(&error));
@@ -146,7 +138,12 @@ fn open_glb(
             (_, 0) => {
                 let at = offset.saturating_add(4);
                 let value = format!("{kind:#x}");
-                return Err(wrong(at, "type of the first GLB chunk", value, "JSON".into()));
+                return Err(wrong(
+                    at,
+                    "type of the first GLB chunk",
+                    value,
+                    "JSON is accepted".into(),
+                ));
             }
             _ => {}
         }

@@ -95,7 +95,9 @@ impl<'a> Meshes<'a> {
         let Some(at) = attributes.get("POSITION")? else { return Ok(()) };
         let positions = self.accessors.get(&at)?;
         if positions.kind() != "VEC3" || !(positions.is_float() || self.quantized) {
-            let found = format!("accessor of type {}", positions.kind());
+            let components = if positions.is_float() { "float" } else { "whole" };
+            let found =
+                format!("accessor of type {} with {components} components", positions.kind());
             return Err(at.fault(
                 format!("POSITION, an {found}"),
                 "an accessor of type VEC3 with float components is accepted",

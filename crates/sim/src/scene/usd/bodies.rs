@@ -95,7 +95,7 @@ impl Builder<'_> {
             Motion::Static if driven => Motion::Kinematic,
             motion => motion,
         };
-        let follows = driven && motion == Motion::Kinematic;
+        let follows = motion == Motion::Kinematic && (driven || self.transforms.held(index));
         if driven && !follows {
             let what = "its animation is not played: contacts move it; physics:kinematicEnabled \
                         lets the animation do so";

@@ -62,22 +62,21 @@ pub(super) fn of(
         }
     }
     let merged = merged(stage, &groups)?;
+    let all: BTreeSet<usize> = merged.iter().copied().collect();
     for (index, group) in groups.iter().enumerate() {
         let Some(prim) = stage.prim(group.prim) else { continue };
-        let filtered: BTreeSet<usize> = stage
+        let listed: BTreeSet<usize> = stage
             .targets(prim, "physics:filteredGroups")
             .iter()
             .filter_map(|path| stage.find(path))
-            .filter_map(|prim| groups.iter().position(|group| group.prim == prim))
+            // They are in the order of their prims.
+            .filter_map(|prim| groups.binary_search_by_key(&prim, |group| group.prim).ok())
             .filter_map(|group| merged.get(group).copied())
             .collect();
         let inverted = stage.flag(prim, "physics:invertFilteredGroups")?.unwrap_or(false);
         let own = merged.get(index).copied().unwrap_or(index);
-        for other in merged.iter().copied().collect::<BTreeSet<_>>() {
-            if filtered.contains(&other) != inverted {
-                part(Tag::Group(own), Tag::Group(other));
-            }
-        }
+        let filtered = if inverted { all.difference(&listed).copied().collect() } else { listed };
+        filtered.iter().for_each(|other| part(Tag::Group(own), Tag::Group(*other)));
         if inverted {
             part(Tag::Group(own), Tag::Outside);
         }
@@ -85,8 +84,18 @@ pub(super) fn of(
     if groups.is_empty() && named.is_empty() {
         return Ok(vec![Filter::default(); colliders.len()]);
     }
+    let said = said(stage, &groups);
     let class_of = |collider: usize| -> Class {
-        let inside = groups.iter().enumerate().filter(|(_, group)| group.has(stage, collider));
+        // What is said of the nearest decides.
+        let mut inside = BTreeMap::new();
+        for above in stage.up(collider).map(|(index, _)| Some(index)).chain([None]) {
+            for (group, is_in) in said.get(&above).into_iter().flatten() {
+                if above == Some(collider) || groups.get(*group).is_some_and(|of| of.expands) {
+                    inside.entry(*group).or_insert(*is_in);
+                }
+            }
+        }
+        let inside = inside.into_iter().filter(|(_, is_in)| *is_in);
         let inside = inside.map(|(i, _)| Tag::Group(merged.get(i).copied().unwrap_or(i)));
         let mut class: Class = inside.collect();
         if class.is_empty() {
@@ -198,16 +207,21 @@ fn group<'s>(
     })
 }
 
-impl Group<'_> {
-    /// Whether a prim is in it: what is named nearest to it decides.
-    fn has(&self, stage: &Stage<'_>, prim: usize) -> bool {
-        let reach = if self.expands { usize::MAX } else { 1 };
-        let named = stage.up(prim).take(reach).find_map(|(_, above)| {
-            let excluded = self.excludes.contains(&above.path);
-            (excluded || self.includes.contains(&above.path)).then_some(!excluded)
-        });
-        named.unwrap_or(self.everything && self.expands)
+/// What groups say of the prims that they name, and of none of them: that everything is in it. What is both
+/// excluded and included is excluded: that comes first.
+fn said(stage: &Stage<'_>, groups: &[Group<'_>]) -> BTreeMap<Option<usize>, Vec<(usize, bool)>> {
+    let mut said: BTreeMap<_, Vec<_>> = BTreeMap::new();
+    for (index, group) in groups.iter().enumerate() {
+        for (paths, is_in) in [(group.excludes, false), (group.includes, true)] {
+            for prim in paths.iter().filter_map(|path| stage.find(path)) {
+                said.entry(Some(prim)).or_default().push((index, is_in));
+            }
+        }
+        if group.everything {
+            said.entry(None).or_default().push((index, true));
+        }
     }
+    said
 }
 
 /// The filter of the own format that a group was written for.

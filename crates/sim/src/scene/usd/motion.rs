@@ -70,6 +70,11 @@ impl Transforms {
         self.chain(stage, prim).iter().any(moves)
     }
 
+    /// Whether an animation of its own holds a prim, even where it is.
+    pub(super) fn held(&self, prim: usize) -> bool {
+        self.own.get(prim).is_some_and(Transform::has_keys)
+    }
+
     /// Poses of a prim in the scene, as it and what is above move.
     pub(super) fn track(
         &self,

@@ -157,9 +157,14 @@ impl Transform {
         steps.fold(Pose::REST, |pose, step| pose.after(&step))
     }
 
-    /// Whether it changes over time.
+    /// Whether it is anywhere else at some time than at rest.
     pub(super) fn moves(&self) -> bool {
-        self.ops.iter().any(|op| !op.samples.is_empty())
+        self.ops.iter().any(Op::moves)
+    }
+
+    /// Whether it has poses for some times.
+    pub(super) fn has_keys(&self) -> bool {
+        self.codes().next().is_some()
     }
 
     /// Whether poses between its keys are as straight as a track.
@@ -169,8 +174,8 @@ impl Transform {
         self.ops.iter().all(|op| {
             // What moves after a turn that changes swings.
             let swings = turned && op.kind == Kind::Translate;
-            turned |= op.kind == Kind::Orient && !op.samples.is_empty();
-            op.samples.is_empty() && !swings || plain(op) && !swings && !op.inverse
+            turned |= op.kind == Kind::Orient && op.moves();
+            !op.moves() && !swings || plain(op) && !swings && !op.inverse
         })
     }
 
@@ -234,16 +239,11 @@ impl Op {
                 samples.push((*code, padded(value).ok_or_else(refuse)?));
             }
         }
-        if let [(_, only)] = samples.as_slice() {
-            // It stands still.
-            let rest = if prim.properties.get(name).is_some_and(|p| p.value.is_some()) {
-                rest
-            } else {
-                *only
-            };
-            return Ok(Some(Self { kind, inverse, rest, samples: Vec::new() }));
-        }
         Ok(Some(Self { kind, inverse, rest, samples }))
+    }
+
+    fn moves(&self) -> bool {
+        self.samples.iter().any(|(_, value)| *value != self.rest)
     }
 
     fn at(&self, code: Option<f64>) -> Pose {

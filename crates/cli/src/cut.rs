@@ -1,0 +1,110 @@
+//! Which frames of a motion are written, and how closely.
+
+use std::borrow::Cow;
+use std::ops::RangeInclusive;
+
+use drystone::recording::{Recording, Sampling};
+
+use crate::failure::Failure;
+use crate::quantity::{length, real};
+
+/// What rounding may take from a whole number of frames.
+const WHOLE: f64 = 1e-6;
+
+/// What is written of a motion.
+#[derive(clap::Args)]
+pub(crate) struct Cut {
+    /// Frames per second in the .glb and the .usda [default: one per step]; the time step stays the scene's
+    #[arg(long, value_name = "N", value_parser = real(0.001..=100_000.0))]
+    fps: Option<f64>,
+
+    /// Write these frames only, both of them included, such as 24..96. Frame 0 is the initial state; with
+    /// --fps they are counted at that rate, else there is one per step. They keep their times, as a range of
+    /// frames does in Blender: the clip of 24..96 begins at frame 24 [default: all]
+    #[arg(long, value_name = "FIRST..LAST", value_parser = range)]
+    frames: Option<RangeInclusive<usize>>,
+
+    /// How far what the .glb and the .usda show may be from the bake in any of their frames; the more, the
+    /// fewer keys. Rotations may be off by as many radians as that is meters, which moves points a meter
+    /// from the center of a body by as much again [default: 0.01mm]
+    #[arg(long, value_name = "LENGTH", value_parser = tolerance)]
+    key_tolerance: Option<f64>,
+}
+
+/// A motion to be written.
+pub(crate) struct Film<'a> {
+    pub(crate) recording: Cow<'a, Recording>,
+    /// One for each body.
+    pub(crate) names: &'a [String],
+    /// Points of contact in the step that led to each frame; empty where nobody knows.
+    pub(crate) contacts: &'a [u32],
+}
+
+impl Cut {
+    /// Whether it asks for anything.
+    pub(crate) fn is_asked(&self) -> bool {
+        self.fps.is_some() || self.frames.is_some() || self.key_tolerance.is_some()
+    }
+
+    /// How closely a motion is followed.
+    pub(crate) fn sampling(&self) -> Sampling {
+        let close = self.key_tolerance.map_or_else(Sampling::default, Sampling::within);
+        Sampling { fps: self.fps, ..close }
+    }
+
+    /// The steps of a bake, so far apart \[s\], that lead to the frames which are asked for; refuses frames
+    /// that it does not have.
+    pub(crate) fn steps(
+        &self,
+        bake: RangeInclusive<usize>,
+        time_step: f64,
+    ) -> Result<RangeInclusive<usize>, Failure> {
+        let Some(frames) = &self.frames else { return Ok(bake) };
+        let stride = self.sampling().stride(time_step);
+        let begin = (*bake.start() as f64 / stride - WHOLE).ceil() as usize;
+        let end = (*bake.end() as f64 / stride + WHOLE).floor() as usize;
+        let (first, last) = (*frames.start(), *frames.end());
+        if first < begin || last > end {
+            return Err(Failure::Input(format!(
+                "--frames is {first}..{last}; accepted: frames from {begin} to {end}"
+            )));
+        }
+        // Between two steps, both of them tell.
+        let from = (first as f64 * stride + WHOLE).floor() as usize;
+        let to = (last as f64 * stride - WHOLE).ceil() as usize;
+        Ok(from.max(*bake.start())..=to.min(*bake.end()))
+    }
+
+    /// What is asked for of a bake.
+    pub(crate) fn film<'a>(
+        &self,
+        recording: &'a Recording,
+        names: &'a [String],
+        contacts: &'a [u32],
+    ) -> Result<Film<'a>, Failure> {
+        let start = recording.start;
+        let whole = Film { recording: Cow::Borrowed(recording), names, contacts };
+        let (Some(more), Some(_)) = (recording.frames().checked_sub(1), &self.frames) else {
+            return Ok(whole);
+        };
+        let steps = self.steps(start..=start + more, recording.frame_time)?;
+        let places = steps.start() - start..=steps.end() - start;
+        let contacts = contacts.get(places).unwrap_or_default();
+        Ok(Film { recording: Cow::Owned(recording.piece(steps)), contacts, ..whole })
+    }
+}
+
+/// A parser of the first and the last of some frames.
+fn range(text: &str) -> Result<RangeInclusive<usize>, String> {
+    let whole = |text: &str| text.trim().parse().ok();
+    let ends = text.split_once("..").and_then(|(a, b)| Some((whole(a)?, whole(b)?)));
+    ends.filter(|(first, last)| first <= last).map(|(first, last)| first..=last).ok_or_else(|| {
+        "accepted: two whole numbers, such as 24..96, the second at least the first".to_owned()
+    })
+}
+
+/// A parser of what keys may be off. \[m\]
+fn tolerance(text: &str) -> Result<f64, String> {
+    let accepted = "accepted: a length from 0 to 1000 m, such as 0.1mm or 0.0001m";
+    length(text).filter(|x| (0.0..=1e3).contains(x)).ok_or_else(|| accepted.to_owned())
+}
