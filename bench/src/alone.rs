@@ -53,15 +53,23 @@ pub(crate) fn stages(cases: &[Case], options: &Options) -> Result<(), Refusal> {
 /// # Errors
 /// A scene that Drystone does not have.
 pub(crate) fn flat(cases: &[Case], options: &Options) -> Result<(), Refusal> {
-    let mut table =
-        Table::new(&["settings", "scene", "contacts", "ms per step", "ns per contact and step"]);
+    let mut table = Table::new(&[
+        "settings",
+        "scene",
+        "contacts",
+        "ms per step",
+        "ns per contact",
+        "bytes per body",
+    ]);
     let presets = [("realtime", StepSettings::realtime()), ("quality", StepSettings::quality())];
     for (name, settings) in presets {
         let mut rounds: Vec<Vec<Vec<f64>>> = cases.iter().map(|_| Vec::new()).collect();
         let mut contacts = vec![0.0; cases.len()];
+        let mut bytes = vec![0.0f64; cases.len()];
         for round in 1..=options.rounds {
             for (number, case) in cases.iter().enumerate() {
                 eprintln!("{name}, {}: round {round} of {}", case.name, options.rounds);
+                let before = resident();
                 let mut engine = Drystone::new(&case.scene, settings.clone(), options.threads)?;
                 let late = settled(case.steps);
                 let mut counts = Vec::new();
@@ -70,12 +78,16 @@ pub(crate) fn flat(cases: &[Case], options: &Options) -> Result<(), Refusal> {
                         counts.push(engine.report.contacts as f64);
                     }
                 })?;
+                let own = (resident() - before) / case.scene.bodies.len() as f64;
+                bytes[number] = bytes[number].max(own);
                 rounds[number].push(run.times);
                 contacts[number] = mean(&counts);
             }
         }
         let mut per_contact = Vec::new();
-        for ((case, rounds), contacts) in cases.iter().zip(&rounds).zip(&contacts) {
+        for (((case, rounds), contacts), bytes) in
+            cases.iter().zip(&rounds).zip(&contacts).zip(&bytes)
+        {
             let time = per_step(rounds, settled(case.steps));
             per_contact.push(time * 1e6 / contacts);
             table.row(vec![
@@ -84,17 +96,27 @@ pub(crate) fn flat(cases: &[Case], options: &Options) -> Result<(), Refusal> {
                 format!("{contacts:.0}"),
                 number(time),
                 number(time * 1e6 / contacts),
+                format!("{bytes:.0}"),
             ]);
         }
-        let growth = per_contact[1] / per_contact[0];
+        let most = per_contact.iter().copied().fold(0.0, f64::max);
         table.row(vec![
             name.to_string(),
-            "8000 / 1000".to_string(),
+            "the most / the first".to_string(),
             String::new(),
             String::new(),
-            format!("{growth:.2}"),
+            format!("{:.2}", most / per_contact[0]),
+            String::new(),
         ]);
     }
     table.print(options.markdown);
     Ok(())
+}
+
+/// What the process has in memory \[B\]; 0 where Linux does not tell.
+fn resident() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let kilobytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse().ok());
+    1024.0 * kilobytes.unwrap_or(0.0)
 }

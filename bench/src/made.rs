@@ -76,7 +76,7 @@ impl Body {
     }
 }
 
-/// Names of all scenes.
+/// Names of all scenes that are made if none is asked for.
 pub(crate) const NAMES: [&str; 12] = [
     "stack_30",
     "pyramid_20",
@@ -102,10 +102,13 @@ pub(crate) fn made(name: &str) -> Option<Case> {
         "dominoes_200" => (1200, 0.5, dominoes(200)),
         "box_pile_1000" => (600, 0.5, pile(1000, 10, 0.92, 3, tumbled_box)),
         "hull_pile_500" => (600, 0.5, pile(500, 8, 0.66, 5, tumbled_hull)),
-        "sphere_pile_1000" => (600, 0.5, pile(1000, 10, 0.6, 1, sphere)),
-        "sphere_pile_8000" => (600, 0.5, pile(8000, 20, 0.6, 2, sphere)),
         "disk_pile_1000_2d" => (600, 0.5, disks(1000, 25, 0.6)),
-        _ => return None,
+        _ => {
+            // Of any size.
+            let count = name.strip_prefix("sphere_pile_")?.parse().ok()?;
+            let side = (1..=200).find(|side| side * side * side >= count)?;
+            (600, 0.5, pile(count, side, 0.6, side.div_ceil(10) as u64, sphere))
+        }
     };
     let dimension = if name.ends_with("_2d") { 2 } else { 3 };
     let mut gravity = vec![0.0; dimension];

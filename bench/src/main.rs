@@ -56,8 +56,9 @@ pub(crate) struct Options {
     /// Runs Drystone alone and prints its time by stage
     #[arg(long, conflicts_with_all = ["quality", "engines"])]
     stages: bool,
-    /// Runs Drystone alone and prints its time per contact in a small and a large pile
-    #[arg(long, conflicts_with_all = ["quality", "engines", "paths", "scenes", "stages"])]
+    /// Runs Drystone alone and prints its time per contact and its memory per body in piles of 1000 to
+    /// 64 000 spheres, or in other scenes
+    #[arg(long, conflicts_with_all = ["quality", "engines", "stages"])]
     flat: bool,
     /// Runs the sweep alone and prints its time beside what the machine could do
     #[arg(long, exclusive = true)]
@@ -92,8 +93,9 @@ fn work(options: &Options) -> Result<(), String> {
         kernel::run();
         return Ok(());
     }
-    let piles = ["sphere_pile_1000", "sphere_pile_8000"].map(String::from);
-    let names = if options.flat { &piles[..] } else { &options.scenes };
+    let piles = ["sphere_pile_1000", "sphere_pile_8000", "sphere_pile_64000"].map(String::from);
+    let names =
+        if options.flat && options.scenes.is_empty() { &piles[..] } else { &options.scenes[..] };
     let mut cases = scenes::cases(&options.paths, names)?;
     for case in &mut cases {
         case.steps = options.steps.map_or(case.steps, |steps| steps as usize);

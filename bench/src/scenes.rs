@@ -51,6 +51,10 @@ pub(crate) fn cases(paths: &[PathBuf], names: &[String]) -> Result<Vec<Case>, St
             cases.push(from_file(path)?);
         }
     }
+    if paths.is_empty() {
+        let missing = |name: &&String| !NAMES.contains(&name.as_str());
+        cases.extend(names.iter().filter(missing).filter_map(|name| made(name)));
+    }
     for name in names {
         if !cases.iter().any(|case| case.name == *name) {
             let known: Vec<_> = cases.iter().map(|case| case.name.as_str()).collect();

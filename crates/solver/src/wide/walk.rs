@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use super::block::Block;
 use crate::color::Coloring;
-use crate::lanes::{Lanes, Row, WIDTH};
+use crate::lanes::{Lanes, Row};
 use crate::team::{Member, Shared};
 use crate::{Contact, Velocity};
 
@@ -148,22 +148,21 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
                 }
             }
             let (first, last) = (V::to_rows(first), V::to_rows(last));
-            for lane in 0..WIDTH {
-                if moving >> lane & 1 == 0 {
-                    continue;
-                }
-                let at = bodies[lane] as usize;
-                // SAFETY: as in `gather`.
-                let body = unsafe { &mut self.velocities.get_mut(at..at + 1)[0] };
-                for i in 0..L + A {
-                    let number = if i < 4 { first[lane][i] } else { last[lane][i - 2] };
-                    if i < L {
-                        body.linear[i] = number;
-                    } else {
-                        body.angular[i - L] = number;
+            each_lane!(lane => {
+                if moving >> lane & 1 != 0 {
+                    let at = bodies[lane] as usize;
+                    // SAFETY: as in `gather`.
+                    let body = unsafe { &mut self.velocities.get_mut(at..at + 1)[0] };
+                    for i in 0..L + A {
+                        let number = if i < 4 { first[lane][i] } else { last[lane][i - 2] };
+                        if i < L {
+                            body.linear[i] = number;
+                        } else {
+                            body.angular[i - L] = number;
+                        }
                     }
                 }
-            }
+            });
         }
     }
 }
@@ -182,13 +181,10 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     unsafe fn gather(&self, from: &Shared<'_, Velocity<f32, L, A>>) -> [Velocity<V, L, A>; 2] {
         let mut out = [Velocity::ZERO; 2];
         for (bodies, out) in self.bodies.iter().zip(&mut out) {
-            let mut rows = [[[0.0; 4]; WIDTH]; 2];
-            for lane in 0..WIDTH {
-                // SAFETY: as the caller promises.
-                let body = unsafe { from.get(bodies[lane] as usize) };
-                [rows[0][lane], rows[1][lane]] = to_rows(body);
-            }
-            let [first, last] = [V::from_rows(rows[0]), V::from_rows(rows[1])];
+            // SAFETY: as the caller promises.
+            let rows = each_lane!(lane => unsafe { to_rows(from.get(bodies[lane] as usize)) });
+            let first = V::from_rows(each_lane!(lane => rows[lane][0]));
+            let last = V::from_rows(each_lane!(lane => rows[lane][1]));
             for i in 0..L + A {
                 let number = if i < 4 { first[i] } else { last[i - 2] };
                 if i < L {
@@ -201,6 +197,18 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         out
     }
 }
+
+/// An array with a number for each lane; written out, since a loop that is not unrolled would go through
+/// memory.
+macro_rules! each_lane {
+    ($lane:ident => $of:expr) => {
+        each_lane!($lane => $of; 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15)
+    };
+    ($name:ident => $of:expr; $($lane:literal)*) => {
+        [$({ let $name = $lane; $of }),*]
+    };
+}
+use each_lane;
 
 /// The numbers of a velocity, from the first and, where they are more than four, from the third.
 #[inline(always)]
