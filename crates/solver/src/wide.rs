@@ -19,7 +19,7 @@ use crate::{Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
 pub use block::set;
 use block::{Block, contact_in, fill, get};
 use conjugate::Conjugate;
-use passes::{Passes, Targets, passes};
+use passes::{Passes, Targets, passes, shares};
 
 /// Manifolds and their points, to be packed.
 pub trait Rows<const L: usize>: Sync {
@@ -274,11 +274,9 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         }
         self.contacts.resize_with(first as usize, Contact::default);
         let Self { blocks, contacts, coloring, team, passes, .. } = self;
-        let useful = team.is_useful(blocks.len());
-        let share = blocks.len().div_ceil(if useful { team.members() } else { 1 });
-        let parts = chunks_with_parts(&coloring.points, share, contacts, |&points| points as usize);
-        let parts = parts.zip(blocks.chunks_mut(share.max(1))).enumerate();
-        team.for_each(useful, parts, |(part, ((_, contacts), blocks))| {
+        let (useful, share, parts) = shares(team, &coloring.points, contacts);
+        let parts = parts.zip(blocks.chunks_mut(share)).enumerate();
+        team.for_each(useful, parts, |(part, (contacts, blocks))| {
             fill(part * share, blocks, contacts, coloring, rows, masses);
             V::run(
                 #[inline(always)]

@@ -119,11 +119,8 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn set_targets(&self, packed: &mut Packed<V, L, A>, targets: &Targets<'_, V, L, A>) {
         let Packed { blocks, contacts, coloring, team, .. } = packed;
-        let useful = team.is_useful(blocks.len());
-        let share = blocks.len().div_ceil(if useful { team.members() } else { 1 });
-        let parts = chunks_with_parts(&coloring.points, share, contacts, |&points| points as usize);
-        let parts = parts.zip(blocks.chunks(share.max(1)));
-        team.for_each(useful, parts, |((_, contacts), blocks)| {
+        let (useful, share, parts) = shares(team, &coloring.points, contacts);
+        team.for_each(useful, parts.zip(blocks.chunks(share)), |(contacts, blocks)| {
             V::run(
                 #[inline(always)]
                 || {
@@ -184,11 +181,8 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         let nothing = Trace { impulse: Vector::ZERO, slip: Vector::ZERO };
         let Packed { blocks, contacts, coloring, traces, team, .. } = packed;
         traces.resize(contacts.len(), nothing);
-        let useful = team.is_useful(blocks.len());
-        let share = blocks.len().div_ceil(if useful { team.members() } else { 1 });
-        let parts = chunks_with_parts(&coloring.points, share, traces, |&points| points as usize);
-        let parts = parts.zip(blocks.chunks(share.max(1)));
-        team.for_each(useful, parts, |((_, traces), blocks)| {
+        let (useful, share, parts) = shares(team, &coloring.points, traces);
+        team.for_each(useful, parts.zip(blocks.chunks(share)), |(traces, blocks)| {
             V::run(
                 #[inline(always)]
                 || {
@@ -212,6 +206,19 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
             );
         });
     }
+}
+
+/// What belongs to the points of the blocks, in shares for a team, where that is worth while, and how many
+/// blocks a share has. `points` is how many points each block has.
+pub(super) fn shares<'a, T>(
+    team: &Team,
+    points: &'a [u32],
+    of_points: &'a mut [T],
+) -> (bool, usize, impl Iterator<Item = &'a mut [T]>) {
+    let useful = team.is_useful(points.len());
+    let share = points.len().div_ceil(if useful { team.members() } else { 1 }).max(1);
+    let parts = chunks_with_parts(points, share, of_points, |&points| points as usize);
+    (useful, share, parts.map(|(_, own)| own))
 }
 
 /// What a team works on.
