@@ -165,6 +165,8 @@ fn inverse<const A: usize>(matrix: &SymmetricMatrix<f32, A>) -> SymmetricMatrix<
 pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// None: removed.
     pub(crate) motion: Vec<Option<Motion>>,
+    /// How many are removed.
+    pub(crate) vacant: usize,
     pub(crate) generation: Vec<u32>,
     /// At the center of mass.
     pub(crate) poses: Vec<G::Pose>,
@@ -188,6 +190,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     pub(crate) fn new() -> Self {
         Self {
             motion: Vec::new(),
+            vacant: 0,
             generation: Vec::new(),
             poses: Vec::new(),
             frames: Vec::new(),

@@ -217,7 +217,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// A slot for a new body: the lowest that is free.
     fn allocate(&mut self) -> usize {
         let bodies = &mut self.bodies;
-        if let Some(index) = bodies.motion.iter().position(Option::is_none) {
+        if bodies.vacant > 0
+            && let Some(index) = bodies.motion.iter().position(Option::is_none)
+        {
+            bodies.vacant -= 1;
             bodies.generation[index] += 1;
             return index;
         }
@@ -250,6 +253,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         }
         self.bodies.motion[index] = None;
+        self.bodies.vacant += 1;
         self.bodies.inertia[index] = Inertia::FIXED;
         self.system.velocities[index] = Velocity::ZERO;
         self.system.masses[index] = InverseMass::FIXED;
