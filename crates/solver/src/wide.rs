@@ -283,8 +283,8 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                 || {
                     let mut later = contacts;
                     for block in blocks {
-                        let points;
-                        (points, later) = later.split_at_mut(block.manifold.count as usize);
+                        let count = block.manifold.count as usize;
+                        let points = later.split_off_mut(..count).unwrap_or_default();
                         R::finish(&mut block.manifold, points);
                         passes.prepare(block, points, softness);
                     }

@@ -126,8 +126,8 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
                 || {
                     let mut later = contacts;
                     for block in blocks {
-                        let points;
-                        (points, later) = later.split_at_mut(block.manifold.count as usize);
+                        let count = block.manifold.count as usize;
+                        let points = later.split_off_mut(..count).unwrap_or_default();
                         targets.set(block, points);
                     }
                 },
