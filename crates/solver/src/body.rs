@@ -7,8 +7,10 @@ use crate::{Cast, Real, Scalar, SymmetricMatrix, Vector, moment};
 
 /// Linear and angular velocity of a body: one block of the notes' column v.
 ///
-/// The same pair serves as a displacement (velocity times time), since J maps both alike.
+/// The same pair serves as a displacement (velocity times time), since J maps both alike. Laid out so that
+/// the numbers of a body come into registers of four in one go ([`Lanes`](crate::lanes::Lanes)).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(16))]
 pub struct Velocity<T: Real, const L: usize, const A: usize> {
     /// Of the center of mass. \[m/s\]
     pub linear: Vector<T, L>,
@@ -19,6 +21,8 @@ pub struct Velocity<T: Real, const L: usize, const A: usize> {
 impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
     /// At rest.
     pub const ZERO: Self = Self { linear: Vector::ZERO, angular: Vector::ZERO };
+    /// Where sums begin ([`Real::NOTHING`]).
+    pub(crate) const NOTHING: Self = Self { linear: Vector::NOTHING, angular: Vector::NOTHING };
 
     /// v . p: of a velocity and a momentum, a power times a time. \[J\]
     #[inline(always)]
@@ -38,7 +42,7 @@ impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
     /// Velocity \[m/s\] of the point at the lever arm `r` \[m\]: v + omega x r.
     #[inline(always)]
     pub fn at(&self, r: Vector<T, L>) -> Vector<T, L> {
-        self.linear + spin(self.angular, r)
+        if A == 0 { self.linear } else { self.linear + spin(self.angular, r) }
     }
 }
 

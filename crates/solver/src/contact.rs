@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::mobility::{Axes, all_axes};
 use crate::vector::add_moment;
 use crate::{Cast, Manifold, Mobility, Real, Repair, Scalar, Vector, Velocity};
 
@@ -90,7 +91,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
     pub(crate) fn unit_wrench<const A: usize>(&self, axis: usize) -> Velocity<T, L, A> {
         let mut unit = Vector::ZERO;
         unit[axis] = T::ONE;
-        let mut wrench = Velocity::ZERO;
+        let mut wrench = Velocity::NOTHING;
         self.add_wrench(axis..axis + 1, unit, &mut wrench);
         wrench
     }
@@ -129,7 +130,10 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// of this contact's block of A. \[1/kg\]
     #[inline(always)]
     fn entry<const A: usize>(&self, mobility: &Mobility<T, L, A>, i: usize, j: usize) -> T {
-        mobility.twist(&self.unit_wrench(i)).at(self.place)[j]
+        let mut twist = Velocity::NOTHING;
+        let from = Axes { linear: i..i + 1, angular: 0..A };
+        mobility.add(&from, &self.unit_wrench(i), &all_axes::<L, A>(), &mut twist);
+        twist.at(self.place)[j]
     }
 
     /// Sets the effective masses from the manifold's mobility, which holds

@@ -33,8 +33,12 @@ pub trait Lanes: Real + Cast<Self::Doubles> + 'static {
     /// One of them.
     fn get(&self, lane: usize) -> f32;
 
-    /// Four numbers of each lane, side by side.
-    fn from_rows(rows: [Row; WIDTH]) -> [Self; 4];
+    /// The numbers of each lane, which lie side by side: `count` of them, from two to four; what is more
+    /// means nothing.
+    ///
+    /// # Safety
+    /// So many can be read at each place.
+    unsafe fn from_rows(rows: [*const f32; WIDTH], count: usize) -> [Self; 4];
 
     /// The four numbers of each lane.
     fn to_rows(columns: [Self; 4]) -> [Row; WIDTH];
@@ -136,6 +140,7 @@ impl<R: Real, const N: usize> Default for Group<R, N> {
 impl<R: Real, const N: usize> Real for Group<R, N> {
     const ZERO: Self = Self([R::ZERO; N]);
     const ONE: Self = Self([R::ONE; N]);
+    const NOTHING: Self = Self([R::NOTHING; N]);
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
@@ -209,11 +214,12 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn from_rows(rows: [Row; WIDTH]) -> [Self; 4] {
+    unsafe fn from_rows(rows: [*const f32; WIDTH], count: usize) -> [Self; 4] {
         let mut columns = [Self::ZERO; 4];
-        for (i, column) in columns.iter_mut().enumerate() {
+        for (i, column) in columns.iter_mut().enumerate().take(count) {
             for (number, row) in column.0.iter_mut().zip(&rows) {
-                *number = row[i];
+                // SAFETY: as the caller promises.
+                *number = unsafe { *row.add(i) };
             }
         }
         columns
@@ -289,17 +295,17 @@ mod avx2 {
         }
 
         #[inline(always)]
-        fn from_rows(rows: [Row; WIDTH]) -> [Self; 4] {
+        unsafe fn from_rows(rows: [*const f32; WIDTH], count: usize) -> [Self; 4] {
             let mut columns = [Self::ZERO; 4];
             for half in 0..2 {
-                // SAFETY: within `run`, the machine has AVX2; a row is four numbers.
+                let at = 8 * half;
+                // SAFETY: within `run`, the machine has AVX2; the rows are as the caller promises.
                 let own = unsafe {
-                    let at = 8 * half;
                     transposed([
-                        _mm256_loadu2_m128(rows[at + 4].as_ptr(), rows[at].as_ptr()),
-                        _mm256_loadu2_m128(rows[at + 5].as_ptr(), rows[at + 1].as_ptr()),
-                        _mm256_loadu2_m128(rows[at + 6].as_ptr(), rows[at + 2].as_ptr()),
-                        _mm256_loadu2_m128(rows[at + 7].as_ptr(), rows[at + 3].as_ptr()),
+                        two_rows(rows[at], rows[at + 4], count),
+                        two_rows(rows[at + 1], rows[at + 5], count),
+                        two_rows(rows[at + 2], rows[at + 6], count),
+                        two_rows(rows[at + 3], rows[at + 7], count),
                     ])
                 };
                 for i in 0..4 {
@@ -361,6 +367,23 @@ mod avx2 {
                 let half = |numbers| Floats64(_mm256_cvtps_pd(_mm_loadu_ps(numbers)));
                 Group([half(numbers), half(numbers.add(4))])
             }
+        }
+    }
+
+    /// Two rows, one in each half.
+    ///
+    /// # Safety
+    /// As for [`Lanes::from_rows`].
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    unsafe fn two_rows(low: *const f32, high: *const f32, count: usize) -> __m256 {
+        // SAFETY: what is read beyond `count` is masked out, and so is not read.
+        unsafe {
+            if count >= 4 {
+                return _mm256_loadu2_m128(high, low);
+            }
+            let mask = _mm_set_epi32(0, if count > 2 { -1 } else { 0 }, -1, -1);
+            _mm256_set_m128(_mm_maskload_ps(high, mask), _mm_maskload_ps(low, mask))
         }
     }
 
@@ -443,6 +466,7 @@ mod avx2 {
             impl Real for $name {
                 const ZERO: Self = Self::all(0.0);
                 const ONE: Self = Self::all(1.0);
+                const NOTHING: Self = Self::all(-0.0);
 
                 #[inline(always)]
                 fn from_f64(value: f64) -> Self {

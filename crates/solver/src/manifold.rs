@@ -6,6 +6,9 @@
 //! numbers, whose response to impulses is the [`Mobility`](crate::Mobility). Twist and wrench:
 //! Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 2.
 
+use std::ops::Range;
+
+use crate::mobility::{Axes, all_axes};
 use crate::{Cast, InverseMass, Real, Scalar, SymmetricMatrix, Vector, Velocity, moment};
 
 /// What the points of a manifold share.
@@ -103,8 +106,14 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     /// The world vector with these components along the frame.
     #[inline(always)]
     pub fn to_world(&self, components: Vector<T, L>) -> Vector<T, L> {
-        let mut world = self.frame[0] * components[0];
-        for i in 1..L {
+        self.sum_along(0..L, components)
+    }
+
+    /// The same, from some of the components.
+    #[inline(always)]
+    fn sum_along(&self, axes: Range<usize>, components: Vector<T, L>) -> Vector<T, L> {
+        let mut world = Vector::NOTHING;
+        for i in axes {
             world += self.frame[i] * components[i];
         }
         world
@@ -145,8 +154,8 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         let mut angular = turning;
         if A == L {
             for i in 0..A {
-                angular[i] = self.frame[i][0] * turning[0];
-                for j in 1..A {
+                angular[i] = T::NOTHING;
+                for j in 0..A {
                     angular[i] += self.frame[i][j] * turning[j];
                 }
             }
@@ -158,12 +167,22 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     /// momenta that a gains and b loses. \[N s, N m s\]
     #[inline(always)]
     pub fn momenta<const A: usize>(&self, wrench: &Velocity<T, L, A>) -> [Velocity<T, L, A>; 2] {
-        let linear = self.to_world(wrench.linear);
+        self.momenta_of(&all_axes::<L, A>(), wrench)
+    }
+
+    /// The same, from some of the components.
+    #[inline(always)]
+    fn momenta_of<const A: usize>(
+        &self,
+        from: &Axes,
+        wrench: &Velocity<T, L, A>,
+    ) -> [Velocity<T, L, A>; 2] {
+        let linear = self.sum_along(from.linear.clone(), wrench.linear);
         let mut own = wrench.angular;
         if A == L {
             for i in 0..A {
-                own[i] = self.frame[0][i] * wrench.angular[0];
-                for j in 1..A {
+                own[i] = T::NOTHING;
+                for j in from.angular.clone() {
                     own[i] += self.frame[j][i] * wrench.angular[j];
                 }
             }
@@ -184,7 +203,20 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         a: &mut Velocity<T, L, A>,
         b: &mut Velocity<T, L, A>,
     ) {
-        let [to_a, from_b] = self.momenta(wrench);
+        self.apply_of(&all_axes::<L, A>(), wrench, masses, a, b);
+    }
+
+    /// The same, from some of the components.
+    #[inline(always)]
+    pub(crate) fn apply_of<const A: usize>(
+        &self,
+        from: &Axes,
+        wrench: &Velocity<T, L, A>,
+        masses: &[InverseMass<T, L, A>; 2],
+        a: &mut Velocity<T, L, A>,
+        b: &mut Velocity<T, L, A>,
+    ) {
+        let [to_a, from_b] = self.momenta_of(from, wrench);
         *a += masses[0].velocity(&to_a);
         *b -= masses[1].velocity(&from_b);
     }

@@ -31,8 +31,13 @@ impl<T: Real, const L: usize, const A: usize> Default for Crossed<T, L, A> {
 /// Some components of a twist or a wrench.
 #[derive(Clone, Debug)]
 pub(crate) struct Axes {
-    linear: Range<usize>,
-    angular: Range<usize>,
+    pub(crate) linear: Range<usize>,
+    pub(crate) angular: Range<usize>,
+}
+
+/// All of them.
+pub(crate) const fn all_axes<const L: usize, const A: usize>() -> Axes {
+    Axes { linear: 0..L, angular: 0..A }
 }
 
 /// What impulses along normals do and feel: the velocity along the normal, and turning that tilts it.
@@ -94,9 +99,8 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
     /// The twist that a wrench gives.
     #[inline(always)]
     pub fn twist(&self, wrench: &Velocity<T, L, A>) -> Velocity<T, L, A> {
-        let all = Axes { linear: 0..L, angular: 0..A };
-        let mut twist = Velocity::ZERO;
-        self.add(&all, wrench, &all, &mut twist);
+        let mut twist = Velocity::NOTHING;
+        self.add(&all_axes::<L, A>(), wrench, &all_axes::<L, A>(), &mut twist);
         twist
     }
 

@@ -6,7 +6,7 @@
 //! notes: "go ahead and let the impulse for collision i be included as an other collision", with
 //! the per-body sums kept as the velocities themselves. Cost: linear in the contacts.
 
-use crate::mobility::{across_normals, along_normals, along_tangents};
+use crate::mobility::{across_normals, all_axes, along_normals, along_tangents};
 use crate::solution::{self, Goal, Solution};
 use crate::{Contact, InverseMass, Manifold, Mobility, Real, System, Vector, Velocity};
 
@@ -51,22 +51,29 @@ impl<T: Real, const L: usize> Contact<T, L> {
             tangential[i] -= self.tangential_mass * (u[i] - self.target[i]);
         }
         let kept = T::ONE - self.softness();
-        let mut eased = tangential * kept;
-        eased[0] = tangential[0];
-        self.onto_disc(friction * (self.impulse[0] + self.impact), eased)
+        for i in 1..L {
+            tangential[i] = tangential[i] * kept;
+        }
+        self.onto_disc(friction * (self.impulse[0] + self.impact), tangential)
     }
 
     /// Scales the tangents of `v` down to the disc of this radius.
     #[inline(always)]
     pub(crate) fn onto_disc(&self, radius: T, v: Vector<T, L>) -> Vector<T, L> {
-        let mut squared = T::ZERO;
+        let mut out = v;
+        if L == 2 {
+            out[1] = v[1].max(-radius).min(radius);
+            return out;
+        }
+        let mut squared = T::NOTHING;
         for i in 1..L {
             squared += v[i] * v[i];
         }
         let length = squared.sqrt();
         let scale = (length - radius).choose(radius / length, T::ONE);
-        let mut out = v * scale;
-        out[0] = v[0];
+        for i in 1..L {
+            out[i] = v[i] * scale;
+        }
         out
     }
 
@@ -146,11 +153,11 @@ pub(crate) fn visit<
 ) {
     let mut twist = manifold.twist(a, b);
     let mut wrench = Velocity::ZERO;
-    let normals = &along_normals::<A>();
+    let (normals, all) = (&along_normals::<A>(), &all_axes::<L, A>());
     for contact in points.iter_mut() {
         let change = contact.visit_normal::<A, RIGID>(&twist);
         // The response to a unit is known before the change is: less to wait for.
-        let mut response = Velocity::ZERO;
+        let mut response = Velocity::NOTHING;
         mobility.add(normals, &contact.unit_wrench(0), normals, &mut response);
         twist += response * change[0];
         contact.add_wrench(0..1, change, &mut wrench);
@@ -160,13 +167,13 @@ pub(crate) fn visit<
         let tangents = &along_tangents::<L, A>();
         for contact in points.iter_mut() {
             let change = contact.visit_friction(manifold.friction, &twist);
-            let mut own = Velocity::ZERO;
+            let mut own = Velocity::NOTHING;
             contact.add_wrench(1..L, change, &mut own);
             mobility.add(tangents, &own, tangents, &mut twist);
             contact.add_wrench(1..L, change, &mut wrench);
         }
     }
-    manifold.apply(&wrench, masses, a, b);
+    manifold.apply_of(if FRICTION { all } else { normals }, &wrench, masses, a, b);
 }
 
 /// A manifold, its mobility, and the inverse masses of its bodies.

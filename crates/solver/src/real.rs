@@ -32,6 +32,9 @@ pub trait Real:
     const ZERO: Self;
     /// 1.
     const ONE: Self;
+    /// -0, where sums begin: x + -0 is x to the bit, and no compiler works it out; x + 0 is another bit
+    /// where x is -0.
+    const NOTHING: Self;
 
     /// The nearest value of this type.
     fn from_f64(value: f64) -> Self;
@@ -81,6 +84,7 @@ macro_rules! scalar {
         impl Real for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
+            const NOTHING: Self = -0.0;
 
             #[inline(always)]
             fn from_f64(value: f64) -> Self {

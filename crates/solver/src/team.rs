@@ -312,13 +312,19 @@ impl<'a, T> Shared<'a, T> {
         Self { start: slice.as_mut_ptr(), len: slice.len(), lifetime: PhantomData }
     }
 
-    /// # Safety
-    /// Nobody changes this member at the same time.
     #[inline(always)]
-    pub(crate) unsafe fn get(&self, index: usize) -> &T {
-        assert!(index < self.len);
-        // SAFETY: within the slice; the caller keeps others away.
-        unsafe { &*self.start.add(index) }
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Where a member is.
+    ///
+    /// # Safety
+    /// There is one.
+    #[inline(always)]
+    pub(crate) unsafe fn place(&self, index: u32) -> *mut T {
+        // SAFETY: within the slice, as the caller promises.
+        unsafe { self.start.add(index as usize) }
     }
 
     /// # Safety

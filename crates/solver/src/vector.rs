@@ -16,13 +16,14 @@ pub struct Vector<T, const N: usize>(pub [T; N]);
 impl<T: Real, const N: usize> Vector<T, N> {
     /// The zero vector.
     pub const ZERO: Self = Self([T::ZERO; N]);
+    /// Where sums of vectors begin ([`Real::NOTHING`]).
+    pub(crate) const NOTHING: Self = Self([T::NOTHING; N]);
 
     /// Sum of the products of the components.
     #[inline(always)]
     pub fn dot(self, other: Self) -> T {
-        // From the first product: 0 + x is an addition that no compiler may leave out.
-        let mut sum = if N == 0 { T::ZERO } else { self.0[0] * other.0[0] };
-        for i in 1..N {
+        let mut sum = T::NOTHING;
+        for i in 0..N {
             sum += self.0[i] * other.0[i];
         }
         sum
@@ -255,10 +256,9 @@ impl<T: Real, const N: usize> Mul<Vector<T, N>> for SymmetricMatrix<T, N> {
     type Output = Vector<T, N>;
     #[inline(always)]
     fn mul(self, vector: Vector<T, N>) -> Vector<T, N> {
-        let mut out = Vector::ZERO;
+        let mut out = Vector::NOTHING;
         for i in 0..N {
-            out.0[i] = self.entry(i, 0) * vector[0];
-            for j in 1..N {
+            for j in 0..N {
                 out.0[i] += self.entry(i, j) * vector[j];
             }
         }

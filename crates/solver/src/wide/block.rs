@@ -18,6 +18,8 @@ pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
     /// How many of the lanes are in use.
     pub(super) lanes: usize,
     pub(super) bodies: [[u32; WIDTH]; 2],
+    /// All bodies are before this one.
+    pub(super) end: u32,
     /// Of each side, the lanes whose body can be moved, as bits.
     pub(super) moving: [u16; 2],
     pub(super) islands: [u32; WIDTH],
@@ -32,6 +34,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         Self {
             lanes: 0,
             bodies: [[0; WIDTH]; 2],
+            end: 1,
             moving: [0; 2],
             islands: [NONE; WIDTH],
             masses: [InverseMass::default(); 2],
@@ -56,6 +59,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             // Idle lanes read the bodies of the first, and are not written back. What a lane has
             // too few points for is so far open that it never takes an impulse.
             self.bodies = bodies.map(|body| [body; WIDTH]);
+            self.end = 0;
             self.moving = [0; 2];
             self.masses = [InverseMass::default(); 2];
             self.manifold.frame = [Vector::ZERO; L];
@@ -67,6 +71,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         self.lanes += 1;
         for (side, body) in bodies.into_iter().enumerate() {
             self.bodies[side][lane] = body;
+            self.end = self.end.max(body + 1);
             let mass = &masses[body as usize];
             if *mass == InverseMass::FIXED {
                 continue;

@@ -48,8 +48,12 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
         contacts: &'g mut [Contact<V, L>],
         velocities: &'g mut [Velocity<f32, L, A>],
     ) -> Self {
-        let (contacts, velocities) = (Shared::new(contacts), Shared::new(velocities));
-        Self { blocks, colors: &coloring.colors, contacts, velocities }
+        Self {
+            blocks,
+            colors: &coloring.colors,
+            contacts: Shared::new(contacts),
+            velocities: Shared::new(velocities),
+        }
     }
 
     #[inline(always)]
@@ -133,36 +137,44 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
 
     /// Gives bodies that can be moved new velocities.
     #[inline(always)]
-    pub(super) fn scatter(&self, velocities: [Velocity<V, L, A>; 2]) {
-        for ((bodies, moving), velocity) in
-            self.block.bodies.iter().zip(self.block.moving).zip(&velocities)
-        {
-            let (mut first, mut last) = ([V::ZERO; 4], [V::ZERO; 4]);
-            for i in 0..L + A {
-                let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
-                if i < 4 {
-                    first[i] = number;
-                }
-                if i >= 2 {
-                    last[i - 2] = number;
-                }
+    pub(super) fn scatter(&self, [a, b]: [Velocity<V, L, A>; 2]) {
+        self.block.check(self.velocities);
+        // Written out, for the reason given at `each_lane`.
+        self.scatter_side(0, &a);
+        self.scatter_side(1, &b);
+    }
+
+    #[inline(always)]
+    fn scatter_side(&self, side: usize, velocity: &Velocity<V, L, A>) {
+        let (bodies, moving) = (&self.block.bodies[side], self.block.moving[side]);
+        let mut columns = [[V::ZERO; 4]; 2];
+        for i in 0..L + A {
+            let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
+            if i < 4 {
+                columns[0][i] = number;
             }
-            let (first, last) = (V::to_rows(first), V::to_rows(last));
-            each_lane!(lane => {
-                if moving >> lane & 1 != 0 {
-                    let at = bodies[lane] as usize;
-                    // SAFETY: as in `gather`.
-                    let body = unsafe { &mut self.velocities.get_mut(at..at + 1)[0] };
-                    for i in 0..L + A {
-                        let number = if i < 4 { first[lane][i] } else { last[lane][i - 2] };
-                        if i < L {
-                            body.linear[i] = number;
-                        } else {
-                            body.angular[i - L] = number;
-                        }
+            if i >= 2 {
+                columns[1][i - 2] = number;
+            }
+        }
+        let (first, last) = (V::to_rows(columns[0]), V::to_rows(columns[1]));
+        macro_rules! put {
+            ($lane:expr) => {
+                // SAFETY: checked above; nobody else is at these bodies, as in `gather`. A velocity takes
+                // up whole rows.
+                unsafe {
+                    let numbers = self.velocities.place(bodies[$lane]).cast::<f32>();
+                    numbers.cast::<Row>().write(first[$lane]);
+                    if L + A > 4 {
+                        numbers.add(2).cast::<Row>().write(last[$lane]);
                     }
                 }
-            });
+            };
+        }
+        if moving == u16::MAX {
+            each_lane!(lane => put!(lane));
+        } else {
+            each_lane!(lane => if moving >> lane & 1 != 0 { put!(lane) });
         }
     }
 }
@@ -179,12 +191,31 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     /// Nobody changes the velocities of its bodies at the same time.
     #[inline(always)]
     unsafe fn gather(&self, from: &Shared<'_, Velocity<f32, L, A>>) -> [Velocity<V, L, A>; 2] {
-        let mut out = [Velocity::ZERO; 2];
-        for (bodies, out) in self.bodies.iter().zip(&mut out) {
-            // SAFETY: as the caller promises.
-            let rows = each_lane!(lane => unsafe { to_rows(from.get(bodies[lane] as usize)) });
-            let first = V::from_rows(each_lane!(lane => rows[lane][0]));
-            let last = V::from_rows(each_lane!(lane => rows[lane][1]));
+        self.check(from);
+        // SAFETY: just checked, and as the caller promises.
+        unsafe { [self.gather_side(0, from), self.gather_side(1, from)] }
+    }
+
+    /// # Safety
+    /// As for `gather`, and checked.
+    #[inline(always)]
+    unsafe fn gather_side(
+        &self,
+        side: usize,
+        from: &Shared<'_, Velocity<f32, L, A>>,
+    ) -> Velocity<V, L, A> {
+        let bodies = &self.bodies[side];
+        let mut out = Velocity::ZERO;
+        // SAFETY: as the caller promises; a velocity is so many numbers.
+        unsafe {
+            let rows = each_lane!(lane => from.place(bodies[lane]).cast::<f32>().cast_const());
+            let first = V::from_rows(rows, L + A);
+            // Of more than four, the last four.
+            let last = if L + A > 4 {
+                V::from_rows(each_lane!(lane => rows[lane].add(2)), L + A - 2)
+            } else {
+                first
+            };
             for i in 0..L + A {
                 let number = if i < 4 { first[i] } else { last[i - 2] };
                 if i < L {
@@ -195,6 +226,13 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             }
         }
         out
+    }
+
+    /// Stops where a body of the block is not there: lanes are read and written without a look.
+    #[inline(always)]
+    fn check(&self, of: &Shared<'_, Velocity<f32, L, A>>) {
+        const { assert!(size_of::<Velocity<f32, L, A>>() >= size_of::<Row>() * (L + A).div_ceil(4)) };
+        assert!(self.end as usize <= of.len(), "a velocity for each body");
     }
 }
 
@@ -209,19 +247,3 @@ macro_rules! each_lane {
     };
 }
 use each_lane;
-
-/// The numbers of a velocity, from the first and, where they are more than four, from the third.
-#[inline(always)]
-fn to_rows<const L: usize, const A: usize>(velocity: &Velocity<f32, L, A>) -> [Row; 2] {
-    let mut rows = [[0.0; 4]; 2];
-    for i in 0..L + A {
-        let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
-        if i < 4 {
-            rows[0][i] = number;
-        }
-        if i >= 2 {
-            rows[1][i - 2] = number;
-        }
-    }
-    rows
-}
