@@ -33,10 +33,15 @@ impl<const L: usize> BroadPhase<L> {
         }
     }
 
-    /// Whether a shape that needs this room is still within its stored box.
-    pub(crate) fn holds(&self, shape: usize, needed: &Bounds<L>) -> bool {
-        let stored = self.boxes.get(shape).copied().flatten();
-        stored.is_some_and(|stored| contains(&stored, needed))
+    /// How much more room a shape that needs this much has in its stored box, on each side; less than
+    /// none if it is not within. \[m\]
+    pub(crate) fn room(&self, shape: usize, needed: &Bounds<L>) -> f32 {
+        let Some(stored) = self.boxes.get(shape).copied().flatten() else {
+            return f32::NEG_INFINITY;
+        };
+        let sides =
+            (0..L).map(|i| (needed.min[i] - stored.min[i]).min(stored.max[i] - needed.max[i]));
+        sides.fold(f32::INFINITY, f32::min)
     }
 
     /// Makes room for `needed` where it has grown out of its box.
@@ -45,7 +50,7 @@ impl<const L: usize> BroadPhase<L> {
         if self.boxes.len() <= index {
             self.boxes.resize(index + 1, None);
         }
-        if self.holds(index, needed) {
+        if self.room(index, needed) >= 0.0 {
             return;
         }
         let extent = needed.max - needed.min;
@@ -109,10 +114,6 @@ impl<const L: usize> BroadPhase<L> {
         found.dedup();
         Some(found)
     }
-}
-
-fn contains<const L: usize>(outer: &Bounds<L>, inner: &Bounds<L>) -> bool {
-    (0..L).all(|i| outer.min[i] <= inner.min[i] && inner.max[i] <= outer.max[i])
 }
 
 fn aabb<const L: usize>(bounds: &Bounds<L>) -> Aabb {

@@ -17,9 +17,9 @@ pub(crate) struct Pair {
     pub(crate) thickness: f32,
     /// Whether it rests: neither body moves or can be moved.
     pub(crate) rests: bool,
-    /// If it has no records: it has none as long as the paths of its bodies and what is looked ahead add
-    /// up to less. \[m\]
-    pub(crate) apart_until: f64,
+    /// As long as the paths of its bodies add up to less, with what is looked ahead if it has no records:
+    /// it goes on without, or with those that it has. \[m\]
+    pub(crate) until: f64,
     /// Its records: of the step, or of what rests.
     pub(crate) first: u32,
     pub(crate) count: u32,

@@ -130,6 +130,14 @@ impl<const L: usize> Frame<L> {
         Vector(std::array::from_fn(|i| self.axes[i].dot(world)))
     }
 
+    /// The same frame, seen from another.
+    pub fn seen_from(&self, other: &Self) -> Self {
+        Self {
+            position: other.local_point(self.position),
+            axes: self.axes.map(|axis| other.local_direction(axis)),
+        }
+    }
+
     /// R D R^T v: what a tensor of the local frame does with a vector in world axes.
     pub fn turned<const A: usize>(
         &self,

@@ -137,7 +137,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         + travel_a.angular
         + travel_b.angular;
     let paths: f64 = pair.bodies.iter().map(|&body| around.bodies.paths[body as usize]).sum();
-    if known.is_empty() && paths + f64::from(prediction) < pair.apart_until {
+    if known.is_empty() && paths + f64::from(prediction) < pair.until {
         return;
     }
     // Everything is seen from the center of mass of b: so it does not matter how far the pair is
@@ -146,73 +146,82 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let [axes_a, axes_b] = pair.bodies.map(|body| around.bodies.frames[body as usize].axes);
     let a = &Frame { position: apart, axes: axes_a };
     let b = &Frame { position: Vector::ZERO, axes: axes_b };
-    let seen = Frame {
-        position: b.local_point(a.position),
-        axes: a.axes.map(|axis| b.local_direction(axis)),
-    };
-    let reusable = |record: &Record<L>| hardly_moved(record, &seen, around.reuse_distance);
-    if known.first().is_some_and(reusable) {
-        for record in known {
-            reuse(record, old.points_of(record), a, b, records);
-        }
-    } else {
-        let [shape_a, shape_b] = pair.colliders.map(|c| &around.shapes[c as usize]);
-        let [pose_a, pose_b] = pair.colliders.map(|c| &around.poses[c as usize]);
-        let pose_a = G::advance(pose_a, apart, Vector::ZERO);
-        let mut report = |touch: &Touch<L>| {
-            let first = records.points.len();
-            records.points.extend(touch.points.iter().map(|found| Point::new(found, a, b)));
-            if let Some(before) = known.iter().find(|known| known.part == touch.part) {
-                let points = &mut records.points[first..];
-                inherit(points, old.points_of(before), MATCH_DISTANCE);
-            }
-            let reach = cache::reach(&records.points[first..]);
-            records.manifolds.push(Record {
-                bodies: pair.bodies,
-                friction: pair.friction,
-                restitution: pair.restitution,
-                part: touch.part,
-                first: first as u32,
-                count: touch.points.len() as u32,
-                normal: touch.normal,
-                local_normal: b.local_direction(touch.normal),
-                found_at: seen,
-                reach,
-            });
-        };
-        let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
-        let gap = G::collide(a, b, prediction, scratch, &mut report);
-        pair.apart_until = paths + f64::from(gap - ROUNDING * (gap.abs() + apart.length()));
+    if !known.is_empty() && around.reuse_distance > 0.0 && paths < pair.until {
+        return reuse(pair, known, old, [a, b], records);
     }
+    let seen = a.seen_from(b);
+    let left = |record: &Record<L>| around.reuse_distance - moved(record, &seen);
+    // The paths at which `moved` will have come to `left`, at the earliest: what adds to the path of a body
+    // adds to it at most so many times as much.
+    let until = |record: &Record<L>, left: f32| {
+        let [reach_a, reach_b] = pair.bodies.map(|body| around.bodies.reach[body as usize]);
+        let far = apart.length() + around.reuse_distance;
+        let times = ((record.reach + far) / reach_b).max(record.reach / reach_a).max(1.0);
+        paths + f64::from((left - ROUNDING * far) / times)
+    };
+    if let Some(record) = known.first().filter(|record| left(record) > 0.0) {
+        pair.until = until(record, left(record));
+        return reuse(pair, known, old, [a, b], records);
+    }
+    let [shape_a, shape_b] = pair.colliders.map(|c| &around.shapes[c as usize]);
+    let [pose_a, pose_b] = pair.colliders.map(|c| &around.poses[c as usize]);
+    let pose_a = G::advance(pose_a, apart, Vector::ZERO);
+    let mut report = |touch: &Touch<L>| {
+        let first = records.points.len();
+        records.points.extend(touch.points.iter().map(|found| Point::new(found, a, b)));
+        if let Some(before) = known.iter().find(|known| known.part == touch.part) {
+            let points = &mut records.points[first..];
+            inherit(points, old.points_of(before), MATCH_DISTANCE);
+        }
+        let reach = cache::reach(&records.points[first..]);
+        records.manifolds.push(Record {
+            bodies: pair.bodies,
+            friction: pair.friction,
+            restitution: pair.restitution,
+            part: touch.part,
+            first: first as u32,
+            count: touch.points.len() as u32,
+            normal: touch.normal,
+            local_normal: b.local_direction(touch.normal),
+            found_at: seen,
+            reach,
+        });
+    };
+    let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
+    let gap = G::collide(a, b, prediction, scratch, &mut report);
+    pair.until = match records.manifolds.get(pair.first as usize) {
+        Some(record) => until(record, around.reuse_distance),
+        None => paths + f64::from(gap - ROUNDING * (gap.abs() + apart.length())),
+    };
     pair.count = records.manifolds.len() as u32 - pair.first;
 }
 
-/// Whether a has moved against b less than `distance` \[m\] since the record's points were found.
-fn hardly_moved<const L: usize>(record: &Record<L>, seen: &Frame<L>, distance: f32) -> bool {
-    if distance <= 0.0 {
-        return false;
-    }
+/// How far a has moved against b, as seen from it, since the record's points were found. \[m\]
+fn moved<const L: usize>(record: &Record<L>, seen: &Frame<L>) -> f32 {
     let moved = (seen.position - record.found_at.position).length();
     let mut turned = 0.0f32;
     for (now, then) in seen.axes.iter().zip(&record.found_at.axes) {
         turned = turned.max((*now - *then).length());
     }
-    moved + turned * record.reach < distance
+    moved + turned * record.reach
 }
 
-/// Appends the record with its gaps measured anew.
+/// Gives a pair the records that it has had, with their gaps measured anew.
 fn reuse<const L: usize>(
-    record: &Record<L>,
-    points: &[Point<L>],
-    a: &Frame<L>,
-    b: &Frame<L>,
+    pair: &mut Pair,
+    known: &[Record<L>],
+    old: &Records<L>,
+    [a, b]: [&Frame<L>; 2],
     records: &mut Records<L>,
 ) {
-    let normal = b.direction(record.local_normal);
-    let first = records.points.len() as u32;
-    records.points.extend(points.iter().map(|point| {
-        let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
-        Point { gap: normal.dot(on_a - on_b), middle: (on_a + on_b) * 0.5, ..*point }
-    }));
-    records.manifolds.push(Record { normal, first, ..*record });
+    pair.count = known.len() as u32;
+    for record in known {
+        let normal = b.direction(record.local_normal);
+        let first = records.points.len() as u32;
+        records.points.extend(old.points_of(record).iter().map(|point| {
+            let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
+            Point { gap: normal.dot(on_a - on_b), middle: (on_a + on_b) * 0.5, ..*point }
+        }));
+        records.manifolds.push(Record { normal, first, ..*record });
+    }
 }

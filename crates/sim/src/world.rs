@@ -34,6 +34,9 @@ const COLLISION_ROUNDS: usize = 32;
 /// Sweeps over what collides at once.
 const COLLISION_SWEEPS: usize = 40;
 
+/// Boxes are known to this part of how far they are from the origin. \[1\]
+const ROUNDING: f32 = 1e-6;
+
 /// After so many substeps contacts are asked again what they give to the velocities
 /// ([`motion::warm_start`]): what rounding adds to it would add up.
 const ASK_AGAIN: u32 = 4;
@@ -91,6 +94,9 @@ struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     removed: Vec<bool>,
     /// The room that a shape needs, where it has outgrown its box in the broad phase.
     outgrown: Vec<Option<Bounds<L>>>,
+    /// As long as the path of its body, its way ahead and what is looked beyond add up to less, a shape
+    /// has room in its box. \[m\]
+    room_until: Vec<f64>,
 }
 
 /// How the substeps of a part of a step are taken.
@@ -125,6 +131,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 filter: Vec::new(),
                 removed: Vec::new(),
                 outgrown: Vec::new(),
+                room_until: Vec::new(),
             },
             broad_phase: BroadPhase::new(),
             pairs: Vec::new(),
@@ -198,9 +205,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let colliders = &mut self.colliders;
             let id = colliders.body.len() as u32;
             let local = G::compose(&to_center, &collider.pose);
-            let (turned, bounds) =
-                place::<G, L, A>(&collider.shape, &local, &pose, &self.bodies.frames[index]);
-            self.broad_phase.update(id, &bounds);
+            let frame = &self.bodies.frames[index];
+            let turned = turn::<G, L, A>(&local, &pose, frame);
+            self.broad_phase.update(id, &bounds::<G, L, A>(&collider.shape, &turned, frame));
             colliders.body.push(index as u32);
             colliders.thickness.push(thickness::<G, L, A>(&collider.shape));
             colliders.shapes.push(G::collider(collider.shape));
@@ -210,6 +217,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             colliders.filter.push(collider.filter);
             colliders.removed.push(false);
             colliders.outgrown.push(None);
+            colliders.room_until.push(0.0);
         }
         BodyId { index: index as u32, generation: self.bodies.generation[index] }
     }
@@ -629,27 +637,38 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             };
         }
         let (travel, sleep, broad_phase) = (&self.travel, &self.sleep, &self.broad_phase);
-        let Colliders { body, shapes, local, poses, removed, outgrown, .. } = &mut self.colliders;
+        let Colliders { body, shapes, local, poses, removed, outgrown, room_until, .. } =
+            &mut self.colliders;
         let useful = body.len() > 2 * CHUNK;
-        let chunks = poses.chunks_mut(CHUNK).zip(outgrown.chunks_mut(CHUNK)).enumerate();
-        self.team.for_each(useful, chunks, |(chunk, (poses, outgrown))| {
-            for (id, (turned, outgrown)) in (CHUNK * chunk..).zip(poses.iter_mut().zip(outgrown)) {
+        let rooms = outgrown.chunks_mut(CHUNK).zip(room_until.chunks_mut(CHUNK));
+        let chunks = poses.chunks_mut(CHUNK).zip(rooms).enumerate();
+        self.team.for_each(useful, chunks, |(chunk, (poses, (outgrown, room_until)))| {
+            let rooms = outgrown.iter_mut().zip(room_until);
+            for (id, (turned, (outgrown, room_until))) in
+                (CHUNK * chunk..).zip(poses.iter_mut().zip(rooms))
+            {
                 let body = body[id] as usize;
                 *outgrown = None;
                 let moves = bodies.motion[body] != Some(Motion::Static);
                 if removed[id] || !moves || sleep.sleeps(body) {
                     continue;
                 }
-                let (pose, frame) = (&bodies.poses[body], &bodies.frames[body]);
-                let mut bounds;
-                (*turned, bounds) =
-                    place::<G, L, A>(G::shape_of(&shapes[id]), &local[id], pose, frame);
-                for i in 0..L {
-                    let ahead = travel[body].linear[i];
-                    bounds.min[i] += ahead.min(0.0) - reach;
-                    bounds.max[i] += ahead.max(0.0) + reach;
+                let (frame, ahead) = (&bodies.frames[body], travel[body].linear);
+                *turned = turn::<G, L, A>(&local[id], &bodies.poses[body], frame);
+                if bodies.paths[body] + f64::from(ahead.length() + reach) < *room_until {
+                    continue;
                 }
-                *outgrown = (!broad_phase.holds(id, &bounds)).then_some(bounds);
+                let mut bounds = bounds::<G, L, A>(G::shape_of(&shapes[id]), turned, frame);
+                let far = bounds.min.length() + bounds.max.length();
+                let room = broad_phase.room(id, &bounds) - ROUNDING * far;
+                *room_until = bodies.paths[body] + f64::from(room);
+                for i in 0..L {
+                    bounds.min[i] += ahead[i].min(0.0) - reach;
+                    bounds.max[i] += ahead[i].max(0.0) + reach;
+                }
+                if broad_phase.room(id, &bounds) < 0.0 {
+                    (*outgrown, *room_until) = (Some(bounds), 0.0);
+                }
             }
         });
         for (id, bounds) in outgrown.iter().enumerate() {
@@ -676,9 +695,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let colliders = &mut self.colliders;
         for id in 0..colliders.body.len() {
             let body = colliders.body[id] as usize;
-            let (shape, local) = (G::shape_of(&colliders.shapes[id]), &colliders.local[id]);
             let (pose, frame) = (&self.bodies.poses[body], &self.bodies.frames[body]);
-            colliders.poses[id] = place::<G, L, A>(shape, local, pose, frame).0;
+            colliders.poses[id] = turn::<G, L, A>(&colliders.local[id], pose, frame);
         }
     }
 
@@ -778,17 +796,23 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 }
 
-/// The pose of a shape as seen from its body's center of mass, turned with the body, and its box in
-/// the world.
-fn place<G: Geometry<L, A>, const L: usize, const A: usize>(
-    shape: &G::Shape,
+/// The pose of a shape as seen from its body's center of mass, turned with the body.
+fn turn<G: Geometry<L, A>, const L: usize, const A: usize>(
     local: &G::Pose,
     body: &G::Pose,
     frame: &Frame<L>,
-) -> (G::Pose, Bounds<L>) {
-    let turned = G::compose(&G::advance(body, -frame.position, Vector::ZERO), local);
-    let Bounds { min, max } = G::bounds(shape, &turned);
-    (turned, Bounds { min: min + frame.position, max: max + frame.position })
+) -> G::Pose {
+    G::compose(&G::advance(body, -frame.position, Vector::ZERO), local)
+}
+
+/// The box of a shape in the world.
+fn bounds<G: Geometry<L, A>, const L: usize, const A: usize>(
+    shape: &G::Shape,
+    turned: &G::Pose,
+    frame: &Frame<L>,
+) -> Bounds<L> {
+    let Bounds { min, max } = G::bounds(shape, turned);
+    Bounds { min: min + frame.position, max: max + frame.position }
 }
 
 /// The smallest extent of a solid; unlimited for what has no volume. \[m\]
@@ -835,7 +859,7 @@ fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
         restitution: bounce as f32,
         thickness: colliders.thickness[a].min(colliders.thickness[b]),
         rests: false,
-        apart_until: 0.0,
+        until: 0.0,
         first: 0,
         count: 0,
     })
