@@ -17,6 +17,9 @@ pub(crate) struct Pair {
     pub(crate) thickness: f32,
     /// Whether it rests: neither body moves or can be moved.
     pub(crate) rests: bool,
+    /// What adds 1 to the path of one of its bodies adds at most so much to how far a has moved against b, as
+    /// seen from it. \[1\]
+    pub(crate) lever: f32,
     /// As long as the paths of its bodies add up to less, with what is looked ahead if it has no records:
     /// it goes on without, or with those that it has. \[m\]
     pub(crate) until: f64,

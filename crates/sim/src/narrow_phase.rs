@@ -151,16 +151,9 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     }
     let seen = a.seen_from(b);
     let left = |record: &Record<L>| around.reuse_distance - moved(record, &seen);
-    // The paths at which `moved` will have come to `left`, at the earliest: what adds to the path of a body
-    // adds to it at most so many times as much.
-    let until = |record: &Record<L>, left: f32| {
-        let [reach_a, reach_b] = pair.bodies.map(|body| around.bodies.reach[body as usize]);
-        let far = apart.length() + around.reuse_distance;
-        let times = ((record.reach + far) / reach_b).max(record.reach / reach_a).max(1.0);
-        paths + f64::from((left - ROUNDING * far) / times)
-    };
-    if let Some(record) = known.first().filter(|record| left(record) > 0.0) {
-        pair.until = until(record, left(record));
+    let known_to = |gap: f32| f64::from(gap - ROUNDING * (gap.abs() + apart.length()));
+    if let Some(left) = known.first().map(left).filter(|&left| left > 0.0) {
+        pair.until = paths + known_to(left / pair.lever);
         return reuse(pair, known, old, [a, b], records);
     }
     let [shape_a, shape_b] = pair.colliders.map(|c| &around.shapes[c as usize]);
@@ -189,11 +182,9 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
     let gap = G::collide(a, b, prediction, scratch, &mut report);
-    pair.until = match records.manifolds.get(pair.first as usize) {
-        Some(record) => until(record, around.reuse_distance),
-        None => paths + f64::from(gap - ROUNDING * (gap.abs() + apart.length())),
-    };
     pair.count = records.manifolds.len() as u32 - pair.first;
+    let lasts = if pair.count > 0 { around.reuse_distance / pair.lever } else { gap };
+    pair.until = paths + known_to(lasts);
 }
 
 /// How far a has moved against b, as seen from it, since the record's points were found. \[m\]

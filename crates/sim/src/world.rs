@@ -837,6 +837,12 @@ fn merge(pairs: &mut Vec<Pair>, fresh: &[Pair]) {
     }
 }
 
+/// [`Pair::lever`]: when b turns, the points of a near it are farther out than its own, by the size of a; once
+/// for the way to the center of a, once for a's turning against b, and what a gap may add.
+fn lever([reach_a, reach_b]: [f32; 2]) -> f32 {
+    (2.0 * reach_a + 1.5 * reach_b) / reach_b
+}
+
 fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
     colliders: &Colliders<G, L, A>,
     bodies: &Bodies<G, L, A>,
@@ -858,6 +864,7 @@ fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
         friction: friction as f32,
         restitution: bounce as f32,
         thickness: colliders.thickness[a].min(colliders.thickness[b]),
+        lever: lever(owners.map(|body| bodies.reach[body as usize])),
         rests: false,
         until: 0.0,
         first: 0,
