@@ -2,6 +2,7 @@
 //! slips of their points, matched by feature.
 
 use drystone_solver::Vector;
+use drystone_solver::wide::{FAR, Trace};
 
 use crate::geometry::{Frame, MAX_POINTS, TouchPoint};
 
@@ -39,6 +40,8 @@ impl Pair {
 pub(crate) struct Records<const L: usize> {
     pub(crate) manifolds: Vec<Record<L>>,
     pub(crate) points: Vec<Point<L>>,
+    /// Of each point.
+    pub(crate) traces: Vec<Trace<L>>,
 }
 
 /// A manifold as it is kept from step to step: in the frames of its bodies.
@@ -72,16 +75,13 @@ pub(crate) struct Point<const L: usize> {
     pub(crate) middle: Vector<f32, L>,
     pub(crate) gap: f32,
     pub(crate) feature: u64,
-    /// On a, world. \[N s\]
-    pub(crate) impulse: Vector<f32, L>,
-    /// Of a on b since the point began to stick, world. \[m\]
-    pub(crate) slip: Vector<f32, L>,
 }
 
 impl<const L: usize> Records<L> {
     pub(crate) fn clear(&mut self) {
         self.manifolds.clear();
         self.points.clear();
+        self.traces.clear();
     }
 
     /// The bodies of each manifold.
@@ -94,6 +94,11 @@ impl<const L: usize> Records<L> {
         &self.points[record.points()]
     }
 
+    /// What they have handed on.
+    pub(crate) fn traces_of(&self, record: &Record<L>) -> &[Trace<L>] {
+        &self.traces[record.points()]
+    }
+
     /// Appends the records that a pair has in `from`, and makes them the pair's.
     pub(crate) fn take_pair(&mut self, pair: &mut Pair, from: &Self) {
         let own = pair.records();
@@ -101,6 +106,7 @@ impl<const L: usize> Records<L> {
         for record in &from.manifolds[own] {
             let first = self.points.len() as u32;
             self.points.extend_from_slice(from.points_of(record));
+            self.traces.extend_from_slice(from.traces_of(record));
             self.manifolds.push(Record { first, ..*record });
         }
     }
@@ -131,18 +137,18 @@ pub(crate) fn reach<const L: usize>(points: &[Point<L>]) -> f32 {
     points.iter().map(|point| point.on_a.length()).fold(0.0, f32::max)
 }
 
-/// Gives points the impulses and slips of the same manifold's points a step ago: by feature, then by
-/// place.
+/// Gives points the traces of the same manifold's points a step ago: by feature, then by place.
 pub(crate) fn inherit<const L: usize>(
-    points: &mut [Point<L>],
-    old: &[Point<L>],
+    points: &[Point<L>],
+    traces: &mut [Trace<L>],
+    (old, old_traces): (&[Point<L>], &[Trace<L>]),
     match_distance: f32,
 ) {
     let mut taken = [false; MAX_POINTS];
     let mut matched = [false; MAX_POINTS];
     let squared = match_distance * match_distance;
     for by_feature in [true, false] {
-        for (point, done) in points.iter_mut().zip(&mut matched) {
+        for ((point, trace), done) in points.iter().zip(&mut *traces).zip(&mut matched) {
             if *done {
                 continue;
             }
@@ -158,14 +164,17 @@ pub(crate) fn inherit<const L: usize>(
             if let Some(i) = found {
                 taken[i] = true;
                 *done = true;
-                point.impulse = old[i].impulse;
-                point.slip = old[i].slip;
+                *trace = old_traces[i];
             }
         }
     }
 }
 
 impl<const L: usize> Point<L> {
+    /// One that is not there.
+    pub(crate) const OPEN: Self =
+        Self { on_a: Vector::ZERO, on_b: Vector::ZERO, middle: Vector::ZERO, gap: FAR, feature: 0 };
+
     pub(crate) fn new(touch: &TouchPoint<L>, a: &Frame<L>, b: &Frame<L>) -> Self {
         Self {
             on_a: a.local_point(touch.on_a),
@@ -173,8 +182,6 @@ impl<const L: usize> Point<L> {
             middle: (touch.on_a + touch.on_b) * 0.5,
             gap: touch.gap,
             feature: touch.feature,
-            impulse: Vector::ZERO,
-            slip: Vector::ZERO,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use drystone_solver::Vector;
 use drystone_solver::team::{Team, chunks_with_parts};
+use drystone_solver::wide::Trace;
 
 use crate::bodies::Bodies;
 use crate::cache::{self, Pair, Point, Record, Records, inherit};
@@ -95,26 +96,36 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     let manifolds = |of: &Worker<G, L, A>| of.records.manifolds.len();
     let points = |of: &Worker<G, L, A>| of.records.points.len();
     records.manifolds.resize(workers.iter().map(manifolds).sum(), Record::NONE);
-    records.points.resize(workers.iter().map(points).sum(), Point::default());
+    let count = workers.iter().map(points).sum();
+    records.points.resize(count, Point::default());
+    records.traces.resize(count, Trace::default());
     let found = chunks_with_parts(workers, 1, &mut records.manifolds, manifolds);
-    let found = found.zip(chunks_with_parts(workers, 1, &mut records.points, points));
+    let traces = chunks_with_parts(workers, 1, &mut records.traces, points);
+    let points = chunks_with_parts(workers, 1, &mut records.points, points);
+    let found = found.zip(points.zip(traces));
     let (mut first, mut first_point) = (0, 0);
     let parts =
-        pairs.chunks_mut(CHUNK).zip(found).map(|(pairs, ((from, manifolds), (_, points)))| {
+        pairs.chunks_mut(CHUNK).zip(found).map(|(pairs, ((from, manifolds), (points, traces)))| {
+            let (points, traces) = (points.1, traces.1);
             let offsets = [first, first_point];
             first += manifolds.len() as u32;
             first_point += points.len() as u32;
-            (pairs, &from[0].records, manifolds, points, offsets)
+            (pairs, &from[0].records, manifolds, points, traces, offsets)
         });
-    team.for_each(true, parts, |(pairs, found, manifolds, points, [first, first_point])| {
-        for pair in pairs.iter_mut().filter(|pair| !pair.rests) {
-            pair.first += first;
-        }
-        points.copy_from_slice(&found.points);
-        for (to, from) in manifolds.iter_mut().zip(&found.manifolds) {
-            *to = Record { first: from.first + first_point, ..*from };
-        }
-    });
+    team.for_each(
+        true,
+        parts,
+        |(pairs, found, manifolds, points, traces, [first, first_point])| {
+            for pair in pairs.iter_mut().filter(|pair| !pair.rests) {
+                pair.first += first;
+            }
+            points.copy_from_slice(&found.points);
+            traces.copy_from_slice(&found.traces);
+            for (to, from) in manifolds.iter_mut().zip(&found.manifolds) {
+                *to = Record { first: from.first + first_point, ..*from };
+            }
+        },
+    );
 }
 
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
@@ -162,11 +173,13 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let mut report = |touch: &Touch<L>| {
         let first = records.points.len();
         records.points.extend(touch.points.iter().map(|found| Point::new(found, a, b)));
+        records.traces.resize(records.points.len(), Trace::default());
+        let points = &records.points[first..];
         if let Some(before) = known.iter().find(|known| known.part == touch.part) {
-            let points = &mut records.points[first..];
-            inherit(points, old.points_of(before), MATCH_DISTANCE);
+            let before = (old.points_of(before), old.traces_of(before));
+            inherit(points, &mut records.traces[first..], before, MATCH_DISTANCE);
         }
-        let reach = cache::reach(&records.points[first..]);
+        let reach = cache::reach(points);
         records.manifolds.push(Record {
             bodies: pair.bodies,
             friction: pair.friction,
@@ -213,6 +226,8 @@ fn reuse<const L: usize>(
             let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
             Point { gap: normal.dot(on_a - on_b), middle: (on_a + on_b) * 0.5, ..*point }
         }));
+        // Few: a call would take longer than copying them.
+        records.traces.extend(old.traces_of(record).iter().copied());
         records.manifolds.push(Record { normal, first, ..*record });
     }
 }

@@ -1,23 +1,19 @@
-//! Between records and the contact system: what the solver is given, and what it gives back.
+//! From records to the contact system: what the solver is given.
 
-use drystone_solver::lanes::Lanes;
-use drystone_solver::team::{Team, chunks_with_parts};
-use drystone_solver::wide::{Rows, Wide, set};
-use drystone_solver::{Contact, InverseMass, Manifold, System, Vector, contact_frame};
+use drystone_solver::lanes::{Lanes, WIDTH, gathered};
+use drystone_solver::wide::{Rows, Trace};
+use drystone_solver::{Contact, Manifold, System, Vector, contact_frame, each_lane};
 
 use crate::bodies::Bodies;
-use crate::cache::Records;
+use crate::cache::{Point, Record, Records};
 use crate::certifier::Stiffness;
 use crate::geometry::Geometry;
-
-/// Manifolds that a thread takes at once.
-const CHUNK: usize = 256;
 
 /// The records of a step of length `dt` \[s\] as manifolds.
 pub(crate) struct RowsOf<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) records: &'a Records<L>,
     pub(crate) bodies: &'a Bodies<G, L, A>,
-    /// Velocities and masses.
+    /// Velocities.
     pub(crate) system: &'a System<f32, L, A>,
     pub(crate) stiffness: Stiffness<'a>,
     pub(crate) dt: f32,
@@ -28,74 +24,93 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Rows<L> for RowsOf<'_, G
         self.records.manifolds.iter().map(|record| (record.bodies, record.count))
     }
 
-    /// In world axes, the slip where the target will be.
-    fn put<V: Lanes>(
+    #[inline(always)]
+    fn take<V: Lanes>(
         &self,
-        index: usize,
-        lane: usize,
+        manifolds: &[u32; WIDTH],
+        bodies: &[[u32; WIDTH]; 2],
+        moving: [u16; 2],
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     ) {
-        let System { velocities, masses, .. } = self.system;
-        let record = &self.records.manifolds[index];
-        let own = self.records.points_of(record);
-        let sum = own.iter().fold(Vector::ZERO, |sum, point| sum + point.middle);
-        let center = sum * (1.0 / own.len().max(1) as f32);
-        let mut arms = [center - self.bodies.apart(record.bodies), center];
-        // A body that carries others round gives them the velocity of where they are at half the
-        // step; that of the start would throw them outward.
-        let [v_a, v_b] = record.bodies.map(|body| velocities[body as usize].linear);
-        for (side, ahead) in [v_b - v_a, v_a - v_b].into_iter().enumerate() {
-            if masses[record.bodies[side] as usize] == InverseMass::FIXED {
-                arms[side] += ahead * (0.5 * self.dt);
-            }
-            set(&mut manifold.arms[side], lane, &arms[side]);
-        }
-        set(&mut manifold.frame[0], lane, &record.normal);
-        manifold.friction.set(lane, record.friction);
-        manifold.restitution.set(lane, record.restitution);
-        manifold.compliance.set(lane, self.stiffness.compliance(record.bodies));
-        for (wide, point) in points.iter_mut().zip(own) {
-            set(&mut wide.place, lane, &(point.middle - center));
-            wide.gap[0].set(lane, point.gap);
-            set(&mut wide.target, lane, &point.slip);
-            set(&mut wide.impulse, lane, &point.impulse);
-        }
-    }
-
-    #[inline(always)]
-    fn finish<V: Lanes>(manifold: &mut Manifold<V, L>, points: &mut [Contact<V, L>]) {
-        manifold.frame = contact_frame(manifold.frame[0]);
-        for contact in points {
-            contact.place = manifold.to_frame(contact.place);
-            let slip = manifold.to_frame(contact.target);
+        let records = each_lane!(lane => &self.records.manifolds[manifolds[lane] as usize]);
+        manifold.frame = contact_frame(gathered(each_lane!(lane => &records[lane].normal)));
+        manifold.friction = V::from_array(each_lane!(lane => records[lane].friction));
+        manifold.restitution = V::from_array(each_lane!(lane => records[lane].restitution));
+        manifold.compliance =
+            V::from_array(each_lane!(lane => self.stiffness.compliance(records[lane].bodies)));
+        let mut sum = Vector::ZERO;
+        for (index, contact) in points.iter_mut().enumerate() {
+            let own = each_lane!(lane => self.point(records[lane], index));
+            contact.gap[0] = V::from_array(each_lane!(lane => own[lane].0.gap));
+            contact.place = gathered(each_lane!(lane => &own[lane].0.middle));
+            sum += contact.place;
+            let slip = manifold.to_frame(gathered(each_lane!(lane => &own[lane].1.slip)));
             for i in 1..L {
                 contact.gap[i] = slip[i];
             }
-            contact.impulse = manifold.to_frame(contact.impulse);
+            let impulse = gathered(each_lane!(lane => &own[lane].1.impulse));
+            contact.impulse = manifold.to_frame(impulse);
             contact.impulse[0] = contact.impulse[0].max(V::ZERO);
+        }
+        let counts = V::from_array(each_lane!(lane => records[lane].count as f32));
+        let center = sum * (V::ONE / counts);
+        for contact in points {
+            contact.place = manifold.to_frame(contact.place - center);
+        }
+        manifold.arms = [center - self.apart(bodies), center];
+        if moving != [u16::MAX; 2] {
+            self.carry(bodies, moving, &mut manifold.arms);
         }
     }
 }
 
-/// Impulses and slips back into the records.
-pub(crate) fn remember<const L: usize, const A: usize>(
-    wide: &Wide<L, A>,
-    team: &Team,
-    records: &mut Records<L>,
-) {
-    let Records { manifolds, points } = records;
-    let useful = manifolds.len() > 2 * CHUNK;
-    let chunks = chunks_with_parts(manifolds, CHUNK, points, |record| record.count as usize);
-    team.for_each(useful, chunks.enumerate(), |(chunk, (manifolds, points))| {
-        let mut points = points.iter_mut();
-        for index in (CHUNK * chunk..).take(manifolds.len()) {
-            let mut own = points.by_ref().take(manifolds[index - CHUNK * chunk].count as usize);
-            wide.traces(index, |trace| {
-                if let Some(point) = own.next() {
-                    (point.impulse, point.slip) = (trace.impulse, trace.slip);
-                }
-            });
+impl<G: Geometry<L, A>, const L: usize, const A: usize> RowsOf<'_, G, L, A> {
+    /// A point of a record and its trace; one that is not there is far away.
+    #[inline(always)]
+    fn point(&self, record: &Record<L>, index: usize) -> (&Point<L>, &Trace<L>) {
+        if index < record.count as usize {
+            let at = record.first as usize + index;
+            (&self.records.points[at], &self.records.traces[at])
+        } else {
+            const { (&Point::OPEN, &Trace { impulse: Vector::ZERO, slip: Vector::ZERO }) }
         }
-    });
+    }
+
+    /// [`Bodies::apart`] of each lane.
+    #[inline(always)]
+    fn apart<V: Lanes>(&self, bodies: &[[u32; WIDTH]; 2]) -> Vector<V, L> {
+        let Bodies { frames, remainders, .. } = self.bodies;
+        let [a, b] = bodies;
+        let positions: [Vector<V, L>; 2] = [
+            gathered(each_lane!(lane => &frames[a[lane] as usize].position)),
+            gathered(each_lane!(lane => &frames[b[lane] as usize].position)),
+        ];
+        let remainders: [Vector<V, L>; 2] = [
+            gathered(each_lane!(lane => &remainders[a[lane] as usize])),
+            gathered(each_lane!(lane => &remainders[b[lane] as usize])),
+        ];
+        (positions[0] - positions[1]) + (remainders[0] - remainders[1])
+    }
+
+    /// A body that carries others round gives them the velocity of where they are at half the step; that of
+    /// the start would throw them outward.
+    #[inline(always)]
+    fn carry<V: Lanes>(
+        &self,
+        bodies: &[[u32; WIDTH]; 2],
+        moving: [u16; 2],
+        arms: &mut [Vector<V, L>; 2],
+    ) {
+        let [a, b] = bodies;
+        let of = &self.system.velocities;
+        let v_a: Vector<V, L> = gathered(each_lane!(lane => &of[a[lane] as usize].linear));
+        let v_b: Vector<V, L> = gathered(each_lane!(lane => &of[b[lane] as usize].linear));
+        let half = V::from_f64(f64::from(0.5 * self.dt));
+        for (side, ahead) in [v_b - v_a, v_a - v_b].into_iter().enumerate() {
+            let fixed = each_lane!(lane => f32::from(!moving[side] >> lane & 1));
+            let fixed = V::from_array(fixed);
+            arms[side] += (ahead * half).only_if(fixed);
+        }
+    }
 }

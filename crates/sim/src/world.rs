@@ -21,7 +21,7 @@ use crate::ledger::Books;
 use crate::motion::{self, CHUNK};
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
-use crate::rows::{self, RowsOf};
+use crate::rows::RowsOf;
 use crate::saved::SavedSystem;
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::settings::StepSettings;
@@ -591,8 +591,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.update_masses();
         clock.lap(report, Stage::Advance);
-        self.wide.trace(&self.displacements, self.settings.hold);
-        rows::remember(&self.wide, &self.team, &mut self.records);
+        self.wide.trace(&self.displacements, self.settings.hold, &mut self.records.traces);
         clock.lap(report, Stage::Remember);
     }
 

@@ -14,7 +14,7 @@
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use crate::wide::passes::{Table, table};
-use crate::{Cast, Real};
+use crate::{Cast, Real, Vector};
 
 /// Number of lanes, on every target.
 pub const WIDTH: usize = 16;
@@ -33,8 +33,8 @@ pub trait Lanes: Real + Cast<Self::Doubles> + 'static {
     /// One of them.
     fn get(&self, lane: usize) -> f32;
 
-    /// The numbers of each lane, which lie side by side: `count` of them, from two to four; what is more
-    /// means nothing.
+    /// The numbers of each lane, which lie side by side: `count` of them, up to four; what is more means
+    /// nothing.
     ///
     /// # Safety
     /// So many can be read at each place.
@@ -54,6 +54,82 @@ pub trait Lanes: Real + Cast<Self::Doubles> + 'static {
 
 /// Four numbers of one lane.
 pub type Row = [f32; 4];
+
+/// An array with a number for each lane; written out, since a loop that is not unrolled would go through
+/// memory.
+#[macro_export]
+macro_rules! each_lane {
+    ($lane:ident => $of:expr) => {
+        $crate::each_lane!($lane => $of; 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15)
+    };
+    ($name:ident => $of:expr; $($lane:literal)*) => {
+        [$({ let $name = $lane; $of }),*]
+    };
+}
+
+/// A vector of each lane.
+#[inline(always)]
+pub fn gathered<V: Lanes, const N: usize>(of: [&Vector<f32, N>; WIDTH]) -> Vector<V, N> {
+    let mut out = Vector::ZERO;
+    // SAFETY: a vector is its numbers.
+    unsafe { gather(each_lane!(lane => of[lane].0.as_ptr()), &mut out.0) };
+    out
+}
+
+/// The numbers of each lane, which lie side by side: as many as there is room for, up to eight.
+///
+/// # Safety
+/// So many can be read at each place.
+#[inline(always)]
+pub(crate) unsafe fn gather<V: Lanes>(from: [*const f32; WIDTH], numbers: &mut [V]) {
+    let count = numbers.len();
+    // SAFETY: as the caller promises. Of more than four, the last four overlap the first.
+    unsafe {
+        let first = V::from_rows(from, count);
+        let row = count.min(4);
+        numbers[..row].copy_from_slice(&first[..row]);
+        if count > 4 {
+            let last = V::from_rows(each_lane!(lane => from[lane].add(count - 4)), 4);
+            numbers[4..].copy_from_slice(&last[8 - count..]);
+        }
+    }
+}
+
+/// Writes the numbers of some lanes, as bits, side by side, up to eight; less than four as four.
+///
+/// # Safety
+/// So many can be written at the place of each of the lanes.
+#[inline(always)]
+pub(crate) unsafe fn scatter<V: Lanes>(numbers: &[V], to: [*mut f32; WIDTH], lanes: u16) {
+    let count = numbers.len();
+    let after = count.saturating_sub(4);
+    let mut columns = [[V::ZERO; 4]; 2];
+    for i in 0..count {
+        if i < 4 {
+            columns[0][i] = numbers[i];
+        }
+        if i >= after {
+            columns[1][i - after] = numbers[i];
+        }
+    }
+    let (first, last) = (V::to_rows(columns[0]), V::to_rows(columns[1]));
+    macro_rules! put {
+        ($lane:expr) => {
+            // SAFETY: as the caller promises.
+            unsafe {
+                to[$lane].cast::<Row>().write_unaligned(first[$lane]);
+                if count > 4 {
+                    to[$lane].add(after).cast::<Row>().write_unaligned(last[$lane]);
+                }
+            }
+        };
+    }
+    if lanes == u16::MAX {
+        each_lane!(lane => put!(lane));
+    } else {
+        each_lane!(lane => if lanes >> lane & 1 != 0 { put!(lane) });
+    }
+}
 
 /// Several `f64` that are computed together, within [`Lanes::run`].
 pub trait Doubles: Real {
@@ -382,7 +458,8 @@ mod avx2 {
             if count >= 4 {
                 return _mm256_loadu2_m128(high, low);
             }
-            let mask = _mm_set_epi32(0, if count > 2 { -1 } else { 0 }, -1, -1);
+            let on = |i| if count > i { -1 } else { 0 };
+            let mask = _mm_set_epi32(0, on(2), on(1), -1);
             _mm256_set_m128(_mm_maskload_ps(high, mask), _mm_maskload_ps(low, mask))
         }
     }

@@ -16,8 +16,7 @@ use crate::island::Islands;
 use crate::lanes::{Lanes, Portable, WIDTH};
 use crate::team::{Team, chunks_with_parts};
 use crate::{Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
-pub use block::set;
-use block::{Block, contact_in, fill, get};
+use block::{Block, contact_in};
 use conjugate::Conjugate;
 use passes::{Passes, Targets, passes, shares};
 
@@ -26,58 +25,76 @@ pub trait Rows<const L: usize>: Sync {
     /// The bodies of each manifold and how many points it has, in the order of the manifolds.
     fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)>;
 
-    /// Puts the manifold of this index into a lane, and its points, place, gap and impulse, into that
-    /// lane of `points`, which are as many or more. What is left out is zero, and gaps are open.
-    fn put<V: Lanes>(
+    /// Takes a manifold into each lane, and its points, place, gap and impulse, into that lane of `points`,
+    /// which are as many or more: one that is not there is [`FAR`] open. The bodies of each side that
+    /// are `moving`, lanes as bits, can be moved.
+    fn take<V: Lanes>(
         &self,
-        index: usize,
-        lane: usize,
+        manifolds: &[u32; WIDTH],
+        bodies: &[[u32; WIDTH]; 2],
+        moving: [u16; 2],
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     );
-
-    /// Does what remains to be done when all lanes are in.
-    #[inline(always)]
-    fn finish<V: Lanes>(_manifold: &mut Manifold<V, L>, _points: &mut [Contact<V, L>]) {}
 }
+
+/// The gap of a point that is not there: so far open that it never takes an impulse. \[m\]
+pub const FAR: f32 = 1e6;
 
 impl<const L: usize, const A: usize> Rows<L> for System<f32, L, A> {
     fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
         self.manifolds.iter().map(|manifold| (manifold.bodies, manifold.count))
     }
 
-    fn put<V: Lanes>(
+    #[inline(always)]
+    fn take<V: Lanes>(
         &self,
-        index: usize,
-        lane: usize,
+        manifolds: &[u32; WIDTH],
+        _: &[[u32; WIDTH]; 2],
+        _: [u16; 2],
         wide: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     ) {
-        let manifold = &self.manifolds[index];
-        for (wide, axis) in wide.frame.iter_mut().zip(&manifold.frame) {
-            set(wide, lane, axis);
-        }
-        for (wide, arm) in wide.arms.iter_mut().zip(&manifold.arms) {
-            set(wide, lane, arm);
-        }
-        wide.friction.set(lane, manifold.friction);
-        wide.restitution.set(lane, manifold.restitution);
-        wide.compliance.set(lane, manifold.compliance);
-        for (wide, contact) in points.iter_mut().zip(&self.contacts[manifold.points()]) {
-            set(&mut wide.place, lane, &contact.place);
-            set(&mut wide.gap, lane, &contact.gap);
-            set(&mut wide.impulse, lane, &contact.impulse);
+        for (lane, &index) in manifolds.iter().enumerate() {
+            let manifold = &self.manifolds[index as usize];
+            for (wide, axis) in wide.frame.iter_mut().zip(&manifold.frame) {
+                set(wide, lane, axis);
+            }
+            for (wide, arm) in wide.arms.iter_mut().zip(&manifold.arms) {
+                set(wide, lane, arm);
+            }
+            wide.friction.set(lane, manifold.friction);
+            wide.restitution.set(lane, manifold.restitution);
+            wide.compliance.set(lane, manifold.compliance);
+            let own = &self.contacts[manifold.points()];
+            for (point, wide) in points.iter_mut().enumerate() {
+                let Some(contact) = own.get(point) else {
+                    wide.gap[0].set(lane, FAR);
+                    continue;
+                };
+                set(&mut wide.place, lane, &contact.place);
+                set(&mut wide.gap, lane, &contact.gap);
+                set(&mut wide.impulse, lane, &contact.impulse);
+            }
         }
     }
 }
 
+/// Puts a vector into a lane of a wide one.
+fn set<V: Lanes, const N: usize>(wide: &mut Vector<V, N>, lane: usize, of: &Vector<f32, N>) {
+    for i in 0..N {
+        wide[i].set(lane, of[i]);
+    }
+}
+
 /// What a point hands to the next step, in world axes.
-#[derive(Clone, Copy, Debug)]
-pub struct Trace<T, const L: usize> {
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub struct Trace<const L: usize> {
     /// On a. \[N s\]
-    pub impulse: Vector<T, L>,
+    pub impulse: Vector<f32, L>,
     /// Of a on b since the point began to stick, as far as friction holds it. \[m\]
-    pub slip: Vector<T, L>,
+    pub slip: Vector<f32, L>,
 }
 
 /// A system of `f32` contacts, packed, on the best lanes of this machine.
@@ -122,13 +139,8 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 
     /// [`Packed::trace`].
-    pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
-        on_lanes!(self, packed => packed.trace(displacements, hold));
-    }
-
-    /// [`Packed::traces`].
-    pub fn traces(&self, manifold: usize, take: impl FnMut(Trace<f32, L>)) {
-        on_lanes!(self, packed => packed.traces(manifold, take));
+    pub fn trace(&self, displacements: &[Velocity<f32, L, A>], hold: f32, traces: &mut [Trace<L>]) {
+        on_lanes!(self, packed => packed.trace(displacements, hold, traces));
     }
 
     /// [`Packed::unpack`].
@@ -225,8 +237,6 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
     conjugate: Conjugate<V, L>,
-    /// Of each point.
-    traces: Vec<Trace<V, L>>,
     team: Arc<Team>,
     passes: &'static dyn Passes<V, L, A>,
 }
@@ -248,7 +258,6 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             contacts: Vec::new(),
             coloring: Coloring::default(),
             conjugate: Conjugate::default(),
-            traces: Vec::new(),
             team: Arc::default(),
             passes: passes(),
         }
@@ -262,30 +271,31 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// Takes manifolds in between bodies of these masses, and finds the effective masses of their
     /// points ([`Contact::prepare`]).
     pub fn pack<R: Rows<L>>(&mut self, rows: &R, masses: &[InverseMass<f32, L, A>], softness: f32) {
-        self.coloring.assign(masses.len(), rows.outlines(), |body| {
-            masses[body as usize] != InverseMass::FIXED
-        });
-        self.blocks.resize_with(self.coloring.points.len(), Block::empty);
-        let mut first = 0;
-        for (block, &count) in self.blocks.iter_mut().zip(&self.coloring.points) {
-            block.lanes = 0;
-            (block.manifold.first, block.manifold.count) = (first, count);
-            first += count;
+        let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
+        if self.coloring.assign(masses.len(), rows.outlines(), moves) {
+            let Self { blocks, contacts, coloring, .. } = self;
+            blocks.resize_with(coloring.points.len(), Block::empty);
+            let mut first = 0;
+            for ((block, &count), members) in
+                blocks.iter_mut().zip(&coloring.points).zip(&coloring.members)
+            {
+                block.seat(members, coloring, [first, count]);
+                first += count;
+            }
+            contacts.resize_with(first as usize, Contact::default);
         }
-        self.contacts.resize_with(first as usize, Contact::default);
         let Self { blocks, contacts, coloring, team, passes, .. } = self;
         let (useful, share, parts) = shares(team, &coloring.points, contacts);
-        let parts = parts.zip(blocks.chunks_mut(share)).enumerate();
-        team.for_each(useful, parts, |(part, (contacts, blocks))| {
-            fill(part * share, blocks, contacts, coloring, rows, masses);
+        let blocks = blocks.chunks_mut(share).zip(coloring.members.chunks(share));
+        team.for_each(useful, parts.zip(blocks), |(contacts, (blocks, members))| {
             V::run(
                 #[inline(always)]
                 || {
                     let mut later = contacts;
-                    for block in blocks {
+                    for (block, members) in blocks.iter_mut().zip(members) {
                         let count = block.manifold.count as usize;
                         let points = later.split_off_mut(..count).unwrap_or_default();
-                        R::finish(&mut block.manifold, points);
+                        block.take(&members.manifolds, rows, masses, points);
                         passes.prepare(block, points, softness);
                     }
                 },
@@ -297,13 +307,15 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
         let System { manifolds, contacts, .. } = system;
         manifolds.clear();
-        let mut first = 0;
-        for (&place, count) in self.coloring.places.iter().zip(self.coloring.counts()) {
+        let mut last = 0;
+        for (index, &place) in self.coloring.places.iter().enumerate() {
             let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+            let points = self.coloring.points_of(index as u32);
+            last = points.end;
+            let (first, count) = (points.start as u32, points.len() as u32);
             manifolds.push(Manifold { first, count, ..self.blocks[block].manifold_in(lane) });
-            first += count;
         }
-        contacts.resize_with(first as usize, Contact::default);
+        contacts.resize_with(last, Contact::default);
         let parts = chunks_with_parts(manifolds, CHUNK, contacts, |of| of.count as usize);
         let parts = parts.zip(self.coloring.places.chunks(CHUNK));
         let useful = self.team.is_useful(self.blocks.len());
@@ -374,19 +386,10 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         self.passes.certify(self, [RESIDUALS, LINE], [velocities, prospective], islands, tally)
     }
 
-    /// Finds what the points hand to the next step, once bodies have moved by `displacements`: `hold` is
-    /// that of [`Repair`].
-    pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
-        self.passes.trace(self, displacements, hold);
-    }
-
-    /// What the points of a manifold hand to the next step, one after the other.
-    pub fn traces(&self, manifold: usize, mut take: impl FnMut(Trace<f32, L>)) {
-        let place = self.coloring.places[manifold] as usize;
-        let (block, lane) = (place / WIDTH, place % WIDTH);
-        for trace in &self.traces[self.blocks[block].manifold.points()] {
-            take(Trace { impulse: get(&trace.impulse, lane), slip: get(&trace.slip, lane) });
-        }
+    /// Finds what the points hand to the next step, one manifold's after the other's, once bodies have moved
+    /// by `displacements`: `hold` is that of [`Repair`].
+    pub fn trace(&self, displacements: &[Velocity<f32, L, A>], hold: f32, traces: &mut [Trace<L>]) {
+        self.passes.trace(self, displacements, hold, traces);
     }
 
     /// Takes over the impulses of collisions from the contacts of `system`.

@@ -3,6 +3,7 @@
 use std::array::from_fn;
 
 use drystone_solver::ladder::Pace;
+use drystone_solver::wide::Trace;
 use drystone_solver::{Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
@@ -96,7 +97,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
             records: records.manifolds.iter().map(|of| [of.part, of.count]).collect(),
             frames: records.manifolds.iter().flat_map(flat_record).collect(),
-            points: records.points.iter().flat_map(flat_point).collect(),
+            points: records.points.iter().zip(&records.traces).flat_map(flat_point).collect(),
             features: records.points.iter().map(|point| point.feature).collect(),
             still: self.sleep.still.clone(),
             groups: self.sleep.group.clone(),
@@ -208,7 +209,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 }
                 let first = records.points.len();
                 let own = points.by_ref().take(count as usize);
-                records.points.extend(own.map(|(numbers, feature)| point(numbers, *feature)));
+                let own = own.map(|(numbers, feature)| point(numbers, *feature));
+                own.for_each(|(point, trace)| {
+                    records.points.push(point);
+                    records.traces.push(trace);
+                });
                 let reach = cache::reach(&records.points[first..]);
                 let found = record(&pair, [part, first as u32, count], reach, frames);
                 records.manifolds.push(found);
@@ -256,23 +261,20 @@ const fn point_numbers(dimension: usize) -> usize {
     4 * dimension + 1
 }
 
-fn flat_point<const L: usize>(point: &Point<L>) -> impl Iterator<Item = f32> + use<L> {
-    let vectors = [point.on_a, point.on_b, point.impulse, point.slip];
+fn flat_point<const L: usize>(
+    (point, trace): (&Point<L>, &Trace<L>),
+) -> impl Iterator<Item = f32> + use<L> {
+    let vectors = [point.on_a, point.on_b, trace.impulse, trace.slip];
     vectors.into_iter().flat_map(|vector| vector.0).chain([point.gap])
 }
 
-fn point<const L: usize>(numbers: &[f32], feature: u64) -> Point<L> {
+fn point<const L: usize>(numbers: &[f32], feature: u64) -> (Point<L>, Trace<L>) {
     let mut numbers = numbers.iter().copied();
-    Point {
-        on_a: take(&mut numbers),
-        on_b: take(&mut numbers),
-        impulse: take(&mut numbers),
-        slip: take(&mut numbers),
-        gap: numbers.next().unwrap_or(0.0),
-        feature,
-        // The step finds it.
-        ..Point::default()
-    }
+    let (on_a, on_b) = (take(&mut numbers), take(&mut numbers));
+    let trace = Trace { impulse: take(&mut numbers), slip: take(&mut numbers) };
+    let gap = numbers.next().unwrap_or(0.0);
+    // The step finds where its middle is.
+    (Point { on_a, on_b, middle: Vector::ZERO, gap, feature }, trace)
 }
 
 /// The next numbers.

@@ -1,16 +1,12 @@
 //! [`Block`]: sixteen manifolds side by side.
 
-use std::ops::Range;
-
 use super::Rows;
-use crate::color::Coloring;
+use crate::color::{Coloring, Members, Outline};
+use crate::each_lane;
 use crate::island::NONE;
-use crate::lanes::{Lanes, WIDTH};
+use crate::lanes::{Lanes, WIDTH, gathered};
 use crate::pgs::Parts;
 use crate::{Contact, InverseMass, Manifold, Mobility, Vector};
-
-/// The gap of a point that is not there. \[m\]
-const FAR: f32 = 1e6;
 
 /// Up to sixteen manifolds that move different bodies.
 #[derive(Clone, Debug)]
@@ -43,48 +39,40 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Takes the manifold of this index, between these bodies, into a lane of the block and of its
-    /// points.
+    /// Gives it other manifolds; `points` are the first of its points, and how many there are.
+    pub(super) fn seat(&mut self, members: &Members, coloring: &Coloring, points: [u32; 2]) {
+        [self.manifold.first, self.manifold.count] = points;
+        (self.lanes, self.end, self.moving) = (members.lanes, 0, [0; 2]);
+        for (lane, &manifold) in members.manifolds.iter().enumerate() {
+            let Outline { bodies, moving, .. } = *coloring.outline(manifold);
+            for side in 0..2 {
+                self.bodies[side][lane] = bodies[side];
+                self.end = self.end.max(bodies[side] + 1);
+                // Idle lanes are not written back.
+                let moving = moving[side] && lane < members.lanes;
+                self.moving[side] |= u16::from(moving) << lane;
+            }
+        }
+    }
+
+    /// Takes its manifolds in, and their points.
     #[inline(always)]
-    fn take(
+    pub(super) fn take(
         &mut self,
-        lane: usize,
-        bodies: [u32; 2],
-        index: usize,
+        manifolds: &[u32; WIDTH],
         rows: &impl Rows<L>,
         masses: &[InverseMass<f32, L, A>],
         points: &mut [Contact<V, L>],
     ) {
-        if self.lanes == 0 {
-            // Idle lanes read the bodies of the first, and are not written back. What a lane has
-            // too few points for is so far open that it never takes an impulse.
-            self.bodies = bodies.map(|body| [body; WIDTH]);
-            self.end = 0;
-            self.moving = [0; 2];
-            self.masses = [InverseMass::default(); 2];
-            self.manifold.frame = [Vector::ZERO; L];
-            self.manifold.arms = [Vector::ZERO; 2];
-            let mut open = Contact::default();
-            open.gap[0] = splat(FAR);
-            points.fill(open);
-        }
-        self.lanes += 1;
-        for (side, body) in bodies.into_iter().enumerate() {
-            self.bodies[side][lane] = body;
-            self.end = self.end.max(body + 1);
-            let mass = &masses[body as usize];
-            if *mass == InverseMass::FIXED {
-                continue;
-            }
-            self.moving[side] |= 1 << lane;
-            self.masses[side].linear.set(lane, mass.linear);
+        for (own, bodies) in self.masses.iter_mut().zip(&self.bodies) {
+            let of = each_lane!(lane => &masses[bodies[lane] as usize]);
+            own.linear = V::from_array(each_lane!(lane => of[lane].linear));
             for i in 0..A {
-                for j in i..A {
-                    self.masses[side].angular.0[i][j].set(lane, mass.angular.0[i][j]);
-                }
+                own.angular.0[i] = gathered(each_lane!(lane => &of[lane].angular.0[i]));
             }
         }
-        rows.put(index, lane, &mut self.manifold, points);
+        points.fill(Contact::default());
+        rows.take(manifolds, &self.bodies, self.moving, &mut self.manifold, points);
     }
 
     /// Finds the effective masses of its points ([`Contact::prepare`]).
@@ -122,29 +110,6 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     }
 }
 
-/// Puts the manifolds that have a place in some of the blocks, of which `first` is the first, there.
-///
-/// In the order of the manifolds: they come from memory in a stream, while the blocks that are being
-/// filled, at most one for each color and number of points, stay in cache.
-pub(super) fn fill<V: Lanes, const L: usize, const A: usize>(
-    first: usize,
-    blocks: &mut [Block<V, L, A>],
-    contacts: &mut [Contact<V, L>],
-    coloring: &Coloring,
-    rows: &impl Rows<L>,
-    masses: &[InverseMass<f32, L, A>],
-) {
-    let start = blocks.first().map_or(0, |block| block.manifold.first as usize);
-    for (index, (&place, (bodies, _))) in coloring.places.iter().zip(rows.outlines()).enumerate() {
-        let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
-        if let Some(block) = block.checked_sub(first).and_then(|at| blocks.get_mut(at)) {
-            let Range { start: from, end } = block.manifold.points();
-            let points = &mut contacts[from - start..end - start];
-            block.take(lane, bodies, index, rows, masses, points);
-        }
-    }
-}
-
 pub(super) fn splat<V: Lanes>(value: f32) -> V {
     V::from_array([value; WIDTH])
 }
@@ -174,12 +139,4 @@ pub(super) fn get<V: Lanes, const N: usize>(wide: &Vector<V, N>, lane: usize) ->
         out[i] = wide[i].get(lane);
     }
     out
-}
-
-/// Puts a vector into a lane of a wide one.
-#[inline(always)]
-pub fn set<V: Lanes, const N: usize>(wide: &mut Vector<V, N>, lane: usize, of: &Vector<f32, N>) {
-    for i in 0..N {
-        wide[i].set(lane, of[i]);
-    }
 }

@@ -9,14 +9,14 @@ use std::fmt::Debug;
 
 use super::block::{Block, splat};
 use super::conjugate;
-use super::walk::Ground;
+use super::walk::{Ground, Traces};
 use super::{Packed, Trace};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
 use crate::lanes::{Lanes, PART};
 use crate::pgs::visit;
 use crate::team::{Team, chunks_with_parts};
-use crate::{Contact, Repair, Vector, Velocity};
+use crate::{Contact, Repair, Velocity};
 
 type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
 
@@ -56,7 +56,13 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         tally: &'a mut Tally<L, A>,
     ) -> &'a [Certificate];
 
-    fn trace(&self, packed: &mut Packed<V, L, A>, displacements: &Velocities<L, A>, hold: f32);
+    fn trace(
+        &self,
+        packed: &Packed<V, L, A>,
+        displacements: &Velocities<L, A>,
+        hold: f32,
+        traces: &mut [Trace<L>],
+    );
 }
 
 /// References to `&dyn Passes<Self, L, A>`, one for each kind of bodies.
@@ -177,29 +183,34 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         }
     }
 
-    fn trace(&self, packed: &mut Packed<V, L, A>, displacements: &Velocities<L, A>, hold: f32) {
-        let nothing = Trace { impulse: Vector::ZERO, slip: Vector::ZERO };
-        let Packed { blocks, contacts, coloring, traces, team, .. } = packed;
-        traces.resize(contacts.len(), nothing);
-        let (useful, share, parts) = shares(team, &coloring.points, traces);
-        team.for_each(useful, parts.zip(blocks.chunks(share)), |(traces, blocks)| {
+    fn trace(
+        &self,
+        packed: &Packed<V, L, A>,
+        displacements: &Velocities<L, A>,
+        hold: f32,
+        traces: &mut [Trace<L>],
+    ) {
+        let Packed { blocks, contacts, coloring, team, .. } = packed;
+        assert_eq!(traces.len(), coloring.all_points(), "a trace for each point");
+        let traces = &Traces::new(traces);
+        let useful = team.is_useful(blocks.len());
+        let share = blocks.len().div_ceil(if useful { team.members() } else { 1 }).max(1);
+        let parts = blocks.chunks(share).zip(coloring.members.chunks(share));
+        team.for_each(useful, parts, |(blocks, members)| {
             V::run(
                 #[inline(always)]
                 || {
-                    let mut traces = traces.iter_mut();
-                    for block in blocks {
+                    for (block, members) in blocks.iter().zip(members) {
                         let manifold = &block.manifold;
                         let [moved_a, moved_b] = block.gather_from(displacements);
                         let moved = manifold.twist(&moved_a, &moved_b);
-                        for (contact, trace) in contacts[manifold.points()].iter().zip(&mut traces)
-                        {
+                        for (point, contact) in contacts[manifold.points()].iter().enumerate() {
                             let slip = contact.gap + contact.relative_velocity(&moved);
                             let mut slip = contact.held_slip(manifold.friction, splat(hold), slip);
                             slip[0] = V::ZERO;
-                            *trace = Trace {
-                                impulse: manifold.to_world(contact.impulse),
-                                slip: manifold.to_world(slip),
-                            };
+                            let impulse = manifold.to_world(contact.impulse);
+                            let slip = manifold.to_world(slip);
+                            traces.put(coloring, members, point, impulse, slip);
                         }
                     }
                 },

@@ -8,11 +8,12 @@
 
 use std::ops::Range;
 
+use super::Trace;
 use super::block::Block;
-use crate::color::Coloring;
-use crate::lanes::{Lanes, Row};
+use crate::color::{Coloring, Members};
+use crate::lanes::{Lanes, Row, WIDTH, gather, scatter};
 use crate::team::{Member, Shared};
-use crate::{Contact, Velocity};
+use crate::{Contact, Vector, Velocity, each_lane};
 
 /// A packed system and the velocities of its bodies.
 pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
@@ -139,42 +140,21 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
     #[inline(always)]
     pub(super) fn scatter(&self, [a, b]: [Velocity<V, L, A>; 2]) {
         self.block.check(self.velocities);
-        // Written out, for the reason given at `each_lane`.
         self.scatter_side(0, &a);
         self.scatter_side(1, &b);
     }
 
     #[inline(always)]
     fn scatter_side(&self, side: usize, velocity: &Velocity<V, L, A>) {
-        let (bodies, moving) = (&self.block.bodies[side], self.block.moving[side]);
-        let mut columns = [[V::ZERO; 4]; 2];
-        for i in 0..L + A {
-            let number = if i < L { velocity.linear[i] } else { velocity.angular[i - L] };
-            if i < 4 {
-                columns[0][i] = number;
-            }
-            if i >= 2 {
-                columns[1][i - 2] = number;
-            }
-        }
-        let (first, last) = (V::to_rows(columns[0]), V::to_rows(columns[1]));
-        macro_rules! put {
-            ($lane:expr) => {
-                // SAFETY: checked above; nobody else is at these bodies, as in `gather`. A velocity takes
-                // up whole rows.
-                unsafe {
-                    let numbers = self.velocities.place(bodies[$lane]).cast::<f32>();
-                    numbers.cast::<Row>().write(first[$lane]);
-                    if L + A > 4 {
-                        numbers.add(2).cast::<Row>().write(last[$lane]);
-                    }
-                }
-            };
-        }
-        if moving == u16::MAX {
-            each_lane!(lane => put!(lane));
-        } else {
-            each_lane!(lane => if moving >> lane & 1 != 0 { put!(lane) });
+        let bodies = &self.block.bodies[side];
+        let mut numbers = [V::ZERO; 8];
+        numbers[..L].copy_from_slice(&velocity.linear.0);
+        numbers[L..L + A].copy_from_slice(&velocity.angular.0);
+        // SAFETY: checked above; nobody else is at these bodies, as in `gather`. A velocity takes up whole
+        // rows.
+        unsafe {
+            let to = each_lane!(lane => self.velocities.place(bodies[lane]).cast());
+            scatter(&numbers[..L + A], to, self.block.moving[side]);
         }
     }
 }
@@ -205,26 +185,15 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         from: &Shared<'_, Velocity<f32, L, A>>,
     ) -> Velocity<V, L, A> {
         let bodies = &self.bodies[side];
-        let mut out = Velocity::ZERO;
+        let mut numbers = [V::ZERO; 8];
         // SAFETY: as the caller promises; a velocity is so many numbers.
         unsafe {
-            let rows = each_lane!(lane => from.place(bodies[lane]).cast::<f32>().cast_const());
-            let first = V::from_rows(rows, L + A);
-            // Of more than four, the last four.
-            let last = if L + A > 4 {
-                V::from_rows(each_lane!(lane => rows[lane].add(2)), L + A - 2)
-            } else {
-                first
-            };
-            for i in 0..L + A {
-                let number = if i < 4 { first[i] } else { last[i - 2] };
-                if i < L {
-                    out.linear[i] = number;
-                } else {
-                    out.angular[i - L] = number;
-                }
-            }
+            let at = each_lane!(lane => from.place(bodies[lane]).cast::<f32>().cast_const());
+            gather(at, &mut numbers[..L + A]);
         }
+        let mut out = Velocity::ZERO;
+        out.linear.0.copy_from_slice(&numbers[..L]);
+        out.angular.0.copy_from_slice(&numbers[L..L + A]);
         out
     }
 
@@ -236,14 +205,39 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     }
 }
 
-/// An array with a number for each lane; written out, since a loop that is not unrolled would go through
-/// memory.
-macro_rules! each_lane {
-    ($lane:ident => $of:expr) => {
-        each_lane!($lane => $of; 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15)
-    };
-    ($name:ident => $of:expr; $($lane:literal)*) => {
-        [$({ let $name = $lane; $of }),*]
-    };
+/// Where the traces of all points go.
+pub(super) struct Traces<'a, const L: usize>(Shared<'a, Trace<L>>);
+
+impl<'a, const L: usize> Traces<'a, L> {
+    pub(super) fn new(traces: &'a mut [Trace<L>]) -> Self {
+        Self(Shared::new(traces))
+    }
+
+    /// Those of one point of each manifold of a block.
+    #[inline(always)]
+    pub(super) fn put<V: Lanes>(
+        &self,
+        coloring: &Coloring,
+        members: &Members,
+        point: usize,
+        impulse: Vector<V, L>,
+        slip: Vector<V, L>,
+    ) {
+        let (mut at, mut lanes) = ([0; WIDTH], 0);
+        for lane in 0..members.lanes {
+            let points = coloring.points_of(members.manifolds[lane]);
+            if point < points.len() && points.end <= self.0.len() {
+                at[lane] = (points.start + point) as u32;
+                lanes |= 1 << lane;
+            }
+        }
+        let mut numbers = [V::ZERO; 8];
+        numbers[..L].copy_from_slice(&impulse.0);
+        numbers[L..2 * L].copy_from_slice(&slip.0);
+        // SAFETY: just checked; no other block has these points. A trace is so many numbers.
+        unsafe {
+            let to = each_lane!(lane => self.0.place(at[lane]).cast());
+            scatter(&numbers[..2 * L], to, lanes);
+        }
+    }
 }
-use each_lane;
