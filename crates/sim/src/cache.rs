@@ -54,6 +54,8 @@ pub(crate) struct Record<const L: usize> {
     /// Its points.
     pub(crate) first: u32,
     pub(crate) count: u32,
+    /// One over `count`: what a point adds to their mean. \[1\]
+    pub(crate) share: f32,
     /// World, from b towards a.
     pub(crate) normal: Vector<f32, L>,
     /// The same in the frame of b, and a's frame as seen from b, when the points were found.
@@ -121,6 +123,7 @@ impl<const L: usize> Record<L> {
         part: 0,
         first: 0,
         count: 0,
+        share: 0.0,
         normal: Vector::ZERO,
         local_normal: Vector::ZERO,
         found_at: Frame::IDENTITY,

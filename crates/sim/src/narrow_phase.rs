@@ -187,6 +187,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             part: touch.part,
             first: first as u32,
             count: touch.points.len() as u32,
+            share: 1.0 / touch.points.len() as f32,
             normal: touch.normal,
             local_normal: b.local_direction(touch.normal),
             found_at: seen,

@@ -53,8 +53,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Rows<L> for RowsOf<'_, G
             contact.impulse = manifold.to_frame(impulse);
             contact.impulse[0] = contact.impulse[0].max(V::ZERO);
         }
-        let counts = V::from_array(each_lane!(lane => records[lane].count as f32));
-        let center = sum * (V::ONE / counts);
+        let center = sum * V::from_array(each_lane!(lane => records[lane].share));
         for contact in points {
             contact.place = manifold.to_frame(contact.place - center);
         }

@@ -249,6 +249,7 @@ fn record<const L: usize>(
         part,
         first,
         count,
+        share: 1.0 / count as f32,
         normal: take(&mut numbers),
         local_normal: take(&mut numbers),
         found_at: Frame { position: take(&mut numbers), axes: from_fn(|_| take(&mut numbers)) },
