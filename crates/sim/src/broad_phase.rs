@@ -18,7 +18,8 @@ pub(crate) struct BroadPhase<const L: usize> {
     workspace: BvhWorkspace,
     /// The enlarged box of each shape; none for removed ones.
     boxes: Vec<Option<Bounds<L>>>,
-    found: Vec<[u32; 2]>,
+    /// Pairs, the lower index in the upper half: they sort as one number.
+    found: Vec<u64>,
     changed: bool,
 }
 
@@ -97,7 +98,7 @@ impl<const L: usize> BroadPhase<L> {
 
     /// Pairs of shapes whose boxes have come to overlap, lower index first, sorted; none if no
     /// box has changed since the last call. Pairs found before may be among them.
-    pub(crate) fn new_pairs(&mut self) -> Option<&[[u32; 2]]> {
+    pub(crate) fn new_pairs(&mut self) -> Option<impl Iterator<Item = [u32; 2]>> {
         if !std::mem::take(&mut self.changed) {
             return None;
         }
@@ -105,14 +106,14 @@ impl<const L: usize> BroadPhase<L> {
         let found = &mut self.found;
         found.clear();
         self.tree.traverse_bvtt_single_tree::<true>(&mut self.workspace, &mut |a, b| {
-            found.push([a.min(b), a.max(b)]);
+            found.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
         });
         // Only now: it marks parts of the tree as changed, which the traversal would skip.
         self.tree.optimize_incremental(&mut self.workspace);
         let found = &mut self.found;
         found.sort_unstable();
         found.dedup();
-        Some(found)
+        Some(found.iter().map(|&pair| [(pair >> 32) as u32, pair as u32]))
     }
 }
 

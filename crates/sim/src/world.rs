@@ -678,8 +678,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let Some(found) = self.broad_phase.new_pairs() else { return };
         let fresh = &mut self.fresh_pairs;
         fresh.clear();
-        for &pair in found {
-            if self.pairs.binary_search_by_key(&pair, |known| known.colliders).is_err() {
+        // Both are sorted.
+        let mut known = self.pairs.iter().map(|pair| pair.colliders).peekable();
+        for pair in found {
+            while known.next_if(|known| *known < pair).is_some() {}
+            if known.peek() != Some(&pair) {
                 fresh.extend(new_pair(&self.colliders, &self.bodies, pair));
             }
         }
