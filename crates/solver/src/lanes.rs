@@ -459,7 +459,7 @@ mod avx2 {
                 return _mm256_loadu2_m128(high, low);
             }
             let on = |i| if count > i { -1 } else { 0 };
-            let mask = _mm_set_epi32(0, on(2), on(1), -1);
+            let mask = _mm_set_epi32(0, on(2), on(1), on(0));
             _mm256_set_m128(_mm_maskload_ps(high, mask), _mm_maskload_ps(low, mask))
         }
     }
