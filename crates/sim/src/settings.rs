@@ -123,6 +123,7 @@ impl StepSettings {
         Self {
             substeps: 4,
             push_speed: 3.0,
+            hold: 5.0,
             travel_per_search: 1.0,
             searches: 4,
             reuse_distance: 0.002,
