@@ -160,6 +160,9 @@ fn inverse<const A: usize>(matrix: &SymmetricMatrix<f32, A>) -> SymmetricMatrix<
     out
 }
 
+/// Contacts are kept as long as bodies have strayed by less than this part of their size. \[1\]
+const STRAY: f32 = 2e-3;
+
 /// The state of all bodies, except velocities and world inverse masses, which the contact system
 /// holds.
 pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -175,6 +178,10 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) remainders: Vec<Vector<f32, L>>,
     /// How far any point of its shapes can have come, step by step, since it was added. \[m\]
     pub(crate) paths: Vec<f64>,
+    /// How much of it since its contacts and its M^-1 were last found anew. \[m\]
+    pub(crate) strayed: Vec<f32>,
+    /// Whether that was more than what they are kept for: they are found anew in this step.
+    pub(crate) stirred: Vec<bool>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
     pub(crate) gyroscopic: Vec<bool>,
     /// Rotation vectors that the poses have not followed yet. \[rad\]
@@ -196,12 +203,28 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             frames: Vec::new(),
             remainders: Vec::new(),
             paths: Vec::new(),
+            strayed: Vec::new(),
+            stirred: Vec::new(),
             inertia: Vec::new(),
             gyroscopic: Vec::new(),
             turns: Vec::new(),
             gravity_factor: Vec::new(),
             reach: Vec::new(),
             forces: Vec::new(),
+        }
+    }
+
+    /// Notes which bodies have strayed by more than `limit` \[m\], or than a small part of their size, or move
+    /// whatever they touch.
+    pub(crate) fn stir(&mut self, limit: f32, velocities: &[Velocity<f32, L, A>]) {
+        for (body, (stirred, strayed)) in self.stirred.iter_mut().zip(&mut self.strayed).enumerate()
+        {
+            let leads = self.inertia[body].inverse_mass() == 0.0;
+            *stirred = leads && velocities[body] != Velocity::ZERO
+                || *strayed > limit.min(STRAY * self.reach[body]);
+            if *stirred {
+                *strayed = 0.0;
+            }
         }
     }
 

@@ -2,7 +2,7 @@
 //! slips of their points, matched by feature.
 
 use drystone_solver::Vector;
-use drystone_solver::wide::{FAR, Trace};
+use drystone_solver::wide::Trace;
 
 use crate::geometry::{Frame, MAX_POINTS, TouchPoint};
 
@@ -16,6 +16,8 @@ pub(crate) struct Pair {
     pub(crate) restitution: f32,
     /// Smallest extent of the thinner shape. \[m\]
     pub(crate) thickness: f32,
+    /// Whether one of them may roll: points that touched before do not tell where they do now.
+    pub(crate) rolls: bool,
     /// Whether it rests: neither body moves or can be moved.
     pub(crate) rests: bool,
     /// What adds 1 to the path of one of its bodies adds at most so much to how far a has moved against b, as
@@ -42,6 +44,9 @@ pub(crate) struct Records<const L: usize> {
     pub(crate) points: Vec<Point<L>>,
     /// Of each point.
     pub(crate) traces: Vec<Trace<L>>,
+    /// Whether each manifold is as it was in the step before: neither body has stirred
+    /// ([`Bodies::stirred`](crate::bodies::Bodies::stirred)).
+    pub(crate) kept: Vec<bool>,
 }
 
 /// A manifold as it is kept from step to step: in the frames of its bodies.
@@ -58,6 +63,10 @@ pub(crate) struct Record<const L: usize> {
     pub(crate) share: f32,
     /// World, from b towards a.
     pub(crate) normal: Vector<f32, L>,
+    /// The normal that its traces are seen from: that of the step before.
+    pub(crate) traced: Vector<f32, L>,
+    /// From the center of mass of b to that of a. \[m\]
+    pub(crate) apart: Vector<f32, L>,
     /// The same in the frame of b, and a's frame as seen from b, when the points were found.
     pub(crate) local_normal: Vector<f32, L>,
     pub(crate) found_at: Frame<L>,
@@ -75,7 +84,6 @@ pub(crate) struct Point<const L: usize> {
     /// Where both bodies are pushed, midway between the surfaces: so the pair keeps its angular momentum.
     /// World, from the center of mass of b. \[m\]
     pub(crate) middle: Vector<f32, L>,
-    pub(crate) gap: f32,
     pub(crate) feature: u64,
 }
 
@@ -84,6 +92,7 @@ impl<const L: usize> Records<L> {
         self.manifolds.clear();
         self.points.clear();
         self.traces.clear();
+        self.kept.clear();
     }
 
     /// The bodies of each manifold.
@@ -111,6 +120,7 @@ impl<const L: usize> Records<L> {
             self.traces.extend_from_slice(from.traces_of(record));
             self.manifolds.push(Record { first, ..*record });
         }
+        self.kept.resize(self.manifolds.len(), false);
     }
 }
 
@@ -125,6 +135,8 @@ impl<const L: usize> Record<L> {
         count: 0,
         share: 0.0,
         normal: Vector::ZERO,
+        traced: Vector::ZERO,
+        apart: Vector::ZERO,
         local_normal: Vector::ZERO,
         found_at: Frame::IDENTITY,
         reach: 0.0,
@@ -135,12 +147,19 @@ impl<const L: usize> Record<L> {
     }
 }
 
+/// The trace of a new point.
+pub(crate) const fn open<const L: usize>(gap: f32) -> Trace<L> {
+    let mut gaps = [0.0; L];
+    gaps[0] = gap;
+    Trace { impulse: Vector([0.0; L]), gap: Vector(gaps) }
+}
+
 /// Largest distance of points from the center of mass of a. \[m\]
 pub(crate) fn reach<const L: usize>(points: &[Point<L>]) -> f32 {
     points.iter().map(|point| point.on_a.length()).fold(0.0, f32::max)
 }
 
-/// Gives points the traces of the same manifold's points a step ago: by feature, then by place.
+/// Gives points the impulses and slips of the same manifold's points a step ago: by feature, then by place.
 pub(crate) fn inherit<const L: usize>(
     points: &[Point<L>],
     traces: &mut [Trace<L>],
@@ -167,7 +186,9 @@ pub(crate) fn inherit<const L: usize>(
             if let Some(i) = found {
                 taken[i] = true;
                 *done = true;
+                let gap = trace.gap[0];
                 *trace = old_traces[i];
+                trace.gap[0] = gap;
             }
         }
     }
@@ -176,14 +197,13 @@ pub(crate) fn inherit<const L: usize>(
 impl<const L: usize> Point<L> {
     /// One that is not there.
     pub(crate) const OPEN: Self =
-        Self { on_a: Vector::ZERO, on_b: Vector::ZERO, middle: Vector::ZERO, gap: FAR, feature: 0 };
+        Self { on_a: Vector::ZERO, on_b: Vector::ZERO, middle: Vector::ZERO, feature: 0 };
 
     pub(crate) fn new(touch: &TouchPoint<L>, a: &Frame<L>, b: &Frame<L>) -> Self {
         Self {
             on_a: a.local_point(touch.on_a),
             on_b: b.local_point(touch.on_b),
             middle: (touch.on_a + touch.on_b) * 0.5,
-            gap: touch.gap,
             feature: touch.feature,
         }
     }

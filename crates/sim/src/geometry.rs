@@ -60,6 +60,9 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// The shape it is made of.
     fn shape_of(collider: &Self::Collider) -> &Self::Shape;
 
+    /// Whether it is curved: where it rolls, other points of it touch.
+    fn rolls(collider: &Self::Collider) -> bool;
+
     /// Reports each manifold of points at which two shapes overlap or are within `prediction` \[m\].
     /// Returns how far they are apart at least. \[m\]
     fn collide(

@@ -114,17 +114,18 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     team: &Team,
     displacements: &[Velocity<f32, L, A>],
 ) {
-    let Bodies { poses, turns, frames, remainders, paths, reach, .. } = bodies;
+    let Bodies { poses, turns, frames, remainders, paths, strayed, reach, .. } = bodies;
     let placed = poses.chunks_mut(CHUNK).zip(turns.chunks_mut(CHUNK));
     let exact = frames.chunks_mut(CHUNK).zip(remainders.chunks_mut(CHUNK));
-    let went = paths.chunks_mut(CHUNK).zip(reach.chunks(CHUNK));
+    let went = paths.chunks_mut(CHUNK).zip(strayed.chunks_mut(CHUNK)).zip(reach.chunks(CHUNK));
     let parts = displacements.chunks(CHUNK).zip(placed.zip(exact).zip(went));
     let useful = displacements.len() > 2 * CHUNK;
     team.for_each(useful, parts, |(displacements, ((placed, exact), went))| {
         let placed = placed.0.iter_mut().zip(placed.1);
         let exact = exact.0.iter_mut().zip(exact.1);
-        let went = went.0.iter_mut().zip(went.1);
-        for (displacement, (((pose, turn), (frame, remainder)), (path, reach))) in
+        let ((paths, strayed), reach) = went;
+        let went = paths.iter_mut().zip(strayed).zip(reach);
+        for (displacement, (((pose, turn), (frame, remainder)), ((path, strayed), reach))) in
             displacements.iter().zip(placed.zip(exact).zip(went))
         {
             if *displacement == Velocity::ZERO {
@@ -138,7 +139,9 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
             let axes = frame.axes.iter().zip(&before.axes);
             // The norm of R - R' is at most this.
             let turned = axes.fold(0.0, |sum, (now, then)| sum + (*now - *then).length());
-            *path += f64::from(displacement.linear.length() + turned * reach);
+            let came = displacement.linear.length() + turned * reach;
+            *path += f64::from(came);
+            *strayed += came;
         }
     });
 }

@@ -1,5 +1,7 @@
 //! Where near shapes touch: from pairs to the manifolds of this step.
 
+use std::ops::Range;
+
 use drystone_solver::Vector;
 use drystone_solver::team::{Team, chunks_with_parts};
 use drystone_solver::wide::Trace;
@@ -75,10 +77,7 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
         if workers.is_empty() {
             workers.push(Worker::default());
         }
-        let scratch = &mut workers[0].scratch;
-        for pair in pairs {
-            collide(around, pair, scratch, records);
-        }
+        find(around, pairs, &mut workers[0].scratch, records);
         return;
     }
     let chunks = pairs.len().div_ceil(CHUNK);
@@ -88,14 +87,14 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     let parts = pairs.chunks_mut(CHUNK).zip(workers.iter_mut());
     team.for_each(true, parts, |(pairs, worker)| {
         worker.records.clear();
-        for pair in pairs {
-            collide(around, pair, &mut worker.scratch, &mut worker.records);
-        }
+        find(around, pairs, &mut worker.scratch, &mut worker.records);
     });
     let workers = &workers[..chunks];
     let manifolds = |of: &Worker<G, L, A>| of.records.manifolds.len();
     let points = |of: &Worker<G, L, A>| of.records.points.len();
     records.manifolds.resize(workers.iter().map(manifolds).sum(), Record::NONE);
+    records.kept.clear();
+    records.kept.extend(workers.iter().flat_map(|worker| &worker.records.kept));
     let count = workers.iter().map(points).sum();
     records.points.resize(count, Point::default());
     records.traces.resize(count, Trace::default());
@@ -128,11 +127,50 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     );
 }
 
+/// Appends the manifolds of these pairs to `records`.
+fn find<G: Geometry<L, A>, const L: usize, const A: usize>(
+    around: &Surroundings<'_, G, L, A>,
+    pairs: &mut [Pair],
+    scratch: &mut G::Scratch,
+    records: &mut Records<L>,
+) {
+    let mut run = 0..0;
+    for pair in pairs {
+        let own = pair.records();
+        let stirred = || pair.bodies.iter().any(|&body| around.bodies.stirred[body as usize]);
+        if pair.rests || own.is_empty() || around.reuse_distance == 0.0 || stirred() {
+            collide(around, pair, scratch, records, &mut run);
+            continue;
+        }
+        if own.start != run.end {
+            keep(around.old, &mut run, records);
+            run = own.start..own.start;
+        }
+        pair.first = (records.manifolds.len() + run.len()) as u32;
+        run.end = own.end;
+    }
+    keep(around.old, &mut run, records);
+}
+
+/// Appends a run of old records as they are, and ends it.
+fn keep<const L: usize>(old: &Records<L>, run: &mut Range<usize>, records: &mut Records<L>) {
+    let known = &old.manifolds[std::mem::take(run)];
+    let (Some(first), Some(last)) = (known.first(), known.last()) else { return };
+    let points = first.points().start..last.points().end;
+    let [from, to] = [points.start as u32, records.points.len() as u32];
+    records.points.extend_from_slice(&old.points[points.clone()]);
+    records.traces.extend_from_slice(&old.traces[points]);
+    let moved = |record: &Record<L>| Record { first: record.first - from + to, ..*record };
+    records.manifolds.extend(known.iter().map(moved));
+    records.kept.resize(records.manifolds.len(), true);
+}
+
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pair: &mut Pair,
     scratch: &mut G::Scratch,
     records: &mut Records<L>,
+    run: &mut Range<usize>,
 ) {
     if pair.rests && !pair.bodies.iter().any(|&body| around.active[body as usize]) {
         return;
@@ -140,7 +178,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let old = if pair.rests { around.resting } else { around.old };
     pair.rests = false;
     let known = &old.manifolds[pair.records()];
-    pair.first = records.manifolds.len() as u32;
+    pair.first = (records.manifolds.len() + run.len()) as u32;
     let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
     // Never through a thin body to what is behind it.
     let prediction = around.prediction_distance.min(THIN * pair.thickness)
@@ -151,19 +189,21 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     if known.is_empty() && paths + f64::from(prediction) < pair.until {
         return;
     }
+    keep(around.old, run, records);
     // Everything is seen from the center of mass of b: so it does not matter how far the pair is
     // from the origin.
     let apart = around.bodies.apart(pair.bodies);
     let [axes_a, axes_b] = pair.bodies.map(|body| around.bodies.frames[body as usize].axes);
     let a = &Frame { position: apart, axes: axes_a };
     let b = &Frame { position: Vector::ZERO, axes: axes_b };
-    if !known.is_empty() && around.reuse_distance > 0.0 && paths < pair.until {
+    let reusable = !known.is_empty() && around.reuse_distance > 0.0 && !pair.rolls;
+    if reusable && paths < pair.until {
         return reuse(pair, known, old, [a, b], records);
     }
     let seen = a.seen_from(b);
     let left = |record: &Record<L>| around.reuse_distance - moved(record, &seen);
     let known_to = |gap: f32| f64::from(gap - ROUNDING * (gap.abs() + apart.length()));
-    if let Some(left) = known.first().map(left).filter(|&left| left > 0.0) {
+    if let Some(left) = known.first().map(left).filter(|&left| reusable && left > 0.0) {
         pair.until = paths + known_to(left / pair.lever);
         return reuse(pair, known, old, [a, b], records);
     }
@@ -173,9 +213,10 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let mut report = |touch: &Touch<L>| {
         let first = records.points.len();
         records.points.extend(touch.points.iter().map(|found| Point::new(found, a, b)));
-        records.traces.resize(records.points.len(), Trace::default());
+        records.traces.extend(touch.points.iter().map(|found| cache::open(found.gap)));
         let points = &records.points[first..];
-        if let Some(before) = known.iter().find(|known| known.part == touch.part) {
+        let before = known.iter().find(|known| known.part == touch.part);
+        if let Some(before) = before {
             let before = (old.points_of(before), old.traces_of(before));
             inherit(points, &mut records.traces[first..], before, MATCH_DISTANCE);
         }
@@ -189,10 +230,13 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             count: touch.points.len() as u32,
             share: 1.0 / touch.points.len() as f32,
             normal: touch.normal,
+            traced: before.map_or(touch.normal, |before| before.normal),
+            apart,
             local_normal: b.local_direction(touch.normal),
             found_at: seen,
             reach,
         });
+        records.kept.push(false);
     };
     let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
     let gap = G::collide(a, b, prediction, scratch, &mut report);
@@ -223,12 +267,15 @@ fn reuse<const L: usize>(
     for record in known {
         let normal = b.direction(record.local_normal);
         let first = records.points.len() as u32;
-        records.points.extend(old.points_of(record).iter().map(|point| {
+        for (point, trace) in old.points_of(record).iter().zip(old.traces_of(record)) {
             let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
-            Point { gap: normal.dot(on_a - on_b), middle: (on_a + on_b) * 0.5, ..*point }
-        }));
-        // Few: a call would take longer than copying them.
-        records.traces.extend(old.traces_of(record).iter().copied());
-        records.manifolds.push(Record { normal, first, ..*record });
+            records.points.push(Point { middle: (on_a + on_b) * 0.5, ..*point });
+            let mut trace = *trace;
+            trace.gap[0] = normal.dot(on_a - on_b);
+            records.traces.push(trace);
+        }
+        let (traced, apart) = (record.normal, a.position);
+        records.manifolds.push(Record { normal, traced, apart, first, ..*record });
+        records.kept.push(false);
     }
 }

@@ -1,27 +1,27 @@
 //! From records to the contact system: what the solver is given.
 
 use drystone_solver::lanes::{Lanes, WIDTH, gathered};
-use drystone_solver::wide::{Rows, Trace};
-use drystone_solver::{Contact, Manifold, System, Vector, contact_frame, each_lane};
+use drystone_solver::wide::{FAR, Rows, Trace};
+use drystone_solver::{Contact, Manifold, Vector, Velocity, contact_frame, each_lane};
 
-use crate::bodies::Bodies;
-use crate::cache::{Point, Record, Records};
+use crate::cache::{self, Point, Record, Records};
 use crate::certifier::Stiffness;
-use crate::geometry::Geometry;
 
 /// The records of a step of length `dt` \[s\] as manifolds.
-pub(crate) struct RowsOf<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+pub(crate) struct RowsOf<'a, const L: usize, const A: usize> {
     pub(crate) records: &'a Records<L>,
-    pub(crate) bodies: &'a Bodies<G, L, A>,
-    /// Velocities.
-    pub(crate) system: &'a System<f32, L, A>,
+    pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) stiffness: Stiffness<'a>,
     pub(crate) dt: f32,
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Rows<L> for RowsOf<'_, G, L, A> {
+impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
     fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
         self.records.manifolds.iter().map(|record| (record.bodies, record.count))
+    }
+
+    fn is_kept(&self, manifold: u32) -> bool {
+        self.records.kept[manifold as usize]
     }
 
     #[inline(always)]
@@ -34,7 +34,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Rows<L> for RowsOf<'_, G
         points: &mut [Contact<V, L>],
     ) {
         let records = each_lane!(lane => &self.records.manifolds[manifolds[lane] as usize]);
+        let kept = each_lane!(lane => self.records.kept[manifolds[lane] as usize]);
+        let turned = V::from_array(each_lane!(lane => f32::from(!kept[lane])));
         manifold.frame = contact_frame(gathered(each_lane!(lane => &records[lane].normal)));
+        let traced = contact_frame(gathered(each_lane!(lane => &records[lane].traced)));
+        let before = Manifold { frame: traced, ..*manifold };
         manifold.friction = V::from_array(each_lane!(lane => records[lane].friction));
         manifold.restitution = V::from_array(each_lane!(lane => records[lane].restitution));
         manifold.compliance =
@@ -42,29 +46,35 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Rows<L> for RowsOf<'_, G
         let mut sum = Vector::ZERO;
         for (index, contact) in points.iter_mut().enumerate() {
             let own = each_lane!(lane => self.point(records[lane], index));
-            contact.gap[0] = V::from_array(each_lane!(lane => own[lane].0.gap));
             contact.place = gathered(each_lane!(lane => &own[lane].0.middle));
             sum += contact.place;
-            let slip = manifold.to_frame(gathered(each_lane!(lane => &own[lane].1.slip)));
+            contact.gap = gathered(each_lane!(lane => &own[lane].1.gap));
+            contact.impulse = gathered(each_lane!(lane => &own[lane].1.impulse));
+            let mut slip = contact.gap;
+            slip[0] = V::ZERO;
+            let slip = manifold.to_frame(before.to_world(slip));
+            let impulse = manifold.to_frame(before.to_world(contact.impulse));
             for i in 1..L {
-                contact.gap[i] = slip[i];
+                contact.gap[i] = turned.choose(slip[i], contact.gap[i]);
             }
-            let impulse = gathered(each_lane!(lane => &own[lane].1.impulse));
-            contact.impulse = manifold.to_frame(impulse);
+            for i in 0..L {
+                contact.impulse[i] = turned.choose(impulse[i], contact.impulse[i]);
+            }
             contact.impulse[0] = contact.impulse[0].max(V::ZERO);
         }
         let center = sum * V::from_array(each_lane!(lane => records[lane].share));
         for contact in points {
             contact.place = manifold.to_frame(contact.place - center);
         }
-        manifold.arms = [center - self.apart(bodies), center];
+        let apart = gathered(each_lane!(lane => &records[lane].apart));
+        manifold.arms = [center - apart, center];
         if moving != [u16::MAX; 2] {
             self.carry(bodies, moving, &mut manifold.arms);
         }
     }
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> RowsOf<'_, G, L, A> {
+impl<const L: usize, const A: usize> RowsOf<'_, L, A> {
     /// A point of a record and its trace; one that is not there is far away.
     #[inline(always)]
     fn point(&self, record: &Record<L>, index: usize) -> (&Point<L>, &Trace<L>) {
@@ -72,24 +82,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> RowsOf<'_, G, L, A> {
             let at = record.first as usize + index;
             (&self.records.points[at], &self.records.traces[at])
         } else {
-            const { (&Point::OPEN, &Trace { impulse: Vector::ZERO, slip: Vector::ZERO }) }
+            const { (&Point::OPEN, &cache::open(FAR)) }
         }
-    }
-
-    /// [`Bodies::apart`] of each lane.
-    #[inline(always)]
-    fn apart<V: Lanes>(&self, bodies: &[[u32; WIDTH]; 2]) -> Vector<V, L> {
-        let Bodies { frames, remainders, .. } = self.bodies;
-        let [a, b] = bodies;
-        let positions: [Vector<V, L>; 2] = [
-            gathered(each_lane!(lane => &frames[a[lane] as usize].position)),
-            gathered(each_lane!(lane => &frames[b[lane] as usize].position)),
-        ];
-        let remainders: [Vector<V, L>; 2] = [
-            gathered(each_lane!(lane => &remainders[a[lane] as usize])),
-            gathered(each_lane!(lane => &remainders[b[lane] as usize])),
-        ];
-        (positions[0] - positions[1]) + (remainders[0] - remainders[1])
     }
 
     /// A body that carries others round gives them the velocity of where they are at half the step; that of
@@ -102,7 +96,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> RowsOf<'_, G, L, A> {
         arms: &mut [Vector<V, L>; 2],
     ) {
         let [a, b] = bodies;
-        let of = &self.system.velocities;
+        let of = self.velocities;
         let v_a: Vector<V, L> = gathered(each_lane!(lane => &of[a[lane] as usize].linear));
         let v_b: Vector<V, L> = gathered(each_lane!(lane => &of[b[lane] as usize].linear));
         let half = V::from_f64(f64::from(0.5 * self.dt));

@@ -247,7 +247,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
     }
 
     fn nearby(&self) -> Vec<Nearby> {
-        let system = self.world.system();
+        let system = self.world.searched();
         let of = |manifold: &Manifold<f32, L>| {
             let contacts = system.contacts[manifold.points()].iter();
             Nearby {

@@ -196,6 +196,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.inertia[index] = inertia;
         bodies.gravity_factor[index] = body.gravity_factor;
         bodies.reach[index] = reach;
+        bodies.strayed[index] = f32::INFINITY;
         bodies.forces[index] = Velocity::ZERO;
         let moves = body.motion != Motion::Static;
         self.system.velocities[index] = if moves { body.velocity } else { Velocity::ZERO };
@@ -239,6 +240,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.frames.push(G::frame(&origin));
         bodies.remainders.push(Vector::ZERO);
         bodies.paths.push(0.0);
+        bodies.strayed.push(0.0);
+        bodies.stirred.push(false);
         bodies.inertia.push(Inertia::FIXED);
         bodies.gyroscopic.push(false);
         bodies.turns.push(Vector::ZERO);
@@ -356,11 +359,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         &self.system.velocities
     }
 
-    /// The contact system of the last substep, as the solver left it.
+    /// The contact system of the last substep, as the solver left it; its gaps are those after the step.
     pub fn system(&self) -> System<f32, L, A> {
         let (velocities, masses) = (self.system.velocities.clone(), self.system.masses.clone());
         let mut system = System { velocities, masses, ..System::new() };
         self.wide.unpack(&mut system);
+        system
+    }
+
+    /// The same with gaps as they were when contacts were last searched for.
+    pub(crate) fn searched(&self) -> System<f32, L, A> {
+        let mut system = self.system();
+        for manifold in &system.manifolds {
+            let [a, b] = manifold.bodies.map(|body| &self.displacements[body as usize]);
+            let moved = manifold.twist(a, b);
+            for contact in &mut system.contacts[manifold.points()] {
+                contact.gap[0] -= contact.normal_velocity(&moved);
+            }
+        }
         system
     }
 
@@ -488,8 +504,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         } else {
             Stiffness::default()
         };
-        let rows = RowsOf::<G, L, A> { records, bodies, system, stiffness, dt };
+        // Stiffness is that of islands in this step: it is found anew before and after.
+        if plan.solving {
+            wide.forget();
+        }
+        let rows = RowsOf { records, velocities: &system.velocities, stiffness, dt };
         wide.pack(&rows, &system.masses, softness);
+        if plan.solving {
+            wide.forget();
+        }
         if certifying {
             certifier.start(system, wide);
         }
@@ -589,20 +612,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let ledger = self.books.close(&self.bodies, self.gravity, &self.system.velocities);
             report.energy.get_or_insert_default().join(&ledger);
         }
-        self.update_masses();
         clock.lap(report, Stage::Advance);
         self.wide.trace(&self.displacements, self.settings.hold, &mut self.records.traces);
         clock.lap(report, Stage::Remember);
     }
 
-    /// M^-1 of all bodies at their present poses; nothing moves one that sleeps.
+    /// M^-1 of all bodies that have stirred, at their present poses; nothing moves one that sleeps.
     fn update_masses(&mut self) {
         let (bodies, sleep) = (&self.bodies, &self.sleep);
         let masses = self.system.masses.chunks_mut(CHUNK).enumerate();
         self.team.for_each(bodies.poses.len() > 2 * CHUNK, masses, |(chunk, masses)| {
             for (body, mass) in (CHUNK * chunk..).zip(masses) {
-                *mass =
-                    if sleep.sleeps(body) { InverseMass::FIXED } else { bodies.inverse_mass(body) };
+                if sleep.sleeps(body) {
+                    *mass = InverseMass::FIXED;
+                } else if bodies.stirred[body] || *mass == InverseMass::FIXED {
+                    *mass = bodies.inverse_mass(body);
+                }
             }
         });
     }
@@ -703,6 +728,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     fn find_manifolds(&mut self) {
+        // Two bodies that have not stirred have come half of what contacts are reused for, at most.
+        self.bodies.stir(0.25 * self.settings.reuse_distance, &self.system.velocities);
+        self.update_masses();
         std::mem::swap(&mut self.records, &mut self.old_records);
         self.note_active();
         if self.sleep.is_used() {
@@ -769,18 +797,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         out.potential_energy = self.bodies.potential_energy(self.gravity);
         let system = self.system();
-        for manifold in &system.manifolds {
-            let [a, b] = manifold.bodies.map(|body| &self.displacements[body as usize]);
-            let moved = manifold.twist(a, b);
-            for contact in &system.contacts[manifold.points()] {
-                let gap = contact.gap[0] + contact.normal_velocity(&moved);
-                out.deepest_penetration = out.deepest_penetration.max(f64::from(-gap));
-            }
+        for contact in &system.contacts {
+            out.deepest_penetration = out.deepest_penetration.max(f64::from(-contact.gap[0]));
         }
         for pair in self.pairs.iter().filter(|pair| pair.rests) {
             for record in &self.sleep.records.manifolds[pair.records()] {
-                for point in self.sleep.records.points_of(record) {
-                    out.deepest_penetration = out.deepest_penetration.max(f64::from(-point.gap));
+                for trace in self.sleep.records.traces_of(record) {
+                    out.deepest_penetration = out.deepest_penetration.max(f64::from(-trace.gap[0]));
                 }
             }
         }
@@ -867,6 +890,7 @@ fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
         restitution: bounce as f32,
         thickness: colliders.thickness[a].min(colliders.thickness[b]),
         lever: lever(owners.map(|body| bodies.reach[body as usize])),
+        rolls: pair.iter().any(|&id| G::rolls(&colliders.shapes[id as usize])),
         rests: false,
         until: 0.0,
         first: 0,

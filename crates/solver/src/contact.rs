@@ -116,14 +116,14 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.compliance * self.effective_mass
     }
 
-    /// The slip that is kept of `slip` \[m\]: no more than what friction, as a spring that gives
-    /// way like the normal does, can hold at the present normal impulse.
+    /// A gap whose slip is no more than what friction, as a spring that gives way like the normal does, can
+    /// hold at the present normal impulse. \[m\]
     #[inline(always)]
-    pub fn held_slip(&self, friction: T, hold: T, slip: Vector<T, L>) -> Vector<T, L> {
+    pub fn held_slip(&self, friction: T, hold: T, gap: Vector<T, L>) -> Vector<T, L> {
         let softness = self.softness();
         let stiffness = self.tangential_mass * hold * (T::ONE - softness);
         let limit = friction * self.impulse[0] * softness;
-        self.onto_disc(stiffness.choose(limit / stiffness, T::ZERO), slip)
+        self.onto_disc(stiffness.choose(limit / stiffness, T::ZERO), gap)
     }
 
     /// What a unit impulse along axis `i` of the frame adds to the velocity along axis `j`: an entry

@@ -25,6 +25,14 @@ pub trait Rows<const L: usize>: Sync {
     /// The bodies of each manifold and how many points it has, in the order of the manifolds.
     fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)>;
 
+    /// Whether a manifold is what it was when it was last asked for, but for gaps and impulses, and these are
+    /// as they were [traced](Packed::trace). Not asked again then, if the others are of the same bodies
+    /// and numbers of points. By default none is.
+    fn is_kept(&self, manifold: u32) -> bool {
+        let _ = manifold;
+        false
+    }
+
     /// Takes a manifold into each lane, and its points, place, gap and impulse, into that lane of `points`,
     /// which are as many or more: one that is not there is [`FAR`] open. The bodies of each side that
     /// are `moving`, lanes as bits, can be moved.
@@ -87,14 +95,14 @@ fn set<V: Lanes, const N: usize>(wide: &mut Vector<V, N>, lane: usize, of: &Vect
     }
 }
 
-/// What a point hands to the next step, in world axes.
+/// What a point hands to the next step, in the frame of its manifold ([`Contact`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Trace<const L: usize> {
-    /// On a. \[N s\]
+    /// gamma. \[N s\]
     pub impulse: Vector<f32, L>,
-    /// Of a on b since the point began to stick, as far as friction holds it. \[m\]
-    pub slip: Vector<f32, L>,
+    /// After the step; of the slip what friction holds. \[m\]
+    pub gap: Vector<f32, L>,
 }
 
 /// A system of `f32` contacts, packed, on the best lanes of this machine.
@@ -138,8 +146,18 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         on_lanes!(self, packed => packed.pack(rows, masses, softness));
     }
 
+    /// [`Packed::forget`].
+    pub fn forget(&mut self) {
+        on_lanes!(self, packed => packed.forget());
+    }
+
     /// [`Packed::trace`].
-    pub fn trace(&self, displacements: &[Velocity<f32, L, A>], hold: f32, traces: &mut [Trace<L>]) {
+    pub fn trace(
+        &mut self,
+        displacements: &[Velocity<f32, L, A>],
+        hold: f32,
+        traces: &mut [Trace<L>],
+    ) {
         on_lanes!(self, packed => packed.trace(displacements, hold, traces));
     }
 
@@ -237,6 +255,8 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
     conjugate: Conjugate<V, L>,
+    /// The softness of its points; `None` if they have to be taken in anew.
+    softness: Option<f32>,
     team: Arc<Team>,
     passes: &'static dyn Passes<V, L, A>,
 }
@@ -258,6 +278,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             contacts: Vec::new(),
             coloring: Coloring::default(),
             conjugate: Conjugate::default(),
+            softness: None,
             team: Arc::default(),
             passes: passes(),
         }
@@ -269,10 +290,12 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     /// Takes manifolds in between bodies of these masses, and finds the effective masses of their
-    /// points ([`Contact::prepare`]).
+    /// points ([`Contact::prepare`]). Leaves those alone that are [kept](Rows::is_kept).
     pub fn pack<R: Rows<L>>(&mut self, rows: &R, masses: &[InverseMass<f32, L, A>], softness: f32) {
         let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
+        let mut known = self.softness.replace(softness) == Some(softness);
         if self.coloring.assign(masses.len(), rows.outlines(), moves) {
+            known = false;
             let Self { blocks, contacts, coloring, .. } = self;
             blocks.resize_with(coloring.points.len(), Block::empty);
             let mut first = 0;
@@ -295,6 +318,9 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                     for (block, members) in blocks.iter_mut().zip(members) {
                         let count = block.manifold.count as usize;
                         let points = later.split_off_mut(..count).unwrap_or_default();
+                        if known && members.manifolds.iter().all(|&own| rows.is_kept(own)) {
+                            continue;
+                        }
                         block.take(&members.manifolds, rows, masses, points);
                         passes.prepare(block, points, softness);
                     }
@@ -386,14 +412,26 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         self.passes.certify(self, [RESIDUALS, LINE], [velocities, prospective], islands, tally)
     }
 
-    /// Finds what the points hand to the next step, one manifold's after the other's, once bodies have moved
-    /// by `displacements`: `hold` is that of [`Repair`].
-    pub fn trace(&self, displacements: &[Velocity<f32, L, A>], hold: f32, traces: &mut [Trace<L>]) {
+    /// Moves gaps and slips on, once bodies have moved by `displacements`, and gives what the points hand to
+    /// the next step, one manifold's after the other's: `hold` is that of [`Repair`].
+    pub fn trace(
+        &mut self,
+        displacements: &[Velocity<f32, L, A>],
+        hold: f32,
+        traces: &mut [Trace<L>],
+    ) {
         self.passes.trace(self, displacements, hold, traces);
     }
 
-    /// Takes over the impulses of collisions from the contacts of `system`.
+    /// Has all be taken in anew by the next [`Packed::pack`].
+    pub fn forget(&mut self) {
+        self.softness = None;
+    }
+
+    /// Takes over the impulses of collisions from the contacts of `system`. The next [`Packed::pack`] takes
+    /// all in anew.
     pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
+        self.forget();
         self.copy_in(system, |wide, lane, contact| wide.impact.set(lane, contact.impact));
     }
 

@@ -69,6 +69,14 @@ macro_rules! over_parry {
             &collider.shape
         }
 
+        fn rolls(collider: &Self::Collider) -> bool {
+            match collider.form {
+                Form::Ball(_) | Form::Capsule(..) => true,
+                Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) => false,
+                Form::Other => collider.shape.as_trimesh().is_none(),
+            }
+        }
+
         fn collide(
             a: (&Self::Collider, &Self::Pose),
             b: (&Self::Collider, &Self::Pose),

@@ -92,6 +92,11 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         shape
     }
 
+    fn rolls(_: &Self::Collider) -> bool {
+        // It does not turn.
+        false
+    }
+
     fn shape_of(collider: &Self::Collider) -> &Self::Shape {
         collider
     }

@@ -4,7 +4,7 @@ use std::array::from_fn;
 
 use drystone_solver::ladder::Pace;
 use drystone_solver::wide::Trace;
-use drystone_solver::{Vector, Velocity};
+use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
 use super::{World, new_pair};
@@ -16,7 +16,7 @@ use crate::sleep::Sleep;
 /// What the next step of a world depends on and its bodies as they were added do not tell.
 ///
 /// Numbers stand one after the other, body by body, shape by shape, point by point. What a step
-/// computes anew is left out: masses, boxes of what does not move, contact systems, colors.
+/// computes anew is left out: boxes of what does not move, contact systems, colors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Poses of the centers of mass ([`Geometry::write`]), which are not those of the bodies.
@@ -29,16 +29,20 @@ pub struct Checkpoint {
     velocities: Vec<f32>,
     /// What acts through the next step. \[N, N m\]
     forces: Vec<f32>,
+    /// M^-1, of the pose that contacts were found at: linear, then the rows of the angular.
+    masses: Vec<f32>,
+    /// How far each has come since. \[m\]
+    strayed: Vec<f32>,
     /// The stored boxes of the broad phase: lowest and highest corner. \[m\]
     boxes: Vec<f32>,
     /// Shapes that are near each other, and how many records they have.
     pairs: Vec<[u32; 3]>,
     /// Part and number of points of each record.
     records: Vec<[u32; 2]>,
-    /// Of each record: the normal, the same in the frame of b, and a's frame as seen from b, when the
-    /// points were found.
+    /// Of each record: the normal, the way from b to a, the normal in the frame of b, and a's frame as seen
+    /// from b, when the points were found.
     frames: Vec<f32>,
-    /// Of each point: place on a and on b \[m\], gap \[m\], impulse \[N s\], slip \[m\].
+    /// Of each point: place on a and on b and the middle \[m\], impulse \[N s\], gap and slip \[m\].
     points: Vec<f32>,
     /// Of each point.
     features: Vec<u64>,
@@ -93,6 +97,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             turns: flat(&bodies.turns),
             velocities: flat_velocities(&self.system.velocities),
             forces: flat_velocities(&bodies.forces),
+            masses: self.system.masses.iter().flat_map(flat_mass).collect(),
+            strayed: bodies.strayed.clone(),
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
             records: records.manifolds.iter().map(|of| [of.part, of.count]).collect(),
@@ -129,6 +135,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         );
         self.certifier.climber.pace = from.pace;
         self.restore_bodies(from);
+        self.wide.forget();
         self.place_shapes();
         Ok(())
     }
@@ -144,7 +151,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         fill(&from.turns, &mut bodies.turns);
         fill_velocities(&from.velocities, &mut self.system.velocities);
         fill_velocities(&from.forces, &mut bodies.forces);
-        self.update_masses();
+        bodies.strayed.clone_from(&from.strayed);
+        let mut numbers = from.masses.iter().copied();
+        for mass in &mut self.system.masses {
+            let [linear] = take(&mut numbers).0;
+            let angular = SymmetricMatrix(from_fn(|_| take(&mut numbers)));
+            *mass = InverseMass { linear, angular };
+        }
     }
 
     /// That sizes are those of this world, and numbers numbers.
@@ -158,6 +171,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("turns", bodies * A, from.turns.len()),
             ("velocities", bodies * (L + A), from.velocities.len()),
             ("forces", bodies * (L + A), from.forces.len()),
+            ("masses", bodies * (1 + A * A), from.masses.len()),
+            ("ways", bodies, from.strayed.len()),
             ("boxes", shapes * 2 * L, from.boxes.len()),
             ("records", records, from.records.len()),
             ("frames", from.records.len() * record_numbers(L), from.frames.len()),
@@ -177,6 +192,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("turns", &from.turns),
             ("velocities", &from.velocities),
             ("forces", &from.forces),
+            ("masses", &from.masses),
             ("boxes", &from.boxes),
             ("frames", &from.frames),
             ("points", &from.points),
@@ -217,6 +233,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 let reach = cache::reach(&records.points[first..]);
                 let found = record(&pair, [part, first as u32, count], reach, frames);
                 records.manifolds.push(found);
+                records.kept.push(false);
             }
             pairs.push(pair);
         }
@@ -224,14 +241,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 }
 
-/// Numbers of a record: two normals, and the position and axes of a frame.
+/// Numbers of a record: two normals and a way, and the position and axes of a frame.
 const fn record_numbers(dimension: usize) -> usize {
-    (3 + dimension) * dimension
+    (4 + dimension) * dimension
 }
 
 fn flat_record<const L: usize>(record: &Record<L>) -> impl Iterator<Item = f32> + use<L> {
     let Frame { position, axes } = record.found_at;
-    let vectors = [record.normal, record.local_normal, position].into_iter().chain(axes);
+    let vectors = [record.normal, record.apart, record.local_normal, position];
+    let vectors = vectors.into_iter().chain(axes);
     vectors.flat_map(|vector| vector.0)
 }
 
@@ -242,6 +260,7 @@ fn record<const L: usize>(
     numbers: &[f32],
 ) -> Record<L> {
     let mut numbers = numbers.iter().copied();
+    let normal = take(&mut numbers);
     Record {
         bodies: pair.bodies,
         friction: pair.friction,
@@ -250,37 +269,43 @@ fn record<const L: usize>(
         first,
         count,
         share: 1.0 / count as f32,
-        normal: take(&mut numbers),
+        normal,
+        traced: normal,
+        apart: take(&mut numbers),
         local_normal: take(&mut numbers),
         found_at: Frame { position: take(&mut numbers), axes: from_fn(|_| take(&mut numbers)) },
         reach,
     }
 }
 
-/// Numbers of a point: four vectors and a gap.
+/// Numbers of a point: five vectors.
 const fn point_numbers(dimension: usize) -> usize {
-    4 * dimension + 1
+    5 * dimension
 }
 
 fn flat_point<const L: usize>(
     (point, trace): (&Point<L>, &Trace<L>),
 ) -> impl Iterator<Item = f32> + use<L> {
-    let vectors = [point.on_a, point.on_b, trace.impulse, trace.slip];
-    vectors.into_iter().flat_map(|vector| vector.0).chain([point.gap])
+    let vectors = [point.on_a, point.on_b, point.middle, trace.impulse, trace.gap];
+    vectors.into_iter().flat_map(|vector| vector.0)
 }
 
 fn point<const L: usize>(numbers: &[f32], feature: u64) -> (Point<L>, Trace<L>) {
     let mut numbers = numbers.iter().copied();
-    let (on_a, on_b) = (take(&mut numbers), take(&mut numbers));
-    let trace = Trace { impulse: take(&mut numbers), slip: take(&mut numbers) };
-    let gap = numbers.next().unwrap_or(0.0);
-    // The step finds where its middle is.
-    (Point { on_a, on_b, middle: Vector::ZERO, gap, feature }, trace)
+    let [on_a, on_b, middle] = from_fn(|_| take(&mut numbers));
+    let trace = Trace { impulse: take(&mut numbers), gap: take(&mut numbers) };
+    (Point { on_a, on_b, middle, feature }, trace)
 }
 
 /// The next numbers.
 fn take<const N: usize>(numbers: &mut impl Iterator<Item = f32>) -> Vector<f32, N> {
     Vector(from_fn(|_| numbers.next().unwrap_or(0.0)))
+}
+
+fn flat_mass<const L: usize, const A: usize>(
+    mass: &InverseMass<f32, L, A>,
+) -> impl Iterator<Item = f32> + use<L, A> {
+    [mass.linear].into_iter().chain(mass.angular.0.into_iter().flat_map(|row| row.0))
 }
 
 fn flat<const N: usize>(vectors: &[Vector<f32, N>]) -> Vec<f32> {

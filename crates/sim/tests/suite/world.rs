@@ -226,6 +226,30 @@ fn a_wall_in_real_time_comes_to_rest() {
     assert_below("speed of a wall after 5 s [m/s]", speed, 1e-3);
 }
 
+/// With points of contact that stayed behind where it had been, a ball that crept rolled ever faster.
+fn rolling<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let material = surface(0.5, 0.0);
+    for speed in [0.003f32, 0.03, 0.3] {
+        let mut world =
+            World::<G, L, A>::new(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
+        world.gravity = Vector(v(0.0, -9.81, 0.0));
+        add_floor(&mut world, &material);
+        let mut ball =
+            moving(dynamic(v(0.0, 0.2, 0.0), G::ball(0.2), &material), v(speed, 0.0, 0.0));
+        ball.velocity.angular[A - 1] = -speed / 0.2;
+        let ball = world.add(ball);
+        run(&mut world, 10.0);
+        let changed = (velocity(&world, ball).linear[0] / speed - 1.0).abs();
+        assert_below(&format!("{L}D: change of a speed of {speed} m/s in 10 s [1]"), changed, 0.01);
+    }
+}
+
+#[test]
+fn a_ball_rolls_on_as_it_did() {
+    rolling::<Rigid2, 2, 1>();
+    rolling::<Rigid3, 3, 3>();
+}
+
 /// The deepest overlap \[m\] and fastest body \[m/s\] of a column whose floor is at this height.
 fn column_at(height: f32) -> [f64; 2] {
     let material = surface(0.5, 0.0);

@@ -58,7 +58,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
 
     fn trace(
         &self,
-        packed: &Packed<V, L, A>,
+        packed: &mut Packed<V, L, A>,
         displacements: &Velocities<L, A>,
         hold: f32,
         traces: &mut [Trace<L>],
@@ -185,7 +185,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn trace(
         &self,
-        packed: &Packed<V, L, A>,
+        packed: &mut Packed<V, L, A>,
         displacements: &Velocities<L, A>,
         hold: f32,
         traces: &mut [Trace<L>],
@@ -193,23 +193,23 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         let Packed { blocks, contacts, coloring, team, .. } = packed;
         assert_eq!(traces.len(), coloring.all_points(), "a trace for each point");
         let traces = &Traces::new(traces);
-        let (useful, share) = share(team, blocks.len());
-        let parts = blocks.chunks(share).zip(coloring.members.chunks(share));
-        team.for_each(useful, parts, |(blocks, members)| {
+        let (useful, share, parts) = shares(team, &coloring.points, contacts);
+        let blocks = blocks.chunks(share).zip(coloring.members.chunks(share));
+        team.for_each(useful, parts.zip(blocks), |(contacts, (blocks, members))| {
             V::run(
                 #[inline(always)]
                 || {
+                    let mut later = contacts;
                     for (block, members) in blocks.iter().zip(members) {
                         let manifold = &block.manifold;
+                        let count = manifold.count as usize;
+                        let points = later.split_off_mut(..count).unwrap_or_default();
                         let [moved_a, moved_b] = block.gather_from(displacements);
                         let moved = manifold.twist(&moved_a, &moved_b);
-                        for (point, contact) in contacts[manifold.points()].iter().enumerate() {
-                            let slip = contact.gap + contact.relative_velocity(&moved);
-                            let mut slip = contact.held_slip(manifold.friction, splat(hold), slip);
-                            slip[0] = V::ZERO;
-                            let impulse = manifold.to_world(contact.impulse);
-                            let slip = manifold.to_world(slip);
-                            traces.put(coloring, members, point, impulse, slip);
+                        for (point, contact) in points.iter_mut().enumerate() {
+                            let gap = contact.gap + contact.relative_velocity(&moved);
+                            contact.gap = contact.held_slip(manifold.friction, splat(hold), gap);
+                            traces.put(coloring, members, point, contact);
                         }
                     }
                 },

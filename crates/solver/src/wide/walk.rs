@@ -13,7 +13,7 @@ use super::block::Block;
 use crate::color::{Coloring, Members};
 use crate::lanes::{Lanes, Row, WIDTH, gather, scatter};
 use crate::team::{Member, Shared};
-use crate::{Contact, Vector, Velocity, each_lane};
+use crate::{Contact, Velocity, each_lane};
 
 /// A packed system and the velocities of its bodies.
 pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
@@ -220,8 +220,7 @@ impl<'a, const L: usize> Traces<'a, L> {
         coloring: &Coloring,
         members: &Members,
         point: usize,
-        impulse: Vector<V, L>,
-        slip: Vector<V, L>,
+        contact: &Contact<V, L>,
     ) {
         let (mut at, mut lanes) = ([0; WIDTH], 0);
         for lane in 0..members.lanes {
@@ -232,8 +231,8 @@ impl<'a, const L: usize> Traces<'a, L> {
             }
         }
         let mut numbers = [V::ZERO; 8];
-        numbers[..L].copy_from_slice(&impulse.0);
-        numbers[L..2 * L].copy_from_slice(&slip.0);
+        numbers[..L].copy_from_slice(&contact.impulse.0);
+        numbers[L..2 * L].copy_from_slice(&contact.gap.0);
         // SAFETY: just checked; no other block has these points. A trace is so many numbers.
         unsafe {
             let to = each_lane!(lane => self.0.place(at[lane]).cast());

@@ -10,8 +10,10 @@ use drystone_solver::cone::Law;
 use drystone_solver::island::Islands;
 use drystone_solver::lanes::{Lanes, Portable, WIDTH};
 use drystone_solver::team::Team;
-use drystone_solver::wide::{Packed, Wide};
-use drystone_solver::{Cast, InverseMass, Repair, SymmetricMatrix, System, Vector, Velocity, pgs};
+use drystone_solver::wide::{Packed, Rows, Trace, Wide};
+use drystone_solver::{
+    Cast, Contact, InverseMass, Manifold, Repair, SymmetricMatrix, System, Vector, Velocity, pgs,
+};
 use proptest::prelude::*;
 
 fn any_scene<const L: usize, const A: usize>(random: &mut Random) -> Scene<L, A> {
@@ -177,6 +179,81 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
     if drystone_solver::lanes::avx2_available() {
         use drystone_solver::lanes::Avx2;
         assert_eq!(packed::<Avx2, L, A>(&system, &displacements), portable);
+    }
+}
+
+/// A system of which all manifolds are kept, or some are.
+struct Keeping<'a, const L: usize, const A: usize>(&'a System<f32, L, A>, Vec<bool>);
+
+impl<const L: usize, const A: usize> Rows<L> for Keeping<'_, L, A> {
+    fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
+        self.0.outlines()
+    }
+
+    fn is_kept(&self, manifold: u32) -> bool {
+        self.1[manifold as usize]
+    }
+
+    fn take<V: Lanes>(
+        &self,
+        manifolds: &[u32; WIDTH],
+        bodies: &[[u32; WIDTH]; 2],
+        moving: [u16; 2],
+        manifold: &mut Manifold<V, L>,
+        points: &mut [Contact<V, L>],
+    ) {
+        self.0.take(manifolds, bodies, moving, manifold, points);
+    }
+}
+
+/// What is kept in lanes is not looked at, and has the bits of what was traced and is taken in again. It is
+/// not kept if its softness is another, if there is one manifold less, or if it was to be forgotten.
+fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
+    let random = &mut Random(seed);
+    let mut system: System<f32, L, A> = crowd::<L, A>(random).cast();
+    let mut keeping = Packed::<Portable, L, A>::new();
+    for round in 0..6 {
+        let softness = if round < 3 { 0.1 } else { 0.2 };
+        let mut seen = system.clone();
+        match round {
+            // All are kept: nobody sees this.
+            2 => seen.manifolds.iter_mut().for_each(|manifold| manifold.friction += 1.0),
+            4 => {
+                let last = system.manifolds.pop().unwrap();
+                system.contacts.truncate(last.first as usize);
+                seen.clone_from(&system);
+            }
+            5 => {
+                system.manifolds.iter_mut().for_each(|manifold| manifold.friction += 1.0);
+                seen.clone_from(&system);
+                keeping.forget();
+            }
+            _ => {}
+        }
+        let kept = seen.manifolds.iter().map(|_| round != 1 || random.below(32) > 0).collect();
+        keeping.pack(&Keeping(&seen, kept), &system.masses, softness);
+        let mut anew = Packed::<Portable, L, A>::new();
+        anew.pack(&system, &system.masses, softness);
+        let moved = |v: &Velocity<f32, L, A>| Velocity {
+            linear: v.linear * 0.01,
+            angular: v.angular * 0.01,
+        };
+        let displacements: Vec<_> = system.velocities.iter().map(moved).collect();
+        let mut traces = vec![Trace::default(); system.contacts.len()];
+        let [after, kept] = [&mut anew, &mut keeping].map(|packed| {
+            let mut velocities = system.velocities.clone();
+            packed.sweep_normals_to_targets(&mut velocities, &displacements, &REPAIR);
+            packed.relax(&mut velocities);
+            packed.trace(&displacements, REPAIR.hold, &mut traces);
+            let mut after = System { velocities, ..system.clone() };
+            packed.unpack(&mut after);
+            after
+        });
+        assert_eq!(after, kept, "round {round}");
+        for (contact, trace) in after.contacts.iter().zip(&traces) {
+            assert_eq!((contact.gap, contact.impulse), (trace.gap, trace.impulse));
+        }
+        system = after;
     }
 }
 
@@ -445,6 +522,7 @@ proptest! {
     #[test]
     fn lanes_and_one(seed in any::<u64>()) {
         in_all_four!(lanes_and_scalars, seed);
+        in_all_four!(kept_and_anew, seed);
     }
 
     #[test]
