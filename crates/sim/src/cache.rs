@@ -110,7 +110,7 @@ impl<const L: usize> Records<L> {
         &self.traces[record.points()]
     }
 
-    /// Appends the records that a pair has in `from`, and makes them the pair's.
+    /// Appends the records that a pair has in `from`, which have been traced, and makes them the pair's.
     pub(crate) fn take_pair(&mut self, pair: &mut Pair, from: &Self) {
         let own = pair.records();
         pair.first = self.manifolds.len() as u32;
@@ -118,7 +118,7 @@ impl<const L: usize> Records<L> {
             let first = self.points.len() as u32;
             self.points.extend_from_slice(from.points_of(record));
             self.traces.extend_from_slice(from.traces_of(record));
-            self.manifolds.push(Record { first, ..*record });
+            self.manifolds.push(Record { traced: record.normal, first, ..*record });
         }
         self.kept.resize(self.manifolds.len(), false);
     }

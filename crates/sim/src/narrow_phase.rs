@@ -20,11 +20,21 @@ pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) travel: &'a [Travel<L>],
     /// Records of the step before, and of what rests.
     pub(crate) old: &'a Records<L>,
+    /// Whether those of the step before have been traced since: else their traces are still seen as they
+    /// were handed on.
+    pub(crate) traced: bool,
     pub(crate) resting: &'a Records<L>,
     /// Whether a body moves or can be moved.
     pub(crate) active: &'a [bool],
     pub(crate) prediction_distance: f32,
     pub(crate) reuse_distance: f32,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A> {
+    /// The normal that the traces of a record are seen from.
+    fn seen_from(&self, record: &Record<L>) -> Vector<f32, L> {
+        if self.traced { record.normal } else { record.traced }
+    }
 }
 
 /// How a body moves within a step.
@@ -51,126 +61,188 @@ const ROUNDING: f32 = 1e-5;
 /// Pairs per unit of parallel work.
 const CHUNK: usize = 128;
 
-/// One worker's memory.
+/// What one worker finds for its pairs.
 pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
     scratch: G::Scratch,
+    /// Found anew.
     records: Records<L>,
+    /// The records of all its pairs, in their order.
+    runs: Vec<Run>,
+    /// How many manifolds and points they have.
+    counts: [usize; 2],
+}
+
+/// Records of pairs that follow each other.
+struct Run {
+    /// Of the step before: they are kept. Else what the worker has found.
+    old: bool,
+    manifolds: Range<usize>,
+}
+
+impl Run {
+    fn points<const L: usize>(&self, of: &Records<L>) -> Range<usize> {
+        match &of.manifolds[self.manifolds.clone()] {
+            [] => 0..0,
+            [first, .., last] => first.points().start..last.points().end,
+            [only] => only.points(),
+        }
+    }
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L, A> {
     fn default() -> Self {
-        Self { scratch: G::Scratch::default(), records: Records::default() }
+        let (scratch, records) = (G::Scratch::default(), Records::default());
+        Self { scratch, records, runs: Vec::new(), counts: [0; 2] }
     }
 }
 
-/// Fills `records` with the manifolds of all pairs, in the order of the pairs whatever the number
-/// of threads, and gives each pair its range; pairs that rest keep theirs.
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
+    /// Gives each pair its range among the records of these pairs.
+    fn find(&mut self, around: &Surroundings<'_, G, L, A>, pairs: &mut [Pair]) {
+        let Self { scratch, records, runs, counts } = self;
+        records.clear();
+        runs.clear();
+        *counts = [0; 2];
+        for pair in pairs {
+            let own = pair.records();
+            let stirred = || pair.bodies.iter().any(|&body| around.bodies.stirred[body as usize]);
+            let old = !(pair.rests || own.is_empty() || around.reuse_distance == 0.0 || stirred());
+            let manifolds = if old {
+                own
+            } else {
+                let first = records.manifolds.len();
+                collide(around, pair, scratch, records);
+                first..records.manifolds.len()
+            };
+            if pair.rests {
+                continue;
+            }
+            pair.first = counts[0] as u32;
+            counts[0] += manifolds.len();
+            match runs.last_mut() {
+                _ if manifolds.is_empty() => {}
+                Some(run) if run.old == old && run.manifolds.end == manifolds.start => {
+                    run.manifolds.end = manifolds.end;
+                }
+                _ => runs.push(Run { old, manifolds }),
+            }
+        }
+        let points = |run: &Run| run.points(if run.old { around.old } else { records }).len();
+        counts[1] = runs.iter().map(points).sum();
+    }
+
+    /// Brings its runs together; `offset` points come before.
+    fn copy(
+        &self,
+        around: &Surroundings<'_, G, L, A>,
+        (mut manifolds, mut kept): (&mut [Record<L>], &mut [bool]),
+        (points, traces): (&mut [Point<L>], &mut [Trace<L>]),
+        offset: usize,
+    ) {
+        let mut first = 0;
+        for run in &self.runs {
+            let from = if run.old { around.old } else { &self.records };
+            let (own, range) = (&from.manifolds[run.manifolds.clone()], run.points(from));
+            let to = first..first + range.len();
+            points[to.clone()].copy_from_slice(&from.points[range.clone()]);
+            traces[to.clone()].copy_from_slice(&from.traces[range.clone()]);
+            let moved = ((offset + first) as u32).wrapping_sub(range.start as u32);
+            let into = manifolds.split_off_mut(..own.len()).unwrap_or_default();
+            for (into, record) in into.iter_mut().zip(own) {
+                let traced = if run.old { around.seen_from(record) } else { record.traced };
+                *into = Record { traced, first: record.first.wrapping_add(moved), ..*record };
+            }
+            let into = kept.split_off_mut(..own.len()).unwrap_or_default();
+            if run.old && around.traced {
+                into.fill(true);
+            } else {
+                into.copy_from_slice(&from.kept[run.manifolds.clone()]);
+            }
+            first = to.end;
+        }
+    }
+}
+
+/// Finds the manifolds of all pairs, in the order of the pairs whatever the number of threads, and gives
+/// each pair its range; pairs that rest keep theirs. Returns whether there are others than in the step
+/// before: then `records` is filled with them.
 pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pairs: &mut [Pair],
     workers: &mut Vec<Worker<G, L, A>>,
     team: &Team,
     records: &mut Records<L>,
-) {
-    if team.members() == 1 || pairs.len() < 2 * CHUNK {
-        records.clear();
-        if workers.is_empty() {
-            workers.push(Worker::default());
-        }
-        find(around, pairs, &mut workers[0].scratch, records);
-        return;
-    }
-    let chunks = pairs.len().div_ceil(CHUNK);
+) -> bool {
+    let useful = team.members() > 1 && pairs.len() >= 2 * CHUNK;
+    let share = if useful { CHUNK } else { pairs.len().max(1) };
+    let chunks = pairs.len().div_ceil(share);
     if workers.len() < chunks {
         workers.resize_with(chunks, Worker::default);
     }
-    let parts = pairs.chunks_mut(CHUNK).zip(workers.iter_mut());
-    team.for_each(true, parts, |(pairs, worker)| {
-        worker.records.clear();
-        find(around, pairs, &mut worker.scratch, &mut worker.records);
+    let workers = &mut workers[..chunks];
+    let parts = pairs.chunks_mut(share).zip(workers.iter_mut());
+    team.for_each(useful, parts, |(pairs, worker)| worker.find(around, pairs));
+    let mut first = 0;
+    let parts = pairs.chunks_mut(share).zip(workers.iter()).map(|(pairs, worker)| {
+        first += worker.counts[0];
+        (pairs, first - worker.counts[0])
     });
-    let workers = &workers[..chunks];
-    let manifolds = |of: &Worker<G, L, A>| of.records.manifolds.len();
-    let points = |of: &Worker<G, L, A>| of.records.points.len();
-    records.manifolds.resize(workers.iter().map(manifolds).sum(), Record::NONE);
-    records.kept.clear();
-    records.kept.extend(workers.iter().flat_map(|worker| &worker.records.kept));
-    let count = workers.iter().map(points).sum();
-    records.points.resize(count, Point::default());
-    records.traces.resize(count, Trace::default());
-    let found = chunks_with_parts(workers, 1, &mut records.manifolds, manifolds);
-    let traces = chunks_with_parts(workers, 1, &mut records.traces, points);
-    let points = chunks_with_parts(workers, 1, &mut records.points, points);
-    let found = found.zip(points.zip(traces));
-    let (mut first, mut first_point) = (0, 0);
-    let parts =
-        pairs.chunks_mut(CHUNK).zip(found).map(|(pairs, ((from, manifolds), (points, traces)))| {
-            let (points, traces) = (points.1, traces.1);
-            let offsets = [first, first_point];
-            first += manifolds.len() as u32;
-            first_point += points.len() as u32;
-            (pairs, &from[0].records, manifolds, points, traces, offsets)
-        });
-    team.for_each(
-        true,
-        parts,
-        |(pairs, found, manifolds, points, traces, [first, first_point])| {
-            for pair in pairs.iter_mut().filter(|pair| !pair.rests) {
-                pair.first += first;
-            }
-            points.copy_from_slice(&found.points);
-            traces.copy_from_slice(&found.traces);
-            for (to, from) in manifolds.iter_mut().zip(&found.manifolds) {
-                *to = Record { first: from.first + first_point, ..*from };
-            }
-        },
-    );
+    team.for_each(useful, parts.filter(|(_, first)| *first > 0), |(pairs, first)| {
+        for pair in pairs.iter_mut().filter(|pair| !pair.rests) {
+            pair.first += first as u32;
+        }
+    });
+    let mut runs = workers.iter().flat_map(|worker| &worker.runs);
+    let same =
+        |end, run: &Run| (run.old && run.manifolds.start == end).then_some(run.manifolds.end);
+    if runs.try_fold(0, same) == Some(around.old.manifolds.len()) {
+        return false;
+    }
+    if let [worker] = workers
+        && worker.runs.iter().all(|run| !run.old)
+    {
+        std::mem::swap(records, &mut worker.records);
+        return true;
+    }
+    join(around, workers, team, useful, records);
+    true
 }
 
-/// Appends the manifolds of these pairs to `records`.
-fn find<G: Geometry<L, A>, const L: usize, const A: usize>(
+/// Brings together what the workers have found.
+fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
-    pairs: &mut [Pair],
-    scratch: &mut G::Scratch,
+    workers: &[Worker<G, L, A>],
+    team: &Team,
+    useful: bool,
     records: &mut Records<L>,
 ) {
-    let mut run = 0..0;
-    for pair in pairs {
-        let own = pair.records();
-        let stirred = || pair.bodies.iter().any(|&body| around.bodies.stirred[body as usize]);
-        if pair.rests || own.is_empty() || around.reuse_distance == 0.0 || stirred() {
-            collide(around, pair, scratch, records, &mut run);
-            continue;
-        }
-        if own.start != run.end {
-            keep(around.old, &mut run, records);
-            run = own.start..own.start;
-        }
-        pair.first = (records.manifolds.len() + run.len()) as u32;
-        run.end = own.end;
-    }
-    keep(around.old, &mut run, records);
+    let [manifolds, points] = [0, 1].map(|i| workers.iter().map(|of| of.counts[i]).sum());
+    records.manifolds.resize(manifolds, Record::NONE);
+    records.kept.resize(manifolds, false);
+    records.points.resize(points, Point::default());
+    records.traces.resize(points, Trace::default());
+    let [manifolds, points] = [0, 1].map(|i| move |of: &Worker<G, L, A>| -> usize { of.counts[i] });
+    let mut first = 0;
+    let own = chunks_with_parts(workers, 1, &mut records.manifolds, manifolds)
+        .zip(chunks_with_parts(workers, 1, &mut records.kept, manifolds))
+        .zip(chunks_with_parts(workers, 1, &mut records.points, points))
+        .zip(chunks_with_parts(workers, 1, &mut records.traces, points))
+        .map(|(((manifolds, kept), points), traces)| {
+            first += points.1.len();
+            let offset = first - points.1.len();
+            (&manifolds.0[0], (manifolds.1, kept.1), (points.1, traces.1), offset)
+        });
+    team.for_each(useful, own, |(worker, manifolds, points, offset)| {
+        worker.copy(around, manifolds, points, offset);
+    });
 }
 
-/// Appends a run of old records as they are, and ends it.
-fn keep<const L: usize>(old: &Records<L>, run: &mut Range<usize>, records: &mut Records<L>) {
-    let known = &old.manifolds[std::mem::take(run)];
-    let (Some(first), Some(last)) = (known.first(), known.last()) else { return };
-    let points = first.points().start..last.points().end;
-    let [from, to] = [points.start as u32, records.points.len() as u32];
-    records.points.extend_from_slice(&old.points[points.clone()]);
-    records.traces.extend_from_slice(&old.traces[points]);
-    let moved = |record: &Record<L>| Record { first: record.first - from + to, ..*record };
-    records.manifolds.extend(known.iter().map(moved));
-    records.kept.resize(records.manifolds.len(), true);
-}
-
+/// Appends the manifolds of a pair to `records`.
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pair: &mut Pair,
     scratch: &mut G::Scratch,
     records: &mut Records<L>,
-    run: &mut Range<usize>,
 ) {
     if pair.rests && !pair.bodies.iter().any(|&body| around.active[body as usize]) {
         return;
@@ -178,7 +250,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let old = if pair.rests { around.resting } else { around.old };
     pair.rests = false;
     let known = &old.manifolds[pair.records()];
-    pair.first = (records.manifolds.len() + run.len()) as u32;
+    let first = records.manifolds.len();
     let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
     // Never through a thin body to what is behind it.
     let prediction = around.prediction_distance.min(THIN * pair.thickness)
@@ -189,7 +261,6 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     if known.is_empty() && paths + f64::from(prediction) < pair.until {
         return;
     }
-    keep(around.old, run, records);
     // Everything is seen from the center of mass of b: so it does not matter how far the pair is
     // from the origin.
     let apart = around.bodies.apart(pair.bodies);
@@ -198,14 +269,14 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let b = &Frame { position: Vector::ZERO, axes: axes_b };
     let reusable = !known.is_empty() && around.reuse_distance > 0.0 && !pair.rolls;
     if reusable && paths < pair.until {
-        return reuse(pair, known, old, [a, b], records);
+        return reuse(around, pair, (known, old), [a, b], records);
     }
     let seen = a.seen_from(b);
     let left = |record: &Record<L>| around.reuse_distance - moved(record, &seen);
     let known_to = |gap: f32| f64::from(gap - ROUNDING * (gap.abs() + apart.length()));
     if let Some(left) = known.first().map(left).filter(|&left| reusable && left > 0.0) {
         pair.until = paths + known_to(left / pair.lever);
-        return reuse(pair, known, old, [a, b], records);
+        return reuse(around, pair, (known, old), [a, b], records);
     }
     let [shape_a, shape_b] = pair.colliders.map(|c| &around.shapes[c as usize]);
     let [pose_a, pose_b] = pair.colliders.map(|c| &around.poses[c as usize]);
@@ -230,7 +301,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             count: touch.points.len() as u32,
             share: 1.0 / touch.points.len() as f32,
             normal: touch.normal,
-            traced: before.map_or(touch.normal, |before| before.normal),
+            traced: before.map_or(touch.normal, |before| around.seen_from(before)),
             apart,
             local_normal: b.local_direction(touch.normal),
             found_at: seen,
@@ -240,7 +311,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
     let gap = G::collide(a, b, prediction, scratch, &mut report);
-    pair.count = records.manifolds.len() as u32 - pair.first;
+    pair.count = (records.manifolds.len() - first) as u32;
     let lasts = if pair.count > 0 { around.reuse_distance / pair.lever } else { gap };
     pair.until = paths + known_to(lasts);
 }
@@ -256,10 +327,10 @@ fn moved<const L: usize>(record: &Record<L>, seen: &Frame<L>) -> f32 {
 }
 
 /// Gives a pair the records that it has had, with their gaps measured anew.
-fn reuse<const L: usize>(
+fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
+    around: &Surroundings<'_, G, L, A>,
     pair: &mut Pair,
-    known: &[Record<L>],
-    old: &Records<L>,
+    (known, old): (&[Record<L>], &Records<L>),
     [a, b]: [&Frame<L>; 2],
     records: &mut Records<L>,
 ) {
@@ -274,7 +345,7 @@ fn reuse<const L: usize>(
             trace.gap[0] = normal.dot(on_a - on_b);
             records.traces.push(trace);
         }
-        let (traced, apart) = (record.normal, a.position);
+        let (traced, apart) = (around.seen_from(record), a.position);
         records.manifolds.push(Record { normal, traced, apart, first, ..*record });
         records.kept.push(false);
     }

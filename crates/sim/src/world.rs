@@ -737,12 +737,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let active = |body: u32| self.active[body as usize];
             self.sleep.rest_pairs(&mut self.pairs, &self.old_records, active);
         }
-        self.collide();
-        // What is touched wakes, and may wake what it touches.
-        while self.rouse_touched() {
+        let mut traced = true;
+        loop {
+            if self.collide(traced) {
+                traced = false;
+            } else {
+                std::mem::swap(&mut self.records, &mut self.old_records);
+                if traced {
+                    self.records.kept.fill(true);
+                }
+            }
+            // What is touched wakes, and may wake what it touches.
+            if !self.rouse_touched() {
+                return;
+            }
             self.note_active();
             std::mem::swap(&mut self.records, &mut self.old_records);
-            self.collide();
         }
     }
 
@@ -764,20 +774,23 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         any
     }
 
-    fn collide(&mut self) {
+    /// Finds the manifolds from those of before, which have been `traced` or only found. Returns whether there
+    /// are others.
+    fn collide(&mut self, traced: bool) -> bool {
         let around = Surroundings::<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
             bodies: &self.bodies,
             travel: &self.travel,
             old: &self.old_records,
+            traced,
             resting: &self.sleep.records,
             active: &self.active,
             prediction_distance: self.settings.prediction_distance,
             reuse_distance: self.settings.reuse_distance,
         };
         let workers = &mut self.workers;
-        manifolds(&around, &mut self.pairs, workers, &self.team, &mut self.records);
+        manifolds(&around, &mut self.pairs, workers, &self.team, &mut self.records)
     }
 
     /// Energies, deepest overlap and residual as the last step left them.
