@@ -151,16 +151,16 @@ impl Kind {
 
     /// The settings of `--quality`, from fast to exact.
     pub(crate) fn efforts(self) -> Vec<Effort> {
-        let substeps = |counts: &[u32]| counts.iter().map(|&n| Effort::Substeps(n)).collect();
-        match self {
-            Self::Drystone => {
-                let mut efforts: Vec<_> = substeps(&[4, 8, 16, 32]);
-                efforts.push(Effort::Certified);
-                efforts
-            }
+        let substeps =
+            |counts: &[u32]| -> Vec<_> { counts.iter().map(|&n| Effort::Substeps(n)).collect() };
+        let mut efforts = match self {
             Self::Jolt => substeps(&[1, 2, 4, 8]),
             _ => substeps(&[4, 8, 16, 32, 64]),
+        };
+        if self == Self::Drystone {
+            efforts.push(Effort::Certified);
         }
+        efforts
     }
 }
 
