@@ -37,6 +37,19 @@ impl Pair {
     }
 }
 
+/// Merges sorted pairs into others, from the end on.
+pub(crate) fn merge(pairs: &mut Vec<Pair>, fresh: &[Pair]) {
+    let mut old = pairs.len();
+    pairs.extend_from_slice(fresh);
+    for (added, pair) in fresh.iter().enumerate().rev() {
+        while old > 0 && pairs[old - 1].colliders > pair.colliders {
+            pairs[old + added] = pairs[old - 1];
+            old -= 1;
+        }
+        pairs[old + added] = *pair;
+    }
+}
+
 /// The manifolds of a step, and their points one manifold after the other.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Records<const L: usize> {

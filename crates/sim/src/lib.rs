@@ -64,6 +64,7 @@ mod broad_phase;
 mod cache;
 mod certifier;
 pub mod check;
+mod colliders;
 pub mod geometry;
 mod ledger;
 mod motion;

@@ -13,17 +13,17 @@ use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
 
 use crate::bodies::{Bodies, Body, BodyId, Inertia};
 use crate::broad_phase::BroadPhase;
-use crate::cache::{Pair, Records};
-use crate::certifier::Certifier;
-use crate::certifier::Stiffness;
-use crate::geometry::{Bounds, Frame, Geometry, MassProperties};
+use crate::cache::{self, Pair, Records};
+use crate::certifier::{Certifier, Stiffness};
+use crate::colliders::Colliders;
+use crate::geometry::{Geometry, MassProperties};
 use crate::ledger::Books;
 use crate::motion::{self, CHUNK};
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
 use crate::rows::RowsOf;
 use crate::saved::SavedSystem;
-use crate::scene::{Combine, Filter, Material, Motion};
+use crate::scene::Motion;
 use crate::settings::StepSettings;
 use crate::sleep::Sleep;
 
@@ -33,9 +33,6 @@ const COLLISION_ROUNDS: usize = 32;
 
 /// Sweeps over what collides at once.
 const COLLISION_SWEEPS: usize = 40;
-
-/// Boxes are known to this part of how far they are from the origin. \[1\]
-const ROUNDING: f32 = 1e-6;
 
 /// After so many substeps contacts are asked again what they give to the velocities
 /// ([`motion::warm_start`]): what rounding adds to it would add up.
@@ -79,26 +76,6 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     saved: Option<SavedSystem<L, A>>,
 }
 
-/// The shapes of all bodies, one array per property.
-struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
-    body: Vec<u32>,
-    shapes: Vec<G::Collider>,
-    /// Smallest extent of a solid; unlimited for what has no volume. \[m\]
-    thickness: Vec<f32>,
-    /// In the frame of the body's center of mass.
-    local: Vec<G::Pose>,
-    /// Turned with the body, seen from its center of mass.
-    poses: Vec<G::Pose>,
-    material: Vec<Material>,
-    filter: Vec<Filter>,
-    removed: Vec<bool>,
-    /// The room that a shape needs, where it has outgrown its box in the broad phase.
-    outgrown: Vec<Option<Bounds<L>>>,
-    /// As long as the path of its body, its way ahead and what is looked beyond add up to less, a shape
-    /// has room in its box. \[m\]
-    room_until: Vec<f64>,
-}
-
 /// How the substeps of a part of a step are taken.
 struct Plan {
     /// Length of a substep. \[s\]
@@ -121,18 +98,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             settings,
             gravity: Vector::ZERO,
             bodies: Bodies::new(),
-            colliders: Colliders {
-                body: Vec::new(),
-                shapes: Vec::new(),
-                thickness: Vec::new(),
-                local: Vec::new(),
-                poses: Vec::new(),
-                material: Vec::new(),
-                filter: Vec::new(),
-                removed: Vec::new(),
-                outgrown: Vec::new(),
-                room_until: Vec::new(),
-            },
+            colliders: Colliders::new(),
             broad_phase: BroadPhase::new(),
             pairs: Vec::new(),
             fresh_pairs: Vec::new(),
@@ -203,22 +169,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.sleep.reset(index);
         self.system.masses[index] = self.bodies.inverse_mass(index);
         for collider in body.colliders {
-            let colliders = &mut self.colliders;
-            let id = colliders.body.len() as u32;
             let local = G::compose(&to_center, &collider.pose);
-            let frame = &self.bodies.frames[index];
-            let turned = turn::<G, L, A>(&local, &pose, frame);
-            self.broad_phase.update(id, &bounds::<G, L, A>(&collider.shape, &turned, frame));
-            colliders.body.push(index as u32);
-            colliders.thickness.push(thickness::<G, L, A>(&collider.shape));
-            colliders.shapes.push(G::collider(collider.shape));
-            colliders.local.push(local);
-            colliders.poses.push(turned);
-            colliders.material.push(collider.material);
-            colliders.filter.push(collider.filter);
-            colliders.removed.push(false);
-            colliders.outgrown.push(None);
-            colliders.room_until.push(0.0);
+            self.colliders.add(index, collider, local, &self.bodies, &mut self.broad_phase);
         }
         BodyId { index: index as u32, generation: self.bodies.generation[index] }
     }
@@ -268,12 +220,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.bodies.inertia[index] = Inertia::FIXED;
         self.system.velocities[index] = Velocity::ZERO;
         self.system.masses[index] = InverseMass::FIXED;
-        for collider in 0..self.colliders.body.len() {
-            if self.colliders.body[collider] == index as u32 && !self.colliders.removed[collider] {
-                self.colliders.removed[collider] = true;
-                self.broad_phase.remove(collider as u32);
-            }
-        }
+        self.colliders.remove(index, &mut self.broad_phase);
         true
     }
 
@@ -419,7 +366,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 (&mut self.sleep, &mut self.system, self.records.pairs());
             if sleep.fall_asleep(&self.bodies, system, touching, dt, delay) {
                 self.update_masses();
-                self.place_shapes();
+                self.colliders.place(&self.bodies);
             }
         }
         report.asleep = (0..self.len()).filter(|&body| self.sleep.sleeps(body)).count();
@@ -660,46 +607,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 blow: 0.0,
             };
         }
-        let (travel, sleep, broad_phase) = (&self.travel, &self.sleep, &self.broad_phase);
-        let Colliders { body, shapes, local, poses, removed, outgrown, room_until, .. } =
-            &mut self.colliders;
-        let useful = body.len() > 2 * CHUNK;
-        let rooms = outgrown.chunks_mut(CHUNK).zip(room_until.chunks_mut(CHUNK));
-        let chunks = poses.chunks_mut(CHUNK).zip(rooms).enumerate();
-        self.team.for_each(useful, chunks, |(chunk, (poses, (outgrown, room_until)))| {
-            let rooms = outgrown.iter_mut().zip(room_until);
-            for (id, (turned, (outgrown, room_until))) in
-                (CHUNK * chunk..).zip(poses.iter_mut().zip(rooms))
-            {
-                let body = body[id] as usize;
-                *outgrown = None;
-                let moves = bodies.motion[body] != Some(Motion::Static);
-                if removed[id] || !moves || sleep.sleeps(body) {
-                    continue;
-                }
-                let (frame, ahead) = (&bodies.frames[body], travel[body].linear);
-                *turned = turn::<G, L, A>(&local[id], &bodies.poses[body], frame);
-                if bodies.paths[body] + f64::from(ahead.length() + reach) < *room_until {
-                    continue;
-                }
-                let mut bounds = bounds::<G, L, A>(G::shape_of(&shapes[id]), turned, frame);
-                let far = bounds.min.length() + bounds.max.length();
-                let room = broad_phase.room(id, &bounds) - ROUNDING * far;
-                *room_until = bodies.paths[body] + f64::from(room);
-                for i in 0..L {
-                    bounds.min[i] += ahead[i].min(0.0) - reach;
-                    bounds.max[i] += ahead[i].max(0.0) + reach;
-                }
-                if broad_phase.room(id, &bounds) < 0.0 {
-                    (*outgrown, *room_until) = (Some(bounds), 0.0);
-                }
-            }
-        });
-        for (id, bounds) in outgrown.iter().enumerate() {
-            if let Some(bounds) = bounds {
-                self.broad_phase.update(id as u32, bounds);
-            }
-        }
+        let (travel, sleep) = (&self.travel, &self.sleep);
+        self.colliders.follow(&mut self.broad_phase, bodies, sleep, travel, reach, &self.team);
         let Some(found) = self.broad_phase.new_pairs() else { return };
         let fresh = &mut self.fresh_pairs;
         fresh.clear();
@@ -708,23 +617,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         for pair in found {
             while known.next_if(|known| *known < pair).is_some() {}
             if known.peek() != Some(&pair) {
-                fresh.extend(new_pair(&self.colliders, &self.bodies, pair));
+                fresh.extend(self.colliders.pair(&self.bodies, pair));
             }
         }
         let broad_phase = &self.broad_phase;
         fresh.retain(|pair| broad_phase.near(pair.colliders));
         self.pairs.retain(|pair| broad_phase.near(pair.colliders));
-        merge(&mut self.pairs, fresh);
-    }
-
-    /// Turns all shapes with their bodies, also of those that sleep.
-    fn place_shapes(&mut self) {
-        let colliders = &mut self.colliders;
-        for id in 0..colliders.body.len() {
-            let body = colliders.body[id] as usize;
-            let (pose, frame) = (&self.bodies.poses[body], &self.bodies.frames[body]);
-            colliders.poses[id] = turn::<G, L, A>(&colliders.local[id], pose, frame);
-        }
+        cache::merge(&mut self.pairs, fresh);
     }
 
     fn find_manifolds(&mut self) {
@@ -832,81 +731,4 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             f64::INFINITY
         }
     }
-}
-
-/// The pose of a shape as seen from its body's center of mass, turned with the body.
-fn turn<G: Geometry<L, A>, const L: usize, const A: usize>(
-    local: &G::Pose,
-    body: &G::Pose,
-    frame: &Frame<L>,
-) -> G::Pose {
-    G::compose(&G::advance(body, -frame.position, Vector::ZERO), local)
-}
-
-/// The box of a shape in the world.
-fn bounds<G: Geometry<L, A>, const L: usize, const A: usize>(
-    shape: &G::Shape,
-    turned: &G::Pose,
-    frame: &Frame<L>,
-) -> Bounds<L> {
-    let Bounds { min, max } = G::bounds(shape, turned);
-    Bounds { min: min + frame.position, max: max + frame.position }
-}
-
-/// The smallest extent of a solid; unlimited for what has no volume. \[m\]
-fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(shape: &G::Shape) -> f32 {
-    if G::mass(shape, 1.0).mass <= 0.0 {
-        return f32::INFINITY;
-    }
-    let bounds = G::bounds(shape, &G::pose(Vector::ZERO, &[]));
-    (bounds.max - bounds.min).0.into_iter().fold(f32::INFINITY, f32::min)
-}
-
-/// Merges sorted pairs into others, from the end on.
-fn merge(pairs: &mut Vec<Pair>, fresh: &[Pair]) {
-    let mut old = pairs.len();
-    pairs.extend_from_slice(fresh);
-    for (added, pair) in fresh.iter().enumerate().rev() {
-        while old > 0 && pairs[old - 1].colliders > pair.colliders {
-            pairs[old + added] = pairs[old - 1];
-            old -= 1;
-        }
-        pairs[old + added] = *pair;
-    }
-}
-
-/// [`Pair::lever`]: when b turns, the points of a near it are farther out than its own, by the size of a; once
-/// for the way to the center of a, once for a's turning against b, and what a gap may add.
-fn lever([reach_a, reach_b]: [f32; 2]) -> f32 {
-    (2.0 * reach_a + 1.5 * reach_b) / reach_b
-}
-
-fn new_pair<G: Geometry<L, A>, const L: usize, const A: usize>(
-    colliders: &Colliders<G, L, A>,
-    bodies: &Bodies<G, L, A>,
-    pair: [u32; 2],
-) -> Option<Pair> {
-    let [a, b] = pair.map(|id| id as usize);
-    let owners = [colliders.body[a], colliders.body[b]];
-    let moved = owners.iter().any(|&body| bodies.is_dynamic(body as usize));
-    if owners[0] == owners[1] || !moved || !colliders.filter[a].collides(&colliders.filter[b]) {
-        return None;
-    }
-    let (p, q) = (&colliders.material[a], &colliders.material[b]);
-    let friction = Combine::of(p.friction_combine, q.friction_combine, p.friction, q.friction);
-    let bounce =
-        Combine::of(p.restitution_combine, q.restitution_combine, p.restitution, q.restitution);
-    Some(Pair {
-        colliders: pair,
-        bodies: owners,
-        friction: friction as f32,
-        restitution: bounce as f32,
-        thickness: colliders.thickness[a].min(colliders.thickness[b]),
-        lever: lever(owners.map(|body| bodies.reach[body as usize])),
-        rolls: pair.iter().any(|&id| G::rolls(&colliders.shapes[id as usize])),
-        rests: false,
-        until: 0.0,
-        first: 0,
-        count: 0,
-    })
 }

@@ -7,7 +7,7 @@ use drystone_solver::wide::Trace;
 use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
-use super::{World, new_pair};
+use super::World;
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Point, Record, Records};
 use crate::geometry::{Bounds, Frame, Geometry, MAX_POINTS, pose_numbers};
@@ -136,7 +136,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.certifier.climber.pace = from.pace;
         self.restore_bodies(from);
         self.wide.forget();
-        self.place_shapes();
+        self.colliders.place(&self.bodies);
         Ok(())
     }
 
@@ -215,7 +215,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         for &[a, b, count] in &from.pairs {
             let sorted = pairs.last().is_none_or(|last| last.colliders < [a, b]);
             let pair = (sorted && a < b && b < shapes)
-                .then(|| new_pair(&self.colliders, &self.bodies, [a, b]))
+                .then(|| self.colliders.pair(&self.bodies, [a, b]))
                 .flatten()
                 .ok_or(CheckpointError::OtherPair([a, b]))?;
             let pair = Pair { first: records.manifolds.len() as u32, count, ..pair };

@@ -1,0 +1,209 @@
+//! The shapes of the bodies: where they are, what is near them, and what they make of a pair.
+
+use drystone_solver::Vector;
+use drystone_solver::team::Team;
+
+use crate::bodies::{Bodies, Collider};
+use crate::broad_phase::BroadPhase;
+use crate::cache::Pair;
+use crate::geometry::{Bounds, Frame, Geometry};
+use crate::motion::CHUNK;
+use crate::narrow_phase::Travel;
+use crate::scene::{Combine, Filter, Material, Motion};
+use crate::sleep::Sleep;
+
+/// Boxes are known to this part of how far they are from the origin. \[1\]
+const ROUNDING: f32 = 1e-6;
+
+/// The shapes of all bodies, one array per property.
+pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) body: Vec<u32>,
+    pub(crate) shapes: Vec<G::Collider>,
+    /// Smallest extent of a solid; unlimited for what has no volume. \[m\]
+    thickness: Vec<f32>,
+    /// In the frame of the body's center of mass.
+    local: Vec<G::Pose>,
+    /// Turned with the body, seen from its center of mass.
+    pub(crate) poses: Vec<G::Pose>,
+    material: Vec<Material>,
+    filter: Vec<Filter>,
+    pub(crate) removed: Vec<bool>,
+    /// The room that a shape needs, where it has outgrown its box in the broad phase.
+    outgrown: Vec<Option<Bounds<L>>>,
+    /// As long as the path of its body, its way ahead and what is looked beyond add up to less, a shape
+    /// has room in its box. \[m\]
+    room_until: Vec<f64>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
+    pub(crate) fn new() -> Self {
+        Self {
+            body: Vec::new(),
+            shapes: Vec::new(),
+            thickness: Vec::new(),
+            local: Vec::new(),
+            poses: Vec::new(),
+            material: Vec::new(),
+            filter: Vec::new(),
+            removed: Vec::new(),
+            outgrown: Vec::new(),
+            room_until: Vec::new(),
+        }
+    }
+
+    /// Adds a shape to a body, at this pose in the frame of its center of mass.
+    pub(crate) fn add(
+        &mut self,
+        body: usize,
+        collider: Collider<G, L, A>,
+        local: G::Pose,
+        bodies: &Bodies<G, L, A>,
+        broad_phase: &mut BroadPhase<L>,
+    ) {
+        let frame = &bodies.frames[body];
+        let turned = turn::<G, L, A>(&local, &bodies.poses[body], frame);
+        let id = self.body.len() as u32;
+        broad_phase.update(id, &bounds::<G, L, A>(&collider.shape, &turned, frame));
+        self.body.push(body as u32);
+        self.thickness.push(thickness::<G, L, A>(&collider.shape));
+        self.shapes.push(G::collider(collider.shape));
+        self.local.push(local);
+        self.poses.push(turned);
+        self.material.push(collider.material);
+        self.filter.push(collider.filter);
+        self.removed.push(false);
+        self.outgrown.push(None);
+        self.room_until.push(0.0);
+    }
+
+    /// Removes the shapes of a body.
+    pub(crate) fn remove(&mut self, body: usize, broad_phase: &mut BroadPhase<L>) {
+        for (id, (owner, removed)) in self.body.iter().zip(&mut self.removed).enumerate() {
+            if *owner == body as u32 && !*removed {
+                *removed = true;
+                broad_phase.remove(id as u32);
+            }
+        }
+    }
+
+    /// Turns all shapes with their bodies, also of those that sleep.
+    pub(crate) fn place(&mut self, bodies: &Bodies<G, L, A>) {
+        let parts = self.poses.iter_mut().zip(&self.local).zip(&self.body);
+        for ((turned, local), &body) in parts {
+            let body = body as usize;
+            *turned = turn::<G, L, A>(local, &bodies.poses[body], &bodies.frames[body]);
+        }
+    }
+
+    /// Turns the shapes of what is awake with their bodies, and enlarges the boxes of those that have not
+    /// enough room where they can get to, and `reach` \[m\] beyond.
+    pub(crate) fn follow(
+        &mut self,
+        broad_phase: &mut BroadPhase<L>,
+        bodies: &Bodies<G, L, A>,
+        sleep: &Sleep<L>,
+        travel: &[Travel<L>],
+        reach: f32,
+        team: &Team,
+    ) {
+        let Self { body, shapes, local, poses, removed, outgrown, room_until, .. } = self;
+        let useful = body.len() > 2 * CHUNK;
+        let rooms = outgrown.chunks_mut(CHUNK).zip(room_until.chunks_mut(CHUNK));
+        let chunks = poses.chunks_mut(CHUNK).zip(rooms).enumerate();
+        team.for_each(useful, chunks, |(chunk, (poses, (outgrown, room_until)))| {
+            let rooms = outgrown.iter_mut().zip(room_until);
+            for (id, (turned, (outgrown, room_until))) in
+                (CHUNK * chunk..).zip(poses.iter_mut().zip(rooms))
+            {
+                let body = body[id] as usize;
+                *outgrown = None;
+                let moves = bodies.motion[body] != Some(Motion::Static);
+                if removed[id] || !moves || sleep.sleeps(body) {
+                    continue;
+                }
+                let (frame, ahead) = (&bodies.frames[body], travel[body].linear);
+                *turned = turn::<G, L, A>(&local[id], &bodies.poses[body], frame);
+                if bodies.paths[body] + f64::from(ahead.length() + reach) < *room_until {
+                    continue;
+                }
+                let mut bounds = bounds::<G, L, A>(G::shape_of(&shapes[id]), turned, frame);
+                let far = bounds.min.length() + bounds.max.length();
+                let room = broad_phase.room(id, &bounds) - ROUNDING * far;
+                *room_until = bodies.paths[body] + f64::from(room);
+                for i in 0..L {
+                    bounds.min[i] += ahead[i].min(0.0) - reach;
+                    bounds.max[i] += ahead[i].max(0.0) + reach;
+                }
+                if broad_phase.room(id, &bounds) < 0.0 {
+                    (*outgrown, *room_until) = (Some(bounds), 0.0);
+                }
+            }
+        });
+        for (id, bounds) in outgrown.iter().enumerate() {
+            if let Some(bounds) = bounds {
+                broad_phase.update(id as u32, bounds);
+            }
+        }
+    }
+
+    /// What two shapes are to each other; none, if they do not collide.
+    pub(crate) fn pair(&self, bodies: &Bodies<G, L, A>, pair: [u32; 2]) -> Option<Pair> {
+        let [a, b] = pair.map(|id| id as usize);
+        let owners = [self.body[a], self.body[b]];
+        let moved = owners.iter().any(|&body| bodies.is_dynamic(body as usize));
+        if owners[0] == owners[1] || !moved || !self.filter[a].collides(&self.filter[b]) {
+            return None;
+        }
+        let (p, q) = (&self.material[a], &self.material[b]);
+        let friction = Combine::of(p.friction_combine, q.friction_combine, p.friction, q.friction);
+        let bounce =
+            Combine::of(p.restitution_combine, q.restitution_combine, p.restitution, q.restitution);
+        Some(Pair {
+            colliders: pair,
+            bodies: owners,
+            friction: friction as f32,
+            restitution: bounce as f32,
+            thickness: self.thickness[a].min(self.thickness[b]),
+            lever: lever(owners.map(|body| bodies.reach[body as usize])),
+            rolls: pair.iter().any(|&id| G::rolls(&self.shapes[id as usize])),
+            rests: false,
+            until: 0.0,
+            first: 0,
+            count: 0,
+        })
+    }
+}
+
+/// The pose of a shape as seen from its body's center of mass, turned with the body.
+fn turn<G: Geometry<L, A>, const L: usize, const A: usize>(
+    local: &G::Pose,
+    body: &G::Pose,
+    frame: &Frame<L>,
+) -> G::Pose {
+    G::compose(&G::advance(body, -frame.position, Vector::ZERO), local)
+}
+
+/// The box of a shape in the world.
+fn bounds<G: Geometry<L, A>, const L: usize, const A: usize>(
+    shape: &G::Shape,
+    turned: &G::Pose,
+    frame: &Frame<L>,
+) -> Bounds<L> {
+    let Bounds { min, max } = G::bounds(shape, turned);
+    Bounds { min: min + frame.position, max: max + frame.position }
+}
+
+/// The smallest extent of a solid; unlimited for what has no volume. \[m\]
+fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(shape: &G::Shape) -> f32 {
+    if G::mass(shape, 1.0).mass <= 0.0 {
+        return f32::INFINITY;
+    }
+    let bounds = G::bounds(shape, &G::pose(Vector::ZERO, &[]));
+    (bounds.max - bounds.min).0.into_iter().fold(f32::INFINITY, f32::min)
+}
+
+/// [`Pair::lever`]: when b turns, the points of a near it are farther out than its own, by the size of a; once
+/// for the way to the center of a, once for a's turning against b, and what a gap may add.
+fn lever([reach_a, reach_b]: [f32; 2]) -> f32 {
+    (2.0 * reach_a + 1.5 * reach_b) / reach_b
+}
