@@ -56,7 +56,8 @@ pub struct StepSettings {
     pub travel_per_search: f32,
     /// Searches for contacts in a step, at most. \[1\]
     pub searches: u32,
-    /// Contact points are reused while two bodies move less than this against each other. \[m\]
+    /// Contact points are reused while two bodies move less than this against each other, and left as they
+    /// are while neither moves by a quarter of it. \[m\]
     pub reuse_distance: f32,
     /// Time after which an island that holds still is left out of steps, until something touches or
     /// moves it. 0: never. \[s\]
