@@ -218,12 +218,6 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     }
 }
 
-/// Whether so many blocks are worth sharing among a team, and how many a share has.
-fn share(team: &Team, blocks: usize) -> (bool, usize) {
-    let useful = team.is_useful(blocks);
-    (useful, blocks.div_ceil(if useful { team.members() } else { 1 }).max(1))
-}
-
 /// What belongs to the points of the blocks, in shares for a team, where that is worth while, and how many
 /// blocks a share has. `points` is how many points each block has.
 pub(super) fn shares<'a, T>(
@@ -231,7 +225,8 @@ pub(super) fn shares<'a, T>(
     points: &'a [u32],
     of_points: &'a mut [T],
 ) -> (bool, usize, impl Iterator<Item = &'a mut [T]>) {
-    let (useful, share) = share(team, points.len());
+    let useful = team.is_useful(points.len());
+    let share = points.len().div_ceil(if useful { team.members() } else { 1 }).max(1);
     let parts = chunks_with_parts(points, share, of_points, |&points| points as usize);
     (useful, share, parts.map(|(_, own)| own))
 }
