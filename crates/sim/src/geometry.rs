@@ -3,7 +3,11 @@
 
 mod hull;
 mod polyhedra;
+#[cfg(test)]
+mod random;
 mod rigid;
+mod rounds;
+mod separation;
 pub mod spheres;
 
 use std::fmt::Debug;
@@ -64,11 +68,13 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     fn rolls(collider: &Self::Collider) -> bool;
 
     /// Reports each manifold of points at which two shapes overlap or are within `prediction` \[m\].
-    /// Returns how far they are apart at least. \[m\]
+    /// Returns how far they are apart at least. \[m\] `before` is the feature of a point at which they
+    /// touched a step ago: what is asked first.
     fn collide(
         a: (&Self::Collider, &Self::Pose),
         b: (&Self::Collider, &Self::Pose),
         prediction: f32,
+        before: Option<u64>,
         scratch: &mut Self::Scratch,
         report: &mut dyn FnMut(&Touch<L>),
     ) -> f32;
@@ -265,6 +271,14 @@ impl<const L: usize> Touch<L> {
         for point in &mut self.points {
             point.on_a = frame.point(point.on_a);
             point.on_b = frame.point(point.on_b);
+        }
+    }
+
+    /// The same, of b and a.
+    fn exchange(&mut self) {
+        self.normal = -self.normal;
+        for point in &mut self.points {
+            std::mem::swap(&mut point.on_a, &mut point.on_b);
         }
     }
 

@@ -310,7 +310,8 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         records.kept.push(false);
     };
     let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
-    let gap = G::collide(a, b, prediction, scratch, &mut report);
+    let before = known.first().map(|record| old.points_of(record)[0].feature);
+    let gap = G::collide(a, b, prediction, before, scratch, &mut report);
     pair.count = (records.manifolds.len() - first) as u32;
     let lasts = if pair.count > 0 { around.reuse_distance / pair.lever } else { gap };
     pair.until = paths + known_to(lasts);

@@ -23,6 +23,7 @@ pub struct Hull {
     faces: Vec<Face>,
     /// Of all faces, one after the other, counter-clockwise seen from outside.
     corners: Vec<u32>,
+    edges: Vec<[u32; 2]>,
 }
 
 #[derive(Clone, Debug)]
@@ -42,7 +43,8 @@ impl Hull {
             std::array::from_fn(|axis| std::array::from_fn(|i| some[i.min(some.len() - 1)][axis]))
         };
         let blocks = points.chunks(BLOCK).map(block).collect();
-        let mut hull = Self { points, blocks, faces: Vec::new(), corners: Vec::new() };
+        let (faces, corners, edges) = (Vec::new(), Vec::new(), Vec::new());
+        let mut hull = Self { points, blocks, faces, corners, edges };
         hull.join(&triangles);
         Some(hull)
     }
@@ -92,6 +94,9 @@ impl Hull {
             let normal = area * (1.0 / area.length());
             let outermost = self.support(normal);
             let start = self.corners.len();
+            let ends = around.iter().zip(around.iter().cycle().skip(1));
+            // Each is a side of two faces, there and back.
+            self.edges.extend(ends.filter(|(from, to)| from < to).map(|(&from, &to)| [from, to]));
             self.corners.extend(around);
             self.faces.push(Face { normal, outermost, corners: start..self.corners.len() });
         }
@@ -196,6 +201,14 @@ impl Solid<3> for Hull {
     fn face(&self, index: usize) -> (Vector<f32, 3>, Vector<f32, 3>) {
         let face = &self.faces[index];
         (face.normal, face.outermost)
+    }
+
+    fn edges(&self) -> usize {
+        self.edges.len()
+    }
+
+    fn edge(&self, index: usize) -> [Vector<f32, 3>; 2] {
+        self.edges[index].map(|end| self.points[end as usize])
     }
 
     fn corners(&self, face: usize, out: &mut Vec<Corner<3>>) {

@@ -1,17 +1,13 @@
-//! Contact between boxes and hulls: the axis along which they overlap least, and the points where
-//! the face there meets the other's face.
+//! Contact between boxes and hulls: the points where the face along which they are held against each
+//! other ([`separation`](super::separation)) meets the other's face.
 //!
-//! Where two faces lie on each other, every axis near their normal is as good to within rounding,
-//! and an axis or a point that changes from step to step shakes what rests there. So an edge must
-//! win by more than [`PREFERENCE`], b's face likewise against a's, and clipping never loses a
-//! corner that lies on a side.
+//! A point that changes from step to step shakes what rests there, so clipping never loses a corner that
+//! lies on a side.
 
 use drystone_solver::{Vector, moment};
 
+use super::separation::{Axis, Crossing, FaceOf, Separation};
 use super::{Frame, Touch, TouchPoint};
-
-/// By how much an axis must win, as part of the prediction distance.
-const PREFERENCE: f32 = 0.01;
 
 /// A convex solid with flat faces, in its own frame.
 pub(super) trait Solid<const L: usize> {
@@ -23,6 +19,12 @@ pub(super) trait Solid<const L: usize> {
 
     /// Outward unit normal of a face, and one of its vertices.
     fn face(&self, index: usize) -> (Vector<f32, L>, Vector<f32, L>);
+
+    /// Number of edges (2D: sides).
+    fn edges(&self) -> usize;
+
+    /// The ends of an edge.
+    fn edge(&self, index: usize) -> [Vector<f32, L>; 2];
 
     /// Appends the vertices of a face, in order around it.
     fn corners(&self, face: usize, out: &mut Vec<Corner<L>>);
@@ -36,14 +38,6 @@ pub(super) struct Corner<const L: usize> {
     pub(super) feature: u32,
 }
 
-/// Two edges that cross: the axis between them, from a to b, and the nearest points, in the frame
-/// of a.
-pub(super) struct Crossing<const L: usize> {
-    pub(super) axis: Vector<f32, L>,
-    pub(super) on_a: Vector<f32, L>,
-    pub(super) on_b: Vector<f32, L>,
-}
-
 /// Polygons that are reused.
 #[derive(Default)]
 pub(super) struct Clipper<const L: usize> {
@@ -52,80 +46,59 @@ pub(super) struct Clipper<const L: usize> {
     next: Vec<Corner<L>>,
 }
 
-/// Fills `touch`, in the frame of a, with where `a` and `b` overlap or are within `prediction` \[m\];
-/// returns how far they are apart at least, along the best axis that was looked at. \[m\] `from_b` is the frame of b as seen from a; `crossing` proposes an axis that is no face's normal.
+impl<const L: usize> Clipper<L> {
+    /// The vertices of a face, in order around it.
+    pub(super) fn corners_of(&mut self, solid: &impl Solid<L>, face: usize) -> &[Corner<L>] {
+        self.reference.clear();
+        solid.corners(face, &mut self.reference);
+        &self.reference
+    }
+}
+
+/// Fills `touch`, in the frame of a, with where `a` and `b` overlap or are within `prediction` \[m\]
+/// along the axis between them; returns the gap. \[m\] `from_b` is the frame of b as seen from a.
 pub(super) fn collide<const L: usize>(
     a: &impl Solid<L>,
     b: &impl Solid<L>,
     from_b: &Frame<L>,
     prediction: f32,
-    crossing: impl FnOnce(&Rival<L>) -> Option<Crossing<L>>,
+    Separation { gap, axis }: Separation<L>,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
 ) -> f32 {
-    let margin = PREFERENCE * prediction;
-    let far_b = |d| from_b.point(b.support(from_b.local_direction(d)));
-    let best_a = best_face(a, from_b.position, prediction, far_b);
-    if best_a.gap > prediction {
-        return best_a.gap;
-    }
-    let far_a = |d| from_b.local_point(a.support(from_b.direction(d)));
-    let best_b = best_face(b, from_b.local_point(Vector::ZERO), prediction, far_a);
-    if best_b.gap > prediction {
-        return best_b.gap;
-    }
-    let ([gap_a, gap_b], [face_a, face_b]) = ([best_a.gap, best_b.gap], [best_a.face, best_b.face]);
-    let rival = Rival {
-        gap: prediction.min(gap_a.max(gap_b) + margin),
-        apart: best_a.far - from_b.point(best_b.far),
-        faces: [best_a, best_b],
-    };
-    if let Some(Crossing { axis, on_a, on_b }) = crossing(&rival) {
-        // What the axis really separates, whoever proposed it.
-        let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
-        let gap = axis.dot(far_b - a.support(axis));
-        if gap > prediction {
-            return gap;
-        }
-        if gap > gap_a.max(gap_b) + margin {
+    let near = |gap: &f32| *gap <= prediction;
+    match axis {
+        _ if gap > prediction => {}
+        Axis::Edges(Crossing { axis, on_a, on_b, feature }) => {
             touch.normal = -axis;
-            touch.points.push(TouchPoint { on_a, on_b, gap: axis.dot(on_b - on_a), feature: 0 });
-            return gap;
+            let gap = Some(axis.dot(on_b - on_a)).filter(near);
+            touch.points.extend(gap.map(|gap| TouchPoint { on_a, on_b, gap, feature }));
+        }
+        Axis::Face(of @ FaceOf { b: false, face }) => {
+            let normal = clip(a, face, b, from_b, clipper);
+            touch.normal = -normal;
+            let plane = a.face(face).1;
+            touch.points.extend(clipper.incident.iter().filter_map(|corner| {
+                let on_b = corner.position;
+                let gap = Some(normal.dot(on_b - plane)).filter(near)?;
+                let on_a = on_b - normal * gap;
+                Some(TouchPoint { on_a, on_b, gap, feature: of.feature(corner.feature) })
+            }));
+        }
+        Axis::Face(of @ FaceOf { b: true, face }) => {
+            let from_a = Frame::IDENTITY.seen_from(from_b);
+            let normal = clip(b, face, a, &from_a, clipper);
+            touch.normal = from_b.direction(normal);
+            let plane = b.face(face).1;
+            touch.points.extend(clipper.incident.iter().filter_map(|corner| {
+                let gap = Some(normal.dot(corner.position - plane)).filter(near)?;
+                let on_a = from_b.point(corner.position);
+                let on_b = from_b.point(corner.position - normal * gap);
+                Some(TouchPoint { on_a, on_b, gap, feature: of.feature(corner.feature) })
+            }));
         }
     }
-    if gap_b > gap_a + margin {
-        let from_a = Frame {
-            position: from_b.local_point(Vector::ZERO),
-            axes: std::array::from_fn(|i| Vector(std::array::from_fn(|j| from_b.axes[j][i]))),
-        };
-        let normal = clip(b, face_b, a, &from_a, clipper);
-        touch.normal = from_b.direction(normal);
-        let plane = b.face(face_b).1;
-        for corner in &clipper.incident {
-            let gap = normal.dot(corner.position - plane);
-            touch.points.push(TouchPoint {
-                on_a: from_b.point(corner.position),
-                on_b: from_b.point(corner.position - normal * gap),
-                gap,
-                feature: name(1, face_b, corner),
-            });
-        }
-    } else {
-        let normal = clip(a, face_a, b, from_b, clipper);
-        touch.normal = -normal;
-        let plane = a.face(face_a).1;
-        for corner in &clipper.incident {
-            let gap = normal.dot(corner.position - plane);
-            touch.points.push(TouchPoint {
-                on_a: corner.position - normal * gap,
-                on_b: corner.position,
-                gap,
-                feature: name(2, face_a, corner),
-            });
-        }
-    }
-    touch.points.retain(|point| point.gap <= prediction);
-    gap_a.max(gap_b)
+    gap
 }
 
 /// The boundary of a half-space.
@@ -194,95 +167,6 @@ pub(super) fn on_plane<const L: usize>(
     apart
 }
 
-fn name<const L: usize>(side: u64, face: usize, corner: &Corner<L>) -> u64 {
-    side << 62 | (face as u64) << 32 | u64::from(corner.feature)
-}
-
-/// What an axis that is no face's normal has to beat.
-pub(super) struct Rival<const L: usize> {
-    /// The gap along it. \[m\]
-    pub(super) gap: f32,
-    /// From a point of a to one of b, in the frame of a: along any axis, the gap is at most this far.
-    pub(super) apart: Vector<f32, L>,
-    /// The best of a, and of b.
-    faces: [Best<L>; 2],
-}
-
-impl<const L: usize> Rival<L> {
-    /// Whether it is certain that no axis beats it.
-    pub(super) fn is_sure(&self, a: &impl Solid<L>, b: &impl Solid<L>) -> bool {
-        self.faces[0].is_sure(a) || self.faces[1].is_sure(b)
-    }
-}
-
-/// A face, how far the other solid is outside of it, and that one's point which is the least far.
-struct Best<const L: usize> {
-    gap: f32,
-    face: usize,
-    far: Vector<f32, L>,
-}
-
-impl<const L: usize> Best<L> {
-    /// Whether no axis can have more gap than this face of `solid`, as it has room about the foot F of
-    /// the far point on the face.
-    ///
-    /// With no overlap, F within the face is enough: the solids are no farther apart than F and the far
-    /// point. Let that one be d below F, let the solid hold the disc of radius 3 d in the face about F,
-    /// and the point 3 d below F. The gap along an axis at angle t to the normal is at most that between
-    /// the far point and any of these: -d (cos t + 3 sin t) and 2 d cos t. One of the two is at most -d.
-    fn is_sure(&self, solid: &impl Solid<L>) -> bool {
-        let (normal, _) = solid.face(self.face);
-        let foot = self.far - normal * self.gap;
-        let room = 3.0 * (-self.gap).max(0.0);
-        (0..solid.faces()).filter(|&face| face != self.face).all(|face| {
-            let (other, vertex) = solid.face(face);
-            let (inside, along) = (other.dot(vertex - foot), other.dot(normal));
-            let across = (1.0 - along * along).max(0.0);
-            inside >= 0.0 && inside * inside >= room * room * across && inside + room * along >= 0.0
-        })
-    }
-}
-
-/// The face that the other solid is farthest outside of (or least inside), or any that it is outside
-/// of by more than `enough`. `center` is within the other solid or near it; all in the frame of
-/// `solid`.
-fn best_face<const L: usize>(
-    solid: &impl Solid<L>,
-    center: Vector<f32, L>,
-    enough: f32,
-    other: impl Fn(Vector<f32, L>) -> Vector<f32, L>,
-) -> Best<L> {
-    let towards = |face: usize| {
-        let (normal, vertex) = solid.face(face);
-        normal.dot(center - vertex)
-    };
-    let likely = (1..solid.faces()).fold((towards(0), 0), |best, face| {
-        let along = towards(face);
-        if along > best.0 { (along, face) } else { best }
-    });
-    let measure = |face: usize| {
-        let (normal, vertex) = solid.face(face);
-        let far = other(-normal);
-        Best { gap: normal.dot(far - vertex), face, far }
-    };
-    let mut best = measure(likely.1);
-    for face in 0..solid.faces() {
-        if best.gap > enough {
-            break;
-        }
-        let (normal, vertex) = solid.face(face);
-        // No point of the other solid is less far out than its farthest: most faces lose by one.
-        if face == best.face || normal.dot(best.far - vertex) < best.gap {
-            continue;
-        }
-        let own = measure(face);
-        if own.gap > best.gap || own.gap == best.gap && face < best.face {
-            best = own;
-        }
-    }
-    best
-}
-
 /// The face that looks most along `direction`, of those around the farthest vertex: on a hull with a
 /// sharp corner, another may look that way more and lie behind.
 fn facing<const L: usize>(solid: &impl Solid<L>, direction: Vector<f32, L>) -> usize {
@@ -309,9 +193,8 @@ fn clip<const L: usize>(
     clipper: &mut Clipper<L>,
 ) -> Vector<f32, L> {
     let (normal, _) = reference.face(face);
-    clipper.reference.clear();
+    clipper.corners_of(reference, face);
     clipper.incident.clear();
-    reference.corners(face, &mut clipper.reference);
     let against = from_incident.local_direction(-normal);
     incident.corners(facing(incident, against), &mut clipper.incident);
     for corner in &mut clipper.incident {
@@ -378,6 +261,24 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
         (normal, self.0 * sign)
     }
 
+    fn edges(&self) -> usize {
+        L << (L - 1)
+    }
+
+    fn edge(&self, index: usize) -> [Vector<f32, L>; 2] {
+        // First the axis it runs along, then a bit for the side of each other axis.
+        let axis = index >> (L - 1);
+        let mut from = self.0;
+        from[axis] = -self.0[axis];
+        for other in 1..L {
+            let i = (axis + other) % L;
+            from[i] = if index >> (other - 1) & 1 == 0 { -self.0[i] } else { self.0[i] };
+        }
+        let mut to = from;
+        to[axis] = self.0[axis];
+        [from, to]
+    }
+
     fn corners(&self, face: usize, out: &mut Vec<Corner<L>>) {
         let axis = face % L;
         let sign = if face < L { 1.0 } else { -1.0 };
@@ -418,6 +319,14 @@ impl Solid<2> for parry2d::shape::ConvexPolygon {
         (self.normals()[index].to_array().into(), self.points()[index].to_array().into())
     }
 
+    fn edges(&self) -> usize {
+        self.faces()
+    }
+
+    fn edge(&self, index: usize) -> [Vector<f32, 2>; 2] {
+        [index, (index + 1) % self.faces()].map(|end| self.points()[end].to_array().into())
+    }
+
     fn corners(&self, face: usize, out: &mut Vec<Corner<2>>) {
         for index in [face, (face + 1) % self.points().len()] {
             let position = self.points()[index].to_array().into();
@@ -436,54 +345,3 @@ fn farthest<V: Copy>(points: &[V], direction: V, dot: impl Fn(V, V) -> f32) -> V
     }
     points[best.1]
 }
-
-/// The axis across two edges, one of each box, that separates them most and more than the rival, with
-/// the points where the edges are nearest.
-pub(super) fn box_edges(
-    a: &Cuboid<3>,
-    b: &Cuboid<3>,
-    from_b: &Frame<3>,
-    rival: &Rival<3>,
-) -> Option<Crossing<3>> {
-    let mut best: Option<(f32, Crossing<3>)> = None;
-    let least = rival.gap * rival.gap.abs();
-    for i in 0..3 {
-        let mut edge_a = Vector::ZERO;
-        edge_a[i] = 1.0;
-        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-        for edge_b in from_b.axes {
-            let mut across = Vector::ZERO;
-            (across[j], across[k]) = (-edge_b[k], edge_b[j]);
-            let squared = across.dot(across);
-            // Parallel edges: a face's normal is as good.
-            if squared < 1e-6 {
-                continue;
-            }
-            let outward = if across.dot(from_b.position) < 0.0 { -1.0 } else { 1.0 };
-            // At most this gap, times the length; compared as squares that keep their sign.
-            let most = outward * across.dot(rival.apart);
-            if most * most.abs() <= least * squared {
-                continue;
-            }
-            let axis = across * (outward / squared.sqrt());
-            let far_a = a.support(axis);
-            let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
-            let gap = axis.dot(far_b - far_a);
-            if best.as_ref().is_none_or(|(most, _)| gap > *most) {
-                // Nearest points of the lines far_a + s edge_a and far_b + t edge_b.
-                let between = far_b - far_a;
-                let skew = edge_a.dot(edge_b);
-                let (p, q) = (between.dot(edge_a), between.dot(edge_b));
-                let squared = 1.0 - skew * skew;
-                let (s, t) = ((p - skew * q) / squared, (skew * p - q) / squared);
-                let crossing =
-                    Crossing { axis, on_a: far_a + edge_a * s, on_b: far_b + edge_b * t };
-                best = Some((gap, crossing));
-            }
-        }
-    }
-    best.map(|(_, crossing)| crossing)
-}
-
-#[cfg(test)]
-mod tests;

@@ -4,9 +4,9 @@ use drystone_solver::{SymmetricMatrix, Vector};
 use parry2d::shape::ConvexPolygon;
 
 use super::hull::{self, Hull};
-use super::polyhedra::{
-    Clipper, Crossing, Cuboid, Footing, Plane, Rival, Solid, box_edges, collide, on_plane,
-};
+use super::polyhedra::{Clipper, Cuboid, Footing, Plane, Solid, collide, on_plane};
+use super::rounds::{Round, between_rounds, on_solid};
+use super::separation::{Crossing, between, between_boxes};
 use super::spheres::between_balls;
 use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, leading};
 
@@ -81,6 +81,7 @@ macro_rules! over_parry {
             a: (&Self::Collider, &Self::Pose),
             b: (&Self::Collider, &Self::Pose),
             prediction: f32,
+            before: Option<u64>,
             scratch: &mut Self::Scratch,
             report: &mut dyn FnMut(&Touch<$l>),
         ) -> f32 {
@@ -107,8 +108,9 @@ macro_rules! over_parry {
                 touch.points.clear();
                 touch.part = part;
                 let memory = (&mut scratch.clipper, &mut scratch.expansion);
-                if let Some(gap) = $polyhedra(&from_b, piece_a, piece_b, prediction, memory, touch)
-                {
+                let pieces = [piece_a, piece_b];
+                let found = $polyhedra(&from_b, pieces, prediction, before, memory, touch);
+                if let Some(gap) = found {
                     apart = apart.min(gap);
                     touch.place(&<Self as Geometry<$l, $a>>::frame(a.1));
                 } else {
@@ -221,20 +223,27 @@ pub struct Scratch<M, E, const L: usize> {
     clipper: Clipper<L>,
 }
 
-/// Contact between two balls, or between a half-space and another shape, in the frame of a; returns how
-/// far they are apart. `None`: they are something else.
+impl<H, const L: usize> Form<H, L> {
+    fn round(&self) -> Option<Round<L>> {
+        match self {
+            Form::Ball(radius) => Some(Round { ends: [Vector::ZERO; 2], radius: *radius }),
+            Form::Capsule(ends, radius) => Some(Round { ends: *ends, radius: *radius }),
+            Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) | Form::Other => None,
+        }
+    }
+}
+
+/// Contact of a round shape or a half-space with another shape, in the frame of a; returns how far they are
+/// apart at least. `None`: they are something else, or one is too deep in the other.
 fn round_or_plane<H: Solid<L>, const L: usize>(
-    from_b: &Frame<L>,
-    a: &Form<H, L>,
-    b: &Form<H, L>,
-    prediction: f32,
+    [a, b]: [&Form<H, L>; 2],
+    Query { from_b, prediction, before }: Query<'_, L>,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
 ) -> Option<f32> {
-    use Form::{Ball, Capsule, Cuboid, Halfspace, Hull, Other};
-    let own = Frame::IDENTITY;
-    let (normal, from_plane, shape, from_shape, above) = match (a, b) {
-        (Ball(radius_a), Ball(radius_b)) => {
+    match (a, b) {
+        // As below, but most of a heap of balls.
+        (Form::Ball(radius_a), Form::Ball(radius_b)) => {
             let (normal, gap) = between_balls(-from_b.position, [*radius_a, *radius_b]);
             if gap <= prediction {
                 let on_a = normal * -radius_a;
@@ -244,97 +253,127 @@ fn round_or_plane<H: Solid<L>, const L: usize>(
             }
             return Some(gap);
         }
-        (Halfspace(_), Halfspace(_)) => return None,
-        (_, Halfspace(normal)) => (normal, from_b, a, &own, true),
-        (Halfspace(normal), _) => (normal, &own, b, from_b, false),
-        _ => return None,
+        (Form::Halfspace(_), Form::Halfspace(_)) => return None,
+        (_, Form::Halfspace(normal)) => {
+            let plane = Plane { point: from_b.position, normal: from_b.direction(*normal) };
+            let footing = footing(a)?;
+            let own = &Frame::IDENTITY;
+            return Some(on_plane(&plane, &footing, own, true, prediction, clipper, touch));
+        }
+        (Form::Halfspace(normal), _) => {
+            let plane = Plane { point: Vector::ZERO, normal: *normal };
+            let footing = footing(b)?;
+            return Some(on_plane(&plane, &footing, from_b, false, prediction, clipper, touch));
+        }
+        _ => {}
+    }
+    let mut on = |round: &Round<L>, form: &Form<H, L>| match form {
+        Form::Cuboid(solid) => on_solid(round, solid, prediction, before, clipper, touch),
+        Form::Hull(solid) => on_solid(round, solid, prediction, before, clipper, touch),
+        _ => None,
     };
-    let plane = Plane { point: from_plane.position, normal: from_plane.direction(*normal) };
-    let footing = match shape {
-        Ball(radius) => Footing::Round(&[Vector::ZERO], *radius),
-        Capsule(ends, radius) => Footing::Round(ends, *radius),
-        Cuboid(cuboid) => Footing::Cuboid(cuboid),
-        Hull(hull) => Footing::Hull(hull),
-        Halfspace(_) | Other => return None,
-    };
-    Some(on_plane(&plane, &footing, from_shape, above, prediction, clipper, touch))
+    match (a.round(), b.round()) {
+        (Some(a), Some(b)) => Some(between_rounds(&a, &b.placed(from_b), prediction, touch)),
+        (Some(round), None) => {
+            let seen = round.placed(&Frame::IDENTITY.seen_from(from_b));
+            let gap = on(&seen, b)?;
+            touch.place(from_b);
+            Some(gap)
+        }
+        (None, Some(round)) => {
+            let gap = on(&round.placed(from_b), a)?;
+            touch.exchange();
+            Some(gap)
+        }
+        (None, None) => None,
+    }
+}
+
+/// What of a shape can lie on a plane.
+fn footing<H, const L: usize>(form: &Form<H, L>) -> Option<Footing<'_, H, L>> {
+    Some(match form {
+        Form::Ball(radius) => Footing::Round(&[Vector::ZERO], *radius),
+        Form::Capsule(ends, radius) => Footing::Round(ends, *radius),
+        Form::Cuboid(cuboid) => Footing::Cuboid(cuboid),
+        Form::Hull(hull) => Footing::Hull(hull),
+        Form::Halfspace(_) | Form::Other => return None,
+    })
 }
 
 /// Contact between the shapes that parry is not asked for; returns how far they are apart at least. `None`:
-/// they are something else.
+/// they are something else. `before` is the feature of a point where they touched a step ago.
 fn polygons(
     from_b: &parry2d::math::Pose,
-    a: Piece2<'_>,
-    b: Piece2<'_>,
+    [a, b]: [Piece2<'_>; 2],
     prediction: f32,
+    before: Option<u64>,
     (clipper, _): (&mut Clipper<2>, &mut parry2d::query::epa::EPA),
     touch: &mut Touch<2>,
 ) -> Option<f32> {
     use Form::{Cuboid, Hull};
     let (c, s) = (from_b.rotation.cos(), from_b.rotation.sin());
-    let frame = Frame {
+    let frame = &Frame {
         position: from_b.translation.to_array().into(),
         axes: [Vector([c, s]), Vector([-s, c])],
     };
-    // In the plane, sides are all the axes there are.
-    let none = |_: &Rival<2>| None;
-    let apart = match (a.form, b.form) {
-        (Cuboid(a), Cuboid(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
-        (Cuboid(a), Hull(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
-        (Hull(a), Cuboid(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
-        (Hull(a), Hull(b)) => collide(a, b, &frame, prediction, none, clipper, touch),
-        (a, b) => return round_or_plane(&frame, a, b, prediction, clipper, touch),
-    };
-    Some(apart)
+    let query = Query { from_b: frame, prediction, before };
+    Some(match (a.form, b.form) {
+        (Cuboid(a), Cuboid(b)) => {
+            let separation = between_boxes(a, b, frame, prediction);
+            collide(a, b, frame, prediction, separation, clipper, touch)
+        }
+        (Cuboid(a), Hull(b)) => meet(a, b, query, || None, clipper, touch),
+        (Hull(a), Cuboid(b)) => meet(a, b, query, || None, clipper, touch),
+        (Hull(a), Hull(b)) => meet(a, b, query, || None, clipper, touch),
+        (a, b) => return round_or_plane([a, b], query, clipper, touch),
+    })
 }
 
 /// As [`polygons`], in space.
 fn solids(
     from_b: &parry3d::math::Pose,
-    a: Piece3<'_>,
-    b: Piece3<'_>,
+    [a, b]: [Piece3<'_>; 2],
     prediction: f32,
-    memory: (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
+    before: Option<u64>,
+    (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut Touch<3>,
 ) -> Option<f32> {
     use Form::{Cuboid, Hull};
-    let frame = Rigid3::frame(from_b);
-    let apart = match (a.form, b.form) {
+    let frame = &Rigid3::frame(from_b);
+    let nearest = || closest(from_b, a.shape, b.shape, prediction, expansion);
+    let query = Query { from_b: frame, prediction, before };
+    Some(match (a.form, b.form) {
         (Cuboid(a), Cuboid(b)) => {
-            let edges = |rival: &Rival<3>| box_edges(a, b, &frame, rival);
-            collide(a, b, &frame, prediction, edges, memory.0, touch)
+            let separation = between_boxes(a, b, frame, prediction);
+            collide(a, b, frame, prediction, separation, clipper, touch)
         }
-        (Cuboid(one), Hull(other)) => {
-            hulls((one, a.shape), (other, b.shape), from_b, &frame, prediction, memory, touch)
-        }
-        (Hull(one), Cuboid(other)) => {
-            hulls((one, a.shape), (other, b.shape), from_b, &frame, prediction, memory, touch)
-        }
-        (Hull(one), Hull(other)) => {
-            hulls((one, a.shape), (other, b.shape), from_b, &frame, prediction, memory, touch)
-        }
-        (a, b) => return round_or_plane(&frame, a, b, prediction, memory.0, touch),
-    };
-    Some(apart)
+        (Cuboid(a), Hull(b)) => meet(a, b, query, nearest, clipper, touch),
+        (Hull(a), Cuboid(b)) => meet(a, b, query, nearest, clipper, touch),
+        (Hull(a), Hull(b)) => meet(a, b, query, nearest, clipper, touch),
+        (a, b) => return round_or_plane([a, b], query, clipper, touch),
+    })
 }
 
-/// Contact between two solids of which one is a hull, each with its shape.
-fn hulls(
-    a: (&impl Solid<3>, &dyn parry3d::shape::Shape),
-    b: (&impl Solid<3>, &dyn parry3d::shape::Shape),
-    from_b: &parry3d::math::Pose,
-    frame: &Frame<3>,
+/// What is asked about two shapes: the frame of b as seen from a, how far apart they may be \[m\], and the
+/// feature of a point where they touched a step ago.
+#[derive(Clone, Copy)]
+struct Query<'a, const L: usize> {
+    from_b: &'a Frame<L>,
     prediction: f32,
-    (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
-    touch: &mut Touch<3>,
+    before: Option<u64>,
+}
+
+/// Contact of two solids of which one is no box.
+fn meet<const L: usize>(
+    a: &impl Solid<L>,
+    b: &impl Solid<L>,
+    Query { from_b, prediction, before }: Query<'_, L>,
+    crossing: impl FnOnce() -> Option<Crossing<L>>,
+    clipper: &mut Clipper<L>,
+    touch: &mut Touch<L>,
 ) -> f32 {
-    let nearest = |rival: &Rival<3>| {
-        if rival.is_sure(a.0, b.0) {
-            return None;
-        }
-        closest(from_b, a.1, b.1, prediction, expansion)
-    };
-    collide(a.0, b.0, frame, prediction, nearest, clipper, touch)
+    let separation = between(a, b, from_b, prediction, before, crossing);
+    collide(a, b, from_b, prediction, separation, clipper, touch)
 }
 
 /// The nearest points of two solids (GJK), or of their least overlap (EPA). Close to touching its
@@ -361,7 +400,7 @@ fn closest(
         GJKResult::Proximity(_) => return None,
     };
     let [axis, on_a, on_b] = [axis, on_a, on_b].map(|v| Vector(v.to_array()));
-    Some(Crossing { axis, on_a, on_b })
+    Some(Crossing { axis, on_a, on_b, feature: 0 })
 }
 
 /// Defines how contacts see a shape.

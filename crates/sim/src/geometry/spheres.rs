@@ -105,6 +105,7 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         a: (&Self::Collider, &Self::Pose),
         b: (&Self::Collider, &Self::Pose),
         prediction: f32,
+        _: Option<u64>,
         touch: &mut Touch<L>,
         report: &mut dyn FnMut(&Touch<L>),
     ) -> f32 {

@@ -37,8 +37,14 @@ fn shapes_are_apart_as_far_as_they_say() {
         let (a, b) = (Rigid3::collider(a), Rigid3::collider(b));
         let mut touches = 0;
         let mut count = |_: &_| touches += 1;
-        let gap =
-            Rigid3::collide((&a, &pose_a), (&b, &pose_b), PREDICTION, &mut scratch, &mut count);
+        let gap = Rigid3::collide(
+            (&a, &pose_a),
+            (&b, &pose_b),
+            PREDICTION,
+            None,
+            &mut scratch,
+            &mut count,
+        );
         if touches == 0 {
             apart += 1;
             assert!(gap <= distance + 1e-4, "{gap} m said, {distance} m apart");

@@ -642,7 +642,7 @@ fn the_lowest_corner_of_a_hull_touches() {
         let mut deepest = f32::INFINITY;
         let mut memory = Default::default();
         let [hull, floor] = [hull, floor].map(Rigid3::collider);
-        Rigid3::collide((&hull, &pose), (&floor, &base), 0.01, &mut memory, &mut |touch| {
+        Rigid3::collide((&hull, &pose), (&floor, &base), 0.01, None, &mut memory, &mut |touch| {
             assert!(touch.normal[1] > 0.999, "round {round}: {:?}", touch.normal);
             deepest = touch.points.iter().map(|point| point.gap).fold(deepest, f32::min);
         });
@@ -665,17 +665,24 @@ fn points_of_contact_lie_on_both_boxes() {
         let over = Vector([aside(), 2.0 * half[1] + 1e-3 * aside(), aside()]);
         let upper = Rigid3::advance(&lower, over, turn);
         let shape = Rigid3::collider(Rigid3::cuboid(half));
-        Rigid3::collide((&shape, &upper), (&shape, &lower), 0.01, &mut memory, &mut |touch| {
-            for point in &touch.points {
-                for (place, pose) in [(point.on_a, &upper), (point.on_b, &lower)] {
-                    let local = Rigid3::frame(pose).local_point(place);
-                    for i in 0..3 {
-                        let outside = local[i].abs() - half[i];
-                        assert_below(&format!("round {round}: outside [m]"), outside, 1e-3);
+        Rigid3::collide(
+            (&shape, &upper),
+            (&shape, &lower),
+            0.01,
+            None,
+            &mut memory,
+            &mut |touch| {
+                for point in &touch.points {
+                    for (place, pose) in [(point.on_a, &upper), (point.on_b, &lower)] {
+                        let local = Rigid3::frame(pose).local_point(place);
+                        for i in 0..3 {
+                            let outside = local[i].abs() - half[i];
+                            assert_below(&format!("round {round}: outside [m]"), outside, 1e-3);
+                        }
                     }
                 }
-            }
-        });
+            },
+        );
     }
 }
 

@@ -1,0 +1,20 @@
+//! Numbers for tests.
+
+use drystone_solver::Vector;
+
+/// Numbers within -1..1 (splitmix64).
+pub(super) struct Random(pub(super) u64);
+
+impl Random {
+    pub(super) fn number(&mut self) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ z >> 31) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+    }
+
+    pub(super) fn vector(&mut self) -> Vector<f32, 3> {
+        Vector([self.number(), self.number(), self.number()])
+    }
+}

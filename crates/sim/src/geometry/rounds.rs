@@ -1,0 +1,275 @@
+//! Contact of balls and capsules, with each other and with boxes and hulls.
+//!
+//! What is round is a point or a segment, its core, with a radius about it: where the nearest points of two
+//! cores are, the shapes are nearest too.
+
+use drystone_solver::{Vector, moment};
+
+use super::polyhedra::{Clipper, Solid};
+use super::separation::{FaceOf, Known, best_face, edges_feature, measure};
+use super::spheres::between_balls;
+use super::{Frame, Touch, TouchPoint};
+
+/// A ball or a capsule: the ends of its core, the same ones for a ball, and its radius. \[m\]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Round<const L: usize> {
+    pub(super) ends: [Vector<f32, L>; 2],
+    pub(super) radius: f32,
+}
+
+/// Cores at an angle whose sine is less than this lie along each other.
+const PARALLEL: f32 = 0.1;
+
+/// A point between the outer ones counts that is deeper by this part of the prediction distance.
+const DEEPER: f32 = 0.01;
+
+/// What is nearest an edge counts as lying on the face if the square of the cosine between its direction and the
+/// face's normal is more than this: so a capsule across a box rests on both of its edges.
+const UPRIGHT: f32 = 0.999;
+
+impl<const L: usize> Round<L> {
+    /// The same, out of the frame it is given in.
+    pub(super) fn placed(&self, frame: &Frame<L>) -> Self {
+        Self { ends: self.ends.map(|end| frame.point(end)), ..*self }
+    }
+
+    fn along(&self) -> Vector<f32, L> {
+        self.ends[1] - self.ends[0]
+    }
+
+    /// A point of the core, from 0 to 1.
+    fn at(&self, part: f32) -> Vector<f32, L> {
+        self.ends[0] + self.along() * part
+    }
+
+    /// The end that is farther along a direction.
+    fn farther(&self, direction: Vector<f32, L>) -> Vector<f32, L> {
+        self.ends[usize::from(direction.dot(self.along()) > 0.0)]
+    }
+
+    /// Which part of the core is nearest to a point.
+    fn nearest(&self, point: Vector<f32, L>) -> f32 {
+        let along = self.along();
+        let squared = along.dot(along);
+        if squared > 0.0 {
+            (along.dot(point - self.ends[0]) / squared).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Which parts of two cores are nearest.
+fn nearest<const L: usize>(a: &Round<L>, b: &Round<L>) -> [f32; 2] {
+    let (along_a, along_b, between) = (a.along(), b.along(), a.ends[0] - b.ends[0]);
+    let (squared_a, squared_b) = (along_a.dot(along_a), along_b.dot(along_b));
+    let both = along_a.dot(along_b);
+    // Of the line of a to that of b; where they are parallel any point will do.
+    let sine = squared_a * squared_b - both * both;
+    let mut s = 0.0;
+    if sine > 1e-7 * squared_a * squared_b {
+        let line = both * along_b.dot(between) - squared_b * along_a.dot(between);
+        s = (line / sine).clamp(0.0, 1.0);
+    }
+    let t = b.nearest(a.at(s));
+    s = a.nearest(b.at(t));
+    [s, t]
+}
+
+/// Fills `touch` with where two round shapes, given in one frame, overlap or are within `prediction` \[m\];
+/// returns the gap. \[m\]
+pub(super) fn between_rounds<const L: usize>(
+    a: &Round<L>,
+    b: &Round<L>,
+    prediction: f32,
+    touch: &mut Touch<L>,
+) -> f32 {
+    let [s, t] = nearest(a, b);
+    let (normal, gap) = between_balls(a.at(s) - b.at(t), [a.radius, b.radius]);
+    if gap > prediction {
+        return gap;
+    }
+    touch.normal = normal;
+    let point = |s: f32, t: f32, feature: u64| {
+        let (on_a, on_b) = (a.at(s) - normal * a.radius, b.at(t) + normal * b.radius);
+        TouchPoint { on_a, on_b, gap: normal.dot(on_a - on_b), feature }
+    };
+    let (along_a, along_b) = (a.along(), b.along());
+    let most = along_a.dot(along_a) * along_b.dot(along_b);
+    let across = most - along_a.dot(along_b) * along_a.dot(along_b);
+    if across < PARALLEL * PARALLEL * most {
+        let parts = b.ends.map(|end| a.nearest(end));
+        let outer = [parts[0].min(parts[1]), parts[0].max(parts[1])];
+        let outer = [(outer[0], 1), (outer[1], 2)];
+        let outer = outer.map(|(s, feature)| point(s, b.nearest(a.at(s)), feature));
+        if outer[0].on_a != outer[1].on_a {
+            touch.points.extend(outer.iter().filter(|outer| outer.gap <= prediction));
+            if outer.iter().all(|outer| outer.gap > gap + DEEPER * prediction) {
+                touch.points.push(point(s, t, 0));
+            }
+            return gap;
+        }
+    }
+    touch.points.push(point(s, t, 0));
+    gap
+}
+
+/// Fills `touch` with where a round shape, as a, overlaps a solid, as b and in the solid's frame, or is within
+/// `prediction` \[m\] of it; returns how far they are apart at least. \[m\] `before` is the feature of a point
+/// where they touched a step ago. `None`: the core is in the solid, and no face is sure to be the nearest.
+pub(super) fn on_solid<const L: usize>(
+    round: &Round<L>,
+    solid: &impl Solid<L>,
+    prediction: f32,
+    before: Option<u64>,
+    clipper: &mut Clipper<L>,
+    touch: &mut Touch<L>,
+) -> Option<f32> {
+    let reach = prediction + round.radius;
+    let farther = |direction| round.farther(direction);
+    // What was touched a step ago mostly is again.
+    let mut known = None;
+    match before.map_or(Known::Nothing, Known::of) {
+        Known::Face(FaceOf { face, .. }) if face < solid.faces() => {
+            known = Some(measure(solid, face, farther))
+                .filter(|known| known.gap > reach || known.is_sure(solid));
+        }
+        Known::Edges([_, edge]) if edge < solid.edges() => {
+            let own = Nearest::of(round, solid, edge);
+            if own.is_nearest(solid) && (0..solid.faces()).all(|face| !own.is_upright(solid, face))
+            {
+                return Some(own.touch(round, prediction, touch));
+            }
+        }
+        _ => {}
+    }
+    let sure = known.is_some();
+    let best = known.unwrap_or_else(|| best_face(solid, round.at(0.5), reach, farther));
+    let gap = best.gap - round.radius;
+    if best.gap > reach {
+        return Some(gap);
+    }
+    if sure || best.is_sure(solid) {
+        let lowest = round.nearest(best.far);
+        on_face(round, lowest, solid, best.face, prediction, clipper, touch);
+        return Some(gap);
+    }
+    if best.gap <= 0.0 && enters(round, solid) {
+        return None;
+    }
+    // What is nearest is on an edge.
+    let edges = (0..solid.edges()).map(|edge| Nearest::of(round, solid, edge));
+    let nearest = edges.min_by(|a, b| a.squared().total_cmp(&b.squared()))?;
+    if best.gap > 0.0 && nearest.is_upright(solid, best.face) {
+        on_face(round, nearest.part, solid, best.face, prediction, clipper, touch);
+        return Some(gap);
+    }
+    Some(nearest.touch(round, prediction, touch))
+}
+
+/// Where an edge of a solid is nearest to a core.
+struct Nearest<const L: usize> {
+    number: usize,
+    edge: Round<L>,
+    /// Of the core.
+    part: f32,
+    /// On the edge. \[m\]
+    point: Vector<f32, L>,
+    /// From there to the core. \[m\]
+    apart: Vector<f32, L>,
+}
+
+impl<const L: usize> Nearest<L> {
+    fn of(round: &Round<L>, solid: &impl Solid<L>, number: usize) -> Self {
+        let edge = Round { ends: solid.edge(number), radius: 0.0 };
+        let [part, t] = nearest(round, &edge);
+        let point = edge.at(t);
+        Self { number, edge, part, point, apart: round.at(part) - point }
+    }
+
+    fn squared(&self) -> f32 {
+        self.apart.dot(self.apart)
+    }
+
+    /// Whether nothing of the solid is nearer, to within rounding: none of it is farther out.
+    fn is_nearest(&self, solid: &impl Solid<L>) -> bool {
+        let farther = solid.support(self.apart) - self.point;
+        self.apart.dot(farther) < 1e-4 * self.squared()
+    }
+
+    /// Whether the core is as good as straight above a face.
+    fn is_upright(&self, solid: &impl Solid<L>, face: usize) -> bool {
+        let upright = solid.face(face).0.dot(self.apart);
+        upright > 0.0 && upright * upright >= UPRIGHT * self.squared()
+    }
+
+    fn touch(&self, round: &Round<L>, prediction: f32, touch: &mut Touch<L>) -> f32 {
+        let gap = between_rounds(round, &self.edge, prediction, touch);
+        for point in &mut touch.points {
+            point.feature = edges_feature([point.feature as usize, self.number]);
+        }
+        gap
+    }
+}
+
+/// Whether a core is partly within a solid.
+fn enters<const L: usize>(round: &Round<L>, solid: &impl Solid<L>) -> bool {
+    let mut within = [0.0, 1.0];
+    for face in 0..solid.faces() {
+        let (normal, vertex) = solid.face(face);
+        behind(&mut within, normal.dot(round.ends[0] - vertex), normal.dot(round.along()));
+    }
+    within[0] <= within[1]
+}
+
+/// Leaves of a range of a core the part that is behind a plane, `height` being that of its start and `rise` how
+/// much higher its end is.
+fn behind(range: &mut [f32; 2], height: f32, rise: f32) {
+    if rise > 0.0 {
+        range[1] = range[1].min(-height / rise);
+    } else if rise < 0.0 {
+        range[0] = range[0].max(-height / rise);
+    } else if height > 0.0 {
+        *range = [1.0, 0.0];
+    }
+}
+
+/// Where the part of a core that is over a face is near it, and the `lowest` of it.
+fn on_face<const L: usize>(
+    round: &Round<L>,
+    lowest: f32,
+    solid: &impl Solid<L>,
+    face: usize,
+    prediction: f32,
+    clipper: &mut Clipper<L>,
+    touch: &mut Touch<L>,
+) {
+    let (normal, vertex) = solid.face(face);
+    let along = round.along();
+    let mut over = [0.0, 1.0];
+    let corners = clipper.corners_of(solid, face);
+    for (i, corner) in corners.iter().enumerate() {
+        let (start, end) = (corner.position, corners[(i + 1) % corners.len()].position);
+        // In the plane, the sides of a side are its ends.
+        let outward = if L == 2 { start - end } else { moment(end - start, normal) };
+        behind(&mut over, outward.dot(round.ends[0] - start), outward.dot(along));
+    }
+    touch.normal = normal;
+    let parts = if over[0] < over[1] {
+        [over[0].min(lowest), over[1].max(lowest)]
+    } else {
+        [lowest, lowest]
+    };
+    let count = if parts[0] == parts[1] || along == Vector::ZERO { 1 } else { 2 };
+    for (end, part) in (0..).zip(&parts[..count]) {
+        let on_a = round.at(*part) - normal * round.radius;
+        let gap = normal.dot(on_a - vertex);
+        if gap <= prediction {
+            let feature = FaceOf { b: true, face }.feature(end);
+            touch.points.push(TouchPoint { on_a, on_b: on_a - normal * gap, gap, feature });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,97 @@
+use super::*;
+use crate::geometry::hull::Hull;
+use crate::geometry::polyhedra::Cuboid;
+use crate::geometry::random::Random;
+use crate::geometry::{Geometry, Rigid3};
+
+/// How far a core is from a surface or a line: the distance is convex along it, and parry's from a point exact.
+fn distance(core: &Round<3>, from: &dyn parry3d::shape::Shape) -> f32 {
+    let at = |part: f32| from.distance_to_local_point(core.at(part).0.into(), false);
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let third = (high - low) / 3.0;
+        if at(low + third) < at(high - third) {
+            high -= third;
+        } else {
+            low += third;
+        }
+    }
+    at(low).min(at(0.0)).min(at(1.0))
+}
+
+/// Whether a point of a core is in a solid.
+fn overlap(core: &Round<3>, solid: &impl Solid<3>) -> bool {
+    (0..=100).any(|part| {
+        let point = core.at(part as f32 / 100.0);
+        (0..solid.faces()).all(|face| {
+            let (normal, vertex) = solid.face(face);
+            normal.dot(point - vertex) < 0.0
+        })
+    })
+}
+
+/// Balls and capsules about boxes and hulls, and about each other, on all sides.
+#[test]
+fn the_deepest_point_is_as_deep_as_the_shapes_are() {
+    const PREDICTION: f32 = 0.1;
+    let mut random = Random(7);
+    let mut clipper = Clipper::default();
+    let (mut near, mut two, mut left) = (0, 0, 0);
+    for turn in 0..9000 {
+        let half = if turn % 2 == 0 { 0.0 } else { 0.3 };
+        let ends = [Vector([0.0, -half, 0.0]), Vector([0.0, half, 0.0])];
+        let turned = [random.number(), random.number(), random.number(), random.number()];
+        let pose = Rigid3::pose(random.vector() * 0.9, &turned);
+        let round = Round { ends, radius: 0.2 }.placed(&Rigid3::frame(&pose));
+        let mut touch = Touch::default();
+        let (gap, apart, overlap) = match turn % 3 {
+            0 => {
+                let cuboid = Cuboid(Vector([0.4, 0.3, 0.5]));
+                let surface = parry3d::shape::Cuboid::new(cuboid.0.0.into());
+                let gap = on_solid(&round, &cuboid, PREDICTION, None, &mut clipper, &mut touch);
+                (gap, distance(&round, &surface) - 0.2, overlap(&round, &cuboid))
+            }
+            1 => {
+                let mut point = || parry3d::math::Vector::from((random.vector() * 0.5).0);
+                let points: Vec<_> = (0..12).map(|_| point()).collect();
+                let hull = Hull::of(&points).unwrap();
+                let solid = parry3d::shape::ConvexPolyhedron::from_convex_hull(&points).unwrap();
+                let (points, triangles) = solid.to_trimesh();
+                let surface = parry3d::shape::TriMesh::new(points, triangles).unwrap();
+                let gap = on_solid(&round, &hull, PREDICTION, None, &mut clipper, &mut touch);
+                (gap, distance(&round, &surface) - 0.2, overlap(&round, &hull))
+            }
+            _ => {
+                let ends = [Vector::ZERO, Vector([0.3, 0.1, 0.0])];
+                let line = parry3d::shape::Segment::new(ends[0].0.into(), ends[1].0.into());
+                let other = Round { ends, radius: 0.1 };
+                let gap = between_rounds(&round, &other, PREDICTION, &mut touch);
+                (Some(gap), distance(&round, &line) - 0.3, false)
+            }
+        };
+        let Some(gap) = gap else {
+            assert!(overlap, "{turn}: {round:?} is not in the solid");
+            left += 1;
+            continue;
+        };
+        assert!((touch.normal.length() - 1.0).abs() < 1e-5 || touch.points.is_empty());
+        for point in &touch.points {
+            let gap = touch.normal.dot(point.on_a - point.on_b);
+            assert!((gap - point.gap).abs() < 1e-5, "{turn}: {gap} and {point:?}");
+        }
+        if overlap {
+            continue;
+        }
+        // Something between an edge and a face counts as on the face, up to a thousandth of its distance.
+        assert!(gap <= apart + 2e-4, "{turn}: {gap} apart, and {apart}");
+        if apart > PREDICTION {
+            assert!(touch.points.is_empty() || apart < PREDICTION + 2e-4, "{turn}: {touch:?}");
+            continue;
+        }
+        near += 1;
+        two += usize::from(touch.points.len() > 1);
+        let deepest = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
+        assert!((deepest - apart).abs() < 1.1e-3, "{turn}: {deepest}, not {apart}");
+    }
+    assert!(near > 1000 && two > 100 && left > 10, "{near} near, {two} with two points, {left}");
+}
