@@ -28,6 +28,22 @@ pub(super) trait Solid<const L: usize> {
 
     /// Appends the vertices of a face, in order around it.
     fn corners(&self, face: usize, out: &mut Vec<Corner<L>>);
+
+    /// The face that looks most along `direction`, of those around the farthest vertex: on a hull with a
+    /// sharp corner, another may look that way more and lie behind.
+    fn facing(&self, direction: Vector<f32, L>) -> usize {
+        let farthest = self.support(direction);
+        let mut best = (f32::NEG_INFINITY, 0);
+        for index in 0..self.faces() {
+            let (normal, vertex) = self.face(index);
+            let along = normal.dot(direction);
+            let arm = farthest - vertex;
+            if along > best.0 && normal.dot(arm) >= -1e-4 * arm.length() {
+                best = (along, index);
+            }
+        }
+        best.1
+    }
 }
 
 /// A vertex of a polygon that is being clipped.
@@ -136,11 +152,11 @@ pub(super) fn on_plane<const L: usize>(
     let down = from_shape.local_direction(-normal);
     let radius = match *footing {
         Footing::Cuboid(cuboid) => {
-            cuboid.corners(facing(cuboid, down), corners);
+            cuboid.corners(cuboid.facing(down), corners);
             0.0
         }
         Footing::Hull(hull) => {
-            hull.corners(facing(hull, down), corners);
+            hull.corners(hull.facing(down), corners);
             0.0
         }
         Footing::Round(centers, radius) => {
@@ -167,22 +183,6 @@ pub(super) fn on_plane<const L: usize>(
     apart
 }
 
-/// The face that looks most along `direction`, of those around the farthest vertex: on a hull with a
-/// sharp corner, another may look that way more and lie behind.
-fn facing<const L: usize>(solid: &impl Solid<L>, direction: Vector<f32, L>) -> usize {
-    let farthest = solid.support(direction);
-    let mut best = (f32::NEG_INFINITY, 0);
-    for index in 0..solid.faces() {
-        let (normal, vertex) = solid.face(index);
-        let along = normal.dot(direction);
-        let arm = farthest - vertex;
-        if along > best.0 && normal.dot(arm) >= -1e-4 * arm.length() {
-            best = (along, index);
-        }
-    }
-    best.1
-}
-
 /// Leaves in `clipper.incident` the part of the incident solid's facing face that lies over the
 /// reference face, in the reference solid's frame; returns the reference normal.
 fn clip<const L: usize>(
@@ -196,7 +196,7 @@ fn clip<const L: usize>(
     clipper.corners_of(reference, face);
     clipper.incident.clear();
     let against = from_incident.local_direction(-normal);
-    incident.corners(facing(incident, against), &mut clipper.incident);
+    incident.corners(incident.facing(against), &mut clipper.incident);
     for corner in &mut clipper.incident {
         corner.position = from_incident.point(corner.position);
     }
@@ -211,7 +211,7 @@ fn clip<const L: usize>(
     normal
 }
 
-/// Keeps the part of the incident polygon behind a plane (Sutherland-Hodgman).
+/// Keeps the part of the incident polygon, in the plane a line, behind a plane (Sutherland-Hodgman).
 fn cut<const L: usize>(
     clipper: &mut Clipper<L>,
     side: u32,
@@ -221,24 +221,28 @@ fn cut<const L: usize>(
     // A corner that lies on the plane is inside.
     let tolerance = 1e-4 * outward.dot(outward);
     let height = |corner: &Corner<L>| outward.dot(corner.position - point);
-    clipper.next.clear();
-    let count = clipper.incident.len();
-    for i in 0..count {
-        let (here, there) = (clipper.incident[i], clipper.incident[(i + 1) % count]);
-        let (h, t) = (height(&here), height(&there));
-        if h <= tolerance {
-            clipper.next.push(here);
-        }
-        if (h <= tolerance) != (t <= tolerance) {
+    let Clipper { incident, next, .. } = clipper;
+    if incident.iter().all(|corner| height(corner) <= tolerance) {
+        return;
+    }
+    next.clear();
+    let mut before = incident.last().filter(|_| L > 2).map(|last| (*last, height(last)));
+    for here in &*incident {
+        let h = height(here);
+        if let Some((from, t)) = before.filter(|(_, t)| (h <= tolerance) != (*t <= tolerance)) {
             // Where both are near the plane on the same side of it, its line meets it far away.
-            let part = (h / (h - t)).clamp(0.0, 1.0);
-            clipper.next.push(Corner {
-                position: here.position + (there.position - here.position) * part,
-                feature: 1 << 31 | side << 16 | (here.feature.min(there.feature) & 0xffff),
+            let part = (t / (t - h)).clamp(0.0, 1.0);
+            next.push(Corner {
+                position: from.position + (here.position - from.position) * part,
+                feature: 1 << 31 | side << 16 | (from.feature.min(here.feature) & 0xffff),
             });
         }
+        if h <= tolerance {
+            next.push(*here);
+        }
+        before = Some((*here, h));
     }
-    std::mem::swap(&mut clipper.incident, &mut clipper.next);
+    std::mem::swap(incident, next);
 }
 
 /// A box of any dimension, by its half extents.
@@ -277,6 +281,15 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
         let mut to = from;
         to[axis] = self.0[axis];
         [from, to]
+    }
+
+    fn facing(&self, direction: Vector<f32, L>) -> usize {
+        let farther = |best, axis| {
+            let (most, along): (f32, f32) = (direction[best], direction[axis]);
+            if along.abs() > most.abs() { axis } else { best }
+        };
+        let axis = (1..L).fold(0, farther);
+        if direction[axis] > 0.0 { axis } else { axis + L }
     }
 
     fn corners(&self, face: usize, out: &mut Vec<Corner<L>>) {
