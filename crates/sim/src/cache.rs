@@ -57,10 +57,13 @@ pub(crate) struct Records<const L: usize> {
     pub(crate) points: Vec<Point<L>>,
     /// Of each point.
     pub(crate) traces: Vec<Trace<L>>,
-    /// Whether each manifold is as it was in the step before: neither body has stirred
-    /// ([`Bodies::stirred`](crate::bodies::Bodies::stirred)).
-    pub(crate) kept: Vec<bool>,
+    /// The number that each manifold had in the step before, if it is as it was then: neither body has stirred
+    /// ([`Bodies::stirred`](crate::bodies::Bodies::stirred)). Else [`NEW`].
+    pub(crate) kept: Vec<u32>,
 }
+
+/// The number of no manifold.
+pub(crate) const NEW: u32 = u32::MAX;
 
 /// A manifold as it is kept from step to step: in the frames of its bodies.
 #[derive(Clone, Copy, Debug)]
@@ -133,7 +136,7 @@ impl<const L: usize> Records<L> {
             self.traces.extend_from_slice(from.traces_of(record));
             self.manifolds.push(Record { traced: record.normal, first, ..*record });
         }
-        self.kept.resize(self.manifolds.len(), false);
+        self.kept.resize(self.manifolds.len(), NEW);
     }
 }
 

@@ -135,7 +135,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
     fn copy(
         &self,
         around: &Surroundings<'_, G, L, A>,
-        (mut manifolds, mut kept): (&mut [Record<L>], &mut [bool]),
+        (mut manifolds, mut kept): (&mut [Record<L>], &mut [u32]),
         (points, traces): (&mut [Point<L>], &mut [Trace<L>]),
         offset: usize,
     ) {
@@ -154,7 +154,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
             }
             let into = kept.split_off_mut(..own.len()).unwrap_or_default();
             if run.old && around.traced {
-                into.fill(true);
+                let numbers = run.manifolds.start as u32..;
+                into.iter_mut().zip(numbers).for_each(|(into, number)| *into = number);
             } else {
                 into.copy_from_slice(&from.kept[run.manifolds.clone()]);
             }
@@ -218,7 +219,7 @@ fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
 ) {
     let [manifolds, points] = [0, 1].map(|i| workers.iter().map(|of| of.counts[i]).sum());
     records.manifolds.resize(manifolds, Record::NONE);
-    records.kept.resize(manifolds, false);
+    records.kept.resize(manifolds, cache::NEW);
     records.points.resize(points, Point::default());
     records.traces.resize(points, Trace::default());
     let [manifolds, points] = [0, 1].map(|i| move |of: &Worker<G, L, A>| -> usize { of.counts[i] });
@@ -307,7 +308,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             found_at: seen,
             reach,
         });
-        records.kept.push(false);
+        records.kept.push(cache::NEW);
     };
     let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
     let before = known.first().map(|record| old.points_of(record)[0].feature);
@@ -348,6 +349,6 @@ fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
         }
         let (traced, apart) = (around.seen_from(record), a.position);
         records.manifolds.push(Record { normal, traced, apart, first, ..*record });
-        records.kept.push(false);
+        records.kept.push(cache::NEW);
     }
 }

@@ -20,8 +20,9 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
         self.records.manifolds.iter().map(|record| (record.bodies, record.count))
     }
 
-    fn is_kept(&self, manifold: u32) -> bool {
-        self.records.kept[manifold as usize]
+    fn kept(&self, manifold: u32) -> Option<u32> {
+        let before = self.records.kept[manifold as usize];
+        (before != cache::NEW).then_some(before)
     }
 
     #[inline(always)]
@@ -35,7 +36,7 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
     ) {
         let records = each_lane!(lane => &self.records.manifolds[manifolds[lane] as usize]);
         let kept = each_lane!(lane => self.records.kept[manifolds[lane] as usize]);
-        let turned = V::from_array(each_lane!(lane => f32::from(!kept[lane])));
+        let turned = V::from_array(each_lane!(lane => f32::from(kept[lane] == cache::NEW)));
         manifold.frame = contact_frame(gathered(each_lane!(lane => &records[lane].normal)));
         let traced = contact_frame(gathered(each_lane!(lane => &records[lane].traced)));
         let before = Manifold { frame: traced, ..*manifold };

@@ -643,7 +643,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             } else {
                 std::mem::swap(&mut self.records, &mut self.old_records);
                 if traced {
-                    self.records.kept.fill(true);
+                    let kept = self.records.kept.iter_mut();
+                    (0..).zip(kept).for_each(|(number, kept)| *kept = number);
                 }
             }
             // What is touched wakes, and may wake what it touches.

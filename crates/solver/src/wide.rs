@@ -25,12 +25,12 @@ pub trait Rows<const L: usize>: Sync {
     /// The bodies of each manifold and how many points it has, in the order of the manifolds.
     fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)>;
 
-    /// Whether a manifold is what it was when it was last asked for, but for gaps and impulses, and these are
-    /// as they were [traced](Packed::trace). Not asked again then, if the others are of the same bodies
-    /// and numbers of points. By default none is.
-    fn is_kept(&self, manifold: u32) -> bool {
+    /// The number that a manifold had when it was last asked for, if it is what it was then but for gaps and
+    /// impulses, and these are as they were [traced](Packed::trace). It is not asked for again then, if those
+    /// beside it are not new either. By default none is.
+    fn kept(&self, manifold: u32) -> Option<u32> {
         let _ = manifold;
-        false
+        None
     }
 
     /// Takes a manifold into each lane, and its points, place, gap and impulse, into that lane of `points`,
@@ -290,39 +290,44 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     /// Takes manifolds in between bodies of these masses, and finds the effective masses of their
-    /// points ([`Contact::prepare`]). Leaves those alone that are [kept](Rows::is_kept).
+    /// points ([`Contact::prepare`]). Leaves blocks alone of which all are [kept](Rows::kept).
     pub fn pack<R: Rows<L>>(&mut self, rows: &R, masses: &[InverseMass<f32, L, A>], softness: f32) {
         let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
-        let mut known = self.softness.replace(softness) == Some(softness);
-        if self.coloring.assign(masses.len(), rows.outlines(), moves) {
-            known = false;
-            let Self { blocks, contacts, coloring, .. } = self;
+        let Self { blocks, contacts, coloring, team, passes, .. } = self;
+        let (bodies, outlines) = (masses.len(), rows.outlines());
+        let anew = if self.softness.replace(softness) == Some(softness) {
+            coloring.update(bodies, outlines, moves, |manifold| rows.kept(manifold))
+        } else {
+            coloring.assign(bodies, outlines, moves);
+            true
+        };
+        if anew {
             blocks.resize_with(coloring.points.len(), Block::empty);
             let mut first = 0;
-            for ((block, &count), members) in
-                blocks.iter_mut().zip(&coloring.points).zip(&coloring.members)
-            {
-                block.seat(members, coloring, [first, count]);
-                first += count;
+            for (block, &room) in blocks.iter_mut().zip(&coloring.rooms) {
+                block.manifold.first = first;
+                first += room;
             }
             contacts.resize_with(first as usize, Contact::default);
         }
-        let Self { blocks, contacts, coloring, team, passes, .. } = self;
-        let (useful, share, parts) = shares(team, &coloring.points, contacts);
-        let blocks = blocks.chunks_mut(share).zip(coloring.members.chunks(share));
-        team.for_each(useful, parts.zip(blocks), |(contacts, (blocks, members))| {
+        let coloring = &*coloring;
+        let (useful, share, parts) = shares(team, &coloring.rooms, contacts);
+        let blocks = blocks.chunks_mut(share).enumerate();
+        team.for_each(useful, parts.zip(blocks), |(mut contacts, (part, blocks))| {
             V::run(
                 #[inline(always)]
                 || {
-                    let mut later = contacts;
-                    for (block, members) in blocks.iter_mut().zip(members) {
-                        let count = block.manifold.count as usize;
-                        let points = later.split_off_mut(..count).unwrap_or_default();
-                        if known && members.manifolds.iter().all(|&own| rows.is_kept(own)) {
-                            continue;
+                    for (index, block) in (part * share..).zip(blocks) {
+                        let room = coloring.rooms[index] as usize;
+                        let points = contacts.split_off_mut(..room).unwrap_or_default();
+                        let members = &coloring.members[index];
+                        if members.changed {
+                            let count = coloring.points[index];
+                            let points = &mut points[..count as usize];
+                            block.seat(members, count, coloring);
+                            block.take(&members.manifolds, rows, masses, points);
+                            passes.prepare(block, points, softness);
                         }
-                        block.take(&members.manifolds, rows, masses, points);
-                        passes.prepare(block, points, softness);
                     }
                 },
             );

@@ -233,7 +233,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 let reach = cache::reach(&records.points[first..]);
                 let found = record(&pair, [part, first as u32, count], reach, frames);
                 records.manifolds.push(found);
-                records.kept.push(false);
+                records.kept.push(cache::NEW);
             }
             pairs.push(pair);
         }

@@ -39,9 +39,9 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Gives it other manifolds; `points` are the first of its points, and how many there are.
-    pub(super) fn seat(&mut self, members: &Members, coloring: &Coloring, points: [u32; 2]) {
-        [self.manifold.first, self.manifold.count] = points;
+    /// Gives it other manifolds, of so many points at most.
+    pub(super) fn seat(&mut self, members: &Members, points: u32, coloring: &Coloring) {
+        self.manifold.count = points;
         (self.lanes, self.end, self.moving) = (members.lanes, 0, [0; 2]);
         for (lane, &manifold) in members.manifolds.iter().enumerate() {
             let Outline { bodies, moving, .. } = *coloring.outline(manifold);
@@ -82,6 +82,13 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         for contact in points {
             contact.prepare(&self.manifold, &self.mobility, softness);
         }
+    }
+
+    /// Its points, of those of it and the blocks that follow, which are cut off after its room.
+    #[inline(always)]
+    pub(super) fn points_in<'a, T>(&self, later: &mut &'a mut [T], room: u32) -> &'a mut [T] {
+        let own = later.split_off_mut(..room as usize).unwrap_or_default();
+        &mut own[..self.manifold.count as usize]
     }
 
     /// The manifold in a lane, without its points.

@@ -125,16 +125,14 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn set_targets(&self, packed: &mut Packed<V, L, A>, targets: &Targets<'_, V, L, A>) {
         let Packed { blocks, contacts, coloring, team, .. } = packed;
-        let (useful, share, parts) = shares(team, &coloring.points, contacts);
-        team.for_each(useful, parts.zip(blocks.chunks(share)), |(contacts, blocks)| {
+        let (useful, share, parts) = shares(team, &coloring.rooms, contacts);
+        let blocks = blocks.chunks(share).zip(coloring.rooms.chunks(share));
+        team.for_each(useful, parts.zip(blocks), |(mut contacts, (blocks, rooms))| {
             V::run(
                 #[inline(always)]
                 || {
-                    let mut later = contacts;
-                    for block in blocks {
-                        let count = block.manifold.count as usize;
-                        let points = later.split_off_mut(..count).unwrap_or_default();
-                        targets.set(block, points);
+                    for (block, &room) in blocks.iter().zip(rooms) {
+                        targets.set(block, block.points_in(&mut contacts, room));
                     }
                 },
             );
@@ -193,17 +191,16 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         let Packed { blocks, contacts, coloring, team, .. } = packed;
         assert_eq!(traces.len(), coloring.all_points(), "a trace for each point");
         let traces = &Traces::new(traces);
-        let (useful, share, parts) = shares(team, &coloring.points, contacts);
-        let blocks = blocks.chunks(share).zip(coloring.members.chunks(share));
-        team.for_each(useful, parts.zip(blocks), |(contacts, (blocks, members))| {
+        let (useful, share, parts) = shares(team, &coloring.rooms, contacts);
+        let rooms = coloring.rooms.chunks(share).zip(coloring.members.chunks(share));
+        let blocks = blocks.chunks(share).zip(rooms);
+        team.for_each(useful, parts.zip(blocks), |(mut contacts, (blocks, (rooms, members)))| {
             V::run(
                 #[inline(always)]
                 || {
-                    let mut later = contacts;
-                    for (block, members) in blocks.iter().zip(members) {
+                    for (block, (&room, members)) in blocks.iter().zip(rooms.iter().zip(members)) {
                         let manifold = &block.manifold;
-                        let count = manifold.count as usize;
-                        let points = later.split_off_mut(..count).unwrap_or_default();
+                        let points = block.points_in(&mut contacts, room);
                         let [moved_a, moved_b] = block.gather_from(displacements);
                         let moved = manifold.twist(&moved_a, &moved_b);
                         for (point, contact) in points.iter_mut().enumerate() {
@@ -219,15 +216,15 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 }
 
 /// What belongs to the points of the blocks, in shares for a team, where that is worth while, and how many
-/// blocks a share has. `points` is how many points each block has.
+/// blocks a share has. `rooms` is for how many points each block has room.
 pub(super) fn shares<'a, T>(
     team: &Team,
-    points: &'a [u32],
+    rooms: &'a [u32],
     of_points: &'a mut [T],
 ) -> (bool, usize, impl Iterator<Item = &'a mut [T]>) {
-    let useful = team.is_useful(points.len());
-    let share = points.len().div_ceil(if useful { team.members() } else { 1 }).max(1);
-    let parts = chunks_with_parts(points, share, of_points, |&points| points as usize);
+    let useful = team.is_useful(rooms.len());
+    let share = rooms.len().div_ceil(if useful { team.members() } else { 1 }).max(1);
+    let parts = chunks_with_parts(rooms, share, of_points, |&room| room as usize);
     (useful, share, parts.map(|(_, own)| own))
 }
 

@@ -84,28 +84,34 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
 
     #[inline(always)]
     fn next(&mut self) -> Option<Self::Item> {
-        while self.share.is_empty() {
-            let (before, now) = (self.color(self.begun.wrapping_sub(1)), self.color(self.begun));
-            // Between two colors that the first member does alone there is nobody to wait for.
-            let alone = |of: &Option<Range<usize>>| {
-                of.as_ref().is_some_and(|blocks| !self.member.shares(blocks.len()))
-            };
-            if before.is_some() && !(alone(&before) && alone(&now)) {
-                self.member.meet();
+        loop {
+            while self.share.is_empty() {
+                let (before, now) =
+                    (self.color(self.begun.wrapping_sub(1)), self.color(self.begun));
+                // Between two colors that the first member does alone there is nobody to wait for.
+                let alone = |of: &Option<Range<usize>>| {
+                    of.as_ref().is_some_and(|blocks| !self.member.shares(blocks.len()))
+                };
+                if before.is_some() && !(alone(&before) && alone(&now)) {
+                    self.member.meet();
+                }
+                let blocks = now?;
+                self.share = if self.member.shares(blocks.len()) {
+                    self.member.part(blocks)
+                } else if self.member.is_first() {
+                    blocks
+                } else {
+                    0..0
+                };
+                self.begun += 1;
             }
-            let blocks = now?;
-            self.share = if self.member.shares(blocks.len()) {
-                self.member.part(blocks)
-            } else if self.member.is_first() {
-                blocks
-            } else {
-                0..0
-            };
-            self.begun += 1;
+            let index = if self.back { self.share.next_back() } else { self.share.next() }?;
+            let Ground { blocks, contacts, velocities, .. } = self.ground;
+            // Some wait for manifolds to come.
+            if blocks[index].lanes > 0 {
+                return Some(Visit { index, block: &blocks[index], velocities, contacts });
+            }
         }
-        let index = if self.back { self.share.next_back() } else { self.share.next() }?;
-        let Ground { blocks, contacts, velocities, .. } = self.ground;
-        Some(Visit { index, block: &blocks[index], velocities, contacts })
     }
 }
 

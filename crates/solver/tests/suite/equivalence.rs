@@ -3,6 +3,7 @@
 use crate::common::counting::Counting;
 use crate::common::{Random, Recipe, Scene, assert_all_close, random_scene};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use drystone_solver::certificate::{Certificate, Tally, certify};
 use drystone_solver::color::Coloring;
@@ -182,16 +183,21 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
     }
 }
 
-/// A system of which all manifolds are kept, or some are.
-struct Keeping<'a, const L: usize, const A: usize>(&'a System<f32, L, A>, Vec<bool>);
+/// A system of which some manifolds are kept, by the numbers that they had before.
+struct Keeping<'a, const L: usize, const A: usize> {
+    system: &'a System<f32, L, A>,
+    kept: Vec<Option<u32>>,
+    /// Blocks that were taken in.
+    taken: AtomicUsize,
+}
 
 impl<const L: usize, const A: usize> Rows<L> for Keeping<'_, L, A> {
     fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
-        self.0.outlines()
+        self.system.outlines()
     }
 
-    fn is_kept(&self, manifold: u32) -> bool {
-        self.1[manifold as usize]
+    fn kept(&self, manifold: u32) -> Option<u32> {
+        self.kept[manifold as usize]
     }
 
     fn take<V: Lanes>(
@@ -202,12 +208,47 @@ impl<const L: usize, const A: usize> Rows<L> for Keeping<'_, L, A> {
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     ) {
-        self.0.take(manifolds, bodies, moving, manifold, points);
+        self.taken.fetch_add(1, Ordering::Relaxed);
+        self.system.take(manifolds, bodies, moving, manifold, points);
     }
 }
 
+/// A step of a system that is kept and of one that is taken in anew, from `system` on, which is what both lead
+/// to. Returns how many blocks the first one took in.
+fn step_both<const L: usize, const A: usize>(
+    keeping: &mut Packed<Portable, L, A>,
+    seen: &System<f32, L, A>,
+    kept: Vec<Option<u32>>,
+    softness: f32,
+    system: &mut System<f32, L, A>,
+) -> usize {
+    let rows = Keeping { system: seen, kept, taken: AtomicUsize::new(0) };
+    keeping.pack(&rows, &system.masses, softness);
+    let mut anew = Packed::<Portable, L, A>::new();
+    anew.pack(&*system, &system.masses, softness);
+    let moved =
+        |v: &Velocity<f32, L, A>| Velocity { linear: v.linear * 0.01, angular: v.angular * 0.01 };
+    let displacements: Vec<_> = system.velocities.iter().map(moved).collect();
+    let mut traces = vec![Trace::default(); system.contacts.len()];
+    let [after, kept] = [&mut anew, keeping].map(|packed| {
+        let mut velocities = system.velocities.clone();
+        packed.sweep_normals_to_targets(&mut velocities, &displacements, &REPAIR);
+        packed.relax(&mut velocities);
+        packed.trace(&displacements, REPAIR.hold, &mut traces);
+        let mut after = System { velocities, ..system.clone() };
+        packed.unpack(&mut after);
+        after
+    });
+    assert_eq!(after, kept);
+    for (contact, trace) in after.contacts.iter().zip(&traces) {
+        assert_eq!((contact.gap, contact.impulse), (trace.gap, trace.impulse));
+    }
+    *system = after;
+    rows.taken.into_inner()
+}
+
 /// What is kept in lanes is not looked at, and has the bits of what was traced and is taken in again. It is
-/// not kept if its softness is another, if there is one manifold less, or if it was to be forgotten.
+/// not kept if its softness is another, if there is one manifold less of few, or if it was to be forgotten.
 fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let mut system: System<f32, L, A> = crowd::<L, A>(random).cast();
@@ -230,31 +271,52 @@ fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
             }
             _ => {}
         }
-        let kept = seen.manifolds.iter().map(|_| round != 1 || random.below(32) > 0).collect();
-        keeping.pack(&Keeping(&seen, kept), &system.masses, softness);
-        let mut anew = Packed::<Portable, L, A>::new();
-        anew.pack(&system, &system.masses, softness);
-        let moved = |v: &Velocity<f32, L, A>| Velocity {
-            linear: v.linear * 0.01,
-            angular: v.angular * 0.01,
-        };
-        let displacements: Vec<_> = system.velocities.iter().map(moved).collect();
-        let mut traces = vec![Trace::default(); system.contacts.len()];
-        let [after, kept] = [&mut anew, &mut keeping].map(|packed| {
-            let mut velocities = system.velocities.clone();
-            packed.sweep_normals_to_targets(&mut velocities, &displacements, &REPAIR);
-            packed.relax(&mut velocities);
-            packed.trace(&displacements, REPAIR.hold, &mut traces);
-            let mut after = System { velocities, ..system.clone() };
-            packed.unpack(&mut after);
-            after
-        });
-        assert_eq!(after, kept, "round {round}");
-        for (contact, trace) in after.contacts.iter().zip(&traces) {
-            assert_eq!((contact.gap, contact.impulse), (trace.gap, trace.impulse));
+        let kept = (0..seen.manifolds.len() as u32)
+            .map(|number| Some(number).filter(|_| round != 1 || random.below(32) > 0));
+        let kept = kept.collect();
+        let taken = step_both(&mut keeping, &seen, kept, softness, &mut system);
+        if !matches!(round, 1 | 4) && !system.manifolds.is_empty() {
+            assert_eq!(taken == 0, round == 2, "round {round}: {taken} blocks");
         }
-        system = after;
     }
+}
+
+/// Manifolds come and go among those that are kept, which stay in most of their blocks.
+#[test]
+fn blocks_stay_while_others_come_and_go() {
+    let random = &mut Random(11);
+    let recipe = Recipe { bodies: 900, manifolds: 1500, points: 4, walls: true };
+    let whole: System<f32, 3, 3> = random_scene::<3, 3>(random, recipe).system.cast();
+    let mut system = whole.clone();
+    // Of each manifold of the whole, its number in the system.
+    let mut numbers: Vec<Option<u32>> = (0..whole.manifolds.len() as u32).map(Some).collect();
+    let mut keeping = Packed::<Portable, 3, 3>::new();
+    let mut taken = Vec::new();
+    for round in 0..30 {
+        let mut next = System { manifolds: Vec::new(), contacts: Vec::new(), ..system.clone() };
+        let mut kept = Vec::new();
+        let (come, go) = if round < 2 { (1, 0) } else { (2, random.below(8)) };
+        for (number, manifold) in numbers.iter_mut().zip(&whole.manifolds) {
+            let gone = number.is_none();
+            if gone && random.below(come) > 0 || !gone && random.below(1500) < go {
+                *number = None;
+                continue;
+            }
+            let (from, old) = match *number {
+                Some(old) => (&system, &system.manifolds[old as usize]),
+                None => (&whole, manifold),
+            };
+            kept.push(number.filter(|_| round > 0));
+            *number = Some(next.manifolds.len() as u32);
+            next.add_manifold(*old, &from.contacts[old.points()]);
+        }
+        system = next;
+        let seen = system.clone();
+        taken.push(step_both(&mut keeping, &seen, kept, 0.1, &mut system));
+    }
+    println!("blocks taken in: {taken:?}");
+    assert_eq!(taken[1], 0);
+    assert!(taken[10..].iter().sum::<usize>() < 20 * taken[0] / 2, "{taken:?}");
 }
 
 /// Enough blocks that a team shares them, swept and conjugated by teams of every size.
