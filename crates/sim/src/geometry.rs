@@ -39,6 +39,19 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// position, exactly.
     fn advance(pose: &Self::Pose, by: Vector<f32, L>, turn: Vector<f32, A>) -> Self::Pose;
 
+    /// A body that turns freely for `h` \[s\], from angular velocity `omega` \[rad/s\]: its pose then, and by how
+    /// much the angular velocity has changed. omega(t) = W(q(t)) L with L constant; the rotation follows omega
+    /// at half the time. Given I_0 and its inverse. Only bodies in space change it.
+    fn precess(
+        pose: &Self::Pose,
+        moments: [&SymmetricMatrix<f32, A>; 2],
+        omega: Vector<f32, A>,
+        h: f32,
+    ) -> (Self::Pose, Vector<f32, A>) {
+        let _ = moments;
+        (Self::advance(pose, Vector::ZERO, omega * h), Vector::ZERO)
+    }
+
     /// The rotation vector \[rad\] that turns `from` into `to`.
     fn turn_between(from: &Self::Pose, to: &Self::Pose) -> Vector<f32, A>;
 
@@ -145,25 +158,6 @@ impl<const L: usize> Frame<L> {
             position: other.local_point(self.position),
             axes: self.axes.map(|axis| other.local_direction(axis)),
         }
-    }
-
-    /// R D R^T v: what a tensor of the local frame does with a vector in world axes.
-    pub fn turned<const A: usize>(
-        &self,
-        local: SymmetricMatrix<f32, A>,
-        v: Vector<f32, A>,
-    ) -> Vector<f32, A> {
-        if A != L {
-            return local * v;
-        }
-        let axes: [Vector<f32, A>; A] =
-            std::array::from_fn(|i| Vector(std::array::from_fn(|j| self.axes[i][j])));
-        let seen = local * Vector(axes.map(|axis| axis.dot(v)));
-        let mut out = Vector::ZERO;
-        for i in 0..A {
-            out += axes[i] * seen[i];
-        }
-        out
     }
 
     /// A tensor of the local frame in world axes: R D R^T (in 2D a number, in particles nothing).

@@ -4,7 +4,7 @@ use drystone_solver::team::Team;
 use drystone_solver::{InverseMass, Vector, Velocity};
 
 use crate::bodies::Bodies;
-use crate::geometry::{Frame, Geometry};
+use crate::geometry::Geometry;
 
 /// Bodies that a thread takes at once.
 pub(crate) const CHUNK: usize = 512;
@@ -87,16 +87,8 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
             let turn = velocity.angular * h;
             let squared = turn.dot(turn);
             if gyroscopic[body] && squared > SMALL_TURN * SMALL_TURN {
-                // omega(t) = W(q(t)) L with L constant; the rotation follows omega at mid-step.
-                let inertia = &inertia[body];
-                let frame = G::frame(pose);
-                let momentum = frame.turned(inertia.moments, velocity.angular);
-                let omega = |frame: &Frame<L>| frame.turned(inertia.inverse_moments, momentum);
-                let middle = G::advance(pose, Vector::ZERO, turn * 0.5);
-                let turn = omega(&G::frame(&middle)) * h;
-                let end = G::advance(pose, Vector::ZERO, turn);
-                // A difference, so that the rounding of I I^-1 does not add up from step to step.
-                let change = omega(&G::frame(&end)) - omega(&frame);
+                let moments = [&inertia[body].moments, &inertia[body].inverse_moments];
+                let (end, change) = G::precess(pose, moments, velocity.angular, h);
                 velocity.angular += change;
                 // It is not from contacts.
                 prospective.angular += change;

@@ -29,6 +29,24 @@ pub(super) trait Solid<const L: usize> {
     /// Appends the vertices of a face, in order around it.
     fn corners(&self, face: usize, out: &mut Vec<Corner<L>>);
 
+    /// Calls `side` with each plane through a side of a face: a point of it, and a way out of the face, about
+    /// as long as the face. `memory` is for its corners.
+    fn sides(
+        &self,
+        face: usize,
+        memory: &mut Vec<Corner<L>>,
+        mut side: impl FnMut(Vector<f32, L>, Vector<f32, L>),
+    ) {
+        memory.clear();
+        self.corners(face, memory);
+        let normal = self.face(face).0;
+        for (i, corner) in memory.iter().enumerate() {
+            let (start, end) = (corner.position, memory[(i + 1) % memory.len()].position);
+            // In the plane, the sides of a side are its ends.
+            side(start, if L == 2 { start - end } else { moment(end - start, normal) });
+        }
+    }
+
     /// The face that looks most along `direction`, of those around the farthest vertex: on a hull with a
     /// sharp corner, another may look that way more and lie behind.
     fn facing(&self, direction: Vector<f32, L>) -> usize {
@@ -57,18 +75,10 @@ pub(super) struct Corner<const L: usize> {
 /// Polygons that are reused.
 #[derive(Default)]
 pub(super) struct Clipper<const L: usize> {
-    reference: Vec<Corner<L>>,
+    /// For the corners of a reference face.
+    pub(super) reference: Vec<Corner<L>>,
     incident: Vec<Corner<L>>,
     next: Vec<Corner<L>>,
-}
-
-impl<const L: usize> Clipper<L> {
-    /// The vertices of a face, in order around it.
-    pub(super) fn corners_of(&mut self, solid: &impl Solid<L>, face: usize) -> &[Corner<L>] {
-        self.reference.clear();
-        solid.corners(face, &mut self.reference);
-        &self.reference
-    }
 }
 
 /// Fills `touch`, in the frame of a, with where `a` and `b` overlap or are within `prediction` \[m\]
@@ -193,27 +203,24 @@ fn clip<const L: usize>(
     clipper: &mut Clipper<L>,
 ) -> Vector<f32, L> {
     let (normal, _) = reference.face(face);
-    clipper.corners_of(reference, face);
-    clipper.incident.clear();
+    let Clipper { reference: memory, incident: left, next } = clipper;
+    left.clear();
     let against = from_incident.local_direction(-normal);
-    incident.corners(incident.facing(against), &mut clipper.incident);
-    for corner in &mut clipper.incident {
+    incident.corners(incident.facing(against), left);
+    for corner in left.iter_mut() {
         corner.position = from_incident.point(corner.position);
     }
-    let count = clipper.reference.len();
-    for side in 0..count {
-        let start = clipper.reference[side].position;
-        let end = clipper.reference[(side + 1) % count].position;
-        // In the plane, the sides of a side are its ends.
-        let outward = if L == 2 { start - end } else { moment(end - start, normal) };
-        cut(clipper, side as u32, start, outward);
-    }
+    let mut number = 0;
+    reference.sides(face, memory, |point, outward| {
+        cut([left, next], number, point, outward);
+        number += 1;
+    });
     normal
 }
 
 /// Keeps the part of the incident polygon, in the plane a line, behind a plane (Sutherland-Hodgman).
 fn cut<const L: usize>(
-    clipper: &mut Clipper<L>,
+    [incident, next]: [&mut Vec<Corner<L>>; 2],
     side: u32,
     point: Vector<f32, L>,
     outward: Vector<f32, L>,
@@ -221,7 +228,6 @@ fn cut<const L: usize>(
     // A corner that lies on the plane is inside.
     let tolerance = 1e-4 * outward.dot(outward);
     let height = |corner: &Corner<L>| outward.dot(corner.position - point);
-    let Clipper { incident, next, .. } = clipper;
     if incident.iter().all(|corner| height(corner) <= tolerance) {
         return;
     }
@@ -281,6 +287,22 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
         let mut to = from;
         to[axis] = self.0[axis];
         [from, to]
+    }
+
+    fn sides(
+        &self,
+        face: usize,
+        _: &mut Vec<Corner<L>>,
+        mut side: impl FnMut(Vector<f32, L>, Vector<f32, L>),
+    ) {
+        for other in 1..L {
+            let axis = (face + other) % L;
+            for sign in [1.0, -1.0] {
+                let mut point = Vector::ZERO;
+                point[axis] = sign * self.0[axis];
+                side(point, point * 2.0);
+            }
+        }
     }
 
     fn facing(&self, direction: Vector<f32, L>) -> usize {

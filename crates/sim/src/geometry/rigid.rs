@@ -1,6 +1,6 @@
 //! Rigid bodies in 2D and 3D over parry, which supplies shapes, bounds, mass and manifolds.
 
-use drystone_solver::{SymmetricMatrix, Vector};
+use drystone_solver::{SymmetricMatrix, Vector, moment};
 use parry2d::shape::ConvexPolygon;
 
 use super::hull::{self, Hull};
@@ -508,15 +508,33 @@ impl Geometry<3, 3> for Rigid3 {
 
     fn advance(pose: &Self::Pose, by: Vector<f32, 3>, turn: Vector<f32, 3>) -> Self::Pose {
         let translation = pose.translation + parry3d::math::Vector::from(by.0);
-        let squared = turn.dot(turn);
-        if squared == 0.0 {
+        if turn == Vector::ZERO {
             return parry3d::math::Pose { translation, ..*pose };
         }
-        let [x, y, z] = (turn * half_sine_over_angle(squared)).0;
-        let w = half_cosine(squared);
-        let turn = parry3d::math::Rotation::from_xyzw(x, y, z, w);
-        let rotation = (turn * pose.rotation).normalize();
+        let rotation = (versor(turn) * pose.rotation).normalize();
         parry3d::math::Pose { translation, rotation, ..*pose }
+    }
+
+    fn precess(
+        pose: &Self::Pose,
+        [moments, inverse_moments]: [&SymmetricMatrix<f32, 3>; 2],
+        omega: Vector<f32, 3>,
+        h: f32,
+    ) -> (Self::Pose, Vector<f32, 3>) {
+        let q = pose.rotation;
+        // All as the body sees it, where I stays and L turns the other way; in differences, which keep what
+        // rounding would take from sums.
+        let turned = |q, v| v + twist(q, v);
+        let seen = turned(q.inverse(), omega);
+        let momentum = *moments * seen;
+        let half = versor(seen * (0.5 * h));
+        let middle = turned(half, *inverse_moments * turned(half.inverse(), momentum));
+        let turn = versor(middle * h);
+        let rotation = (q * turn).normalize();
+        let own = *inverse_moments * twist(turn.inverse(), momentum);
+        let end = *inverse_moments * momentum + own;
+        let change = turned(q, own + twist(turn, end));
+        (parry3d::math::Pose { rotation, ..*pose }, change)
     }
 
     fn turn_between(from: &Self::Pose, to: &Self::Pose) -> Vector<f32, 3> {
@@ -563,6 +581,22 @@ impl Geometry<3, 3> for Rigid3 {
     }
 
     over_parry!(parry3d, solids, Hull, form_3, 3, 3);
+}
+
+/// The quaternion that turns by a rotation vector \[rad\].
+fn versor(turn: Vector<f32, 3>) -> parry3d::math::Rotation {
+    let squared = turn.dot(turn);
+    let [x, y, z] = (turn * half_sine_over_angle(squared)).0;
+    parry3d::math::Rotation::from_xyzw(x, y, z, half_cosine(squared))
+}
+
+/// q v q^-1 - v.
+fn twist(q: parry3d::math::Rotation, v: Vector<f32, 3>) -> Vector<f32, 3> {
+    let [x, y, z, w] = q.to_array();
+    let axis = Vector([x, y, z]);
+    let across: Vector<f32, 3> = moment(axis, v) * 2.0;
+    let back: Vector<f32, 3> = moment(axis, across);
+    across * w + back
 }
 
 /// sin(t/2)/t from t^2; the series' error is below one rounding for t < 0.5.

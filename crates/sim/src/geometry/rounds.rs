@@ -3,7 +3,7 @@
 //! What is round is a point or a segment, its core, with a radius about it: where the nearest points of two
 //! cores are, the shapes are nearest too.
 
-use drystone_solver::{Vector, moment};
+use drystone_solver::Vector;
 
 use super::polyhedra::{Clipper, Solid};
 use super::separation::{FaceOf, Known, best_face, edges_feature, measure};
@@ -247,13 +247,9 @@ fn on_face<const L: usize>(
     let (normal, vertex) = solid.face(face);
     let along = round.along();
     let mut over = [0.0, 1.0];
-    let corners = clipper.corners_of(solid, face);
-    for (i, corner) in corners.iter().enumerate() {
-        let (start, end) = (corner.position, corners[(i + 1) % corners.len()].position);
-        // In the plane, the sides of a side are its ends.
-        let outward = if L == 2 { start - end } else { moment(end - start, normal) };
-        behind(&mut over, outward.dot(round.ends[0] - start), outward.dot(along));
-    }
+    solid.sides(face, &mut clipper.reference, |point, outward| {
+        behind(&mut over, outward.dot(round.ends[0] - point), outward.dot(along));
+    });
     touch.normal = normal;
     let parts = if over[0] < over[1] {
         [over[0].min(lowest), over[1].max(lowest)]
