@@ -102,6 +102,8 @@ pub(super) fn collide<const L: usize>(
         }
         Axis::Face(of @ FaceOf { b: false, face }) => {
             let normal = clip(a, face, b, from_b, clipper);
+            let far = || from_b.point(b.support(from_b.local_direction(-normal)));
+            or_farthest(&mut clipper.incident, far);
             touch.normal = -normal;
             let plane = a.face(face).1;
             touch.points.extend(clipper.incident.iter().filter_map(|corner| {
@@ -114,6 +116,8 @@ pub(super) fn collide<const L: usize>(
         Axis::Face(of @ FaceOf { b: true, face }) => {
             let from_a = Frame::IDENTITY.seen_from(from_b);
             let normal = clip(b, face, a, &from_a, clipper);
+            let far = || from_a.point(a.support(from_a.local_direction(-normal)));
+            or_farthest(&mut clipper.incident, far);
             touch.normal = from_b.direction(normal);
             let plane = b.face(face).1;
             touch.points.extend(clipper.incident.iter().filter_map(|corner| {
@@ -125,6 +129,14 @@ pub(super) fn collide<const L: usize>(
         }
     }
     gap
+}
+
+/// Where nothing of the other solid is over the face, its farthest point stands for what would be: two hulls that
+/// wedge would sink in until another axis wins.
+fn or_farthest<const L: usize>(left: &mut Vec<Corner<L>>, far: impl FnOnce() -> Vector<f32, L>) {
+    if left.is_empty() {
+        left.push(Corner { position: far(), feature: 0xffff });
+    }
 }
 
 /// The boundary of a half-space.

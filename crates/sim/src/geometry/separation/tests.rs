@@ -1,5 +1,7 @@
 use super::*;
+use crate::geometry::Touch;
 use crate::geometry::hull::Hull;
+use crate::geometry::polyhedra::{Clipper, collide};
 use crate::geometry::random::Random;
 use crate::geometry::{Geometry, Rigid3};
 
@@ -72,6 +74,10 @@ fn again(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>, any: f32, seen
         Axis::Face(of) => (0, of.feature(0)),
         Axis::Edges(crossing) => (1, crossing.feature),
     };
+    let mut touch = Touch::default();
+    let gap = collide(a, b, from_b, PREDICTION, first, &mut Clipper::default(), &mut touch);
+    let deepest = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
+    assert!(deepest <= PREDICTION, "{gap} apart, and no point");
     let mut asked = false;
     let second = between(a, b, from_b, PREDICTION, Some(feature), || {
         asked = true;
