@@ -103,9 +103,9 @@ pub(super) fn collide<const L: usize>(
         Axis::Face(of @ FaceOf { b: false, face }) => {
             let normal = clip(a, face, b, from_b, clipper);
             let far = || from_b.point(b.support(from_b.local_direction(-normal)));
-            or_farthest(&mut clipper.incident, far);
             touch.normal = -normal;
             let plane = a.face(face).1;
+            or_farthest(&mut clipper.incident, |on_b| normal.dot(on_b - plane) <= prediction, far);
             touch.points.extend(clipper.incident.iter().filter_map(|corner| {
                 let on_b = corner.position;
                 let gap = Some(normal.dot(on_b - plane)).filter(near)?;
@@ -117,9 +117,9 @@ pub(super) fn collide<const L: usize>(
             let from_a = Frame::IDENTITY.seen_from(from_b);
             let normal = clip(b, face, a, &from_a, clipper);
             let far = || from_a.point(a.support(from_a.local_direction(-normal)));
-            or_farthest(&mut clipper.incident, far);
             touch.normal = from_b.direction(normal);
             let plane = b.face(face).1;
+            or_farthest(&mut clipper.incident, |on_a| normal.dot(on_a - plane) <= prediction, far);
             touch.points.extend(clipper.incident.iter().filter_map(|corner| {
                 let gap = Some(normal.dot(corner.position - plane)).filter(near)?;
                 let on_a = from_b.point(corner.position);
@@ -131,10 +131,14 @@ pub(super) fn collide<const L: usize>(
     gap
 }
 
-/// Where nothing of the other solid is over the face, its farthest point stands for what would be: two hulls that
-/// wedge would sink in until another axis wins.
-fn or_farthest<const L: usize>(left: &mut Vec<Corner<L>>, far: impl FnOnce() -> Vector<f32, L>) {
-    if left.is_empty() {
+/// Where nothing of the other solid that is near is over the face, its farthest point stands for what would be: two
+/// hulls that wedge would sink in until another axis wins.
+fn or_farthest<const L: usize>(
+    left: &mut Vec<Corner<L>>,
+    is_near: impl Fn(Vector<f32, L>) -> bool,
+    far: impl FnOnce() -> Vector<f32, L>,
+) {
+    if !left.iter().any(|corner| is_near(corner.position)) {
         left.push(Corner { position: far(), feature: 0xffff });
     }
 }

@@ -82,6 +82,24 @@ fn the_deepest_point_is_as_deep_as_the_shapes_are() {
         if overlap {
             continue;
         }
+        // What was not nearest is not taken for what is.
+        for number in 0..12 {
+            let face = FaceOf { b: true, face: number % 6 }.feature(0);
+            for before in [face, edges_feature([0, number])].map(Some) {
+                let mut other = Touch::default();
+                let cuboid = Cuboid(Vector([0.4, 0.3, 0.5]));
+                if turn % 3 == 0 {
+                    on_solid(&round, &cuboid, PREDICTION, before, &mut clipper, &mut other);
+                    let [own, other] = [&touch, &other].map(|touch| {
+                        touch.points.iter().map(|point| point.gap).fold(PREDICTION, f32::min)
+                    });
+                    assert!(
+                        (own - other).abs() < 1.1e-3,
+                        "{turn}: {other} with {before:x?}, {own}"
+                    );
+                }
+            }
+        }
         // Something between an edge and a face counts as on the face, up to a thousandth of its distance.
         assert!(gap <= apart + 2e-4, "{turn}: {gap} apart, and {apart}");
         if apart > PREDICTION {

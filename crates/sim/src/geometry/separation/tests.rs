@@ -75,15 +75,30 @@ fn again(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>, any: f32, seen
         Axis::Edges(crossing) => (1, crossing.feature),
     };
     let mut touch = Touch::default();
-    let gap = collide(a, b, from_b, PREDICTION, first, &mut Clipper::default(), &mut touch);
+    let apart = collide(a, b, from_b, PREDICTION, first, &mut Clipper::default(), &mut touch);
     let deepest = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
-    assert!(deepest <= PREDICTION, "{gap} apart, and no point");
+    assert!(deepest <= PREDICTION, "{apart} apart, and no point");
     let mut asked = false;
     let second = between(a, b, from_b, PREDICTION, Some(feature), || {
         asked = true;
         across(a, b, from_b)
     });
     let margin = PREFERENCE * PREDICTION + 1e-5;
+    // What did not win is not taken for what did, and every face that is near has a point.
+    for edge in (0..a.edges().min(b.edges())).step_by(7) {
+        let feature = edges_feature([edge, b.edges() - 1 - edge]);
+        let other = between(a, b, from_b, PREDICTION, Some(feature), || across(a, b, from_b));
+        assert!(any.min(PREDICTION) <= other.gap + margin, "{} is taken, not {any}", other.gap);
+    }
+    for face in 0..a.faces() {
+        let (of, gap) = (FaceOf { b: false, face }, gap(a, b, from_b, a.face(face).0));
+        let other = between(a, b, from_b, PREDICTION, Some(of.feature(0)), || across(a, b, from_b));
+        assert!(any.min(PREDICTION) <= other.gap + margin, "{} is taken, not {any}", other.gap);
+        let separation = Separation { gap, axis: Axis::Face(of) };
+        let mut touch = Touch::default();
+        collide(a, b, from_b, PREDICTION, separation, &mut Clipper::default(), &mut touch);
+        assert_eq!(touch.points.is_empty(), gap > PREDICTION, "face {face}, {gap} apart");
+    }
     assert!(any <= second.gap + margin, "{} is kept, and an axis has {any}", second.gap);
     seen.known[kind] += usize::from(!asked);
 }
