@@ -1,5 +1,7 @@
 //! Bodies in free motion: the start and the end of a substep.
 
+use std::ops::Range;
+
 use drystone_solver::team::Team;
 use drystone_solver::{InverseMass, Vector, Velocity};
 
@@ -15,20 +17,22 @@ const SMALL_TURN: f32 = 1e-4;
 
 /// v* = v + h (g + M^-1 f): the prospective velocities. `push` takes what contacts gave to the velocities
 /// in the substep before, M^-1 J^T gamma: their difference from the prospective ones of that substep,
-/// which it comes with.
+/// which it comes with. Of the bodies of a `batch`, as in what follows.
 pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &Bodies<G, L, A>,
+    batch: Range<usize>,
     masses: &[InverseMass<f32, L, A>],
     gravity: Vector<f32, L>,
     h: f32,
     team: &Team,
-    velocities: &mut [Velocity<f32, L, A>],
-    push: &mut [Velocity<f32, L, A>],
+    [velocities, push]: [&mut [Velocity<f32, L, A>]; 2],
 ) {
-    let useful = velocities.len() > 2 * CHUNK;
-    let chunks = velocities.chunks_mut(CHUNK).zip(push.chunks_mut(CHUNK));
+    let (first, useful) = (batch.start, batch.len() > 2 * CHUNK);
+    let push = push[batch.clone()].chunks_mut(CHUNK);
+    let chunks = velocities[batch].chunks_mut(CHUNK).zip(push);
     team.for_each(useful, chunks.enumerate(), |(chunk, (velocities, push))| {
-        for (body, (velocity, push)) in (CHUNK * chunk..).zip(velocities.iter_mut().zip(push)) {
+        let numbers = first + CHUNK * chunk..;
+        for (body, (velocity, push)) in numbers.zip(velocities.iter_mut().zip(push)) {
             *push = *velocity - *push;
             let (mass, force) = (&masses[body], &bodies.forces[body]);
             if bodies.is_dynamic(body) && mass.linear > 0.0 {
@@ -46,12 +50,13 @@ pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
 ///
 /// J and M stay through all substeps, so bodies know what their contacts will give them.
 pub(crate) fn warm_start<const L: usize, const A: usize>(
+    batch: Range<usize>,
     team: &Team,
     velocities: &mut [Velocity<f32, L, A>],
     push: &mut [Velocity<f32, L, A>],
 ) {
-    let useful = velocities.len() > 2 * CHUNK;
-    let chunks = velocities.chunks_mut(CHUNK).zip(push.chunks_mut(CHUNK));
+    let (useful, push) = (batch.len() > 2 * CHUNK, push[batch.clone()].chunks_mut(CHUNK));
+    let chunks = velocities[batch].chunks_mut(CHUNK).zip(push);
     team.for_each(useful, chunks, |(velocities, push)| {
         for (velocity, push) in velocities.iter_mut().zip(push) {
             let prospective = *velocity;
@@ -65,6 +70,7 @@ pub(crate) fn warm_start<const L: usize, const A: usize>(
 /// momentum and, to second order in h, the energy. The others turn at the end of the step.
 pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &mut Bodies<G, L, A>,
+    batch: Range<usize>,
     h: f32,
     team: &Team,
     velocities: &mut [Velocity<f32, L, A>],
@@ -72,16 +78,17 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
     displacements: &mut [Velocity<f32, L, A>],
 ) {
     let Bodies { poses, turns, inertia, gyroscopic, .. } = bodies;
-    let useful = velocities.len() > 2 * CHUNK;
-    let moved = velocities.chunks_mut(CHUNK).zip(prospective.chunks_mut(CHUNK));
-    let moved = moved.zip(displacements.chunks_mut(CHUNK));
-    let placed = poses.chunks_mut(CHUNK).zip(turns.chunks_mut(CHUNK));
+    let (first, useful) = (batch.start, batch.len() > 2 * CHUNK);
+    let prospective = prospective[batch.clone()].chunks_mut(CHUNK);
+    let moved = velocities[batch.clone()].chunks_mut(CHUNK).zip(prospective);
+    let moved = moved.zip(displacements[batch.clone()].chunks_mut(CHUNK));
+    let placed = poses[batch.clone()].chunks_mut(CHUNK).zip(turns[batch].chunks_mut(CHUNK));
     team.for_each(useful, moved.zip(placed).enumerate(), |(chunk, (moved, placed))| {
         let ((velocities, prospective), displacements) = moved;
         let moved = velocities.iter_mut().zip(prospective).zip(displacements);
         let placed = placed.0.iter_mut().zip(placed.1);
         for (body, (((velocity, prospective), displacement), (pose, turned))) in
-            (CHUNK * chunk..).zip(moved.zip(placed))
+            (first + CHUNK * chunk..).zip(moved.zip(placed))
         {
             *displacement += *velocity * h;
             let turn = velocity.angular * h;

@@ -13,6 +13,8 @@ pub(crate) struct RowsOf<'a, const L: usize, const A: usize> {
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) stiffness: Stiffness<'a>,
     pub(crate) dt: f32,
+    /// Whether all substeps are taken for everything at once.
+    pub(crate) together: bool,
 }
 
 impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
@@ -23,6 +25,10 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
     fn kept(&self, manifold: u32) -> Option<u32> {
         let before = self.records.kept[manifold as usize];
         (before != cache::NEW).then_some(before)
+    }
+
+    fn stands(&self, body: u32) -> bool {
+        !self.together && self.velocities[body as usize] == Velocity::ZERO
     }
 
     #[inline(always)]

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use drystone_solver::restitution::{self, Blow, Collisions};
 use drystone_solver::team::Team;
-use drystone_solver::wide::Wide;
+use drystone_solver::wide::{Batch, Wide};
 use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
 
 use crate::bodies::{Bodies, Body, BodyId, Inertia};
@@ -89,6 +89,8 @@ struct Plan {
     repair: Repair<f32>,
     /// How blows are resolved, where anything bounces.
     collisions: Option<Collisions<f32>>,
+    /// Whether each substep is taken for everything at once, not for one batch after the other.
+    together: bool,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
@@ -409,29 +411,42 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let plan = self.plan(dt / substeps as f32, substeps, last);
         self.pack(&plan, dt);
         clock.lap(report, Stage::Rows);
-        for substep in 0..substeps {
-            self.substep(&plan, substep, clock, report);
+        let whole = [self.wide.whole()];
+        let batches = if plan.together { &whole } else { self.wide.batches() }.to_vec();
+        for batch in &batches {
+            for substep in 0..substeps {
+                self.substep(&plan, batch, substep, clock, report);
+            }
+            let traces = &mut self.records.traces;
+            self.wide.trace(batch, &self.displacements, self.settings.hold, traces);
+            clock.lap(report, Stage::Remember);
         }
+        let sweeps = if plan.solving { 1 } else { 1 + self.settings.iterations.max(1) };
+        report.sweeps += (substeps * sweeps) as usize;
         self.arrive(&plan, clock, report);
     }
 
     fn plan(&self, h: f32, substeps: u32, last: bool) -> Plan {
         let settings = &self.settings;
+        let solving = settings.tolerance > 0.0;
+        let examined = (last && settings.certify).then_some(substeps - 1);
         let mut records = self.records.manifolds.iter();
+        let bouncing = records.any(|record| record.restitution > 0.0);
         Plan {
             h,
             substeps,
-            solving: settings.tolerance > 0.0,
-            examined: (last && settings.certify).then_some(substeps - 1),
+            solving,
+            examined,
             ledger: settings.ledger,
             repair: settings.repair_in(h),
-            collisions: records.any(|record| record.restitution > 0.0).then_some(Collisions {
+            collisions: bouncing.then_some(Collisions {
                 law: settings.impact_law,
                 dt: h,
                 threshold: settings.restitution_threshold,
                 rounds: COLLISION_ROUNDS,
                 sweeps: COLLISION_SWEEPS,
             }),
+            together: solving || examined.is_some() || settings.ledger || bouncing || self.saving,
         }
     }
 
@@ -455,7 +470,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if plan.solving {
             wide.forget();
         }
-        let rows = RowsOf { records, velocities: &system.velocities, stiffness, dt };
+        let (velocities, together) = (&system.velocities, plan.together);
+        let rows = RowsOf { records, velocities, stiffness, dt, together };
         wide.pack(&rows, &system.masses, softness);
         if plan.solving {
             wide.forget();
@@ -472,7 +488,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Forces, blows, contacts, motion, and contacts again as rigid ones.
-    fn substep(&mut self, plan: &Plan, substep: u32, clock: &mut Clock, report: &mut StepReport) {
+    fn substep(
+        &mut self,
+        plan: &Plan,
+        batch: &Batch,
+        substep: u32,
+        clock: &mut Clock,
+        report: &mut StepReport,
+    ) {
+        let own = batch.bodies.clone();
         let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
         let (bodies, moved, books) = (&mut self.bodies, &mut self.displacements, &mut self.books);
         let prospective = &mut self.prospective;
@@ -480,7 +504,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             books.start(&system.velocities);
         }
         let (masses, velocities) = (&system.masses, &mut system.velocities);
-        motion::predict(bodies, masses, self.gravity, plan.h, &self.team, velocities, prospective);
+        let (gravity, team) = (self.gravity, &self.team);
+        motion::predict(
+            bodies,
+            own.clone(),
+            masses,
+            gravity,
+            plan.h,
+            team,
+            velocities,
+            prospective,
+        );
         clock.lap(report, Stage::Predict);
         if let Some(collisions) = &plan.collisions {
             if plan.ledger {
@@ -506,10 +540,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.saved = Some(SavedSystem { system: saved, positions, substep: plan.h });
         }
         if substep.is_multiple_of(ASK_AGAIN) {
-            prospective.clone_from(&system.velocities);
-            wide.apply_impulses(&mut system.velocities);
+            prospective[own.clone()].copy_from_slice(&system.velocities[own.clone()]);
+            wide.apply_impulses(batch, &mut system.velocities);
         } else {
-            motion::warm_start(&self.team, &mut system.velocities, prospective);
+            motion::warm_start(own.clone(), team, &mut system.velocities, prospective);
         }
         clock.lap(report, Stage::WarmStart);
         if plan.solving {
@@ -518,11 +552,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             report.sweeps += 2 * outcome.iterations;
             report.join(&outcome, clock);
         } else {
-            wide.sweep_normals_to_targets(&mut system.velocities, moved, &plan.repair);
+            wide.sweep_normals_to_targets(batch, &mut system.velocities, moved, &plan.repair);
             for _ in 1..self.settings.iterations {
-                wide.sweep_normals(&mut system.velocities);
+                wide.sweep_normals(batch, &mut system.velocities);
             }
-            report.sweeps += self.settings.iterations.max(1) as usize;
             clock.lap(report, Stage::Solve);
             if examined {
                 let outcome = certifier.examine(&system.velocities, wide, prospective);
@@ -533,35 +566,32 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             wide.unpack(system);
             books.depart(system);
         }
-        motion::advance(bodies, plan.h, &self.team, &mut system.velocities, prospective, moved);
+        motion::advance(bodies, own, plan.h, team, &mut system.velocities, prospective, moved);
         clock.lap(report, Stage::Advance);
         if plan.ledger {
             books.arrive(&system.velocities);
         }
-        wide.relax(&mut system.velocities);
+        wide.relax(batch, &mut system.velocities);
         if plan.ledger {
             wide.unpack(system);
-            books.end(bodies, self.gravity, system, plan.h);
+            books.end(bodies, gravity, system, plan.h);
         }
         clock.lap(report, Stage::Relax);
-        report.sweeps += 1;
-    }
-
-    /// Gives impulses and poses back at the end of a part.
-    fn arrive(&mut self, plan: &Plan, clock: &mut Clock, report: &mut StepReport) {
-        if plan.examined.is_some() {
+        if examined {
             let sinking = report.certified.map_or(0.0, |of| of.residuals[1]);
-            report.jams = self.certifier.jams(&mut self.system, &self.wide, sinking);
+            report.jams = certifier.jams(system, wide, sinking);
             clock.lap(report, Stage::Certify);
         }
+    }
+
+    /// Gives poses back at the end of a part.
+    fn arrive(&mut self, plan: &Plan, clock: &mut Clock, report: &mut StepReport) {
         motion::arrive(&mut self.bodies, &self.team, &self.displacements);
         if plan.ledger {
             let ledger = self.books.close(&self.bodies, self.gravity, &self.system.velocities);
             report.energy.get_or_insert_default().join(&ledger);
         }
         clock.lap(report, Stage::Advance);
-        self.wide.trace(&self.displacements, self.settings.hold, &mut self.records.traces);
-        clock.lap(report, Stage::Remember);
     }
 
     /// M^-1 of all bodies that have stirred, at their present poses; nothing moves one that sleeps.

@@ -4,12 +4,20 @@ use std::cmp::Reverse;
 use std::ops::Range;
 
 use crate::lanes::WIDTH;
+use crate::wide::Batch;
+use crate::wide::batch::{Division, Sizes};
 
 /// Colors at most; what fits none of them comes after, one by one.
 const COLORS: usize = 64;
 
 /// Manifolds of one color are sorted by their number of points, up to this many.
 const BINS: usize = 8;
+
+/// Kinds of manifolds in a batch: their color and bin, or that they have no color.
+const KINDS: usize = COLORS * BINS + 1;
+
+/// The kind of what has no color.
+const ALONE: usize = KINDS - 1;
 
 /// No place; no manifold.
 const NONE: u32 = u32::MAX;
@@ -20,7 +28,9 @@ pub(crate) struct Outline {
     pub(crate) bodies: [u32; 2],
     /// Whether they can be moved: the others may have many manifolds of a color.
     pub(crate) moving: [bool; 2],
-    points: u32,
+    /// The batch of what moves.
+    pub(crate) batch: u16,
+    pub(crate) points: u32,
 }
 
 /// The manifolds of a block.
@@ -60,11 +70,14 @@ impl Members {
 #[derive(Clone, Debug, Default)]
 pub struct Coloring {
     /// The place of each manifold: its block times [`WIDTH`] plus its lane. A block is filled from
-    /// lane 0 on. Where all are placed anew, blocks come color after color, in a color by number of
-    /// points, then in the order of the manifolds.
+    /// lane 0 on. Where all are placed anew, blocks come batch after batch, color after color, in a color by
+    /// number of points, then in the order of the manifolds.
     pub places: Vec<u32>,
-    /// The blocks of each color; what fits in none has one of its own.
+    /// The blocks of each color of each batch; what fits in none has one of its own.
     pub colors: Vec<Range<u32>>,
+    /// The colors of each batch.
+    pub(crate) batches: Vec<Range<usize>>,
+    pub(crate) division: Division,
     /// Points of the longest manifold of each block.
     pub points: Vec<u32>,
     /// For how many points each block has room.
@@ -77,9 +90,11 @@ pub struct Coloring {
     /// Those of the call before, and their places.
     before: Vec<Outline>,
     places_before: Vec<u32>,
-    /// The kind of each manifold: its color and bin, or beyond those its number among what has none.
+    /// The kind of each manifold.
     kinds: Vec<u32>,
     used: Vec<u64>,
+    /// By batch and kind: how many, then the next place.
+    next: Vec<u32>,
     /// Blocks of each color with idle lanes.
     open: Vec<Vec<u32>>,
 }
@@ -94,23 +109,27 @@ impl Coloring {
         manifolds: impl Iterator<Item = ([u32; 2], u32)>,
         moves: impl Fn(u32) -> bool,
     ) {
-        self.take(manifolds, moves);
+        self.take(manifolds, &moves);
+        self.division.update(bodies, &mut self.outlines, Sizes::NONE, moves);
         self.color(bodies);
         self.lay_out(false);
     }
 
-    /// As [`assign`](Self::assign), but manifolds that are `kept`, by the number that they had in the call
-    /// before, stay in their places if they have the same color, and new ones get what places there are.
-    /// Colors are what they would be without. Returns whether all are placed anew.
+    /// As [`assign`](Self::assign), but in batches, of what takes up these `sizes`: bodies that do not `join`
+    /// can be in several. Manifolds that are `kept`, by the number that they had in the call before, stay in
+    /// their places if they have the same color, and new ones get what places there are. Colors are what they
+    /// would be without. Returns whether all are placed anew.
     pub(crate) fn update(
         &mut self,
         bodies: usize,
         manifolds: impl Iterator<Item = ([u32; 2], u32)>,
         moves: impl Fn(u32) -> bool,
+        (sizes, joins): (Sizes, impl Fn(u32) -> bool),
         kept: impl Fn(u32) -> Option<u32>,
     ) -> bool {
         self.take(manifolds, moves);
-        if self.outlines == self.before {
+        let divided = self.division.update(bodies, &mut self.outlines, sizes, joins);
+        if !divided && self.outlines == self.before {
             for members in &mut self.members {
                 let own = &members.manifolds[..members.lanes];
                 members.changed = own.iter().any(|&manifold| kept(manifold) != Some(manifold));
@@ -121,7 +140,7 @@ impl Coloring {
         // If one in eight has changed, there is one in almost every block.
         let all = self.outlines.len();
         let many = 8 * (0..all as u32).filter(|&own| kept(own).is_some()).count() > 7 * all;
-        if many && self.stay(kept) {
+        if many && !divided && self.stay(kept) {
             self.count_points();
             return false;
         }
@@ -139,6 +158,7 @@ impl Coloring {
         self.outlines.extend(manifolds.map(|(bodies, points)| Outline {
             bodies,
             moving: bodies.map(&moves),
+            batch: 0,
             points,
         }));
     }
@@ -148,15 +168,13 @@ impl Coloring {
         self.used.clear();
         self.used.resize(bodies, 0);
         self.kinds.clear();
-        let mut alone = 0;
-        for &Outline { bodies, moving, points } in &self.outlines {
+        for &Outline { bodies, moving, points, .. } in &self.outlines {
             let used =
                 |side: usize| if moving[side] { self.used[bodies[side] as usize] } else { 0 };
             let (a, b) = (used(0), used(1));
             let color = (a | b).trailing_ones() as usize;
             if color == COLORS {
-                self.kinds.push((COLORS * BINS + alone) as u32);
-                alone += 1;
+                self.kinds.push(ALONE as u32);
                 continue;
             }
             for (body, _) in bodies.into_iter().zip(moving).filter(|(_, moving)| *moving) {
@@ -169,45 +187,48 @@ impl Coloring {
     /// Gives all manifolds places by their kinds, a new color in a new block. With a block to `spare` for
     /// each color that has any.
     fn lay_out(&mut self, spare: bool) {
-        let mut counts = [0u32; COLORS * BINS];
-        let mut alone = 0;
-        for &kind in &self.kinds {
-            match counts.get_mut(kind as usize) {
-                Some(count) => *count += 1,
-                None => alone += 1,
-            }
+        self.next.clear();
+        self.next.resize(self.division.len() * KINDS, 0);
+        let of = |kind: u32, outline: &Outline| usize::from(outline.batch) * KINDS + kind as usize;
+        for (&kind, outline) in self.kinds.iter().zip(&self.outlines) {
+            self.next[of(kind, outline)] += 1;
         }
-        let mut next = [0u32; COLORS * BINS];
+        let width = WIDTH as u32;
         let mut end = 0;
         self.colors.clear();
-        for (next, counts) in next.chunks_mut(BINS).zip(counts.chunks(BINS)) {
-            let first = end / WIDTH as u32;
-            for (next, count) in next.iter_mut().zip(counts) {
+        self.batches.clear();
+        for own in self.next.chunks_mut(KINDS) {
+            let first = self.colors.len();
+            let (colored, alone) = own.split_at_mut(ALONE);
+            for bins in colored.chunks_mut(BINS) {
+                let first = end / width;
+                for next in bins {
+                    end += std::mem::replace(next, end);
+                }
+                end = end.next_multiple_of(width);
+                if end / width > first {
+                    end += if spare { width } else { 0 };
+                    self.colors.push(first..end / width);
+                }
+            }
+            for next in alone {
+                let blocks = end / width..end / width + *next;
                 *next = end;
-                end += count;
+                end = blocks.end * width;
+                self.colors.extend(blocks.map(|block| block..block + 1));
             }
-            end = end.next_multiple_of(WIDTH as u32);
-            if end / WIDTH as u32 > first {
-                end += if spare { WIDTH as u32 } else { 0 };
-                self.colors.push(first..end / WIDTH as u32);
-            }
+            self.batches.push(first..self.colors.len());
         }
-        let after = end / WIDTH as u32;
-        self.colors.extend((0..alone).map(|i| after + i..after + i + 1));
-        let blocks = (after + alone) as usize;
+        let blocks = (end / width) as usize;
         self.points.clear();
         self.points.resize(blocks, 0);
         self.members.clear();
         self.members.resize(blocks, Members::EMPTY);
         self.places.clear();
         for (index, (&kind, outline)) in self.kinds.iter().zip(&self.outlines).enumerate() {
-            let place = match next.get_mut(kind as usize) {
-                Some(next) => {
-                    *next += 1;
-                    *next - 1
-                }
-                None => end + (kind - (COLORS * BINS) as u32) * WIDTH as u32,
-            };
+            let next = &mut self.next[of(kind, outline)];
+            let place = *next;
+            *next += if kind as usize == ALONE { width } else { 1 };
             self.places.push(place);
             let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
             self.points[block] = outline.points.max(self.points[block]);
@@ -243,17 +264,13 @@ impl Coloring {
             members.manifolds = [NONE; WIDTH];
             members.changed = false;
         }
-        // Colors have blocks in their order, but for those that none was of.
-        let colors = self.kinds.iter().map(|kind| *kind as usize / BINS + 1).max().unwrap_or(0);
-        if colors > self.colors.len().min(COLORS) {
-            return false;
-        }
-        for (index, place) in self.places.iter_mut().enumerate() {
+        for index in 0..self.outlines.len() {
+            let Some(color) = self.color_of(index) else { return false };
             let Some(old) = kept(index as u32).map(|old| old as usize) else { continue };
             let (now, before) = (self.places_before[old], self.before[old]);
-            let blocks = &self.colors[self.kinds[index] as usize / BINS];
+            let blocks = &self.colors[color];
             if self.outlines[index] == before && blocks.contains(&(now / WIDTH as u32)) {
-                *place = now;
+                self.places[index] = now;
                 self.members[now as usize / WIDTH].manifolds[now as usize % WIDTH] = index as u32;
             }
         }
@@ -279,6 +296,15 @@ impl Coloring {
         self.settle()
     }
 
+    /// The color of a manifold, among those that have blocks.
+    fn color_of(&self, index: usize) -> Option<usize> {
+        let kind = self.kinds[index] as usize;
+        let colors = &self.batches[usize::from(self.outlines[index].batch)];
+        // Colors have blocks in their order, but for those that none was of.
+        let color = colors.start + kind / BINS;
+        (kind != ALONE && colors.contains(&color)).then_some(color)
+    }
+
     /// Finds places for the manifolds that have none; returns whether there are any.
     fn settle(&mut self) -> bool {
         if self.open.len() < self.colors.len() {
@@ -298,8 +324,9 @@ impl Coloring {
             if self.places[index] != NONE {
                 continue;
             }
-            let (points, kind) = (self.outlines[index].points, self.kinds[index] as usize);
-            let open = &mut self.open[kind / BINS];
+            let Some(color) = self.color_of(index) else { return false };
+            let points = self.outlines[index].points;
+            let open = &mut self.open[color];
             let fits = |of: &[u32]| open.iter().rposition(|block| of[*block as usize] >= points);
             let Some(at) = fits(&self.points).or_else(|| fits(&self.rooms)) else { return false };
             let block = open[at];
@@ -315,6 +342,17 @@ impl Coloring {
         // Not too many idle lanes.
         let blocks = self.members.iter().filter(|members| members.lanes > 0).count();
         blocks * WIDTH <= self.outlines.len() * 5 / 4 + 2 * self.colors.len() * WIDTH
+    }
+
+    /// The bodies, colors and blocks of a batch.
+    pub(crate) fn batch(&self, batch: usize) -> Batch {
+        let colors = self.batches[batch].clone();
+        let blocks = match &self.colors[colors.clone()] {
+            [] => 0..0,
+            [first, .., last] => first.start as usize..last.end as usize,
+            [only] => only.start as usize..only.end as usize,
+        };
+        Batch { bodies: self.division.bodies(batch), colors, blocks }
     }
 
     /// Where the points of a manifold are among those of all, one manifold's after the other's.

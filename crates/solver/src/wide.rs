@@ -3,6 +3,7 @@
 //! The kernels are those of [`pgs`](crate::pgs), run on a number that is sixteen numbers. The
 //! velocities of the bodies are gathered once per visit to a block and serve all its points.
 
+pub(crate) mod batch;
 mod block;
 mod conjugate;
 pub(crate) mod passes;
@@ -16,6 +17,8 @@ use crate::island::Islands;
 use crate::lanes::{Lanes, Portable, WIDTH};
 use crate::team::{Team, chunks_with_parts};
 use crate::{Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
+pub use batch::Batch;
+use batch::Sizes;
 use block::{Block, contact_in};
 use conjugate::Conjugate;
 use passes::{Passes, Targets, passes, shares};
@@ -31,6 +34,13 @@ pub trait Rows<const L: usize>: Sync {
     fn kept(&self, manifold: u32) -> Option<u32> {
         let _ = manifold;
         None
+    }
+
+    /// Whether a body that cannot be moved does not move at all: its manifolds can be in several batches. By
+    /// default none is known to.
+    fn stands(&self, body: u32) -> bool {
+        let _ = body;
+        false
     }
 
     /// Takes a manifold into each lane, and its points, place, gap and impulse, into that lane of `points`,
@@ -154,11 +164,12 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     /// [`Packed::trace`].
     pub fn trace(
         &mut self,
+        batch: &Batch,
         displacements: &[Velocity<f32, L, A>],
         hold: f32,
         traces: &mut [Trace<L>],
     ) {
-        on_lanes!(self, packed => packed.trace(displacements, hold, traces));
+        on_lanes!(self, packed => packed.trace(batch, displacements, hold, traces));
     }
 
     /// [`Packed::unpack`].
@@ -177,8 +188,8 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 
     /// [`Packed::apply_impulses`].
-    pub fn apply_impulses(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        on_lanes!(self, packed => packed.apply_impulses(velocities));
+    pub fn apply_impulses(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, packed => packed.apply_impulses(batch, velocities));
     }
 
     /// [`Packed::set_targets`].
@@ -189,12 +200,13 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     /// [`Packed::sweep_normals_to_targets`].
     pub fn sweep_normals_to_targets(
         &mut self,
+        batch: &Batch,
         velocities: &mut [Velocity<f32, L, A>],
         displacements: &[Velocity<f32, L, A>],
         repair: &Repair<f32>,
     ) {
         on_lanes!(self, packed => {
-            packed.sweep_normals_to_targets(velocities, displacements, repair)
+            packed.sweep_normals_to_targets(batch, velocities, displacements, repair)
         });
     }
 
@@ -232,13 +244,23 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 
     /// [`Packed::sweep_normals`].
-    pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        on_lanes!(self, packed => packed.sweep_normals(velocities));
+    pub fn sweep_normals(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, packed => packed.sweep_normals(batch, velocities));
     }
 
     /// [`Packed::relax`].
-    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        on_lanes!(self, packed => packed.relax(velocities));
+    pub fn relax(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, packed => packed.relax(batch, velocities));
+    }
+
+    /// [`Packed::batches`].
+    pub fn batches(&self) -> &[Batch] {
+        on_lanes!(self, packed => packed.batches())
+    }
+
+    /// [`Packed::whole`].
+    pub fn whole(&self) -> Batch {
+        on_lanes!(self, packed => packed.whole())
     }
 }
 
@@ -254,6 +276,7 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     blocks: Vec<Block<V, L, A>>,
     contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
+    batches: Vec<Batch>,
     conjugate: Conjugate<V, L>,
     /// The softness of its points; `None` if they have to be taken in anew.
     softness: Option<f32>,
@@ -277,6 +300,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             blocks: Vec::new(),
             contacts: Vec::new(),
             coloring: Coloring::default(),
+            batches: Vec::new(),
             conjugate: Conjugate::default(),
             softness: None,
             team: Arc::default(),
@@ -293,15 +317,19 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// points ([`Contact::prepare`]). Leaves blocks alone of which all are [kept](Rows::kept).
     pub fn pack<R: Rows<L>>(&mut self, rows: &R, masses: &[InverseMass<f32, L, A>], softness: f32) {
         let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
-        let Self { blocks, contacts, coloring, team, passes, .. } = self;
-        let (bodies, outlines) = (masses.len(), rows.outlines());
-        let anew = if self.softness.replace(softness) == Some(softness) {
-            coloring.update(bodies, outlines, moves, |manifold| rows.kept(manifold))
-        } else {
-            coloring.assign(bodies, outlines, moves);
-            true
+        let joins = |body: u32| moves(body) || !rows.stands(body);
+        let again = self.softness.replace(softness) == Some(softness);
+        let Self { blocks, contacts, coloring, batches, team, passes, .. } = self;
+        let sizes = Sizes {
+            body: 8 * size_of::<Velocity<f32, L, A>>(),
+            manifold: size_of::<Block<V, L, A>>() / WIDTH,
+            point: size_of::<Contact<V, L>>() / WIDTH,
+            batch: batch::SIZE * team.members(),
         };
-        if anew {
+        let (outlines, kept) = (rows.outlines(), |of| if again { rows.kept(of) } else { None });
+        if coloring.update(masses.len(), outlines, moves, (sizes, joins), kept) {
+            batches.clear();
+            batches.extend((0..coloring.batches.len()).map(|batch| coloring.batch(batch)));
             blocks.resize_with(coloring.points.len(), Block::empty);
             let mut first = 0;
             for (block, &room) in blocks.iter_mut().zip(&coloring.rooms) {
@@ -334,6 +362,17 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         });
     }
 
+    /// What can be solved through all substeps, one after the other ([`Rows::stands`]).
+    pub fn batches(&self) -> &[Batch] {
+        &self.batches
+    }
+
+    /// All bodies and manifolds as one.
+    pub fn whole(&self) -> Batch {
+        let Coloring { colors, division, .. } = &self.coloring;
+        Batch { bodies: 0..division.all(), colors: 0..colors.len(), blocks: 0..self.blocks.len() }
+    }
+
     /// Gives `system` the manifolds and contacts as they are now.
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
         let System { manifolds, contacts, .. } = system;
@@ -364,8 +403,8 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     /// [`System::apply_impulses`].
-    pub fn apply_impulses(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.passes.apply_impulses(self, velocities);
+    pub fn apply_impulses(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.apply_impulses(self, batch, velocities);
     }
 
     /// [`System::set_targets`].
@@ -379,24 +418,25 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     /// [`pgs::sweep_normals`](crate::pgs::sweep_normals).
-    pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.passes.sweep_normals(self, velocities, None);
+    pub fn sweep_normals(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.sweep_normals(self, batch, velocities, None);
     }
 
     /// [`System::set_targets`] and [`pgs::sweep_normals`](crate::pgs::sweep_normals) in one pass.
     pub fn sweep_normals_to_targets(
         &mut self,
+        batch: &Batch,
         velocities: &mut [Velocity<f32, L, A>],
         displacements: &[Velocity<f32, L, A>],
         repair: &Repair<f32>,
     ) {
         let targets = Targets::new(displacements, repair);
-        self.passes.sweep_normals(self, velocities, Some(&targets));
+        self.passes.sweep_normals(self, batch, velocities, Some(&targets));
     }
 
     /// [`pgs::relax`](crate::pgs::relax).
-    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.passes.relax(self, velocities);
+    pub fn relax(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.relax(self, batch, velocities);
     }
 
     /// One iteration of [`nncg`](crate::nncg) over the islands that are not `done`.
@@ -421,11 +461,12 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// the next step, one manifold's after the other's: `hold` is that of [`Repair`].
     pub fn trace(
         &mut self,
+        batch: &Batch,
         displacements: &[Velocity<f32, L, A>],
         hold: f32,
         traces: &mut [Trace<L>],
     ) {
-        self.passes.trace(self, displacements, hold, traces);
+        self.passes.trace(self, batch, displacements, hold, traces);
     }
 
     /// Has all be taken in anew by the next [`Packed::pack`].

@@ -2,7 +2,8 @@
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
-use drystone::{ParticleWorld3, World, World2, World3};
+use drystone::scene::Motion;
+use drystone::{ParticleWorld3, StepSettings, World, World2, World3};
 use drystone_solver::Vector;
 
 /// Hashes of the poses of small scenes after 100 steps. A change of the method changes them: the
@@ -138,4 +139,42 @@ fn bits_are_the_same_everywhere() {
     let table: Vec<_> =
         actual.iter().map(|(name, hash)| format!("(\"{name}\", {hash:#018x})")).collect();
     assert!(actual == GOLDEN, "the hashes are now [{}]", table.join(", "));
+}
+
+/// Towers on a floor, some on belts that move, and some that are about to fall onto the next.
+fn towers() -> World3 {
+    let material = surface(0.5, 0.0);
+    let mut world = world::<Rigid3, 3, 3>();
+    world.settings = StepSettings { sleep: 0.0, ..StepSettings::realtime() };
+    add_floor(&mut world, &material);
+    for tower in 0..240 {
+        let (x, z) = ((tower % 20) as f32 * 1.4, (tower / 20) as f32 * 3.0);
+        let on_belt = tower % 7 == 3;
+        if on_belt {
+            let belt =
+                body(Motion::Kinematic, [x, 0.0, z], Rigid3::cuboid([0.6, 0.2, 0.6]), &material);
+            world.add(moving(belt, [0.1, 0.0, 0.3]));
+        }
+        let base = if on_belt { 0.2 } else { 0.0 };
+        for level in 0..5 {
+            let lean = if tower % 31 == 5 { 0.2 * level as f32 } else { 0.0 };
+            let position = [x + lean, base + 0.26 + 0.505 * level as f32, z];
+            world.add(dynamic(position, Rigid3::cuboid([0.25; 3]), &material));
+        }
+    }
+    world
+}
+
+/// Substeps of one batch of islands after the other, which a ledger does not allow.
+#[test]
+fn bits_do_not_depend_on_batches() {
+    let after = |ledger: bool, threads: usize| {
+        let mut world = towers();
+        world.settings.ledger = ledger;
+        after_steps(world, threads)
+    };
+    let together = after(true, 1);
+    for threads in 1..=3 {
+        assert_eq!(after(false, threads), together, "{threads} threads");
+    }
 }

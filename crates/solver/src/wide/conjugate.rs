@@ -68,7 +68,7 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
     done: &[bool],
 ) {
     let Packed { blocks, contacts, conjugate: state, coloring, team, .. } = packed;
-    let ground = Ground::new(blocks, coloring, contacts, velocities);
+    let ground = Ground::new(blocks, &coloring.colors, contacts, velocities);
     let before = Shared::new(&mut state.before);
     let direction = Shared::new(&mut state.direction);
     let gradients = Shared::new(&mut state.gradients);

@@ -10,7 +10,7 @@ use std::fmt::Debug;
 use super::block::{Block, splat};
 use super::conjugate;
 use super::walk::{Ground, Traces};
-use super::{Packed, Trace};
+use super::{Batch, Packed, Trace};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
 use crate::lanes::{Lanes, PART};
@@ -24,20 +24,26 @@ type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
 pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync {
     fn prepare(&self, block: &mut Block<V, L, A>, points: &mut [Contact<V, L>], softness: f32);
 
-    fn apply_impulses(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>);
+    fn apply_impulses(
+        &self,
+        packed: &mut Packed<V, L, A>,
+        batch: &Batch,
+        velocities: &mut Velocities<L, A>,
+    );
 
     fn set_targets(&self, packed: &mut Packed<V, L, A>, targets: &Targets<'_, V, L, A>);
 
     fn sweep_normals(
         &self,
         packed: &mut Packed<V, L, A>,
+        batch: &Batch,
         velocities: &mut Velocities<L, A>,
         targets: Option<&Targets<'_, V, L, A>>,
     );
 
     fn sweep(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>);
 
-    fn relax(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>);
+    fn relax(&self, packed: &mut Packed<V, L, A>, batch: &Batch, velocities: &mut Velocities<L, A>);
 
     fn conjugate(
         &self,
@@ -59,6 +65,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
     fn trace(
         &self,
         packed: &mut Packed<V, L, A>,
+        batch: &Batch,
         displacements: &Velocities<L, A>,
         hold: f32,
         traces: &mut [Trace<L>],
@@ -103,9 +110,14 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         );
     }
 
-    fn apply_impulses(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>) {
-        let (team, ground) = ground(packed, velocities);
-        team.run(team.is_useful(ground.blocks.len()), &|member| {
+    fn apply_impulses(
+        &self,
+        packed: &mut Packed<V, L, A>,
+        batch: &Batch,
+        velocities: &mut Velocities<L, A>,
+    ) {
+        let (team, ground) = ground(packed, batch, velocities);
+        team.run(team.is_useful(batch.blocks.len()), &|member| {
             V::run(
                 #[inline(always)]
                 || {
@@ -142,18 +154,24 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     fn sweep_normals(
         &self,
         packed: &mut Packed<V, L, A>,
+        batch: &Batch,
         velocities: &mut Velocities<L, A>,
         targets: Option<&Targets<'_, V, L, A>>,
     ) {
-        visit_all::<V, L, A, false, false>(packed, velocities, targets);
+        visit_all::<V, L, A, false, false>(packed, batch, velocities, targets);
     }
 
     fn sweep(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>) {
-        visit_all::<V, L, A, false, true>(packed, velocities, None);
+        visit_all::<V, L, A, false, true>(packed, &packed.whole(), velocities, None);
     }
 
-    fn relax(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>) {
-        visit_all::<V, L, A, true, true>(packed, velocities, None);
+    fn relax(
+        &self,
+        packed: &mut Packed<V, L, A>,
+        batch: &Batch,
+        velocities: &mut Velocities<L, A>,
+    ) {
+        visit_all::<V, L, A, true, true>(packed, batch, velocities, None);
     }
 
     fn conjugate(
@@ -184,6 +202,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     fn trace(
         &self,
         packed: &mut Packed<V, L, A>,
+        batch: &Batch,
         displacements: &Velocities<L, A>,
         hold: f32,
         traces: &mut [Trace<L>],
@@ -191,9 +210,12 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         let Packed { blocks, contacts, coloring, team, .. } = packed;
         assert_eq!(traces.len(), coloring.all_points(), "a trace for each point");
         let traces = &Traces::new(traces);
-        let (useful, share, parts) = shares(team, &coloring.rooms, contacts);
-        let rooms = coloring.rooms.chunks(share).zip(coloring.members.chunks(share));
-        let blocks = blocks.chunks(share).zip(rooms);
+        let (blocks, rooms) =
+            (&blocks[batch.blocks.clone()], &coloring.rooms[batch.blocks.clone()]);
+        let first = blocks.first().map_or(0, |block| block.manifold.first as usize);
+        let (useful, share, parts) = shares(team, rooms, &mut contacts[first..]);
+        let members = coloring.members[batch.blocks.clone()].chunks(share);
+        let blocks = blocks.chunks(share).zip(rooms.chunks(share).zip(members));
         team.for_each(useful, parts.zip(blocks), |(mut contacts, (blocks, (rooms, members)))| {
             V::run(
                 #[inline(always)]
@@ -231,19 +253,21 @@ pub(super) fn shares<'a, T>(
 /// What a team works on.
 fn ground<'a, V: Lanes, const L: usize, const A: usize>(
     packed: &'a mut Packed<V, L, A>,
+    batch: &Batch,
     velocities: &'a mut Velocities<L, A>,
 ) -> (&'a Team, Ground<'a, V, L, A>) {
     let Packed { blocks, contacts, coloring, team, .. } = packed;
-    (team, Ground::new(blocks, coloring, contacts, velocities))
+    (team, Ground::new(blocks, &coloring.colors[batch.colors.clone()], contacts, velocities))
 }
 
 fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
     packed: &mut Packed<V, L, A>,
+    batch: &Batch,
     velocities: &mut Velocities<L, A>,
     targets: Option<&Targets<'_, V, L, A>>,
 ) {
-    let (team, ground) = ground(packed, velocities);
-    team.run(team.is_useful(ground.blocks.len()), &|member| {
+    let (team, ground) = ground(packed, batch, velocities);
+    team.run(team.is_useful(batch.blocks.len()), &|member| {
         V::run(
             #[inline(always)]
             || {

@@ -18,7 +18,7 @@ use crate::{Contact, Velocity, each_lane};
 /// A packed system and the velocities of its bodies.
 pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a [Block<V, L, A>],
-    /// The blocks of each color.
+    /// The blocks of each color to walk over.
     colors: &'a [Range<u32>],
     contacts: Shared<'a, Contact<V, L>>,
     velocities: Shared<'a, Velocity<f32, L, A>>,
@@ -45,13 +45,13 @@ pub(super) struct Visit<'a, V: Lanes, const L: usize, const A: usize> {
 impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     pub(super) fn new(
         blocks: &'g [Block<V, L, A>],
-        coloring: &'g Coloring,
+        colors: &'g [Range<u32>],
         contacts: &'g mut [Contact<V, L>],
         velocities: &'g mut [Velocity<f32, L, A>],
     ) -> Self {
         Self {
             blocks,
-            colors: &coloring.colors,
+            colors,
             contacts: Shared::new(contacts),
             velocities: Shared::new(velocities),
         }

@@ -11,7 +11,7 @@ use drystone_solver::cone::Law;
 use drystone_solver::island::Islands;
 use drystone_solver::lanes::{Lanes, Portable, WIDTH};
 use drystone_solver::team::Team;
-use drystone_solver::wide::{Packed, Rows, Trace, Wide};
+use drystone_solver::wide::{Batch, Packed, Rows, Trace, Wide};
 use drystone_solver::{
     Cast, Contact, InverseMass, Manifold, Repair, SymmetricMatrix, System, Vector, Velocity, pgs,
 };
@@ -103,12 +103,13 @@ fn packed<V: Lanes, const L: usize, const A: usize>(
     let mut system = system.clone();
     let mut packed = Packed::<V, L, A>::new();
     packed.pack(&system, &system.masses, 0.1);
+    let whole = packed.whole();
     for _ in 0..3 {
-        packed.apply_impulses(&mut system.velocities);
-        packed.sweep_normals_to_targets(&mut system.velocities, displacements, &REPAIR);
+        packed.apply_impulses(&whole, &mut system.velocities);
+        packed.sweep_normals_to_targets(&whole, &mut system.velocities, displacements, &REPAIR);
         packed.set_targets(displacements, &REPAIR);
-        packed.sweep_normals(&mut system.velocities);
-        packed.relax(&mut system.velocities);
+        packed.sweep_normals(&whole, &mut system.velocities);
+        packed.relax(&whole, &mut system.velocities);
     }
     packed.unpack(&mut system);
     system
@@ -231,10 +232,10 @@ fn step_both<const L: usize, const A: usize>(
     let displacements: Vec<_> = system.velocities.iter().map(moved).collect();
     let mut traces = vec![Trace::default(); system.contacts.len()];
     let [after, kept] = [&mut anew, keeping].map(|packed| {
-        let mut velocities = system.velocities.clone();
-        packed.sweep_normals_to_targets(&mut velocities, &displacements, &REPAIR);
-        packed.relax(&mut velocities);
-        packed.trace(&displacements, REPAIR.hold, &mut traces);
+        let (mut velocities, whole) = (system.velocities.clone(), packed.whole());
+        packed.sweep_normals_to_targets(&whole, &mut velocities, &displacements, &REPAIR);
+        packed.relax(&whole, &mut velocities);
+        packed.trace(&whole, &displacements, REPAIR.hold, &mut traces);
         let mut after = System { velocities, ..system.clone() };
         packed.unpack(&mut after);
         after
@@ -330,11 +331,12 @@ fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
         let mut wide = Wide::new();
         wide.set_team(Arc::new(Team::new(members)));
         wide.pack(&system, &system.masses, 0.1);
+        let whole = wide.whole();
         for _ in 0..2 {
-            wide.apply_impulses(&mut system.velocities);
+            wide.apply_impulses(&whole, &mut system.velocities);
             wide.set_targets(&still, &REPAIR);
-            wide.sweep_normals(&mut system.velocities);
-            wide.relax(&mut system.velocities);
+            wide.sweep_normals(&whole, &mut system.velocities);
+            wide.relax(&whole, &mut system.velocities);
         }
         wide.begin_conjugate(1);
         for _ in 0..3 {
@@ -355,6 +357,112 @@ fn teams_of_any_size_and_one() {
     in_all_four!(teams_and_one, 11);
 }
 
+/// A system that tells which of its bodies do not move at all.
+struct Standing<const L: usize, const A: usize>(System<f32, L, A>);
+
+impl<const L: usize, const A: usize> Rows<L> for Standing<L, A> {
+    fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
+        self.0.outlines()
+    }
+
+    fn stands(&self, body: u32) -> bool {
+        self.0.velocities[body as usize] == Velocity::ZERO
+    }
+
+    fn take<V: Lanes>(
+        &self,
+        manifolds: &[u32; WIDTH],
+        bodies: &[[u32; WIDTH]; 2],
+        moving: [u16; 2],
+        manifold: &mut Manifold<V, L>,
+        points: &mut [Contact<V, L>],
+    ) {
+        self.0.take(manifolds, bodies, moving, manifold, points);
+    }
+}
+
+/// Crowds on one ground, which comes first, and on walls that move, one crowd's bodies after the other's.
+fn crowds<const L: usize, const A: usize>(random: &mut Random) -> System<f32, L, A> {
+    let mut all: System<f32, L, A> = System::new();
+    all.add_body(Velocity::ZERO, InverseMass::FIXED);
+    for number in 0..100 {
+        let own: System<f32, L, A> = crowd::<L, A>(random).cast();
+        let first = all.velocities.len() as u32;
+        let grounded =
+            |body: u32| number % 5 > 0 && own.masses[body as usize] == InverseMass::FIXED;
+        for (velocity, mass) in own.velocities.iter().zip(&own.masses) {
+            all.add_body(*velocity, *mass);
+        }
+        for manifold in &own.manifolds {
+            let bodies = manifold.bodies.map(|body| if grounded(body) { 0 } else { first + body });
+            let points = &own.contacts[manifold.points()];
+            all.add_manifold(Manifold { bodies, ..*manifold }, points);
+        }
+    }
+    all
+}
+
+/// Batches one after the other, each through all substeps, have the bits of substeps of everything.
+fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
+    let random = &mut Random(seed);
+    let mut system = crowds::<L, A>(random);
+    let mut wide = Wide::new();
+    for round in 0..3 {
+        let displacements: Vec<Velocity<f32, L, A>> = (system.velocities.iter())
+            .map(|v| Velocity { linear: v.linear * 0.01, angular: v.angular * 0.01 })
+            .collect();
+        let rows = Standing(system.clone());
+        wide.pack(&rows, &system.masses, 0.1);
+        let batches = wide.batches().to_vec();
+        assert!(batches.len() > 2, "{} batches", batches.len());
+        let mut end = 0;
+        for batch in &batches {
+            assert_eq!(batch.bodies.start, std::mem::replace(&mut end, batch.bodies.end));
+        }
+        assert_eq!(end, system.velocities.len());
+        let mut anew = Wide::new();
+        anew.pack(&system, &system.masses, 0.1);
+        let mut traces = [(); 2].map(|()| vec![Trace::default(); system.contacts.len()]);
+        let [by_batch, by_all] = &mut traces;
+        let by = |wide: &mut Wide<L, A>, batches: &[Batch], traces: &mut [Trace<L>]| {
+            let mut after = system.clone();
+            for batch in batches {
+                for _ in 0..3 {
+                    let v = &mut after.velocities;
+                    wide.apply_impulses(batch, v);
+                    wide.sweep_normals_to_targets(batch, v, &displacements, &REPAIR);
+                    wide.sweep_normals(batch, v);
+                    wide.relax(batch, v);
+                }
+                wide.trace(batch, &displacements, REPAIR.hold, traces);
+            }
+            wide.unpack(&mut after);
+            after
+        };
+        let after = by(&mut wide, &batches, by_batch);
+        let whole = [anew.whole()];
+        assert_eq!(after, by(&mut anew, &whole, by_all));
+        assert_eq!(by_batch, by_all);
+        system = after;
+        if round == 1 {
+            // Two of a batch and the next: it has to be divided otherwise.
+            let bodies = [batches[0].bodies.end as u32 - 1, batches[1].bodies.start as u32];
+            let manifold = Manifold { bodies, ..system.manifolds[0] };
+            let points = system.contacts[manifold.points()].to_vec();
+            for body in bodies {
+                system.masses[body as usize] = InverseMass::default();
+                system.masses[body as usize].linear = 1.0;
+            }
+            system.add_manifold(manifold, &points);
+        }
+    }
+}
+
+#[test]
+fn batches_one_after_the_other_and_everything() {
+    in_all_four!(batches_and_whole, 5);
+}
+
 /// The certificate of all contacts together, by lanes and by one number at a time.
 fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     start: &System<f32, L, A>,
@@ -363,7 +471,7 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     let mut packed = Packed::<V, L, A>::new();
     packed.pack(&system, &system.masses, 0.1);
     let still = vec![Velocity::ZERO; system.velocities.len()];
-    packed.apply_impulses(&mut system.velocities);
+    packed.apply_impulses(&packed.whole(), &mut system.velocities);
     packed.set_targets(&still, &REPAIR);
     packed.sweep(&mut system.velocities);
     packed.begin_conjugate(1);

@@ -1,0 +1,153 @@
+//! [`Batch`]: what is solved through all substeps before the next, while it is in the cache of a core.
+
+use std::ops::Range;
+
+use crate::color::Outline;
+
+/// What a batch takes up for each thread, about: half of a small second cache. \[bytes\]
+pub(super) const SIZE: usize = 1 << 18;
+
+/// Bodies that follow each other and that no manifold joins to others, with their manifolds.
+///
+/// Islands are divided where no manifold crosses, in the order of the bodies: so passes over bodies stay
+/// passes over slices. Which batch a manifold is in changes no bit of what becomes of it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Batch {
+    /// The bodies.
+    pub bodies: Range<usize>,
+    /// Its colors, among those of all.
+    pub(crate) colors: Range<usize>,
+    /// Its blocks.
+    pub(crate) blocks: Range<usize>,
+}
+
+/// What a body, a manifold and a point take up, and what a batch should. \[bytes\]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sizes {
+    pub(crate) body: usize,
+    pub(crate) manifold: usize,
+    pub(crate) point: usize,
+    pub(crate) batch: usize,
+}
+
+impl Sizes {
+    /// All fit into one batch.
+    pub(crate) const NONE: Self = Self { body: 0, manifold: 0, point: 0, batch: SIZE };
+}
+
+/// Which bodies are in which batch.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Division {
+    /// The end of the bodies of each batch, and where they would end anew.
+    ends: Vec<u32>,
+    anew: Vec<u32>,
+    /// The batch of each body.
+    of_body: Vec<u16>,
+    /// By body: the last one that a manifold joins it to, and what it and its manifolds take up.
+    joined: Vec<(u32, u32)>,
+}
+
+impl Division {
+    /// How many batches there are.
+    pub(crate) fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// How many bodies there are.
+    pub(crate) fn all(&self) -> usize {
+        self.ends.last().map_or(0, |&end| end as usize)
+    }
+
+    /// The bodies of a batch.
+    pub(crate) fn bodies(&self, batch: usize) -> Range<usize> {
+        let first = if batch == 0 { 0 } else { self.ends[batch - 1] };
+        first as usize..self.ends[batch] as usize
+    }
+
+    /// Divides so many bodies, tells each manifold its batch, and returns whether batches are others than
+    /// before: they stay as they are where that will do. What does not `join` belongs to no batch.
+    pub(crate) fn update(
+        &mut self,
+        bodies: usize,
+        outlines: &mut [Outline],
+        sizes: Sizes,
+        joins: impl Fn(u32) -> bool,
+    ) -> bool {
+        let points: usize = outlines.iter().map(|of| of.points as usize).sum();
+        let all = bodies * sizes.body + outlines.len() * sizes.manifold + points * sizes.point;
+        if all <= 2 * sizes.batch {
+            self.anew.clear();
+            self.anew.push(bodies as u32);
+            if self.ends == self.anew {
+                return false;
+            }
+        } else {
+            self.join(bodies, outlines, sizes, joins);
+            if self.divide(sizes.batch) {
+                self.tell(outlines);
+                return false;
+            }
+        }
+        std::mem::swap(&mut self.ends, &mut self.anew);
+        self.of_body.clear();
+        for (batch, &end) in self.ends.iter().enumerate() {
+            self.of_body.resize(end as usize, u16::try_from(batch).unwrap_or(u16::MAX));
+        }
+        self.tell(outlines);
+        true
+    }
+
+    fn join(
+        &mut self,
+        bodies: usize,
+        outlines: &[Outline],
+        sizes: Sizes,
+        joins: impl Fn(u32) -> bool,
+    ) {
+        self.joined.clear();
+        self.joined.resize(bodies, (0, sizes.body as u32));
+        for Outline { bodies: [a, b], points, .. } in outlines {
+            let both = joins(*a) && joins(*b);
+            let (low, high) = if both {
+                (a.min(b), a.max(b))
+            } else if joins(*a) {
+                (a, a)
+            } else {
+                (b, b)
+            };
+            let (last, size) = &mut self.joined[*low as usize];
+            *last = (*last).max(*high);
+            *size += (sizes.manifold + sizes.point * *points as usize) as u32;
+        }
+    }
+
+    /// Finds new ends, of batches that are large `enough`; returns whether the old ones are as good.
+    fn divide(&mut self, enough: usize) -> bool {
+        self.anew.clear();
+        let (mut last, mut size) = (0, 0);
+        let mut old = self.ends.iter().copied().peekable();
+        let mut crossed = false;
+        for (body, &(to, own)) in (0..).zip(&self.joined) {
+            last = last.max(to);
+            size += own as usize;
+            let open = last <= body;
+            crossed |= old.next_if_eq(&(body + 1)).is_some() && !open;
+            if open && size >= enough && self.anew.len() < usize::from(u16::MAX) {
+                self.anew.push(body + 1);
+                size = 0;
+            }
+        }
+        let bodies = self.joined.len() as u32;
+        if self.anew.last() != Some(&bodies) {
+            self.anew.push(bodies);
+        }
+        !crossed && self.ends.last() == Some(&bodies) && 2 * self.ends.len() >= self.anew.len()
+    }
+
+    fn tell(&self, outlines: &mut [Outline]) {
+        for outline in outlines {
+            let side = usize::from(!outline.moving[0]);
+            outline.batch = self.of_body[outline.bodies[side] as usize];
+        }
+    }
+}
