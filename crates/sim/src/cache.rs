@@ -1,6 +1,8 @@
 //! What the contacts of one step hand to the next: pairs, their manifolds, and the impulses and
 //! slips of their points, matched by feature.
 
+use std::ops::Range;
+
 use drystone_solver::Vector;
 use drystone_solver::wide::Trace;
 
@@ -32,7 +34,7 @@ pub(crate) struct Pair {
 }
 
 impl Pair {
-    pub(crate) fn records(&self) -> std::ops::Range<usize> {
+    pub(crate) fn records(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
 }
@@ -116,6 +118,18 @@ impl<const L: usize> Records<L> {
         self.manifolds.iter().map(|record| record.bodies)
     }
 
+    /// To read all.
+    pub(crate) fn view(&self) -> View<'_, L> {
+        let Self { manifolds, points, traces, .. } = self;
+        View { manifolds, points, traces, before: [0; 2] }
+    }
+
+    /// To change all where they are.
+    pub(crate) fn view_mut(&mut self) -> RecordsMut<'_, L> {
+        let Self { manifolds, points, traces, kept } = self;
+        RecordsMut { manifolds, points, traces, kept, before: [0; 2] }
+    }
+
     /// The points of one of the manifolds.
     pub(crate) fn points_of(&self, record: &Record<L>) -> &[Point<L>] {
         &self.points[record.points()]
@@ -140,6 +154,106 @@ impl<const L: usize> Records<L> {
     }
 }
 
+/// Some records that follow each other.
+#[derive(Clone, Copy)]
+pub(crate) struct View<'a, const L: usize> {
+    manifolds: &'a [Record<L>],
+    points: &'a [Point<L>],
+    traces: &'a [Trace<L>],
+    /// How many manifolds and points come before.
+    before: [usize; 2],
+}
+
+/// The same, to be changed where they are.
+pub(crate) struct RecordsMut<'a, const L: usize> {
+    manifolds: &'a mut [Record<L>],
+    points: &'a mut [Point<L>],
+    traces: &'a mut [Trace<L>],
+    kept: &'a mut [u32],
+    before: [usize; 2],
+}
+
+/// A range, counted from later on.
+fn after(range: Range<usize>, before: usize) -> Range<usize> {
+    range.start - before..range.end - before
+}
+
+impl<'a, const L: usize> View<'a, L> {
+    /// The manifolds of these numbers.
+    pub(crate) fn of(self, numbers: Range<usize>) -> &'a [Record<L>] {
+        if numbers.is_empty() { &[] } else { &self.manifolds[after(numbers, self.before[0])] }
+    }
+
+    /// The points of one of the manifolds.
+    pub(crate) fn points_of(self, record: &Record<L>) -> &'a [Point<L>] {
+        &self.points[after(record.points(), self.before[1])]
+    }
+
+    /// What they have handed on.
+    pub(crate) fn traces_of(self, record: &Record<L>) -> &'a [Trace<L>] {
+        &self.traces[after(record.points(), self.before[1])]
+    }
+}
+
+impl<'a, const L: usize> RecordsMut<'a, L> {
+    pub(crate) fn view(&self) -> View<'_, L> {
+        let Self { manifolds, points, traces, before, .. } = self;
+        View { manifolds, points, traces, before: *before }
+    }
+
+    /// The manifolds of these numbers, which are cut off with all before them.
+    pub(crate) fn split_off(&mut self, numbers: Range<usize>) -> Self {
+        let [manifolds, points] = self.before;
+        let first =
+            |number: usize| self.manifolds.get(number - manifolds).map(|of| of.first as usize);
+        let all = points + self.points.len();
+        let to = [numbers.start, numbers.end].map(|number| [number, first(number).unwrap_or(all)]);
+        self.cut(to[0]);
+        self.cut(to[1])
+    }
+
+    /// All before these manifolds and points, which are cut off.
+    fn cut(&mut self, to: [usize; 2]) -> Self {
+        let [manifolds, points] = [0, 1].map(|i| to[i] - self.before[i]);
+        Self {
+            manifolds: self.manifolds.split_off_mut(..manifolds).unwrap_or_default(),
+            points: self.points.split_off_mut(..points).unwrap_or_default(),
+            traces: self.traces.split_off_mut(..points).unwrap_or_default(),
+            kept: self.kept.split_off_mut(..manifolds).unwrap_or_default(),
+            before: std::mem::replace(&mut self.before, to),
+        }
+    }
+
+    /// Notes that manifolds are as they were when they were `traced`, unless that was noted before.
+    pub(crate) fn keep(&mut self, numbers: Range<usize>, traced: bool) {
+        if traced {
+            let own = after(numbers.clone(), self.before[0]);
+            self.kept[own].iter_mut().zip(numbers).for_each(|(kept, own)| *kept = own as u32);
+        }
+    }
+
+    /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Whether they have been
+    /// `traced` since they were last measured.
+    pub(crate) fn measure(&mut self, numbers: Range<usize>, [a, b]: [&Frame<L>; 2], traced: bool) {
+        let own = after(numbers, self.before[0]);
+        self.kept[own.clone()].fill(NEW);
+        for record in &mut self.manifolds[own] {
+            let normal = b.direction(record.local_normal);
+            let points = after(record.points(), self.before[1]);
+            let traces = &mut self.traces[points.clone()];
+            for (point, trace) in self.points[points].iter_mut().zip(traces) {
+                let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
+                point.middle = (on_a + on_b) * 0.5;
+                trace.gap[0] = normal.dot(on_a - on_b);
+            }
+            if traced {
+                record.traced = record.normal;
+            }
+            (record.normal, record.apart) = (normal, a.position);
+        }
+    }
+}
+
 impl<const L: usize> Record<L> {
     /// No record.
     pub(crate) const NONE: Self = Self {
@@ -158,7 +272,7 @@ impl<const L: usize> Record<L> {
         reach: 0.0,
     };
 
-    pub(crate) fn points(&self) -> std::ops::Range<usize> {
+    pub(crate) fn points(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
 }

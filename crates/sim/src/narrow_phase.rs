@@ -7,7 +7,7 @@ use drystone_solver::team::{Team, chunks_with_parts};
 use drystone_solver::wide::Trace;
 
 use crate::bodies::Bodies;
-use crate::cache::{self, Pair, Point, Record, Records, inherit};
+use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View, inherit};
 use crate::geometry::{Frame, Geometry, Touch};
 
 /// What the narrow phase reads.
@@ -18,11 +18,10 @@ pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) bodies: &'a Bodies<G, L, A>,
     /// How far a body can move against another within the step, by body. \[m\]
     pub(crate) travel: &'a [Travel<L>],
-    /// Records of the step before, and of what rests.
-    pub(crate) old: &'a Records<L>,
-    /// Whether those of the step before have been traced since: else their traces are still seen as they
-    /// were handed on.
+    /// Whether the records of the step before have been traced since: else their traces are still seen as
+    /// they were handed on.
     pub(crate) traced: bool,
+    /// Records of what rests.
     pub(crate) resting: &'a Records<L>,
     /// Whether a body moves or can be moved.
     pub(crate) active: &'a [bool],
@@ -64,6 +63,8 @@ const CHUNK: usize = 128;
 /// What one worker finds for its pairs.
 pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
     scratch: G::Scratch,
+    /// Those of the step before that its pairs have.
+    known: Range<usize>,
     /// Found anew.
     records: Records<L>,
     /// The records of all its pairs, in their order.
@@ -80,8 +81,8 @@ struct Run {
 }
 
 impl Run {
-    fn points<const L: usize>(&self, of: &Records<L>) -> Range<usize> {
-        match &of.manifolds[self.manifolds.clone()] {
+    fn points<const L: usize>(&self, of: View<'_, L>) -> Range<usize> {
+        match of.of(self.manifolds.clone()) {
             [] => 0..0,
             [first, .., last] => first.points().start..last.points().end,
             [only] => only.points(),
@@ -92,31 +93,36 @@ impl Run {
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L, A> {
     fn default() -> Self {
         let (scratch, records) = (G::Scratch::default(), Records::default());
-        Self { scratch, records, runs: Vec::new(), counts: [0; 2] }
+        Self { scratch, known: 0..0, records, runs: Vec::new(), counts: [0; 2] }
     }
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
-    /// Gives each pair its range among the records of these pairs.
-    fn find(&mut self, around: &Surroundings<'_, G, L, A>, pairs: &mut [Pair]) {
-        let Self { scratch, records, runs, counts } = self;
+    /// Gives each pair its range among the records of these pairs; `own` are those that they have had.
+    fn find(
+        &mut self,
+        around: &Surroundings<'_, G, L, A>,
+        pairs: &mut [Pair],
+        mut own: RecordsMut<'_, L>,
+    ) {
+        let Self { scratch, records, runs, counts, .. } = self;
         records.clear();
         runs.clear();
         *counts = [0; 2];
         for pair in pairs {
-            let own = pair.records();
+            let known = pair.records();
+            let first = records.manifolds.len();
             let stirred = || pair.bodies.iter().any(|&body| around.bodies.stirred[body as usize]);
-            let old = !(pair.rests || own.is_empty() || around.reuse_distance == 0.0 || stirred());
-            let manifolds = if old {
-                own
-            } else {
-                let first = records.manifolds.len();
-                collide(around, pair, scratch, records);
-                first..records.manifolds.len()
-            };
+            let kept =
+                !(pair.rests || known.is_empty() || around.reuse_distance == 0.0 || stirred());
+            if kept {
+                own.keep(known.clone(), around.traced);
+            }
+            let old = kept || collide(around, pair, &mut own, scratch, records);
             if pair.rests {
                 continue;
             }
+            let manifolds = if old { known } else { first..records.manifolds.len() };
             pair.first = counts[0] as u32;
             counts[0] += manifolds.len();
             match runs.last_mut() {
@@ -127,37 +133,34 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
                 _ => runs.push(Run { old, manifolds }),
             }
         }
-        let points = |run: &Run| run.points(if run.old { around.old } else { records }).len();
+        let old = own.view();
+        let points = |run: &Run| run.points(if run.old { old } else { records.view() }).len();
         counts[1] = runs.iter().map(points).sum();
     }
 
     /// Brings its runs together; `offset` points come before.
     fn copy(
         &self,
-        around: &Surroundings<'_, G, L, A>,
+        old: &Records<L>,
         (mut manifolds, mut kept): (&mut [Record<L>], &mut [u32]),
         (points, traces): (&mut [Point<L>], &mut [Trace<L>]),
         offset: usize,
     ) {
         let mut first = 0;
         for run in &self.runs {
-            let from = if run.old { around.old } else { &self.records };
-            let (own, range) = (&from.manifolds[run.manifolds.clone()], run.points(from));
+            let from = if run.old { old } else { &self.records };
+            let (own, range) = (run.manifolds.clone(), run.points(from.view()));
             let to = first..first + range.len();
             points[to.clone()].copy_from_slice(&from.points[range.clone()]);
             traces[to.clone()].copy_from_slice(&from.traces[range.clone()]);
             let moved = ((offset + first) as u32).wrapping_sub(range.start as u32);
-            let into = manifolds.split_off_mut(..own.len()).unwrap_or_default();
-            for (into, record) in into.iter_mut().zip(own) {
-                let traced = if run.old { around.seen_from(record) } else { record.traced };
-                *into = Record { traced, first: record.first.wrapping_add(moved), ..*record };
-            }
             let into = kept.split_off_mut(..own.len()).unwrap_or_default();
-            if run.old && around.traced {
-                let numbers = run.manifolds.start as u32..;
-                into.iter_mut().zip(numbers).for_each(|(into, number)| *into = number);
-            } else {
-                into.copy_from_slice(&from.kept[run.manifolds.clone()]);
+            into.copy_from_slice(&from.kept[own.clone()]);
+            let records = manifolds.split_off_mut(..own.len()).unwrap_or_default();
+            for ((into, kept), record) in records.iter_mut().zip(into).zip(&from.manifolds[own]) {
+                // What is kept has been traced as it is.
+                let traced = if *kept == cache::NEW { record.traced } else { record.normal };
+                *into = Record { traced, first: record.first.wrapping_add(moved), ..*record };
             }
             first = to.end;
         }
@@ -165,14 +168,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
 }
 
 /// Finds the manifolds of all pairs, in the order of the pairs whatever the number of threads, and gives
-/// each pair its range; pairs that rest keep theirs. Returns whether there are others than in the step
-/// before: then `records` is filled with them.
+/// each pair its range; pairs that rest keep theirs. `old` are those of the step before, of which some are
+/// measured anew where they are. Returns whether there are others: then `records` is filled with them.
 pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pairs: &mut [Pair],
     workers: &mut Vec<Worker<G, L, A>>,
     team: &Team,
-    records: &mut Records<L>,
+    (old, records): (&mut Records<L>, &mut Records<L>),
 ) -> bool {
     let useful = team.members() > 1 && pairs.len() >= 2 * CHUNK;
     let share = if useful { CHUNK } else { pairs.len().max(1) };
@@ -181,8 +184,19 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
         workers.resize_with(chunks, Worker::default);
     }
     let workers = &mut workers[..chunks];
-    let parts = pairs.chunks_mut(share).zip(workers.iter_mut());
-    team.for_each(useful, parts, |(pairs, worker)| worker.find(around, pairs));
+    // The records of a chunk begin where those of its first pair do, and end where the next ones begin.
+    let mut end = old.manifolds.len();
+    for (pairs, worker) in pairs.chunks(share).zip(&mut *workers).rev() {
+        let first = pairs.iter().find(|pair| !pair.rests && pair.count > 0);
+        let start = first.map_or(end, |pair| pair.first as usize);
+        worker.known = start..std::mem::replace(&mut end, start);
+    }
+    let mut later = old.view_mut();
+    let parts = pairs.chunks_mut(share).zip(workers.iter_mut()).map(|(pairs, worker)| {
+        let own = later.split_off(worker.known.clone());
+        (pairs, worker, own)
+    });
+    team.for_each(useful, parts, |(pairs, worker, own)| worker.find(around, pairs, own));
     let mut first = 0;
     let parts = pairs.chunks_mut(share).zip(workers.iter()).map(|(pairs, worker)| {
         first += worker.counts[0];
@@ -196,7 +210,7 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     let mut runs = workers.iter().flat_map(|worker| &worker.runs);
     let same =
         |end, run: &Run| (run.old && run.manifolds.start == end).then_some(run.manifolds.end);
-    if runs.try_fold(0, same) == Some(around.old.manifolds.len()) {
+    if runs.try_fold(0, same) == Some(old.manifolds.len()) {
         return false;
     }
     if let [worker] = workers
@@ -205,13 +219,13 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
         std::mem::swap(records, &mut worker.records);
         return true;
     }
-    join(around, workers, team, useful, records);
+    join(old, workers, team, useful, records);
     true
 }
 
 /// Brings together what the workers have found.
 fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
-    around: &Surroundings<'_, G, L, A>,
+    old: &Records<L>,
     workers: &[Worker<G, L, A>],
     team: &Team,
     useful: bool,
@@ -234,23 +248,25 @@ fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
             (&manifolds.0[0], (manifolds.1, kept.1), (points.1, traces.1), offset)
         });
     team.for_each(useful, own, |(worker, manifolds, points, offset)| {
-        worker.copy(around, manifolds, points, offset);
+        worker.copy(old, manifolds, points, offset);
     });
 }
 
-/// Appends the manifolds of a pair to `records`.
+/// Finds the manifolds of a pair: those that it has had, measured anew where they are (then true), or others,
+/// which are appended to `records`.
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pair: &mut Pair,
+    own: &mut RecordsMut<'_, L>,
     scratch: &mut G::Scratch,
     records: &mut Records<L>,
-) {
+) -> bool {
     if pair.rests && !pair.bodies.iter().any(|&body| around.active[body as usize]) {
-        return;
+        return false;
     }
-    let old = if pair.rests { around.resting } else { around.old };
-    pair.rests = false;
-    let known = &old.manifolds[pair.records()];
+    let rested = std::mem::replace(&mut pair.rests, false);
+    let old = if rested { around.resting.view() } else { own.view() };
+    let known = old.of(pair.records());
     let first = records.manifolds.len();
     let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
     // Never through a thin body to what is behind it.
@@ -260,7 +276,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         + travel_b.angular;
     let paths: f64 = pair.bodies.iter().map(|&body| around.bodies.paths[body as usize]).sum();
     if known.is_empty() && paths + f64::from(prediction) < pair.until {
-        return;
+        return false;
     }
     // Everything is seen from the center of mass of b: so it does not matter how far the pair is
     // from the origin.
@@ -269,15 +285,23 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let a = &Frame { position: apart, axes: axes_a };
     let b = &Frame { position: Vector::ZERO, axes: axes_b };
     let reusable = !known.is_empty() && around.reuse_distance > 0.0 && !pair.rolls;
-    if reusable && paths < pair.until {
-        return reuse(around, pair, (known, old), [a, b], records);
-    }
     let seen = a.seen_from(b);
     let left = |record: &Record<L>| around.reuse_distance - moved(record, &seen);
     let known_to = |gap: f32| f64::from(gap - ROUNDING * (gap.abs() + apart.length()));
-    if let Some(left) = known.first().map(left).filter(|&left| reusable && left > 0.0) {
+    let mut reused = reusable && paths < pair.until;
+    if !reused && let Some(left) = known.first().map(left).filter(|&left| reusable && left > 0.0) {
         pair.until = paths + known_to(left / pair.lever);
-        return reuse(around, pair, (known, old), [a, b], records);
+        reused = true;
+    }
+    if reused {
+        if rested {
+            records.take_pair(pair, around.resting);
+            let mut woken = records.view_mut();
+            woken.measure(pair.records(), [a, b], around.traced);
+        } else {
+            own.measure(pair.records(), [a, b], around.traced);
+        }
+        return !rested;
     }
     let [shape_a, shape_b] = pair.colliders.map(|c| &around.shapes[c as usize]);
     let [pose_a, pose_b] = pair.colliders.map(|c| &around.poses[c as usize]);
@@ -316,6 +340,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     pair.count = (records.manifolds.len() - first) as u32;
     let lasts = if pair.count > 0 { around.reuse_distance / pair.lever } else { gap };
     pair.until = paths + known_to(lasts);
+    false
 }
 
 /// How far a has moved against b, as seen from it, since the record's points were found. \[m\]
@@ -326,29 +351,4 @@ fn moved<const L: usize>(record: &Record<L>, seen: &Frame<L>) -> f32 {
         turned = turned.max((*now - *then).length());
     }
     moved + turned * record.reach
-}
-
-/// Gives a pair the records that it has had, with their gaps measured anew.
-fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
-    around: &Surroundings<'_, G, L, A>,
-    pair: &mut Pair,
-    (known, old): (&[Record<L>], &Records<L>),
-    [a, b]: [&Frame<L>; 2],
-    records: &mut Records<L>,
-) {
-    pair.count = known.len() as u32;
-    for record in known {
-        let normal = b.direction(record.local_normal);
-        let first = records.points.len() as u32;
-        for (point, trace) in old.points_of(record).iter().zip(old.traces_of(record)) {
-            let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
-            records.points.push(Point { middle: (on_a + on_b) * 0.5, ..*point });
-            let mut trace = *trace;
-            trace.gap[0] = normal.dot(on_a - on_b);
-            records.traces.push(trace);
-        }
-        let (traced, apart) = (around.seen_from(record), a.position);
-        records.manifolds.push(Record { normal, traced, apart, first, ..*record });
-        records.kept.push(cache::NEW);
-    }
 }

@@ -61,6 +61,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     system: System<f32, L, A>,
     /// The contacts of the step, sixteen side by side.
     wide: Wide<L, A>,
+    /// What takes its substeps one after the other.
+    batches: Vec<Batch>,
     /// The velocities of a substep without the impulses of its contacts.
     prospective: Vec<Velocity<f32, L, A>>,
     certifier: Certifier<L, A>,
@@ -111,6 +113,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             last_gravity: Vector::ZERO,
             system: System::new(),
             wide: Wide::new(),
+            batches: Vec::new(),
             prospective: Vec::new(),
             certifier: Certifier::default(),
             blow: Blow::default(),
@@ -411,8 +414,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let plan = self.plan(dt / substeps as f32, substeps, last);
         self.pack(&plan, dt);
         clock.lap(report, Stage::Rows);
-        let whole = [self.wide.whole()];
-        let batches = if plan.together { &whole } else { self.wide.batches() }.to_vec();
+        let mut batches = std::mem::take(&mut self.batches);
+        batches.clear();
+        if plan.together {
+            batches.push(self.wide.whole());
+        } else {
+            batches.extend_from_slice(self.wide.batches());
+        }
         for batch in &batches {
             for substep in 0..substeps {
                 self.substep(&plan, batch, substep, clock, report);
@@ -421,6 +429,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.wide.trace(batch, &self.displacements, self.settings.hold, traces);
             clock.lap(report, Stage::Remember);
         }
+        self.batches = batches;
         let sweeps = if plan.solving { 1 } else { 1 + self.settings.iterations.max(1) };
         report.sweeps += (substeps * sweeps) as usize;
         self.arrive(&plan, clock, report);
@@ -504,17 +513,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             books.start(&system.velocities);
         }
         let (masses, velocities) = (&system.masses, &mut system.velocities);
-        let (gravity, team) = (self.gravity, &self.team);
-        motion::predict(
-            bodies,
-            own.clone(),
-            masses,
-            gravity,
-            plan.h,
-            team,
-            velocities,
-            prospective,
-        );
+        let (gravity, team, h) = (self.gravity, &self.team, plan.h);
+        let to = [&mut velocities[..], &mut prospective[..]];
+        motion::predict(bodies, own.clone(), masses, gravity, h, team, to);
         clock.lap(report, Stage::Predict);
         if let Some(collisions) = &plan.collisions {
             if plan.ledger {
@@ -668,15 +669,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         let mut traced = true;
         loop {
-            if self.collide(traced) {
-                traced = false;
-            } else {
+            if !self.collide(traced) {
                 std::mem::swap(&mut self.records, &mut self.old_records);
-                if traced {
-                    let kept = self.records.kept.iter_mut();
-                    (0..).zip(kept).for_each(|(number, kept)| *kept = number);
-                }
             }
+            traced = false;
             // What is touched wakes, and may wake what it touches.
             if !self.rouse_touched() {
                 return;
@@ -712,15 +708,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             poses: &self.colliders.poses,
             bodies: &self.bodies,
             travel: &self.travel,
-            old: &self.old_records,
             traced,
             resting: &self.sleep.records,
             active: &self.active,
             prediction_distance: self.settings.prediction_distance,
             reuse_distance: self.settings.reuse_distance,
         };
-        let workers = &mut self.workers;
-        manifolds(&around, &mut self.pairs, workers, &self.team, &mut self.records)
+        let records = (&mut self.old_records, &mut self.records);
+        manifolds(&around, &mut self.pairs, &mut self.workers, &self.team, records)
     }
 
     /// Energies, deepest overlap and residual as the last step left them.
