@@ -189,7 +189,7 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) gravity_factor: Vec<f32>,
     /// Largest distance of its shapes from the center of mass. \[m\]
     pub(crate) reach: Vec<f32>,
-    /// Force and torque until the end of the next step. \[N, N m\]
+    /// Force and torque until the end of the next step; of none where there are no more. \[N, N m\]
     pub(crate) forces: Vec<Velocity<f32, L, A>>,
 }
 
@@ -262,6 +262,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             linear: inertia.inverse_mass(),
             angular: self.frames[body].tensor(inertia.inverse_moments),
         }
+    }
+
+    /// Force and torque on a body. \[N, N m\]
+    pub(crate) fn force(&self, body: usize) -> Velocity<f32, L, A> {
+        self.forces.get(body).copied().unwrap_or(Velocity::ZERO)
     }
 
     /// The acceleration of gravity on a body. \[m/s^2\]

@@ -6,6 +6,7 @@ use drystone_solver::Vector;
 use parry3d::bounding_volume::Aabb;
 use parry3d::partitioning::{Bvh, BvhWorkspace};
 
+use crate::cache::Pair;
 use crate::geometry::Bounds;
 
 /// Boxes are stored larger than needed by this part of their size, so that a shape has to move
@@ -18,6 +19,8 @@ pub(crate) struct BroadPhase<const L: usize> {
     workspace: BvhWorkspace,
     /// The enlarged box of each shape; none for removed ones.
     boxes: Vec<Option<Bounds<L>>>,
+    /// Which of them are others than when it was last asked what has parted.
+    moved: Vec<bool>,
     /// Pairs, the lower index in the upper half: they sort as one number.
     found: Vec<u64>,
     changed: bool,
@@ -29,6 +32,7 @@ impl<const L: usize> BroadPhase<L> {
             tree: Bvh::new(),
             workspace: BvhWorkspace::default(),
             boxes: Vec::new(),
+            moved: Vec::new(),
             found: Vec::new(),
             changed: false,
         }
@@ -50,6 +54,7 @@ impl<const L: usize> BroadPhase<L> {
         let index = shape as usize;
         if self.boxes.len() <= index {
             self.boxes.resize(index + 1, None);
+            self.moved.resize(index + 1, false);
         }
         if self.room(index, needed) >= 0.0 {
             return;
@@ -69,6 +74,7 @@ impl<const L: usize> BroadPhase<L> {
         let mut out = Self::new();
         for (shape, stored) in boxes.enumerate() {
             out.boxes.push(None);
+            out.moved.push(false);
             if let Some(stored) = stored {
                 out.store(shape as u32, stored);
             }
@@ -78,6 +84,7 @@ impl<const L: usize> BroadPhase<L> {
 
     fn store(&mut self, shape: u32, stored: Bounds<L>) {
         self.boxes[shape as usize] = Some(stored);
+        self.moved[shape as usize] = true;
         // The tree reports a leaf as changed only when it is given a margin; ours is already in.
         self.tree.insert_or_update_partially(aabb(&stored), shape, f32::MIN_POSITIVE);
         self.changed = true;
@@ -87,6 +94,7 @@ impl<const L: usize> BroadPhase<L> {
     pub(crate) fn remove(&mut self, shape: u32) {
         self.tree.remove(shape);
         self.boxes[shape as usize] = None;
+        self.moved[shape as usize] = true;
         self.changed = true;
     }
 
@@ -94,6 +102,16 @@ impl<const L: usize> BroadPhase<L> {
     pub(crate) fn near(&self, pair: [u32; 2]) -> bool {
         let [a, b] = pair.map(|shape| self.boxes[shape as usize]);
         a.zip(b).is_some_and(|(a, b)| (0..L).all(|i| a.min[i] <= b.max[i] && b.min[i] <= a.max[i]))
+    }
+
+    /// Drops the pairs whose boxes have come to overlap no more since the last call.
+    pub(crate) fn drop_parted(&mut self, pairs: &mut Vec<Pair>) {
+        let moved = |shape: u32| self.moved[shape as usize];
+        pairs.retain(|pair| {
+            let [a, b] = pair.colliders;
+            !(moved(a) || moved(b)) || self.near(pair.colliders)
+        });
+        self.moved.fill(false);
     }
 
     /// Pairs of shapes whose boxes have come to overlap, lower index first, sorted; none if no

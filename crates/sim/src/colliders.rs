@@ -27,6 +27,8 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) poses: Vec<G::Pose>,
     material: Vec<Material>,
     filter: Vec<Filter>,
+    /// Whether any of them has ever bounced.
+    pub(crate) bounce: bool,
     pub(crate) removed: Vec<bool>,
     /// The room that a shape needs, where it has outgrown its box in the broad phase.
     outgrown: Vec<Option<Bounds<L>>>,
@@ -45,6 +47,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             poses: Vec::new(),
             material: Vec::new(),
             filter: Vec::new(),
+            bounce: false,
             removed: Vec::new(),
             outgrown: Vec::new(),
             room_until: Vec::new(),
@@ -67,6 +70,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         self.body.push(body as u32);
         self.thickness.push(thickness::<G, L, A>(&collider.shape));
         self.shapes.push(G::collider(collider.shape));
+        self.bounce |= collider.material.restitution > 0.0;
         self.local.push(local);
         self.poses.push(turned);
         self.material.push(collider.material);

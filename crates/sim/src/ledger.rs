@@ -185,7 +185,7 @@ impl<const L: usize, const A: usize> Books<L, A> {
             if *mass == Mass::ZERO {
                 continue;
             }
-            let (push, inverse) = (bodies.forces[body].cast::<f64>(), &system.masses[body]);
+            let (push, inverse) = (bodies.force(body).cast::<f64>(), &system.masses[body]);
             let pushed = Velocity {
                 linear: push.linear * f64::from(inverse.linear),
                 angular: inverse.angular.cast() * push.angular,

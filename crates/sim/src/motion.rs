@@ -34,12 +34,15 @@ pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
         let numbers = first + CHUNK * chunk..;
         for (body, (velocity, push)) in numbers.zip(velocities.iter_mut().zip(push)) {
             *push = *velocity - *push;
-            let (mass, force) = (&masses[body], &bodies.forces[body]);
-            if bodies.is_dynamic(body) && mass.linear > 0.0 {
+            if !bodies.is_dynamic(body) {
+                continue;
+            }
+            let (mass, force) = (&masses[body], bodies.force(body));
+            if mass.linear > 0.0 {
                 let fall = bodies.pull(body, gravity);
                 velocity.linear += (fall + force.linear * mass.linear) * h;
-                velocity.angular += (mass.angular * force.angular) * h;
-            } else if bodies.is_dynamic(body) {
+            }
+            if force.angular != Vector::ZERO {
                 velocity.angular += (mass.angular * force.angular) * h;
             }
         }

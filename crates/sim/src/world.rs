@@ -168,7 +168,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.gravity_factor[index] = body.gravity_factor;
         bodies.reach[index] = reach;
         bodies.strayed[index] = f32::INFINITY;
-        bodies.forces[index] = Velocity::ZERO;
+        if let Some(force) = bodies.forces.get_mut(index) {
+            *force = Velocity::ZERO;
+        }
         let moves = body.motion != Motion::Static;
         self.system.velocities[index] = if moves { body.velocity } else { Velocity::ZERO };
         self.sleep.reset(index);
@@ -204,7 +206,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.turns.push(Vector::ZERO);
         bodies.gravity_factor.push(1.0);
         bodies.reach.push(0.0);
-        bodies.forces.push(Velocity::ZERO);
         self.displacements.push(Velocity::ZERO);
         self.travel.push(Travel::default());
         self.system.add_body(Velocity::ZERO, InverseMass::FIXED) as usize
@@ -302,7 +303,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     pub fn add_force(&mut self, id: BodyId, force: Velocity<f32, L, A>) {
         if let Some(index) = self.index(id) {
             self.rouse(index);
-            self.bodies.forces[index] += force;
+            let (all, forces) = (self.len(), &mut self.bodies.forces);
+            forces.resize(all, Velocity::ZERO);
+            forces[index] += force;
         }
     }
 
@@ -364,7 +367,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let last = part + 1 == parts;
             self.part(dt / parts as f32, substeps, last, &mut clock, &mut report);
         }
-        self.bodies.forces.fill(Velocity::ZERO);
+        self.bodies.forces.clear();
         let delay = self.settings.sleep;
         if delay > 0.0 {
             let (sleep, system, touching) =
@@ -439,8 +442,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let settings = &self.settings;
         let solving = settings.tolerance > 0.0;
         let examined = (last && settings.certify).then_some(substeps - 1);
-        let mut records = self.records.manifolds.iter();
-        let bouncing = records.any(|record| record.restitution > 0.0);
+        let mut pairs = self.pairs.iter();
+        let bouncing = pairs.any(|pair| pair.restitution > 0.0 && pair.count > 0 && !pair.rests);
         Plan {
             h,
             substeps,
@@ -651,9 +654,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 fresh.extend(self.colliders.pair(&self.bodies, pair));
             }
         }
-        let broad_phase = &self.broad_phase;
+        let broad_phase = &mut self.broad_phase;
         fresh.retain(|pair| broad_phase.near(pair.colliders));
-        self.pairs.retain(|pair| broad_phase.near(pair.colliders));
+        broad_phase.drop_parted(&mut self.pairs);
         cache::merge(&mut self.pairs, fresh);
     }
 
@@ -692,6 +695,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Wakes what something active touches; returns whether any slept.
     fn rouse_touched(&mut self) -> bool {
         let mut any = false;
+        if !self.sleep.is_used() {
+            return any;
+        }
         for record in 0..self.records.manifolds.len() {
             for body in self.records.manifolds[record].bodies {
                 any |= self.sleep.sleeps(body as usize) && self.rouse(body as usize);

@@ -7,7 +7,7 @@ use super::hull::{self, Hull};
 use super::polyhedra::{Clipper, Cuboid, Footing, Plane, Solid, collide, on_plane};
 use super::rounds::{Round, between_rounds, on_solid};
 use super::separation::{Crossing, between, between_boxes};
-use super::spheres::between_balls;
+use super::spheres::balls;
 use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, leading};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
@@ -72,8 +72,8 @@ macro_rules! over_parry {
         fn rolls(collider: &Self::Collider) -> bool {
             match collider.form {
                 Form::Ball(_) | Form::Capsule(..) => true,
-                Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) => false,
-                Form::Other => collider.shape.as_trimesh().is_none(),
+                Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) | Form::Mesh => false,
+                Form::Other => true,
             }
         }
 
@@ -90,6 +90,13 @@ macro_rules! over_parry {
             use $parry::query::{DefaultQueryDispatcher, PersistentQueryDispatcher};
             use $parry::shape::Shape;
 
+            // As what is round below, but most of a heap of balls.
+            if let (Form::Ball(radius_a), Form::Ball(radius_b)) = (&a.0.form, &b.0.form) {
+                let centers =
+                    [a.1, b.1].map(|pose| <Self as Geometry<$l, $a>>::frame(pose).position);
+                let touch = &mut scratch.touch;
+                return balls(centers, [*radius_a, *radius_b], prediction, touch, report);
+            }
             let (pose_a, pose_b): ($parry::math::Pose, $parry::math::Pose) =
                 ((*a.1).into(), (*b.1).into());
             let from_b = pose_a.inv_mul(&pose_b);
@@ -148,7 +155,10 @@ macro_rules! over_parry {
             let whole_a = Piece { shape: &*shape_a.0, form: &a.0.form };
             let whole_b = Piece { shape: &*shape_b.0, form: &b.0.form };
             let form = &Form::Other;
-            if let Some(mesh) = shape_a.as_trimesh() {
+            let is_mesh = |of: &Self::Collider| matches!(of.form, Form::Mesh);
+            if is_mesh(a.0)
+                && let Some(mesh) = shape_a.as_trimesh()
+            {
                 let near = shape_b.compute_aabb(&from_b).loosened(prediction);
                 for index in mesh.bvh().intersect_aabb(&near) {
                     let normals = mesh.triangle_normal_constraints(index);
@@ -156,7 +166,9 @@ macro_rules! over_parry {
                     let triangle = Piece { shape: &mesh.triangle(index), form };
                     pair(triangle, whole_b, [normals, None], index);
                 }
-            } else if let Some(mesh) = shape_b.as_trimesh() {
+            } else if is_mesh(b.0)
+                && let Some(mesh) = shape_b.as_trimesh()
+            {
                 let near = shape_a.compute_aabb(&from_b.inverse()).loosened(prediction);
                 for index in mesh.bvh().intersect_aabb(&near) {
                     let normals = mesh.triangle_normal_constraints(index);
@@ -189,9 +201,12 @@ enum Form<H, const L: usize> {
     /// The ends of its segment, and its radius. \[m\]
     Capsule([Vector<f32, L>; 2], f32),
     Cuboid(Cuboid<L>),
-    Hull(H),
+    /// Boxed, since it is the largest: shapes are visited at random.
+    Hull(Box<H>),
     /// By its outward normal.
     Halfspace(Vector<f32, L>),
+    /// Of triangles, each of which is left to parry.
+    Mesh,
     /// Left to parry.
     Other,
 }
@@ -228,7 +243,7 @@ impl<H, const L: usize> Form<H, L> {
         match self {
             Form::Ball(radius) => Some(Round { ends: [Vector::ZERO; 2], radius: *radius }),
             Form::Capsule(ends, radius) => Some(Round { ends: *ends, radius: *radius }),
-            Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) | Form::Other => None,
+            _ => None,
         }
     }
 }
@@ -242,17 +257,6 @@ fn round_or_plane<H: Solid<L>, const L: usize>(
     touch: &mut Touch<L>,
 ) -> Option<f32> {
     match (a, b) {
-        // As below, but most of a heap of balls.
-        (Form::Ball(radius_a), Form::Ball(radius_b)) => {
-            let (normal, gap) = between_balls(-from_b.position, [*radius_a, *radius_b]);
-            if gap <= prediction {
-                let on_a = normal * -radius_a;
-                let on_b = on_a - normal * gap;
-                touch.normal = normal;
-                touch.points.push(TouchPoint { on_a, on_b, gap, feature: 0 });
-            }
-            return Some(gap);
-        }
         (Form::Halfspace(_), Form::Halfspace(_)) => return None,
         (_, Form::Halfspace(normal)) => {
             let plane = Plane { point: from_b.position, normal: from_b.direction(*normal) };
@@ -269,7 +273,7 @@ fn round_or_plane<H: Solid<L>, const L: usize>(
     }
     let mut on = |round: &Round<L>, form: &Form<H, L>| match form {
         Form::Cuboid(solid) => on_solid(round, solid, prediction, before, clipper, touch),
-        Form::Hull(solid) => on_solid(round, solid, prediction, before, clipper, touch),
+        Form::Hull(solid) => on_solid(round, &**solid, prediction, before, clipper, touch),
         _ => None,
     };
     match (a.round(), b.round()) {
@@ -296,7 +300,7 @@ fn footing<H, const L: usize>(form: &Form<H, L>) -> Option<Footing<'_, H, L>> {
         Form::Capsule(ends, radius) => Footing::Round(ends, *radius),
         Form::Cuboid(cuboid) => Footing::Cuboid(cuboid),
         Form::Hull(hull) => Footing::Hull(hull),
-        Form::Halfspace(_) | Form::Other => return None,
+        Form::Halfspace(_) | Form::Mesh | Form::Other => return None,
     })
 }
 
@@ -322,9 +326,9 @@ fn polygons(
             let separation = between_boxes(a, b, frame, prediction);
             collide(a, b, frame, prediction, separation, clipper, touch)
         }
-        (Cuboid(a), Hull(b)) => meet(a, b, query, || None, clipper, touch),
-        (Hull(a), Cuboid(b)) => meet(a, b, query, || None, clipper, touch),
-        (Hull(a), Hull(b)) => meet(a, b, query, || None, clipper, touch),
+        (Cuboid(a), Hull(b)) => meet(a, &**b, query, || None, clipper, touch),
+        (Hull(a), Cuboid(b)) => meet(&**a, b, query, || None, clipper, touch),
+        (Hull(a), Hull(b)) => meet(&**a, &**b, query, || None, clipper, touch),
         (a, b) => return round_or_plane([a, b], query, clipper, touch),
     })
 }
@@ -347,9 +351,9 @@ fn solids(
             let separation = between_boxes(a, b, frame, prediction);
             collide(a, b, frame, prediction, separation, clipper, touch)
         }
-        (Cuboid(a), Hull(b)) => meet(a, b, query, nearest, clipper, touch),
-        (Hull(a), Cuboid(b)) => meet(a, b, query, nearest, clipper, touch),
-        (Hull(a), Hull(b)) => meet(a, b, query, nearest, clipper, touch),
+        (Cuboid(a), Hull(b)) => meet(a, &**b, query, nearest, clipper, touch),
+        (Hull(a), Cuboid(b)) => meet(&**a, b, query, nearest, clipper, touch),
+        (Hull(a), Hull(b)) => meet(&**a, &**b, query, nearest, clipper, touch),
         (a, b) => return round_or_plane([a, b], query, clipper, touch),
     })
 }
@@ -419,6 +423,7 @@ macro_rules! form {
                 }
                 TypedShape::HalfSpace(plane) => Form::Halfspace(plane.normal.to_array().into()),
                 $hulls => $found,
+                TypedShape::TriMesh(_) => Form::Mesh,
                 _ => Form::Other,
             }
         }
@@ -426,9 +431,9 @@ macro_rules! form {
 }
 
 form!(form_2, parry2d, ConvexPolygon, 2,
-    TypedShape::ConvexPolygon(polygon) => Form::Hull(polygon.clone()));
+    TypedShape::ConvexPolygon(polygon) => Form::Hull(Box::new(polygon.clone())));
 form!(form_3, parry3d, Hull, 3,
-    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(Form::Other, Form::Hull));
+    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(Form::Other, |hull| Form::Hull(Box::new(hull))));
 
 impl Geometry<2, 1> for Rigid2 {
     type Pose = Pose2;

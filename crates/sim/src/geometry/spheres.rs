@@ -111,36 +111,56 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
     ) -> f32 {
         use SphereShape::{Halfspace, Sphere};
         let between = *a.1 - *b.1;
-        let (reach_b, (normal, gap)) = match (a.0, b.0) {
+        // The sphere's center and radius give its own surface point, the gap the plane's.
+        match (a.0, b.0) {
             (Sphere { radius: r_a }, Sphere { radius: r_b }) => {
-                (*r_b, between_balls(between, [*r_a, *r_b]))
+                balls([*a.1, *b.1], [*r_a, *r_b], prediction, touch, report)
             }
             (Sphere { radius }, Halfspace { normal }) => {
-                (0.0, (*normal, between.dot(*normal) - radius))
+                let (gap, on_a) = (between.dot(*normal) - radius, *a.1 - *normal * *radius);
+                let point = TouchPoint { on_a, on_b: on_a - *normal * gap, gap, feature: 0 };
+                meet(*normal, point, prediction, touch, report)
             }
             (Halfspace { normal }, Sphere { radius }) => {
-                (*radius, (-*normal, -between.dot(*normal) - radius))
+                let (gap, on_b) = (-between.dot(*normal) - radius, *b.1 - *normal * *radius);
+                let point = TouchPoint { on_a: on_b - *normal * gap, on_b, gap, feature: 0 };
+                meet(-*normal, point, prediction, touch, report)
             }
-            (Halfspace { .. }, Halfspace { .. }) => return f32::NEG_INFINITY,
-        };
-        if gap > prediction {
-            return gap;
+            (Halfspace { .. }, Halfspace { .. }) => f32::NEG_INFINITY,
         }
-        // The sphere's center and radius give its own surface point, the gap the other's.
-        let (on_a, on_b) = if let Sphere { radius } = a.0 {
-            let on_a = *a.1 - normal * *radius;
-            (on_a, on_a - normal * gap)
-        } else {
-            let on_b = *b.1 + normal * reach_b;
-            (on_b + normal * gap, on_b)
-        };
+    }
+}
+
+/// Reports where two balls overlap or are within `prediction` \[m\]; returns the gap. \[m\]
+pub(super) fn balls<const L: usize>(
+    centers: [Vector<f32, L>; 2],
+    radii: [f32; 2],
+    prediction: f32,
+    touch: &mut Touch<L>,
+    report: &mut dyn FnMut(&Touch<L>),
+) -> f32 {
+    let (normal, gap) = between_balls(centers[0] - centers[1], radii);
+    let on_a = centers[0] - normal * radii[0];
+    let point = TouchPoint { on_a, on_b: on_a - normal * gap, gap, feature: 0 };
+    meet(normal, point, prediction, touch, report)
+}
+
+/// Reports a point, if it is within `prediction` \[m\]; returns its gap. \[m\]
+fn meet<const L: usize>(
+    normal: Vector<f32, L>,
+    point: TouchPoint<L>,
+    prediction: f32,
+    touch: &mut Touch<L>,
+    report: &mut dyn FnMut(&Touch<L>),
+) -> f32 {
+    if point.gap <= prediction {
         touch.part = 0;
         touch.normal = normal;
         touch.points.clear();
-        touch.points.push(TouchPoint { on_a, on_b, gap, feature: 0 });
+        touch.points.push(point);
         report(touch);
-        gap
     }
+    point.gap
 }
 
 /// The unit normal from ball b to ball a, and the gap \[m\], where a's center is `between` from b's.

@@ -96,7 +96,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             remainders: flat(&bodies.remainders),
             turns: flat(&bodies.turns),
             velocities: flat_velocities(&self.system.velocities),
-            forces: flat_velocities(&bodies.forces),
+            forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
             masses: self.system.masses.iter().flat_map(flat_mass).collect(),
             strayed: bodies.strayed.clone(),
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
@@ -150,6 +150,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         fill(&from.remainders, &mut bodies.remainders);
         fill(&from.turns, &mut bodies.turns);
         fill_velocities(&from.velocities, &mut self.system.velocities);
+        bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
         fill_velocities(&from.forces, &mut bodies.forces);
         bodies.strayed.clone_from(&from.strayed);
         let mut numbers = from.masses.iter().copied();
@@ -318,7 +319,13 @@ fn fill<const N: usize>(numbers: &[f32], vectors: &mut [Vector<f32, N>]) {
 }
 
 fn flat_velocities<const L: usize, const A: usize>(of: &[Velocity<f32, L, A>]) -> Vec<f32> {
-    of.iter().flat_map(|of| of.linear.0.into_iter().chain(of.angular.0)).collect()
+    of.iter().flat_map(flat_velocity).collect()
+}
+
+fn flat_velocity<const L: usize, const A: usize>(
+    of: &Velocity<f32, L, A>,
+) -> impl Iterator<Item = f32> + use<L, A> {
+    of.linear.0.into_iter().chain(of.angular.0)
 }
 
 fn fill_velocities<const L: usize, const A: usize>(

@@ -7,6 +7,9 @@ use crate::color::Outline;
 /// What a batch takes up for each thread, about: half of a small second cache. \[bytes\]
 pub(super) const SIZE: usize = 1 << 18;
 
+/// What could not be divided is tried again after so many steps.
+const PATIENCE: u32 = 16;
+
 /// Bodies that follow each other and that no manifold joins to others, with their manifolds.
 ///
 /// Islands are divided where no manifold crosses, in the order of the bodies: so passes over bodies stay
@@ -45,6 +48,8 @@ pub(crate) struct Division {
     of_body: Vec<u16>,
     /// By body: the last one that a manifold joins it to, and what it and its manifolds take up.
     joined: Vec<(u32, u32)>,
+    /// Steps since a whole was last tried.
+    waited: u32,
 }
 
 impl Division {
@@ -75,10 +80,12 @@ impl Division {
     ) -> bool {
         let points: usize = outlines.iter().map(|of| of.points as usize).sum();
         let all = bodies * sizes.body + outlines.len() * sizes.manifold + points * sizes.point;
-        if all <= 2 * sizes.batch {
+        let whole = self.ends == [bodies as u32];
+        self.waited = if whole { (self.waited + 1) % PATIENCE } else { 0 };
+        if all <= 2 * sizes.batch || self.waited > 0 {
             self.anew.clear();
             self.anew.push(bodies as u32);
-            if self.ends == self.anew {
+            if whole {
                 return false;
             }
         } else {
