@@ -2,7 +2,9 @@
 //!
 //! Where two faces lie on each other, every axis near their normal is as good to within rounding,
 //! and an axis that changes from step to step shakes what rests there. So an edge must win by more
-//! than [`PREFERENCE`], and b's face likewise against a's.
+//! than [`PREFERENCE`], and b's face likewise against a's. Where they overlap, those near the rims of
+//! both faces win by a little as soon as one leans, each with a single point that tips it back over: so an edge must
+//! win by [`FAVOR`] as well.
 
 use drystone_solver::{Vector, moment};
 
@@ -11,6 +13,14 @@ use super::polyhedra::{Cuboid, Solid};
 
 /// By how much an axis must win, as part of the prediction distance.
 const PREFERENCE: f32 = 0.01;
+
+/// By how much of the overlap an edge must win. \[1\]
+const FAVOR: f32 = 0.25;
+
+/// The gap that an edge must have more of than a face with this one. \[m\]
+fn edge_beyond(face: f32, prediction: f32) -> f32 {
+    prediction.min(face + PREFERENCE * prediction + FAVOR * (-face).max(0.0))
+}
 
 /// The axis along which two solids are farthest apart, or overlap least.
 pub(super) struct Separation<const L: usize> {
@@ -111,8 +121,8 @@ pub(super) fn between_boxes<const L: usize>(
     }
     let mut best = better_face([of_a, of_b], PREFERENCE * prediction);
     if L == 3 && best.gap <= prediction {
-        let least = prediction.min(of_a.0.max(of_b.0) + PREFERENCE * prediction);
-        if let Some((gap, edges)) = best_edges(a, b, from_b, least) {
+        let beyond = edge_beyond(best.gap, prediction);
+        if let Some((gap, edges)) = best_edges(a, b, from_b, beyond) {
             best = Separation {
                 gap,
                 axis: Axis::Edges(crossing(&Cuboid(*a), &Cuboid(*b), from_b, edges)),
@@ -171,7 +181,7 @@ pub(super) fn between<const L: usize>(
     let Some(mut crossing) = crossing() else { return best };
     // What the axis really separates, whoever proposed it.
     let gap = crossing.axis.dot(far_b(-crossing.axis) - a.support(crossing.axis));
-    if gap > prediction.min(best.gap + margin) {
+    if gap > edge_beyond(best.gap, prediction) {
         let on_b = from_b.local_direction(-crossing.axis);
         crossing.feature = edges_feature([farthest_edge(a, crossing.axis), farthest_edge(b, on_b)]);
         return Separation { gap, axis: Axis::Edges(crossing) };
@@ -387,6 +397,10 @@ fn still_across<const L: usize>(
     };
     if gap > prediction {
         return Some(found);
+    }
+    // A face may be favored.
+    if FAVOR * -gap > PREFERENCE * prediction {
+        return None;
     }
     // Both edges must be the farthest of their solids.
     let edges_apart = axis.dot(on_b - on_a);

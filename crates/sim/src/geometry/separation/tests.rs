@@ -83,23 +83,27 @@ fn again(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>, any: f32, seen
         asked = true;
         across(a, b, from_b)
     });
-    let margin = PREFERENCE * PREDICTION + 1e-5;
+    let favored = |gap: f32| edge_beyond(gap, PREDICTION) + 1e-5;
     // What did not win is not taken for what did, and every face that is near has a point.
     for edge in (0..a.edges().min(b.edges())).step_by(7) {
         let feature = edges_feature([edge, b.edges() - 1 - edge]);
         let other = between(a, b, from_b, PREDICTION, Some(feature), || across(a, b, from_b));
-        assert!(any.min(PREDICTION) <= other.gap + margin, "{} is taken, not {any}", other.gap);
+        assert!(any.min(PREDICTION) <= favored(other.gap), "{} is taken, not {any}", other.gap);
     }
     for face in 0..a.faces() {
         let (of, gap) = (FaceOf { b: false, face }, gap(a, b, from_b, a.face(face).0));
         let other = between(a, b, from_b, PREDICTION, Some(of.feature(0)), || across(a, b, from_b));
-        assert!(any.min(PREDICTION) <= other.gap + margin, "{} is taken, not {any}", other.gap);
+        assert!(any.min(PREDICTION) <= favored(other.gap), "{} is taken, not {any}", other.gap);
         let separation = Separation { gap, axis: Axis::Face(of) };
         let mut touch = Touch::default();
         collide(a, b, from_b, PREDICTION, separation, &mut Clipper::default(), &mut touch);
         assert_eq!(touch.points.is_empty(), gap > PREDICTION, "face {face}, {gap} apart");
     }
-    assert!(any <= second.gap + margin, "{} is kept, and an axis has {any}", second.gap);
+    assert!(
+        any.min(PREDICTION) <= favored(second.gap),
+        "{} is kept, and an axis has {any}",
+        second.gap
+    );
     seen.known[kind] += usize::from(!asked);
 }
 
@@ -159,7 +163,7 @@ fn a_face_that_is_sure_is_beaten_by_no_axis() {
         }
     }
     assert!(seen.sure > 100 && seen.beaten > 100, "{} sure, {} beaten", seen.sure, seen.beaten);
-    assert!(seen.known.iter().all(|known| *known > 100), "{:?} found again", seen.known);
+    assert!(seen.known.iter().all(|known| *known > 50), "{:?} found again", seen.known);
 }
 
 /// Against all faces and edges of two boxes.
@@ -178,8 +182,11 @@ fn boxes_are_held_apart_along_the_best_axis() {
         let edges = across(&a, &b, &from_b).map(|best| gap(&a, &b, &from_b, best.axis));
         let most = faces.chain(others).chain(edges).fold(f32::NEG_INFINITY, f32::max);
         assert!(found.gap <= most + 1e-5, "{} of {most}", found.gap);
-        let enough = PREDICTION.min(most - PREFERENCE * PREDICTION);
-        assert!(found.gap >= enough - 1e-5, "{} of {most}", found.gap);
+        assert!(
+            most.min(PREDICTION) <= edge_beyond(found.gap, PREDICTION) + 1e-5,
+            "{} of {most}",
+            found.gap
+        );
         if let Axis::Edges(Crossing { axis, on_a, on_b, .. }) = found.axis {
             assert!((gap(&a, &b, &from_b, axis) - found.gap).abs() < 1e-5);
             assert!((axis.dot(on_b - on_a) - found.gap).abs() < 1e-5);
@@ -187,4 +194,40 @@ fn boxes_are_held_apart_along_the_best_axis() {
         }
     }
     assert!(edges_won > 300, "{edges_won}");
+}
+
+/// A unit quaternion: a turn about an axis by an angle \[rad\].
+fn about(axis: [f32; 3], angle: f32) -> [f32; 4] {
+    let (sin, cos) = (0.5 * angle).sin_cos();
+    [axis[0] * sin, axis[1] * sin, axis[2] * sin, cos]
+}
+
+/// Boxes that lie on each other, turned, sunk in and leaning, are held by a face: axes across the rims of both
+/// faces have a little less overlap, and one point each. Beams across each other are held by their edges.
+#[test]
+fn what_leans_is_held_by_a_face() {
+    let (a, b) = (Cuboid(Vector([0.24, 0.2, 0.25])), Cuboid(Vector([0.24, 0.18, 0.24])));
+    for deep in [0.005, 0.02, 0.08] {
+        for round in 0..200 {
+            let (turn, way) = ((20 + round % 50) as f32, round as f32);
+            let yaw = Rigid3::pose(Vector::ZERO, &about([0.0, 1.0, 0.0], turn.to_radians()));
+            let lean = Vector([way.cos(), 0.0, way.sin()]) * 1f32.to_radians();
+            let place = Vector([0.02, 0.38 - deep, 0.03]);
+            let from_b = Rigid3::frame(&Rigid3::advance(&yaw, place, lean));
+            let found = between_boxes(&a, &b, &from_b, PREDICTION);
+            assert!(matches!(found.axis, Axis::Face(_)), "{deep} deep, turned by {turn} degrees");
+        }
+    }
+    let beam = Cuboid(Vector([1.0, 0.1, 0.1]));
+    let eighth = std::f32::consts::FRAC_PI_4;
+    let on_edge = Rigid3::pose(Vector::ZERO, &about([1.0, 0.0, 0.0], eighth));
+    let across = Rigid3::advance(&on_edge, Vector::ZERO, Vector([0.0, 2.0 * eighth, 0.0]));
+    for deep in [0.001, 0.01, 0.03] {
+        let place = Vector([0.0, 0.2 * 2f32.sqrt() - deep, 0.0]);
+        let upper = Rigid3::frame(&Rigid3::advance(&across, place, Vector::ZERO));
+        let from_b = upper.seen_from(&Rigid3::frame(&on_edge));
+        let found = between_boxes(&beam, &beam, &from_b, PREDICTION);
+        assert!(matches!(found.axis, Axis::Edges(_)), "{deep} deep");
+        assert!((found.gap + deep).abs() < 1e-5);
+    }
 }
