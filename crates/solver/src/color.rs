@@ -3,9 +3,8 @@
 use std::cmp::Reverse;
 use std::ops::Range;
 
+use crate::batch::{Batch, Division, Outline, Sizes};
 use crate::lanes::WIDTH;
-use crate::wide::Batch;
-use crate::wide::batch::{Division, Sizes};
 
 /// Colors at most; what fits none of them comes after, one by one.
 const COLORS: usize = 64;
@@ -21,17 +20,6 @@ const ALONE: usize = KINDS - 1;
 
 /// No place; no manifold.
 const NONE: u32 = u32::MAX;
-
-/// A manifold as colors see it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Outline {
-    pub(crate) bodies: [u32; 2],
-    /// Whether they can be moved: the others may have many manifolds of a color.
-    pub(crate) moving: [bool; 2],
-    /// The batch of what moves.
-    pub(crate) batch: u16,
-    pub(crate) points: u32,
-}
 
 /// The manifolds of a block.
 #[derive(Clone, Copy, Debug)]

@@ -88,6 +88,7 @@
 pub mod apgd;
 #[cfg(feature = "assembled")]
 pub mod assembled;
+mod batch;
 mod body;
 pub mod certificate;
 mod cholesky;

@@ -3,7 +3,6 @@
 //! The kernels are those of [`pgs`](crate::pgs), run on a number that is sixteen numbers. The
 //! velocities of the bodies are gathered once per visit to a block and serve all its points.
 
-pub(crate) mod batch;
 mod block;
 mod conjugate;
 pub(crate) mod passes;
@@ -11,14 +10,14 @@ mod walk;
 
 use std::sync::Arc;
 
+pub use crate::batch::Batch;
+use crate::batch::{self, Sizes};
 use crate::certificate::{Certificate, Tally};
 use crate::color::Coloring;
 use crate::island::Islands;
 use crate::lanes::{Lanes, Portable, WIDTH};
 use crate::team::{Team, chunks_with_parts};
 use crate::{Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
-pub use batch::Batch;
-use batch::Sizes;
 use block::{Block, contact_in};
 use conjugate::Conjugate;
 use passes::{Passes, Targets, passes, shares};

@@ -1,7 +1,8 @@
 //! [`Block`]: sixteen manifolds side by side.
 
 use super::Rows;
-use crate::color::{Coloring, Members, Outline};
+use crate::batch::Outline;
+use crate::color::{Coloring, Members};
 use crate::each_lane;
 use crate::island::NONE;
 use crate::lanes::{Lanes, WIDTH, gathered};

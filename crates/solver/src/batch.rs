@@ -2,10 +2,8 @@
 
 use std::ops::Range;
 
-use crate::color::Outline;
-
 /// What a batch takes up for each thread, about: half of a small second cache. \[bytes\]
-pub(super) const SIZE: usize = 1 << 18;
+pub(crate) const SIZE: usize = 1 << 18;
 
 /// What could not be divided is tried again after so many steps.
 const PATIENCE: u32 = 16;
@@ -22,6 +20,17 @@ pub struct Batch {
     pub(crate) colors: Range<usize>,
     /// Its blocks.
     pub(crate) blocks: Range<usize>,
+}
+
+/// A manifold as batches and colors see it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Outline {
+    pub(crate) bodies: [u32; 2],
+    /// Whether they can be moved: the others may have many manifolds of a color.
+    pub(crate) moving: [bool; 2],
+    /// The batch of what moves.
+    pub(crate) batch: u16,
+    pub(crate) points: u32,
 }
 
 /// What a body, a manifold and a point take up, and what a batch should. \[bytes\]
