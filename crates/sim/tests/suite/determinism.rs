@@ -147,14 +147,15 @@ fn towers() -> World3 {
     let mut world = world::<Rigid3, 3, 3>();
     world.settings = StepSettings { sleep: 0.0, ..StepSettings::realtime() };
     add_floor(&mut world, &material);
+    let place = |tower: usize| ((tower % 20) as f32 * 1.4, (tower / 20) as f32 * 3.0);
     for tower in 0..240 {
-        let (x, z) = ((tower % 20) as f32 * 1.4, (tower / 20) as f32 * 3.0);
-        let on_belt = tower % 7 == 3;
-        if on_belt {
-            let belt =
-                body(Motion::Kinematic, [x, 0.0, z], Rigid3::cuboid([0.6, 0.2, 0.6]), &material);
-            world.add(moving(belt, [0.1, 0.0, 0.3]));
+        // Belts come well before what stands on them, and what is between must not be parted.
+        for ahead in [3, 10, 17].into_iter().filter(|_| tower % 24 == 0) {
+            let ((x, z), slab) = (place(tower + ahead), Rigid3::cuboid([0.6, 0.2, 0.6]));
+            let belt = body(Motion::Kinematic, [x, 0.0, z], slab, &material);
+            world.add(moving(belt, [0.1, 0.05, 0.3]));
         }
+        let ((x, z), on_belt) = (place(tower), [3, 10, 17].contains(&(tower % 24)));
         let base = if on_belt { 0.2 } else { 0.0 };
         for level in 0..5 {
             let lean = if tower % 31 == 5 { 0.2 * level as f32 } else { 0.0 };
