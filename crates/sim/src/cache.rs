@@ -130,21 +130,11 @@ impl<const L: usize> Records<L> {
         RecordsMut { manifolds, points, traces, kept, before: [0; 2] }
     }
 
-    /// The points of one of the manifolds.
-    pub(crate) fn points_of(&self, record: &Record<L>) -> &[Point<L>] {
-        &self.points[record.points()]
-    }
-
-    /// What they have handed on.
-    pub(crate) fn traces_of(&self, record: &Record<L>) -> &[Trace<L>] {
-        &self.traces[record.points()]
-    }
-
     /// Appends the records that a pair has in `from`, which have been traced, and makes them the pair's.
     pub(crate) fn take_pair(&mut self, pair: &mut Pair, from: &Self) {
-        let own = pair.records();
+        let (own, from) = (pair.records(), from.view());
         pair.first = self.manifolds.len() as u32;
-        for record in &from.manifolds[own] {
+        for record in from.of(own) {
             let first = self.points.len() as u32;
             self.points.extend_from_slice(from.points_of(record));
             self.traces.extend_from_slice(from.traces_of(record));

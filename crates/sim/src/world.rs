@@ -745,8 +745,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             out.deepest_penetration = out.deepest_penetration.max(f64::from(-contact.gap[0]));
         }
         for pair in self.pairs.iter().filter(|pair| pair.rests) {
-            for record in &self.sleep.records.manifolds[pair.records()] {
-                for trace in self.sleep.records.traces_of(record) {
+            let resting = self.sleep.records.view();
+            for record in resting.of(pair.records()) {
+                for trace in resting.traces_of(record) {
                     out.deepest_penetration = out.deepest_penetration.max(f64::from(-trace.gap[0]));
                 }
             }

@@ -188,6 +188,8 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
 struct Keeping<'a, const L: usize, const A: usize> {
     system: &'a System<f32, L, A>,
     kept: Vec<Option<u32>>,
+    /// Whether it tells which bodies do not move at all.
+    standing: bool,
     /// Blocks that were taken in.
     taken: AtomicUsize,
 }
@@ -199,6 +201,10 @@ impl<const L: usize, const A: usize> Rows<L> for Keeping<'_, L, A> {
 
     fn kept(&self, manifold: u32) -> Option<u32> {
         self.kept[manifold as usize]
+    }
+
+    fn stands(&self, body: u32) -> bool {
+        self.standing && self.system.velocities[body as usize] == Velocity::ZERO
     }
 
     fn take<V: Lanes>(
@@ -223,7 +229,7 @@ fn step_both<const L: usize, const A: usize>(
     softness: f32,
     system: &mut System<f32, L, A>,
 ) -> usize {
-    let rows = Keeping { system: seen, kept, taken: AtomicUsize::new(0) };
+    let rows = Keeping { system: seen, kept, standing: false, taken: AtomicUsize::new(0) };
     keeping.pack(&rows, &system.masses, softness);
     let mut anew = Packed::<Portable, L, A>::new();
     anew.pack(&*system, &system.masses, softness);
@@ -357,30 +363,6 @@ fn teams_of_any_size_and_one() {
     in_all_four!(teams_and_one, 11);
 }
 
-/// A system that tells which of its bodies do not move at all.
-struct Standing<const L: usize, const A: usize>(System<f32, L, A>);
-
-impl<const L: usize, const A: usize> Rows<L> for Standing<L, A> {
-    fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
-        self.0.outlines()
-    }
-
-    fn stands(&self, body: u32) -> bool {
-        self.0.velocities[body as usize] == Velocity::ZERO
-    }
-
-    fn take<V: Lanes>(
-        &self,
-        manifolds: &[u32; WIDTH],
-        bodies: &[[u32; WIDTH]; 2],
-        moving: [u16; 2],
-        manifold: &mut Manifold<V, L>,
-        points: &mut [Contact<V, L>],
-    ) {
-        self.0.take(manifolds, bodies, moving, manifold, points);
-    }
-}
-
 /// Crowds on one ground, which comes first, and on walls that move, one crowd's bodies after the other's.
 fn crowds<const L: usize, const A: usize>(random: &mut Random) -> System<f32, L, A> {
     let mut all: System<f32, L, A> = System::new();
@@ -411,7 +393,8 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
         let displacements: Vec<Velocity<f32, L, A>> = (system.velocities.iter())
             .map(|v| Velocity { linear: v.linear * 0.01, angular: v.angular * 0.01 })
             .collect();
-        let rows = Standing(system.clone());
+        let kept = vec![None; system.manifolds.len()];
+        let rows = Keeping { system: &system, kept, standing: true, taken: AtomicUsize::new(0) };
         wide.pack(&rows, &system.masses, 0.1);
         let batches = wide.batches().to_vec();
         assert!(batches.len() > 2, "{} batches", batches.len());
