@@ -124,10 +124,25 @@ impl<const L: usize> Records<L> {
         View { manifolds, points, traces, before: [0; 2] }
     }
 
+    /// To read those from a manifold on.
+    pub(crate) fn later(&self, manifold: usize) -> View<'_, L> {
+        View { manifolds: &self.manifolds[manifold..], before: [manifold, 0], ..self.view() }
+    }
+
     /// To change all where they are.
     pub(crate) fn view_mut(&mut self) -> RecordsMut<'_, L> {
         let Self { manifolds, points, traces, kept } = self;
         RecordsMut { manifolds, points, traces, kept, before: [0; 2] }
+    }
+
+    /// Drops all but the first manifolds.
+    pub(crate) fn truncate(&mut self, manifolds: usize) {
+        let points =
+            self.manifolds.get(manifolds).map_or(self.points.len(), |of| of.first as usize);
+        self.manifolds.truncate(manifolds);
+        self.kept.truncate(manifolds);
+        self.points.truncate(points);
+        self.traces.truncate(points);
     }
 
     /// Appends the records that a pair has in `from`, which have been traced, and makes them the pair's.
@@ -172,6 +187,10 @@ impl<'a, const L: usize> View<'a, L> {
     /// The manifolds of these numbers.
     pub(crate) fn of(self, numbers: Range<usize>) -> &'a [Record<L>] {
         if numbers.is_empty() { &[] } else { &self.manifolds[after(numbers, self.before[0])] }
+    }
+
+    pub(crate) fn is_empty(self) -> bool {
+        self.manifolds.is_empty()
     }
 
     /// The points of one of the manifolds.
@@ -220,6 +239,25 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
             let own = after(numbers.clone(), self.before[0]);
             self.kept[own].iter_mut().zip(numbers).for_each(|(kept, own)| *kept = own as u32);
         }
+    }
+
+    /// Whether manifolds have as many points as others that were found anew, each as one of these.
+    pub(crate) fn have_room(&self, numbers: Range<usize>, fresh: View<'_, L>) -> bool {
+        let known = self.view().of(numbers);
+        let as_many = |(own, fresh): (&Record<L>, &Record<L>)| own.count == fresh.count;
+        known.len() == fresh.manifolds.len() && known.iter().zip(fresh.manifolds).all(as_many)
+    }
+
+    /// Puts manifolds that were found anew in the place of some that [have room](Self::have_room).
+    pub(crate) fn replace(&mut self, numbers: Range<usize>, fresh: View<'_, L>) {
+        let own = after(numbers, self.before[0]);
+        for (record, found) in self.manifolds[own.clone()].iter_mut().zip(fresh.manifolds) {
+            let points = after(record.points(), self.before[1]);
+            self.points[points.clone()].copy_from_slice(fresh.points_of(found));
+            self.traces[points].copy_from_slice(fresh.traces_of(found));
+            *record = Record { first: record.first, ..*found };
+        }
+        self.kept[own].fill(NEW);
     }
 
     /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Whether they have been
@@ -276,7 +314,7 @@ pub(crate) const fn open<const L: usize>(gap: f32) -> Trace<L> {
 
 /// Largest distance of points from the center of mass of a. \[m\]
 pub(crate) fn reach<const L: usize>(points: &[Point<L>]) -> f32 {
-    points.iter().map(|point| point.on_a.length()).fold(0.0, f32::max)
+    points.iter().map(|point| point.on_a.dot(point.on_a)).fold(0.0, f32::max).sqrt()
 }
 
 /// Gives points the impulses and slips of the same manifold's points a step ago: by feature, then by place.

@@ -65,8 +65,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
     ) {
         let frame = &bodies.frames[body];
         let turned = turn::<G, L, A>(&local, &bodies.poses[body], frame);
-        let id = self.body.len() as u32;
-        broad_phase.update(id, &bounds::<G, L, A>(&collider.shape, &turned, frame));
+        broad_phase.add(&bounds::<G, L, A>(&collider.shape, &turned, frame));
         self.body.push(body as u32);
         self.thickness.push(thickness::<G, L, A>(&collider.shape));
         self.shapes.push(G::collider(collider.shape));

@@ -4,7 +4,7 @@
 mod hull;
 mod polyhedra;
 #[cfg(test)]
-mod random;
+pub(crate) mod random;
 mod rigid;
 mod rounds;
 mod separation;
@@ -179,6 +179,25 @@ pub struct Bounds<const L: usize> {
     pub min: Vector<f32, L>,
     /// Highest corner. \[m\]
     pub max: Vector<f32, L>,
+}
+
+impl<const L: usize> Bounds<L> {
+    /// The box of nothing: it overlaps none, and adds nothing to what is around it.
+    pub const NOTHING: Self =
+        Self { min: Vector([f32::INFINITY; L]), max: Vector([f32::NEG_INFINITY; L]) };
+
+    /// Whether the boxes have a point in common.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        (0..L).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])
+    }
+
+    /// The box around both.
+    pub fn joined(&self, other: &Self) -> Self {
+        Self {
+            min: Vector(std::array::from_fn(|i| self.min[i].min(other.min[i]))),
+            max: Vector(std::array::from_fn(|i| self.max[i].max(other.max[i]))),
+        }
+    }
 }
 
 /// Mass and its first two moments.

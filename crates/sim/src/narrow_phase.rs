@@ -71,6 +71,8 @@ pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
     runs: Vec<Run>,
     /// How many manifolds and points they have.
     counts: [usize; 2],
+    /// Whether as many as before.
+    settled: bool,
 }
 
 /// Records of pairs that follow each other.
@@ -93,7 +95,7 @@ impl Run {
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L, A> {
     fn default() -> Self {
         let (scratch, records) = (G::Scratch::default(), Records::default());
-        Self { scratch, known: 0..0, records, runs: Vec::new(), counts: [0; 2] }
+        Self { scratch, known: 0..0, records, runs: Vec::new(), counts: [0; 2], settled: true }
     }
 }
 
@@ -105,22 +107,33 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
         pairs: &mut [Pair],
         mut own: RecordsMut<'_, L>,
     ) {
-        let Self { scratch, records, runs, counts, .. } = self;
+        let Self { scratch, records, runs, counts, settled, .. } = self;
+        // If some have others, all are copied: then they need not be copied before.
+        let in_place = std::mem::replace(settled, true);
         records.clear();
         runs.clear();
         *counts = [0; 2];
         for pair in pairs {
-            let known = pair.records();
+            let (rested, known) = (pair.rests, pair.records());
             let first = records.manifolds.len();
             let stirred = || pair.bodies.iter().any(|&body| around.bodies.stirred[body as usize]);
-            let kept =
-                !(pair.rests || known.is_empty() || around.reuse_distance == 0.0 || stirred());
+            let kept = !(rested || known.is_empty() || around.reuse_distance == 0.0 || stirred());
             if kept {
                 own.keep(known.clone(), around.traced);
             }
-            let old = kept || collide(around, pair, &mut own, scratch, records);
+            let mut old = kept || collide(around, pair, &mut own, scratch, records);
             if pair.rests {
                 continue;
+            }
+            let fresh = records.later(first);
+            if !old && !(known.is_empty() && fresh.is_empty()) {
+                let as_many = !rested && own.have_room(known.clone(), fresh);
+                *settled &= as_many;
+                if as_many && in_place {
+                    own.replace(known.clone(), fresh);
+                    records.truncate(first);
+                    old = true;
+                }
             }
             let manifolds = if old { known } else { first..records.manifolds.len() };
             pair.first = counts[0] as u32;

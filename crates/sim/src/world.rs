@@ -643,7 +643,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         let (travel, sleep) = (&self.travel, &self.sleep);
         self.colliders.follow(&mut self.broad_phase, bodies, sleep, travel, reach, &self.team);
-        let Some(found) = self.broad_phase.new_pairs() else { return };
+        let Some(found) = self.broad_phase.follow(&mut self.pairs) else { return };
         let fresh = &mut self.fresh_pairs;
         fresh.clear();
         // Both are sorted.
@@ -654,9 +654,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 fresh.extend(self.colliders.pair(&self.bodies, pair));
             }
         }
-        let broad_phase = &mut self.broad_phase;
-        fresh.retain(|pair| broad_phase.near(pair.colliders));
-        broad_phase.drop_parted(&mut self.pairs);
         cache::merge(&mut self.pairs, fresh);
     }
 

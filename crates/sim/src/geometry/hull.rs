@@ -213,7 +213,7 @@ impl Solid<3> for Hull {
 
     fn corners(&self, face: usize, out: &mut Vec<Corner<3>>) {
         for &corner in &self.corners[self.faces[face].corners.clone()] {
-            out.push(Corner { position: self.points[corner as usize], feature: corner });
+            out.push(Corner::new(self.points[corner as usize], corner));
         }
     }
 }

@@ -4,6 +4,8 @@
 //! A point that changes from step to step shakes what rests there, so clipping never loses a corner that
 //! lies on a side.
 
+use std::array::from_fn;
+
 use drystone_solver::{Vector, moment};
 
 use super::separation::{Axis, Crossing, FaceOf, Separation};
@@ -70,6 +72,14 @@ pub(super) struct Corner<const L: usize> {
     pub(super) position: Vector<f32, L>,
     /// What it comes from: a vertex, or an edge cut by a side.
     pub(super) feature: u32,
+    /// Above the plane that it is being cut along, times the length of that one's normal. \[m\]
+    height: f32,
+}
+
+impl<const L: usize> Corner<L> {
+    pub(super) fn new(position: Vector<f32, L>, feature: u32) -> Self {
+        Self { position, feature, height: 0.0 }
+    }
 }
 
 /// Polygons that are reused.
@@ -100,47 +110,60 @@ pub(super) fn collide<const L: usize>(
             let gap = Some(axis.dot(on_b - on_a)).filter(near);
             touch.points.extend(gap.map(|gap| TouchPoint { on_a, on_b, gap, feature }));
         }
-        Axis::Face(of @ FaceOf { b: false, face }) => {
-            let normal = clip(a, face, b, from_b, clipper);
-            let far = || from_b.point(b.support(from_b.local_direction(-normal)));
-            touch.normal = -normal;
-            let plane = a.face(face).1;
-            or_farthest(&mut clipper.incident, |on_b| normal.dot(on_b - plane) <= prediction, far);
-            touch.points.extend(clipper.incident.iter().filter_map(|corner| {
-                let on_b = corner.position;
-                let gap = Some(normal.dot(on_b - plane)).filter(near)?;
-                let on_a = on_b - normal * gap;
-                Some(TouchPoint { on_a, on_b, gap, feature: of.feature(corner.feature) })
-            }));
+        Axis::Face(of @ FaceOf { b: false, .. }) => {
+            on_face((a, of), (b, from_b), prediction, clipper, touch);
         }
-        Axis::Face(of @ FaceOf { b: true, face }) => {
-            let from_a = Frame::IDENTITY.seen_from(from_b);
-            let normal = clip(b, face, a, &from_a, clipper);
-            let far = || from_a.point(a.support(from_a.local_direction(-normal)));
-            touch.normal = from_b.direction(normal);
-            let plane = b.face(face).1;
-            or_farthest(&mut clipper.incident, |on_a| normal.dot(on_a - plane) <= prediction, far);
-            touch.points.extend(clipper.incident.iter().filter_map(|corner| {
-                let gap = Some(normal.dot(corner.position - plane)).filter(near)?;
-                let on_a = from_b.point(corner.position);
-                let on_b = from_b.point(corner.position - normal * gap);
-                Some(TouchPoint { on_a, on_b, gap, feature: of.feature(corner.feature) })
-            }));
+        Axis::Face(of @ FaceOf { b: true, .. }) => {
+            let from_a = &Frame::IDENTITY.seen_from(from_b);
+            on_face((b, of), (a, from_a), prediction, clipper, touch);
+            touch.exchange();
+            touch.place(from_b);
         }
     }
     gap
 }
 
-/// Where nothing of the other solid that is near is over the face, its farthest point stands for what would be: two
-/// hulls that wedge would sink in until another axis wins.
-fn or_farthest<const L: usize>(
-    left: &mut Vec<Corner<L>>,
-    is_near: impl Fn(Vector<f32, L>) -> bool,
-    far: impl FnOnce() -> Vector<f32, L>,
+/// Fills `touch` with where the other solid is over a face of one, and within `prediction` \[m\] of it, in the
+/// frame of the one with the face, which is a.
+fn on_face<const L: usize>(
+    (solid, of): (&impl Solid<L>, FaceOf),
+    (other, from_other): (&impl Solid<L>, &Frame<L>),
+    prediction: f32,
+    clipper: &mut Clipper<L>,
+    touch: &mut Touch<L>,
 ) {
-    if !left.iter().any(|corner| is_near(corner.position)) {
-        left.push(Corner { position: far(), feature: 0xffff });
+    let (normal, vertex) = solid.face(of.face);
+    let Clipper { reference: memory, incident: left, next } = clipper;
+    left.clear();
+    let against = from_other.local_direction(-normal);
+    other.corners(other.facing(against), left);
+    for corner in left.iter_mut() {
+        corner.position = from_other.point(corner.position);
     }
+    let mut number = 0;
+    solid.sides(of.face, memory, |point, outward| {
+        cut([left, next], number, point, outward);
+        number += 1;
+    });
+    let near = |corner: &Corner<L>| {
+        let on_b = corner.position;
+        let gap = Some(normal.dot(on_b - vertex)).filter(|gap| *gap <= prediction)?;
+        Some(TouchPoint {
+            on_a: on_b - normal * gap,
+            on_b,
+            gap,
+            feature: of.feature(corner.feature),
+        })
+    };
+    touch.normal = -normal;
+    touch.points.extend(left.iter().filter_map(near));
+    if touch.points.is_empty() {
+        // The farthest point stands for what would be over the face: two hulls that wedge would sink in until
+        // another axis wins.
+        let farthest = Corner::new(from_other.point(other.support(against)), 0xffff);
+        touch.points.extend(near(&farthest));
+    }
+    touch.reduce();
 }
 
 /// The boundary of a half-space.
@@ -187,7 +210,7 @@ pub(super) fn on_plane<const L: usize>(
         }
         Footing::Round(centers, radius) => {
             for (feature, &position) in centers.iter().enumerate() {
-                corners.push(Corner { position, feature: feature as u32 });
+                corners.push(Corner::new(position, feature as u32));
             }
             radius
         }
@@ -206,65 +229,45 @@ pub(super) fn on_plane<const L: usize>(
         let feature = u64::from(corner.feature);
         touch.points.push(TouchPoint { on_a, on_b, gap, feature });
     }
+    touch.reduce();
     apart
 }
 
-/// Leaves in `clipper.incident` the part of the incident solid's facing face that lies over the
-/// reference face, in the reference solid's frame; returns the reference normal.
-fn clip<const L: usize>(
-    reference: &impl Solid<L>,
-    face: usize,
-    incident: &impl Solid<L>,
-    from_incident: &Frame<L>,
-    clipper: &mut Clipper<L>,
-) -> Vector<f32, L> {
-    let (normal, _) = reference.face(face);
-    let Clipper { reference: memory, incident: left, next } = clipper;
-    left.clear();
-    let against = from_incident.local_direction(-normal);
-    incident.corners(incident.facing(against), left);
-    for corner in left.iter_mut() {
-        corner.position = from_incident.point(corner.position);
-    }
-    let mut number = 0;
-    reference.sides(face, memory, |point, outward| {
-        cut([left, next], number, point, outward);
-        number += 1;
-    });
-    normal
-}
-
-/// Keeps the part of the incident polygon, in the plane a line, behind a plane (Sutherland-Hodgman).
+/// Keeps the part of a polygon, in the plane of a line, behind a plane (Sutherland-Hodgman).
 fn cut<const L: usize>(
-    [incident, next]: [&mut Vec<Corner<L>>; 2],
+    [polygon, next]: [&mut Vec<Corner<L>>; 2],
     side: u32,
     point: Vector<f32, L>,
     outward: Vector<f32, L>,
 ) {
     // A corner that lies on the plane is inside.
     let tolerance = 1e-4 * outward.dot(outward);
-    let height = |corner: &Corner<L>| outward.dot(corner.position - point);
-    if incident.iter().all(|corner| height(corner) <= tolerance) {
+    let mut all_inside = true;
+    for corner in polygon.iter_mut() {
+        corner.height = outward.dot(corner.position - point);
+        all_inside &= corner.height <= tolerance;
+    }
+    if all_inside {
         return;
     }
     next.clear();
-    let mut before = incident.last().filter(|_| L > 2).map(|last| (*last, height(last)));
-    for here in &*incident {
-        let h = height(here);
-        if let Some((from, t)) = before.filter(|(_, t)| (h <= tolerance) != (*t <= tolerance)) {
+    // The ends of a line do not meet.
+    let mut before = if L > 2 { polygon.last() } else { None };
+    for here in &*polygon {
+        let inside = here.height <= tolerance;
+        if let Some(from) = before.filter(|from| (from.height <= tolerance) != inside) {
             // Where both are near the plane on the same side of it, its line meets it far away.
-            let part = (t / (t - h)).clamp(0.0, 1.0);
-            next.push(Corner {
-                position: from.position + (here.position - from.position) * part,
-                feature: 1 << 31 | side << 16 | (from.feature.min(here.feature) & 0xffff),
-            });
+            let part = (from.height / (from.height - here.height)).clamp(0.0, 1.0);
+            let position = from.position + (here.position - from.position) * part;
+            let features = from.feature.min(here.feature) & 0xffff;
+            next.push(Corner::new(position, 1 << 31 | side << 16 | features));
         }
-        if h <= tolerance {
+        if inside {
             next.push(*here);
         }
-        before = Some((*here, h));
+        before = Some(here);
     }
-    std::mem::swap(incident, next);
+    std::mem::swap(polygon, next);
 }
 
 /// A box of any dimension, by its half extents.
@@ -273,7 +276,7 @@ pub(super) struct Cuboid<const L: usize>(pub(super) Vector<f32, L>);
 
 impl<const L: usize> Solid<L> for Cuboid<L> {
     fn support(&self, direction: Vector<f32, L>) -> Vector<f32, L> {
-        Vector(std::array::from_fn(|i| self.0[i].copysign(direction[i])))
+        Vector(from_fn(|i| self.0[i].copysign(direction[i])))
     }
 
     fn faces(&self) -> usize {
@@ -282,9 +285,7 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
 
     fn face(&self, index: usize) -> (Vector<f32, L>, Vector<f32, L>) {
         let sign = if index < L { 1.0 } else { -1.0 };
-        let mut normal = Vector::ZERO;
-        normal[index % L] = sign;
-        (normal, self.0 * sign)
+        (along(index % L, sign), self.0 * sign)
     }
 
     fn edges(&self) -> usize {
@@ -314,8 +315,7 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
         for other in 1..L {
             let axis = (face + other) % L;
             for sign in [1.0, -1.0] {
-                let mut point = Vector::ZERO;
-                point[axis] = sign * self.0[axis];
+                let point = along(axis, sign * self.0[axis]);
                 side(point, point * 2.0);
             }
         }
@@ -333,7 +333,7 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
     fn corners(&self, face: usize, out: &mut Vec<Corner<L>>) {
         let axis = face % L;
         let sign = if face < L { 1.0 } else { -1.0 };
-        let (u, v) = ((axis + 1) % L, (axis + 2) % L);
+        let u = (axis + 1) % L;
         // Counter-clockwise seen from outside, as clip's sides need them.
         let around: &[(f32, f32)] = match (L, sign > 0.0) {
             (2, true) => &[(-1.0, 0.0), (1.0, 0.0)],
@@ -342,19 +342,26 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
             (_, false) => &[(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)],
         };
         for &(s, t) in around {
-            let mut position = self.0;
-            position[axis] *= sign;
-            position[u] = s * self.0[u];
-            if L > 2 {
-                position[v] = t * self.0[v];
-            }
-            let mut feature = 0;
-            for i in 0..L {
-                feature |= u32::from(position[i] > 0.0) << i;
-            }
-            out.push(Corner { position, feature });
+            let signs: [f32; L] = from_fn(|i| {
+                if i == axis {
+                    sign
+                } else if i == u {
+                    s
+                } else {
+                    t
+                }
+            });
+            let position = Vector(from_fn(|i| self.0[i] * signs[i]));
+            let bits: [u32; L] = from_fn(|i| u32::from(signs[i] > 0.0) << i);
+            out.push(Corner::new(position, bits.iter().sum()));
         }
     }
+}
+
+/// A vector along an axis. Chosen number by number, as is what follows: a place in memory that is written in part
+/// and read as a whole is waited for.
+fn along<const L: usize>(axis: usize, length: f32) -> Vector<f32, L> {
+    Vector(from_fn(|i| if i == axis { length } else { 0.0 }))
 }
 
 impl Solid<2> for parry2d::shape::ConvexPolygon {
@@ -381,7 +388,7 @@ impl Solid<2> for parry2d::shape::ConvexPolygon {
     fn corners(&self, face: usize, out: &mut Vec<Corner<2>>) {
         for index in [face, (face + 1) % self.points().len()] {
             let position = self.points()[index].to_array().into();
-            out.push(Corner { position, feature: index as u32 });
+            out.push(Corner::new(position, index as u32));
         }
     }
 }

@@ -3,10 +3,10 @@
 use drystone_solver::Vector;
 
 /// Numbers within -1..1 (splitmix64).
-pub(super) struct Random(pub(super) u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    pub(super) fn number(&mut self) -> f32 {
+    pub(crate) fn number(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -14,7 +14,7 @@ impl Random {
         ((z ^ z >> 31) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
     }
 
-    pub(super) fn vector(&mut self) -> Vector<f32, 3> {
+    pub(crate) fn vector(&mut self) -> Vector<f32, 3> {
         Vector([self.number(), self.number(), self.number()])
     }
 }

@@ -144,9 +144,9 @@ macro_rules! over_parry {
                             feature: u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0),
                         });
                     }
+                    touch.reduce();
                 }
                 if !touch.points.is_empty() {
-                    touch.reduce();
                     report(touch);
                 }
             };

@@ -90,7 +90,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             records.take_pair(pair, from);
         }
         let nothing = Bounds { min: Vector::ZERO, max: Vector::ZERO };
-        let boxes = self.broad_phase.boxes().iter().map(|stored| stored.unwrap_or(nothing));
+        let boxes = self.broad_phase.boxes().iter().zip(&self.colliders.removed);
+        let boxes = boxes.map(|(stored, removed)| if *removed { nothing } else { *stored });
         Checkpoint {
             poses,
             remainders: flat(&bodies.remainders),
