@@ -6,6 +6,7 @@ mod polyhedra;
 #[cfg(test)]
 pub(crate) mod random;
 mod rigid;
+mod rotation;
 mod rounds;
 mod separation;
 pub mod spheres;
@@ -39,17 +40,18 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// position, exactly.
     fn advance(pose: &Self::Pose, by: Vector<f32, L>, turn: Vector<f32, A>) -> Self::Pose;
 
-    /// A body that turns freely for `h` \[s\], from angular velocity `omega` \[rad/s\]: its pose then, and by how
-    /// much the angular velocity has changed. omega(t) = W(q(t)) L with L constant; the rotation follows omega
-    /// at half the time. Given I_0 and its inverse. Only bodies in space change it.
+    /// The first `count` of some bodies turn freely for `h` \[s\]: calls `end` with the number of each, its pose
+    /// then, and by how much its angular velocity has changed. omega(t) = W(q(t)) L with L constant; the rotation follows
+    /// omega at half the time. Only bodies in space change it.
     fn precess(
-        pose: &Self::Pose,
-        moments: [&SymmetricMatrix<f32, A>; 2],
-        omega: Vector<f32, A>,
+        spins: &[Spin<'_, Self::Pose, A>; TOGETHER],
+        count: usize,
         h: f32,
-    ) -> (Self::Pose, Vector<f32, A>) {
-        let _ = moments;
-        (Self::advance(pose, Vector::ZERO, omega * h), Vector::ZERO)
+        mut end: impl FnMut(usize, Self::Pose, Vector<f32, A>),
+    ) {
+        for (index, spin) in spins[..count].iter().enumerate() {
+            end(index, Self::advance(&spin.pose, Vector::ZERO, spin.omega * h), Vector::ZERO);
+        }
     }
 
     /// The rotation vector \[rad\] that turns `from` into `to`.
@@ -92,6 +94,20 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
         report: &mut dyn FnMut(&Touch<L>),
     ) -> f32;
 }
+
+/// A body that turns.
+#[derive(Clone, Copy, Debug)]
+pub struct Spin<'a, P, const A: usize> {
+    /// Its pose.
+    pub pose: P,
+    /// I_0 and its inverse.
+    pub moments: [&'a SymmetricMatrix<f32, A>; 2],
+    /// Angular velocity. \[rad/s\]
+    pub omega: Vector<f32, A>,
+}
+
+/// Bodies that [`Geometry::precess`] turns at once.
+pub const TOGETHER: usize = 8;
 
 /// Numbers that [`Geometry::write`] writes in `dimension` dimensions.
 pub const fn pose_numbers(dimension: usize) -> usize {

@@ -5,8 +5,8 @@ use std::ops::Range;
 use drystone_solver::team::Team;
 use drystone_solver::{InverseMass, Vector, Velocity};
 
-use crate::bodies::Bodies;
-use crate::geometry::Geometry;
+use crate::bodies::{Bodies, Inertia};
+use crate::geometry::{Geometry, Spin, TOGETHER};
 
 /// Bodies that a thread takes at once.
 pub(crate) const CHUNK: usize = 512;
@@ -88,24 +88,36 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
     let placed = poses[batch.clone()].chunks_mut(CHUNK).zip(turns[batch].chunks_mut(CHUNK));
     team.for_each(useful, moved.zip(placed).enumerate(), |(chunk, (moved, placed))| {
         let ((velocities, prospective), displacements) = moved;
-        let moved = velocities.iter_mut().zip(prospective).zip(displacements);
-        let placed = placed.0.iter_mut().zip(placed.1);
-        for (body, (((velocity, prospective), displacement), (pose, turned))) in
-            (first + CHUNK * chunk..).zip(moved.zip(placed))
-        {
+        let (poses, turns) = placed;
+        let first = first + CHUNK * chunk;
+        let (mut precessing, mut count) = ([0; CHUNK], 0);
+        let moved = displacements.iter_mut().zip(&*velocities).zip(turns);
+        let kinds = &gyroscopic[first..];
+        for (own, (((displacement, velocity), turned), kind)) in moved.zip(kinds).enumerate() {
             *displacement += *velocity * h;
             let turn = velocity.angular * h;
-            let squared = turn.dot(turn);
-            if gyroscopic[body] && squared > SMALL_TURN * SMALL_TURN {
-                let moments = [&inertia[body].moments, &inertia[body].inverse_moments];
-                let (end, change) = G::precess(pose, moments, velocity.angular, h);
-                velocity.angular += change;
-                // It is not from contacts.
-                prospective.angular += change;
-                *pose = end;
+            if *kind && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                precessing[count] = own as u16;
+                count += 1;
             } else {
                 *turned += turn;
             }
+        }
+        for group in precessing[..count].chunks(TOGETHER) {
+            // The last stands where there is none.
+            let own = |index: usize| usize::from(group[index.min(group.len() - 1)]);
+            let spins: [_; TOGETHER] = std::array::from_fn(|index| {
+                let Inertia { moments, inverse_moments, .. } = &inertia[first + own(index)];
+                let moments = [moments, inverse_moments];
+                Spin { pose: poses[own(index)], moments, omega: velocities[own(index)].angular }
+            });
+            G::precess(&spins, group.len(), h, |index, pose, change| {
+                let own = own(index);
+                velocities[own].angular += change;
+                // It is not from contacts.
+                prospective[own].angular += change;
+                poses[own] = pose;
+            });
         }
     });
 }

@@ -1,17 +1,21 @@
 //! Rigid bodies in 2D and 3D over parry, which supplies shapes, bounds, mass and manifolds.
 
-use drystone_solver::{SymmetricMatrix, Vector, moment};
+use drystone_solver::{SymmetricMatrix, Vector};
 use parry2d::shape::ConvexPolygon;
 
 use super::hull::{self, Hull};
 use super::polyhedra::{Clipper, Cuboid, Footing, Plane, Solid, collide, on_plane};
+use super::rotation::{Eight, Quaternion, each_eight, precess};
 use super::rounds::{Round, between_rounds, on_solid};
 use super::separation::{Crossing, between, between_boxes};
 use super::spheres::balls;
-use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, leading};
+use super::{Bounds, Frame, Geometry, MassProperties, Spin, TOGETHER, Touch, TouchPoint, leading};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
+
+/// So few bodies turn faster one after the other than side by side.
+const ALONE: usize = 2;
 
 /// Rigid bodies in the plane: (L, A) = (2, 1).
 #[derive(Clone, Copy, Debug)]
@@ -516,30 +520,42 @@ impl Geometry<3, 3> for Rigid3 {
         if turn == Vector::ZERO {
             return parry3d::math::Pose { translation, ..*pose };
         }
-        let rotation = (versor(turn) * pose.rotation).normalize();
+        let rotation = (rotation(Quaternion::versor(turn)) * pose.rotation).normalize();
         parry3d::math::Pose { translation, rotation, ..*pose }
     }
 
     fn precess(
-        pose: &Self::Pose,
-        [moments, inverse_moments]: [&SymmetricMatrix<f32, 3>; 2],
-        omega: Vector<f32, 3>,
+        spins: &[Spin<'_, Self::Pose, 3>; TOGETHER],
+        count: usize,
         h: f32,
-    ) -> (Self::Pose, Vector<f32, 3>) {
-        let q = pose.rotation;
-        // All as the body sees it, where I stays and L turns the other way; in differences, which keep what
-        // rounding would take from sums.
-        let turned = |q, v| v + twist(q, v);
-        let seen = turned(q.inverse(), omega);
-        let momentum = *moments * seen;
-        let half = versor(seen * (0.5 * h));
-        let middle = turned(half, *inverse_moments * turned(half.inverse(), momentum));
-        let turn = versor(middle * h);
-        let rotation = (q * turn).normalize();
-        let own = *inverse_moments * twist(turn.inverse(), momentum);
-        let end = *inverse_moments * momentum + own;
-        let change = turned(q, own + twist(turn, end));
-        (parry3d::math::Pose { rotation, ..*pose }, change)
+        mut end: impl FnMut(usize, Self::Pose, Vector<f32, 3>),
+    ) {
+        let mut turn = |index: usize, to: Quaternion<f32>, change| {
+            let pose = parry3d::math::Pose { rotation: rotation(to), ..spins[index].pose };
+            end(index, pose, change);
+        };
+        if count <= ALONE {
+            for (index, Spin { pose, moments, omega }) in spins[..count].iter().enumerate() {
+                let (to, change) = precess(quaternion(pose), moments.map(|of| *of), *omega, h);
+                turn(index, to, change);
+            }
+            return;
+        }
+        let matrix = |which: usize| {
+            let row =
+                |i: usize| Eight::vector(each_eight!(lane => spins[lane].moments[which].0[i]));
+            SymmetricMatrix([row(0), row(1), row(2)])
+        };
+        let moments = [matrix(0), matrix(1)];
+        let each = each_eight!(lane => quaternion(&spins[lane].pose));
+        let axis = Eight::vector(each_eight!(lane => each[lane].axis));
+        let q = Quaternion { axis, w: Eight::new(each_eight!(lane => each[lane].w)) };
+        let omega = Eight::vector(each_eight!(lane => spins[lane].omega));
+        let (to, changes) = precess(q, moments, omega, Eight::new([h; TOGETHER]));
+        for lane in 0..count {
+            let own = Quaternion { axis: Eight::of_lane(&to.axis, lane), w: to.w.get(lane) };
+            turn(lane, own, Eight::of_lane(&changes, lane));
+        }
     }
 
     fn turn_between(from: &Self::Pose, to: &Self::Pose) -> Vector<f32, 3> {
@@ -588,35 +604,12 @@ impl Geometry<3, 3> for Rigid3 {
     over_parry!(parry3d, solids, Hull, form_3, 3, 3);
 }
 
-/// The quaternion that turns by a rotation vector \[rad\].
-fn versor(turn: Vector<f32, 3>) -> parry3d::math::Rotation {
-    let squared = turn.dot(turn);
-    let [x, y, z] = (turn * half_sine_over_angle(squared)).0;
-    parry3d::math::Rotation::from_xyzw(x, y, z, half_cosine(squared))
+fn quaternion(pose: &parry3d::math::Pose) -> Quaternion<f32> {
+    let [x, y, z, w] = pose.rotation.to_array();
+    Quaternion { axis: Vector([x, y, z]), w }
 }
 
-/// q v q^-1 - v.
-fn twist(q: parry3d::math::Rotation, v: Vector<f32, 3>) -> Vector<f32, 3> {
-    let [x, y, z, w] = q.to_array();
-    let axis = Vector([x, y, z]);
-    let across: Vector<f32, 3> = moment(axis, v) * 2.0;
-    let back: Vector<f32, 3> = moment(axis, across);
-    across * w + back
-}
-
-/// sin(t/2)/t from t^2; the series' error is below one rounding for t < 0.5.
-fn half_sine_over_angle(squared: f32) -> f32 {
-    if squared < 0.25 {
-        return 0.5 - squared * (1.0 / 48.0 - squared * (1.0 / 3840.0 - squared / 645_120.0));
-    }
-    let angle = squared.sqrt();
-    libm::sinf(0.5 * angle) / angle
-}
-
-/// cos(t/2) from t^2; the series' error is below one rounding for t < 0.5.
-fn half_cosine(squared: f32) -> f32 {
-    if squared < 0.25 {
-        return 1.0 - squared * (1.0 / 8.0 - squared * (1.0 / 384.0 - squared / 46_080.0));
-    }
-    libm::cosf(0.5 * squared.sqrt())
+fn rotation(of: Quaternion<f32>) -> parry3d::math::Rotation {
+    let [x, y, z] = of.axis.0;
+    parry3d::math::Rotation::from_xyzw(x, y, z, of.w)
 }
