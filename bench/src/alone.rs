@@ -22,8 +22,8 @@ pub(crate) fn stages(cases: &[Case], options: &Options) -> Result<(), Refusal> {
         let late = settled(case.steps);
         let mut times = vec![Vec::new(); Stage::ALL.len()];
         for _ in 0..options.rounds {
-            let mut engine = Drystone::new(&case.scene, StepSettings::realtime(), options.threads)?;
-            run(case, &mut engine, options.threads, |step, engine| {
+            let engine = Drystone::new(&case.scene, StepSettings::realtime(), options.threads)?;
+            run(case, &mut engine.timed(), options.threads, |step, engine| {
                 for (times, time) in times.iter_mut().zip(&engine.report.stages) {
                     if step >= late {
                         times.push(time.as_secs_f64() * 1e6);

@@ -26,6 +26,12 @@ impl Drystone {
         simulation.set_threads(threads);
         Ok(Self { simulation, report: StepReport::default() })
     }
+
+    /// The same, and its reports tell the time of each stage.
+    pub(crate) fn timed(mut self) -> Self {
+        self.simulation.time_stages(true);
+        self
+    }
 }
 
 /// What a scene itself asks for under `solver` is left out: all engines run with their own settings.

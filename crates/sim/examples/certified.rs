@@ -19,6 +19,7 @@ fn main() {
     heavy.colliders[0].density = 5e4;
     let id = world.add(heavy);
 
+    world.time_stages(true);
     for step in 1..=120 {
         let report = world.step(1.0 / 60.0);
         let Some(certified) = report.certified else { continue };

@@ -30,8 +30,8 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Whether any of them has ever bounced.
     pub(crate) bounce: bool,
     pub(crate) removed: Vec<bool>,
-    /// The room that a shape needs, where it has outgrown its box in the broad phase.
-    outgrown: Vec<Option<Bounds<L>>>,
+    /// By chunk: shapes that have outgrown their boxes in the broad phase, and the room that they need.
+    outgrown: Vec<Vec<(u32, Bounds<L>)>>,
     /// As long as the path of its body, its way ahead and what is looked beyond add up to less, a shape
     /// has room in its box. \[m\]
     room_until: Vec<f64>,
@@ -75,7 +75,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         self.material.push(collider.material);
         self.filter.push(collider.filter);
         self.removed.push(false);
-        self.outgrown.push(None);
         self.room_until.push(0.0);
     }
 
@@ -111,15 +110,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
     ) {
         let Self { body, shapes, local, poses, removed, outgrown, room_until, .. } = self;
         let useful = body.len() > 2 * CHUNK;
-        let rooms = outgrown.chunks_mut(CHUNK).zip(room_until.chunks_mut(CHUNK));
+        outgrown.resize_with(body.len().div_ceil(CHUNK), Vec::new);
+        let rooms = outgrown.iter_mut().zip(room_until.chunks_mut(CHUNK));
         let chunks = poses.chunks_mut(CHUNK).zip(rooms).enumerate();
         team.for_each(useful, chunks, |(chunk, (poses, (outgrown, room_until)))| {
-            let rooms = outgrown.iter_mut().zip(room_until);
-            for (id, (turned, (outgrown, room_until))) in
-                (CHUNK * chunk..).zip(poses.iter_mut().zip(rooms))
+            outgrown.clear();
+            for (id, (turned, room_until)) in
+                (CHUNK * chunk..).zip(poses.iter_mut().zip(room_until))
             {
                 let body = body[id] as usize;
-                *outgrown = None;
                 let moves = bodies.motion[body] != Some(Motion::Static);
                 if removed[id] || !moves || sleep.sleeps(body) {
                     continue;
@@ -138,14 +137,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
                     bounds.max[i] += ahead[i].max(0.0) + reach;
                 }
                 if broad_phase.room(id, &bounds) < 0.0 {
-                    (*outgrown, *room_until) = (Some(bounds), 0.0);
+                    outgrown.push((id as u32, bounds));
+                    *room_until = 0.0;
                 }
             }
         });
-        for (id, bounds) in outgrown.iter().enumerate() {
-            if let Some(bounds) = bounds {
-                broad_phase.update(id as u32, bounds);
-            }
+        for (id, bounds) in outgrown.iter().flatten() {
+            broad_phase.update(*id, bounds);
         }
     }
 

@@ -126,7 +126,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
                 continue;
             }
             let fresh = records.later(first);
-            if !old && !(known.is_empty() && fresh.is_empty()) {
+            if !(old || known.is_empty() && fresh.is_empty()) {
                 let as_many = !rested && own.have_room(known.clone(), fresh);
                 *settled &= as_many;
                 if as_many && in_place {

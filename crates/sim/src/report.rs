@@ -73,7 +73,8 @@ impl Stage {
 /// What [`World::step`](crate::World::step) did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepReport {
-    /// Wall time of each stage, in the order of [`Stage::ALL`]; all substeps together.
+    /// Wall time of each stage, in the order of [`Stage::ALL`]; all substeps together. Zero unless asked for
+    /// ([`World::time_stages`](crate::World::time_stages)).
     pub stages: [Duration; Stage::ALL.len()],
     /// Pairs of shapes whose boxes overlap, in the last part of the step, as are the next two.
     pub pairs: usize,
@@ -102,12 +103,14 @@ impl StepReport {
     /// Takes in what solving or examining a substep has come to, and its time.
     pub(crate) fn join(&mut self, outcome: &Outcome, clock: &mut Clock) {
         clock.lap(self, Stage::Solve);
-        self.stages[Stage::Solve as usize] -= outcome.certifying;
-        self.stages[Stage::Certify as usize] += outcome.certifying;
+        if clock.last.is_some() {
+            self.stages[Stage::Solve as usize] -= outcome.certifying;
+            self.stages[Stage::Certify as usize] += outcome.certifying;
+        }
         self.certified.get_or_insert_default().join(outcome);
     }
 
-    /// Wall time of the whole step.
+    /// Wall time of all stages.
     pub fn time(&self) -> Duration {
         self.stages.iter().sum()
     }
@@ -145,18 +148,21 @@ pub struct Nearby {
 
 /// Charges time to stages.
 pub(crate) struct Clock {
-    last: Instant,
+    /// When the last lap ended; `None` where nobody asks for times.
+    last: Option<Instant>,
 }
 
 impl Clock {
-    pub(crate) fn start() -> Self {
-        Self { last: Instant::now() }
+    pub(crate) fn start(timing: bool) -> Self {
+        Self { last: timing.then(Instant::now) }
     }
 
     /// Charges the time since the last lap to `stage`.
     pub(crate) fn lap(&mut self, report: &mut StepReport, stage: Stage) {
-        let now = Instant::now();
-        report.stages[stage as usize] += now - self.last;
-        self.last = now;
+        if let Some(last) = &mut self.last {
+            let now = Instant::now();
+            report.stages[stage as usize] += now - *last;
+            *last = now;
+        }
     }
 }

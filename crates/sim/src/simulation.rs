@@ -49,6 +49,9 @@ pub trait Simulation: Send {
     /// Uses `threads` threads; results do not depend on it.
     fn set_threads(&mut self, threads: usize);
 
+    /// [`World::time_stages`].
+    fn time_stages(&mut self, timing: bool);
+
     /// [`World::save_systems`].
     fn save_systems(&mut self, saving: bool);
 
@@ -264,6 +267,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
 
     fn set_threads(&mut self, threads: usize) {
         self.world.set_threads(threads);
+    }
+
+    fn time_stages(&mut self, timing: bool) {
+        self.world.time_stages(timing);
     }
 
     fn save_systems(&mut self, saving: bool) {

@@ -40,7 +40,6 @@ pub(super) struct Tree<const L: usize> {
     built: Vec<f32>,
     /// How many times as large the leaves are now, all together. \[1\]
     wear: f64,
-    order: Vec<Entry>,
     ahead: Vec<(usize, usize)>,
 }
 
@@ -265,15 +264,13 @@ impl<const L: usize> Tree<L> {
 
     /// Puts all boxes in order.
     fn build(&mut self) {
-        let mut order = std::mem::take(&mut self.order);
-        self.sort(&mut order);
+        let order = self.sort();
         let leaves = self.levels.drain(..).next().unwrap_or_default().nodes;
         self.numbers.clear();
-        for &(_, number, changed) in &order {
+        for (_, number, changed) in order {
             let place = self.places[number as usize] as usize;
             self.push(number, &leaves[place / WIDTH].get(place % WIDTH), changed);
         }
-        self.order = order;
         for level in 1..self.levels.len() {
             self.fill(level);
         }
@@ -287,7 +284,7 @@ impl<const L: usize> Tree<L> {
 
     /// Puts all boxes in order along the curve, and large ones after it: among small ones they would make a leaf
     /// large.
-    fn sort(&self, order: &mut Vec<Entry>) {
+    fn sort(&self) -> Vec<Entry> {
         let boxes = self.levels.iter().take(1).flat_map(|leaves| {
             let each = leaves.nodes.iter().zip(&leaves.changed);
             let apart = |(leaf, changed): (&'_ Node<L>, &u8)| {
@@ -309,14 +306,15 @@ impl<const L: usize> Tree<L> {
         let cells: [f32; L] = std::array::from_fn(|i| {
             (1 << BITS) as f32 / (all.max[i] - all.min[i]).max(f32::MIN_POSITIVE)
         });
-        order.clear();
-        order.extend(boxes.map(|(&number, (own, changed))| {
+        let entries = boxes.map(|(&number, (own, changed))| {
             let at = center(&own) - all.min;
             let cell: [u64; L] = std::array::from_fn(|i| (at[i] * cells[i]) as u64);
             let large = u64::from(extent(&own) > large);
             (large << 63 | along_curve(cell), number, changed)
-        }));
+        });
+        let mut order: Vec<Entry> = entries.collect();
         order.sort_unstable();
+        order
     }
 }
 

@@ -1,9 +1,11 @@
 //! What a world promises of any scene: conservation, rest, and the bodies it is told of.
 
+use std::time::{Duration, Instant};
+
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::{Filter, Motion};
-use drystone::{Body, BodyId, Collider, Inertia, StepSettings, World, World2, World3};
+use drystone::{Body, BodyId, Collider, Inertia, Stage, StepSettings, World, World2, World3};
 use drystone_solver::{SymmetricMatrix, Vector, Velocity};
 
 // Conservation
@@ -775,4 +777,21 @@ fn a_falling_heap_is_solved_to_a_tolerance() {
         world.add(block);
     }
     certified(&mut world, 3.0);
+}
+
+#[test]
+fn stages_are_timed_where_that_is_asked_for() {
+    let material = surface(0.5, 0.0);
+    let mut world = World3::new(StepSettings::certified());
+    world.gravity = Vector([0.0, -9.81, 0.0]);
+    add_floor(&mut world, &material);
+    world.add(dynamic([0.0, 0.5, 0.0], Rigid3::cuboid([0.5; 3]), &material));
+    assert_eq!(world.step(DT).time(), Duration::ZERO);
+    world.time_stages(true);
+    let start = Instant::now();
+    let report = world.step(DT);
+    assert!(report.time() <= start.elapsed());
+    for stage in [Stage::Manifolds, Stage::Solve, Stage::Certify, Stage::Advance] {
+        assert!(report.stages[stage as usize] > Duration::ZERO, "{}", stage.name());
+    }
 }
