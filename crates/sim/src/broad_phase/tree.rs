@@ -40,6 +40,7 @@ pub(super) struct Tree<const L: usize> {
     built: Vec<f32>,
     /// How many times as large the leaves are now, all together. \[1\]
     wear: f64,
+    /// Nodes that are still to be looked at, each after its level.
     ahead: Vec<(usize, usize)>,
 }
 
@@ -200,8 +201,8 @@ impl<const L: usize> Tree<L> {
         self.levels.iter_mut().for_each(|level| level.changed.fill(0));
     }
 
-    /// What overlaps the boxes of a leaf that have changed. Of two that have, the later one finds the other in a
-    /// later leaf.
+    /// What overlaps the boxes of a leaf that have changed. Of two that have, the one in the earlier leaf finds the
+    /// other.
     fn query(
         &self,
         leaf: usize,
@@ -285,21 +286,17 @@ impl<const L: usize> Tree<L> {
     /// Puts all boxes in order along the curve, and large ones after it: among small ones they would make a leaf
     /// large.
     fn sort(&self) -> Vec<Entry> {
-        let boxes = self.levels.iter().take(1).flat_map(|leaves| {
-            let each = leaves.nodes.iter().zip(&leaves.changed);
-            let apart = |(leaf, changed): (&'_ Node<L>, &u8)| {
-                let (leaf, changed) = (*leaf, *changed);
-                (0..WIDTH).map(move |lane| (leaf.get(lane), changed >> lane & 1 == 1))
-            };
-            each.flat_map(apart)
+        let Some(leaves) = self.levels.first() else { return Vec::new() };
+        let boxes = leaves.nodes.iter().zip(&leaves.changed).flat_map(|(&leaf, &changed)| {
+            (0..WIDTH).map(move |lane| (leaf.get(lane), changed >> lane & 1 == 1))
         });
         let boxes = self.numbers.iter().zip(boxes).filter(|(number, _)| **number != NONE);
         let mut sizes: Vec<f32> = boxes.clone().map(|(_, (own, _))| extent(&own)).collect();
+        if sizes.is_empty() {
+            return Vec::new();
+        }
         let half = sizes.len() / 2;
-        let large = match sizes.get_mut(half) {
-            Some(_) => LARGE * *sizes.select_nth_unstable_by(half, f32::total_cmp).1,
-            None => 0.0,
-        };
+        let large = LARGE * *sizes.select_nth_unstable_by(half, f32::total_cmp).1;
         let center = |of: &Bounds<L>| (of.min + of.max) * 0.5;
         let centers = boxes.clone().map(|(_, (own, _))| center(&own));
         let all = centers.fold(Bounds::NOTHING, |all, at| all.joined(&Bounds { min: at, max: at }));
