@@ -47,10 +47,16 @@ impl<const L: usize> BroadPhase<L> {
 
     /// Adds a shape, the next in order.
     pub(crate) fn add(&mut self, needed: &Bounds<L>) {
+        let shape = self.grow();
+        self.update(shape, needed);
+    }
+
+    /// The number of the next shape, which has no box yet.
+    fn grow(&mut self) -> u32 {
         self.boxes.push(Bounds::NOTHING);
         self.before.push(Bounds::NOTHING);
         self.moves.push(false);
-        self.update(self.boxes.len() as u32 - 1, needed);
+        self.boxes.len() as u32 - 1
     }
 
     /// Makes room for `needed` where it has grown out of its box.
@@ -72,10 +78,8 @@ impl<const L: usize> BroadPhase<L> {
     /// A broad phase that goes on from boxes that another has stored; none for removed shapes.
     pub(crate) fn with_boxes(boxes: impl Iterator<Item = Option<Bounds<L>>>) -> Self {
         let mut out = Self::new();
-        for (shape, stored) in (0..).zip(boxes) {
-            out.boxes.push(Bounds::NOTHING);
-            out.before.push(Bounds::NOTHING);
-            out.moves.push(false);
+        for stored in boxes {
+            let shape = out.grow();
             out.store(shape, stored.as_ref());
         }
         out

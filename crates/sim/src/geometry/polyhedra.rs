@@ -358,8 +358,8 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
     }
 }
 
-/// A vector along an axis. Chosen number by number, as is what follows: a place in memory that is written in part
-/// and read as a whole is waited for.
+/// A vector along an axis. Chosen number by number, as corners are: memory that is written in part and read as a
+/// whole is waited for.
 fn along<const L: usize>(axis: usize, length: f32) -> Vector<f32, L> {
     Vector(from_fn(|i| if i == axis { length } else { 0.0 }))
 }
