@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use drystone_solver::Vector;
-use drystone_solver::wide::Trace;
+use drystone_solver::wide::{Past, Trace};
 
 use crate::geometry::{Frame, MAX_POINTS, TouchPoint};
 
@@ -59,13 +59,10 @@ pub(crate) struct Records<const L: usize> {
     pub(crate) points: Vec<Point<L>>,
     /// Of each point.
     pub(crate) traces: Vec<Trace<L>>,
-    /// The number that each manifold had in the step before, if it is as it was then: neither body has stirred
-    /// ([`Bodies::stirred`](crate::bodies::Bodies::stirred)). Else [`NEW`].
-    pub(crate) kept: Vec<u32>,
+    /// Of each manifold; kept is one of which neither body has stirred
+    /// ([`Bodies::stirred`](crate::bodies::Bodies::stirred)).
+    pub(crate) past: Vec<Past>,
 }
-
-/// The number of no manifold.
-pub(crate) const NEW: u32 = u32::MAX;
 
 /// A manifold as it is kept from step to step: in the frames of its bodies.
 #[derive(Clone, Copy, Debug)]
@@ -110,7 +107,7 @@ impl<const L: usize> Records<L> {
         self.manifolds.clear();
         self.points.clear();
         self.traces.clear();
-        self.kept.clear();
+        self.past.clear();
     }
 
     /// The bodies of each manifold.
@@ -131,8 +128,8 @@ impl<const L: usize> Records<L> {
 
     /// To change all where they are.
     pub(crate) fn view_mut(&mut self) -> RecordsMut<'_, L> {
-        let Self { manifolds, points, traces, kept } = self;
-        RecordsMut { manifolds, points, traces, kept, before: [0; 2] }
+        let Self { manifolds, points, traces, past } = self;
+        RecordsMut { manifolds, points, traces, past, before: [0; 2] }
     }
 
     /// Drops all but the first manifolds.
@@ -140,7 +137,7 @@ impl<const L: usize> Records<L> {
         let points =
             self.manifolds.get(manifolds).map_or(self.points.len(), |of| of.first as usize);
         self.manifolds.truncate(manifolds);
-        self.kept.truncate(manifolds);
+        self.past.truncate(manifolds);
         self.points.truncate(points);
         self.traces.truncate(points);
     }
@@ -155,7 +152,7 @@ impl<const L: usize> Records<L> {
             self.traces.extend_from_slice(from.traces_of(record));
             self.manifolds.push(Record { traced: record.normal, first, ..*record });
         }
-        self.kept.resize(self.manifolds.len(), NEW);
+        self.past.resize(self.manifolds.len(), Past::New);
     }
 }
 
@@ -174,7 +171,7 @@ pub(crate) struct RecordsMut<'a, const L: usize> {
     manifolds: &'a mut [Record<L>],
     points: &'a mut [Point<L>],
     traces: &'a mut [Trace<L>],
-    kept: &'a mut [u32],
+    past: &'a mut [Past],
     before: [usize; 2],
 }
 
@@ -228,17 +225,26 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
             manifolds: self.manifolds.split_off_mut(..manifolds).unwrap_or_default(),
             points: self.points.split_off_mut(..points).unwrap_or_default(),
             traces: self.traces.split_off_mut(..points).unwrap_or_default(),
-            kept: self.kept.split_off_mut(..manifolds).unwrap_or_default(),
+            past: self.past.split_off_mut(..manifolds).unwrap_or_default(),
             before: std::mem::replace(&mut self.before, to),
         }
     }
 
-    /// Notes that manifolds are as they were when they were `traced`, unless that was noted before.
-    pub(crate) fn keep(&mut self, numbers: Range<usize>, traced: bool) {
+    /// Notes of manifolds that have been `traced` that they were in the step before; what was noted since
+    /// stays.
+    pub(crate) fn keep(&mut self, numbers: Range<usize>, traced: bool) -> &mut [Past] {
+        let past = &mut self.past[after(numbers.clone(), self.before[0])];
         if traced {
-            let own = after(numbers.clone(), self.before[0]);
-            self.kept[own].iter_mut().zip(numbers).for_each(|(kept, own)| *kept = own as u32);
+            past.iter_mut().zip(numbers).for_each(|(past, own)| *past = Past::Kept(own as u32));
         }
+        past
+    }
+
+    /// The same of manifolds that are others now.
+    pub(crate) fn change(&mut self, numbers: Range<usize>, traced: bool) -> &[Past] {
+        let past = self.keep(numbers, traced);
+        past.iter_mut().for_each(|past| *past = past.changed());
+        past
     }
 
     /// Whether manifolds have as many points as others that were found anew, each as one of these.
@@ -257,14 +263,13 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
             self.traces[points].copy_from_slice(fresh.traces_of(found));
             *record = Record { first: record.first, ..*found };
         }
-        self.kept[own].fill(NEW);
     }
 
     /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Whether they have been
     /// `traced` since they were last measured.
     pub(crate) fn measure(&mut self, numbers: Range<usize>, [a, b]: [&Frame<L>; 2], traced: bool) {
-        let own = after(numbers, self.before[0]);
-        self.kept[own.clone()].fill(NEW);
+        let own = after(numbers.clone(), self.before[0]);
+        self.change(numbers, traced);
         for record in &mut self.manifolds[own] {
             let normal = b.direction(record.local_normal);
             let points = after(record.points(), self.before[1]);

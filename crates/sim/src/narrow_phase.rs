@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use drystone_solver::Vector;
 use drystone_solver::team::{Team, chunks_with_parts};
-use drystone_solver::wide::Trace;
+use drystone_solver::wide::{Past, Trace};
 
 use crate::bodies::Bodies;
 use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View, inherit};
@@ -134,6 +134,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
                     records.truncate(first);
                     old = true;
                 }
+                if as_many {
+                    let past = own.change(known.clone(), around.traced);
+                    if !old {
+                        records.past[first..].copy_from_slice(past);
+                    }
+                }
             }
             let manifolds = if old { known } else { first..records.manifolds.len() };
             pair.first = counts[0] as u32;
@@ -155,7 +161,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
     fn copy(
         &self,
         old: &Records<L>,
-        (mut manifolds, mut kept): (&mut [Record<L>], &mut [u32]),
+        (mut manifolds, mut past): (&mut [Record<L>], &mut [Past]),
         (points, traces): (&mut [Point<L>], &mut [Trace<L>]),
         offset: usize,
     ) {
@@ -167,12 +173,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
             points[to.clone()].copy_from_slice(&from.points[range.clone()]);
             traces[to.clone()].copy_from_slice(&from.traces[range.clone()]);
             let moved = ((offset + first) as u32).wrapping_sub(range.start as u32);
-            let into = kept.split_off_mut(..own.len()).unwrap_or_default();
-            into.copy_from_slice(&from.kept[own.clone()]);
+            let into = past.split_off_mut(..own.len()).unwrap_or_default();
+            into.copy_from_slice(&from.past[own.clone()]);
             let records = manifolds.split_off_mut(..own.len()).unwrap_or_default();
-            for ((into, kept), record) in records.iter_mut().zip(into).zip(&from.manifolds[own]) {
+            for ((into, past), record) in records.iter_mut().zip(into).zip(&from.manifolds[own]) {
                 // What is kept has been traced as it is.
-                let traced = if *kept == cache::NEW { record.traced } else { record.normal };
+                let kept = matches!(past, Past::Kept(_));
+                let traced = if kept { record.normal } else { record.traced };
                 *into = Record { traced, first: record.first.wrapping_add(moved), ..*record };
             }
             first = to.end;
@@ -246,19 +253,19 @@ fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
 ) {
     let [manifolds, points] = [0, 1].map(|i| workers.iter().map(|of| of.counts[i]).sum());
     records.manifolds.resize(manifolds, Record::NONE);
-    records.kept.resize(manifolds, cache::NEW);
+    records.past.resize(manifolds, Past::New);
     records.points.resize(points, Point::default());
     records.traces.resize(points, Trace::default());
     let [manifolds, points] = [0, 1].map(|i| move |of: &Worker<G, L, A>| -> usize { of.counts[i] });
     let mut first = 0;
     let own = chunks_with_parts(workers, 1, &mut records.manifolds, manifolds)
-        .zip(chunks_with_parts(workers, 1, &mut records.kept, manifolds))
+        .zip(chunks_with_parts(workers, 1, &mut records.past, manifolds))
         .zip(chunks_with_parts(workers, 1, &mut records.points, points))
         .zip(chunks_with_parts(workers, 1, &mut records.traces, points))
-        .map(|(((manifolds, kept), points), traces)| {
+        .map(|(((manifolds, past), points), traces)| {
             first += points.1.len();
             let offset = first - points.1.len();
-            (&manifolds.0[0], (manifolds.1, kept.1), (points.1, traces.1), offset)
+            (&manifolds.0[0], (manifolds.1, past.1), (points.1, traces.1), offset)
         });
     team.for_each(useful, own, |(worker, manifolds, points, offset)| {
         worker.copy(old, manifolds, points, offset);
@@ -345,7 +352,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             found_at: seen,
             reach,
         });
-        records.kept.push(cache::NEW);
+        records.past.push(Past::New);
     };
     let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
     let before = known.first().map(|record| old.points_of(record)[0].feature);

@@ -1,8 +1,8 @@
 //! From records to the contact system: what the solver is given.
 
-use drystone_solver::lanes::{Lanes, WIDTH, gathered};
-use drystone_solver::wide::{FAR, Rows, Trace};
-use drystone_solver::{Contact, Manifold, Vector, Velocity, contact_frame, each_lane};
+use drystone_solver::lanes::Several;
+use drystone_solver::wide::{FAR, Past, Rows, Seats, Trace};
+use drystone_solver::{Contact, Manifold, Vector, Velocity, contact_frame};
 
 use crate::cache::{self, Point, Record, Records};
 use crate::certifier::Stiffness;
@@ -13,6 +13,8 @@ pub(crate) struct RowsOf<'a, const L: usize, const A: usize> {
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) stiffness: Stiffness<'a>,
     pub(crate) dt: f32,
+    /// Whether these are the manifolds of the step before, with as many points.
+    pub(crate) same: bool,
     /// Whether all substeps are taken for everything at once.
     pub(crate) together: bool,
 }
@@ -22,9 +24,12 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
         self.records.manifolds.iter().map(|record| (record.bodies, record.count))
     }
 
-    fn kept(&self, manifold: u32) -> Option<u32> {
-        let before = self.records.kept[manifold as usize];
-        (before != cache::NEW).then_some(before)
+    fn same_outlines(&self) -> bool {
+        self.same
+    }
+
+    fn past(&self, manifold: u32) -> Past {
+        self.records.past[manifold as usize]
     }
 
     fn stands(&self, body: u32) -> bool {
@@ -32,31 +37,30 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
     }
 
     #[inline(always)]
-    fn take<V: Lanes>(
+    fn take<V: Several>(
         &self,
-        manifolds: &[u32; WIDTH],
-        bodies: &[[u32; WIDTH]; 2],
-        moving: [u16; 2],
+        seats: &Seats<'_>,
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     ) {
-        let records = each_lane!(lane => &self.records.manifolds[manifolds[lane] as usize]);
-        let kept = each_lane!(lane => self.records.kept[manifolds[lane] as usize]);
-        let turned = V::from_array(each_lane!(lane => f32::from(kept[lane] == cache::NEW)));
-        manifold.frame = contact_frame(gathered(each_lane!(lane => &records[lane].normal)));
-        let traced = contact_frame(gathered(each_lane!(lane => &records[lane].traced)));
-        let before = Manifold { frame: traced, ..*manifold };
-        manifold.friction = V::from_array(each_lane!(lane => records[lane].friction));
-        manifold.restitution = V::from_array(each_lane!(lane => records[lane].restitution));
-        manifold.compliance =
-            V::from_array(each_lane!(lane => self.stiffness.compliance(records[lane].bodies)));
+        let records = V::each(|lane| &self.records.manifolds[seats.manifold(lane)]);
+        let kept = |lane| matches!(self.records.past[seats.manifold(lane)], Past::Kept(_));
+        let turned = V::gathered(V::each(|lane| f32::from(!kept(lane))));
+        let normal = V::gathered_vector(V::each(|lane| &records[lane].normal));
+        manifold.frame = contact_frame(normal);
+        let traced = V::gathered_vector(V::each(|lane| &records[lane].traced));
+        let before = Manifold { frame: contact_frame(traced), ..*manifold };
+        manifold.friction = V::gathered(V::each(|lane| records[lane].friction));
+        manifold.restitution = V::gathered(V::each(|lane| records[lane].restitution));
+        let compliance = |lane| self.stiffness.compliance(records[lane].bodies);
+        manifold.compliance = V::gathered(V::each(compliance));
         let mut sum = Vector::ZERO;
         for (index, contact) in points.iter_mut().enumerate() {
-            let own = each_lane!(lane => self.point(records[lane], index));
-            contact.place = gathered(each_lane!(lane => &own[lane].0.middle));
+            let own = V::each(|lane| self.point(records[lane], index));
+            contact.place = V::gathered_vector(V::each(|lane| &own[lane].0.middle));
             sum += contact.place;
-            contact.gap = gathered(each_lane!(lane => &own[lane].1.gap));
-            contact.impulse = gathered(each_lane!(lane => &own[lane].1.impulse));
+            contact.gap = V::gathered_vector(V::each(|lane| &own[lane].1.gap));
+            contact.impulse = V::gathered_vector(V::each(|lane| &own[lane].1.impulse));
             let mut slip = contact.gap;
             slip[0] = V::ZERO;
             let slip = manifold.to_frame(before.to_world(slip));
@@ -69,14 +73,14 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
             }
             contact.impulse[0] = contact.impulse[0].max(V::ZERO);
         }
-        let center = sum * V::from_array(each_lane!(lane => records[lane].share));
+        let center = sum * V::gathered(V::each(|lane| records[lane].share));
         for contact in points {
             contact.place = manifold.to_frame(contact.place - center);
         }
-        let apart = gathered(each_lane!(lane => &records[lane].apart));
+        let apart = V::gathered_vector(V::each(|lane| &records[lane].apart));
         manifold.arms = [center - apart, center];
-        if moving != [u16::MAX; 2] {
-            self.carry(bodies, moving, &mut manifold.arms);
+        if !seats.all_move() {
+            self.carry(seats, &mut manifold.arms);
         }
     }
 }
@@ -96,20 +100,13 @@ impl<const L: usize, const A: usize> RowsOf<'_, L, A> {
     /// A body that carries others round gives them the velocity of where they are at half the step; that of
     /// the start would throw them outward.
     #[inline(always)]
-    fn carry<V: Lanes>(
-        &self,
-        bodies: &[[u32; WIDTH]; 2],
-        moving: [u16; 2],
-        arms: &mut [Vector<V, L>; 2],
-    ) {
-        let [a, b] = bodies;
-        let of = self.velocities;
-        let v_a: Vector<V, L> = gathered(each_lane!(lane => &of[a[lane] as usize].linear));
-        let v_b: Vector<V, L> = gathered(each_lane!(lane => &of[b[lane] as usize].linear));
+    fn carry<V: Several>(&self, seats: &Seats<'_>, arms: &mut [Vector<V, L>; 2]) {
+        let velocity = |side, lane| &self.velocities[seats.body(side, lane)].linear;
+        let v_a: Vector<V, L> = V::gathered_vector(V::each(|lane| velocity(0, lane)));
+        let v_b: Vector<V, L> = V::gathered_vector(V::each(|lane| velocity(1, lane)));
         let half = V::from_f64(f64::from(0.5 * self.dt));
         for (side, ahead) in [v_b - v_a, v_a - v_b].into_iter().enumerate() {
-            let fixed = each_lane!(lane => f32::from(!moving[side] >> lane & 1));
-            let fixed = V::from_array(fixed);
+            let fixed = V::gathered(V::each(|lane| f32::from(!seats.moves(side, lane))));
             arms[side] += (ahead * half).only_if(fixed);
         }
     }

@@ -421,10 +421,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         clock: &mut Clock,
         report: &mut StepReport,
     ) {
-        self.find_manifolds();
+        let same = self.find_manifolds();
         clock.lap(report, Stage::Manifolds);
         let plan = self.plan(dt / substeps as f32, substeps, last);
-        self.pack(&plan, dt);
+        self.pack(&plan, dt, same);
         clock.lap(report, Stage::Rows);
         let mut batches = std::mem::take(&mut self.batches);
         batches.clear();
@@ -471,8 +471,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Makes the contacts of a part, which lasts `dt` \[s\], ready for its substeps.
-    fn pack(&mut self, plan: &Plan, dt: f32) {
+    /// Makes the contacts of a part, which lasts `dt` \[s\], ready for its substeps; whether they are the `same`
+    /// manifolds as before, with as many points.
+    fn pack(&mut self, plan: &Plan, dt: f32, same: bool) {
         self.displacements.fill(Velocity::ZERO);
         self.prospective.clone_from(&self.system.velocities);
         let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
@@ -492,7 +493,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             wide.forget();
         }
         let (velocities, together) = (&system.velocities, plan.together);
-        let rows = RowsOf { records, velocities, stiffness, dt, together };
+        let rows = RowsOf { records, velocities, stiffness, dt, same, together };
         wide.pack(&rows, &system.masses, softness);
         if plan.solving {
             wide.forget();
@@ -666,7 +667,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         cache::merge(&mut self.pairs, fresh);
     }
 
-    fn find_manifolds(&mut self) {
+    /// Returns whether there are the same manifolds as before, with as many points.
+    fn find_manifolds(&mut self) -> bool {
         // Two bodies that have not stirred have come half of what contacts are reused for, at most.
         self.bodies.stir(0.25 * self.settings.reuse_distance, &self.system.velocities);
         self.update_masses();
@@ -676,15 +678,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let active = |body: u32| self.active[body as usize];
             self.sleep.rest_pairs(&mut self.pairs, &self.old_records, active);
         }
-        let mut traced = true;
+        let (mut traced, mut same) = (true, true);
         loop {
-            if !self.collide(traced) {
+            if self.collide(traced) {
+                same = false;
+            } else {
                 std::mem::swap(&mut self.records, &mut self.old_records);
             }
             traced = false;
             // What is touched wakes, and may wake what it touches.
             if !self.rouse_touched() {
-                return;
+                return same;
             }
             self.note_active();
             std::mem::swap(&mut self.records, &mut self.old_records);

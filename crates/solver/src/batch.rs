@@ -78,15 +78,23 @@ impl Division {
         first as usize..self.ends[batch] as usize
     }
 
-    /// Divides so many bodies, tells each manifold its batch, and returns whether batches are others than
-    /// before: they stay as they are where that will do. What does not `join` belongs to no batch.
+    /// Whether it need not be looked at again while bodies and manifolds are the same.
+    pub(crate) fn rests(&mut self) -> bool {
+        let due = self.len() == 1 && self.waited + 1 == PATIENCE;
+        self.waited += u32::from(self.len() == 1 && !due);
+        !due
+    }
+
+    /// Divides bodies, given by whether they move and whether they join, tells each manifold its batch, and
+    /// returns whether batches are others than before: they stay as they are where that will do. What does
+    /// not join belongs to no batch.
     pub(crate) fn update(
         &mut self,
-        bodies: usize,
+        of_bodies: &[[bool; 2]],
         outlines: &mut [Outline],
         sizes: Sizes,
-        joins: impl Fn(u32) -> bool,
     ) -> bool {
+        let bodies = of_bodies.len();
         let points: usize = outlines.iter().map(|of| of.points as usize).sum();
         let all = bodies * sizes.body + outlines.len() * sizes.manifold + points * sizes.point;
         let whole = self.ends == [bodies as u32];
@@ -98,7 +106,7 @@ impl Division {
                 return false;
             }
         } else {
-            self.join(bodies, outlines, sizes, joins);
+            self.join(of_bodies, outlines, sizes);
             if self.divide(sizes.batch) {
                 self.tell(outlines);
                 return false;
@@ -113,15 +121,10 @@ impl Division {
         true
     }
 
-    fn join(
-        &mut self,
-        bodies: usize,
-        outlines: &[Outline],
-        sizes: Sizes,
-        joins: impl Fn(u32) -> bool,
-    ) {
+    fn join(&mut self, bodies: &[[bool; 2]], outlines: &[Outline], sizes: Sizes) {
+        let joins = |body: u32| bodies[body as usize][1];
         self.joined.clear();
-        self.joined.resize(bodies, (0, sizes.body as u32));
+        self.joined.resize(bodies.len(), (0, sizes.body as u32));
         for Outline { bodies: [a, b], points, .. } in outlines {
             let both = joins(*a) && joins(*b);
             let (low, high) = if both {

@@ -4,7 +4,8 @@ use std::cmp::Reverse;
 use std::ops::Range;
 
 use crate::batch::{Batch, Division, Outline, Sizes};
-use crate::lanes::WIDTH;
+use crate::lanes::{WIDTH, lanes_of};
+use crate::wide::Past;
 
 /// Colors at most; what fits none of them comes after, one by one.
 const COLORS: usize = 64;
@@ -21,44 +22,55 @@ const ALONE: usize = KINDS - 1;
 /// No place; no manifold.
 const NONE: u32 = u32::MAX;
 
-/// The manifolds of a block.
+/// The manifolds of a block. Lanes are bits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Members {
-    /// How many.
-    pub(crate) lanes: usize,
-    /// By lane; those that are idle have the first one.
+    /// Lanes that have one.
+    pub(crate) used: u16,
+    /// Those that had another before, or whose manifold has changed.
+    pub(crate) stale: u16,
+    /// By lane; those that are idle have one of the others.
     pub(crate) manifolds: [u32; WIDTH],
-    /// Whether they are others than before, in other lanes, or one of them has changed.
-    pub(crate) changed: bool,
 }
 
 impl Members {
-    const EMPTY: Self = Self { lanes: 0, manifolds: [0; WIDTH], changed: true };
+    const EMPTY: Self = Self { used: 0, stale: u16::MAX, manifolds: [0; WIDTH] };
 
     /// Whether there is room for a manifold.
     fn is_open(&self) -> bool {
-        self.lanes < WIDTH
+        self.used != u16::MAX
     }
 
-    /// Puts a manifold into the next lane.
-    fn push(&mut self, manifold: u32) {
-        self.manifolds[self.lanes] = manifold;
-        self.lanes += 1;
-        self.changed = true;
+    /// Puts a manifold into the first idle lane, and returns this.
+    fn push(&mut self, manifold: u32) -> usize {
+        let lane = self.used.trailing_ones() as usize;
+        self.put(lane, manifold);
+        self.stale |= 1 << lane;
+        lane
+    }
+
+    fn put(&mut self, lane: usize, manifold: u32) {
+        self.manifolds[lane] = manifold;
+        self.used |= 1 << lane;
+    }
+
+    /// The manifolds, and their lanes.
+    fn iter(&self) -> impl Iterator<Item = (usize, u32)> {
+        lanes_of(self.used).map(|lane| (lane, self.manifolds[lane]))
     }
 
     /// Fills idle lanes.
     fn fill(&mut self) {
-        let first = if self.lanes == 0 { 0 } else { self.manifolds[0] };
-        self.manifolds[self.lanes..].fill(first);
+        let first = self.iter().next().map_or(0, |(_, manifold)| manifold);
+        lanes_of(!self.used).for_each(|lane| self.manifolds[lane] = first);
     }
 }
 
 /// Places for manifolds in blocks of [`WIDTH`] lanes: no two of a block move the same body.
 #[derive(Clone, Debug, Default)]
 pub struct Coloring {
-    /// The place of each manifold: its block times [`WIDTH`] plus its lane. A block is filled from
-    /// lane 0 on. Where all are placed anew, blocks come batch after batch, color after color, in a color by
+    /// The place of each manifold: its block times [`WIDTH`] plus its lane. Where all are placed anew, a block
+    /// is filled from lane 0 on, and blocks come batch after batch, color after color, in a color by
     /// number of points, then in the order of the manifolds.
     pub places: Vec<u32>,
     /// The blocks of each color of each batch; what fits in none has one of its own.
@@ -75,7 +87,9 @@ pub struct Coloring {
     /// How many points there are before those of each manifold, and of all.
     firsts: Vec<u32>,
     outlines: Vec<Outline>,
-    /// Those of the call before, and their places.
+    /// Of each body, whether it moves and whether it joins.
+    bodies: Vec<[bool; 2]>,
+    /// The outlines of the call before, and their places.
     before: Vec<Outline>,
     places_before: Vec<u32>,
     /// The kind of each manifold.
@@ -83,6 +97,8 @@ pub struct Coloring {
     used: Vec<u64>,
     /// By batch and kind: how many, then the next place.
     next: Vec<u32>,
+    /// What a sweep did for nothing when all were placed anew, where that has been looked at.
+    idle: Option<u32>,
     /// Blocks of each color with idle lanes.
     open: Vec<Vec<u32>>,
 }
@@ -97,38 +113,45 @@ impl Coloring {
         manifolds: impl Iterator<Item = ([u32; 2], u32)>,
         moves: impl Fn(u32) -> bool,
     ) {
-        self.take(manifolds, &moves);
-        self.division.update(bodies, &mut self.outlines, Sizes::NONE, moves);
-        self.color(bodies);
+        self.bodies.clear();
+        self.bodies.extend((0..bodies as u32).map(|body| [moves(body); 2]));
+        self.take(Some(manifolds));
+        self.division.update(&self.bodies, &mut self.outlines, Sizes::NONE);
+        self.color();
         self.lay_out(false);
     }
 
-    /// As [`assign`](Self::assign), but in batches, of what takes up these `sizes`: bodies that do not `join`
-    /// can be in several. Manifolds that are `kept`, by the number that they had in the call before, stay in
-    /// their places if they have the same color, and new ones get what places there are. Colors are what they
-    /// would be without. Returns whether all are placed anew.
+    /// As [`assign`](Self::assign), but in batches, of what takes up these `sizes`; of each body, whether it
+    /// moves, and whether it joins: those that do not can be in several. `manifolds` are `None` if they are
+    /// those of the call before. Manifolds that have a `past` stay
+    /// in their places if they have the same color, and new ones get what places there are. Colors are
+    /// what they would be without. Returns whether all are placed anew.
     pub(crate) fn update(
         &mut self,
-        bodies: usize,
-        manifolds: impl Iterator<Item = ([u32; 2], u32)>,
-        moves: impl Fn(u32) -> bool,
-        (sizes, joins): (Sizes, impl Fn(u32) -> bool),
-        kept: impl Fn(u32) -> Option<u32>,
+        bodies: impl Iterator<Item = [bool; 2]> + Clone,
+        manifolds: Option<impl Iterator<Item = ([u32; 2], u32)>>,
+        sizes: Sizes,
+        past: impl Fn(u32) -> Past,
     ) -> bool {
-        self.take(manifolds, moves);
-        let divided = self.division.update(bodies, &mut self.outlines, sizes, joins);
-        if !divided && self.outlines == self.before {
-            for members in &mut self.members {
-                let own = &members.manifolds[..members.lanes];
-                members.changed = own.iter().any(|&manifold| kept(manifold) != Some(manifold));
-            }
-            return false;
+        let same_bodies = self.bodies.iter().copied().eq(bodies.clone());
+        if !same_bodies {
+            self.bodies.clear();
+            self.bodies.extend(bodies);
         }
-        self.color(bodies);
-        // If one in eight has changed, there is one in almost every block.
+        if manifolds.is_none() && same_bodies && self.division.rests() {
+            return self.look(past);
+        }
+        self.take(manifolds);
+        let divided = self.division.update(&self.bodies, &mut self.outlines, sizes);
+        if !divided && self.outlines == self.before {
+            return self.look(past);
+        }
+        self.color();
         let all = self.outlines.len();
-        let many = 8 * (0..all as u32).filter(|&own| kept(own).is_some()).count() > 7 * all;
-        if many && !divided && self.stay(kept) {
+        let kept = |own: &u32| matches!(past(*own), Past::Kept(_));
+        // If one in eight has changed, there is one in almost every block.
+        let many = 8 * (0..all as u32).filter(kept).count() > 7 * all;
+        if many && !divided && self.stay(past) {
             self.count_points();
             return false;
         }
@@ -136,25 +159,35 @@ impl Coloring {
         true
     }
 
-    fn take(
-        &mut self,
-        manifolds: impl Iterator<Item = ([u32; 2], u32)>,
-        moves: impl Fn(u32) -> bool,
-    ) {
+    /// Finds what has changed where all have stayed.
+    fn look(&mut self, past: impl Fn(u32) -> Past) -> bool {
+        for members in &mut self.members {
+            let changed = |manifold| past(manifold) != Past::Kept(manifold);
+            let bit = |(lane, manifold)| u16::from(changed(manifold)) << lane;
+            members.stale = members.iter().map(bit).fold(0, |all, own| all | own);
+        }
+        false
+    }
+
+    /// Takes outlines, by default those of the call before.
+    fn take(&mut self, manifolds: Option<impl Iterator<Item = ([u32; 2], u32)>>) {
         std::mem::swap(&mut self.outlines, &mut self.before);
-        self.outlines.clear();
-        self.outlines.extend(manifolds.map(|(bodies, points)| Outline {
-            bodies,
-            moving: bodies.map(&moves),
-            batch: 0,
-            points,
-        }));
+        let Self { outlines, before, bodies: of_bodies, .. } = self;
+        let outline = |(bodies, points): ([u32; 2], u32)| {
+            let moving = bodies.map(|body| of_bodies[body as usize][0]);
+            Outline { bodies, moving, batch: 0, points }
+        };
+        outlines.clear();
+        match manifolds {
+            Some(manifolds) => outlines.extend(manifolds.map(outline)),
+            None => outlines.extend(before.iter().map(|of| outline((of.bodies, of.points)))),
+        }
     }
 
     /// Finds the kind of each manifold.
-    fn color(&mut self, bodies: usize) {
+    fn color(&mut self) {
         self.used.clear();
-        self.used.resize(bodies, 0);
+        self.used.resize(self.bodies.len(), 0);
         self.kinds.clear();
         for &Outline { bodies, moving, points, .. } in &self.outlines {
             let used =
@@ -220,11 +253,10 @@ impl Coloring {
             self.places.push(place);
             let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
             self.points[block] = outline.points.max(self.points[block]);
-            // Kinds of a block are filled side by side.
-            self.members[block].manifolds[lane] = index as u32;
-            self.members[block].lanes += 1;
+            self.members[block].put(lane, index as u32);
         }
         self.members.iter_mut().for_each(Members::fill);
+        self.idle = None;
         self.rooms.clone_from(&self.points);
         if spare {
             let longest = self.points.iter().copied().max().unwrap_or(0);
@@ -243,45 +275,51 @@ impl Coloring {
         self.firsts.push(before);
     }
 
-    /// Leaves kept manifolds in their places, and finds some for the others. Returns whether there are any.
-    fn stay(&mut self, kept: impl Fn(u32) -> Option<u32>) -> bool {
+    /// Leaves manifolds that are not new in their places, and finds some for the others. Returns whether there
+    /// are any.
+    fn stay(&mut self, past: impl Fn(u32) -> Past) -> bool {
+        let idle = self.idle.unwrap_or_else(|| self.sweep(&self.before)[0]);
+        let placed_anew = *self.idle.insert(idle);
         std::mem::swap(&mut self.places, &mut self.places_before);
         self.places.clear();
         self.places.resize(self.outlines.len(), NONE);
         for members in &mut self.members {
-            members.manifolds = [NONE; WIDTH];
-            members.changed = false;
+            // Whatever does not come back has left.
+            (members.stale, members.used) = (members.used, 0);
         }
         for index in 0..self.outlines.len() {
             let Some(color) = self.color_of(index) else { return false };
-            let Some(old) = kept(index as u32).map(|old| old as usize) else { continue };
+            let (old, kept) = match past(index as u32) {
+                Past::New => continue,
+                Past::Changed(old) => (old as usize, false),
+                Past::Kept(old) => (old as usize, true),
+            };
             let (now, before) = (self.places_before[old], self.before[old]);
             let blocks = &self.colors[color];
             if self.outlines[index] == before && blocks.contains(&(now / WIDTH as u32)) {
                 self.places[index] = now;
-                self.members[now as usize / WIDTH].manifolds[now as usize % WIDTH] = index as u32;
+                let (members, lane) =
+                    (&mut self.members[now as usize / WIDTH], now as usize % WIDTH);
+                members.put(lane, index as u32);
+                members.stale &= !(u16::from(kept) << lane);
             }
         }
-        // Those that stay move up where others have gone.
-        for (block, members) in self.members.iter_mut().enumerate() {
-            let lanes = std::mem::take(&mut members.lanes);
-            for lane in 0..lanes {
-                let manifold = members.manifolds[lane];
-                if manifold == NONE {
-                    members.changed = true;
-                    continue;
-                }
-                members.manifolds[members.lanes] = manifold;
-                self.places[manifold as usize] = (block * WIDTH + members.lanes) as u32;
-                members.lanes += 1;
-            }
-            if members.changed {
-                let own = members.manifolds[..members.lanes].iter();
-                let points = own.map(|&manifold| self.outlines[manifold as usize].points);
-                self.points[block] = points.max().unwrap_or(0);
+        for (members, longest) in self.members.iter_mut().zip(&mut self.points) {
+            if members.stale & !members.used != 0 {
+                let points = |(_, manifold): (_, u32)| self.outlines[manifold as usize].points;
+                *longest = members.iter().map(points).max().unwrap_or(0);
             }
         }
-        self.settle()
+        self.settle(placed_anew)
+    }
+
+    /// What a sweep does for nothing and for something, about: a manifold is as much as one of its points, and
+    /// blocks do for all lanes what the longest one needs.
+    fn sweep(&self, outlines: &[Outline]) -> [u32; 2] {
+        let cost = |points: &u32| 1 + points;
+        let used = outlines.iter().map(|outline| cost(&outline.points)).sum();
+        let all: u32 = self.points.iter().filter(|&&points| points > 0).map(cost).sum();
+        [WIDTH as u32 * all - used, used]
     }
 
     /// The color of a manifold, among those that have blocks.
@@ -293,8 +331,9 @@ impl Coloring {
         (kind != ALONE && colors.contains(&color)).then_some(color)
     }
 
-    /// Finds places for the manifolds that have none; returns whether there are any.
-    fn settle(&mut self) -> bool {
+    /// Finds places for the manifolds that have none; returns whether there are any, and whether a sweep does
+    /// not much more for nothing than where all were placed anew.
+    fn settle(&mut self, placed_anew: u32) -> bool {
         if self.open.len() < self.colors.len() {
             self.open.resize_with(self.colors.len(), Vec::new);
         }
@@ -304,8 +343,8 @@ impl Coloring {
             open.extend(blocks.clone().filter(has_room));
             // The last is taken first: what changes often gathers where little stays as it is.
             open.sort_unstable_by_key(|&block| {
-                let Members { lanes, changed, .. } = self.members[block as usize];
-                (changed || lanes == 0, Reverse(lanes), block)
+                let Members { used, stale, .. } = self.members[block as usize];
+                (stale != 0 || used == 0, Reverse(used.count_ones()), block)
             });
         }
         for index in 0..self.outlines.len() {
@@ -315,21 +354,23 @@ impl Coloring {
             let Some(color) = self.color_of(index) else { return false };
             let points = self.outlines[index].points;
             let open = &mut self.open[color];
-            let fits = |of: &[u32]| open.iter().rposition(|block| of[*block as usize] >= points);
-            let Some(at) = fits(&self.points).or_else(|| fits(&self.rooms)) else { return false };
+            let find =
+                |fits: &dyn Fn(usize) -> bool| open.iter().rposition(|&block| fits(block as usize));
+            let at = find(&|block| self.points[block] == points)
+                .or_else(|| find(&|block| self.points[block] >= points))
+                .or_else(|| find(&|block| self.rooms[block] >= points));
+            let Some(at) = at else { return false };
             let block = open[at];
             self.points[block as usize] = points.max(self.points[block as usize]);
             let members = &mut self.members[block as usize];
-            self.places[index] = block * WIDTH as u32 + members.lanes as u32;
-            members.push(index as u32);
+            self.places[index] = block * WIDTH as u32 + members.push(index as u32) as u32;
             if !members.is_open() {
                 open.remove(at);
             }
         }
         self.members.iter_mut().for_each(Members::fill);
-        // Not too many idle lanes.
-        let blocks = self.members.iter().filter(|members| members.lanes > 0).count();
-        blocks * WIDTH <= self.outlines.len() * 5 / 4 + 2 * self.colors.len() * WIDTH
+        let [idle, used] = self.sweep(&self.outlines);
+        idle <= placed_anew + used / 32
     }
 
     /// The bodies, colors and blocks of a batch.

@@ -11,7 +11,7 @@
 //! blocks (`wide/walk.rs`) are the only unsafe code of the project.
 #![allow(unsafe_code)]
 
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Div, Index, Mul, Neg, Sub, SubAssign};
 
 use crate::wide::passes::{Table, table};
 use crate::{Cast, Real, Vector};
@@ -67,13 +67,70 @@ macro_rules! each_lane {
     };
 }
 
-/// A vector of each lane.
+/// One `f32`, or one in each lane: what is brought together for either is written once.
+pub trait Several: Real {
+    /// One of something for each.
+    type Each<T: Copy>: Copy + Index<usize, Output = T>;
+
+    /// What `of` has for each lane, or for lane 0 where there is one number.
+    fn each<T: Copy>(of: impl Fn(usize) -> T) -> Self::Each<T>;
+
+    /// The numbers.
+    fn gathered(numbers: Self::Each<f32>) -> Self;
+
+    /// A vector of each.
+    fn gathered_vector<const N: usize>(of: Self::Each<&Vector<f32, N>>) -> Vector<Self, N>;
+}
+
+impl Several for f32 {
+    type Each<T: Copy> = [T; 1];
+
+    #[inline(always)]
+    fn each<T: Copy>(of: impl Fn(usize) -> T) -> [T; 1] {
+        [of(0)]
+    }
+
+    #[inline(always)]
+    fn gathered([number]: [f32; 1]) -> Self {
+        number
+    }
+
+    #[inline(always)]
+    fn gathered_vector<const N: usize>([of]: [&Vector<f32, N>; 1]) -> Vector<Self, N> {
+        *of
+    }
+}
+
+impl<V: Lanes> Several for V {
+    type Each<T: Copy> = [T; WIDTH];
+
+    #[inline(always)]
+    fn each<T: Copy>(of: impl Fn(usize) -> T) -> [T; WIDTH] {
+        each_lane!(lane => of(lane))
+    }
+
+    #[inline(always)]
+    fn gathered(numbers: [f32; WIDTH]) -> Self {
+        V::from_array(numbers)
+    }
+
+    #[inline(always)]
+    fn gathered_vector<const N: usize>(of: [&Vector<f32, N>; WIDTH]) -> Vector<Self, N> {
+        let mut out = Vector::ZERO;
+        // SAFETY: a vector is its numbers.
+        unsafe { gather(each_lane!(lane => of[lane].0.as_ptr()), &mut out.0) };
+        out
+    }
+}
+
+/// The lanes of a set, which has a bit for each.
 #[inline(always)]
-pub fn gathered<V: Lanes, const N: usize>(of: [&Vector<f32, N>; WIDTH]) -> Vector<V, N> {
-    let mut out = Vector::ZERO;
-    // SAFETY: a vector is its numbers.
-    unsafe { gather(each_lane!(lane => of[lane].0.as_ptr()), &mut out.0) };
-    out
+pub(crate) fn lanes_of(mut set: u16) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = set.trailing_zeros() as usize;
+        set &= set.wrapping_sub(1);
+        (lane < WIDTH).then_some(lane)
+    })
 }
 
 /// The numbers of each lane, which lie side by side: as many as there is room for, up to eight.

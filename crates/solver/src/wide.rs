@@ -15,9 +15,9 @@ use crate::batch::{self, Sizes};
 use crate::certificate::{Certificate, Tally};
 use crate::color::Coloring;
 use crate::island::Islands;
-use crate::lanes::{Lanes, Portable, WIDTH};
+use crate::lanes::{Lanes, Portable, Several, WIDTH};
 use crate::team::{Team, chunks_with_parts};
-use crate::{Contact, InverseMass, Manifold, Repair, System, Vector, Velocity};
+use crate::{Contact, InverseMass, Manifold, Real, Repair, System, Vector, Velocity};
 use block::{Block, contact_in};
 use conjugate::Conjugate;
 use passes::{Passes, Targets, passes, shares};
@@ -27,12 +27,16 @@ pub trait Rows<const L: usize>: Sync {
     /// The bodies of each manifold and how many points it has, in the order of the manifolds.
     fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)>;
 
-    /// The number that a manifold had when it was last asked for, if it is what it was then but for gaps and
-    /// impulses, and these are as they were [traced](Packed::trace). It is not asked for again then, if those
-    /// beside it are not new either. By default none is.
-    fn kept(&self, manifold: u32) -> Option<u32> {
+    /// Whether the outlines are those of the last time, and need not be gone through. By default they
+    /// may be others.
+    fn same_outlines(&self) -> bool {
+        false
+    }
+
+    /// What a manifold was the time before. By default all are new.
+    fn past(&self, manifold: u32) -> Past {
         let _ = manifold;
-        None
+        Past::New
     }
 
     /// Whether a body that cannot be moved does not move at all: its manifolds can be in several batches. By
@@ -42,17 +46,74 @@ pub trait Rows<const L: usize>: Sync {
         false
     }
 
-    /// Takes a manifold into each lane, and its points, place, gap and impulse, into that lane of `points`,
-    /// which are as many or more: one that is not there is [`FAR`] open. The bodies of each side that
-    /// are `moving`, lanes as bits, can be moved.
-    fn take<V: Lanes>(
+    /// Takes manifolds to their seats, and their points, place, gap and impulse, to `points`, which are as many
+    /// or more: one that is not there is [`FAR`] open.
+    fn take<V: Several>(
         &self,
-        manifolds: &[u32; WIDTH],
-        bodies: &[[u32; WIDTH]; 2],
-        moving: [u16; 2],
+        seats: &Seats<'_>,
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     );
+}
+
+/// What a manifold was when manifolds were last taken in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Past {
+    /// It was not there, or its number is not known.
+    New,
+    /// It had this number, and joined the same bodies.
+    Changed(u32),
+    /// It had this number, and is as it was then but for gaps and impulses, which are as they were
+    /// [traced](Packed::trace). It need not be taken in again.
+    Kept(u32),
+}
+
+impl Past {
+    /// The same of one that is not kept.
+    pub fn changed(self) -> Self {
+        match self {
+            Self::Kept(number) => Self::Changed(number),
+            other => other,
+        }
+    }
+}
+
+/// Where manifolds are taken to: into all lanes of a block, or one of them.
+#[derive(Clone, Copy, Debug)]
+pub struct Seats<'a> {
+    manifolds: &'a [u32; WIDTH],
+    bodies: &'a [[u32; WIDTH]; 2],
+    /// Of each side, the lanes whose body can be moved, as bits.
+    moving: [u16; 2],
+    /// The lanes in question, as bits, and the first of them.
+    lanes: u16,
+    first: usize,
+}
+
+impl Seats<'_> {
+    /// The number of the manifold of a lane. Lanes count from the first.
+    #[inline(always)]
+    pub fn manifold(&self, lane: usize) -> usize {
+        self.manifolds[self.first + lane] as usize
+    }
+
+    /// The body on a side of it.
+    #[inline(always)]
+    pub fn body(&self, side: usize, lane: usize) -> usize {
+        self.bodies[side][self.first + lane] as usize
+    }
+
+    /// Whether that can be moved.
+    #[inline(always)]
+    pub fn moves(&self, side: usize, lane: usize) -> bool {
+        self.moving[side] >> (self.first + lane) & 1 != 0
+    }
+
+    /// Whether all bodies can be moved.
+    #[inline(always)]
+    pub fn all_move(&self) -> bool {
+        self.moving[0] & self.moving[1] & self.lanes == self.lanes
+    }
 }
 
 /// The gap of a point that is not there: so far open that it never takes an impulse. \[m\]
@@ -64,37 +125,37 @@ impl<const L: usize, const A: usize> Rows<L> for System<f32, L, A> {
     }
 
     #[inline(always)]
-    fn take<V: Lanes>(
+    fn take<V: Several>(
         &self,
-        manifolds: &[u32; WIDTH],
-        _: &[[u32; WIDTH]; 2],
-        _: [u16; 2],
-        wide: &mut Manifold<V, L>,
+        seats: &Seats<'_>,
+        manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     ) {
-        for (lane, &index) in manifolds.iter().enumerate() {
-            let manifold = &self.manifolds[index as usize];
-            for (wide, axis) in wide.frame.iter_mut().zip(&manifold.frame) {
-                set(wide, lane, axis);
-            }
-            for (wide, arm) in wide.arms.iter_mut().zip(&manifold.arms) {
-                set(wide, lane, arm);
-            }
-            wide.friction.set(lane, manifold.friction);
-            wide.restitution.set(lane, manifold.restitution);
-            wide.compliance.set(lane, manifold.compliance);
-            let own = &self.contacts[manifold.points()];
-            for (point, wide) in points.iter_mut().enumerate() {
-                let Some(contact) = own.get(point) else {
-                    wide.gap[0].set(lane, FAR);
-                    continue;
-                };
-                set(&mut wide.place, lane, &contact.place);
-                set(&mut wide.gap, lane, &contact.gap);
-                set(&mut wide.impulse, lane, &contact.impulse);
-            }
+        let own = V::each(|lane| &self.manifolds[seats.manifold(lane)]);
+        for i in 0..L {
+            manifold.frame[i] = V::gathered_vector(V::each(|lane| &own[lane].frame[i]));
+        }
+        for side in 0..2 {
+            manifold.arms[side] = V::gathered_vector(V::each(|lane| &own[lane].arms[side]));
+        }
+        manifold.friction = V::gathered(V::each(|lane| own[lane].friction));
+        manifold.restitution = V::gathered(V::each(|lane| own[lane].restitution));
+        manifold.compliance = V::gathered(V::each(|lane| own[lane].compliance));
+        let open = open();
+        for (index, contact) in points.iter_mut().enumerate() {
+            let own = V::each(|lane| self.contacts[own[lane].points()].get(index).unwrap_or(&open));
+            contact.place = V::gathered_vector(V::each(|lane| &own[lane].place));
+            contact.gap = V::gathered_vector(V::each(|lane| &own[lane].gap));
+            contact.impulse = V::gathered_vector(V::each(|lane| &own[lane].impulse));
         }
     }
+}
+
+/// A point that is not there.
+fn open<T: Real, const L: usize>() -> Contact<T, L> {
+    let mut contact = Contact::default();
+    contact.gap[0] = T::from_f64(f64::from(FAR));
+    contact
 }
 
 /// Puts a vector into a lane of a wide one.
@@ -313,7 +374,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     /// Takes manifolds in between bodies of these masses, and finds the effective masses of their
-    /// points ([`Contact::prepare`]). Leaves blocks alone of which all are [kept](Rows::kept).
+    /// points ([`Contact::prepare`]). Leaves those alone that are [kept](Past::Kept).
     pub fn pack<R: Rows<L>>(&mut self, rows: &R, masses: &[InverseMass<f32, L, A>], softness: f32) {
         let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
         let joins = |body: u32| moves(body) || !rows.stands(body);
@@ -325,8 +386,10 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             point: size_of::<Contact<V, L>>() / WIDTH,
             batch: batch::SIZE * team.members(),
         };
-        let (outlines, kept) = (rows.outlines(), |of| if again { rows.kept(of) } else { None });
-        if coloring.update(masses.len(), outlines, moves, (sizes, joins), kept) {
+        let bodies = (0..masses.len() as u32).map(|body| [moves(body), joins(body)]);
+        let outlines = if again && rows.same_outlines() { None } else { Some(rows.outlines()) };
+        let past = |of| if again { rows.past(of) } else { Past::New };
+        if coloring.update(bodies, outlines, sizes, past) {
             batches.clear();
             batches.extend((0..coloring.batches.len()).map(|batch| coloring.batch(batch)));
             blocks.resize_with(coloring.points.len(), Block::empty);
@@ -348,11 +411,10 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                         let room = coloring.rooms[index] as usize;
                         let points = contacts.split_off_mut(..room).unwrap_or_default();
                         let members = &coloring.members[index];
-                        if members.changed {
-                            let count = coloring.points[index];
-                            let points = &mut points[..count as usize];
-                            block.seat(members, count, coloring);
-                            block.take(&members.manifolds, rows, masses, points);
+                        if members.stale != 0 {
+                            let points = &mut points[..coloring.points[index] as usize];
+                            block.seat(members, coloring);
+                            block.take(members, rows, masses, points);
                             passes.prepare(block, points, softness);
                         }
                     }

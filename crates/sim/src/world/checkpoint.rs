@@ -3,7 +3,7 @@
 use std::array::from_fn;
 
 use drystone_solver::ladder::Pace;
-use drystone_solver::wide::Trace;
+use drystone_solver::wide::{Past, Trace};
 use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
@@ -235,7 +235,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 let reach = cache::reach(&records.points[first..]);
                 let found = record(&pair, [part, first as u32, count], reach, frames);
                 records.manifolds.push(found);
-                records.kept.push(cache::NEW);
+                records.past.push(Past::New);
             }
             pairs.push(pair);
         }

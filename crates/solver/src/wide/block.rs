@@ -1,19 +1,24 @@
 //! [`Block`]: sixteen manifolds side by side.
 
-use super::Rows;
+use super::{Rows, Seats, open, set};
 use crate::batch::Outline;
 use crate::color::{Coloring, Members};
-use crate::each_lane;
 use crate::island::NONE;
-use crate::lanes::{Lanes, WIDTH, gathered};
+use crate::lanes::{Lanes, Several, WIDTH, lanes_of};
 use crate::pgs::Parts;
 use crate::{Contact, InverseMass, Manifold, Mobility, Vector};
+
+/// Points of blocks of which single lanes are taken in, at most.
+const FEW: usize = 8;
+
+/// Lanes that are taken in one by one, at most: all together is faster then.
+const SINGLY: u32 = 5;
 
 /// Up to sixteen manifolds that move different bodies.
 #[derive(Clone, Debug)]
 pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
-    /// How many of the lanes are in use.
-    pub(super) lanes: usize,
+    /// The lanes in use, as bits.
+    pub(super) used: u16,
     pub(super) bodies: [[u32; WIDTH]; 2],
     /// All bodies are before this one.
     pub(super) end: u32,
@@ -29,7 +34,7 @@ pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     pub(super) fn empty() -> Self {
         Self {
-            lanes: 0,
+            used: 0,
             bodies: [[0; WIDTH]; 2],
             end: 1,
             moving: [0; 2],
@@ -40,40 +45,73 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Gives it other manifolds, of so many points at most.
-    pub(super) fn seat(&mut self, members: &Members, points: u32, coloring: &Coloring) {
-        self.manifold.count = points;
-        (self.lanes, self.end, self.moving) = (members.lanes, 0, [0; 2]);
+    /// Gives it other manifolds.
+    pub(super) fn seat(&mut self, members: &Members, coloring: &Coloring) {
+        (self.used, self.end, self.moving) = (members.used, 0, [0; 2]);
         for (lane, &manifold) in members.manifolds.iter().enumerate() {
             let Outline { bodies, moving, .. } = *coloring.outline(manifold);
             for side in 0..2 {
                 self.bodies[side][lane] = bodies[side];
                 self.end = self.end.max(bodies[side] + 1);
                 // Idle lanes are not written back.
-                let moving = moving[side] && lane < members.lanes;
-                self.moving[side] |= u16::from(moving) << lane;
+                self.moving[side] |= u16::from(moving[side]) << lane & members.used;
             }
         }
     }
 
-    /// Takes its manifolds in, and their points.
+    /// Takes those of its manifolds in that are stale, and their points.
     #[inline(always)]
     pub(super) fn take(
         &mut self,
-        manifolds: &[u32; WIDTH],
+        members: &Members,
         rows: &impl Rows<L>,
         masses: &[InverseMass<f32, L, A>],
         points: &mut [Contact<V, L>],
     ) {
-        for (own, bodies) in self.masses.iter_mut().zip(&self.bodies) {
-            let of = each_lane!(lane => &masses[bodies[lane] as usize]);
-            own.linear = V::from_array(each_lane!(lane => of[lane].linear));
-            for i in 0..A {
-                own.angular.0[i] = gathered(each_lane!(lane => &of[lane].angular.0[i]));
+        let before = std::mem::replace(&mut self.manifold.count, points.len() as u32) as usize;
+        let (manifolds, bodies, moving) = (&members.manifolds, &self.bodies, self.moving);
+        let all = Seats { manifolds, bodies, moving, lanes: members.used, first: 0 };
+        let stale = members.stale & members.used;
+        if stale.count_ones() > SINGLY || stale == members.used || points.len() > FEW {
+            self.masses = [0, 1].map(|side| inverse_masses(masses, &all, side));
+            points.fill(Contact::default());
+            rows.take(&all, &mut self.manifold, points);
+            clear(points, !members.used);
+            return;
+        }
+        clear(points, members.stale & !members.used);
+        if let Some(new) = points.get_mut(before..) {
+            new.fill(open());
+        }
+        for lane in lanes_of(stale) {
+            let seat = Seats { lanes: 1 << lane, first: lane, ..all };
+            for side in 0..2 {
+                let (wide, own) = (&mut self.masses[side], inverse_masses(masses, &seat, side));
+                wide.linear.set(lane, own.linear);
+                for i in 0..A {
+                    set(&mut wide.angular.0[i], lane, &own.angular.0[i]);
+                }
+            }
+            let (mut manifold, mut contacts) = (Manifold::default(), [Contact::default(); FEW]);
+            let contacts = &mut contacts[..points.len()];
+            rows.take::<f32>(&seat, &mut manifold, contacts);
+            let wide = &mut self.manifold;
+            for i in 0..L {
+                set(&mut wide.frame[i], lane, &manifold.frame[i]);
+            }
+            for side in 0..2 {
+                set(&mut wide.arms[side], lane, &manifold.arms[side]);
+            }
+            wide.friction.set(lane, manifold.friction);
+            wide.restitution.set(lane, manifold.restitution);
+            wide.compliance.set(lane, manifold.compliance);
+            for (wide, own) in points.iter_mut().zip(contacts) {
+                set(&mut wide.place, lane, &own.place);
+                set(&mut wide.gap, lane, &own.gap);
+                set(&mut wide.impulse, lane, &own.impulse);
+                wide.impact.set(lane, own.impact);
             }
         }
-        points.fill(Contact::default());
-        rows.take(manifolds, &self.bodies, self.moving, &mut self.manifold, points);
     }
 
     /// Finds the effective masses of its points ([`Contact::prepare`]).
@@ -113,9 +151,37 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
 
     /// Whether all its manifolds belong to islands that are done.
     pub(super) fn is_done(&self, done: &[bool]) -> bool {
-        let mut own = self.islands[..self.lanes].iter();
-        own.all(|&island| done.get(island as usize).copied().unwrap_or(true))
+        let is_done = |island: u32| done.get(island as usize).copied().unwrap_or(true);
+        lanes_of(self.used).all(|lane| is_done(self.islands[lane]))
     }
+}
+
+/// Opens points in lanes that have become idle: what is left in them would go on, towards numbers that some
+/// processors are slow with.
+#[inline(always)]
+fn clear<V: Lanes, const L: usize>(points: &mut [Contact<V, L>], idle: u16) {
+    for lane in lanes_of(idle) {
+        for contact in &mut *points {
+            set(&mut contact.gap, lane, &open::<f32, L>().gap);
+            set(&mut contact.impulse, lane, &Vector::ZERO);
+        }
+    }
+}
+
+/// M^-1 of the bodies of a side.
+#[inline(always)]
+fn inverse_masses<V: Several, const L: usize, const A: usize>(
+    masses: &[InverseMass<f32, L, A>],
+    seats: &Seats<'_>,
+    side: usize,
+) -> InverseMass<V, L, A> {
+    let of = V::each(|lane| &masses[seats.body(side, lane)]);
+    let mut out = InverseMass::default();
+    out.linear = V::gathered(V::each(|lane| of[lane].linear));
+    for i in 0..A {
+        out.angular.0[i] = V::gathered_vector(V::each(|lane| &of[lane].angular.0[i]));
+    }
+    out
 }
 
 pub(super) fn splat<V: Lanes>(value: f32) -> V {

@@ -2,7 +2,7 @@
 
 use super::Packed;
 use super::walk::Ground;
-use crate::lanes::{Lanes, WIDTH};
+use crate::lanes::{Lanes, WIDTH, lanes_of};
 use crate::pgs::visit;
 use crate::team::Shared;
 use crate::{Vector, Velocity, nncg};
@@ -49,7 +49,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         let last = state.sizes.len() - 1;
         for (block, size) in self.blocks.iter().zip(&state.gradients).rev() {
             if !block.is_done(done) {
-                for lane in 0..block.lanes {
+                for lane in lanes_of(block.used) {
                     state.sizes[(block.islands[lane] as usize).min(last)] += size.get(lane);
                 }
             }

@@ -13,7 +13,7 @@ use super::walk::{Ground, Traces};
 use super::{Batch, Packed, Trace};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
-use crate::lanes::{Lanes, PART};
+use crate::lanes::{Lanes, PART, WIDTH, lanes_of};
 use crate::pgs::visit;
 use crate::team::{Team, chunks_with_parts};
 use crate::{Contact, Repair, Velocity};
@@ -305,10 +305,14 @@ fn certify<
             for block in &packed.blocks {
                 let points = &packed.contacts[block.manifold.points()];
                 let own = block.gather_from(velocities);
-                for part in 0..block.lanes.div_ceil(PART) {
+                for part in 0..WIDTH / PART {
+                    let used = block.used >> (PART * part) & ((1 << PART) - 1);
+                    if used == 0 {
+                        continue;
+                    }
                     let evidence: Evidence<V::Doubles, L, A> =
                         Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &own);
-                    for lane in PART * part..block.lanes.min(PART * (part + 1)) {
+                    for lane in lanes_of(used << (PART * part)) {
                         let bodies = block.bodies.map(|side| side[lane]);
                         tally.add::<V::Doubles, RESIDUALS, LINE>(
                             bodies,

@@ -11,7 +11,7 @@ use std::ops::Range;
 use super::Trace;
 use super::block::Block;
 use crate::color::{Coloring, Members};
-use crate::lanes::{Lanes, Row, WIDTH, gather, scatter};
+use crate::lanes::{Lanes, Row, WIDTH, gather, lanes_of, scatter};
 use crate::team::{Member, Shared};
 use crate::{Contact, Velocity, each_lane};
 
@@ -108,7 +108,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
             let index = if self.back { self.share.next_back() } else { self.share.next() }?;
             let Ground { blocks, contacts, velocities, .. } = self.ground;
             // Some wait for manifolds to come.
-            if blocks[index].lanes > 0 {
+            if blocks[index].used != 0 {
                 return Some(Visit { index, block: &blocks[index], velocities, contacts });
             }
         }
@@ -229,7 +229,7 @@ impl<'a, const L: usize> Traces<'a, L> {
         contact: &Contact<V, L>,
     ) {
         let (mut at, mut lanes) = ([0; WIDTH], 0);
-        for lane in 0..members.lanes {
+        for lane in lanes_of(members.used) {
             let points = coloring.points_of(members.manifolds[lane]);
             if point < points.len() && points.end <= self.0.len() {
                 at[lane] = (points.start + point) as u32;
