@@ -11,7 +11,7 @@ use crate::wide::Past;
 const COLORS: usize = 64;
 
 /// Manifolds of one color are sorted by their number of points, up to this many.
-const BINS: usize = 8;
+pub(crate) const BINS: usize = 8;
 
 /// Kinds of manifolds in a batch: their color and bin, or that they have no color.
 const KINDS: usize = COLORS * BINS + 1;
@@ -66,6 +66,23 @@ impl Members {
     }
 }
 
+/// Blocks of which no two move the same body.
+#[derive(Clone, Debug)]
+pub(crate) struct Color {
+    pub(crate) blocks: Range<u32>,
+    /// Where those end that were laid out for manifolds of 0 points, of one, and so on.
+    ends: [u32; BINS],
+}
+
+impl Color {
+    /// The blocks for manifolds of so many points, by their bin.
+    #[inline(always)]
+    pub(crate) fn bin(&self, bin: usize) -> Range<usize> {
+        let start = if bin == 0 { self.blocks.start } else { self.ends[bin - 1] };
+        start as usize..self.ends[bin] as usize
+    }
+}
+
 /// Places for manifolds in blocks of [`WIDTH`] lanes: no two of a block move the same body.
 #[derive(Clone, Debug, Default)]
 pub struct Coloring {
@@ -73,8 +90,8 @@ pub struct Coloring {
     /// is filled from lane 0 on, and blocks come batch after batch, color after color, in a color by
     /// number of points, then in the order of the manifolds.
     pub places: Vec<u32>,
-    /// The blocks of each color of each batch; what fits in none has one of its own.
-    pub colors: Vec<Range<u32>>,
+    /// The colors of each batch; what fits in none has one of its own.
+    pub(crate) colors: Vec<Color>,
     /// The colors of each batch.
     pub(crate) batches: Vec<Range<usize>>,
     pub(crate) division: Division,
@@ -222,21 +239,24 @@ impl Coloring {
             let first = self.colors.len();
             let (colored, alone) = own.split_at_mut(ALONE);
             for bins in colored.chunks_mut(BINS) {
-                let first = end / width;
-                for next in bins {
+                let (first, mut ends) = (end / width, [0; BINS]);
+                for (next, last) in bins.iter_mut().zip(&mut ends) {
                     end += std::mem::replace(next, end);
+                    *last = end.div_ceil(width);
                 }
                 end = end.next_multiple_of(width);
                 if end / width > first {
                     end += if spare { width } else { 0 };
-                    self.colors.push(first..end / width);
+                    ends[BINS - 1] = end / width;
+                    self.colors.push(Color { blocks: first..end / width, ends });
                 }
             }
             for next in alone {
                 let blocks = end / width..end / width + *next;
                 *next = end;
                 end = blocks.end * width;
-                self.colors.extend(blocks.map(|block| block..block + 1));
+                let alone = |block| Color { blocks: block..block + 1, ends: [block + 1; BINS] };
+                self.colors.extend(blocks.map(alone));
             }
             self.batches.push(first..self.colors.len());
         }
@@ -295,7 +315,7 @@ impl Coloring {
                 Past::Kept(old) => (old as usize, true),
             };
             let (now, before) = (self.places_before[old], self.before[old]);
-            let blocks = &self.colors[color];
+            let blocks = &self.colors[color].blocks;
             if self.outlines[index] == before && blocks.contains(&(now / WIDTH as u32)) {
                 self.places[index] = now;
                 let (members, lane) =
@@ -337,7 +357,7 @@ impl Coloring {
         if self.open.len() < self.colors.len() {
             self.open.resize_with(self.colors.len(), Vec::new);
         }
-        for (open, blocks) in self.open.iter_mut().zip(&self.colors) {
+        for (open, Color { blocks, .. }) in self.open.iter_mut().zip(&self.colors) {
             open.clear();
             let has_room = |block: &u32| self.members[*block as usize].is_open();
             open.extend(blocks.clone().filter(has_room));
@@ -378,8 +398,8 @@ impl Coloring {
         let colors = self.batches[batch].clone();
         let blocks = match &self.colors[colors.clone()] {
             [] => 0..0,
-            [first, .., last] => first.start as usize..last.end as usize,
-            [only] => only.start as usize..only.end as usize,
+            [first, .., last] => first.blocks.start as usize..last.blocks.end as usize,
+            [only] => only.blocks.start as usize..only.blocks.end as usize,
         };
         Batch { bodies: self.division.bodies(batch), colors, blocks }
     }

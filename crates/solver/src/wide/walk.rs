@@ -1,7 +1,8 @@
 //! How a team goes over the blocks of a packed system.
 //!
 //! All members walk through the colors side by side, each over its share of the blocks of a color, and
-//! meet after each; colors of few blocks are done by one. Within a color no two blocks have a body in common that is written to, and each
+//! meet after each; colors of few blocks are done by one. A share has as many blocks of long manifolds as any
+//! other, and the same bodies in all colors, as far as neighbors follow each other. Within a color no two blocks have a body in common that is written to, and each
 //! block has its own points. So what a member touches at a [`Visit`] nobody else does, and nothing
 //! depends on how many members there are.
 #![allow(unsafe_code)]
@@ -10,7 +11,7 @@ use std::ops::Range;
 
 use super::Trace;
 use super::block::Block;
-use crate::color::{Coloring, Members};
+use crate::color::{BINS, Color, Coloring, Members};
 use crate::lanes::{Lanes, Row, WIDTH, gather, lanes_of, scatter};
 use crate::team::{Member, Shared};
 use crate::{Contact, Velocity, each_lane};
@@ -19,7 +20,7 @@ use crate::{Contact, Velocity, each_lane};
 pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a [Block<V, L, A>],
     /// The blocks of each color to walk over.
-    colors: &'a [Range<u32>],
+    colors: &'a [Color],
     contacts: Shared<'a, Contact<V, L>>,
     velocities: Shared<'a, Velocity<f32, L, A>>,
 }
@@ -31,6 +32,8 @@ pub(super) struct Walk<'a, V: Lanes, const L: usize, const A: usize> {
     back: bool,
     /// Colors begun.
     begun: usize,
+    /// Bins of the last one begun.
+    bins: usize,
     share: Range<usize>,
 }
 
@@ -45,7 +48,7 @@ pub(super) struct Visit<'a, V: Lanes, const L: usize, const A: usize> {
 impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     pub(super) fn new(
         blocks: &'g [Block<V, L, A>],
-        colors: &'g [Range<u32>],
+        colors: &'g [Color],
         contacts: &'g mut [Contact<V, L>],
         velocities: &'g mut [Velocity<f32, L, A>],
     ) -> Self {
@@ -59,7 +62,7 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
 
     #[inline(always)]
     pub(super) fn walk<'a>(&'a self, member: &'a Member<'a>) -> Walk<'a, V, L, A> {
-        Walk { ground: self, member, back: false, begun: 0, share: 0..0 }
+        Walk { ground: self, member, back: false, begun: 0, bins: BINS, share: 0..0 }
     }
 
     #[inline(always)]
@@ -69,13 +72,13 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Walk<'_, V, L, A> {
-    /// The blocks of a color, in the order of the walk.
+    /// A color, in the order of the walk.
     #[inline(always)]
-    fn color(&self, index: usize) -> Option<Range<usize>> {
+    fn color(&self, index: usize) -> Option<&Color> {
         let colors = self.ground.colors;
         let index =
             if self.back { colors.len().wrapping_sub(1).wrapping_sub(index) } else { index };
-        colors.get(index).map(|blocks| blocks.start as usize..blocks.end as usize)
+        colors.get(index)
     }
 }
 
@@ -86,23 +89,25 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
     fn next(&mut self) -> Option<Self::Item> {
         loop {
             while self.share.is_empty() {
-                let (before, now) =
-                    (self.color(self.begun.wrapping_sub(1)), self.color(self.begun));
+                let before = self.color(self.begun.wrapping_sub(1));
+                if let Some(color) = before.filter(|_| self.bins < BINS) {
+                    let bin = if self.back { BINS - 1 - self.bins } else { self.bins };
+                    self.share = self.member.part(color.bin(bin));
+                    self.bins += 1;
+                    continue;
+                }
+                let now = self.color(self.begun);
                 // Between two colors that the first member does alone there is nobody to wait for.
-                let alone = |of: &Option<Range<usize>>| {
-                    of.as_ref().is_some_and(|blocks| !self.member.shares(blocks.len()))
-                };
-                if before.is_some() && !(alone(&before) && alone(&now)) {
+                let alone = |of: &Color| !self.member.shares(of.blocks.len());
+                if before.is_some() && !(before.is_some_and(alone) && now.is_some_and(alone)) {
                     self.member.meet();
                 }
-                let blocks = now?;
-                self.share = if self.member.shares(blocks.len()) {
-                    self.member.part(blocks)
+                let color = now?;
+                if !alone(color) {
+                    self.bins = 0;
                 } else if self.member.is_first() {
-                    blocks
-                } else {
-                    0..0
-                };
+                    self.share = color.blocks.start as usize..color.blocks.end as usize;
+                }
                 self.begun += 1;
             }
             let index = if self.back { self.share.next_back() } else { self.share.next() }?;
