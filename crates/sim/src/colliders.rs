@@ -7,7 +7,7 @@ use crate::bodies::{Bodies, Collider};
 use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
 use crate::geometry::{Bounds, Frame, Geometry};
-use crate::motion::CHUNK;
+use crate::motion::PIECE;
 use crate::narrow_phase::Travel;
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::sleep::Sleep;
@@ -109,14 +109,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         team: &Team,
     ) {
         let Self { body, shapes, local, poses, removed, outgrown, room_until, .. } = self;
-        let useful = body.len() > 2 * CHUNK;
-        outgrown.resize_with(body.len().div_ceil(CHUNK), Vec::new);
-        let rooms = outgrown.iter_mut().zip(room_until.chunks_mut(CHUNK));
-        let chunks = poses.chunks_mut(CHUNK).zip(rooms).enumerate();
-        team.for_each(useful, chunks, |(chunk, (poses, (outgrown, room_until)))| {
+        let (useful, share) = team.share(body.len(), PIECE);
+        outgrown.resize_with(body.len().div_ceil(share), Vec::new);
+        let rooms = outgrown.iter_mut().zip(room_until.chunks_mut(share));
+        let parts = poses.chunks_mut(share).zip(rooms).enumerate();
+        team.for_each(useful, parts, |(part, (poses, (outgrown, room_until)))| {
             outgrown.clear();
-            for (id, (turned, room_until)) in
-                (CHUNK * chunk..).zip(poses.iter_mut().zip(room_until))
+            for (id, (turned, room_until)) in (share * part..).zip(poses.iter_mut().zip(room_until))
             {
                 let body = body[id] as usize;
                 let moves = bodies.motion[body] != Some(Motion::Static);

@@ -8,8 +8,11 @@ use drystone_solver::{InverseMass, Vector, Velocity};
 use crate::bodies::{Bodies, Inertia};
 use crate::geometry::{Geometry, Spin, TOGETHER};
 
-/// Bodies that a thread takes at once.
-pub(crate) const CHUNK: usize = 512;
+/// Bodies that are worth as much as the least that is shared.
+pub(crate) const PIECE: usize = 32;
+
+/// Bodies of which those that precess are found before they turn.
+const CHUNK: usize = 512;
 
 /// Below this angle per substep \[rad\] a body's precession is left out: it would change the angular
 /// velocity by less than this part of itself.
@@ -27,11 +30,11 @@ pub(crate) fn predict<G: Geometry<L, A>, const L: usize, const A: usize>(
     team: &Team,
     [velocities, push]: [&mut [Velocity<f32, L, A>]; 2],
 ) {
-    let (first, useful) = (batch.start, batch.len() > 2 * CHUNK);
-    let push = push[batch.clone()].chunks_mut(CHUNK);
-    let chunks = velocities[batch].chunks_mut(CHUNK).zip(push);
-    team.for_each(useful, chunks.enumerate(), |(chunk, (velocities, push))| {
-        let numbers = first + CHUNK * chunk..;
+    let (first, (useful, share)) = (batch.start, team.share(batch.len(), PIECE));
+    let push = push[batch.clone()].chunks_mut(share);
+    let parts = velocities[batch].chunks_mut(share).zip(push);
+    team.for_each(useful, parts.enumerate(), |(part, (velocities, push))| {
+        let numbers = first + share * part..;
         for (body, (velocity, push)) in numbers.zip(velocities.iter_mut().zip(push)) {
             *push = *velocity - *push;
             if !bodies.is_dynamic(body) {
@@ -58,9 +61,10 @@ pub(crate) fn warm_start<const L: usize, const A: usize>(
     velocities: &mut [Velocity<f32, L, A>],
     push: &mut [Velocity<f32, L, A>],
 ) {
-    let (useful, push) = (batch.len() > 2 * CHUNK, push[batch.clone()].chunks_mut(CHUNK));
-    let chunks = velocities[batch].chunks_mut(CHUNK).zip(push);
-    team.for_each(useful, chunks, |(velocities, push)| {
+    let (useful, share) = team.share(batch.len(), PIECE);
+    let push = push[batch.clone()].chunks_mut(share);
+    let parts = velocities[batch].chunks_mut(share).zip(push);
+    team.for_each(useful, parts, |(velocities, push)| {
         for (velocity, push) in velocities.iter_mut().zip(push) {
             let prospective = *velocity;
             *velocity += *push;
@@ -81,43 +85,48 @@ pub(crate) fn advance<G: Geometry<L, A>, const L: usize, const A: usize>(
     displacements: &mut [Velocity<f32, L, A>],
 ) {
     let Bodies { poses, turns, inertia, gyroscopic, .. } = bodies;
-    let (first, useful) = (batch.start, batch.len() > 2 * CHUNK);
-    let prospective = prospective[batch.clone()].chunks_mut(CHUNK);
-    let moved = velocities[batch.clone()].chunks_mut(CHUNK).zip(prospective);
-    let moved = moved.zip(displacements[batch.clone()].chunks_mut(CHUNK));
-    let placed = poses[batch.clone()].chunks_mut(CHUNK).zip(turns[batch].chunks_mut(CHUNK));
-    team.for_each(useful, moved.zip(placed).enumerate(), |(chunk, (moved, placed))| {
+    let (first, (useful, share)) = (batch.start, team.share(batch.len(), PIECE));
+    let prospective = prospective[batch.clone()].chunks_mut(share);
+    let moved = velocities[batch.clone()].chunks_mut(share).zip(prospective);
+    let moved = moved.zip(displacements[batch.clone()].chunks_mut(share));
+    let placed = poses[batch.clone()].chunks_mut(share).zip(turns[batch].chunks_mut(share));
+    team.for_each(useful, moved.zip(placed).enumerate(), |(part, (moved, placed))| {
         let ((velocities, prospective), displacements) = moved;
         let (poses, turns) = placed;
-        let first = first + CHUNK * chunk;
-        let (mut precessing, mut count) = ([0; CHUNK], 0);
-        let moved = displacements.iter_mut().zip(&*velocities).zip(turns);
-        let kinds = &gyroscopic[first..];
-        for (own, (((displacement, velocity), turned), kind)) in moved.zip(kinds).enumerate() {
-            *displacement += *velocity * h;
-            let turn = velocity.angular * h;
-            if *kind && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
-                precessing[count] = own as u16;
-                count += 1;
-            } else {
-                *turned += turn;
+        let first = first + share * part;
+        for start in (0..velocities.len()).step_by(CHUNK) {
+            let own = start..velocities.len().min(start + CHUNK);
+            let (mut precessing, mut count) = ([0; CHUNK], 0);
+            let moved = displacements[own.clone()].iter_mut().zip(&velocities[own.clone()]);
+            let kinds = gyroscopic[first..][own.clone()].iter();
+            for (body, (((displacement, velocity), turned), kind)) in
+                own.clone().zip(moved.zip(&mut turns[own]).zip(kinds))
+            {
+                *displacement += *velocity * h;
+                let turn = velocity.angular * h;
+                if *kind && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                    precessing[count] = body;
+                    count += 1;
+                } else {
+                    *turned += turn;
+                }
             }
-        }
-        for group in precessing[..count].chunks(TOGETHER) {
-            // The last stands where there is none.
-            let own = |index: usize| usize::from(group[index.min(group.len() - 1)]);
-            let spins: [_; TOGETHER] = std::array::from_fn(|index| {
-                let Inertia { moments, inverse_moments, .. } = &inertia[first + own(index)];
-                let moments = [moments, inverse_moments];
-                Spin { pose: poses[own(index)], moments, omega: velocities[own(index)].angular }
-            });
-            G::precess(&spins, group.len(), h, |index, pose, change| {
-                let own = own(index);
-                velocities[own].angular += change;
-                // It is not from contacts.
-                prospective[own].angular += change;
-                poses[own] = pose;
-            });
+            for group in precessing[..count].chunks(TOGETHER) {
+                // The last stands where there is none.
+                let own = |index: usize| group[index.min(group.len() - 1)];
+                let spins: [_; TOGETHER] = std::array::from_fn(|index| {
+                    let Inertia { moments, inverse_moments, .. } = &inertia[first + own(index)];
+                    let moments = [moments, inverse_moments];
+                    Spin { pose: poses[own(index)], moments, omega: velocities[own(index)].angular }
+                });
+                G::precess(&spins, group.len(), h, |index, pose, change| {
+                    let own = own(index);
+                    velocities[own].angular += change;
+                    // It is not from contacts.
+                    prospective[own].angular += change;
+                    poses[own] = pose;
+                });
+            }
         }
     });
 }
@@ -129,11 +138,11 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     displacements: &[Velocity<f32, L, A>],
 ) {
     let Bodies { poses, turns, frames, remainders, paths, strayed, reach, .. } = bodies;
-    let placed = poses.chunks_mut(CHUNK).zip(turns.chunks_mut(CHUNK));
-    let exact = frames.chunks_mut(CHUNK).zip(remainders.chunks_mut(CHUNK));
-    let went = paths.chunks_mut(CHUNK).zip(strayed.chunks_mut(CHUNK)).zip(reach.chunks(CHUNK));
-    let parts = displacements.chunks(CHUNK).zip(placed.zip(exact).zip(went));
-    let useful = displacements.len() > 2 * CHUNK;
+    let (useful, share) = team.share(displacements.len(), PIECE);
+    let placed = poses.chunks_mut(share).zip(turns.chunks_mut(share));
+    let exact = frames.chunks_mut(share).zip(remainders.chunks_mut(share));
+    let went = paths.chunks_mut(share).zip(strayed.chunks_mut(share)).zip(reach.chunks(share));
+    let parts = displacements.chunks(share).zip(placed.zip(exact).zip(went));
     team.for_each(useful, parts, |(displacements, ((placed, exact), went))| {
         let placed = placed.0.iter_mut().zip(placed.1);
         let exact = exact.0.iter_mut().zip(exact.1);

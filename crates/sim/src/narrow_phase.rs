@@ -57,8 +57,8 @@ const THIN: f32 = 0.25;
 /// Gaps are known to this part of themselves and of the distance between the bodies. \[1\]
 const ROUNDING: f32 = 1e-5;
 
-/// Pairs per unit of parallel work.
-const CHUNK: usize = 128;
+/// Pairs that are worth as much as the least that is shared.
+const PIECE: usize = 16;
 
 /// What one worker finds for its pairs.
 pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -197,8 +197,7 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     team: &Team,
     (old, records): (&mut Records<L>, &mut Records<L>),
 ) -> bool {
-    let useful = team.members() > 1 && pairs.len() >= 2 * CHUNK;
-    let share = if useful { CHUNK } else { pairs.len().max(1) };
+    let (useful, share) = team.share(pairs.len(), PIECE);
     let chunks = pairs.len().div_ceil(share);
     if workers.len() < chunks {
         workers.resize_with(chunks, Worker::default);

@@ -18,7 +18,7 @@ use crate::certifier::{Certifier, Stiffness};
 use crate::colliders::Colliders;
 use crate::geometry::{Geometry, MassProperties};
 use crate::ledger::Books;
-use crate::motion::{self, CHUNK};
+use crate::motion::{self, PIECE};
 use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
 use crate::rows::RowsOf;
@@ -611,9 +611,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// M^-1 of all bodies that have stirred, at their present poses; nothing moves one that sleeps.
     fn update_masses(&mut self) {
         let (bodies, sleep) = (&self.bodies, &self.sleep);
-        let masses = self.system.masses.chunks_mut(CHUNK).enumerate();
-        self.team.for_each(bodies.poses.len() > 2 * CHUNK, masses, |(chunk, masses)| {
-            for (body, mass) in (CHUNK * chunk..).zip(masses) {
+        let (useful, share) = self.team.share(bodies.poses.len(), PIECE);
+        let masses = self.system.masses.chunks_mut(share).enumerate();
+        self.team.for_each(useful, masses, |(part, masses)| {
+            for (body, mass) in (share * part..).zip(masses) {
                 if sleep.sleeps(body) {
                     *mass = InverseMass::FIXED;
                 } else if bodies.stirred[body] || *mass == InverseMass::FIXED {
@@ -642,15 +643,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn find_pairs(&mut self, dt: f32) {
         let reach = self.settings.prediction_distance * 0.5;
         let bodies = &self.bodies;
-        for ((travel, velocity), reach) in
-            self.travel.iter_mut().zip(&self.system.velocities).zip(&bodies.reach)
-        {
-            *travel = Travel {
-                linear: velocity.linear * dt,
-                angular: velocity.angular.length() * reach * dt,
-                blow: 0.0,
-            };
-        }
+        let (useful, share) = self.team.share(self.travel.len(), PIECE);
+        let moves = self.system.velocities.chunks(share).zip(bodies.reach.chunks(share));
+        let parts = self.travel.chunks_mut(share).zip(moves);
+        self.team.for_each(useful, parts, |(travel, (velocities, reach))| {
+            for ((travel, velocity), reach) in travel.iter_mut().zip(velocities).zip(reach) {
+                *travel = Travel {
+                    linear: velocity.linear * dt,
+                    angular: velocity.angular.length() * reach * dt,
+                    blow: 0.0,
+                };
+            }
+        });
         let (travel, sleep) = (&self.travel, &self.sleep);
         self.colliders.follow(&mut self.broad_phase, bodies, sleep, travel, reach, &self.team);
         let Some(found) = self.broad_phase.follow(&mut self.pairs) else { return };

@@ -2,8 +2,11 @@
 
 use std::ops::Range;
 
-/// What a batch takes up for each thread, about: half of a small second cache. \[bytes\]
-pub(crate) const SIZE: usize = 1 << 18;
+/// What a batch takes up for each of so many threads, about: half of a small second cache, or all of it where
+/// threads have to meet. \[bytes\]
+pub(crate) const fn size(threads: usize) -> usize {
+    if threads == 1 { 1 << 18 } else { threads << 19 }
+}
 
 /// What could not be divided is tried again after so many steps.
 const PATIENCE: u32 = 16;
@@ -44,7 +47,7 @@ pub(crate) struct Sizes {
 
 impl Sizes {
     /// All fit into one batch.
-    pub(crate) const NONE: Self = Self { body: 0, manifold: 0, point: 0, batch: SIZE };
+    pub(crate) const NONE: Self = Self { body: 0, manifold: 0, point: 0, batch: size(1) };
 }
 
 /// Which bodies are in which batch.

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use crate::batch::{Batch, Division, Outline, Sizes};
 use crate::lanes::{WIDTH, lanes_of};
+use crate::team::Member;
 use crate::wide::Past;
 
 /// Colors at most; what fits none of them comes after, one by one.
@@ -75,11 +76,18 @@ pub(crate) struct Color {
 }
 
 impl Color {
-    /// The blocks for manifolds of so many points, by their bin.
+    /// Those of a bin that a member of a team takes: its part of all, or all if they are too few to share.
     #[inline(always)]
-    pub(crate) fn bin(&self, bin: usize) -> Range<usize> {
+    pub(crate) fn share(&self, member: &Member<'_>, bin: usize) -> Range<usize> {
         let start = if bin == 0 { self.blocks.start } else { self.ends[bin - 1] };
-        start as usize..self.ends[bin] as usize
+        let all = start as usize..self.ends[bin] as usize;
+        if member.shares(self.blocks.len()) {
+            member.part(all)
+        } else if member.is_first() {
+            all
+        } else {
+            0..0
+        }
     }
 }
 

@@ -121,6 +121,13 @@ impl Team {
         pieces >= SHARE * self.common.members
     }
 
+    /// Whether items are enough to share, so many of which are a piece of work, and how many each member then
+    /// takes: large shares, which stay in the cache of whoever took them the last time.
+    pub fn share(&self, items: usize, piece: usize) -> (bool, usize) {
+        let useful = self.is_useful(items / piece);
+        (useful, items.div_ceil(if useful { self.members() } else { 1 }).max(1))
+    }
+
     /// Does `job` once on each member, and returns when all are done. The caller does it alone where a
     /// team is not `useful`, and within a job.
     pub fn run(&self, useful: bool, job: &(dyn Fn(&Member<'_>) + Sync)) {

@@ -20,7 +20,8 @@ use crate::team::{Team, chunks_with_parts};
 use crate::{Contact, InverseMass, Manifold, Real, Repair, System, Vector, Velocity};
 use block::{Block, contact_in};
 use conjugate::Conjugate;
-use passes::{Passes, Targets, passes, shares};
+use passes::{Passes, Targets, passes};
+use walk::Field;
 
 /// Manifolds and their points, to be packed.
 pub trait Rows<const L: usize>: Sync {
@@ -350,9 +351,6 @@ impl<V: Lanes, const L: usize, const A: usize> Default for Packed<V, L, A> {
     }
 }
 
-/// Manifolds that a thread takes at once.
-const CHUNK: usize = 256;
-
 impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// An empty one.
     pub fn new() -> Self {
@@ -384,7 +382,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             body: 8 * size_of::<Velocity<f32, L, A>>(),
             manifold: size_of::<Block<V, L, A>>() / WIDTH,
             point: size_of::<Contact<V, L>>() / WIDTH,
-            batch: batch::SIZE * team.members(),
+            batch: batch::size(team.members()),
         };
         let bodies = (0..masses.len() as u32).map(|body| [moves(body), joins(body)]);
         let outlines = if again && rows.same_outlines() { None } else { Some(rows.outlines()) };
@@ -400,16 +398,13 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             }
             contacts.resize_with(first as usize, Contact::default);
         }
-        let coloring = &*coloring;
-        let (useful, share, parts) = shares(team, &coloring.rooms, contacts);
-        let blocks = blocks.chunks_mut(share).enumerate();
-        team.for_each(useful, parts.zip(blocks), |(mut contacts, (part, blocks))| {
+        let (coloring, useful) = (&*coloring, team.is_useful(blocks.len()));
+        let field = Field::new(blocks, contacts, coloring, 0..coloring.colors.len());
+        team.run(useful, &|member| {
             V::run(
                 #[inline(always)]
                 || {
-                    for (index, block) in (part * share..).zip(blocks) {
-                        let room = coloring.rooms[index] as usize;
-                        let points = contacts.split_off_mut(..room).unwrap_or_default();
+                    for (index, block, points) in field.own(member) {
                         let members = &coloring.members[index];
                         if members.stale != 0 {
                             let points = &mut points[..coloring.points[index] as usize];
@@ -447,9 +442,9 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             manifolds.push(Manifold { first, count, ..self.blocks[block].manifold_in(lane) });
         }
         contacts.resize_with(last, Contact::default);
-        let parts = chunks_with_parts(manifolds, CHUNK, contacts, |of| of.count as usize);
-        let parts = parts.zip(self.coloring.places.chunks(CHUNK));
-        let useful = self.team.is_useful(self.blocks.len());
+        let (useful, share) = self.team.share(manifolds.len(), WIDTH);
+        let parts = chunks_with_parts(manifolds, share, contacts, |of| of.count as usize);
+        let parts = parts.zip(self.coloring.places.chunks(share));
         self.team.for_each(useful, parts, |((manifolds, contacts), places)| {
             let mut later = contacts.iter_mut();
             for (manifold, &place) in manifolds.iter().zip(places) {

@@ -123,13 +123,6 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Its points, of those of it and the blocks that follow, which are cut off after its room.
-    #[inline(always)]
-    pub(super) fn points_in<'a, T>(&self, later: &mut &'a mut [T], room: u32) -> &'a mut [T] {
-        let own = later.split_off_mut(..room as usize).unwrap_or_default();
-        &mut own[..self.manifold.count as usize]
-    }
-
     /// The manifold in a lane, without its points.
     pub(super) fn manifold_in(&self, lane: usize) -> Manifold<f32, L> {
         let wide = &self.manifold;

@@ -9,13 +9,13 @@ use std::fmt::Debug;
 
 use super::block::{Block, splat};
 use super::conjugate;
-use super::walk::{Ground, Traces};
+use super::walk::{Field, Ground, Traces};
 use super::{Batch, Packed, Trace};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
 use crate::lanes::{Lanes, PART, WIDTH, lanes_of};
 use crate::pgs::visit;
-use crate::team::{Team, chunks_with_parts};
+use crate::team::Team;
 use crate::{Contact, Repair, Velocity};
 
 type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
@@ -137,14 +137,14 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn set_targets(&self, packed: &mut Packed<V, L, A>, targets: &Targets<'_, V, L, A>) {
         let Packed { blocks, contacts, coloring, team, .. } = packed;
-        let (useful, share, parts) = shares(team, &coloring.rooms, contacts);
-        let blocks = blocks.chunks(share).zip(coloring.rooms.chunks(share));
-        team.for_each(useful, parts.zip(blocks), |(mut contacts, (blocks, rooms))| {
+        let useful = team.is_useful(blocks.len());
+        let field = Field::new(blocks, contacts, coloring, 0..coloring.colors.len());
+        team.run(useful, &|member| {
             V::run(
                 #[inline(always)]
                 || {
-                    for (block, &room) in blocks.iter().zip(rooms) {
-                        targets.set(block, block.points_in(&mut contacts, room));
+                    for (_, block, points) in field.own(member) {
+                        targets.set(block, &mut points[..block.manifold.count as usize]);
                     }
                 },
             );
@@ -209,23 +209,18 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     ) {
         let Packed { blocks, contacts, coloring, team, .. } = packed;
         assert_eq!(traces.len(), coloring.all_points(), "a trace for each point");
-        let traces = &Traces::new(traces);
-        let (blocks, rooms) =
-            (&blocks[batch.blocks.clone()], &coloring.rooms[batch.blocks.clone()]);
-        let first = blocks.first().map_or(0, |block| block.manifold.first as usize);
-        let (useful, share, parts) = shares(team, rooms, &mut contacts[first..]);
-        let members = coloring.members[batch.blocks.clone()].chunks(share);
-        let blocks = blocks.chunks(share).zip(rooms.chunks(share).zip(members));
-        team.for_each(useful, parts.zip(blocks), |(mut contacts, (blocks, (rooms, members)))| {
+        let (traces, useful) = (Traces::new(traces), team.is_useful(batch.blocks.len()));
+        let field = Field::new(blocks, contacts, coloring, batch.colors.clone());
+        team.run(useful, &|member| {
             V::run(
                 #[inline(always)]
                 || {
-                    for (block, (&room, members)) in blocks.iter().zip(rooms.iter().zip(members)) {
-                        let manifold = &block.manifold;
-                        let points = block.points_in(&mut contacts, room);
+                    for (index, block, points) in field.own(member) {
+                        let (manifold, members) = (&block.manifold, &coloring.members[index]);
                         let [moved_a, moved_b] = block.gather_from(displacements);
                         let moved = manifold.twist(&moved_a, &moved_b);
-                        for (point, contact) in points.iter_mut().enumerate() {
+                        let points = points[..manifold.count as usize].iter_mut();
+                        for (point, contact) in points.enumerate() {
                             let gap = contact.gap + contact.relative_velocity(&moved);
                             contact.gap = contact.held_slip(manifold.friction, splat(hold), gap);
                             traces.put(coloring, members, point, contact);
@@ -235,19 +230,6 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
             );
         });
     }
-}
-
-/// What belongs to the points of the blocks, in shares for a team, where that is worth while, and how many
-/// blocks a share has. `rooms` is for how many points each block has room.
-pub(super) fn shares<'a, T>(
-    team: &Team,
-    rooms: &'a [u32],
-    of_points: &'a mut [T],
-) -> (bool, usize, impl Iterator<Item = &'a mut [T]>) {
-    let useful = team.is_useful(rooms.len());
-    let share = rooms.len().div_ceil(if useful { team.members() } else { 1 }).max(1);
-    let parts = chunks_with_parts(rooms, share, of_points, |&room| room as usize);
-    (useful, share, parts.map(|(_, own)| own))
 }
 
 /// What a team works on.

@@ -92,7 +92,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
                 let before = self.color(self.begun.wrapping_sub(1));
                 if let Some(color) = before.filter(|_| self.bins < BINS) {
                     let bin = if self.back { BINS - 1 - self.bins } else { self.bins };
-                    self.share = self.member.part(color.bin(bin));
+                    self.share = color.share(self.member, bin);
                     self.bins += 1;
                     continue;
                 }
@@ -102,12 +102,8 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
                 if before.is_some() && !(before.is_some_and(alone) && now.is_some_and(alone)) {
                     self.member.meet();
                 }
-                let color = now?;
-                if !alone(color) {
-                    self.bins = 0;
-                } else if self.member.is_first() {
-                    self.share = color.blocks.start as usize..color.blocks.end as usize;
-                }
+                now?;
+                self.bins = 0;
                 self.begun += 1;
             }
             let index = if self.back { self.share.next_back() } else { self.share.next() }?;
@@ -213,6 +209,44 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     fn check(&self, of: &Shared<'_, Velocity<f32, L, A>>) {
         const { assert!(size_of::<Velocity<f32, L, A>>() >= size_of::<Row>() * (L + A).div_ceil(4)) };
         assert!(self.end as usize <= of.len(), "a velocity for each body");
+    }
+}
+
+/// Blocks and their points, each by itself: to be changed in any order, by the members that sweep over them.
+pub(super) struct Field<'a, V: Lanes, const L: usize, const A: usize> {
+    blocks: Shared<'a, Block<V, L, A>>,
+    contacts: Shared<'a, Contact<V, L>>,
+    coloring: &'a Coloring,
+    colors: &'a [Color],
+}
+
+impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
+    pub(super) fn new(
+        blocks: &'a mut [Block<V, L, A>],
+        contacts: &'a mut [Contact<V, L>],
+        coloring: &'a Coloring,
+        colors: Range<usize>,
+    ) -> Self {
+        let (blocks, contacts) = (Shared::new(blocks), Shared::new(contacts));
+        Self { blocks, contacts, coloring, colors: &coloring.colors[colors] }
+    }
+
+    /// What a member takes: the numbers of blocks, these, and the points that they have room for.
+    #[inline(always)]
+    pub(super) fn own(
+        &self,
+        member: &Member<'_>,
+    ) -> impl Iterator<Item = (usize, &mut Block<V, L, A>, &mut [Contact<V, L>])> {
+        let bins = self.colors.iter().flat_map(|color| (0..BINS).map(move |bin| (color, bin)));
+        bins.flat_map(|(color, bin)| color.share(member, bin)).map(|index| {
+            // SAFETY: shares have no block in common, and blocks have no points in common.
+            unsafe {
+                let block = &mut self.blocks.get_mut(index..index + 1)[0];
+                let first = block.manifold.first as usize;
+                let room = self.coloring.rooms[index] as usize;
+                (index, block, self.contacts.get_mut(first..first + room))
+            }
+        })
     }
 }
 
