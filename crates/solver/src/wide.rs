@@ -331,6 +331,9 @@ impl<const L: usize, const A: usize> Default for Wide<L, A> {
     }
 }
 
+/// Blocks of a strip that are taken in one after the other: what is read for them stays in the first cache.
+const STRIP: usize = 32;
+
 /// A system of `f32` contacts, packed into lanes of type `V`.
 #[derive(Clone, Debug)]
 pub struct Packed<V: Lanes, const L: usize, const A: usize> {
@@ -399,12 +402,13 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             contacts.resize_with(first as usize, Contact::default);
         }
         let (coloring, useful) = (&*coloring, team.is_useful(blocks.len()));
+        let strips = (blocks.len() / STRIP).max(1);
         let field = Field::new(blocks, contacts, coloring, 0..coloring.colors.len());
         team.run(useful, &|member| {
             V::run(
                 #[inline(always)]
                 || {
-                    for (index, block, points) in field.own(member) {
+                    for (index, block, points) in field.own(member, strips) {
                         let members = &coloring.members[index];
                         if members.stale != 0 {
                             let points = &mut points[..coloring.points[index] as usize];

@@ -143,7 +143,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
             V::run(
                 #[inline(always)]
                 || {
-                    for (_, block, points) in field.own(member) {
+                    for (_, block, points) in field.own(member, 1) {
                         targets.set(block, &mut points[..block.manifold.count as usize]);
                     }
                 },
@@ -215,7 +215,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
             V::run(
                 #[inline(always)]
                 || {
-                    for (index, block, points) in field.own(member) {
+                    for (index, block, points) in field.own(member, 1) {
                         let (manifold, members) = (&block.manifold, &coloring.members[index]);
                         let [moved_a, moved_b] = block.gather_from(displacements);
                         let moved = manifold.twist(&moved_a, &moved_b);

@@ -231,14 +231,24 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
         Self { blocks, contacts, coloring, colors: &coloring.colors[colors] }
     }
 
-    /// What a member takes: the numbers of blocks, these, and the points that they have room for.
+    /// What a member takes: the numbers of blocks, these, and the points that they have room for. A strip of each
+    /// color, then the next of each: in many strips manifolds that follow each other are together, in one
+    /// blocks are.
     #[inline(always)]
     pub(super) fn own(
         &self,
         member: &Member<'_>,
+        strips: usize,
     ) -> impl Iterator<Item = (usize, &mut Block<V, L, A>, &mut [Contact<V, L>])> {
-        let bins = self.colors.iter().flat_map(|color| (0..BINS).map(move |bin| (color, bin)));
-        bins.flat_map(|(color, bin)| color.share(member, bin)).map(|index| {
+        let bins = (0..strips).flat_map(move |strip| {
+            let bins = self.colors.iter().flat_map(|color| (0..BINS).map(move |bin| (color, bin)));
+            bins.map(move |(color, bin)| {
+                let share = color.share(member, bin);
+                let end = |strip: usize| share.start + share.len() * strip / strips;
+                end(strip)..end(strip + 1)
+            })
+        });
+        bins.flatten().map(|index| {
             // SAFETY: shares have no block in common, and blocks have no points in common.
             unsafe {
                 let block = &mut self.blocks.get_mut(index..index + 1)[0];

@@ -6,6 +6,21 @@ use std::sync::{Arc, Mutex};
 
 use drystone_solver::team::Team;
 
+/// Shares are as many as members, or one where there is too little to share.
+#[test]
+fn shares_cover_all_items() {
+    for members in [1, 2, 3, 8] {
+        let team = Team::new(members);
+        for items in [0, 1, 7, 100, 1000, 10_001] {
+            let (useful, share) = team.share(items, 10);
+            let shares = items.div_ceil(share);
+            assert_eq!(useful, items >= 80 * members, "{items} items, {members} members");
+            assert!(shares <= if useful { members } else { 1 }, "{shares} shares of {items} items");
+            assert!(!useful || shares == members);
+        }
+    }
+}
+
 #[test]
 fn every_member_does_a_job_once_and_parts_cover_it() {
     for members in [1, 2, 3, 8] {
