@@ -331,7 +331,8 @@ impl<const L: usize, const A: usize> Default for Wide<L, A> {
     }
 }
 
-/// Blocks of a strip that are taken in one after the other: what is read for them stays in the first cache.
+/// Blocks of a strip that are taken in one after the other, at least, and one of each color: what is read for
+/// them stays in the first cache.
 const STRIP: usize = 32;
 
 /// A system of `f32` contacts, packed into lanes of type `V`.
@@ -402,7 +403,9 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             contacts.resize_with(first as usize, Contact::default);
         }
         let (coloring, useful) = (&*coloring, team.is_useful(blocks.len()));
-        let strips = (blocks.len() / STRIP).max(1);
+        // A batch stays in the cache as it is.
+        let whole = if batches.len() > 1 { 0 } else { blocks.len() };
+        let strips = (whole / STRIP.max(coloring.colors.len())).max(1);
         let field = Field::new(blocks, contacts, coloring, 0..coloring.colors.len());
         team.run(useful, &|member| {
             V::run(
