@@ -249,10 +249,10 @@ impl Member<'_> {
         self.index == 0
     }
 
-    /// Whether so many items, of half a microsecond each, are worth a meeting.
+    /// Whether there are others, and so many items, of half a microsecond each, are worth a meeting.
     #[inline(always)]
     pub fn shares(&self, items: usize) -> bool {
-        items >= 2 * self.count
+        self.count > 1 && items >= 2 * self.count
     }
 
     /// Its part of some items.

@@ -411,15 +411,20 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             V::run(
                 #[inline(always)]
                 || {
-                    for (index, block, points) in field.own(member, strips) {
-                        let members = &coloring.members[index];
-                        if members.stale != 0 {
-                            let points = &mut points[..coloring.points[index] as usize];
-                            block.seat(members, coloring);
-                            block.take(members, rows, masses, points);
-                            passes.prepare(block, points, softness);
-                        }
-                    }
+                    field.each_own(
+                        member,
+                        strips,
+                        #[inline(always)]
+                        |index, block, points| {
+                            let members = &coloring.members[index];
+                            if members.stale != 0 {
+                                let points = &mut points[..coloring.points[index] as usize];
+                                block.seat(members, coloring);
+                                block.take(members, rows, masses, points);
+                                passes.prepare(block, points, softness);
+                            }
+                        },
+                    );
                 },
             );
         });

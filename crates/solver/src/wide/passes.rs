@@ -143,9 +143,14 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
             V::run(
                 #[inline(always)]
                 || {
-                    for (_, block, points) in field.own(member, 1) {
-                        targets.set(block, &mut points[..block.manifold.count as usize]);
-                    }
+                    field.each_own(
+                        member,
+                        1,
+                        #[inline(always)]
+                        |_, block, points| {
+                            targets.set(block, &mut points[..block.manifold.count as usize]);
+                        },
+                    );
                 },
             );
         });
@@ -215,17 +220,23 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
             V::run(
                 #[inline(always)]
                 || {
-                    for (index, block, points) in field.own(member, 1) {
-                        let (manifold, members) = (&block.manifold, &coloring.members[index]);
-                        let [moved_a, moved_b] = block.gather_from(displacements);
-                        let moved = manifold.twist(&moved_a, &moved_b);
-                        let points = points[..manifold.count as usize].iter_mut();
-                        for (point, contact) in points.enumerate() {
-                            let gap = contact.gap + contact.relative_velocity(&moved);
-                            contact.gap = contact.held_slip(manifold.friction, splat(hold), gap);
-                            traces.put(coloring, members, point, contact);
-                        }
-                    }
+                    field.each_own(
+                        member,
+                        1,
+                        #[inline(always)]
+                        |index, block, points| {
+                            let (manifold, members) = (&block.manifold, &coloring.members[index]);
+                            let [moved_a, moved_b] = block.gather_from(displacements);
+                            let moved = manifold.twist(&moved_a, &moved_b);
+                            let points = points[..manifold.count as usize].iter_mut();
+                            for (point, contact) in points.enumerate() {
+                                let gap = contact.gap + contact.relative_velocity(&moved);
+                                contact.gap =
+                                    contact.held_slip(manifold.friction, splat(hold), gap);
+                                traces.put(coloring, members, point, contact);
+                            }
+                        },
+                    );
                 },
             );
         });

@@ -102,8 +102,12 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
                 if before.is_some() && !(before.is_some_and(alone) && now.is_some_and(alone)) {
                     self.member.meet();
                 }
-                now?;
-                self.bins = 0;
+                let color = now?;
+                if !alone(color) {
+                    self.bins = 0;
+                } else if self.member.is_first() {
+                    self.share = color.blocks.start as usize..color.blocks.end as usize;
+                }
                 self.begun += 1;
             }
             let index = if self.back { self.share.next_back() } else { self.share.next() }?;
@@ -231,32 +235,33 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
         Self { blocks, contacts, coloring, colors: &coloring.colors[colors] }
     }
 
-    /// What a member takes: the numbers of blocks, these, and the points that they have room for. A strip of each
-    /// color, then the next of each: in many strips manifolds that follow each other are together, in one
-    /// blocks are.
+    /// Hands a member what it takes: the numbers of blocks, these, and the points that they have room for. A
+    /// strip of each color, then the next of each: in many strips manifolds that follow each other are
+    /// together, in one blocks are.
     #[inline(always)]
-    pub(super) fn own(
+    pub(super) fn each_own(
         &self,
         member: &Member<'_>,
         strips: usize,
-    ) -> impl Iterator<Item = (usize, &mut Block<V, L, A>, &mut [Contact<V, L>])> {
-        let bins = (0..strips).flat_map(move |strip| {
-            let bins = self.colors.iter().flat_map(|color| (0..BINS).map(move |bin| (color, bin)));
-            bins.map(move |(color, bin)| {
-                let share = color.share(member, bin);
-                let end = |strip: usize| share.start + share.len() * strip / strips;
-                end(strip)..end(strip + 1)
-            })
-        });
-        bins.flatten().map(|index| {
-            // SAFETY: shares have no block in common, and blocks have no points in common.
-            unsafe {
-                let block = &mut self.blocks.get_mut(index..index + 1)[0];
-                let first = block.manifold.first as usize;
-                let room = self.coloring.rooms[index] as usize;
-                (index, block, self.contacts.get_mut(first..first + room))
+        mut work: impl FnMut(usize, &mut Block<V, L, A>, &mut [Contact<V, L>]),
+    ) {
+        for strip in 0..strips {
+            for color in self.colors {
+                for bin in 0..BINS {
+                    let share = color.share(member, bin);
+                    let end = |strip: usize| share.start + share.len() * strip / strips;
+                    for index in end(strip)..end(strip + 1) {
+                        // SAFETY: shares have no block in common, and blocks have no points in common.
+                        unsafe {
+                            let block = &mut self.blocks.get_mut(index..index + 1)[0];
+                            let first = block.manifold.first as usize;
+                            let room = self.coloring.rooms[index] as usize;
+                            work(index, block, self.contacts.get_mut(first..first + room));
+                        }
+                    }
+                }
             }
-        })
+        }
     }
 }
 
