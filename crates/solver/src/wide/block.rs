@@ -169,8 +169,8 @@ fn inverse_masses<V: Several, const L: usize, const A: usize>(
     side: usize,
 ) -> InverseMass<V, L, A> {
     let of = V::each(|lane| &masses[seats.body(side, lane)]);
-    let mut out = InverseMass::default();
-    out.linear = V::gathered(V::each(|lane| of[lane].linear));
+    let linear = V::gathered(V::each(|lane| of[lane].linear));
+    let mut out = InverseMass { linear, ..InverseMass::default() };
     for i in 0..A {
         out.angular.0[i] = V::gathered_vector(V::each(|lane| &of[lane].angular.0[i]));
     }
