@@ -98,9 +98,9 @@ pub struct Coloring {
     /// is filled from lane 0 on, and blocks come batch after batch, color after color, in a color by
     /// number of points, then in the order of the manifolds.
     pub places: Vec<u32>,
-    /// The colors of each batch; what fits in none has one of its own.
+    /// Batch after batch; what fits in none has one of its own.
     pub(crate) colors: Vec<Color>,
-    /// The colors of each batch.
+    /// Which of them are those of each batch.
     pub(crate) batches: Vec<Range<usize>>,
     pub(crate) division: Division,
     /// Points of the longest manifold of each block.
@@ -148,9 +148,9 @@ impl Coloring {
 
     /// As [`assign`](Self::assign), but in batches, of what takes up these `sizes`; of each body, whether it
     /// moves, and whether it joins: those that do not can be in several. `manifolds` are `None` if they are
-    /// those of the call before. Manifolds that have a `past` stay
-    /// in their places if they have the same color, and new ones get what places there are. Colors are
-    /// what they would be without. Returns whether all are placed anew.
+    /// those of the call before. Those that are not new stay in their places if they have the same color, and
+    /// new ones get what places there are. Colors are what they would be without. Returns whether all are
+    /// placed anew.
     pub(crate) fn update(
         &mut self,
         bodies: impl Iterator<Item = [bool; 2]> + Clone,

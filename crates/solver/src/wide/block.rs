@@ -86,30 +86,14 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         for lane in lanes_of(stale) {
             let seat = Seats { lanes: 1 << lane, first: lane, ..all };
             for side in 0..2 {
-                let (wide, own) = (&mut self.masses[side], inverse_masses(masses, &seat, side));
-                wide.linear.set(lane, own.linear);
-                for i in 0..A {
-                    set(&mut wide.angular.0[i], lane, &own.angular.0[i]);
-                }
+                set_mass(&mut self.masses[side], lane, &inverse_masses(masses, &seat, side));
             }
             let (mut manifold, mut contacts) = (Manifold::default(), [Contact::default(); FEW]);
             let contacts = &mut contacts[..points.len()];
             rows.take::<f32>(&seat, &mut manifold, contacts);
-            let wide = &mut self.manifold;
-            for i in 0..L {
-                set(&mut wide.frame[i], lane, &manifold.frame[i]);
-            }
-            for side in 0..2 {
-                set(&mut wide.arms[side], lane, &manifold.arms[side]);
-            }
-            wide.friction.set(lane, manifold.friction);
-            wide.restitution.set(lane, manifold.restitution);
-            wide.compliance.set(lane, manifold.compliance);
+            set_manifold(&mut self.manifold, lane, &manifold);
             for (wide, own) in points.iter_mut().zip(contacts) {
-                set(&mut wide.place, lane, &own.place);
-                set(&mut wide.gap, lane, &own.gap);
-                set(&mut wide.impulse, lane, &own.impulse);
-                wide.impact.set(lane, own.impact);
+                set_contact(wide, lane, own);
             }
         }
     }
@@ -147,6 +131,50 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         let is_done = |island: u32| done.get(island as usize).copied().unwrap_or(true);
         lanes_of(self.used).all(|lane| is_done(self.islands[lane]))
     }
+}
+
+/// Puts M^-1 of a body into a lane.
+#[inline(always)]
+fn set_mass<V: Lanes, const L: usize, const A: usize>(
+    wide: &mut InverseMass<V, L, A>,
+    lane: usize,
+    own: &InverseMass<f32, L, A>,
+) {
+    wide.linear.set(lane, own.linear);
+    for i in 0..A {
+        set(&mut wide.angular.0[i], lane, &own.angular.0[i]);
+    }
+}
+
+/// Puts what [`Rows::take`] gives of a manifold into a lane.
+#[inline(always)]
+fn set_manifold<V: Lanes, const L: usize>(
+    wide: &mut Manifold<V, L>,
+    lane: usize,
+    own: &Manifold<f32, L>,
+) {
+    for i in 0..L {
+        set(&mut wide.frame[i], lane, &own.frame[i]);
+    }
+    for side in 0..2 {
+        set(&mut wide.arms[side], lane, &own.arms[side]);
+    }
+    wide.friction.set(lane, own.friction);
+    wide.restitution.set(lane, own.restitution);
+    wide.compliance.set(lane, own.compliance);
+}
+
+/// The same of a point.
+#[inline(always)]
+fn set_contact<V: Lanes, const L: usize>(
+    wide: &mut Contact<V, L>,
+    lane: usize,
+    own: &Contact<f32, L>,
+) {
+    set(&mut wide.place, lane, &own.place);
+    set(&mut wide.gap, lane, &own.gap);
+    set(&mut wide.impulse, lane, &own.impulse);
+    wide.impact.set(lane, own.impact);
 }
 
 /// Opens points in lanes that have become idle: what is left in them would go on, towards numbers that some
