@@ -386,7 +386,9 @@ impl Coloring {
                 |fits: &dyn Fn(usize) -> bool| open.iter().rposition(|&block| fits(block as usize));
             let at = find(&|block| self.points[block] == points)
                 .or_else(|| find(&|block| self.points[block] >= points))
-                .or_else(|| find(&|block| self.rooms[block] >= points));
+                .or_else(|| {
+                    find(&|block| self.members[block].used == 0 && self.rooms[block] >= points)
+                });
             let Some(at) = at else { return false };
             let block = open[at];
             self.points[block as usize] = points.max(self.points[block as usize]);

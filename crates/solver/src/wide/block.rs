@@ -79,10 +79,8 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             clear(points, !members.used);
             return;
         }
+        debug_assert!(points.len() <= before, "no points are new to those that stay");
         clear(points, members.stale & !members.used);
-        if let Some(new) = points.get_mut(before..) {
-            new.fill(open());
-        }
         for lane in lanes_of(stale) {
             let seat = Seats { lanes: 1 << lane, first: lane, ..all };
             for side in 0..2 {
