@@ -316,7 +316,8 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         if rested {
             records.take_pair(pair, around.resting);
             let mut woken = records.view_mut();
-            woken.measure(pair.records(), [a, b], around.traced);
+            // They were not in the step before, and come as they were traced.
+            woken.measure(pair.records(), [a, b], false);
         } else {
             own.measure(pair.records(), [a, b], around.traced);
         }

@@ -2,9 +2,9 @@
 //!
 //! All members walk through the colors side by side, each over its share of the blocks of a color, and
 //! meet after each; colors of few blocks are done by one. A share has as many blocks of long manifolds as any
-//! other, and the same bodies in all colors, as far as neighbors follow each other. Within a color no two blocks have a body in common that is written to, and each
-//! block has its own points. So what a member touches at a [`Visit`] nobody else does, and nothing
-//! depends on how many members there are.
+//! other, and the same bodies in all colors, as far as neighbors follow each other. Within a color no two
+//! blocks have a body in common that is written to, and each block has its own points. So what a member
+//! touches at a [`Visit`] nobody else does, and nothing depends on how many members there are.
 #![allow(unsafe_code)]
 
 use std::ops::Range;
