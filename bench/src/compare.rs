@@ -193,7 +193,8 @@ pub(crate) fn quality(
     caption(kinds, options);
     println!(
         "setting: substeps; jolt: collision steps. Substeps and contact stiffness of rapier, Box2D \
-         and Box3D are raised together. certified: Drystone's settings for baking with proof."
+         and Box3D are raised together. sag: Drystone's settings for baking with proof, with contacts \
+         that sink by so many mm under the weight of all that they bear."
     );
     notes(&left_out, kinds);
     if let Some(file) = svg {

@@ -158,21 +158,21 @@ impl Kind {
             _ => substeps(&[4, 8, 16, 32, 64]),
         };
         if self == Self::Drystone {
-            efforts.push(Effort::Certified);
+            efforts.extend([0.1, 0.03, 0.01].map(Effort::Sag));
         }
         efforts
     }
 }
 
 /// How hard an engine works on a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Effort {
     /// Its default settings; Drystone's for real time.
     Default,
     /// So many substeps, contacts as much stiffer; Jolt: collision steps.
     Substeps(u32),
-    /// Drystone's certified settings.
-    Certified,
+    /// Drystone's certified settings, with this sag. \[mm\]
+    Sag(f32),
 }
 
 impl fmt::Display for Effort {
@@ -180,7 +180,7 @@ impl fmt::Display for Effort {
         match self {
             Self::Default => f.write_str("default"),
             Self::Substeps(count) => write!(f, "{count}"),
-            Self::Certified => f.write_str("certified"),
+            Self::Sag(sag) => write!(f, "sag {sag}"),
         }
     }
 }
@@ -191,10 +191,10 @@ impl FromStr for Effort {
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
             "default" => Ok(Self::Default),
-            "certified" => Ok(Self::Certified),
-            count => match count.parse() {
-                Ok(count @ 1..=1024) => Ok(Self::Substeps(count)),
-                _ => Err("accepted: default, certified, 1 to 1024".to_string()),
+            other => match (other.strip_prefix("sag ").map(str::parse), other.parse()) {
+                (Some(Ok(sag)), _) if sag > 0.0 => Ok(Self::Sag(sag)),
+                (None, Ok(count @ 1..=1024)) => Ok(Self::Substeps(count)),
+                _ => Err("accepted: default, 1 to 1024, sag above 0".to_string()),
             },
         }
     }
@@ -219,7 +219,7 @@ pub(crate) fn build(
     effort: Effort,
     threads: usize,
 ) -> Result<Box<dyn Engine>, Refusal> {
-    if effort == Effort::Certified && kind != Kind::Drystone {
+    if matches!(effort, Effort::Sag(_)) && kind != Kind::Drystone {
         return Err(Refusal::new(kind.name(), "has no certified settings"));
     }
     if kind != Kind::Drystone {

@@ -39,7 +39,7 @@ pub(super) fn settings(effort: Effort) -> StepSettings {
     match effort {
         Effort::Default => StepSettings::realtime(),
         Effort::Substeps(substeps) => StepSettings { substeps, ..StepSettings::realtime() },
-        Effort::Certified => StepSettings::certified(),
+        Effort::Sag(sag) => StepSettings { sag: 1e-3 * sag, ..StepSettings::certified() },
     }
 }
 

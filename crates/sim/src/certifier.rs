@@ -108,7 +108,7 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     /// Takes over a system that has been packed, for all substeps of a part of a step.
     pub(crate) fn start(&mut self, system: &System<f32, L, A>, wide: &mut Wide<L, A>) {
         wide.set_islands(&self.islands);
-        self.climber.set_masses(system);
+        self.climber.start(system, &self.islands);
     }
 
     /// Brings a substep within the tolerance, from the impulses of the one before; with all residuals

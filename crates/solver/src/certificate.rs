@@ -44,6 +44,7 @@
 //! Convex Formulation of Compliant Contact, 2022.
 
 use crate::cone::Law;
+use crate::island::Islands;
 use crate::lanes::Doubles;
 use crate::{Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Vector, Velocity};
 
@@ -262,6 +263,29 @@ impl<const L: usize, const A: usize> Tally<L, A> {
     pub fn set_masses<T: Scalar>(&mut self, system: &System<T, L, A>) {
         self.masses.clear();
         self.masses.extend(system.masses.iter().map(|mass| (mass.mass(), mass.cast())));
+    }
+
+    /// How fast islands are, root mean square by mass, in the measure of [`Certificate::error`]. \[m/s\]
+    pub(crate) fn find_speeds<T: Scalar>(
+        &self,
+        velocities: &[Velocity<T, L, A>],
+        islands: &Islands,
+        speeds: &mut Vec<f64>,
+    ) {
+        let mut masses = vec![0.0; islands.count];
+        speeds.clear();
+        speeds.resize(islands.count, 0.0);
+        for (((mass, _), velocity), &island) in
+            self.masses.iter().zip(velocities).zip(&islands.of_body)
+        {
+            if let Some(speed) = speeds.get_mut(island as usize) {
+                *speed += mass.squared(&velocity.cast());
+                masses[island as usize] += mass.linear;
+            }
+        }
+        for (speed, mass) in speeds.iter_mut().zip(masses) {
+            *speed = (*speed / mass).sqrt();
+        }
     }
 
     /// [`certify`], of a system with the masses that were set.

@@ -190,6 +190,9 @@ const IN_LANES: usize = 256;
 /// system begins with it.
 const AIM: f64 = 0.2;
 
+/// Or to this part of the speed of an island, within the tolerance: what moves does not see what is left over.
+const OF_SPEED: f64 = 0.05;
+
 /// Iterations from one certificate to the next, at most.
 const LONGEST: f64 = 16.0;
 
@@ -222,6 +225,10 @@ pub struct Climber<const L: usize, const A: usize> {
     direct: bool,
     done: Vec<bool>,
     errors: Vec<f64>,
+    /// Of each island, root mean square by mass, when the masses were taken over. \[m/s\]
+    speeds: Vec<f64>,
+    /// Certified error of each island at which the lanes stop. \[m/s\]
+    aims: Vec<f64>,
 }
 
 impl<const L: usize, const A: usize> Default for Climber<L, A> {
@@ -232,14 +239,17 @@ impl<const L: usize, const A: usize> Default for Climber<L, A> {
             direct: true,
             done: Vec::new(),
             errors: Vec::new(),
+            speeds: Vec::new(),
+            aims: Vec::new(),
         }
     }
 }
 
 impl<const L: usize, const A: usize> Climber<L, A> {
-    /// Takes over the masses of the bodies.
-    pub fn set_masses(&mut self, system: &System<f32, L, A>) {
+    /// Takes over the masses of the bodies, and how fast islands are.
+    pub fn start(&mut self, system: &System<f32, L, A>, islands: &Islands) {
         self.tally.set_masses(system);
+        self.tally.find_speeds(&system.velocities, islands, &mut self.speeds);
         self.direct = true;
     }
 
@@ -271,7 +281,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             }
             wide.take_impulses(system);
             let velocities = &system.velocities;
-            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, 0.0, &mut outcome);
+            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, &mut outcome);
         }
         outcome.failed = self.errors.iter().filter(|error| beyond(error)).count();
         outcome.set_worst(&self.errors, islands);
@@ -288,7 +298,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
     ) -> Outcome {
         let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
         self.direct = false;
-        self.certify::<true>(velocities, wide, prospective, islands, 0.0, &mut outcome);
+        self.certify::<true>(velocities, wide, prospective, islands, &mut outcome);
         outcome.set_worst(&self.errors, islands);
         outcome
     }
@@ -308,7 +318,9 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         self.errors.clear();
         self.errors.resize(islands.count, f64::INFINITY);
         wide.begin_conjugate(islands.count);
-        let aim = AIM * goal.tolerance;
+        let (least, most) = (AIM * goal.tolerance, goal.tolerance);
+        self.aims.clear();
+        self.aims.extend(self.speeds.iter().map(|speed| (OF_SPEED * speed).max(least).min(most)));
         // It may come from a file.
         let mut due = self.pace.planned.min(IN_LANES);
         let mut before = Vec::new();
@@ -318,12 +330,15 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             }
             outcome.iterations += due;
             before.clone_from(&self.errors);
-            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, aim, outcome);
+            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, outcome);
+            // How many times as large as it may be.
             let (mut worst, mut worst_before) = (0.0f64, 0.0f64);
-            for ((done, &before), &error) in self.done.iter_mut().zip(&before).zip(&self.errors) {
+            let errors = before.iter().zip(&self.errors).zip(&self.aims);
+            for (done, ((&before, &error), &aim)) in self.done.iter_mut().zip(errors) {
                 *done |= error <= aim || is_hopeless(before, error, due, outcome.iterations, aim);
                 if !*done {
-                    (worst, worst_before) = (worst.max(error), worst_before.max(before));
+                    (worst, worst_before) =
+                        (worst.max(error / aim), worst_before.max(before / aim));
                 }
             }
             if !self.done.contains(&false) {
@@ -332,31 +347,30 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             if worst_before.is_finite() {
                 self.pace.rate = (worst / worst_before).powf(1.0 / due as f64).clamp(0.3, 0.95);
             }
-            due = ((aim / worst).ln() / self.pace.rate.ln()).ceil().clamp(1.0, LONGEST) as usize;
+            due = (-worst.ln() / self.pace.rate.ln()).ceil().clamp(1.0, LONGEST) as usize;
         }
-        let ample = self.errors.iter().all(|&error| error <= 0.3 * aim);
+        let ample = self.errors.iter().zip(&self.aims).all(|(error, aim)| *error <= 0.3 * aim);
         let needed = outcome.iterations.min(2 * LONGEST as usize);
         self.pace.planned = if ample { needed - needed.div_ceil(8) } else { needed };
     }
 
     /// The certified errors of the islands, and their residuals: of the impulses at hand, if they are
-    /// within `enough`, else of the best on the line.
+    /// within the aims, else of the best on the line.
     fn certify<const RESIDUALS: bool>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
         wide: &Wide<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
-        enough: f64,
         outcome: &mut Outcome,
     ) {
         let start = Instant::now();
-        let (tally, errors) = (&mut self.tally, &mut self.errors);
+        let Self { tally, errors, aims, .. } = self;
         let mut take = |certificates: &[Certificate]| {
             errors.clear();
             errors.extend(certificates.iter().map(Certificate::error));
             outcome.set_residuals(certificates);
-            errors.iter().all(|&error| error <= enough)
+            errors.iter().zip(&*aims).all(|(error, aim)| error <= aim)
         };
         self.direct = self.direct
             && take(wide.certify::<RESIDUALS, false>(velocities, prospective, islands, tally));
