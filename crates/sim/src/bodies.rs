@@ -1,8 +1,10 @@
 //! The bodies of a world: poses, inertia and what acts on them, one array per property.
 
+use drystone_solver::team::Team;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, Vector, Velocity};
 
 use crate::geometry::{Frame, Geometry, MassProperties};
+use crate::motion::PIECE;
 use crate::scene::{Filter, Material, Motion};
 
 /// Names a body of a world; one that was removed is never mistaken for a later one.
@@ -216,16 +218,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     /// Notes which bodies have strayed by more than `limit` \[m\], or than a small part of their size, or move
     /// whatever they touch.
-    pub(crate) fn stir(&mut self, limit: f32, velocities: &[Velocity<f32, L, A>]) {
-        for (body, (stirred, strayed)) in self.stirred.iter_mut().zip(&mut self.strayed).enumerate()
-        {
-            let leads = self.inertia[body].inverse_mass() == 0.0;
-            *stirred = leads && velocities[body] != Velocity::ZERO
-                || *strayed > limit.min(STRAY * self.reach[body]);
-            if *stirred {
-                *strayed = 0.0;
+    pub(crate) fn stir(&mut self, limit: f32, velocities: &[Velocity<f32, L, A>], team: &Team) {
+        let Self { stirred, strayed, inertia, reach, .. } = self;
+        let (useful, share) = team.share(velocities.len(), PIECE);
+        let parts = stirred.chunks_mut(share).zip(strayed.chunks_mut(share)).enumerate();
+        team.for_each(useful, parts, |(part, (stirred, strayed))| {
+            for (body, (stirred, strayed)) in (share * part..).zip(stirred.iter_mut().zip(strayed))
+            {
+                let leads = inertia[body].inverse_mass() == 0.0;
+                *stirred = leads && velocities[body] != Velocity::ZERO
+                    || *strayed > limit.min(STRAY * reach[body]);
+                if *stirred {
+                    *strayed = 0.0;
+                }
             }
-        }
+        });
     }
 
     pub(crate) fn is_dynamic(&self, body: usize) -> bool {

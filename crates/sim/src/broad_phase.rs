@@ -2,6 +2,7 @@
 
 mod tree;
 
+use drystone_solver::team::Team;
 use tree::Tree;
 
 use crate::cache::Pair;
@@ -104,6 +105,7 @@ impl<const L: usize> BroadPhase<L> {
     pub(crate) fn follow<'a>(
         &'a mut self,
         pairs: &mut Vec<Pair>,
+        team: &Team,
     ) -> Option<impl Iterator<Item = [u32; 2]> + use<'a, L>> {
         let Self { tree, boxes, before, moved, moves, found } = self;
         if moved.is_empty() {
@@ -114,11 +116,12 @@ impl<const L: usize> BroadPhase<L> {
             !(moves[a] || moves[b]) || boxes[a].overlaps(&boxes[b])
         });
         found.clear();
-        tree.overlaps(|a, b| {
-            if !before[a as usize].overlaps(&before[b as usize]) {
-                found.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
-            }
-        });
+        let is_new = |pair: [u32; 2]| {
+            let [a, b] = pair.map(|shape| &before[shape as usize]);
+            !a.overlaps(b)
+        };
+        let fresh = tree.overlaps(team, is_new);
+        found.extend(fresh.map(|[a, b]| u64::from(a.min(b)) << 32 | u64::from(a.max(b))));
         for shape in moved.drain(..).map(|shape| shape as usize) {
             before[shape] = boxes[shape];
             moves[shape] = false;

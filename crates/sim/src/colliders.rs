@@ -8,9 +8,9 @@ use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
 use crate::geometry::{Bounds, Frame, Geometry};
 use crate::motion::PIECE;
-use crate::narrow_phase::Travel;
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::sleep::Sleep;
+use crate::travel::Travel;
 
 /// Boxes are known to this part of how far they are from the origin. \[1\]
 const ROUNDING: f32 = 1e-6;

@@ -77,6 +77,7 @@ pub mod scene;
 mod settings;
 mod simulation;
 mod sleep;
+mod travel;
 mod world;
 
 pub use bodies::{Body, BodyId, Collider, Inertia};

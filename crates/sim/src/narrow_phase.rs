@@ -9,6 +9,7 @@ use drystone_solver::wide::{Past, Trace};
 use crate::bodies::Bodies;
 use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View, inherit};
 use crate::geometry::{Frame, Geometry, Touch};
+use crate::travel::Travel;
 
 /// What the narrow phase reads.
 pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -16,7 +17,7 @@ pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: u
     /// Poses of the shapes, turned with their bodies but seen from their centers of mass.
     pub(crate) poses: &'a [G::Pose],
     pub(crate) bodies: &'a Bodies<G, L, A>,
-    /// How far a body can move against another within the step, by body. \[m\]
+    /// By body.
     pub(crate) travel: &'a [Travel<L>],
     /// Whether the records of the step before have been traced since: else their traces are still seen as
     /// they were handed on.
@@ -34,18 +35,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
     fn seen_from(&self, record: &Record<L>) -> Vector<f32, L> {
         if self.traced { record.normal } else { record.traced }
     }
-}
-
-/// How a body moves within a step.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Travel<const L: usize> {
-    /// dt v. \[m\]
-    pub(crate) linear: Vector<f32, L>,
-    /// dt |omega| times the reach of its shapes. \[m\]
-    pub(crate) angular: f32,
-    /// dt |v - v of a neighbor|, the largest: how far it can move against another neighbor, should
-    /// this one push it within the step. \[m\]
-    pub(crate) blow: f32,
 }
 
 /// Points are matched by place within this distance, where features do not match. \[m\]

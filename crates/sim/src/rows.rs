@@ -20,8 +20,13 @@ pub(crate) struct RowsOf<'a, const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
-    fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
-        self.records.manifolds.iter().map(|record| (record.bodies, record.count))
+    fn count(&self) -> usize {
+        self.records.manifolds.len()
+    }
+
+    fn outline(&self, manifold: u32) -> ([u32; 2], u32) {
+        let record = &self.records.manifolds[manifold as usize];
+        (record.bodies, record.count)
     }
 
     fn same_outlines(&self) -> bool {

@@ -19,13 +19,14 @@ use crate::colliders::Colliders;
 use crate::geometry::{Geometry, MassProperties};
 use crate::ledger::Books;
 use crate::motion::{self, PIECE};
-use crate::narrow_phase::{Surroundings, Travel, Worker, manifolds};
+use crate::narrow_phase::{Surroundings, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
 use crate::rows::RowsOf;
 use crate::saved::SavedSystem;
 use crate::scene::Motion;
 use crate::settings::StepSettings;
 use crate::sleep::Sleep;
+use crate::travel::Travels;
 
 /// Rounds of collisions within a substep: a blow passes through this many contacts against the
 /// order of the contacts.
@@ -70,7 +71,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     books: Books<L, A>,
     /// What each body has moved since the step began.
     displacements: Vec<Velocity<f32, L, A>>,
-    travel: Vec<Travel<L>>,
+    travel: Travels<L>,
     workers: Vec<Worker<G, L, A>>,
     team: Arc<Team>,
     /// Whether steps time their stages.
@@ -121,7 +122,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             blow: Blow::default(),
             books: Books::default(),
             displacements: Vec::new(),
-            travel: Vec::new(),
+            travel: Travels::default(),
             workers: Vec::new(),
             team: Arc::default(),
             timing: false,
@@ -210,7 +211,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.gravity_factor.push(1.0);
         bodies.reach.push(0.0);
         self.displacements.push(Velocity::ZERO);
-        self.travel.push(Travel::default());
         self.system.add_body(Velocity::ZERO, InverseMass::FIXED) as usize
     }
 
@@ -394,20 +394,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Into how many parts, each with its own contacts, a step is divided: a power of two, so that
-    /// near bodies pass no more than `travel_per_search` of each other. Sets [`Travel::blow`].
+    /// near bodies pass no more than `travel_per_search` of each other. Finds their blows.
     fn parts(&mut self, dt: f32) -> u32 {
         let limit = self.settings.travel_per_search;
         let fall = self.gravity.length() * dt * dt;
-        let mut worst = 0.0f32;
-        for pair in self.pairs.iter().filter(|pair| !pair.rests) {
-            let [a, b] = pair.bodies.map(|body| body as usize);
-            let [one, other] = [self.travel[a], self.travel[b]];
-            let apart = (one.linear - other.linear).length();
-            self.travel[a].blow = one.blow.max(apart);
-            self.travel[b].blow = other.blow.max(apart);
-            let travel = apart + one.angular + other.angular + fall;
-            worst = worst.max(travel / pair.thickness);
-        }
+        let worst = self.travel.pass(&self.pairs, fall, &self.team);
         let parts = (worst / limit).ceil();
         if parts.is_finite() { (parts.clamp(1.0, 256.0) as u32).next_power_of_two() } else { 1 }
     }
@@ -452,7 +443,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let solving = settings.tolerance > 0.0;
         let examined = (last && settings.certify).then_some(substeps - 1);
         let mut pairs = self.pairs.iter();
-        let bouncing = pairs.any(|pair| pair.restitution > 0.0 && pair.count > 0 && !pair.rests);
+        let bounces = |pair: &Pair| pair.restitution > 0.0 && pair.count > 0 && !pair.rests;
+        let bouncing = self.colliders.bounce && pairs.any(bounces);
         Plan {
             h,
             substeps,
@@ -475,7 +467,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// manifolds as before, with as many points.
     fn pack(&mut self, plan: &Plan, dt: f32, same: bool) {
         self.displacements.fill(Velocity::ZERO);
-        self.prospective.clone_from(&self.system.velocities);
+        // The first substep asks the contacts, and sets them.
+        self.prospective.resize(self.len(), Velocity::ZERO);
         let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
         let (records, bodies, softness) = (&self.records, &self.bodies, self.settings.softness);
         let certifying = plan.solving || plan.examined.is_some();
@@ -643,38 +636,26 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn find_pairs(&mut self, dt: f32) {
         let reach = self.settings.prediction_distance * 0.5;
         let bodies = &self.bodies;
-        let (useful, share) = self.team.share(self.travel.len(), PIECE);
-        let moves = self.system.velocities.chunks(share).zip(bodies.reach.chunks(share));
-        let parts = self.travel.chunks_mut(share).zip(moves);
-        self.team.for_each(useful, parts, |(travel, (velocities, reach))| {
-            for ((travel, velocity), reach) in travel.iter_mut().zip(velocities).zip(reach) {
-                *travel = Travel {
-                    linear: velocity.linear * dt,
-                    angular: velocity.angular.length() * reach * dt,
-                    blow: 0.0,
-                };
-            }
-        });
-        let (travel, sleep) = (&self.travel, &self.sleep);
+        self.travel.find(&self.system.velocities, &bodies.reach, dt, &self.team);
+        let (travel, sleep) = (&self.travel.own, &self.sleep);
         self.colliders.follow(&mut self.broad_phase, bodies, sleep, travel, reach, &self.team);
-        let Some(found) = self.broad_phase.follow(&mut self.pairs) else { return };
+        let Some(found) = self.broad_phase.follow(&mut self.pairs, &self.team) else { return };
         let fresh = &mut self.fresh_pairs;
         fresh.clear();
-        // Both are sorted.
-        let mut known = self.pairs.iter().map(|pair| pair.colliders).peekable();
-        for pair in found {
-            while known.next_if(|known| *known < pair).is_some() {}
-            if known.peek() != Some(&pair) {
-                fresh.extend(self.colliders.pair(&self.bodies, pair));
-            }
-        }
+        // After a checkpoint some are known.
+        let is_new = |pair: &[u32; 2]| {
+            self.pairs.binary_search_by(|known| known.colliders.cmp(pair)).is_err()
+        };
+        let (colliders, bodies) = (&self.colliders, &self.bodies);
+        fresh.extend(found.filter(is_new).filter_map(|pair| colliders.pair(bodies, pair)));
         cache::merge(&mut self.pairs, fresh);
     }
 
     /// Returns whether there are the same manifolds as before, with as many points.
     fn find_manifolds(&mut self) -> bool {
         // Two bodies that have not stirred have come half of what contacts are reused for, at most.
-        self.bodies.stir(0.25 * self.settings.reuse_distance, &self.system.velocities);
+        let limit = 0.25 * self.settings.reuse_distance;
+        self.bodies.stir(limit, &self.system.velocities, &self.team);
         self.update_masses();
         std::mem::swap(&mut self.records, &mut self.old_records);
         self.note_active();
@@ -702,8 +683,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn note_active(&mut self) {
         let (bodies, velocities) = (&self.bodies, &self.system.velocities);
         let active = |body: usize| self.sleep.is_active(bodies, velocities, body);
-        self.active.clear();
-        self.active.extend((0..bodies.poses.len()).map(active));
+        self.active.resize(bodies.poses.len(), false);
+        let (useful, share) = self.team.share(bodies.poses.len(), PIECE);
+        self.team.for_each(useful, self.active.chunks_mut(share).enumerate(), |(part, own)| {
+            (share * part..).zip(own).for_each(|(body, own)| *own = active(body));
+        });
     }
 
     /// Wakes what something active touches; returns whether any slept.
@@ -727,7 +711,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
             bodies: &self.bodies,
-            travel: &self.travel,
+            travel: &self.travel.own,
             traced,
             resting: &self.sleep.records,
             active: &self.active,

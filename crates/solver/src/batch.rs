@@ -26,7 +26,7 @@ pub struct Batch {
 }
 
 /// A manifold as batches and colors see it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Outline {
     pub(crate) bodies: [u32; 2],
     /// Whether they can be moved: the others may have many manifolds of a color.

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::batch::{Batch, Division, Outline, Sizes};
 use crate::lanes::{WIDTH, lanes_of};
-use crate::team::Member;
+use crate::team::{Member, Team};
 use crate::wide::Past;
 
 /// Colors at most; what fits none of them comes after, one by one.
@@ -20,8 +20,22 @@ const KINDS: usize = COLORS * BINS + 1;
 /// The kind of what has no color.
 const ALONE: usize = KINDS - 1;
 
+/// Manifolds that are worth as much as the least that is shared.
+const PIECE: usize = 256;
+
 /// No place; no manifold.
 const NONE: u32 = u32::MAX;
+
+/// What has become of the places of manifolds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Placed {
+    /// All manifolds are those of the time before, where they were.
+    Same,
+    /// Those that are not new have stayed.
+    Stay,
+    /// All have others.
+    Anew,
+}
 
 /// The manifolds of a block. Lanes are bits.
 #[derive(Clone, Copy, Debug)]
@@ -58,6 +72,13 @@ impl Members {
     /// The manifolds, and their lanes.
     fn iter(&self) -> impl Iterator<Item = (usize, u32)> {
         lanes_of(self.used).map(|lane| (lane, self.manifolds[lane]))
+    }
+
+    /// The same, of which those are stale that have changed since they were here before.
+    pub(crate) fn changed(&self, past: impl Fn(u32) -> Past) -> Self {
+        let is_stale = |manifold| past(manifold) != Past::Kept(manifold);
+        let bit = |(lane, manifold)| u16::from(is_stale(manifold)) << lane;
+        Self { stale: self.iter().map(bit).fold(0, |all, own| all | own), ..*self }
     }
 
     /// Fills idle lanes.
@@ -138,38 +159,52 @@ impl Coloring {
         manifolds: impl Iterator<Item = ([u32; 2], u32)>,
         moves: impl Fn(u32) -> bool,
     ) {
-        self.bodies.clear();
-        self.bodies.extend((0..bodies as u32).map(|body| [moves(body); 2]));
-        self.take(Some(manifolds));
+        let manifolds: Vec<_> = manifolds.collect();
+        self.take_bodies((0..bodies as u32).map(|body| [moves(body); 2]));
+        self.take(manifolds.len(), |manifold| manifolds[manifold as usize], &Team::default());
         self.division.update(&self.bodies, &mut self.outlines, Sizes::NONE);
         self.color();
         self.lay_out(false);
     }
 
-    /// As [`assign`](Self::assign), but in batches, of what takes up these `sizes`; of each body, whether it
-    /// moves, and whether it joins: those that do not can be in several. `manifolds` are `None` if they are
-    /// those of the call before. Those that are not new stay in their places if they have the same color, and
-    /// new ones get what places there are. Colors are what they would be without. Returns whether all are
-    /// placed anew.
-    pub(crate) fn update(
-        &mut self,
-        bodies: impl Iterator<Item = [bool; 2]> + Clone,
-        manifolds: Option<impl Iterator<Item = ([u32; 2], u32)>>,
-        sizes: Sizes,
-        past: impl Fn(u32) -> Past,
-    ) -> bool {
-        let same_bodies = self.bodies.iter().copied().eq(bodies.clone());
-        if !same_bodies {
+    /// Takes bodies: of each, whether it moves, and whether it joins; those that do not can be in several batches.
+    /// Returns whether they are those of the call before.
+    pub(crate) fn take_bodies(&mut self, bodies: impl Iterator<Item = [bool; 2]> + Clone) -> bool {
+        let same = self.bodies.iter().copied().eq(bodies.clone());
+        if !same {
             self.bodies.clear();
             self.bodies.extend(bodies);
         }
-        if manifolds.is_none() && same_bodies && self.division.rests() {
-            return self.look(past);
-        }
-        self.take(manifolds);
+        same
+    }
+
+    /// Takes manifolds, given by their bodies and number of points.
+    pub(crate) fn take(
+        &mut self,
+        count: usize,
+        outline: impl Fn(u32) -> ([u32; 2], u32) + Sync,
+        team: &Team,
+    ) {
+        std::mem::swap(&mut self.outlines, &mut self.before);
+        let Self { outlines, bodies: of_bodies, .. } = self;
+        outlines.resize(count, Outline::default());
+        let (useful, share) = team.share(count, PIECE);
+        team.for_each(useful, outlines.chunks_mut(share).enumerate(), |(part, outlines)| {
+            for (index, own) in (share * part..).zip(outlines) {
+                let (bodies, points) = outline(index as u32);
+                let moving = bodies.map(|body| of_bodies[body as usize][0]);
+                *own = Outline { bodies, moving, batch: 0, points };
+            }
+        });
+    }
+
+    /// Places what has been taken as [`assign`](Self::assign) does, but in batches, of what takes up these
+    /// `sizes`. Manifolds that are not new stay in their places if they have the same color, and new ones get
+    /// what places there are. Colors are what they would be without.
+    pub(crate) fn update(&mut self, sizes: Sizes, past: impl Fn(u32) -> Past) -> Placed {
         let divided = self.division.update(&self.bodies, &mut self.outlines, sizes);
         if !divided && self.outlines == self.before {
-            return self.look(past);
+            return Placed::Same;
         }
         self.color();
         let all = self.outlines.len();
@@ -178,35 +213,10 @@ impl Coloring {
         let many = 8 * (0..all as u32).filter(kept).count() > 7 * all;
         if many && !divided && self.stay(past) {
             self.count_points();
-            return false;
+            return Placed::Stay;
         }
         self.lay_out(many);
-        true
-    }
-
-    /// Finds what has changed where all have stayed.
-    fn look(&mut self, past: impl Fn(u32) -> Past) -> bool {
-        for members in &mut self.members {
-            let changed = |manifold| past(manifold) != Past::Kept(manifold);
-            let bit = |(lane, manifold)| u16::from(changed(manifold)) << lane;
-            members.stale = members.iter().map(bit).fold(0, |all, own| all | own);
-        }
-        false
-    }
-
-    /// Takes outlines, by default those of the call before.
-    fn take(&mut self, manifolds: Option<impl Iterator<Item = ([u32; 2], u32)>>) {
-        std::mem::swap(&mut self.outlines, &mut self.before);
-        let Self { outlines, before, bodies: of_bodies, .. } = self;
-        let outline = |(bodies, points): ([u32; 2], u32)| {
-            let moving = bodies.map(|body| of_bodies[body as usize][0]);
-            Outline { bodies, moving, batch: 0, points }
-        };
-        outlines.clear();
-        match manifolds {
-            Some(manifolds) => outlines.extend(manifolds.map(outline)),
-            None => outlines.extend(before.iter().map(|of| outline((of.bodies, of.points)))),
-        }
+        Placed::Anew
     }
 
     /// Finds the kind of each manifold.

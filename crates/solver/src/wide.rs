@@ -13,7 +13,7 @@ use std::sync::Arc;
 pub use crate::batch::Batch;
 use crate::batch::{self, Sizes};
 use crate::certificate::{Certificate, Tally};
-use crate::color::Coloring;
+use crate::color::{Coloring, Placed};
 use crate::island::Islands;
 use crate::lanes::{Lanes, Portable, Several, WIDTH};
 use crate::team::{Team, chunks_with_parts};
@@ -25,8 +25,11 @@ use walk::Field;
 
 /// Manifolds and their points, to be packed.
 pub trait Rows<const L: usize>: Sync {
-    /// The bodies of each manifold and how many points it has, in the order of the manifolds.
-    fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)>;
+    /// How many manifolds there are.
+    fn count(&self) -> usize;
+
+    /// The bodies of a manifold and how many points it has.
+    fn outline(&self, manifold: u32) -> ([u32; 2], u32);
 
     /// Whether the outlines are those of the last time, and need not be gone through. By default they
     /// may be others.
@@ -121,8 +124,13 @@ impl Seats<'_> {
 pub const FAR: f32 = 1e6;
 
 impl<const L: usize, const A: usize> Rows<L> for System<f32, L, A> {
-    fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
-        self.manifolds.iter().map(|manifold| (manifold.bodies, manifold.count))
+    fn count(&self) -> usize {
+        self.manifolds.len()
+    }
+
+    fn outline(&self, manifold: u32) -> ([u32; 2], u32) {
+        let manifold = &self.manifolds[manifold as usize];
+        (manifold.bodies, manifold.count)
     }
 
     #[inline(always)]
@@ -389,9 +397,15 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             batch: batch::size(team.members()),
         };
         let bodies = (0..masses.len() as u32).map(|body| [moves(body), joins(body)]);
-        let outlines = if again && rows.same_outlines() { None } else { Some(rows.outlines()) };
         let past = |of| if again { rows.past(of) } else { Past::New };
-        if coloring.update(bodies, outlines, sizes, past) {
+        let same_bodies = coloring.take_bodies(bodies);
+        let placed = if again && rows.same_outlines() && same_bodies && coloring.division.rests() {
+            Placed::Same
+        } else {
+            coloring.take(rows.count(), |manifold| rows.outline(manifold), team);
+            coloring.update(sizes, past)
+        };
+        if placed == Placed::Anew {
             batches.clear();
             batches.extend((0..coloring.batches.len()).map(|batch| coloring.batch(batch)));
             blocks.resize_with(coloring.points.len(), Block::empty);
@@ -416,7 +430,12 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                         strips,
                         #[inline(always)]
                         |index, block, points| {
-                            let members = &coloring.members[index];
+                            let mut members = &coloring.members[index];
+                            let changed;
+                            if placed == Placed::Same {
+                                changed = members.changed(past);
+                                members = &changed;
+                            }
                             if members.stale != 0 {
                                 let points = &mut points[..coloring.points[index] as usize];
                                 block.seat(members, coloring);

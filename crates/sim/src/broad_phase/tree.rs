@@ -4,6 +4,7 @@
 //! the curve is near in space, and eight boxes are compared at once.
 
 use drystone_solver::Vector;
+use drystone_solver::team::Team;
 use wide::f32x8;
 
 use crate::geometry::Bounds;
@@ -23,6 +24,9 @@ const LOOSE: usize = 4;
 /// Boxes so many times as large as half of them are apart from the rest.
 const LARGE: f32 = 4.0;
 
+/// Leaves that are worth as much as the least that is shared.
+const PIECE: usize = 2;
+
 /// Bits of a cell of the curve along each axis.
 const BITS: usize = 19;
 
@@ -40,8 +44,17 @@ pub(super) struct Tree<const L: usize> {
     built: Vec<f32>,
     /// How many times as large the leaves are now, all together. \[1\]
     wear: f64,
+    /// Leaves with boxes that have changed.
+    changed: Vec<u32>,
+    searches: Vec<Search>,
+}
+
+/// What a thread looks for.
+#[derive(Default)]
+struct Search {
     /// Nodes that are still to be looked at, each after its level.
     ahead: Vec<(usize, usize)>,
+    found: Vec<[u32; 2]>,
 }
 
 /// What becomes of a box when the tree is built: they sort by their place on the curve.
@@ -186,19 +199,31 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Calls `found` with each two numbers whose boxes overlap and of which one has changed since the last call.
-    pub(super) fn overlaps(&mut self, mut found: impl FnMut(u32, u32)) {
+    /// Each two numbers whose boxes overlap, of which one has changed since the last call, and that are `wanted`.
+    pub(super) fn overlaps(
+        &mut self,
+        team: &Team,
+        wanted: impl Fn([u32; 2]) -> bool + Sync,
+    ) -> impl Iterator<Item = [u32; 2]> + '_ {
         self.refit();
         if self.wear > WORN * self.built.len() as f64 || LOOSE * self.loose > self.numbers.len() {
             self.build();
         }
-        let Some(leaves) = self.levels.first() else { return };
-        let mut ahead = std::mem::take(&mut self.ahead);
-        for (leaf, &changed) in leaves.changed.iter().enumerate().filter(|(_, bits)| **bits != 0) {
-            self.query(leaf, changed, &mut ahead, &mut found);
-        }
-        self.ahead = ahead;
+        let marks = self.levels.first().map_or(&[][..], |leaves| &leaves.changed);
+        let changed = (0..).zip(marks).filter(|(_, bits)| **bits != 0).map(|(leaf, _)| leaf);
+        self.changed.clear();
+        self.changed.extend(changed);
+        let (useful, share) = team.share(self.changed.len(), PIECE);
+        let mut searches = std::mem::take(&mut self.searches);
+        searches.resize_with(self.changed.len().div_ceil(share), Search::default);
+        let parts = self.changed.chunks(share).zip(&mut searches);
+        team.for_each(useful, parts, |(leaves, search)| {
+            search.found.clear();
+            leaves.iter().for_each(|&leaf| self.query(leaf as usize, search, &wanted));
+        });
+        self.searches = searches;
         self.levels.iter_mut().for_each(|level| level.changed.fill(0));
+        self.searches.iter().flat_map(|search| &search.found).copied()
     }
 
     /// What overlaps the boxes of a leaf that have changed. Of two that have, the one in the earlier leaf finds the
@@ -206,12 +231,11 @@ impl<const L: usize> Tree<L> {
     fn query(
         &self,
         leaf: usize,
-        changed: u8,
-        ahead: &mut Vec<(usize, usize)>,
-        found: &mut impl FnMut(u32, u32),
+        Search { ahead, found }: &mut Search,
+        wanted: &impl Fn([u32; 2]) -> bool,
     ) {
         let leaves = &self.levels[0];
-        let own = &leaves.nodes[leaf];
+        let (own, changed) = (&leaves.nodes[leaf], leaves.changed[leaf]);
         let all = lanes(changed).fold(Bounds::NOTHING, |all, lane| all.joined(&own.get(lane)));
         ahead.push((self.levels.len() - 1, 0));
         while let Some((level, node)) = ahead.pop() {
@@ -237,8 +261,8 @@ impl<const L: usize> Tree<L> {
                     open = near & !(changed & ((2 << lane) - 1) as u8);
                 }
                 for with in lanes(open & other.overlapping(&own.get(lane))) {
-                    let [a, b] = [leaf * WIDTH + lane, node * WIDTH + with];
-                    found(self.numbers[a], self.numbers[b]);
+                    let places = [leaf * WIDTH + lane, node * WIDTH + with];
+                    found.extend(Some(places.map(|at| self.numbers[at])).filter(|&of| wanted(of)));
                 }
             }
         }

@@ -197,8 +197,12 @@ struct Keeping<'a, const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> Rows<L> for Keeping<'_, L, A> {
-    fn outlines(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
-        self.system.outlines()
+    fn count(&self) -> usize {
+        self.system.count()
+    }
+
+    fn outline(&self, manifold: u32) -> ([u32; 2], u32) {
+        self.system.outline(manifold)
     }
 
     fn same_outlines(&self) -> bool {

@@ -13,6 +13,7 @@ fn some<const L: usize>(random: &mut Random, room: f32) -> Bounds<L> {
 }
 
 fn finds_what_overlaps<const L: usize>(seed: u64, count: usize, steps: usize) {
+    let team = Team::new(1 + seed as usize % 3);
     let mut random = Random(seed);
     let room = 0.5 * (count as f32).powf(1.0 / L as f32);
     let mut tree = Tree::<L>::default();
@@ -45,12 +46,12 @@ fn finds_what_overlaps<const L: usize>(seed: u64, count: usize, steps: usize) {
                 }
             }
         }
-        let mut found = Vec::new();
-        tree.overlaps(|a, b| found.push((a.min(b), a.max(b))));
+        let sorted = |[a, b]: [u32; 2]| (a.min(b), a.max(b));
+        let mut found: Vec<_> = tree.overlaps(&team, |_| true).map(sorted).collect();
         found.sort_unstable();
         assert_eq!(found, Vec::from_iter(expected), "{count} boxes, step {step}");
     }
-    tree.overlaps(|a, b| panic!("{a} and {b} have not changed"));
+    assert_eq!(tree.overlaps(&team, |_| true).next(), None, "nothing has changed");
 }
 
 #[test]
@@ -76,7 +77,7 @@ fn is_built_anew_only_where_it_has_worn() {
             tree.set(number, Some(&at(x + 0.1 * y * step as f32, y)));
         }
         let before = tree.built.clone();
-        tree.overlaps(|_, _| {});
+        tree.overlaps(&Team::default(), |_| true).count();
         built += usize::from(tree.built != before);
         assert!(tree.wear <= WORN * 128.0, "step {step}: {}", tree.wear / 128.0);
     }

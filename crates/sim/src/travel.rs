@@ -1,0 +1,95 @@
+//! How far bodies move within a step and pass each other: how far ahead contacts are looked for, and how often.
+
+use drystone_solver::team::Team;
+use drystone_solver::{Vector, Velocity};
+
+use crate::cache::Pair;
+use crate::motion::PIECE;
+
+/// Pairs that are worth as much as the least that is shared.
+const PAIRS: usize = 256;
+
+/// How a body moves within a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Travel<const L: usize> {
+    /// dt v. \[m\]
+    pub(crate) linear: Vector<f32, L>,
+    /// dt |omega| times the reach of its shapes. \[m\]
+    pub(crate) angular: f32,
+    /// dt |v - v of a neighbor|, the largest: how far it can move against another neighbor, should
+    /// this one push it within the step. \[m\]
+    pub(crate) blow: f32,
+}
+
+/// How all bodies move within a step, and pass each other.
+#[derive(Default)]
+pub(crate) struct Travels<const L: usize> {
+    /// By body.
+    pub(crate) own: Vec<Travel<L>>,
+    /// What each thread has found.
+    passed: Vec<Passed>,
+}
+
+/// What pairs pass of each other.
+#[derive(Default)]
+struct Passed {
+    /// By body: [`Travel::blow`].
+    blows: Vec<f32>,
+    /// The most of any pair, as part of the thinner shape. \[1\]
+    worst: f32,
+}
+
+impl<const L: usize> Travels<L> {
+    /// Those of bodies with these velocities, whose shapes reach so far \[m\], in `dt` \[s\].
+    pub(crate) fn find<const A: usize>(
+        &mut self,
+        velocities: &[Velocity<f32, L, A>],
+        reach: &[f32],
+        dt: f32,
+        team: &Team,
+    ) {
+        self.own.resize(velocities.len(), Travel::default());
+        let (useful, share) = team.share(velocities.len(), PIECE);
+        let moves = velocities.chunks(share).zip(reach.chunks(share));
+        let parts = self.own.chunks_mut(share).zip(moves);
+        team.for_each(useful, parts, |(own, (velocities, reach))| {
+            for ((own, velocity), reach) in own.iter_mut().zip(velocities).zip(reach) {
+                let angular = velocity.angular.length() * reach * dt;
+                *own = Travel { linear: velocity.linear * dt, angular, blow: 0.0 };
+            }
+        });
+    }
+
+    /// Finds what near bodies pass of each other, with what gravity adds, `fall` \[m\], and their blows; the most, as
+    /// part of the thinner shape. \[1\]
+    pub(crate) fn pass(&mut self, pairs: &[Pair], fall: f32, team: &Team) -> f32 {
+        let Self { own, passed } = self;
+        let (useful, share) = team.share(pairs.len(), PAIRS);
+        passed.resize_with(pairs.len().div_ceil(share), Passed::default);
+        team.for_each(useful, pairs.chunks(share).zip(&mut *passed), |(pairs, passed)| {
+            passed.blows.clear();
+            passed.blows.resize(own.len(), 0.0);
+            let (blows, mut worst) = (&mut passed.blows[..], 0.0f32);
+            for pair in pairs.iter().filter(|pair| !pair.rests) {
+                let bodies = pair.bodies.map(|body| body as usize);
+                let [a, b] = bodies.map(|body| &own[body]);
+                let apart = (a.linear - b.linear).length();
+                for body in bodies {
+                    blows[body] = blows[body].max(apart);
+                }
+                let travel = apart + a.angular + b.angular + fall;
+                worst = worst.max(travel / pair.thickness);
+            }
+            passed.worst = worst;
+        });
+        let (_, share) = team.share(own.len(), PIECE);
+        team.for_each(useful, own.chunks_mut(share).enumerate(), |(part, own)| {
+            for passed in &*passed {
+                for (own, blow) in own.iter_mut().zip(&passed.blows[share * part..]) {
+                    own.blow = own.blow.max(*blow);
+                }
+            }
+        });
+        passed.iter().fold(0.0, |worst, passed| worst.max(passed.worst))
+    }
+}
