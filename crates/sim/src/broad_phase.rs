@@ -21,8 +21,6 @@ pub(crate) struct BroadPhase<const L: usize> {
     /// Where these differ: which, and for each shape whether.
     moved: Vec<u32>,
     moves: Vec<bool>,
-    /// Pairs, the lower index in the upper half: they sort as one number.
-    found: Vec<u64>,
 }
 
 impl<const L: usize> BroadPhase<L> {
@@ -33,7 +31,6 @@ impl<const L: usize> BroadPhase<L> {
             before: Vec::new(),
             moved: Vec::new(),
             moves: Vec::new(),
-            found: Vec::new(),
         }
     }
 
@@ -107,7 +104,7 @@ impl<const L: usize> BroadPhase<L> {
         pairs: &mut Vec<Pair>,
         team: &Team,
     ) -> Option<impl Iterator<Item = [u32; 2]> + use<'a, L>> {
-        let Self { tree, boxes, before, moved, moves, found } = self;
+        let Self { tree, boxes, before, moved, moves } = self;
         if moved.is_empty() {
             return None;
         }
@@ -115,18 +112,15 @@ impl<const L: usize> BroadPhase<L> {
             let [a, b] = pair.colliders.map(|shape| shape as usize);
             !(moves[a] || moves[b]) || boxes[a].overlaps(&boxes[b])
         });
-        found.clear();
         let is_new = |pair: [u32; 2]| {
             let [a, b] = pair.map(|shape| &before[shape as usize]);
             !a.overlaps(b)
         };
-        let fresh = tree.overlaps(team, is_new);
-        found.extend(fresh.map(|[a, b]| u64::from(a.min(b)) << 32 | u64::from(a.max(b))));
+        let found = tree.overlaps(team, is_new);
         for shape in moved.drain(..).map(|shape| shape as usize) {
             before[shape] = boxes[shape];
             moves[shape] = false;
         }
-        found.sort_unstable();
         Some(found.iter().map(|&pair| [(pair >> 32) as u32, pair as u32]))
     }
 }

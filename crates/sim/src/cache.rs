@@ -39,9 +39,12 @@ impl Pair {
     }
 }
 
-/// Merges sorted pairs into others, from the end on.
-pub(crate) fn merge(pairs: &mut Vec<Pair>, fresh: &[Pair]) {
+/// Merges sorted pairs into others, from the end on; where there are none, the memory of `fresh` is taken, too.
+pub(crate) fn merge(pairs: &mut Vec<Pair>, fresh: &mut Vec<Pair>) {
     let mut old = pairs.len();
+    if old == 0 {
+        return std::mem::swap(pairs, fresh);
+    }
     pairs.extend_from_slice(fresh);
     for (added, pair) in fresh.iter().enumerate().rev() {
         while old > 0 && pairs[old - 1].colliders > pair.colliders {
@@ -74,8 +77,6 @@ pub(crate) struct Record<const L: usize> {
     /// Its points.
     pub(crate) first: u32,
     pub(crate) count: u32,
-    /// One over `count`: what a point adds to their mean. \[1\]
-    pub(crate) share: f32,
     /// World, from b towards a.
     pub(crate) normal: Vector<f32, L>,
     /// The normal that its traces are seen from: that of the step before.
@@ -296,7 +297,6 @@ impl<const L: usize> Record<L> {
         part: 0,
         first: 0,
         count: 0,
-        share: 0.0,
         normal: Vector::ZERO,
         traced: Vector::ZERO,
         apart: Vector::ZERO,

@@ -333,7 +333,6 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             part: touch.part,
             first: first as u32,
             count: touch.points.len() as u32,
-            share: 1.0 / touch.points.len() as f32,
             normal: touch.normal,
             traced: before.map_or(touch.normal, |before| around.seen_from(before)),
             apart,

@@ -6,6 +6,10 @@ use drystone_solver::{Contact, Manifold, Vector, Velocity, contact_frame};
 
 use crate::cache::{self, Point, Record, Records};
 use crate::certifier::Stiffness;
+use crate::geometry::MAX_POINTS;
+
+/// What a point adds to the mean of so many. \[1\]
+const SHARES: [f32; MAX_POINTS + 1] = [0.0, 1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0];
 
 /// The records of a step of length `dt` \[s\] as manifolds.
 pub(crate) struct RowsOf<'a, const L: usize, const A: usize> {
@@ -78,7 +82,7 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
             }
             contact.impulse[0] = contact.impulse[0].max(V::ZERO);
         }
-        let center = sum * V::gathered(V::each(|lane| records[lane].share));
+        let center = sum * V::gathered(V::each(|lane| SHARES[records[lane].count as usize]));
         for contact in points {
             contact.place = manifold.to_frame(contact.place - center);
         }

@@ -54,7 +54,8 @@ pub(super) struct Tree<const L: usize> {
 struct Search {
     /// Nodes that are still to be looked at, each after its level.
     ahead: Vec<(usize, usize)>,
-    found: Vec<[u32; 2]>,
+    /// Pairs that sort as one number.
+    found: Vec<u64>,
 }
 
 /// What becomes of a box when the tree is built: they sort by their place on the curve.
@@ -199,12 +200,13 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Each two numbers whose boxes overlap, of which one has changed since the last call, and that are `wanted`.
-    pub(super) fn overlaps(
-        &mut self,
+    /// Each two numbers whose boxes overlap, of which one has changed since the last call, and that are `wanted`: the
+    /// lower in the upper half, sorted.
+    pub(super) fn overlaps<'a>(
+        &'a mut self,
         team: &Team,
         wanted: impl Fn([u32; 2]) -> bool + Sync,
-    ) -> impl Iterator<Item = [u32; 2]> + '_ {
+    ) -> &'a [u64] {
         self.refit();
         if self.wear > WORN * self.built.len() as f64 || LOOSE * self.loose > self.numbers.len() {
             self.build();
@@ -223,7 +225,15 @@ impl<const L: usize> Tree<L> {
         });
         self.searches = searches;
         self.levels.iter_mut().for_each(|level| level.changed.fill(0));
-        self.searches.iter().flat_map(|search| &search.found).copied()
+        let all = match &mut self.searches[..] {
+            [] => &mut [],
+            [first, others @ ..] => {
+                others.iter().for_each(|other| first.found.extend_from_slice(&other.found));
+                &mut first.found[..]
+            }
+        };
+        all.sort_unstable();
+        all
     }
 
     /// What overlaps the boxes of a leaf that have changed. Of two that have, the one in the earlier leaf finds the
@@ -262,7 +272,10 @@ impl<const L: usize> Tree<L> {
                 }
                 for with in lanes(open & other.overlapping(&own.get(lane))) {
                     let places = [leaf * WIDTH + lane, node * WIDTH + with];
-                    found.extend(Some(places.map(|at| self.numbers[at])).filter(|&of| wanted(of)));
+                    let [a, b] = places.map(|at| self.numbers[at]);
+                    if wanted([a, b]) {
+                        found.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
+                    }
                 }
             }
         }

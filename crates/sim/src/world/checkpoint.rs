@@ -270,7 +270,6 @@ fn record<const L: usize>(
         part,
         first,
         count,
-        share: 1.0 / count as f32,
         normal,
         traced: normal,
         apart: take(&mut numbers),
