@@ -25,8 +25,9 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     local: Vec<G::Pose>,
     /// Turned with the body, seen from its center of mass.
     pub(crate) poses: Vec<G::Pose>,
-    material: Vec<Material>,
-    filter: Vec<Filter>,
+    /// What shapes that were added one after the other have in common, and which of them each shape has.
+    surfaces: Vec<(Material, Filter)>,
+    surface: Vec<u32>,
     /// Whether any of them has ever bounced.
     pub(crate) bounce: bool,
     pub(crate) removed: Vec<bool>,
@@ -45,8 +46,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             thickness: Vec::new(),
             local: Vec::new(),
             poses: Vec::new(),
-            material: Vec::new(),
-            filter: Vec::new(),
+            surfaces: Vec::new(),
+            surface: Vec::new(),
             bounce: false,
             removed: Vec::new(),
             outgrown: Vec::new(),
@@ -72,8 +73,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         self.bounce |= collider.material.restitution > 0.0;
         self.local.push(local);
         self.poses.push(turned);
-        self.material.push(collider.material);
-        self.filter.push(collider.filter);
+        let surface = (collider.material, collider.filter);
+        if self.surfaces.last() != Some(&surface) {
+            self.surfaces.push(surface);
+        }
+        self.surface.push(self.surfaces.len() as u32 - 1);
         self.removed.push(false);
         self.room_until.push(0.0);
     }
@@ -151,10 +155,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         let [a, b] = pair.map(|id| id as usize);
         let owners = [self.body[a], self.body[b]];
         let moved = owners.iter().any(|&body| bodies.is_dynamic(body as usize));
-        if owners[0] == owners[1] || !moved || !self.filter[a].collides(&self.filter[b]) {
+        let [(p, accepts), (q, by)] = [a, b].map(|id| &self.surfaces[self.surface[id] as usize]);
+        if owners[0] == owners[1] || !moved || !accepts.collides(by) {
             return None;
         }
-        let (p, q) = (&self.material[a], &self.material[b]);
         let friction = Combine::of(p.friction_combine, q.friction_combine, p.friction, q.friction);
         let bounce =
             Combine::of(p.restitution_combine, q.restitution_combine, p.restitution, q.restitution);

@@ -14,7 +14,11 @@ use super::block::Block;
 use crate::color::{BINS, Color, Coloring, Members};
 use crate::lanes::{Lanes, Row, WIDTH, gather, lanes_of, scatter};
 use crate::team::{Member, Shared};
-use crate::{Contact, Velocity, each_lane};
+use crate::{Contact, Manifold, Velocity, each_lane};
+
+/// Bytes of blocks from which on what comes next is asked for ahead: by far more than the second cache holds.
+/// With less, asking takes longer than it saves.
+const LARGE: usize = 4 << 20;
 
 /// A packed system and the velocities of its bodies.
 pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
@@ -23,6 +27,8 @@ pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
     colors: &'a [Color],
     contacts: Shared<'a, Contact<V, L>>,
     velocities: Shared<'a, Velocity<f32, L, A>>,
+    /// Whether to look ahead.
+    large: bool,
 }
 
 /// A member's way over the blocks, from the first color to the last, or back.
@@ -52,11 +58,31 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
         contacts: &'g mut [Contact<V, L>],
         velocities: &'g mut [Velocity<f32, L, A>],
     ) -> Self {
-        Self {
-            blocks,
-            colors,
-            contacts: Shared::new(contacts),
-            velocities: Shared::new(velocities),
+        let ends = colors.first().zip(colors.last());
+        let count = ends.map_or(0, |(first, last)| last.blocks.end - first.blocks.start);
+        let large = count as usize * size_of::<Block<V, L, A>>() > LARGE;
+        let (contacts, velocities) = (Shared::new(contacts), Shared::new(velocities));
+        Self { blocks, colors, contacts, velocities, large }
+    }
+
+    /// Asks for what the next blocks on the way need: the one after the next itself, and of the next, which was
+    /// asked for before, points and velocities.
+    #[inline(always)]
+    fn look_ahead(&self, index: usize, back: bool) {
+        let next = |by: usize| if back { index.wrapping_sub(by) } else { index + by };
+        if let Some(block) = self.blocks.get(next(2)) {
+            // SAFETY: it is borrowed.
+            unsafe { fetch(block, 1) };
+        }
+        if let Some(block) = self.blocks.get(next(1)) {
+            let Manifold { first, count, .. } = block.manifold;
+            // SAFETY: nothing is read.
+            unsafe {
+                fetch(self.contacts.place(first), count as usize);
+                for &body in block.bodies.iter().flatten() {
+                    fetch(self.velocities.place(body), 1);
+                }
+            }
         }
     }
 
@@ -111,7 +137,10 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
                 self.begun += 1;
             }
             let index = if self.back { self.share.next_back() } else { self.share.next() }?;
-            let Ground { blocks, contacts, velocities, .. } = self.ground;
+            let Ground { blocks, contacts, velocities, large, .. } = self.ground;
+            if *large {
+                self.ground.look_ahead(index, self.back);
+            }
             // Some wait for manifolds to come.
             if blocks[index].used != 0 {
                 return Some(Visit { index, block: &blocks[index], velocities, contacts });
@@ -263,6 +292,22 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
             }
         }
     }
+}
+
+/// Asks for memory that is soon read.
+///
+/// # Safety
+/// There are so many.
+#[inline(always)]
+unsafe fn fetch<T>(first: *const T, count: usize) {
+    #[cfg(target_arch = "x86_64")]
+    for line in (0..count * size_of::<T>()).step_by(64) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: as the caller promises; and nothing is read.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(first.byte_add(line).cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (first, count);
 }
 
 /// Where the traces of all points go.
