@@ -155,8 +155,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         let [a, b] = pair.map(|id| id as usize);
         let owners = [self.body[a], self.body[b]];
         let moved = owners.iter().any(|&body| bodies.is_dynamic(body as usize));
-        let [(p, accepts), (q, by)] = [a, b].map(|id| &self.surfaces[self.surface[id] as usize]);
-        if owners[0] == owners[1] || !moved || !accepts.collides(by) {
+        let [(p, own), (q, other)] = [a, b].map(|id| &self.surfaces[self.surface[id] as usize]);
+        if owners[0] == owners[1] || !moved || !own.collides(other) {
             return None;
         }
         let friction = Combine::of(p.friction_combine, q.friction_combine, p.friction, q.friction);
