@@ -761,10 +761,9 @@ fn heavy_on_light_is_solved_to_a_tolerance() {
     }
 }
 
-/// Boxes that fall, bounce off each other and slide: every substep within the tolerance.
-#[test]
-fn a_falling_heap_is_solved_to_a_tolerance() {
-    let material = surface(0.5, 0.3);
+/// Boxes above a floor, turned in all ways.
+fn heap(restitution: f64) -> World3 {
+    let material = surface(0.5, restitution);
     let mut world: World3 = world();
     add_floor(&mut world, &material);
     let mut random = Random(3);
@@ -776,7 +775,30 @@ fn a_falling_heap_is_solved_to_a_tolerance() {
         block.pose = Rigid3::advance(&upright, Vector::ZERO, turn);
         world.add(block);
     }
-    certified(&mut world, 3.0);
+    world
+}
+
+/// Boxes that fall, bounce off each other and slide: every substep within the tolerance.
+#[test]
+fn a_falling_heap_is_solved_to_a_tolerance() {
+    certified(&mut heap(0.3), 3.0);
+}
+
+/// While a heap falls, iterations end at a part of its speed; once it rests, at a fifth of the tolerance.
+#[test]
+fn what_moves_is_solved_to_a_part_of_its_speed() {
+    let mut world = heap(0.0);
+    (world.settings.tolerance, world.settings.substeps) = (1e-3, 8);
+    let mut worst = [0.0f64; 2];
+    for _ in 0..360 {
+        let slow = world.measure().fastest < 0.01;
+        let outcome = world.step(DT).certified.expect("a tolerance is set");
+        let worst = &mut worst[usize::from(slow)];
+        *worst = worst.max(outcome.error);
+    }
+    let [moving, resting] = worst;
+    assert!(moving > 5e-4 && moving <= 1e-3, "moving: {moving} m/s");
+    assert!(resting > 0.0 && resting <= 5e-4, "slower than 1 cm/s: {resting} m/s");
 }
 
 #[test]
