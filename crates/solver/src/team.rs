@@ -324,6 +324,12 @@ impl<'a, T> Shared<'a, T> {
         self.len
     }
 
+    /// Where a member would be.
+    #[inline(always)]
+    pub(crate) fn address(&self, index: u32) -> *const T {
+        self.start.wrapping_add(index as usize)
+    }
+
     /// Where a member is.
     ///
     /// # Safety

@@ -71,17 +71,13 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     fn look_ahead(&self, index: usize, back: bool) {
         let next = |by: usize| if back { index.wrapping_sub(by) } else { index + by };
         if let Some(block) = self.blocks.get(next(2)) {
-            // SAFETY: it is borrowed.
-            unsafe { fetch(block, 1) };
+            fetch(block, 1);
         }
         if let Some(block) = self.blocks.get(next(1)) {
             let Manifold { first, count, .. } = block.manifold;
-            // SAFETY: nothing is read.
-            unsafe {
-                fetch(self.contacts.place(first), count as usize);
-                for &body in block.bodies.iter().flatten() {
-                    fetch(self.velocities.place(body), 1);
-                }
+            fetch(self.contacts.address(first), count as usize);
+            for &body in block.bodies.iter().flatten() {
+                fetch(self.velocities.address(body), 1);
             }
         }
     }
@@ -294,17 +290,14 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
     }
 }
 
-/// Asks for memory that is soon read.
-///
-/// # Safety
-/// There are so many.
+/// Asks for memory that is soon read, wherever it is.
 #[inline(always)]
-unsafe fn fetch<T>(first: *const T, count: usize) {
+fn fetch<T>(first: *const T, count: usize) {
     #[cfg(target_arch = "x86_64")]
     for line in (0..count * size_of::<T>()).step_by(64) {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: as the caller promises; and nothing is read.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(first.byte_add(line).cast()) };
+        // SAFETY: nothing is read.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_byte_add(line).cast()) };
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = (first, count);
