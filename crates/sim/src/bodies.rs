@@ -4,7 +4,6 @@ use drystone_solver::team::Team;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, Vector, Velocity};
 
 use crate::geometry::{Frame, Geometry, MassProperties};
-use crate::motion::PIECE;
 use crate::scene::{Filter, Material, Motion};
 
 /// Names a body of a world; one that was removed is never mistaken for a later one.
@@ -161,6 +160,9 @@ fn inverse<const A: usize>(matrix: &SymmetricMatrix<f32, A>) -> SymmetricMatrix<
     }
     out
 }
+
+/// Bodies that are worth as much as the least that threads share.
+pub(crate) const PIECE: usize = 32;
 
 /// Contacts are kept as long as bodies have strayed by less than this part of their size. \[1\]
 const STRAY: f32 = 2e-3;

@@ -3,11 +3,10 @@
 use drystone_solver::Vector;
 use drystone_solver::team::Team;
 
-use crate::bodies::{Bodies, Collider};
+use crate::bodies::{Bodies, Collider, PIECE};
 use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
 use crate::geometry::{Bounds, Frame, Geometry};
-use crate::motion::PIECE;
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::sleep::Sleep;
 use crate::travel::Travel;

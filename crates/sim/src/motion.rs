@@ -5,11 +5,8 @@ use std::ops::Range;
 use drystone_solver::team::Team;
 use drystone_solver::{InverseMass, Vector, Velocity};
 
-use crate::bodies::{Bodies, Inertia};
+use crate::bodies::{Bodies, Inertia, PIECE};
 use crate::geometry::{Geometry, Spin, TOGETHER};
-
-/// Bodies that are worth as much as the least that is shared.
-pub(crate) const PIECE: usize = 32;
 
 /// Bodies of which those that precess are found before they turn.
 const CHUNK: usize = 512;

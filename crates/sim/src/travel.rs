@@ -3,8 +3,8 @@
 use drystone_solver::team::Team;
 use drystone_solver::{Vector, Velocity};
 
+use crate::bodies::PIECE;
 use crate::cache::Pair;
-use crate::motion::PIECE;
 
 /// Pairs that are worth as much as the least that is shared.
 const PAIRS: usize = 256;

@@ -11,14 +11,14 @@ use drystone_solver::team::Team;
 use drystone_solver::wide::{Batch, Wide};
 use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
 
-use crate::bodies::{Bodies, Body, BodyId, Inertia};
+use crate::bodies::{Bodies, Body, BodyId, Inertia, PIECE};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Records};
 use crate::certifier::{Certifier, Stiffness};
 use crate::colliders::Colliders;
 use crate::geometry::{Geometry, MassProperties};
 use crate::ledger::Books;
-use crate::motion::{self, PIECE};
+use crate::motion;
 use crate::narrow_phase::{Surroundings, Worker, manifolds};
 use crate::report::{Clock, Measure, Stage, StepReport};
 use crate::rows::RowsOf;
