@@ -93,3 +93,61 @@ impl<const L: usize> Travels<L> {
         passed.iter().fold(0.0, |worst, passed| worst.max(passed.worst))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::random::Random;
+
+    /// Blows and the worst pair, of so many pairs that threads share them, are those of the definition.
+    #[test]
+    fn what_pairs_pass_by_any_number_of_threads() {
+        let mut random = Random(5);
+        let bodies = 900;
+        let mut vector = || Vector(std::array::from_fn(|_| random.number()));
+        let velocities: Vec<Velocity<f32, 3, 3>> =
+            (0..bodies).map(|_| Velocity { linear: vector(), angular: vector() }).collect();
+        let reach: Vec<f32> = (0..bodies).map(|_| 0.5 + 0.4 * random.number()).collect();
+        let mut body = || ((0.5 + 0.5 * random.number()) * bodies as f32) as u32 % bodies as u32;
+        let pairs: Vec<Pair> = (0..9000).map(|at| pair([body(), body()], at % 7 == 0)).collect();
+        let (dt, fall) = (0.1, 0.01);
+        let (mut blows, mut worst) = (vec![0.0f32; bodies], 0.0f32);
+        for pair in pairs.iter().filter(|pair| !pair.rests) {
+            let [a, b] = pair.bodies.map(|body| body as usize);
+            let apart = (velocities[a].linear * dt - velocities[b].linear * dt).length();
+            blows[a] = blows[a].max(apart);
+            blows[b] = blows[b].max(apart);
+            let [p, q] = [a, b].map(|body| velocities[body].angular.length() * reach[body] * dt);
+            worst = worst.max((apart + p + q + fall) / pair.thickness);
+        }
+        for members in 1..5 {
+            let (team, mut travels) = (Team::new(members), Travels::default());
+            // What the first has left must not matter to the second.
+            for factor in [3.0, 1.0] {
+                travels.find(&velocities, &reach, factor * dt, &team);
+                let found = travels.pass(&pairs, fall, &team);
+                if factor == 1.0 {
+                    assert_eq!(found, worst, "{members} members");
+                    let own: Vec<f32> = travels.own.iter().map(|own| own.blow).collect();
+                    assert_eq!(own, blows, "{members} members");
+                }
+            }
+        }
+    }
+
+    fn pair(bodies: [u32; 2], rests: bool) -> Pair {
+        Pair {
+            colliders: bodies,
+            bodies,
+            friction: 0.5,
+            restitution: 0.0,
+            thickness: 0.2 + 1e-3 * bodies[0] as f32,
+            rolls: false,
+            rests,
+            lever: 1.0,
+            until: 0.0,
+            first: 0,
+            count: 0,
+        }
+    }
+}

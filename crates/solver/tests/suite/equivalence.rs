@@ -342,10 +342,10 @@ fn blocks_stay_while_others_come_and_go() {
     assert!(taken[10..20].iter().sum::<usize>() < 10 * taken[0] / 10, "{taken:?}");
 }
 
-/// Enough blocks that a team shares them, swept and conjugated by teams of every size.
+/// Enough manifolds and blocks that a team shares them, taken in, swept and conjugated by teams of every size.
 fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
-    let recipe = Recipe { bodies: 700, manifolds: 2500, points: 4, walls: true };
+    let recipe = Recipe { bodies: 1200, manifolds: 4500, points: 4, walls: true };
     let start: System<f32, L, A> = random_scene::<L, A>(random, recipe).system.cast();
     let still = vec![Velocity::ZERO; start.velocities.len()];
     let by = |members: usize| {
