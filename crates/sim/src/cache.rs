@@ -91,7 +91,7 @@ pub(crate) struct Record<const L: usize> {
 }
 
 /// A point of a record.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Point<const L: usize> {
     /// On the surface of a, in the frame of a. \[m\]
     pub(crate) on_a: Vector<f32, L>,
@@ -122,38 +122,45 @@ impl<const L: usize> Records<L> {
         View { manifolds, points, traces, before: [0; 2] }
     }
 
-    /// To read those from a manifold on.
-    pub(crate) fn later(&self, manifold: usize) -> View<'_, L> {
-        View { manifolds: &self.manifolds[manifold..], before: [manifold, 0], ..self.view() }
-    }
-
     /// To change all where they are.
     pub(crate) fn view_mut(&mut self) -> RecordsMut<'_, L> {
         let Self { manifolds, points, traces, past } = self;
         RecordsMut { manifolds, points, traces, past, before: [0; 2] }
     }
 
-    /// Drops all but the first manifolds.
-    pub(crate) fn truncate(&mut self, manifolds: usize) {
-        let points =
-            self.manifolds.get(manifolds).map_or(self.points.len(), |of| of.first as usize);
-        self.manifolds.truncate(manifolds);
-        self.past.truncate(manifolds);
-        self.points.truncate(points);
-        self.traces.truncate(points);
+    /// Appends a manifold of so many points, which are still to be set.
+    pub(crate) fn add(
+        &mut self,
+        count: usize,
+    ) -> (&mut Record<L>, &mut [Point<L>], &mut [Trace<L>]) {
+        let first = self.points.len();
+        self.points.resize(first + count, Point::OPEN);
+        self.traces.resize(first + count, Trace::default());
+        let record = Record { first: first as u32, count: count as u32, ..Record::NONE };
+        self.past.push(Past::New);
+        let record = self.manifolds.push_mut(record);
+        (record, &mut self.points[first..], &mut self.traces[first..])
+    }
+
+    /// Appends manifolds of others.
+    pub(crate) fn extend(&mut self, from: View<'_, L>, numbers: Range<usize>) {
+        for record in from.of(numbers) {
+            let first = self.points.len() as u32;
+            self.points.extend_from_slice(from.points_of(record));
+            self.traces.extend_from_slice(from.traces_of(record));
+            self.manifolds.push(Record { first, ..*record });
+        }
+        self.past.resize(self.manifolds.len(), Past::New);
     }
 
     /// Appends the records that a pair has in `from`, which have been traced, and makes them the pair's.
     pub(crate) fn take_pair(&mut self, pair: &mut Pair, from: &Self) {
-        let (own, from) = (pair.records(), from.view());
-        pair.first = self.manifolds.len() as u32;
-        for record in from.of(own) {
-            let first = self.points.len() as u32;
-            self.points.extend_from_slice(from.points_of(record));
-            self.traces.extend_from_slice(from.traces_of(record));
-            self.manifolds.push(Record { traced: record.normal, first, ..*record });
+        let first = self.manifolds.len();
+        self.extend(from.view(), pair.records());
+        pair.first = first as u32;
+        for record in &mut self.manifolds[first..] {
+            record.traced = record.normal;
         }
-        self.past.resize(self.manifolds.len(), Past::New);
     }
 }
 
@@ -168,6 +175,7 @@ pub(crate) struct View<'a, const L: usize> {
 }
 
 /// The same, to be changed where they are.
+#[derive(Default)]
 pub(crate) struct RecordsMut<'a, const L: usize> {
     manifolds: &'a mut [Record<L>],
     points: &'a mut [Point<L>],
@@ -185,10 +193,6 @@ impl<'a, const L: usize> View<'a, L> {
     /// The manifolds of these numbers.
     pub(crate) fn of(self, numbers: Range<usize>) -> &'a [Record<L>] {
         if numbers.is_empty() { &[] } else { &self.manifolds[after(numbers, self.before[0])] }
-    }
-
-    pub(crate) fn is_empty(self) -> bool {
-        self.manifolds.is_empty()
     }
 
     /// The points of one of the manifolds.
@@ -242,28 +246,19 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
     }
 
     /// The same of manifolds that are others now.
-    pub(crate) fn change(&mut self, numbers: Range<usize>, traced: bool) -> &[Past] {
+    pub(crate) fn change(&mut self, numbers: Range<usize>, traced: bool) {
         let past = self.keep(numbers, traced);
         past.iter_mut().for_each(|past| *past = past.changed());
-        past
     }
 
-    /// Whether manifolds have as many points as others that were found anew, each as one of these.
-    pub(crate) fn have_room(&self, numbers: Range<usize>, fresh: View<'_, L>) -> bool {
-        let known = self.view().of(numbers);
-        let as_many = |(own, fresh): (&Record<L>, &Record<L>)| own.count == fresh.count;
-        known.len() == fresh.manifolds.len() && known.iter().zip(fresh.manifolds).all(as_many)
-    }
-
-    /// Puts manifolds that were found anew in the place of some that [have room](Self::have_room).
-    pub(crate) fn replace(&mut self, numbers: Range<usize>, fresh: View<'_, L>) {
-        let own = after(numbers, self.before[0]);
-        for (record, found) in self.manifolds[own.clone()].iter_mut().zip(fresh.manifolds) {
-            let points = after(record.points(), self.before[1]);
-            self.points[points.clone()].copy_from_slice(fresh.points_of(found));
-            self.traces[points].copy_from_slice(fresh.traces_of(found));
-            *record = Record { first: record.first, ..*found };
-        }
+    /// A manifold, its points and what they have handed on, to be found anew.
+    pub(crate) fn place(
+        &mut self,
+        number: usize,
+    ) -> (&mut Record<L>, &mut [Point<L>], &mut [Trace<L>]) {
+        let record = &mut self.manifolds[number - self.before[0]];
+        let points = after(record.points(), self.before[1]);
+        (record, &mut self.points[points.clone()], &mut self.traces[points])
     }
 
     /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Whether they have been

@@ -1,5 +1,7 @@
 //! Where near shapes touch: from pairs to the manifolds of this step.
 
+mod places;
+
 use std::ops::Range;
 
 use drystone_solver::Vector;
@@ -7,8 +9,9 @@ use drystone_solver::team::{Team, chunks_with_parts};
 use drystone_solver::wide::{Past, Trace};
 
 use crate::bodies::Bodies;
-use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View, inherit};
+use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
 use crate::geometry::{Frame, Geometry, Touch};
+use crate::narrow_phase::places::Places;
 use crate::travel::Travel;
 
 /// What the narrow phase reads.
@@ -37,11 +40,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
     }
 }
 
-/// Points are matched by place within this distance, where features do not match. \[m\]
-const MATCH_DISTANCE: f32 = 0.02;
-
 /// The prediction distance is at most this part of the thinner shape. \[1\]
 const THIN: f32 = 0.25;
+
+/// Points are reused while bodies move by at most this part of the thinner shape: so far their places may be
+/// off. \[1\]
+const OFF: f32 = 1.0 / 32.0;
 
 /// Gaps are known to this part of themselves and of the distance between the bodies. \[1\]
 const ROUNDING: f32 = 1e-5;
@@ -60,8 +64,6 @@ pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
     runs: Vec<Run>,
     /// How many manifolds and points they have.
     counts: [usize; 2],
-    /// Whether as many as before.
-    settled: bool,
 }
 
 /// Records of pairs that follow each other.
@@ -84,7 +86,7 @@ impl Run {
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L, A> {
     fn default() -> Self {
         let (scratch, records) = (G::Scratch::default(), Records::default());
-        Self { scratch, known: 0..0, records, runs: Vec::new(), counts: [0; 2], settled: true }
+        Self { scratch, known: 0..0, records, runs: Vec::new(), counts: [0; 2] }
     }
 }
 
@@ -96,9 +98,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
         pairs: &mut [Pair],
         mut own: RecordsMut<'_, L>,
     ) {
-        let Self { scratch, records, runs, counts, settled, .. } = self;
-        // If some have others, all are copied: then they need not be copied before.
-        let in_place = std::mem::replace(settled, true);
+        let Self { scratch, records, runs, counts, .. } = self;
         records.clear();
         runs.clear();
         *counts = [0; 2];
@@ -110,25 +110,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
             if kept {
                 own.keep(known.clone(), around.traced);
             }
-            let mut old = kept || collide(around, pair, &mut own, scratch, records);
+            let old = kept || collide(around, pair, &mut own, scratch, records);
             if pair.rests {
                 continue;
-            }
-            let fresh = records.later(first);
-            if !(old || known.is_empty() && fresh.is_empty()) {
-                let as_many = !rested && own.have_room(known.clone(), fresh);
-                *settled &= as_many;
-                if as_many && in_place {
-                    own.replace(known.clone(), fresh);
-                    records.truncate(first);
-                    old = true;
-                }
-                if as_many {
-                    let past = own.change(known.clone(), around.traced);
-                    if !old {
-                        records.past[first..].copy_from_slice(past);
-                    }
-                }
             }
             let manifolds = if old { known } else { first..records.manifolds.len() };
             pair.first = counts[0] as u32;
@@ -260,8 +244,8 @@ fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
     });
 }
 
-/// Finds the manifolds of a pair: those that it has had, measured anew where they are (then true), or others,
-/// which are appended to `records`.
+/// Finds the manifolds of a pair: those that it has had, where they are (then true), or others, which are appended
+/// to `records`.
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pair: &mut Pair,
@@ -275,7 +259,6 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let rested = std::mem::replace(&mut pair.rests, false);
     let old = if rested { around.resting.view() } else { own.view() };
     let known = old.of(pair.records());
-    let first = records.manifolds.len();
     let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
     // Never through a thin body to what is behind it.
     let prediction = around.prediction_distance.min(THIN * pair.thickness)
@@ -292,12 +275,16 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let [axes_a, axes_b] = pair.bodies.map(|body| around.bodies.frames[body as usize].axes);
     let a = &Frame { position: apart, axes: axes_a };
     let b = &Frame { position: Vector::ZERO, axes: axes_b };
-    let reusable = !known.is_empty() && around.reuse_distance > 0.0 && !pair.rolls;
+    let most = around.reuse_distance.min(OFF * pair.thickness);
+    let reusable = !known.is_empty() && most > 0.0 && !pair.rolls;
     let seen = a.seen_from(b);
-    let left = |record: &Record<L>| around.reuse_distance - moved(record, &seen);
+    let left = |record: &Record<L>| most - moved(record, &seen);
     let known_to = |gap: f32| f64::from(gap - ROUNDING * (gap.abs() + apart.length()));
     let mut reused = reusable && paths < pair.until;
-    if !reused && let Some(left) = known.first().map(left).filter(|&left| reusable && left > 0.0) {
+    if reusable
+        && !reused
+        && let Some(left) = known.first().map(left).filter(|left| *left > 0.0)
+    {
         pair.until = paths + known_to(left / pair.lever);
         reused = true;
     }
@@ -315,40 +302,33 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let [shape_a, shape_b] = pair.colliders.map(|c| &around.shapes[c as usize]);
     let [pose_a, pose_b] = pair.colliders.map(|c| &around.poses[c as usize]);
     let pose_a = G::advance(pose_a, apart, Vector::ZERO);
+    let before = known.first().map(|record| old.points_of(record)[0].feature);
+    let mut places = Places::new(own, pair.records(), rested.then_some(around.resting), records);
     let mut report = |touch: &Touch<L>| {
-        let first = records.points.len();
-        records.points.extend(touch.points.iter().map(|found| Point::new(found, a, b)));
-        records.traces.extend(touch.points.iter().map(|found| cache::open(found.gap)));
-        let points = &records.points[first..];
-        let before = known.iter().find(|known| known.part == touch.part);
-        if let Some(before) = before {
-            let before = (old.points_of(before), old.traces_of(before));
-            inherit(points, &mut records.traces[first..], before, MATCH_DISTANCE);
-        }
-        let reach = cache::reach(points);
-        records.manifolds.push(Record {
+        let before = places.before(touch.part);
+        let traced = before.map_or(touch.normal, |before| around.seen_from(before));
+        let (record, points) = places.next(touch, a, b);
+        *record = Record {
             bodies: pair.bodies,
             friction: pair.friction,
             restitution: pair.restitution,
             part: touch.part,
-            first: first as u32,
-            count: touch.points.len() as u32,
             normal: touch.normal,
-            traced: before.map_or(touch.normal, |before| around.seen_from(before)),
+            traced,
             apart,
             local_normal: b.local_direction(touch.normal),
             found_at: seen,
-            reach,
-        });
-        records.past.push(Past::New);
+            reach: cache::reach(points),
+            ..*record
+        };
     };
     let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
-    let before = known.first().map(|record| old.points_of(record)[0].feature);
     let gap = G::collide(a, b, prediction, before, scratch, &mut report);
-    pair.count = (records.manifolds.len() - first) as u32;
-    let lasts = if pair.count > 0 { around.reuse_distance / pair.lever } else { gap };
+    let (count, again) = places.finish(around.traced);
+    pair.count = count;
+    let lasts = if count > 0 { most / pair.lever } else { gap };
     pair.until = paths + known_to(lasts);
-    false
+    again
 }
 
 /// How far a has moved against b, as seen from it, since the record's points were found. \[m\]

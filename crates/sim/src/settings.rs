@@ -56,8 +56,8 @@ pub struct StepSettings {
     pub travel_per_search: f32,
     /// Searches for contacts in a step, at most. \[1\]
     pub searches: u32,
-    /// Contact points are reused while two bodies move less than this against each other, and left as they
-    /// are while neither moves by a quarter of it. \[m\]
+    /// Contact points are reused while two bodies move less than this against each other, and than 3 % of the
+    /// thinner shape, and left as they are while neither moves by a quarter of it, or 0.2 % of its size. \[m\]
     pub reuse_distance: f32,
     /// Time after which an island that holds still is left out of steps, until something touches or
     /// moves it. 0: never. \[s\]
@@ -127,7 +127,7 @@ impl StepSettings {
             hold: 5.0,
             travel_per_search: 1.0,
             searches: 4,
-            reuse_distance: 0.002,
+            reuse_distance: 0.01,
             sleep: 0.5,
             ..Self::quality()
         }

@@ -1,0 +1,207 @@
+//! Where what is found of a pair goes: mostly where it was.
+
+use std::ops::Range;
+
+use drystone_solver::wide::Trace;
+
+use crate::cache::{self, Point, Record, Records, RecordsMut, View, inherit};
+use crate::geometry::{Frame, MAX_POINTS, Touch};
+
+/// Points are matched by place within this distance, where features do not match. \[m\]
+const MATCH_DISTANCE: f32 = 0.02;
+
+/// Where what is found of a pair goes: where it was, as long as that is of the same part and has as many points;
+/// else to the end of `records`, with what was found before.
+pub(super) struct Places<'a, 'b, const L: usize> {
+    own: &'a mut RecordsMut<'b, L>,
+    /// Those of the step before.
+    known: Range<usize>,
+    /// What they are among, if they have rested.
+    resting: Option<&'a Records<L>>,
+    /// How many of them have been found again.
+    again: usize,
+    records: &'a mut Records<L>,
+    /// Where those that are appended begin.
+    first: usize,
+}
+
+impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
+    pub(super) fn new(
+        own: &'a mut RecordsMut<'b, L>,
+        known: Range<usize>,
+        resting: Option<&'a Records<L>>,
+        records: &'a mut Records<L>,
+    ) -> Self {
+        let first = records.manifolds.len();
+        Self { own, known, resting, again: 0, records, first }
+    }
+
+    fn old(&self) -> View<'_, L> {
+        self.resting.map_or_else(|| self.own.view(), Records::view)
+    }
+
+    /// What was known of a part.
+    pub(super) fn before(&self, part: u32) -> Option<&Record<L>> {
+        self.old().of(self.known.clone()).iter().find(|known| known.part == part)
+    }
+
+    /// The place of the next manifold, and its points, which go on from those before.
+    pub(super) fn next(
+        &mut self,
+        touch: &Touch<L>,
+        a: &Frame<L>,
+        b: &Frame<L>,
+    ) -> (&mut Record<L>, &[Point<L>]) {
+        let old = self.old();
+        let mut before = ([Point::OPEN; MAX_POINTS], [Trace::default(); MAX_POINTS], 0);
+        if let Some(known) = self.before(touch.part) {
+            before.2 = known.count as usize;
+            before.0[..before.2].copy_from_slice(old.points_of(known));
+            before.1[..before.2].copy_from_slice(old.traces_of(known));
+        }
+        let next = self.known.start + self.again;
+        let same = |next: &Record<L>| next.part == touch.part && before.2 == touch.points.len();
+        let stays = self.resting.is_none() && self.records.manifolds.len() == self.first;
+        let (record, points, traces) =
+            if stays && next < self.known.end && old.of(next..next + 1).iter().all(same) {
+                self.again += 1;
+                self.own.place(next)
+            } else {
+                self.leave();
+                self.records.add(touch.points.len())
+            };
+        for ((found, point), trace) in touch.points.iter().zip(&mut *points).zip(&mut *traces) {
+            (*point, *trace) = (Point::new(found, a, b), cache::open(found.gap));
+        }
+        let (old_points, old_traces, count) = &before;
+        inherit(points, traces, (&old_points[..*count], &old_traces[..*count]), MATCH_DISTANCE);
+        (record, points)
+    }
+
+    /// Appends what has been found where it was.
+    fn leave(&mut self) {
+        let found = self.known.start..self.known.start + std::mem::take(&mut self.again);
+        self.records.extend(self.own.view(), found);
+    }
+
+    /// How many there are; and whether these are those before, where they were.
+    pub(super) fn finish(mut self, traced: bool) -> (u32, bool) {
+        let stays = self.resting.is_none() && self.records.manifolds.len() == self.first;
+        if stays && self.again > 0 && self.again == self.known.len() {
+            self.own.change(self.known.clone(), traced);
+            return (self.again as u32, true);
+        }
+        self.leave();
+        ((self.records.manifolds.len() - self.first) as u32, false)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use drystone_solver::Vector;
+
+    use super::*;
+    use crate::geometry::TouchPoint;
+    use crate::geometry::random::Random;
+
+    /// What is found anew is the same where it was as behind others: with as many parts or fewer, more, and other
+    /// ones, of as many points or others.
+    #[test]
+    fn what_is_found_again_is_as_if_it_were_elsewhere() {
+        let mut random = Random(3);
+        let (mut again, mut elsewhere) = (0, 0);
+        for _ in 0..500 {
+            let mut old = Records::default();
+            let first = random.touches();
+            // Another pair before.
+            find(&mut RecordsMut::default(), 0..0, None, &mut old, &random.touches());
+            let known = old.manifolds.len();
+            find(&mut RecordsMut::default(), 0..0, None, &mut old, &first);
+            let known = known..old.manifolds.len();
+            for (trace, number) in old.traces.iter_mut().zip(1..) {
+                trace.impulse[0] = number as f32;
+            }
+            let then = random.touches_like(&first);
+            let rested = old.clone();
+            let mut appended = Records::default();
+            let (count, stays) = find(
+                &mut RecordsMut::default(),
+                known.clone(),
+                Some(&rested),
+                &mut appended,
+                &then,
+            );
+            assert!(!stays && count as usize == then.len());
+            let mut records = Records::default();
+            let found = find(&mut old.view_mut(), known.clone(), None, &mut records, &then);
+            assert_eq!(found.0, count);
+            let (view, numbers) = if found.1 {
+                again += 1;
+                (old.view(), known)
+            } else {
+                elsewhere += 1;
+                (records.view(), 0..count as usize)
+            };
+            assert_eq!(view.of(numbers.clone()).len(), then.len());
+            for (own, other) in view.of(numbers).iter().zip(&appended.manifolds) {
+                assert_eq!((own.part, own.count), (other.part, other.count));
+                let all = appended.view();
+                assert_eq!(view.points_of(own), all.points_of(other));
+                assert_eq!(view.traces_of(own), all.traces_of(other));
+            }
+        }
+        assert!(again > 50 && elsewhere > 50, "{again} and {elsewhere}");
+    }
+
+    fn find(
+        own: &mut RecordsMut<'_, 2>,
+        known: Range<usize>,
+        resting: Option<&Records<2>>,
+        records: &mut Records<2>,
+        touches: &[Touch<2>],
+    ) -> (u32, bool) {
+        let mut places = Places::new(own, known, resting, records);
+        for touch in touches {
+            let (record, _) = places.next(touch, &Frame::IDENTITY, &Frame::IDENTITY);
+            record.part = touch.part;
+        }
+        places.finish(true)
+    }
+
+    impl Random {
+        fn below(&mut self, most: u32) -> u32 {
+            ((0.5 + 0.5 * self.number()) * most as f32) as u32
+        }
+
+        fn touches(&mut self) -> Vec<Touch<2>> {
+            (0..self.below(4)).map(|part| self.touch(part)).collect()
+        }
+
+        fn touch(&mut self, part: u32) -> Touch<2> {
+            let points = (0..1 + self.below(2)).map(|corner| {
+                let at = Vector([self.number(), self.number()]);
+                let feature = u64::from(corner + self.below(2));
+                TouchPoint { on_a: at, on_b: at, gap: self.number(), feature }
+            });
+            let points = points.collect();
+            Touch { part, normal: Vector([0.0, 1.0]), points }
+        }
+
+        /// Mostly of the same parts and as many points.
+        fn touches_like(&mut self, known: &[Touch<2>]) -> Vec<Touch<2>> {
+            let mut out = known.to_vec();
+            for touch in &mut out {
+                if self.below(6) == 0 {
+                    let other = 5 * self.below(2);
+                    *touch = self.touch(touch.part + other);
+                }
+            }
+            match self.below(8) {
+                0 => drop(out.pop()),
+                1 => out.push(self.touch(9)),
+                _ => {}
+            }
+            out
+        }
+    }
+}
