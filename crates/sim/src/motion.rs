@@ -134,31 +134,39 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     team: &Team,
     displacements: &[Velocity<f32, L, A>],
 ) {
-    let Bodies { poses, turns, frames, remainders, paths, strayed, reach, .. } = bodies;
+    let Bodies { poses, turns, frames, remainders, paths, strayed, reach, gyroscopic, .. } = bodies;
     let (useful, share) = team.share(displacements.len(), PIECE);
     let placed = poses.chunks_mut(share).zip(turns.chunks_mut(share));
     let exact = frames.chunks_mut(share).zip(remainders.chunks_mut(share));
-    let went = paths.chunks_mut(share).zip(strayed.chunks_mut(share)).zip(reach.chunks(share));
+    let sizes = reach.chunks(share).zip(gyroscopic.chunks(share));
+    let went = paths.chunks_mut(share).zip(strayed.chunks_mut(share)).zip(sizes);
     let parts = displacements.chunks(share).zip(placed.zip(exact).zip(went));
     team.for_each(useful, parts, |(displacements, ((placed, exact), went))| {
         let placed = placed.0.iter_mut().zip(placed.1);
         let exact = exact.0.iter_mut().zip(exact.1);
-        let ((paths, strayed), reach) = went;
-        let went = paths.iter_mut().zip(strayed).zip(reach);
-        for (displacement, (((pose, turn), (frame, remainder)), ((path, strayed), reach))) in
-            displacements.iter().zip(placed.zip(exact).zip(went))
+        let ((paths, strayed), (reach, kinds)) = went;
+        let went = paths.iter_mut().zip(strayed).zip(reach.iter().zip(kinds));
+        for (
+            displacement,
+            (((pose, turn), (frame, remainder)), ((path, strayed), (reach, kind))),
+        ) in displacements.iter().zip(placed.zip(exact).zip(went))
         {
             if *displacement == Velocity::ZERO {
                 continue;
             }
             let by = displacement.linear + *remainder;
+            let turn = std::mem::replace(turn, Vector::ZERO);
             let before = *frame;
-            *pose = G::advance(pose, by, std::mem::replace(turn, Vector::ZERO));
+            *pose = G::advance(pose, by, turn);
             *frame = G::frame(pose);
             *remainder = rounding(before.position, by, frame.position);
-            let axes = frame.axes.iter().zip(&before.axes);
-            // The norm of R - R' is at most this.
-            let turned = axes.fold(0.0, |sum, (now, then)| sum + (*now - *then).length());
+            // ||R - R'|| is at most this. What does not precess has turned but now.
+            let turned = if *kind {
+                let axes = frame.axes.iter().zip(&before.axes);
+                axes.fold(0.0, |sum, (now, then)| sum + (*now - *then).length())
+            } else {
+                turn.length()
+            };
             let came = displacement.linear.length() + turned * reach;
             *path += f64::from(came);
             *strayed += came;

@@ -166,6 +166,9 @@ impl Team {
         items: impl Iterator<Item = T> + Send,
         work: impl Fn(T) + Sync,
     ) {
+        if !useful || self.helpers.is_empty() {
+            return items.for_each(work);
+        }
         let items = Mutex::new(items);
         self.run(useful, &|_| {
             let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
