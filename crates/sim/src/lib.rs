@@ -69,6 +69,7 @@ pub mod geometry;
 mod ledger;
 mod motion;
 mod narrow_phase;
+mod pace;
 pub mod recording;
 mod report;
 mod rows;

@@ -20,6 +20,7 @@ use crate::geometry::{Geometry, MassProperties};
 use crate::ledger::Books;
 use crate::motion;
 use crate::narrow_phase::{Surroundings, Worker, manifolds};
+use crate::pace::Pace;
 use crate::report::{Clock, Measure, Stage, StepReport};
 use crate::rows::RowsOf;
 use crate::saved::SavedSystem;
@@ -74,6 +75,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     travel: Travels<L>,
     workers: Vec<Worker<G, L, A>>,
     team: Arc<Team>,
+    pace: Pace,
     /// Whether steps time their stages.
     timing: bool,
     /// Whether steps save their last contact system, and that of the last step.
@@ -125,6 +127,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             travel: Travels::default(),
             workers: Vec::new(),
             team: Arc::default(),
+            pace: Pace::default(),
             timing: false,
             saving: false,
             saved: None,
@@ -136,6 +139,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if threads.max(1) != self.team.members() {
             self.team = Arc::new(Team::new(threads));
             self.wide.set_team(Arc::clone(&self.team));
+            self.pace = Pace::default();
         }
     }
 
@@ -359,6 +363,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     pub fn step(&mut self, dt: f32) -> StepReport {
         let mut report = StepReport::default();
         let mut clock = Clock::start(self.timing);
+        let start = self.pace.start(&self.team);
         let substeps = self.settings.substeps.max(1);
         if self.settings.sleep <= 0.0 || self.gravity != self.last_gravity {
             self.rouse_all();
@@ -386,6 +391,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 self.colliders.place(&self.bodies);
             }
         }
+        self.pace.stop(start, report.sweeps);
         report.asleep = (0..self.len()).filter(|&body| self.sleep.sleeps(body)).count();
         report.pairs = self.pairs.len();
         report.manifolds = self.records.manifolds.len();

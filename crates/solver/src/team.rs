@@ -32,6 +32,8 @@ type Job = *const (dyn Fn(&Member<'_>) + Sync);
 pub struct Team {
     common: Arc<Common>,
     helpers: Vec<JoinHandle<()>>,
+    /// Whether no work is worth sharing.
+    rests: AtomicBool,
 }
 
 #[derive(Debug)]
@@ -108,7 +110,7 @@ impl Team {
         });
         *ready.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&common));
         started.iter().map(JoinHandle::thread).for_each(Thread::unpark);
-        Self { common, helpers: started }
+        Self { common, helpers: started, rests: AtomicBool::new(false) }
     }
 
     /// How many work together.
@@ -116,9 +118,14 @@ impl Team {
         self.common.members
     }
 
+    /// Whether the caller works alone from now on.
+    pub fn rest(&self, rests: bool) {
+        self.rests.store(rests, Ordering::Relaxed);
+    }
+
     /// Whether so many pieces of work are enough to share.
     pub fn is_useful(&self, pieces: usize) -> bool {
-        pieces >= SHARE * self.common.members
+        pieces >= SHARE * self.common.members && !self.rests.load(Ordering::Relaxed)
     }
 
     /// Whether items are enough to share, so many of which are a piece of work, and how many each member then
