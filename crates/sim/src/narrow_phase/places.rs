@@ -52,15 +52,18 @@ impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
         a: &Frame<L>,
         b: &Frame<L>,
     ) -> (&mut Record<L>, &[Point<L>]) {
+        // What is there may be written over.
+        let (mut old_points, mut old_traces) =
+            ([Point::OPEN; MAX_POINTS], [Trace::default(); MAX_POINTS]);
+        let mut count = 0;
         let old = self.old();
-        let mut before = ([Point::OPEN; MAX_POINTS], [Trace::default(); MAX_POINTS], 0);
         if let Some(known) = self.before(touch.part) {
-            before.2 = known.count as usize;
-            before.0[..before.2].copy_from_slice(old.points_of(known));
-            before.1[..before.2].copy_from_slice(old.traces_of(known));
+            count = known.count as usize;
+            old_points[..count].copy_from_slice(old.points_of(known));
+            old_traces[..count].copy_from_slice(old.traces_of(known));
         }
         let next = self.known.start + self.again;
-        let same = |next: &Record<L>| next.part == touch.part && before.2 == touch.points.len();
+        let same = |next: &Record<L>| next.part == touch.part && count == touch.points.len();
         let stays = self.resting.is_none() && self.records.manifolds.len() == self.first;
         let (record, points, traces) =
             if stays && next < self.known.end && old.of(next..next + 1).iter().all(same) {
@@ -73,8 +76,7 @@ impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
         for ((found, point), trace) in touch.points.iter().zip(&mut *points).zip(&mut *traces) {
             (*point, *trace) = (Point::new(found, a, b), cache::open(found.gap));
         }
-        let (old_points, old_traces, count) = &before;
-        inherit(points, traces, (&old_points[..*count], &old_traces[..*count]), MATCH_DISTANCE);
+        inherit(points, traces, (&old_points[..count], &old_traces[..count]), MATCH_DISTANCE);
         (record, points)
     }
 
