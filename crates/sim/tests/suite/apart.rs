@@ -3,9 +3,8 @@
 use parry3d::query::{ShapeDistance, distance};
 
 use crate::common::*;
-use drystone::geometry::{Geometry, Rigid3};
-use drystone::{StepSettings, World3};
-use drystone_solver::Velocity;
+use drystone::geometry::{Geometry, Rigid2, Rigid3};
+use drystone::{StepSettings, World};
 
 type Shape = <Rigid3 as Geometry<3, 3>>::Shape;
 
@@ -54,14 +53,13 @@ fn shapes_are_apart_as_far_as_they_say() {
 }
 
 /// A box that turns on the spot, its corner far from it for most of the time, strikes what it passes.
-#[test]
-fn turning_brings_together() {
-    let mut world = World3::new(StepSettings::realtime());
+fn turning<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let mut world = World::<G, L, A>::new(StepSettings::realtime());
     let rough = surface(0.5, 0.0);
-    let mut bar = dynamic([0.0; 3], Rigid3::cuboid([1.0, 0.05, 0.05]), &rough);
-    bar.velocity = Velocity { angular: [0.0, 0.0, 1.0].into(), ..Velocity::ZERO };
+    let mut bar = dynamic([0.0; L], G::cuboid(v(1.0, 0.05, 0.05)), &rough);
+    bar.velocity.angular[A - 1] = 1.0;
     world.add(bar);
-    let other = world.add(dynamic([0.0, 0.9, 0.0], Rigid3::cuboid([0.1; 3]), &rough));
+    let other = world.add(dynamic(v(0.0, 0.9, 0.0), G::cuboid([0.1; L]), &rough));
     let mut touched = None;
     for step in 0..120 {
         if world.step(DT).contacts > 0 {
@@ -69,6 +67,12 @@ fn turning_brings_together() {
         }
     }
     // A quarter of a turn, less what the other and the look ahead take of it.
-    assert!(touched.is_some_and(|step| (70..95).contains(&step)), "{touched:?}");
-    assert!(world.velocity(other).is_some_and(|v| v.linear[0] < -0.1));
+    assert!(touched.is_some_and(|step| (70..95).contains(&step)), "{L}D: {touched:?}");
+    assert!(velocity(&world, other).linear[0] < -0.1, "{L}D");
+}
+
+#[test]
+fn turning_brings_together() {
+    turning::<Rigid2, 2, 1>();
+    turning::<Rigid3, 3, 3>();
 }

@@ -252,6 +252,34 @@ fn a_ball_rolls_on_as_it_did() {
     rolling::<Rigid3, 3, 3>();
 }
 
+/// A small box that slides over an edge in real time is held beyond it by no more than a part of its size: its points
+/// are reused, but not for as long as those of a large one.
+#[test]
+fn points_of_what_is_small_are_not_reused_for_long() {
+    let (size, smooth) = (0.04, surface(0.0, 0.0));
+    let mut world =
+        World::<Rigid2, 2, 1>::new(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
+    world.gravity = Vector([0.0, -9.81]);
+    world.add(body(Motion::Static, [-0.5, -0.5], Rigid2::cuboid([0.5; 2]), &smooth));
+    let small = dynamic([-0.03, 0.5 * size], Rigid2::cuboid([0.5 * size; 2]), &smooth);
+    let small = world.add(moving(small, [0.03, 0.0]));
+    let mut farthest = f32::NEG_INFINITY;
+    // Until its center is over the edge.
+    for _ in 0..55 {
+        let center = place(&world, small);
+        world.step(DT);
+        let system = world.system();
+        let manifold = &system.manifolds[0];
+        for contact in &system.contacts {
+            let point = center + manifold.arms[1] + manifold.to_world(contact.place);
+            farthest = farthest.max(point[0]);
+        }
+    }
+    // Half of how far the box has gone: points are midway between those of both.
+    assert!(farthest > 1e-4, "not reused: {farthest} m beyond the edge");
+    assert_below("beyond the edge [m]", farthest, 0.5 * size / 32.0 + 1e-4);
+}
+
 /// The deepest overlap \[m\] and fastest body \[m/s\] of a column whose floor is at this height.
 fn column_at(height: f32) -> [f64; 2] {
     let material = surface(0.5, 0.0);
