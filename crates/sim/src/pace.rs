@@ -90,4 +90,17 @@ mod tests {
             }
         }
     }
+
+    /// In a trial a team rests in every other step, and only then is time taken.
+    #[test]
+    fn a_trial_is_alone_and_together_by_turns() {
+        let (team, mut pace) = (Team::new(2), Pace::default());
+        for step in 0..FIRST + TRIAL {
+            let start = pace.start(&team);
+            let alone = step >= FIRST && step % 2 == 1;
+            assert_eq!(team.is_useful(1000), !alone, "step {step}");
+            assert_eq!(start.is_some(), step >= FIRST, "step {step}");
+            pace.stop(start, 8);
+        }
+    }
 }

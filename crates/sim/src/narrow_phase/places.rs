@@ -201,6 +201,7 @@ mod tests {
             match self.below(8) {
                 0 => drop(out.pop()),
                 1 => out.push(self.touch(9)),
+                2 => drop(out.drain(..out.len().min(1))),
                 _ => {}
             }
             out
