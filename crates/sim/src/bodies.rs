@@ -197,6 +197,32 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) forces: Vec<Velocity<f32, L, A>>,
 }
 
+/// What of the bodies does not change through the substeps of a step.
+#[derive(Clone, Copy)]
+pub(crate) struct Given<'a, const L: usize, const A: usize> {
+    motion: &'a [Option<Motion>],
+    gravity_factor: &'a [f32],
+    forces: &'a [Velocity<f32, L, A>],
+    pub(crate) inertia: &'a [Inertia<L, A>],
+    pub(crate) gyroscopic: &'a [bool],
+}
+
+impl<const L: usize, const A: usize> Given<'_, L, A> {
+    pub(crate) fn is_dynamic(&self, body: usize) -> bool {
+        self.motion[body] == Some(Motion::Dynamic)
+    }
+
+    /// Force and torque on a body. \[N, N m\]
+    pub(crate) fn force(&self, body: usize) -> Velocity<f32, L, A> {
+        self.forces.get(body).copied().unwrap_or(Velocity::ZERO)
+    }
+
+    /// The acceleration of gravity on a body. \[m/s^2\]
+    pub(crate) fn pull(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
+        gravity * self.gravity_factor[body]
+    }
+}
+
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     pub(crate) fn new() -> Self {
         Self {
@@ -237,8 +263,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         });
     }
 
+    /// What does not change in motion, and what does: poses and turns.
+    pub(crate) fn in_motion(&mut self) -> (Given<'_, L, A>, &mut [G::Pose], &mut [Vector<f32, A>]) {
+        let Self { motion, gravity_factor, forces, inertia, gyroscopic, poses, turns, .. } = self;
+        (Given { motion, gravity_factor, forces, inertia, gyroscopic }, poses, turns)
+    }
+
+    fn given(&self) -> Given<'_, L, A> {
+        let Self { motion, gravity_factor, forces, inertia, gyroscopic, .. } = self;
+        Given { motion, gravity_factor, forces, inertia, gyroscopic }
+    }
+
     pub(crate) fn is_dynamic(&self, body: usize) -> bool {
-        self.motion[body] == Some(Motion::Dynamic)
+        self.given().is_dynamic(body)
     }
 
     /// x_a - x_b, as exact as if the positions were: far from the origin an `f32` is coarser than
@@ -275,12 +312,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     /// Force and torque on a body. \[N, N m\]
     pub(crate) fn force(&self, body: usize) -> Velocity<f32, L, A> {
-        self.forces.get(body).copied().unwrap_or(Velocity::ZERO)
+        self.given().force(body)
     }
 
     /// The acceleration of gravity on a body. \[m/s^2\]
     pub(crate) fn pull(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
-        gravity * self.gravity_factor[body]
+        self.given().pull(body, gravity)
     }
 
     /// m |g| of a body that moves freely. \[N\]

@@ -65,6 +65,7 @@ mod cache;
 mod certifier;
 pub mod check;
 mod colliders;
+mod course;
 pub mod geometry;
 mod ledger;
 mod motion;

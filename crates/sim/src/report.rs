@@ -102,10 +102,10 @@ pub struct StepReport {
 impl StepReport {
     /// Takes in what solving or examining a substep has come to, and its time.
     pub(crate) fn join(&mut self, outcome: &Outcome, clock: &mut Clock) {
-        clock.lap(self, Stage::Solve);
+        clock.lap(Stage::Solve);
         if clock.last.is_some() {
-            self.stages[Stage::Solve as usize] -= outcome.certifying;
-            self.stages[Stage::Certify as usize] += outcome.certifying;
+            clock.stages[Stage::Solve as usize] -= outcome.certifying;
+            clock.stages[Stage::Certify as usize] += outcome.certifying;
         }
         self.certified.get_or_insert_default().join(outcome);
     }
@@ -147,22 +147,49 @@ pub struct Nearby {
 }
 
 /// Charges time to stages.
+#[derive(Clone)]
 pub(crate) struct Clock {
     /// When the last lap ended; `None` where nobody asks for times.
     last: Option<Instant>,
+    pub(crate) stages: [Duration; Stage::ALL.len()],
 }
 
 impl Clock {
     pub(crate) fn start(timing: bool) -> Self {
-        Self { last: timing.then(Instant::now) }
+        Self { last: timing.then(Instant::now), stages: Default::default() }
+    }
+
+    /// One for a member of a team, which starts now, if this one runs.
+    pub(crate) fn another(&self) -> Self {
+        Self::start(self.last.is_some())
     }
 
     /// Charges the time since the last lap to `stage`.
-    pub(crate) fn lap(&mut self, report: &mut StepReport, stage: Stage) {
+    pub(crate) fn lap(&mut self, stage: Stage) {
         if let Some(last) = &mut self.last {
             let now = Instant::now();
-            report.stages[stage as usize] += now - *last;
+            self.stages[stage as usize] += now - *last;
             *last = now;
+        }
+    }
+
+    /// Takes in what another one has charged.
+    pub(crate) fn join(&mut self, other: &Self) {
+        for (own, other) in self.stages.iter_mut().zip(&other.stages) {
+            *own += *other;
+        }
+    }
+
+    /// Charges the time since the last lap to stages as `others` have charged it, who worked side by side.
+    pub(crate) fn lap_as(&mut self, others: &Self) {
+        let Some(last) = &mut self.last else { return };
+        let (now, all) = (Instant::now(), others.stages.iter().sum::<Duration>());
+        let passed = (now - *last).as_secs_f64();
+        *last = now;
+        for (own, other) in self.stages.iter_mut().zip(&others.stages) {
+            if !other.is_zero() {
+                *own += other.mul_f64(passed / all.as_secs_f64());
+            }
         }
     }
 }

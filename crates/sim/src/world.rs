@@ -8,14 +8,15 @@ use std::sync::Arc;
 
 use drystone_solver::restitution::{self, Blow, Collisions};
 use drystone_solver::team::Team;
-use drystone_solver::wide::{Batch, Wide};
-use drystone_solver::{InverseMass, Repair, System, Vector, Velocity};
+use drystone_solver::wide::Wide;
+use drystone_solver::{InverseMass, System, Vector, Velocity};
 
 use crate::bodies::{Bodies, Body, BodyId, Inertia, PIECE};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Records};
 use crate::certifier::{Certifier, Stiffness};
 use crate::colliders::Colliders;
+use crate::course::{Course, Terms};
 use crate::geometry::{Geometry, MassProperties};
 use crate::ledger::Books;
 use crate::motion;
@@ -35,10 +36,6 @@ const COLLISION_ROUNDS: usize = 32;
 
 /// Sweeps over what collides at once.
 const COLLISION_SWEEPS: usize = 40;
-
-/// After so many substeps contacts are asked again what they give to the velocities
-/// ([`motion::warm_start`]): what rounding adds to it would add up.
-const ASK_AGAIN: u32 = 4;
 
 /// Bodies and their contacts, in the dimension of `G`.
 pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -63,8 +60,6 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     system: System<f32, L, A>,
     /// The contacts of the step, sixteen side by side.
     wide: Wide<L, A>,
-    /// What takes its substeps one after the other.
-    batches: Vec<Batch>,
     /// The velocities of a substep without the impulses of its contacts.
     prospective: Vec<Velocity<f32, L, A>>,
     certifier: Certifier<L, A>,
@@ -84,16 +79,13 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
 }
 
 /// How the substeps of a part of a step are taken.
-struct Plan {
-    /// Length of a substep. \[s\]
-    h: f32,
-    substeps: u32,
+struct Plan<const L: usize> {
+    terms: Terms<L>,
     /// Whether each is solved to the tolerance.
     solving: bool,
     /// The one that is certified with all residuals.
     examined: Option<u32>,
     ledger: bool,
-    repair: Repair<f32>,
     /// How blows are resolved, where anything bounces.
     collisions: Option<Collisions<f32>>,
     /// Whether each substep is taken for everything at once, not for one batch after the other.
@@ -118,7 +110,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             last_gravity: Vector::ZERO,
             system: System::new(),
             wide: Wide::new(),
-            batches: Vec::new(),
             prospective: Vec::new(),
             certifier: Certifier::default(),
             blow: Blow::default(),
@@ -377,7 +368,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 self.find_pairs(dt / parts as f32);
                 self.parts(dt / parts as f32);
             }
-            clock.lap(&mut report, Stage::Pairs);
+            clock.lap(Stage::Pairs);
             let last = part + 1 == parts;
             self.part(dt / parts as f32, substeps, last, &mut clock, &mut report);
         }
@@ -392,6 +383,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         }
         self.pace.stop(start, report.sweeps);
+        report.stages = clock.stages;
         report.asleep = (0..self.len()).filter(|&body| self.sleep.sleeps(body)).count();
         report.pairs = self.pairs.len();
         report.manifolds = self.records.manifolds.len();
@@ -419,45 +411,51 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report: &mut StepReport,
     ) {
         let same = self.find_manifolds();
-        clock.lap(report, Stage::Manifolds);
+        clock.lap(Stage::Manifolds);
         let plan = self.plan(dt / substeps as f32, substeps, last);
         self.pack(&plan, dt, same);
-        clock.lap(report, Stage::Rows);
-        let mut batches = std::mem::take(&mut self.batches);
-        batches.clear();
+        clock.lap(Stage::Rows);
         if plan.together {
-            batches.push(self.wide.whole());
-        } else {
-            batches.extend_from_slice(self.wide.batches());
-        }
-        for batch in &batches {
             for substep in 0..substeps {
-                self.substep(&plan, batch, substep, clock, report);
+                self.substep(&plan, substep, clock, report);
             }
-            let traces = &mut self.records.traces;
-            self.wide.trace(batch, &self.displacements, self.settings.hold, traces);
-            clock.lap(report, Stage::Remember);
+            self.course().trace(&plan.terms);
+            clock.lap(Stage::Remember);
+        } else {
+            self.course().run_by_batch(&plan.terms, clock);
         }
-        self.batches = batches;
-        let sweeps = if plan.solving { 1 } else { 1 + self.settings.iterations.max(1) };
+        let sweeps = if plan.solving { 1 } else { 1 + plan.terms.iterations };
         report.sweeps += (substeps * sweeps) as usize;
         self.arrive(&plan, clock, report);
     }
 
-    fn plan(&self, h: f32, substeps: u32, last: bool) -> Plan {
+    /// All bodies and their contacts, on their way through a part.
+    fn course(&mut self) -> Course<'_, G, L, A> {
+        let System { velocities, masses, .. } = &mut self.system;
+        let contacts = self.wide.whole(&mut self.records.traces);
+        let states = [velocities, &mut self.prospective, &mut self.displacements];
+        Course::new(&mut self.bodies, masses, states.map(Vec::as_mut_slice), contacts, &self.team)
+    }
+
+    fn plan(&self, h: f32, substeps: u32, last: bool) -> Plan<L> {
         let settings = &self.settings;
         let solving = settings.tolerance > 0.0;
         let examined = (last && settings.certify).then_some(substeps - 1);
         let mut pairs = self.pairs.iter();
         let bounces = |pair: &Pair| pair.restitution > 0.0 && pair.count > 0 && !pair.rests;
         let bouncing = self.colliders.bounce && pairs.any(bounces);
-        Plan {
+        let terms = Terms {
             h,
             substeps,
+            iterations: settings.iterations.max(1),
+            gravity: self.gravity,
+            repair: settings.repair_in(h),
+        };
+        Plan {
+            terms,
             solving,
             examined,
             ledger: settings.ledger,
-            repair: settings.repair_in(h),
             collisions: bouncing.then_some(Collisions {
                 law: settings.impact_law,
                 dt: h,
@@ -471,7 +469,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Makes the contacts of a part, which lasts `dt` \[s\], ready for its substeps; whether they are the `same`
     /// manifolds as before, with as many points.
-    fn pack(&mut self, plan: &Plan, dt: f32, same: bool) {
+    fn pack(&mut self, plan: &Plan<L>, dt: f32, same: bool) {
         self.displacements.fill(Velocity::ZERO);
         // The first substep asks the contacts, and sets them.
         self.prospective.resize(self.len(), Velocity::ZERO);
@@ -483,7 +481,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         let stiffness = if plan.solving {
             let weight = |body| bodies.weight(body, self.gravity);
-            certifier.stiffness(records.pairs(), weight, &self.settings, plan.h)
+            certifier.stiffness(records.pairs(), weight, &self.settings, plan.terms.h)
         } else {
             Stiffness::default()
         };
@@ -508,103 +506,105 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Forces, blows, contacts, motion, and contacts again as rigid ones.
+    /// Forces, blows, contacts, motion, and contacts again as rigid ones: a substep of everything at once, with
+    /// all that may go with it. Without, it is that of [`Course::run_by_batch`].
     fn substep(
         &mut self,
-        plan: &Plan,
-        batch: &Batch,
+        plan: &Plan<L>,
         substep: u32,
         clock: &mut Clock,
         report: &mut StepReport,
     ) {
-        let own = batch.bodies.clone();
-        let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
-        let (bodies, moved, books) = (&mut self.bodies, &mut self.displacements, &mut self.books);
-        let prospective = &mut self.prospective;
+        let terms = &plan.terms;
         if plan.ledger {
-            books.start(&system.velocities);
+            self.books.start(&self.system.velocities);
         }
-        let (masses, velocities) = (&system.masses, &mut system.velocities);
-        let (gravity, team, h) = (self.gravity, &self.team, plan.h);
-        let to = [&mut velocities[..], &mut prospective[..]];
-        motion::predict(bodies, own.clone(), masses, gravity, h, team, to);
-        clock.lap(report, Stage::Predict);
+        self.course().predict(terms);
+        clock.lap(Stage::Predict);
         if let Some(collisions) = &plan.collisions {
-            if plan.ledger {
-                books.strike(0, &system.velocities);
-            }
-            system.set_targets(moved, &plan.repair);
-            report.collisions += restitution::collide(system, moved, collisions, &mut self.blow);
-            wide.take_impacts(system);
-            if plan.ledger {
-                books.strike(1, &system.velocities);
-            }
-            clock.lap(report, Stage::Bounce);
+            report.collisions += self.bounce(plan, collisions);
+            clock.lap(Stage::Bounce);
         }
         let examined = plan.examined == Some(substep);
-        let saving = self.saving && substep + 1 == plan.substeps;
+        let saving = self.saving && substep + 1 == terms.substeps;
         if plan.solving || saving {
-            wide.set_targets(moved, &plan.repair);
+            self.wide.set_targets(&self.displacements, &terms.repair);
         }
         if saving {
-            let mut saved = system.clone();
-            wide.unpack(&mut saved);
-            let positions = bodies.frames.iter().map(|frame| frame.position).collect();
-            self.saved = Some(SavedSystem { system: saved, positions, substep: plan.h });
+            self.save(terms.h);
         }
-        if substep.is_multiple_of(ASK_AGAIN) {
-            prospective[own.clone()].copy_from_slice(&system.velocities[own.clone()]);
-            wide.apply_impulses(batch, &mut system.velocities);
-        } else {
-            motion::warm_start(own.clone(), team, &mut system.velocities, prospective);
-        }
-        clock.lap(report, Stage::WarmStart);
-        if plan.solving {
+        self.course().warm_start(substep);
+        clock.lap(Stage::WarmStart);
+        let solved = if plan.solving {
+            let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
+            let prospective = &self.prospective;
             let outcome = certifier.refine(system, wide, prospective, &self.settings, examined);
             // Forward and back.
             report.sweeps += 2 * outcome.iterations;
-            report.join(&outcome, clock);
+            Some(outcome)
         } else {
-            wide.sweep_normals_to_targets(batch, &mut system.velocities, moved, &plan.repair);
-            for _ in 1..self.settings.iterations {
-                wide.sweep_normals(batch, &mut system.velocities);
-            }
-            clock.lap(report, Stage::Solve);
-            if examined {
-                let outcome = certifier.examine(&system.velocities, wide, prospective);
-                report.join(&outcome, clock);
-            }
+            self.course().solve(terms);
+            clock.lap(Stage::Solve);
+            let velocities = &self.system.velocities;
+            let examine = || self.certifier.examine(velocities, &self.wide, &self.prospective);
+            examined.then(examine)
+        };
+        if let Some(outcome) = solved {
+            report.join(&outcome, clock);
         }
         if plan.ledger {
-            wide.unpack(system);
-            books.depart(system);
+            self.wide.unpack(&mut self.system);
+            self.books.depart(&self.system);
         }
-        motion::advance(bodies, own, plan.h, team, &mut system.velocities, prospective, moved);
-        clock.lap(report, Stage::Advance);
+        self.course().advance(terms);
+        clock.lap(Stage::Advance);
         if plan.ledger {
-            books.arrive(&system.velocities);
+            self.books.arrive(&self.system.velocities);
         }
-        wide.relax(batch, &mut system.velocities);
+        self.course().relax();
         if plan.ledger {
-            wide.unpack(system);
-            books.end(bodies, gravity, system, plan.h);
+            self.wide.unpack(&mut self.system);
+            self.books.end(&self.bodies, self.gravity, &self.system, terms.h);
         }
-        clock.lap(report, Stage::Relax);
+        clock.lap(Stage::Relax);
         if examined {
             let sinking = report.certified.map_or(0.0, |of| of.residuals[1]);
-            report.jams = certifier.jams(system, wide, sinking);
-            clock.lap(report, Stage::Certify);
+            report.jams = self.certifier.jams(&mut self.system, &self.wide, sinking);
+            clock.lap(Stage::Certify);
         }
     }
 
+    /// Collisions at the start of a substep; returns how many there were.
+    fn bounce(&mut self, plan: &Plan<L>, collisions: &Collisions<f32>) -> usize {
+        let (system, books, moved) = (&mut self.system, &mut self.books, &mut self.displacements);
+        if plan.ledger {
+            books.strike(0, &system.velocities);
+        }
+        system.set_targets(moved, &plan.terms.repair);
+        let count = restitution::collide(system, moved, collisions, &mut self.blow);
+        self.wide.take_impacts(system);
+        if plan.ledger {
+            books.strike(1, &system.velocities);
+        }
+        count
+    }
+
+    /// Saves the contact system of a substep of `h` \[s\] before it is solved.
+    fn save(&mut self, h: f32) {
+        let mut system = self.system.clone();
+        self.wide.unpack(&mut system);
+        let positions = self.bodies.frames.iter().map(|frame| frame.position).collect();
+        self.saved = Some(SavedSystem { system, positions, substep: h });
+    }
+
     /// Gives poses back at the end of a part.
-    fn arrive(&mut self, plan: &Plan, clock: &mut Clock, report: &mut StepReport) {
+    fn arrive(&mut self, plan: &Plan<L>, clock: &mut Clock, report: &mut StepReport) {
         motion::arrive(&mut self.bodies, &self.team, &self.displacements);
         if plan.ledger {
             let ledger = self.books.close(&self.bodies, self.gravity, &self.system.velocities);
             report.energy.get_or_insert_default().join(&ledger);
         }
-        clock.lap(report, Stage::Advance);
+        clock.lap(Stage::Advance);
     }
 
     /// M^-1 of all bodies that have stirred, at their present poses; nothing moves one that sleeps.

@@ -1,28 +1,25 @@
-//! [`Batch`]: what is solved through all substeps before the next, while it is in the cache of a core.
+//! [`Division`]: bodies and manifolds in batches, each of which is solved through all substeps before the next,
+//! while it is in the cache of a core.
 
 use std::ops::Range;
 
-/// What a batch takes up for each of so many threads, about: half of a small second cache, or all of it where
-/// threads have to meet. \[bytes\]
-pub(crate) const fn size(threads: usize) -> usize {
-    if threads == 1 { 1 << 18 } else { threads << 19 }
-}
+/// What a batch takes up, about: half of a small second cache. \[bytes\]
+pub(crate) const BATCH: usize = 1 << 18;
 
 /// What could not be divided is tried again after so many steps.
 const PATIENCE: u32 = 16;
 
-/// Bodies that follow each other and that no manifold joins to others, with their manifolds.
+/// What belongs to a batch: bodies that follow each other and that no manifold joins to others.
 ///
 /// Islands are divided where no manifold crosses, in the order of the bodies: so passes over bodies stay
 /// passes over slices. Which batch a manifold is in changes no bit of what becomes of it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Batch {
-    /// The bodies.
-    pub bodies: Range<usize>,
-    /// Its colors, among those of all.
+pub(crate) struct Extent {
+    pub(crate) bodies: Range<usize>,
+    /// Among those of all, as blocks and their points.
     pub(crate) colors: Range<usize>,
-    /// Its blocks.
     pub(crate) blocks: Range<usize>,
+    pub(crate) points: Range<usize>,
 }
 
 /// A manifold as batches and colors see it.
@@ -31,23 +28,22 @@ pub(crate) struct Outline {
     pub(crate) bodies: [u32; 2],
     /// Whether they can be moved: the others may have many manifolds of a color.
     pub(crate) moving: [bool; 2],
-    /// The batch of what moves.
+    /// That of the first which joins.
     pub(crate) batch: u16,
     pub(crate) points: u32,
 }
 
-/// What a body, a manifold and a point take up, and what a batch should. \[bytes\]
+/// What a body, a manifold and a point take up. \[bytes\]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sizes {
     pub(crate) body: usize,
     pub(crate) manifold: usize,
     pub(crate) point: usize,
-    pub(crate) batch: usize,
 }
 
 impl Sizes {
     /// All fit into one batch.
-    pub(crate) const NONE: Self = Self { body: 0, manifold: 0, point: 0, batch: size(1) };
+    pub(crate) const NONE: Self = Self { body: 0, manifold: 0, point: 0 };
 }
 
 /// Which bodies are in which batch.
@@ -68,11 +64,6 @@ impl Division {
     /// How many batches there are.
     pub(crate) fn len(&self) -> usize {
         self.ends.len()
-    }
-
-    /// How many bodies there are.
-    pub(crate) fn all(&self) -> usize {
-        self.ends.last().map_or(0, |&end| end as usize)
     }
 
     /// The bodies of a batch.
@@ -102,7 +93,7 @@ impl Division {
         let all = bodies * sizes.body + outlines.len() * sizes.manifold + points * sizes.point;
         let whole = self.ends == [bodies as u32];
         self.waited = if whole { (self.waited + 1) % PATIENCE } else { 0 };
-        if all <= 2 * sizes.batch || self.waited > 0 {
+        if all <= 2 * BATCH || self.waited > 0 {
             self.anew.clear();
             self.anew.push(bodies as u32);
             if whole {
@@ -110,8 +101,8 @@ impl Division {
             }
         } else {
             self.join(of_bodies, outlines, sizes);
-            if self.divide(sizes.batch) {
-                self.tell(outlines);
+            if self.divide() {
+                self.tell(of_bodies, outlines);
                 return false;
             }
         }
@@ -120,7 +111,7 @@ impl Division {
         for (batch, &end) in self.ends.iter().enumerate() {
             self.of_body.resize(end as usize, u16::try_from(batch).unwrap_or(u16::MAX));
         }
-        self.tell(outlines);
+        self.tell(of_bodies, outlines);
         true
     }
 
@@ -143,8 +134,8 @@ impl Division {
         }
     }
 
-    /// Finds new ends, of batches that are large `enough`; returns whether the old ones are as good.
-    fn divide(&mut self, enough: usize) -> bool {
+    /// Finds new ends, of batches that are large enough; returns whether the old ones are as good.
+    fn divide(&mut self) -> bool {
         self.anew.clear();
         let (mut last, mut size) = (0, 0);
         let mut old = self.ends.iter().copied().peekable();
@@ -154,7 +145,7 @@ impl Division {
             size += own as usize;
             let open = last <= body;
             crossed |= old.next_if_eq(&(body + 1)).is_some() && !open;
-            if open && size >= enough && self.anew.len() < usize::from(u16::MAX) {
+            if open && size >= BATCH && self.anew.len() < usize::from(u16::MAX) {
                 self.anew.push(body + 1);
                 size = 0;
             }
@@ -166,10 +157,11 @@ impl Division {
         !crossed && self.ends.last() == Some(&bodies) && 2 * self.ends.len() >= self.anew.len()
     }
 
-    fn tell(&self, outlines: &mut [Outline]) {
+    fn tell(&self, bodies: &[[bool; 2]], outlines: &mut [Outline]) {
         for outline in outlines {
-            let side = usize::from(!outline.moving[0]);
-            outline.batch = self.of_body[outline.bodies[side] as usize];
+            let [a, b] = outline.bodies;
+            let own = if bodies[a as usize][1] { a } else { b };
+            outline.batch = self.of_body[own as usize];
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 use std::ops::Range;
 
-use crate::batch::{Batch, Division, Outline, Sizes};
+use crate::batch::{Division, Extent, Outline, Sizes};
 use crate::lanes::{WIDTH, lanes_of};
 use crate::team::{Member, Team};
 use crate::wide::Past;
@@ -413,15 +413,19 @@ impl Coloring {
         idle <= placed_anew + used / 32
     }
 
-    /// The bodies, colors and blocks of a batch.
-    pub(crate) fn batch(&self, batch: usize) -> Batch {
-        let colors = self.batches[batch].clone();
-        let blocks = match &self.colors[colors.clone()] {
-            [] => 0..0,
-            [first, .., last] => first.blocks.start as usize..last.blocks.end as usize,
-            [only] => only.blocks.start as usize..only.blocks.end as usize,
-        };
-        Batch { bodies: self.division.bodies(batch), colors, blocks }
+    /// The batches as they were laid out, one after the other.
+    pub(crate) fn extents(&self, out: &mut Vec<Extent>) {
+        out.clear();
+        let (mut block, mut point) = (0, 0);
+        for (batch, colors) in self.batches.iter().enumerate() {
+            let last = self.colors[colors.clone()].last();
+            let blocks = block..last.map_or(block, |color| color.blocks.end as usize);
+            let room: u32 = self.rooms[blocks.clone()].iter().sum();
+            let points = point..point + room as usize;
+            (block, point) = (blocks.end, points.end);
+            let bodies = self.division.bodies(batch);
+            out.push(Extent { bodies, colors: colors.clone(), blocks, points });
+        }
     }
 
     /// Where the points of a manifold are among those of all, one manifold's after the other's.

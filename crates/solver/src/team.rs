@@ -139,7 +139,10 @@ impl Team {
     /// team is not `useful`, and within a job.
     pub fn run(&self, useful: bool, job: &(dyn Fn(&Member<'_>) + Sync)) {
         let common = &*self.common;
-        if !useful || self.helpers.is_empty() || common.taken.swap(true, Ordering::Acquire) {
+        // Within a job that is seen without a line of memory going from core to core.
+        let is_taken =
+            || common.taken.load(Ordering::Relaxed) || common.taken.swap(true, Ordering::Acquire);
+        if !useful || self.helpers.is_empty() || is_taken() {
             return job(&Member::ALONE);
         }
         // SAFETY: only the lifetime is forgotten. `job` outlives this call, which does not return, nor
@@ -289,6 +292,31 @@ impl Member<'_> {
     }
 }
 
+/// What consists of several, one after the other, that different threads can have.
+pub trait Divide: Sized {
+    /// Of how many.
+    fn count(&self) -> usize;
+
+    /// The first `count` of them, and the others.
+    ///
+    /// # Panics
+    /// There are not so many.
+    fn split_at(self, count: usize) -> (Self, Self);
+
+    /// Parts of as many each, but for the last ones: `parts` of them, or one of each where there are fewer.
+    fn divide(self, parts: usize) -> impl Iterator<Item = Self> {
+        let size = self.count().div_ceil(parts.max(1)).max(1);
+        let mut left = Some(self);
+        std::iter::from_fn(move || {
+            let all = left.take().filter(|all| all.count() > 0)?;
+            let size = size.min(all.count());
+            let (first, others) = all.split_at(size);
+            left = Some(others);
+            Some(first)
+        })
+    }
+}
+
 /// Items in chunks of `size`, each with its own of `parts`: every item has as many, one item's after the
 /// other's.
 pub fn chunks_with_parts<'a, T, U>(
@@ -306,57 +334,61 @@ pub fn chunks_with_parts<'a, T, U>(
     })
 }
 
-/// A slice whose members several threads use at once, each other ones.
+/// A slice whose members several threads use at once, each other ones. They are numbered from any number on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shared<'a, T> {
-    start: *mut T,
-    len: usize,
+    /// Where number 0 is, or would be.
+    zero: *mut T,
+    first: usize,
+    end: usize,
     lifetime: PhantomData<&'a mut [T]>,
 }
 
-// SAFETY: it is a `&mut [T]` of which each thread uses other members, as `get` and `get_mut` demand.
+// SAFETY: it is a `&mut [T]` of which each thread uses other members, as `get_mut` demands.
 unsafe impl<T: Send + Sync> Send for Shared<'_, T> {}
 // SAFETY: as above.
 unsafe impl<T: Send + Sync> Sync for Shared<'_, T> {}
 
 impl<'a, T> Shared<'a, T> {
     /// Of which `get_mut` must not be used.
-    pub(crate) fn reading(slice: &'a [T]) -> Self {
-        Self { start: slice.as_ptr().cast_mut(), len: slice.len(), lifetime: PhantomData }
+    pub(crate) fn reading(first: usize, slice: &'a [T]) -> Self {
+        let zero = slice.as_ptr().cast_mut().wrapping_sub(first);
+        Self { zero, first, end: first + slice.len(), lifetime: PhantomData }
     }
 
-    pub(crate) fn new(slice: &'a mut [T]) -> Self {
-        Self { start: slice.as_mut_ptr(), len: slice.len(), lifetime: PhantomData }
+    pub(crate) fn new(first: usize, slice: &'a mut [T]) -> Self {
+        let zero = slice.as_mut_ptr().wrapping_sub(first);
+        Self { zero, first, end: first + slice.len(), lifetime: PhantomData }
     }
 
-    #[inline(always)]
     pub(crate) fn len(&self) -> usize {
-        self.len
+        self.end - self.first
     }
 
-    /// Where a member would be.
+    /// # Panics
+    /// Not all of these are there.
     #[inline(always)]
-    pub(crate) fn address(&self, index: u32) -> *const T {
-        self.start.wrapping_add(index as usize)
+    pub(crate) fn check(&self, numbers: Range<usize>) {
+        // One by one: no flags to be combined.
+        assert!(self.first <= numbers.start);
+        assert!(numbers.start <= numbers.end);
+        assert!(numbers.end <= self.end);
     }
 
-    /// Where a member is.
-    ///
-    /// # Safety
-    /// There is one.
+    /// Where a member is, or would be.
     #[inline(always)]
-    pub(crate) unsafe fn place(&self, index: u32) -> *mut T {
-        // SAFETY: within the slice, as the caller promises.
-        unsafe { self.start.add(index as usize) }
+    pub(crate) fn place(&self, number: u32) -> *mut T {
+        self.zero.wrapping_add(number as usize)
     }
 
     /// # Safety
     /// Nobody else uses these members at the same time.
     #[inline(always)]
     #[allow(clippy::mut_from_ref)]
-    pub(crate) unsafe fn get_mut(&self, range: Range<usize>) -> &mut [T] {
-        assert!(range.start <= range.end && range.end <= self.len);
+    pub(crate) unsafe fn get_mut(&self, numbers: Range<usize>) -> &mut [T] {
+        self.check(numbers.clone());
+        let start = self.zero.wrapping_add(numbers.start);
         // SAFETY: within the slice; the caller keeps others away.
-        unsafe { std::slice::from_raw_parts_mut(self.start.add(range.start), range.len()) }
+        unsafe { std::slice::from_raw_parts_mut(start, numbers.len()) }
     }
 }

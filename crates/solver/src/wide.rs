@@ -3,6 +3,8 @@
 //! The kernels are those of [`pgs`](crate::pgs), run on a number that is sixteen numbers. The
 //! velocities of the bodies are gathered once per visit to a block and serve all its points.
 
+mod batch;
+mod best;
 mod block;
 mod conjugate;
 pub(crate) mod passes;
@@ -10,18 +12,20 @@ mod walk;
 
 use std::sync::Arc;
 
-pub use crate::batch::Batch;
-use crate::batch::{self, Sizes};
+pub use batch::Batch;
+pub use best::{Wide, WideBatch};
+
+use crate::batch::{Extent, Sizes};
 use crate::certificate::{Certificate, Tally};
 use crate::color::{Coloring, Placed};
 use crate::island::Islands;
-use crate::lanes::{Lanes, Portable, Several, WIDTH};
-use crate::team::{Team, chunks_with_parts};
+use crate::lanes::{Lanes, Several, WIDTH};
+use crate::team::{Divide, Team, chunks_with_parts};
 use crate::{Contact, InverseMass, Manifold, Real, Repair, System, Vector, Velocity};
 use block::{Block, contact_in};
 use conjugate::Conjugate;
 use passes::{Passes, Targets, passes};
-use walk::Field;
+use walk::{Field, Traces};
 
 /// Manifolds and their points, to be packed.
 pub trait Rows<const L: usize>: Sync {
@@ -184,161 +188,6 @@ pub struct Trace<const L: usize> {
     pub gap: Vector<f32, L>,
 }
 
-/// A system of `f32` contacts, packed, on the best lanes of this machine.
-#[derive(Clone, Debug)]
-pub enum Wide<const L: usize, const A: usize> {
-    /// On any machine.
-    Portable(Packed<Portable, L, A>),
-    /// On one with AVX2.
-    #[cfg(target_arch = "x86_64")]
-    Avx2(Packed<crate::lanes::Avx2, L, A>),
-}
-
-/// Does the same on whichever lanes there are.
-macro_rules! on_lanes {
-    ($wide:expr, $packed:ident => $do:expr) => {
-        match $wide {
-            Wide::Portable($packed) => $do,
-            #[cfg(target_arch = "x86_64")]
-            Wide::Avx2($packed) => $do,
-        }
-    };
-}
-
-impl<const L: usize, const A: usize> Wide<L, A> {
-    /// An empty one.
-    pub fn new() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if crate::lanes::avx2_available() {
-            return Self::Avx2(Packed::new());
-        }
-        Self::Portable(Packed::new())
-    }
-
-    /// [`Packed::set_team`].
-    pub fn set_team(&mut self, team: Arc<Team>) {
-        on_lanes!(self, packed => packed.set_team(team));
-    }
-
-    /// [`Packed::pack`].
-    pub fn pack(&mut self, rows: &impl Rows<L>, masses: &[InverseMass<f32, L, A>], softness: f32) {
-        on_lanes!(self, packed => packed.pack(rows, masses, softness));
-    }
-
-    /// [`Packed::forget`].
-    pub fn forget(&mut self) {
-        on_lanes!(self, packed => packed.forget());
-    }
-
-    /// [`Packed::trace`].
-    pub fn trace(
-        &mut self,
-        batch: &Batch,
-        displacements: &[Velocity<f32, L, A>],
-        hold: f32,
-        traces: &mut [Trace<L>],
-    ) {
-        on_lanes!(self, packed => packed.trace(batch, displacements, hold, traces));
-    }
-
-    /// [`Packed::unpack`].
-    pub fn unpack(&self, system: &mut System<f32, L, A>) {
-        on_lanes!(self, packed => packed.unpack(system));
-    }
-
-    /// [`Packed::take_impacts`].
-    pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
-        on_lanes!(self, packed => packed.take_impacts(system));
-    }
-
-    /// [`Packed::take_impulses`].
-    pub fn take_impulses(&mut self, system: &System<f32, L, A>) {
-        on_lanes!(self, packed => packed.take_impulses(system));
-    }
-
-    /// [`Packed::apply_impulses`].
-    pub fn apply_impulses(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
-        on_lanes!(self, packed => packed.apply_impulses(batch, velocities));
-    }
-
-    /// [`Packed::set_targets`].
-    pub fn set_targets(&mut self, displacements: &[Velocity<f32, L, A>], repair: &Repair<f32>) {
-        on_lanes!(self, packed => packed.set_targets(displacements, repair));
-    }
-
-    /// [`Packed::sweep_normals_to_targets`].
-    pub fn sweep_normals_to_targets(
-        &mut self,
-        batch: &Batch,
-        velocities: &mut [Velocity<f32, L, A>],
-        displacements: &[Velocity<f32, L, A>],
-        repair: &Repair<f32>,
-    ) {
-        on_lanes!(self, packed => {
-            packed.sweep_normals_to_targets(batch, velocities, displacements, repair)
-        });
-    }
-
-    /// [`Packed::set_islands`].
-    pub fn set_islands(&mut self, islands: &Islands) {
-        on_lanes!(self, packed => packed.set_islands(islands));
-    }
-
-    /// [`Packed::certify`].
-    pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
-        &self,
-        velocities: &[Velocity<f32, L, A>],
-        prospective: &[Velocity<f32, L, A>],
-        islands: &Islands,
-        tally: &'a mut Tally<L, A>,
-    ) -> &'a [Certificate] {
-        on_lanes!(self, packed => {
-            packed.certify::<RESIDUALS, LINE>(velocities, prospective, islands, tally)
-        })
-    }
-
-    /// [`Packed::begin_conjugate`].
-    pub fn begin_conjugate(&mut self, islands: usize) {
-        on_lanes!(self, packed => packed.begin_conjugate(islands));
-    }
-
-    /// [`Packed::conjugate`].
-    pub fn conjugate(&mut self, velocities: &mut [Velocity<f32, L, A>], done: &[bool]) {
-        on_lanes!(self, packed => packed.conjugate(velocities, done));
-    }
-
-    /// [`Packed::sweep`].
-    pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        on_lanes!(self, packed => packed.sweep(velocities));
-    }
-
-    /// [`Packed::sweep_normals`].
-    pub fn sweep_normals(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
-        on_lanes!(self, packed => packed.sweep_normals(batch, velocities));
-    }
-
-    /// [`Packed::relax`].
-    pub fn relax(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
-        on_lanes!(self, packed => packed.relax(batch, velocities));
-    }
-
-    /// [`Packed::batches`].
-    pub fn batches(&self) -> &[Batch] {
-        on_lanes!(self, packed => packed.batches())
-    }
-
-    /// [`Packed::whole`].
-    pub fn whole(&self) -> Batch {
-        on_lanes!(self, packed => packed.whole())
-    }
-}
-
-impl<const L: usize, const A: usize> Default for Wide<L, A> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// Blocks of a strip that are taken in one after the other, at least, and one of each color: what is read for
 /// them stays in the first cache.
 const STRIP: usize = 32;
@@ -349,7 +198,7 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     blocks: Vec<Block<V, L, A>>,
     contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
-    batches: Vec<Batch>,
+    extents: Vec<Extent>,
     conjugate: Conjugate<V, L>,
     /// The softness of its points; `None` if they have to be taken in anew.
     softness: Option<f32>,
@@ -370,7 +219,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             blocks: Vec::new(),
             contacts: Vec::new(),
             coloring: Coloring::default(),
-            batches: Vec::new(),
+            extents: Vec::new(),
             conjugate: Conjugate::default(),
             softness: None,
             team: Arc::default(),
@@ -389,12 +238,11 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
         let joins = |body: u32| moves(body) || !rows.stands(body);
         let again = self.softness.replace(softness) == Some(softness);
-        let Self { blocks, contacts, coloring, batches, team, passes, .. } = self;
+        let Self { blocks, contacts, coloring, extents, team, .. } = self;
         let sizes = Sizes {
             body: 8 * size_of::<Velocity<f32, L, A>>(),
             manifold: size_of::<Block<V, L, A>>() / WIDTH,
             point: size_of::<Contact<V, L>>() / WIDTH,
-            batch: batch::size(team.members()),
         };
         let bodies = (0..masses.len() as u32).map(|body| [moves(body), joins(body)]);
         let past = |of| if again { rows.past(of) } else { Past::New };
@@ -406,8 +254,6 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             coloring.update(sizes, past)
         };
         if placed == Placed::Anew {
-            batches.clear();
-            batches.extend((0..coloring.batches.len()).map(|batch| coloring.batch(batch)));
             blocks.resize_with(coloring.points.len(), Block::empty);
             let mut first = 0;
             for (block, &room) in blocks.iter_mut().zip(&coloring.rooms) {
@@ -415,49 +261,52 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                 first += room;
             }
             contacts.resize_with(first as usize, Contact::default);
+            coloring.extents(extents);
         }
-        let (coloring, useful) = (&*coloring, team.is_useful(blocks.len()));
-        // A batch stays in the cache as it is.
-        let whole = if batches.len() > 1 { 0 } else { blocks.len() };
-        let strips = (whole / STRIP.max(coloring.colors.len())).max(1);
-        let field = Field::new(blocks, contacts, coloring, 0..coloring.colors.len());
-        team.run(useful, &|member| {
-            V::run(
-                #[inline(always)]
-                || {
-                    field.each_own(
-                        member,
-                        strips,
-                        #[inline(always)]
-                        |index, block, points| {
-                            let mut members = &coloring.members[index];
-                            let changed;
-                            if placed == Placed::Same {
-                                changed = members.changed(past);
-                                members = &changed;
-                            }
-                            if members.stale != 0 {
-                                let points = &mut points[..coloring.points[index] as usize];
-                                block.seat(members, coloring);
-                                block.take(members, rows, masses, points);
-                                passes.prepare(block, points, softness);
-                            }
-                        },
-                    );
-                },
-            );
+        let whole = self.whole(&mut []);
+        let (team, runs) = (whole.team, whole.runs());
+        team.for_each(runs > 1, whole.divide(runs), |mut run| {
+            let Batch { coloring, passes, .. } = run;
+            // A batch stays in the cache as it is.
+            let blocks = if run.count() > 1 { 0 } else { run.size() };
+            let strips = (blocks / STRIP.max(coloring.colors.len())).max(1);
+            let useful = team.is_useful(run.size());
+            let field = Field::new(&mut run);
+            team.run(useful, &|member| {
+                V::run(
+                    #[inline(always)]
+                    || {
+                        field.each_own(
+                            member,
+                            strips,
+                            #[inline(always)]
+                            |index, block, points| {
+                                let mut members = &coloring.members[index];
+                                let changed;
+                                if placed == Placed::Same {
+                                    changed = members.changed(past);
+                                    members = &changed;
+                                }
+                                if members.stale != 0 {
+                                    let points = &mut points[..coloring.points[index] as usize];
+                                    block.seat(members, coloring);
+                                    block.take(members, coloring, rows, masses, points);
+                                    passes.prepare(block, points, softness);
+                                }
+                            },
+                        );
+                    },
+                );
+            });
         });
     }
 
-    /// What can be solved through all substeps, one after the other ([`Rows::stands`]).
-    pub fn batches(&self) -> &[Batch] {
-        &self.batches
-    }
-
-    /// All bodies and manifolds as one.
-    pub fn whole(&self) -> Batch {
-        let Coloring { colors, division, .. } = &self.coloring;
-        Batch { bodies: 0..division.all(), colors: 0..colors.len(), blocks: 0..self.blocks.len() }
+    /// All bodies and manifolds as one, to be split into what can be solved through all substeps, one after
+    /// the other ([`Rows::stands`]). [`Batch::trace`] writes to `traces`, as many as there are points; without
+    /// it they can be none.
+    pub fn whole<'a>(&'a mut self, traces: &'a mut [Trace<L>]) -> Batch<'a, V, L, A> {
+        let Self { extents, blocks, contacts, coloring, team, passes, .. } = self;
+        Batch::new(extents, blocks, contacts, (coloring, Traces::new(traces)), (team, *passes))
     }
 
     /// Gives `system` the manifolds and contacts as they are now.
@@ -470,7 +319,9 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             let points = self.coloring.points_of(index as u32);
             last = points.end;
             let (first, count) = (points.start as u32, points.len() as u32);
-            manifolds.push(Manifold { first, count, ..self.blocks[block].manifold_in(lane) });
+            let bodies = self.coloring.outline(index as u32).bodies;
+            let manifold = self.blocks[block].manifold_in(lane, bodies);
+            manifolds.push(Manifold { first, count, ..manifold });
         }
         contacts.resize_with(last, Contact::default);
         let (useful, share) = self.team.share(manifolds.len(), WIDTH);
@@ -489,41 +340,10 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         });
     }
 
-    /// [`System::apply_impulses`].
-    pub fn apply_impulses(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
-        self.passes.apply_impulses(self, batch, velocities);
-    }
-
     /// [`System::set_targets`].
     pub fn set_targets(&mut self, displacements: &[Velocity<f32, L, A>], repair: &Repair<f32>) {
-        self.passes.set_targets(self, &Targets::new(displacements, repair));
-    }
-
-    /// [`pgs::sweep`](crate::pgs::sweep).
-    pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.passes.sweep(self, velocities);
-    }
-
-    /// [`pgs::sweep_normals`](crate::pgs::sweep_normals).
-    pub fn sweep_normals(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
-        self.passes.sweep_normals(self, batch, velocities, None);
-    }
-
-    /// [`System::set_targets`] and [`pgs::sweep_normals`](crate::pgs::sweep_normals) in one pass.
-    pub fn sweep_normals_to_targets(
-        &mut self,
-        batch: &Batch,
-        velocities: &mut [Velocity<f32, L, A>],
-        displacements: &[Velocity<f32, L, A>],
-        repair: &Repair<f32>,
-    ) {
-        let targets = Targets::new(displacements, repair);
-        self.passes.sweep_normals(self, batch, velocities, Some(&targets));
-    }
-
-    /// [`pgs::relax`](crate::pgs::relax).
-    pub fn relax(&mut self, batch: &Batch, velocities: &mut [Velocity<f32, L, A>]) {
-        self.passes.relax(self, batch, velocities);
+        let targets = Targets::new(0, displacements, repair);
+        self.passes.set_targets(&mut self.whole(&mut []), &targets);
     }
 
     /// One iteration of [`nncg`](crate::nncg) over the islands that are not `done`.
@@ -542,18 +362,6 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         tally: &'a mut Tally<L, A>,
     ) -> &'a [Certificate] {
         self.passes.certify(self, [RESIDUALS, LINE], [velocities, prospective], islands, tally)
-    }
-
-    /// Moves gaps and slips on, once bodies have moved by `displacements`, and gives what the points hand to
-    /// the next step, one manifold's after the other's: `hold` is that of [`Repair`].
-    pub fn trace(
-        &mut self,
-        batch: &Batch,
-        displacements: &[Velocity<f32, L, A>],
-        hold: f32,
-        traces: &mut [Trace<L>],
-    ) {
-        self.passes.trace(self, batch, displacements, hold, traces);
     }
 
     /// Has all be taken in anew by the next [`Packed::pack`].
@@ -590,11 +398,8 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
 
     /// Tells each manifold which island it belongs to.
     pub fn set_islands(&mut self, islands: &Islands) {
-        for block in &mut self.blocks {
-            for lane in 0..WIDTH {
-                let bodies = block.bodies.map(|side| side[lane]);
-                block.islands[lane] = islands.of_pair(bodies);
-            }
+        for block in self.blocks.iter_mut().filter(|block| block.used != 0) {
+            block.islands = block.pairs().map(|bodies| islands.of_pair(bodies));
         }
     }
 }

@@ -1,7 +1,6 @@
 //! [`Block`]: sixteen manifolds side by side.
 
 use super::{Rows, Seats, open, set};
-use crate::batch::Outline;
 use crate::color::{Coloring, Members};
 use crate::island::NONE;
 use crate::lanes::{Lanes, Several, WIDTH, lanes_of};
@@ -20,10 +19,13 @@ pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
     /// The lanes in use, as bits.
     pub(super) used: u16,
     pub(super) bodies: [[u32; WIDTH]; 2],
-    /// All bodies are before this one.
-    pub(super) end: u32,
+    /// All of these are from the first to before the second: the bodies of its batch.
+    pub(super) reach: [u32; 2],
     /// Of each side, the lanes whose body can be moved, as bits.
     pub(super) moving: [u16; 2],
+    /// The same of those whose body is in another batch: it stands. The other body of the manifold is named
+    /// in its stead.
+    pub(super) away: [u16; 2],
     pub(super) islands: [u32; WIDTH],
     pub(super) masses: [InverseMass<V, L, A>; 2],
     pub(super) mobility: Mobility<V, L, A>,
@@ -36,8 +38,9 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         Self {
             used: 0,
             bodies: [[0; WIDTH]; 2],
-            end: 1,
+            reach: [0, 1],
             moving: [0; 2],
+            away: [0; 2],
             islands: [NONE; WIDTH],
             masses: [InverseMass::default(); 2],
             mobility: Mobility::default(),
@@ -45,18 +48,43 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Gives it other manifolds.
+    /// Gives it other manifolds in lanes that are stale, and idle ones something of its batch.
     pub(super) fn seat(&mut self, members: &Members, coloring: &Coloring) {
-        (self.used, self.end, self.moving) = (members.used, 0, [0; 2]);
-        for (lane, &manifold) in members.manifolds.iter().enumerate() {
-            let Outline { bodies, moving, .. } = *coloring.outline(manifold);
+        let Members { used, stale, manifolds } = members;
+        let batch = coloring.outline(manifolds[0]).batch;
+        let own = coloring.division.bodies(usize::from(batch));
+        self.reach = [own.start, own.end].map(|body| body as u32);
+        let [first, end] = self.reach;
+        let is_own = |body: u32| first <= body && body < end;
+        let (changed, mut moving, mut away) = (*stale | !*used, [0; 2], [0; 2]);
+        for lane in lanes_of(changed) {
+            let outline = coloring.outline(manifolds[lane]);
             for side in 0..2 {
-                self.bodies[side][lane] = bodies[side];
-                self.end = self.end.max(bodies[side] + 1);
-                // Idle lanes are not written back.
-                self.moving[side] |= u16::from(moving[side]) << lane & members.used;
+                let [body, other] = [outline.bodies[side], outline.bodies[1 - side]];
+                moving[side] |= u16::from(outline.moving[side]) << lane;
+                away[side] |= u16::from(!is_own(body)) << lane;
+                self.bodies[side][lane] = if is_own(body) { body } else { other };
+                assert!(is_own(self.bodies[side][lane]), "a manifold of the batch");
             }
         }
+        for side in 0..2 {
+            // Idle lanes are not written back.
+            self.moving[side] = (self.moving[side] & !changed | moving[side]) & used;
+            self.away[side] = self.away[side] & !changed | away[side];
+        }
+        self.used = *used;
+    }
+
+    /// The bodies of each side, those of other batches included.
+    #[inline(always)]
+    fn bodies_of(&self, members: &Members, coloring: &Coloring) -> [[u32; WIDTH]; 2] {
+        let mut out = self.bodies;
+        for side in 0..2 {
+            for lane in lanes_of(self.away[side]) {
+                out[side][lane] = coloring.outline(members.manifolds[lane]).bodies[side];
+            }
+        }
+        out
     }
 
     /// Takes those of its manifolds in that are stale, and their points.
@@ -64,12 +92,14 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     pub(super) fn take(
         &mut self,
         members: &Members,
+        coloring: &Coloring,
         rows: &impl Rows<L>,
         masses: &[InverseMass<f32, L, A>],
         points: &mut [Contact<V, L>],
     ) {
         let before = std::mem::replace(&mut self.manifold.count, points.len() as u32) as usize;
-        let (manifolds, bodies, moving) = (&members.manifolds, &self.bodies, self.moving);
+        let (manifolds, bodies, moving) =
+            (&members.manifolds, &self.bodies_of(members, coloring), self.moving);
         let all = Seats { manifolds, bodies, moving, lanes: members.used, first: 0 };
         let stale = members.stale & members.used;
         if stale.count_ones() > SINGLY || stale == members.used || points.len() > FEW {
@@ -105,11 +135,11 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// The manifold in a lane, without its points.
-    pub(super) fn manifold_in(&self, lane: usize) -> Manifold<f32, L> {
+    /// The manifold in a lane, which is between these bodies, without its points.
+    pub(super) fn manifold_in(&self, lane: usize, bodies: [u32; 2]) -> Manifold<f32, L> {
         let wide = &self.manifold;
         Manifold {
-            bodies: self.bodies.map(|side| side[lane]),
+            bodies,
             frame: std::array::from_fn(|i| get(&wide.frame[i], lane)),
             arms: std::array::from_fn(|i| get(&wide.arms[i], lane)),
             friction: wide.friction.get(lane),
@@ -122,6 +152,16 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
 
     pub(super) fn parts(&self) -> Parts<'_, V, L, A> {
         (&self.manifold, &self.mobility, &self.masses)
+    }
+
+    /// The bodies of each lane.
+    ///
+    /// # Panics
+    /// One is in another batch.
+    pub(super) fn pairs(&self) -> [[u32; 2]; WIDTH] {
+        assert_eq!(self.away, [0; 2], "manifolds within one batch");
+        let [a, b] = &self.bodies;
+        std::array::from_fn(|lane| [a[lane], b[lane]])
     }
 
     /// Whether all its manifolds belong to islands that are done.

@@ -67,13 +67,15 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
     velocities: &mut [Velocity<f32, L, A>],
     done: &[bool],
 ) {
-    let Packed { blocks, contacts, conjugate: state, coloring, team, .. } = packed;
-    let ground = Ground::new(blocks, &coloring.colors, contacts, velocities);
-    let before = Shared::new(&mut state.before);
-    let direction = Shared::new(&mut state.direction);
-    let gradients = Shared::new(&mut state.gradients);
+    let mut state = std::mem::take(&mut packed.conjugate);
+    let mut whole = packed.whole(&mut []);
+    let (team, useful) = (whole.team, whole.team.is_useful(whole.size()));
+    let ground = Ground::new(&mut whole, velocities);
+    let before = Shared::new(0, &mut state.before);
+    let direction = Shared::new(0, &mut state.direction);
+    let gradients = Shared::new(0, &mut state.gradients);
     let betas = &state.betas;
-    team.run(team.is_useful(ground.blocks.len()), &|member| {
+    team.run(useful, &|member| {
         V::run(
             #[inline(always)]
             || {
@@ -126,5 +128,6 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
             },
         );
     });
+    packed.conjugate = state;
     packed.find_betas(done);
 }

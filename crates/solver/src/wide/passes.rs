@@ -9,8 +9,8 @@ use std::fmt::Debug;
 
 use super::block::{Block, splat};
 use super::conjugate;
-use super::walk::{Field, Ground, Traces};
-use super::{Batch, Packed, Trace};
+use super::walk::{Field, Ground};
+use super::{Batch, Packed};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
 use crate::lanes::{Lanes, PART, WIDTH, lanes_of};
@@ -24,26 +24,20 @@ type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
 pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync {
     fn prepare(&self, block: &mut Block<V, L, A>, points: &mut [Contact<V, L>], softness: f32);
 
-    fn apply_impulses(
-        &self,
-        packed: &mut Packed<V, L, A>,
-        batch: &Batch,
-        velocities: &mut Velocities<L, A>,
-    );
+    fn apply_impulses(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
-    fn set_targets(&self, packed: &mut Packed<V, L, A>, targets: &Targets<'_, V, L, A>);
+    fn set_targets(&self, batch: &mut Batch<'_, V, L, A>, targets: &Targets<'_, V, L, A>);
 
     fn sweep_normals(
         &self,
-        packed: &mut Packed<V, L, A>,
-        batch: &Batch,
+        batch: &mut Batch<'_, V, L, A>,
         velocities: &mut Velocities<L, A>,
         targets: Option<&Targets<'_, V, L, A>>,
     );
 
-    fn sweep(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>);
+    fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
-    fn relax(&self, packed: &mut Packed<V, L, A>, batch: &Batch, velocities: &mut Velocities<L, A>);
+    fn relax(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
     fn conjugate(
         &self,
@@ -62,14 +56,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         tally: &'a mut Tally<L, A>,
     ) -> &'a [Certificate];
 
-    fn trace(
-        &self,
-        packed: &mut Packed<V, L, A>,
-        batch: &Batch,
-        displacements: &Velocities<L, A>,
-        hold: f32,
-        traces: &mut [Trace<L>],
-    );
+    fn trace(&self, batch: &mut Batch<'_, V, L, A>, displacements: &Velocities<L, A>, hold: f32);
 }
 
 /// References to `&dyn Passes<Self, L, A>`, one for each kind of bodies.
@@ -110,14 +97,10 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         );
     }
 
-    fn apply_impulses(
-        &self,
-        packed: &mut Packed<V, L, A>,
-        batch: &Batch,
-        velocities: &mut Velocities<L, A>,
-    ) {
-        let (team, ground) = ground(packed, batch, velocities);
-        team.run(team.is_useful(batch.blocks.len()), &|member| {
+    fn apply_impulses(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
+        let (team, useful) = workers(batch);
+        let ground = Ground::new(batch, velocities);
+        team.run(useful, &|member| {
             V::run(
                 #[inline(always)]
                 || {
@@ -135,10 +118,9 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         });
     }
 
-    fn set_targets(&self, packed: &mut Packed<V, L, A>, targets: &Targets<'_, V, L, A>) {
-        let Packed { blocks, contacts, coloring, team, .. } = packed;
-        let useful = team.is_useful(blocks.len());
-        let field = Field::new(blocks, contacts, coloring, 0..coloring.colors.len());
+    fn set_targets(&self, batch: &mut Batch<'_, V, L, A>, targets: &Targets<'_, V, L, A>) {
+        let (team, useful) = workers(batch);
+        let field = Field::new(batch);
         team.run(useful, &|member| {
             V::run(
                 #[inline(always)]
@@ -158,25 +140,19 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn sweep_normals(
         &self,
-        packed: &mut Packed<V, L, A>,
-        batch: &Batch,
+        batch: &mut Batch<'_, V, L, A>,
         velocities: &mut Velocities<L, A>,
         targets: Option<&Targets<'_, V, L, A>>,
     ) {
-        visit_all::<V, L, A, false, false>(packed, batch, velocities, targets);
+        visit_all::<V, L, A, false, false>(batch, velocities, targets);
     }
 
-    fn sweep(&self, packed: &mut Packed<V, L, A>, velocities: &mut Velocities<L, A>) {
-        visit_all::<V, L, A, false, true>(packed, &packed.whole(), velocities, None);
+    fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
+        visit_all::<V, L, A, false, true>(batch, velocities, None);
     }
 
-    fn relax(
-        &self,
-        packed: &mut Packed<V, L, A>,
-        batch: &Batch,
-        velocities: &mut Velocities<L, A>,
-    ) {
-        visit_all::<V, L, A, true, true>(packed, batch, velocities, None);
+    fn relax(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
+        visit_all::<V, L, A, true, true>(batch, velocities, None);
     }
 
     fn conjugate(
@@ -204,18 +180,11 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         }
     }
 
-    fn trace(
-        &self,
-        packed: &mut Packed<V, L, A>,
-        batch: &Batch,
-        displacements: &Velocities<L, A>,
-        hold: f32,
-        traces: &mut [Trace<L>],
-    ) {
-        let Packed { blocks, contacts, coloring, team, .. } = packed;
-        assert_eq!(traces.len(), coloring.all_points(), "a trace for each point");
-        let (traces, useful) = (Traces::new(traces), team.is_useful(batch.blocks.len()));
-        let field = Field::new(blocks, contacts, coloring, batch.colors.clone());
+    fn trace(&self, batch: &mut Batch<'_, V, L, A>, displacements: &Velocities<L, A>, hold: f32) {
+        let ((team, useful), first) = (workers(batch), batch.bodies.start);
+        let (coloring, traces) = (batch.coloring, batch.traces);
+        assert_eq!(traces.count(), coloring.all_points(), "a trace for each point");
+        let field = Field::new(batch);
         team.run(useful, &|member| {
             V::run(
                 #[inline(always)]
@@ -225,8 +194,11 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
                         1,
                         #[inline(always)]
                         |index, block, points| {
+                            if block.used == 0 {
+                                return;
+                            }
                             let (manifold, members) = (&block.manifold, &coloring.members[index]);
-                            let [moved_a, moved_b] = block.gather_from(displacements);
+                            let [moved_a, moved_b] = block.gather_from(first, displacements);
                             let moved = manifold.twist(&moved_a, &moved_b);
                             let points = points[..manifold.count as usize].iter_mut();
                             for (point, contact) in points.enumerate() {
@@ -243,24 +215,21 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     }
 }
 
-/// What a team works on.
-fn ground<'a, V: Lanes, const L: usize, const A: usize>(
-    packed: &'a mut Packed<V, L, A>,
-    batch: &Batch,
-    velocities: &'a mut Velocities<L, A>,
-) -> (&'a Team, Ground<'a, V, L, A>) {
-    let Packed { blocks, contacts, coloring, team, .. } = packed;
-    (team, Ground::new(blocks, &coloring.colors[batch.colors.clone()], contacts, velocities))
+/// Who goes over a batch, and whether they had better do it together.
+fn workers<'a, V: Lanes, const L: usize, const A: usize>(
+    batch: &Batch<'a, V, L, A>,
+) -> (&'a Team, bool) {
+    (batch.team, batch.team.is_useful(batch.size()))
 }
 
 fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
-    packed: &mut Packed<V, L, A>,
-    batch: &Batch,
+    batch: &mut Batch<'_, V, L, A>,
     velocities: &mut Velocities<L, A>,
     targets: Option<&Targets<'_, V, L, A>>,
 ) {
-    let (team, ground) = ground(packed, batch, velocities);
-    team.run(team.is_useful(batch.blocks.len()), &|member| {
+    let (team, useful) = workers(batch);
+    let ground = Ground::new(batch, velocities);
+    team.run(useful, &|member| {
         V::run(
             #[inline(always)]
             || {
@@ -297,7 +266,10 @@ fn certify<
         || {
             for block in &packed.blocks {
                 let points = &packed.contacts[block.manifold.points()];
-                let own = block.gather_from(velocities);
+                if block.used == 0 {
+                    continue;
+                }
+                let (own, pairs) = (block.gather_from(0, velocities), block.pairs());
                 for part in 0..WIDTH / PART {
                     let used = block.used >> (PART * part) & ((1 << PART) - 1);
                     if used == 0 {
@@ -306,9 +278,8 @@ fn certify<
                     let evidence: Evidence<V::Doubles, L, A> =
                         Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &own);
                     for lane in lanes_of(used << (PART * part)) {
-                        let bodies = block.bodies.map(|side| side[lane]);
                         tally.add::<V::Doubles, RESIDUALS, LINE>(
-                            bodies,
+                            pairs[lane],
                             block.islands[lane],
                             &evidence,
                             lane % PART,
@@ -324,13 +295,20 @@ fn certify<
 /// What targets are set from ([`System::set_targets`](crate::System::set_targets)).
 #[derive(Clone, Copy)]
 pub(crate) struct Targets<'a, V: Lanes, const L: usize, const A: usize> {
+    /// The number of the first body.
+    first: usize,
     displacements: &'a [Velocity<f32, L, A>],
     repair: Repair<V>,
 }
 
 impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
-    pub(super) fn new(displacements: &'a [Velocity<f32, L, A>], repair: &Repair<f32>) -> Self {
+    pub(super) fn new(
+        first: usize,
+        displacements: &'a [Velocity<f32, L, A>],
+        repair: &Repair<f32>,
+    ) -> Self {
         Self {
+            first,
             displacements,
             repair: Repair {
                 dt: splat(repair.dt),
@@ -345,7 +323,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
     /// Those of the points of a block.
     #[inline(always)]
     fn set(&self, block: &Block<V, L, A>, points: &mut [Contact<V, L>]) {
-        let [a, b] = block.gather_from(self.displacements);
+        let [a, b] = block.gather_from(self.first, self.displacements);
         let moved = block.manifold.twist(&a, &b);
         for contact in points {
             contact.set_target(&moved, &self.repair);

@@ -9,8 +9,8 @@
 
 use std::ops::Range;
 
-use super::Trace;
 use super::block::Block;
+use super::{Batch, Trace};
 use crate::color::{BINS, Color, Coloring, Members};
 use crate::lanes::{Lanes, Row, WIDTH, gather, lanes_of, scatter};
 use crate::team::{Member, Shared};
@@ -20,9 +20,11 @@ use crate::{Contact, Manifold, Velocity, each_lane};
 /// With less, asking takes longer than it saves.
 const LARGE: usize = 4 << 20;
 
-/// A packed system and the velocities of its bodies.
+/// A batch and the velocities of its bodies.
 pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a [Block<V, L, A>],
+    /// The number of the first block.
+    first: usize,
     /// The blocks of each color to walk over.
     colors: &'a [Color],
     contacts: Shared<'a, Contact<V, L>>,
@@ -53,31 +55,32 @@ pub(super) struct Visit<'a, V: Lanes, const L: usize, const A: usize> {
 
 impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     pub(super) fn new(
-        blocks: &'g [Block<V, L, A>],
-        colors: &'g [Color],
-        contacts: &'g mut [Contact<V, L>],
+        batch: &'g mut Batch<'_, V, L, A>,
         velocities: &'g mut [Velocity<f32, L, A>],
     ) -> Self {
-        let ends = colors.first().zip(colors.last());
-        let count = ends.map_or(0, |(first, last)| last.blocks.end - first.blocks.start);
-        let large = count as usize * size_of::<Block<V, L, A>>() > LARGE;
-        let (contacts, velocities) = (Shared::new(contacts), Shared::new(velocities));
-        Self { blocks, colors, contacts, velocities, large }
+        let Batch { bodies, colors, first_block: first, .. } = batch;
+        assert_eq!(velocities.len(), bodies.len(), "a velocity for each body of the batch");
+        let contacts = Shared::new(batch.first_point, batch.contacts);
+        let velocities = Shared::new(bodies.start, velocities);
+        let blocks = &*batch.blocks;
+        let large = size_of_val(blocks) > LARGE;
+        Self { blocks, first: *first, colors, contacts, velocities, large }
     }
 
     /// Asks for what the next blocks on the way need: the one after the next itself, and of the next, which was
     /// asked for before, points and velocities.
     #[inline(always)]
     fn look_ahead(&self, index: usize, back: bool) {
-        let next = |by: usize| if back { index.wrapping_sub(by) } else { index + by };
+        let own = index - self.first;
+        let next = |by: usize| if back { own.wrapping_sub(by) } else { own + by };
         if let Some(block) = self.blocks.get(next(2)) {
             fetch(block, 1);
         }
         if let Some(block) = self.blocks.get(next(1)) {
             let Manifold { first, count, .. } = block.manifold;
-            fetch(self.contacts.address(first), count as usize);
+            fetch(self.contacts.place(first), count as usize);
             for &body in block.bodies.iter().flatten() {
-                fetch(self.velocities.address(body), 1);
+                fetch(self.velocities.place(body), 1);
             }
         }
     }
@@ -133,13 +136,14 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
                 self.begun += 1;
             }
             let index = if self.back { self.share.next_back() } else { self.share.next() }?;
-            let Ground { blocks, contacts, velocities, large, .. } = self.ground;
+            let Ground { blocks, first, contacts, velocities, large, .. } = self.ground;
             if *large {
                 self.ground.look_ahead(index, self.back);
             }
+            let block = &blocks[index - first];
             // Some wait for manifolds to come.
-            if blocks[index].used != 0 {
-                return Some(Visit { index, block: &blocks[index], velocities, contacts });
+            if block.used != 0 {
+                return Some(Visit { index, block, velocities, contacts });
             }
         }
     }
@@ -186,21 +190,25 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
         let mut numbers = [V::ZERO; 8];
         numbers[..L].copy_from_slice(&velocity.linear.0);
         numbers[L..L + A].copy_from_slice(&velocity.angular.0);
+        let to = each_lane!(lane => self.velocities.place(bodies[lane]).cast());
         // SAFETY: checked above; nobody else is at these bodies, as in `gather`. A velocity takes up whole
         // rows.
         unsafe {
-            let to = each_lane!(lane => self.velocities.place(bodies[lane]).cast());
             scatter(&numbers[..L + A], to, self.block.moving[side]);
         }
     }
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
-    /// The velocities, or whatever else, of the bodies in each lane.
+    /// The velocities, or whatever else, of the bodies in each lane, `from` that of body number `first` on.
     #[inline(always)]
-    pub(super) fn gather_from(&self, from: &[Velocity<f32, L, A>]) -> [Velocity<V, L, A>; 2] {
+    pub(super) fn gather_from(
+        &self,
+        first: usize,
+        from: &[Velocity<f32, L, A>],
+    ) -> [Velocity<V, L, A>; 2] {
         // SAFETY: nobody changes what is borrowed.
-        unsafe { self.gather(&Shared::reading(from)) }
+        unsafe { self.gather(&Shared::reading(first, from)) }
     }
 
     /// # Safety
@@ -222,10 +230,11 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     ) -> Velocity<V, L, A> {
         let bodies = &self.bodies[side];
         let mut numbers = [V::ZERO; 8];
+        let at = each_lane!(lane => from.place(bodies[lane]).cast::<f32>().cast_const());
         // SAFETY: as the caller promises; a velocity is so many numbers.
-        unsafe {
-            let at = each_lane!(lane => from.place(bodies[lane]).cast::<f32>().cast_const());
-            gather(at, &mut numbers[..L + A]);
+        unsafe { gather(at, &mut numbers[..L + A]) };
+        if self.away[side] != 0 {
+            self.stop(side, &mut numbers[..L + A]);
         }
         let mut out = Velocity::ZERO;
         out.linear.0.copy_from_slice(&numbers[..L]);
@@ -233,11 +242,25 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         out
     }
 
+    /// Sets the numbers of bodies of other batches to zero, where those of their partners are.
+    #[inline(always)]
+    fn stop(&self, side: usize, numbers: &mut [V]) {
+        let mut away = [0.0; WIDTH];
+        for (lane, own) in away.iter_mut().enumerate() {
+            *own = f32::from(self.away[side] >> lane & 1);
+        }
+        let away = V::from_array(away);
+        for number in numbers {
+            *number = away.choose(V::ZERO, *number);
+        }
+    }
+
     /// Stops where a body of the block is not there: lanes are read and written without a look.
     #[inline(always)]
     fn check(&self, of: &Shared<'_, Velocity<f32, L, A>>) {
         const { assert!(size_of::<Velocity<f32, L, A>>() >= size_of::<Row>() * (L + A).div_ceil(4)) };
-        assert!(self.end as usize <= of.len(), "a velocity for each body");
+        let [first, end] = self.reach.map(|body| body as usize);
+        of.check(first..end);
     }
 }
 
@@ -250,14 +273,10 @@ pub(super) struct Field<'a, V: Lanes, const L: usize, const A: usize> {
 }
 
 impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
-    pub(super) fn new(
-        blocks: &'a mut [Block<V, L, A>],
-        contacts: &'a mut [Contact<V, L>],
-        coloring: &'a Coloring,
-        colors: Range<usize>,
-    ) -> Self {
-        let (blocks, contacts) = (Shared::new(blocks), Shared::new(contacts));
-        Self { blocks, contacts, coloring, colors: &coloring.colors[colors] }
+    pub(super) fn new(batch: &'a mut Batch<'_, V, L, A>) -> Self {
+        let Batch { coloring, colors, .. } = *batch;
+        let blocks = Shared::new(batch.first_block, &mut *batch.blocks);
+        Self { blocks, contacts: Shared::new(batch.first_point, batch.contacts), coloring, colors }
     }
 
     /// Hands a member what it takes: the numbers of blocks, these, and the points that they have room for. A
@@ -304,14 +323,19 @@ fn fetch<T>(first: *const T, count: usize) {
 }
 
 /// Where the traces of all points go.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Traces<'a, const L: usize>(Shared<'a, Trace<L>>);
 
 impl<'a, const L: usize> Traces<'a, L> {
     pub(super) fn new(traces: &'a mut [Trace<L>]) -> Self {
-        Self(Shared::new(traces))
+        Self(Shared::new(0, traces))
     }
 
-    /// Those of one point of each manifold of a block.
+    pub(super) fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Puts those of one point of each manifold of a block where they belong.
     #[inline(always)]
     pub(super) fn put<V: Lanes>(
         &self,
@@ -331,10 +355,8 @@ impl<'a, const L: usize> Traces<'a, L> {
         let mut numbers = [V::ZERO; 8];
         numbers[..L].copy_from_slice(&contact.impulse.0);
         numbers[L..2 * L].copy_from_slice(&contact.gap.0);
+        let to = each_lane!(lane => self.0.place(at[lane]).cast());
         // SAFETY: just checked; no other block has these points. A trace is so many numbers.
-        unsafe {
-            let to = each_lane!(lane => self.0.place(at[lane]).cast());
-            scatter(&numbers[..2 * L], to, lanes);
-        }
+        unsafe { scatter(&numbers[..2 * L], to, lanes) };
     }
 }

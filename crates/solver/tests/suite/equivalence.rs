@@ -10,8 +10,8 @@ use drystone_solver::color::Coloring;
 use drystone_solver::cone::Law;
 use drystone_solver::island::Islands;
 use drystone_solver::lanes::{Lanes, Portable, Several, WIDTH};
-use drystone_solver::team::Team;
-use drystone_solver::wide::{Batch, Packed, Past, Rows, Seats, Trace, Wide};
+use drystone_solver::team::{Divide, Team};
+use drystone_solver::wide::{Packed, Past, Rows, Seats, Trace, Wide};
 use drystone_solver::{
     Cast, Contact, InverseMass, Manifold, Repair, SymmetricMatrix, System, Vector, Velocity, pgs,
 };
@@ -103,13 +103,15 @@ fn packed<V: Lanes, const L: usize, const A: usize>(
     let mut system = system.clone();
     let mut packed = Packed::<V, L, A>::new();
     packed.pack(&system, &system.masses, 0.1);
-    let whole = packed.whole();
+    let v = &mut system.velocities;
     for _ in 0..3 {
-        packed.apply_impulses(&whole, &mut system.velocities);
-        packed.sweep_normals_to_targets(&whole, &mut system.velocities, displacements, &REPAIR);
+        let mut whole = packed.whole(&mut []);
+        whole.apply_impulses(v);
+        whole.sweep_normals_to_targets(v, displacements, &REPAIR);
         packed.set_targets(displacements, &REPAIR);
-        packed.sweep_normals(&whole, &mut system.velocities);
-        packed.relax(&whole, &mut system.velocities);
+        let mut whole = packed.whole(&mut []);
+        whole.sweep_normals(v);
+        whole.relax(v);
     }
     packed.unpack(&mut system);
     system
@@ -246,10 +248,10 @@ fn step_both<const L: usize, const A: usize>(
     let displacements: Vec<_> = system.velocities.iter().map(moved).collect();
     let mut traces = vec![Trace::default(); system.contacts.len()];
     let [after, kept] = [&mut anew, keeping].map(|packed| {
-        let (mut velocities, whole) = (system.velocities.clone(), packed.whole());
-        packed.sweep_normals_to_targets(&whole, &mut velocities, &displacements, &REPAIR);
-        packed.relax(&whole, &mut velocities);
-        packed.trace(&whole, &displacements, REPAIR.hold, &mut traces);
+        let (mut velocities, mut whole) = (system.velocities.clone(), packed.whole(&mut traces));
+        whole.sweep_normals_to_targets(&mut velocities, &displacements, &REPAIR);
+        whole.relax(&mut velocities);
+        whole.trace(&displacements, REPAIR.hold);
         let mut after = System { velocities, ..system.clone() };
         packed.unpack(&mut after);
         after
@@ -353,12 +355,12 @@ fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
         let mut wide = Wide::new();
         wide.set_team(Arc::new(Team::new(members)));
         wide.pack(&system, &system.masses, 0.1);
-        let whole = wide.whole();
         for _ in 0..2 {
-            wide.apply_impulses(&whole, &mut system.velocities);
+            wide.whole(&mut []).apply_impulses(&mut system.velocities);
             wide.set_targets(&still, &REPAIR);
-            wide.sweep_normals(&whole, &mut system.velocities);
-            wide.relax(&whole, &mut system.velocities);
+            let mut whole = wide.whole(&mut []);
+            whole.sweep_normals(&mut system.velocities);
+            whole.relax(&mut system.velocities);
         }
         wide.begin_conjugate(1);
         for _ in 0..3 {
@@ -400,7 +402,8 @@ fn crowds<const L: usize, const A: usize>(random: &mut Random) -> System<f32, L,
     all
 }
 
-/// Batches one after the other, each through all substeps, have the bits of substeps of everything.
+/// Batches each through all substeps, one after the other or on several threads at once, have the bits of
+/// substeps of everything.
 fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let mut system = crowds::<L, A>(random);
@@ -418,43 +421,50 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
             taken: AtomicUsize::new(0),
         };
         wide.pack(&rows, &system.masses, 0.1);
-        let batches = wide.batches().to_vec();
-        assert!(batches.len() > 2, "{} batches", batches.len());
-        let mut end = 0;
-        for batch in &batches {
-            assert_eq!(batch.bodies.start, std::mem::replace(&mut end, batch.bodies.end));
-        }
-        assert_eq!(end, system.velocities.len());
+        let mut side_by_side = wide.clone();
         let mut anew = Wide::new();
         anew.pack(&system, &system.masses, 0.1);
-        let mut traces = [(); 2].map(|()| vec![Trace::default(); system.contacts.len()]);
-        let [by_batch, by_all] = &mut traces;
-        let by = |wide: &mut Wide<L, A>, batches: &[Batch], traces: &mut [Trace<L>]| {
+        let mut join = [0; 2];
+        let mut by = |wide: &mut Wide<L, A>, divided: bool, members: usize| {
             let mut after = system.clone();
-            for batch in batches {
-                for _ in 0..3 {
-                    let v = &mut after.velocities;
-                    wide.apply_impulses(batch, v);
-                    wide.sweep_normals_to_targets(batch, v, &displacements, &REPAIR);
-                    wide.sweep_normals(batch, v);
-                    wide.relax(batch, v);
-                }
-                wide.trace(batch, &displacements, REPAIR.hold, traces);
+            let mut traces = vec![Trace::default(); system.contacts.len()];
+            let whole = wide.whole(&mut traces);
+            let parts = if divided { whole.count() } else { 1 };
+            assert!(!divided || parts > 2, "{parts} batches");
+            let (mut v, mut moved) = (&mut after.velocities[..], &displacements[..]);
+            let mut batches = Vec::new();
+            for batch in whole.divide(parts) {
+                let (own, later) = v.split_at_mut(batch.bodies().len());
+                let (own_moved, later_moved) = moved.split_at(own.len());
+                (v, moved) = (later, later_moved);
+                batches.push((batch, own, own_moved));
             }
+            assert!(v.is_empty(), "each body is in a batch");
+            if let [(first, ..), (second, ..), ..] = &batches[..] {
+                join = [first.bodies().end as u32 - 1, second.bodies().start as u32];
+            }
+            Team::new(members).for_each(true, batches.into_iter(), |(mut batch, v, moved)| {
+                for _ in 0..3 {
+                    batch.apply_impulses(v);
+                    batch.sweep_normals_to_targets(v, moved, &REPAIR);
+                    batch.sweep_normals(v);
+                    batch.sweep(v);
+                    batch.relax(v);
+                }
+                batch.trace(moved, REPAIR.hold);
+            });
             wide.unpack(&mut after);
-            after
+            (after, traces)
         };
-        let after = by(&mut wide, &batches, by_batch);
-        let whole = [anew.whole()];
-        assert_eq!(after, by(&mut anew, &whole, by_all));
-        assert_eq!(by_batch, by_all);
-        system = after;
+        let expected = by(&mut anew, false, 1);
+        assert_eq!(by(&mut wide, true, 1), expected);
+        assert_eq!(by(&mut side_by_side, true, 3), expected);
+        system = expected.0;
         if round == 1 {
             // Two of a batch and the next: it has to be divided otherwise.
-            let bodies = [batches[0].bodies.end as u32 - 1, batches[1].bodies.start as u32];
-            let manifold = Manifold { bodies, ..system.manifolds[0] };
+            let manifold = Manifold { bodies: join, ..system.manifolds[0] };
             let points = system.contacts[manifold.points()].to_vec();
-            for body in bodies {
+            for body in join {
                 system.masses[body as usize] = InverseMass::default();
                 system.masses[body as usize].linear = 1.0;
             }
@@ -464,7 +474,7 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
 }
 
 #[test]
-fn batches_one_after_the_other_and_everything() {
+fn batches_and_everything() {
     in_all_four!(batches_and_whole, 5);
 }
 
@@ -476,9 +486,9 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     let mut packed = Packed::<V, L, A>::new();
     packed.pack(&system, &system.masses, 0.1);
     let still = vec![Velocity::ZERO; system.velocities.len()];
-    packed.apply_impulses(&packed.whole(), &mut system.velocities);
+    packed.whole(&mut []).apply_impulses(&mut system.velocities);
     packed.set_targets(&still, &REPAIR);
-    packed.sweep(&mut system.velocities);
+    packed.whole(&mut []).sweep(&mut system.velocities);
     packed.begin_conjugate(1);
     for _ in 0..3 {
         packed.conjugate(&mut system.velocities, &[false]);

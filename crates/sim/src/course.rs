@@ -1,0 +1,151 @@
+//! [`Course`]: bodies and their contacts on their way through the substeps of a part of a step.
+
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+use drystone_solver::team::{Divide, Team};
+use drystone_solver::wide::WideBatch;
+use drystone_solver::{InverseMass, Repair, Vector, Velocity};
+
+use crate::bodies::{Bodies, Given};
+use crate::geometry::Geometry;
+use crate::report::{Clock, Stage};
+
+/// After so many substeps contacts are asked again what they give to the velocities
+/// ([`Course::push`]): what rounding adds to it would add up.
+const ASK_AGAIN: u32 = 4;
+
+/// What it takes to go through substeps.
+#[derive(Clone, Copy)]
+pub(crate) struct Terms<const L: usize> {
+    /// Length of a substep. \[s\]
+    pub(crate) h: f32,
+    pub(crate) substeps: u32,
+    /// Sweeps over all contacts per substep.
+    pub(crate) iterations: u32,
+    /// \[m/s^2\]
+    pub(crate) gravity: Vector<f32, L>,
+    pub(crate) repair: Repair<f32>,
+}
+
+/// The bodies of a batch, and their contacts.
+pub(crate) struct Course<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) contacts: WideBatch<'a, L, A>,
+    /// Of these bodies, as what follows.
+    pub(crate) velocities: &'a mut [Velocity<f32, L, A>],
+    /// Those of the substep without the impulses of its contacts.
+    pub(crate) prospective: &'a mut [Velocity<f32, L, A>],
+    /// What each has moved since the part began.
+    pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
+    pub(crate) poses: &'a mut [G::Pose],
+    pub(crate) turns: &'a mut [Vector<f32, A>],
+    /// Of all bodies, as M^-1.
+    pub(crate) given: Given<'a, L, A>,
+    pub(crate) masses: &'a [InverseMass<f32, L, A>],
+    pub(crate) team: &'a Team,
+}
+
+impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> {
+    pub(crate) fn new(
+        bodies: &'a mut Bodies<G, L, A>,
+        masses: &'a [InverseMass<f32, L, A>],
+        [velocities, prospective, displacements]: [&'a mut [Velocity<f32, L, A>]; 3],
+        contacts: WideBatch<'a, L, A>,
+        team: &'a Team,
+    ) -> Self {
+        let (given, poses, turns) = bodies.in_motion();
+        Self { contacts, velocities, prospective, displacements, poses, turns, given, masses, team }
+    }
+
+    /// The bodies.
+    pub(crate) fn bodies(&self) -> Range<usize> {
+        self.contacts.bodies()
+    }
+
+    /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps.
+    pub(crate) fn warm_start(&mut self, substep: u32) {
+        if substep.is_multiple_of(ASK_AGAIN) {
+            self.prospective.copy_from_slice(self.velocities);
+            self.contacts.apply_impulses(self.velocities);
+        } else {
+            self.push();
+        }
+    }
+
+    /// Sweeps towards the targets.
+    pub(crate) fn solve(&mut self, terms: &Terms<L>) {
+        let Self { contacts, velocities, displacements, .. } = self;
+        contacts.sweep_normals_to_targets(velocities, displacements, &terms.repair);
+        for _ in 1..terms.iterations {
+            contacts.sweep_normals(velocities);
+        }
+    }
+
+    /// A sweep of rigid contacts: takes the velocity of overlap repair out again.
+    pub(crate) fn relax(&mut self) {
+        self.contacts.relax(self.velocities);
+    }
+
+    /// What contacts hand to the next step.
+    pub(crate) fn trace(&mut self, terms: &Terms<L>) {
+        self.contacts.trace(self.displacements, terms.repair.hold);
+    }
+
+    /// Through all substeps.
+    fn run(&mut self, terms: &Terms<L>, clock: &mut Clock) {
+        for substep in 0..terms.substeps {
+            self.predict(terms);
+            clock.lap(Stage::Predict);
+            self.warm_start(substep);
+            clock.lap(Stage::WarmStart);
+            self.solve(terms);
+            clock.lap(Stage::Solve);
+            self.advance(terms);
+            clock.lap(Stage::Advance);
+            self.relax();
+            clock.lap(Stage::Relax);
+        }
+        self.trace(terms);
+        clock.lap(Stage::Remember);
+    }
+
+    /// Batch after batch through all substeps; each by one member of the team, if none is much of the whole.
+    pub(crate) fn run_by_batch(self, terms: &Terms<L>, clock: &mut Clock) {
+        let (team, runs) = (self.team, self.contacts.runs());
+        let all = Mutex::new(clock.another());
+        team.for_each(runs > 1, self.divide(runs), |run| {
+            let (mut own, batches) = (clock.another(), run.count());
+            run.divide(batches).for_each(|mut batch| batch.run(terms, &mut own));
+            all.lock().unwrap_or_else(PoisonError::into_inner).join(&own);
+        });
+        clock.lap_as(&all.into_inner().unwrap_or_else(PoisonError::into_inner));
+    }
+}
+
+/// Into batches.
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for Course<'_, G, L, A> {
+    fn count(&self) -> usize {
+        self.contacts.count()
+    }
+
+    fn split_at(self, count: usize) -> (Self, Self) {
+        let (contacts, later_contacts) = self.contacts.split_at(count);
+        let count = contacts.bodies().len();
+        let (velocities, later_velocities) = self.velocities.split_at_mut(count);
+        let (prospective, later_prospective) = self.prospective.split_at_mut(count);
+        let (displacements, later_displacements) = self.displacements.split_at_mut(count);
+        let (poses, later_poses) = self.poses.split_at_mut(count);
+        let (turns, later_turns) = self.turns.split_at_mut(count);
+        let first = Self { contacts, velocities, prospective, displacements, poses, turns, ..self };
+        let others = Self {
+            contacts: later_contacts,
+            velocities: later_velocities,
+            prospective: later_prospective,
+            displacements: later_displacements,
+            poses: later_poses,
+            turns: later_turns,
+            ..self
+        };
+        (first, others)
+    }
+}

@@ -1,0 +1,141 @@
+//! [`Batch`]: a part of a packed system that nothing joins to the rest.
+
+use std::ops::Range;
+
+use super::block::Block;
+use super::passes::{Passes, Targets};
+use super::walk::Traces;
+use crate::batch::Extent;
+use crate::color::{Color, Coloring};
+use crate::lanes::Lanes;
+use crate::team::{Divide, Team};
+use crate::{Contact, Repair, Velocity};
+
+/// Bodies that follow each other and that no manifold joins to others, with their manifolds, in their
+/// [`Packed`](super::Packed) system. It can be taken through all substeps before the next one is, or while
+/// others are.
+///
+/// Velocities, displacements and whatever else there is of its bodies come as slices of only these.
+#[derive(Debug)]
+pub struct Batch<'a, V: Lanes, const L: usize, const A: usize> {
+    /// It may be several, one after the other.
+    extents: &'a [Extent],
+    pub(super) bodies: Range<usize>,
+    pub(super) colors: &'a [Color],
+    /// The numbers of its first block and point.
+    pub(super) first_block: usize,
+    pub(super) first_point: usize,
+    pub(super) blocks: &'a mut [Block<V, L, A>],
+    pub(super) contacts: &'a mut [Contact<V, L>],
+    pub(super) coloring: &'a Coloring,
+    pub(super) traces: Traces<'a, L>,
+    pub(super) team: &'a Team,
+    pub(super) passes: &'static dyn Passes<V, L, A>,
+}
+
+impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
+    /// Of these extents, whose blocks and points come first of the ones given.
+    pub(super) fn new(
+        extents: &'a [Extent],
+        blocks: &'a mut [Block<V, L, A>],
+        contacts: &'a mut [Contact<V, L>],
+        (coloring, traces): (&'a Coloring, Traces<'a, L>),
+        (team, passes): (&'a Team, &'static dyn Passes<V, L, A>),
+    ) -> Self {
+        let none = Extent::default();
+        let (first, last) = extents.first().zip(extents.last()).unwrap_or((&none, &none));
+        let bodies = first.bodies.start..last.bodies.end;
+        let colors = &coloring.colors[first.colors.start..last.colors.end];
+        let (first_block, first_point) = (first.blocks.start, first.points.start);
+        Self {
+            extents,
+            bodies,
+            colors,
+            first_block,
+            first_point,
+            blocks,
+            contacts,
+            coloring,
+            traces,
+            team,
+            passes,
+        }
+    }
+
+    /// Its bodies.
+    pub fn bodies(&self) -> Range<usize> {
+        self.bodies.clone()
+    }
+
+    /// How many blocks of manifolds it has.
+    pub fn size(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// In how many runs of as many batches its team had better go over it: one for each member, or one for all
+    /// together, if the largest would take much longer than its share.
+    pub fn runs(&self) -> usize {
+        let (all, members) = (self.size(), self.team.members());
+        let mut runs = self.extents.chunks(self.count().div_ceil(members).max(1));
+        let blocks = |run: &[Extent]| run.iter().map(|of| of.blocks.len()).sum::<usize>();
+        let is_even = runs.all(|run| 4 * blocks(run) * members <= 5 * all);
+        if is_even && self.team.is_useful(all) { members } else { 1 }
+    }
+
+    /// [`System::apply_impulses`](crate::System::apply_impulses).
+    pub fn apply_impulses(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.apply_impulses(self, velocities);
+    }
+
+    /// [`pgs::sweep`](crate::pgs::sweep).
+    pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.sweep(self, velocities);
+    }
+
+    /// [`pgs::sweep_normals`](crate::pgs::sweep_normals).
+    pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.sweep_normals(self, velocities, None);
+    }
+
+    /// [`System::set_targets`](crate::System::set_targets) and [`pgs::sweep_normals`](crate::pgs::sweep_normals)
+    /// in one pass.
+    pub fn sweep_normals_to_targets(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        displacements: &[Velocity<f32, L, A>],
+        repair: &Repair<f32>,
+    ) {
+        let targets = Targets::new(self.bodies.start, displacements, repair);
+        self.passes.sweep_normals(self, velocities, Some(&targets));
+    }
+
+    /// [`pgs::relax`](crate::pgs::relax).
+    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.relax(self, velocities);
+    }
+
+    /// Moves gaps and slips on, once bodies have moved by `displacements`, and gives what the points hand to
+    /// the next step, one manifold's after the other's, to where the system was told to
+    /// ([`Packed::whole`](super::Packed::whole)): `hold` is that of [`Repair`].
+    pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
+        self.passes.trace(self, displacements, hold);
+    }
+}
+
+/// Into the batches it is made of.
+impl<V: Lanes, const L: usize, const A: usize> Divide for Batch<'_, V, L, A> {
+    fn count(&self) -> usize {
+        self.extents.len()
+    }
+
+    fn split_at(self, count: usize) -> (Self, Self) {
+        let (first, others) = self.extents.split_at(count);
+        let blocks = first.iter().map(|extent| extent.blocks.len()).sum();
+        let points = first.iter().map(|extent| extent.points.len()).sum();
+        let (blocks, later_blocks) = self.blocks.split_at_mut(blocks);
+        let (contacts, later_contacts) = self.contacts.split_at_mut(points);
+        let (of, by) = ((self.coloring, self.traces), (self.team, self.passes));
+        let first = Self::new(first, blocks, contacts, of, by);
+        (first, Self::new(others, later_blocks, later_contacts, of, by))
+    }
+}

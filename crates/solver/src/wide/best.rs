@@ -1,0 +1,200 @@
+//! [`Wide`]: a packed system on the best lanes of this machine, chosen when it runs.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::{Batch, Packed, Rows, Trace};
+use crate::certificate::{Certificate, Tally};
+use crate::island::Islands;
+use crate::lanes::Portable;
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::{Avx2, avx2_available};
+use crate::team::{Divide, Team};
+use crate::{InverseMass, Repair, System, Velocity};
+
+/// A system of `f32` contacts, packed, on the best lanes of this machine.
+#[derive(Clone, Debug)]
+pub enum Wide<const L: usize, const A: usize> {
+    /// On any machine.
+    Portable(Packed<Portable, L, A>),
+    /// On one with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Packed<Avx2, L, A>),
+}
+
+/// A [`Batch`] of it.
+#[derive(Debug)]
+pub enum WideBatch<'a, const L: usize, const A: usize> {
+    /// On any machine.
+    Portable(Batch<'a, Portable, L, A>),
+    /// On one with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Batch<'a, Avx2, L, A>),
+}
+
+/// Does the same on whichever lanes there are.
+macro_rules! on_lanes {
+    ($of:expr, $own:ident => $do:expr) => {
+        match $of {
+            Self::Portable($own) => $do,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2($own) => $do,
+        }
+    };
+}
+
+impl<const L: usize, const A: usize> Wide<L, A> {
+    /// An empty one.
+    pub fn new() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if avx2_available() {
+            return Self::Avx2(Packed::new());
+        }
+        Self::Portable(Packed::new())
+    }
+
+    /// [`Packed::set_team`].
+    pub fn set_team(&mut self, team: Arc<Team>) {
+        on_lanes!(self, packed => packed.set_team(team));
+    }
+
+    /// [`Packed::pack`].
+    pub fn pack(&mut self, rows: &impl Rows<L>, masses: &[InverseMass<f32, L, A>], softness: f32) {
+        on_lanes!(self, packed => packed.pack(rows, masses, softness));
+    }
+
+    /// [`Packed::forget`].
+    pub fn forget(&mut self) {
+        on_lanes!(self, packed => packed.forget());
+    }
+
+    /// [`Packed::unpack`].
+    pub fn unpack(&self, system: &mut System<f32, L, A>) {
+        on_lanes!(self, packed => packed.unpack(system));
+    }
+
+    /// [`Packed::take_impacts`].
+    pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
+        on_lanes!(self, packed => packed.take_impacts(system));
+    }
+
+    /// [`Packed::take_impulses`].
+    pub fn take_impulses(&mut self, system: &System<f32, L, A>) {
+        on_lanes!(self, packed => packed.take_impulses(system));
+    }
+
+    /// [`Packed::set_targets`].
+    pub fn set_targets(&mut self, displacements: &[Velocity<f32, L, A>], repair: &Repair<f32>) {
+        on_lanes!(self, packed => packed.set_targets(displacements, repair));
+    }
+
+    /// [`Packed::set_islands`].
+    pub fn set_islands(&mut self, islands: &Islands) {
+        on_lanes!(self, packed => packed.set_islands(islands));
+    }
+
+    /// [`Packed::certify`].
+    pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
+        &self,
+        velocities: &[Velocity<f32, L, A>],
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        tally: &'a mut Tally<L, A>,
+    ) -> &'a [Certificate] {
+        on_lanes!(self, packed => {
+            packed.certify::<RESIDUALS, LINE>(velocities, prospective, islands, tally)
+        })
+    }
+
+    /// [`Packed::begin_conjugate`].
+    pub fn begin_conjugate(&mut self, islands: usize) {
+        on_lanes!(self, packed => packed.begin_conjugate(islands));
+    }
+
+    /// [`Packed::conjugate`].
+    pub fn conjugate(&mut self, velocities: &mut [Velocity<f32, L, A>], done: &[bool]) {
+        on_lanes!(self, packed => packed.conjugate(velocities, done));
+    }
+
+    /// [`Packed::whole`].
+    pub fn whole<'a>(&'a mut self, traces: &'a mut [Trace<L>]) -> WideBatch<'a, L, A> {
+        match self {
+            Self::Portable(packed) => WideBatch::Portable(packed.whole(traces)),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(packed) => WideBatch::Avx2(packed.whole(traces)),
+        }
+    }
+}
+
+impl<const L: usize, const A: usize> Default for Wide<L, A> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
+    /// [`Batch::bodies`].
+    pub fn bodies(&self) -> Range<usize> {
+        on_lanes!(self, batch => batch.bodies())
+    }
+
+    /// [`Batch::runs`].
+    pub fn runs(&self) -> usize {
+        on_lanes!(self, batch => batch.runs())
+    }
+
+    /// [`Batch::apply_impulses`].
+    pub fn apply_impulses(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, batch => batch.apply_impulses(velocities));
+    }
+
+    /// [`Batch::sweep`].
+    pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, batch => batch.sweep(velocities));
+    }
+
+    /// [`Batch::sweep_normals`].
+    pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, batch => batch.sweep_normals(velocities));
+    }
+
+    /// [`Batch::sweep_normals_to_targets`].
+    pub fn sweep_normals_to_targets(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        displacements: &[Velocity<f32, L, A>],
+        repair: &Repair<f32>,
+    ) {
+        on_lanes!(self, batch => batch.sweep_normals_to_targets(velocities, displacements, repair));
+    }
+
+    /// [`Batch::relax`].
+    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, batch => batch.relax(velocities));
+    }
+
+    /// [`Batch::trace`].
+    pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
+        on_lanes!(self, batch => batch.trace(displacements, hold));
+    }
+}
+
+impl<const L: usize, const A: usize> Divide for WideBatch<'_, L, A> {
+    fn count(&self) -> usize {
+        on_lanes!(self, batch => batch.count())
+    }
+
+    fn split_at(self, count: usize) -> (Self, Self) {
+        match self {
+            Self::Portable(batch) => {
+                let (first, others) = batch.split_at(count);
+                (Self::Portable(first), Self::Portable(others))
+            }
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(batch) => {
+                let (first, others) = batch.split_at(count);
+                (Self::Avx2(first), Self::Avx2(others))
+            }
+        }
+    }
+}
