@@ -188,7 +188,7 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) stirred: Vec<bool>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
     pub(crate) gyroscopic: Vec<bool>,
-    /// Rotation vectors that the poses have not followed yet. \[rad\]
+    /// Rotation vectors that the poses have followed before the end of the step. \[rad\]
     pub(crate) turns: Vec<Vector<f32, A>>,
     pub(crate) gravity_factor: Vec<f32>,
     /// Largest distance of its shapes from the center of mass. \[m\]

@@ -72,16 +72,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                 let own = start..velocities.len().min(start + CHUNK);
                 let (mut precessing, mut count) = ([0_u16; CHUNK], 0);
                 let moved = displacements[own.clone()].iter_mut().zip(&velocities[own.clone()]);
-                let kinds = given.gyroscopic[first..][own.clone()].iter();
-                let bodies = moved.zip(&mut turns[own]).zip(kinds);
-                for (body, (((displacement, velocity), turned), kind)) in (0..).zip(bodies) {
-                    *displacement += *velocity * h;
-                    let turn = velocity.angular * h;
-                    if *kind && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                let placed = turns[own.clone()].iter_mut().zip(&given.gyroscopic[first..][own]);
+                for (body, ((displacement, velocity), (turned, kind))) in
+                    (0..).zip(moved.zip(placed))
+                {
+                    let step = *velocity * h;
+                    *displacement += step;
+                    let turn = step.angular;
+                    // In the plane nothing precesses.
+                    if A == 3 && *kind && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                        *turned += turn;
                         precessing[count] = body;
                         count += 1;
-                    } else {
-                        *turned += turn;
                     }
                 }
                 for group in precessing[..count].chunks(TOGETHER) {
@@ -126,26 +128,27 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
         let went = paths.iter_mut().zip(strayed).zip(reach.iter().zip(kinds));
         for (
             displacement,
-            (((pose, turn), (frame, remainder)), ((path, strayed), (reach, kind))),
+            (((pose, turned), (frame, remainder)), ((path, strayed), (reach, kind))),
         ) in displacements.iter().zip(placed.zip(exact).zip(went))
         {
             if *displacement == Velocity::ZERO {
                 continue;
             }
             let by = displacement.linear + *remainder;
-            let turn = std::mem::replace(turn, Vector::ZERO);
+            // Displacements tell of blows within a substep, too.
+            let turn = displacement.angular - std::mem::replace(turned, Vector::ZERO);
             let before = *frame;
             *pose = G::advance(pose, by, turn);
             *frame = G::frame(pose);
             *remainder = rounding(before.position, by, frame.position);
             // ||R - R'|| is at most this. What does not precess has turned but now.
-            let turned = if *kind {
+            let far = if *kind {
                 let axes = frame.axes.iter().zip(&before.axes);
                 axes.fold(0.0, |sum, (now, then)| sum + (*now - *then).length())
             } else {
                 turn.length()
             };
-            let came = displacement.linear.length() + turned * reach;
+            let came = displacement.linear.length() + far * reach;
             *path += f64::from(came);
             *strayed += came;
         }

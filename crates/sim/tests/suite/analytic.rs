@@ -335,6 +335,39 @@ fn bouncing<G: Round<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// A tilted box comes down on an edge. Its middle moves at v until tau and at v' for the rest of the step, so
+/// where it is tells tau; until then it has not turned, and at omega' for the rest.
+fn struck<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let settings = StepSettings { substeps: 1, searches: 1, ..StepSettings::quality() };
+    let mut world = World::<G, L, A>::new(settings);
+    let hard = surface(0.0, 1.0);
+    add_floor(&mut world, &hard);
+    let mut tilted =
+        moving(dynamic(v(0.0, 0.0, 0.0), G::cuboid(v(0.5, 0.25, 0.5)), &hard), v(0.0, -2.0, 0.0));
+    tilted.pose = G::turned(v(0.0, 0.45, 0.0), 0.3);
+    let tilted = world.add(tilted);
+    let h = DT / 8.0;
+    let hit = (0..100).find_map(|_| {
+        let (before, speed) = (world.pose(tilted).unwrap(), velocity(&world, tilted).linear[1]);
+        (world.step(h).collisions > 0).then_some((before, speed))
+    });
+    let (before, speed) = hit.expect("a collision");
+    let (after, now) = (world.pose(tilted).unwrap(), velocity(&world, tilted));
+    let came = G::frame(&after).position[1] - G::frame(&before).position[1];
+    let tau = (came - now.linear[1] * h) / (speed - now.linear[1]);
+    let omega = now.angular.length();
+    assert_above(&format!("{L}D: turns after the blow [rad/s]"), omega, 1.0);
+    assert_above(&format!("{L}D: time until the blow [h]"), tau / h, 0.3);
+    let turned = G::turn_between(&before, &after).length();
+    assert_within(&format!("{L}D: has turned [rad]"), turned, omega * (h - tau), 0.01);
+}
+
+#[test]
+fn what_is_struck_turns_from_then_on() {
+    struck::<Rigid2, 2, 1>();
+    struck::<Rigid3, 3, 3>();
+}
+
 #[test]
 fn a_ball_bounces_as_high_as_its_restitution() {
     bouncing::<Spheres, 2, 0>();
