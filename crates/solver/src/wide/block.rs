@@ -55,16 +55,19 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         let own = coloring.division.bodies(usize::from(batch));
         self.reach = [own.start, own.end].map(|body| body as u32);
         let [first, end] = self.reach;
-        let is_own = |body: u32| first <= body && body < end;
+        let is_own = |body: u32| body.wrapping_sub(first) < end - first;
         let (changed, mut moving, mut away) = (*stale | !*used, [0; 2], [0; 2]);
         for lane in lanes_of(changed) {
             let outline = coloring.outline(manifolds[lane]);
             for side in 0..2 {
-                let [body, other] = [outline.bodies[side], outline.bodies[1 - side]];
+                let mut body = outline.bodies[side];
+                if !is_own(body) {
+                    body = outline.bodies[1 - side];
+                    assert!(is_own(body), "a manifold of the batch");
+                    away[side] |= 1 << lane;
+                }
+                self.bodies[side][lane] = body;
                 moving[side] |= u16::from(outline.moving[side]) << lane;
-                away[side] |= u16::from(!is_own(body)) << lane;
-                self.bodies[side][lane] = if is_own(body) { body } else { other };
-                assert!(is_own(self.bodies[side][lane]), "a manifold of the batch");
             }
         }
         for side in 0..2 {
