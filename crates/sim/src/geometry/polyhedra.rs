@@ -111,11 +111,11 @@ pub(super) fn collide<const L: usize>(
             touch.points.extend(gap.map(|gap| TouchPoint { on_a, on_b, gap, feature }));
         }
         Axis::Face(of @ FaceOf { b: false, .. }) => {
-            on_face((a, of), (b, from_b), prediction, clipper, touch);
+            on_face((a, of), (b, from_b), gap, prediction, clipper, touch);
         }
         Axis::Face(of @ FaceOf { b: true, .. }) => {
             let from_a = &Frame::IDENTITY.seen_from(from_b);
-            on_face((b, of), (a, from_a), prediction, clipper, touch);
+            on_face((b, of), (a, from_a), gap, prediction, clipper, touch);
             touch.exchange();
             touch.place(from_b);
         }
@@ -123,11 +123,15 @@ pub(super) fn collide<const L: usize>(
     gap
 }
 
+/// If what is over a face has less than this part of the overlap, most of it is beside the face. \[1\]
+const BESIDE: f32 = 0.5;
+
 /// Fills `touch` with where the other solid is over a face of one, and within `prediction` \[m\] of it, in the
-/// frame of the one with the face, which is a.
+/// frame of the one with the face, which is a. Along the normal they are `gap` \[m\] apart.
 fn on_face<const L: usize>(
     (solid, of): (&impl Solid<L>, FaceOf),
     (other, from_other): (&impl Solid<L>, &Frame<L>),
+    gap: f32,
     prediction: f32,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
@@ -157,11 +161,15 @@ fn on_face<const L: usize>(
     };
     touch.normal = -normal;
     touch.points.extend(left.iter().filter_map(near));
-    if touch.points.is_empty() {
-        // The farthest point stands for what would be over the face: two hulls that wedge would sink in until
-        // another axis wins.
-        let farthest = Corner::new(from_other.point(other.support(against)), 0xffff);
-        touch.points.extend(near(&farthest));
+    let least = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
+    let far = || from_other.point(other.support(against));
+    let is_inside = |point: Vector<f32, L>| {
+        (0..solid.faces()).map(|face| solid.face(face)).all(|(n, on)| n.dot(point - on) <= 0.0)
+    };
+    // The farthest point stands for what would be over the face: two hulls that wedge would sink in until
+    // another axis wins. Or it is under a neighbor of the face, in much the same direction.
+    if touch.points.is_empty() || gap < 0.0 && least > BESIDE * gap && is_inside(far()) {
+        touch.points.extend(near(&Corner::new(far(), 0xffff)));
     }
     touch.reduce();
 }

@@ -231,3 +231,40 @@ fn what_leans_is_held_by_a_face() {
         assert!((found.gap + deep).abs() < 1e-5);
     }
 }
+
+/// How deep a point is inside a solid: the way to its nearest face. \[m\]
+fn depth(solid: &impl Solid<3>, point: Vector<f32, 3>) -> f32 {
+    let ways = (0..solid.faces()).map(|face| solid.face(face)).map(|(n, on)| n.dot(on - point));
+    ways.fold(f32::INFINITY, f32::min)
+}
+
+/// If the farthest vertex over a face that holds two hulls apart is inside the other hull, some point is told
+/// that is half as deep, also where the vertex is under a neighbor of the face.
+#[test]
+fn what_is_beside_a_face_is_told() {
+    let (mut random, mut inside, mut beside) = (Random(3), 0, 0);
+    for _ in 0..3000 {
+        let turn = [random.number(), random.number(), random.number(), random.number()];
+        let (a, b) = (hull(&mut random), hull(&mut random));
+        let mut from_b = Rigid3::frame(&Rigid3::pose(random.vector(), &turn));
+        let apart = (0.85 + 0.1 * random.number()) / from_b.position.length();
+        from_b.position = from_b.position * apart;
+        let separation = between(&a, &b, &from_b, PREDICTION, None, || across(&a, &b, &from_b));
+        let Axis::Face(FaceOf { face, b: false }) = separation.axis else { continue };
+        let ((normal, on), gap) = (a.face(face), separation.gap);
+        let vertex = from_b.point(b.support(from_b.local_direction(-normal)));
+        let deep = depth(&a, vertex);
+        if gap > -1e-3 || deep < 1e-3 {
+            continue;
+        }
+        let mut touch = Touch::default();
+        collide(&a, &b, &from_b, PREDICTION, separation, &mut Clipper::default(), &mut touch);
+        let least = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
+        assert!(least <= 0.5 * gap, "{least} of {gap}");
+        let over = |point: &&crate::geometry::TouchPoint<3>| point.feature & 0xffff == 0xffff;
+        inside += 1;
+        beside += touch.points.iter().filter(over).count();
+        assert!((normal.dot(vertex - on) - gap).abs() < 1e-5);
+    }
+    assert!(inside > 100 && beside > 0, "{inside} inside, {beside} beside");
+}
