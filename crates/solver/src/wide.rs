@@ -72,7 +72,7 @@ pub enum Past {
     /// It had this number, and joined the same bodies.
     Changed(u32),
     /// It had this number, and is as it was then but for gaps and impulses, which are as they were
-    /// [traced](Packed::trace). It need not be taken in again.
+    /// [traced](Batch::trace). It need not be taken in again.
     Kept(u32),
 }
 
