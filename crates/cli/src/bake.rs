@@ -162,6 +162,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut simulation = prepare(arguments, &read.scene)?;
     let threads = threads(arguments);
     simulation.set_threads(threads);
+    // Of a bake that goes on later, a report may be asked for only then.
+    simulation.time_stages(true);
     let steps = steps(arguments, &read.scene)?;
     arguments.cut.steps(0..=steps as usize, read.scene.time_step)?;
     let dump_step = dump::step(arguments.dump_step, steps)?;
