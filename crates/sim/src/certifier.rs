@@ -13,12 +13,39 @@ use crate::settings::StepSettings;
 /// rests on soft contacts misses. \[m/s\]
 const MISSED: f64 = 0.1;
 
+/// Steps from one search for jams in vain to the next, at most: in a high wall a search takes as long as a
+/// thousand real-time steps.
+const LONGEST_WAIT: u32 = 64;
+
 /// Islands, and how they are brought within the tolerance.
 #[derive(Default)]
 pub(crate) struct Certifier<const L: usize, const A: usize> {
     islands: Islands,
     pub(crate) climber: Climber<L, A>,
     loads: Vec<Load>,
+    wait: Wait,
+}
+
+/// When jams are looked for again: after twice as many steps each time that there were none.
+#[derive(Default)]
+struct Wait {
+    left: u32,
+    whole: u32,
+}
+
+impl Wait {
+    /// Whether it is over. Counts a step.
+    fn is_over(&mut self) -> bool {
+        let over = self.left == 0;
+        self.left = self.left.saturating_sub(1);
+        over
+    }
+
+    /// Begins after a search.
+    fn begin(&mut self, in_vain: bool) {
+        self.whole = if in_vain { (2 * self.whole).clamp(1, LONGEST_WAIT) } else { 0 };
+        self.left = self.whole;
+    }
 }
 
 /// What holds an island up.
@@ -80,20 +107,21 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         Stiffness { islands: Some((&self.islands, &self.loads)), give }
     }
 
-    /// Contacts whose targets no velocities can meet. `sinking` is the most that any missed its target
-    /// by. \[m/s\]
+    /// Contacts whose targets no velocities can meet; after searches in vain not in every step. `sinking` is
+    /// the most that any missed its target by. \[m/s\]
     pub(crate) fn jams(
         &mut self,
         system: &mut System<f32, L, A>,
         wide: &Wide<L, A>,
         sinking: f64,
     ) -> Vec<Jam> {
-        if sinking > MISSED {
-            wide.unpack(system);
-            jam::find(system, &mut self.islands, MISSED)
-        } else {
-            Vec::new()
+        if sinking <= MISSED || !self.wait.is_over() {
+            return Vec::new();
         }
+        wide.unpack(system);
+        let jams = jam::find(system, &mut self.islands, MISSED);
+        self.wait.begin(jams.is_empty());
+        jams
     }
 
     /// Finds the islands of a part of a step, in which these pairs of bodies touch.
@@ -139,5 +167,30 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         prospective: &[Velocity<f32, L, A>],
     ) -> Outcome {
         self.climber.examine(velocities, wide, prospective, &self.islands)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// After 1, 2, 4 steps and so on, up to the longest wait; in each step while there are jams.
+    #[test]
+    fn searches_in_vain_become_rare() {
+        let mut wait = Wait::default();
+        let mut searches = Vec::new();
+        for step in 0..400 {
+            if wait.is_over() {
+                searches.push(step);
+                wait.begin(true);
+            }
+        }
+        assert_eq!(searches[..8], [0, 2, 5, 10, 19, 36, 69, 134]);
+        let mut wait = Wait::default();
+        wait.begin(true);
+        wait.begin(true);
+        assert_eq!([0; 4].map(|_| wait.is_over()), [false, false, true, true]);
+        wait.begin(false);
+        assert_eq!([0; 2].map(|_| wait.is_over()), [true, true]);
     }
 }
