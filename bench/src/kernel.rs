@@ -77,7 +77,7 @@ fn passes() -> [(&'static str, f64); 6] {
         time(&mut || wide.whole(&mut []).apply_impulses(&mut velocities));
         time(&mut || wide.set_targets(&still, &repair));
         wide.set_islands(&islands);
-        wide.begin_conjugate(islands.count);
+        wide.begin_conjugate();
         // The first has no direction yet.
         wide.conjugate(&mut velocities, &[false]);
         time(&mut || wide.conjugate(&mut velocities, &[false]));

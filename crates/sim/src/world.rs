@@ -539,8 +539,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
             let prospective = &self.prospective;
             let outcome = certifier.refine(system, wide, prospective, &self.settings, examined);
-            // Forward and back.
-            report.sweeps += 2 * outcome.iterations;
+            report.sweeps += outcome.iterations;
             Some(outcome)
         } else {
             self.course().solve(terms);

@@ -317,7 +317,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         self.done.resize(islands.count, false);
         self.errors.clear();
         self.errors.resize(islands.count, f64::INFINITY);
-        wide.begin_conjugate(islands.count);
+        wide.begin_conjugate();
         let (least, most) = (AIM * goal.tolerance, goal.tolerance);
         self.aims.clear();
         self.aims.extend(self.speeds.iter().map(|speed| (OF_SPEED * speed).max(least).min(most)));

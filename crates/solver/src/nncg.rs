@@ -5,29 +5,39 @@
 //! r' + beta p with beta = |g|^2 / |g of before|^2 (Fletcher and Reeves) and p <- beta p - g; if it
 //! has, from r' with p = 0. Sweeps project onto the cones again, so no step need be safe.
 //!
-//! Cost of an iteration: a symmetric sweep and a pass over the contacts. Place: stacks and mass
-//! ratios, about 7 n iterations for n bodies in a chain, with no matrix at all. No proof: the best
-//! iterate is kept.
+//! The paper's sweep is symmetric, forward and back, as conjugate gradients ask of a preconditioner. One
+//! sweep forward needs a few more iterations, each of half the cost. And no contact is asked for the
+//! velocities that go with p: w = M^-1 J^T p is a number of each body, and known, since a sweep changes
+//! its velocity by -M^-1 J^T g.
+//!
+//! Cost of an iteration: a sweep and a pass over the bodies. Place: stacks and mass ratios, about 5 n
+//! iterations for n bodies in a chain, with no matrix at all. No proof: the best iterate is kept.
 
+use crate::pgs::sweep;
 use crate::solution::{self, Goal, Solution};
-use crate::{Contact, Real, Scalar, System, Vector, symmetric};
+use crate::{Contact, Real, Scalar, System, Vector, Velocity};
 
 /// Iterates until the certificate is good enough.
 pub fn solve<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     goal: &Goal,
 ) -> Solution {
-    let mut before: Vec<Vector<f64, L>> = Vec::new();
+    let (mut before, mut moved_before) = (Vec::new(), Vec::new());
     let mut direction = vec![Vector::ZERO; system.contacts.len()];
+    let mut ways = vec![Velocity::ZERO; system.velocities.len()];
     let mut size_before = f64::INFINITY;
     let mut beta = 0.0;
     solution::iterate(system, goal, |system| {
-        if beta > 0.0 {
-            push(system, &direction, beta);
+        for (contact, p) in system.contacts.iter_mut().zip(&direction) {
+            contact.impulse += *p * beta;
+        }
+        for (velocity, w) in system.velocities.iter_mut().zip(&ways) {
+            *velocity += *w * beta;
         }
         before.clear();
         before.extend(system.contacts.iter().map(|contact| contact.impulse));
-        symmetric::sweep(system);
+        moved_before.clone_from(&system.velocities);
+        sweep(system);
         let changed = system.contacts.iter().zip(&before);
         beta = beta_of(
             changed.map(|(contact, before)| size(contact, *before)).sum(),
@@ -35,6 +45,9 @@ pub fn solve<const L: usize, const A: usize>(
         );
         for ((contact, before), p) in system.contacts.iter().zip(&before).zip(&mut direction) {
             *p = next_direction(contact, *before, *p, beta);
+        }
+        for ((velocity, before), w) in system.velocities.iter().zip(&moved_before).zip(&mut ways) {
+            *w = next_way(velocity, before, w, beta);
         }
     })
 }
@@ -64,17 +77,13 @@ pub(crate) fn next_direction<T: Real, const L: usize>(
     (direction * beta - (before - contact.impulse)).only_if(beta)
 }
 
-/// r <- r + beta p, with the velocities that go with it.
-fn push<const L: usize, const A: usize>(
-    system: &mut System<f64, L, A>,
-    direction: &[Vector<f64, L>],
-    beta: f64,
-) {
-    for manifold in 0..system.manifolds.len() {
-        system.change(manifold, |index, contact| {
-            let change = direction[index] * beta;
-            contact.impulse += change;
-            change
-        });
-    }
+/// w <- beta w + v' - v, the same of a body, whose velocity was `before` the sweep; 0 where beta is.
+#[inline(always)]
+pub(crate) fn next_way<T: Scalar, const L: usize, const A: usize>(
+    velocity: &Velocity<T, L, A>,
+    before: &Velocity<T, L, A>,
+    way: &Velocity<T, L, A>,
+    beta: T,
+) -> Velocity<T, L, A> {
+    if beta > T::ZERO { *way * beta + (*velocity - *before) } else { Velocity::ZERO }
 }

@@ -199,7 +199,7 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     contacts: Vec<Contact<V, L>>,
     coloring: Coloring,
     extents: Vec<Extent>,
-    conjugate: Conjugate<V, L>,
+    conjugate: Conjugate<V, L, A>,
     /// The softness of its points; `None` if they have to be taken in anew.
     softness: Option<f32>,
     team: Arc<Team>,
@@ -398,6 +398,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
 
     /// Tells each manifold which island it belongs to.
     pub fn set_islands(&mut self, islands: &Islands) {
+        self.conjugate.set_islands(islands);
         for block in self.blocks.iter_mut().filter(|block| block.used != 0) {
             block.islands = block.pairs().map(|bodies| islands.of_pair(bodies));
         }

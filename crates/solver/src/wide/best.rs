@@ -107,8 +107,8 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 
     /// [`Packed::begin_conjugate`].
-    pub fn begin_conjugate(&mut self, islands: usize) {
-        on_lanes!(self, packed => packed.begin_conjugate(islands));
+    pub fn begin_conjugate(&mut self) {
+        on_lanes!(self, packed => packed.begin_conjugate());
     }
 
     /// [`Packed::conjugate`].

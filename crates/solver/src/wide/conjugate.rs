@@ -1,45 +1,64 @@
 //! [`nncg`](crate::nncg) on packed systems, island by island.
 
 use super::Packed;
+use super::block::splat;
 use super::walk::Ground;
+use crate::island::Islands;
 use crate::lanes::{Lanes, WIDTH, lanes_of};
 use crate::pgs::visit;
 use crate::team::Shared;
 use crate::{Vector, Velocity, nncg};
 
+/// Bodies that are worth as much as the least that is shared.
+const PIECE: usize = 256;
+
 /// What conjugate gradients keep from iteration to iteration.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Conjugate<V: Lanes, const L: usize> {
-    /// Impulses before the sweeps, and directions.
+pub(super) struct Conjugate<V: Lanes, const L: usize, const A: usize> {
+    /// Of each point: impulses before the sweep, and directions.
     before: Vec<Vector<V, L>>,
     direction: Vec<Vector<V, L>>,
+    /// Of each body: the velocities that go with them.
+    velocities: Vec<Velocity<f32, L, A>>,
+    ways: Vec<Velocity<f32, L, A>>,
     /// |g|^2 of each block.
     gradients: Vec<V>,
+    /// The island of each body.
+    of_body: Vec<u32>,
     /// Of each island: |g|^2 of this iteration and of the one before, and beta.
     sizes: Vec<f32>,
     sizes_before: Vec<f32>,
     betas: Vec<f32>,
 }
 
+impl<V: Lanes, const L: usize, const A: usize> Conjugate<V, L, A> {
+    pub(super) fn set_islands(&mut self, islands: &Islands) {
+        self.of_body.clone_from(&islands.of_body);
+        // One more for what belongs to no island.
+        for of_islands in [&mut self.sizes, &mut self.sizes_before, &mut self.betas] {
+            of_islands.resize(islands.count + 1, 0.0);
+        }
+    }
+}
+
+/// What there is of an island; the last belongs to none.
+#[inline(always)]
+fn of(island: u32, all: &[f32]) -> f32 {
+    all[(island as usize).min(all.len() - 1)]
+}
+
 impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// Forgets the directions of the last system.
-    pub fn begin_conjugate(&mut self, islands: usize) {
+    pub fn begin_conjugate(&mut self) {
         let state = &mut self.conjugate;
         state.before.resize(self.contacts.len(), Vector::ZERO);
         state.direction.resize(self.contacts.len(), Vector::ZERO);
         state.gradients.resize(self.blocks.len(), V::ZERO);
-        for (sizes, value) in [
-            (&mut state.sizes, 0.0),
-            (&mut state.sizes_before, f32::INFINITY),
-            (&mut state.betas, 0.0),
-        ] {
-            sizes.clear();
-            sizes.resize(islands, value);
-        }
-        // Once more for what belongs to no island.
-        state.betas.push(0.0);
-        state.sizes.push(0.0);
-        state.sizes_before.push(f32::INFINITY);
+        state.velocities.resize(state.of_body.len(), Velocity::ZERO);
+        state.ways.resize(state.of_body.len(), Velocity::ZERO);
+        state.sizes_before.fill(f32::INFINITY);
+        // With which all directions begin at 0.
+        state.betas.fill(0.0);
     }
 
     /// beta of each island, from the gradients of its blocks, always in the same order.
@@ -47,17 +66,27 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         let state = &mut self.conjugate;
         state.sizes.fill(0.0);
         let last = state.sizes.len() - 1;
-        for (block, size) in self.blocks.iter().zip(&state.gradients).rev() {
-            if !block.is_done(done) {
-                for lane in lanes_of(block.used) {
-                    state.sizes[(block.islands[lane] as usize).min(last)] += size.get(lane);
-                }
+        for (block, size) in self.blocks.iter().zip(&state.gradients) {
+            if block.is_done(done) {
+                continue;
             }
+            let (mut island, mut sum) = (last, 0.0);
+            for lane in lanes_of(block.used) {
+                let own = (block.islands[lane] as usize).min(last);
+                if own != island {
+                    state.sizes[island] += sum;
+                    (island, sum) = (own, 0.0);
+                }
+                sum += size.get(lane);
+            }
+            state.sizes[island] += sum;
         }
         let sizes = state.sizes.iter().zip(&mut state.sizes_before);
         for (beta, (&size, before)) in state.betas.iter_mut().zip(sizes) {
             *beta = nncg::beta_of(size, before);
         }
+        // What has no island has no direction.
+        state.betas[last] = 0.0;
     }
 }
 
@@ -68,59 +97,57 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
     done: &[bool],
 ) {
     let mut state = std::mem::take(&mut packed.conjugate);
+    let betas = &state.betas;
     let mut whole = packed.whole(&mut []);
-    let (team, useful) = (whole.team, whole.team.is_useful(whole.size()));
+    let team = whole.team;
+    // v <- v + beta M^-1 J^T p, of what the bodies know of the last sweep.
+    let (useful, share) = team.share(velocities.len(), PIECE);
+    let bodies = velocities.chunks_mut(share).zip(state.of_body.chunks(share));
+    let bodies = bodies.zip(state.velocities.chunks_mut(share).zip(state.ways.chunks_mut(share)));
+    team.for_each(useful, bodies, |((velocities, islands), (before, ways))| {
+        let known = before.iter_mut().zip(ways);
+        for ((velocity, &island), (before, way)) in velocities.iter_mut().zip(islands).zip(known) {
+            let beta = of(island, betas);
+            *way = nncg::next_way(velocity, before, way, beta);
+            *velocity += *way * beta;
+            *before = *velocity;
+        }
+    });
+    let useful = team.is_useful(whole.size());
     let ground = Ground::new(&mut whole, velocities);
     let before = Shared::new(0, &mut state.before);
     let direction = Shared::new(0, &mut state.direction);
     let gradients = Shared::new(0, &mut state.gradients);
-    let betas = &state.betas;
     team.run(useful, &|member| {
         V::run(
             #[inline(always)]
             || {
-                // r <- r + beta p with p <- beta p - g, and the velocities that go with it.
                 for mut at in ground.walk(member) {
-                    let (block, manifold) = (at.block, &at.block.manifold);
+                    let block = at.block;
                     if block.is_done(done) {
                         continue;
                     }
-                    let mut own = [0.0; WIDTH];
-                    for (own, &island) in own.iter_mut().zip(&block.islands) {
-                        *own = betas[(island as usize).min(betas.len() - 1)];
-                    }
-                    let beta = V::from_array(own);
-                    let mut wrench = Velocity::ZERO;
-                    let kept = at.of_points(&before).iter_mut().zip(at.of_points(&direction));
-                    for (contact, (before, direction)) in at.points().iter_mut().zip(kept) {
+                    let islands = &block.islands;
+                    let beta = if islands.iter().fold(true, |one, of| one & (*of == islands[0])) {
+                        splat(of(islands[0], betas))
+                    } else {
+                        let mut own = [0.0; WIDTH];
+                        own.iter_mut().zip(islands).for_each(|(own, &at)| *own = of(at, betas));
+                        V::from_array(own)
+                    };
+                    // r <- r + beta p.
+                    let (points, before) = (at.points(), at.of_points(&before));
+                    let kept = before.iter_mut().zip(at.of_points(&direction));
+                    for (contact, (before, direction)) in points.iter_mut().zip(kept) {
                         *direction = nncg::next_direction(contact, *before, *direction, beta);
-                        let change = *direction * beta;
-                        contact.impulse += change;
-                        contact.add_wrench(0..L, change, &mut wrench);
+                        contact.impulse += *direction * beta;
                         *before = contact.impulse;
                     }
                     let [mut a, mut b] = at.gather();
-                    manifold.apply(&wrench, &block.masses, &mut a, &mut b);
-                    at.scatter([a, b]);
-                }
-                for mut at in ground.walk(member) {
-                    if !at.block.is_done(done) {
-                        let [mut a, mut b] = at.gather();
-                        let points = at.points();
-                        visit::<V, L, A, false, true>(at.block.parts(), points, &mut a, &mut b);
-                        at.scatter([a, b]);
-                    }
-                }
-                for mut at in ground.walk_back(member) {
-                    if at.block.is_done(done) {
-                        continue;
-                    }
-                    let [mut a, mut b] = at.gather();
-                    let points = at.points();
-                    visit::<V, L, A, false, true>(at.block.parts(), points, &mut a, &mut b);
+                    visit::<V, L, A, false, true>(block.parts(), points, &mut a, &mut b);
                     at.scatter([a, b]);
                     let mut size = V::ZERO;
-                    for (contact, before) in points.iter().zip(at.of_points(&before)) {
+                    for (contact, before) in points.iter().zip(before) {
                         size += nncg::size(contact, *before);
                     }
                     at.of_block(&gradients)[0] = size;

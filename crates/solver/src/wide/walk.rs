@@ -33,11 +33,10 @@ pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
     large: bool,
 }
 
-/// A member's way over the blocks, from the first color to the last, or back.
+/// A member's way over the blocks, from the first color to the last.
 pub(super) struct Walk<'a, V: Lanes, const L: usize, const A: usize> {
     ground: &'a Ground<'a, V, L, A>,
     member: &'a Member<'a>,
-    back: bool,
     /// Colors begun.
     begun: usize,
     /// Bins of the last one begun.
@@ -70,13 +69,12 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     /// Asks for what the next blocks on the way need: the one after the next itself, and of the next, which was
     /// asked for before, points and velocities.
     #[inline(always)]
-    fn look_ahead(&self, index: usize, back: bool) {
+    fn look_ahead(&self, index: usize) {
         let own = index - self.first;
-        let next = |by: usize| if back { own.wrapping_sub(by) } else { own + by };
-        if let Some(block) = self.blocks.get(next(2)) {
+        if let Some(block) = self.blocks.get(own + 2) {
             fetch(block, 1);
         }
-        if let Some(block) = self.blocks.get(next(1)) {
+        if let Some(block) = self.blocks.get(own + 1) {
             let Manifold { first, count, .. } = block.manifold;
             fetch(self.contacts.place(first), count as usize);
             for &body in block.bodies.iter().flatten() {
@@ -87,23 +85,7 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
 
     #[inline(always)]
     pub(super) fn walk<'a>(&'a self, member: &'a Member<'a>) -> Walk<'a, V, L, A> {
-        Walk { ground: self, member, back: false, begun: 0, bins: BINS, share: 0..0 }
-    }
-
-    #[inline(always)]
-    pub(super) fn walk_back<'a>(&'a self, member: &'a Member<'a>) -> Walk<'a, V, L, A> {
-        Walk { back: true, ..self.walk(member) }
-    }
-}
-
-impl<V: Lanes, const L: usize, const A: usize> Walk<'_, V, L, A> {
-    /// A color, in the order of the walk.
-    #[inline(always)]
-    fn color(&self, index: usize) -> Option<&Color> {
-        let colors = self.ground.colors;
-        let index =
-            if self.back { colors.len().wrapping_sub(1).wrapping_sub(index) } else { index };
-        colors.get(index)
+        Walk { ground: self, member, begun: 0, bins: BINS, share: 0..0 }
     }
 }
 
@@ -114,14 +96,14 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
     fn next(&mut self) -> Option<Self::Item> {
         loop {
             while self.share.is_empty() {
-                let before = self.color(self.begun.wrapping_sub(1));
+                let colors = self.ground.colors;
+                let before = colors.get(self.begun.wrapping_sub(1));
                 if let Some(color) = before.filter(|_| self.bins < BINS) {
-                    let bin = if self.back { BINS - 1 - self.bins } else { self.bins };
-                    self.share = color.share(self.member, bin);
+                    self.share = color.share(self.member, self.bins);
                     self.bins += 1;
                     continue;
                 }
-                let now = self.color(self.begun);
+                let now = colors.get(self.begun);
                 // Between two colors that the first member does alone there is nobody to wait for.
                 let alone = |of: &Color| !self.member.shares(of.blocks.len());
                 if before.is_some() && !(before.is_some_and(alone) && now.is_some_and(alone)) {
@@ -135,10 +117,10 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
                 }
                 self.begun += 1;
             }
-            let index = if self.back { self.share.next_back() } else { self.share.next() }?;
+            let index = self.share.next()?;
             let Ground { blocks, first, contacts, velocities, large, .. } = self.ground;
             if *large {
-                self.ground.look_ahead(index, self.back);
+                self.ground.look_ahead(index);
             }
             let block = &blocks[index - first];
             // Some wait for manifolds to come.

@@ -344,6 +344,13 @@ fn blocks_stay_while_others_come_and_go() {
     assert!(taken[10..20].iter().sum::<usize>() < 10 * taken[0] / 10, "{taken:?}");
 }
 
+/// All bodies as one island.
+fn all_as_one<const L: usize, const A: usize>(system: &System<f32, L, A>) -> Islands {
+    let mut islands = Islands::default();
+    (islands.of_body, islands.count) = (vec![0; system.velocities.len()], 1);
+    islands
+}
+
 /// Enough manifolds and blocks that a team shares them, taken in, swept and conjugated by teams of every size.
 fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
@@ -362,7 +369,8 @@ fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
             whole.sweep_normals(&mut system.velocities);
             whole.relax(&mut system.velocities);
         }
-        wide.begin_conjugate(1);
+        wide.set_islands(&all_as_one(&system));
+        wide.begin_conjugate();
         for _ in 0..3 {
             wide.conjugate(&mut system.velocities, &[false]);
         }
@@ -489,15 +497,13 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     packed.whole(&mut []).apply_impulses(&mut system.velocities);
     packed.set_targets(&still, &REPAIR);
     packed.whole(&mut []).sweep(&mut system.velocities);
-    packed.begin_conjugate(1);
+    let islands = all_as_one(&system);
+    packed.set_islands(&islands);
+    packed.begin_conjugate();
     for _ in 0..3 {
         packed.conjugate(&mut system.velocities, &[false]);
     }
     packed.unpack(&mut system);
-    let mut islands = Islands::default();
-    islands.find(&system);
-    (islands.of_body, islands.count) = (vec![0; system.velocities.len()], 1);
-    packed.set_islands(&islands);
     let mut tally = Tally::default();
     tally.set_masses(&system);
     let prospective = &start.velocities;
@@ -505,6 +511,12 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     let at_hand = packed.certify::<false, false>(v, prospective, &islands, &mut tally)[0].gap;
     let lanes = packed.certify::<true, true>(v, prospective, &islands, &mut tally)[0];
     let one = certify(&system, prospective);
+    // What bodies are pushed by along conjugate directions is what their contacts would give them.
+    let energy = |(velocity, mass): (&Velocity<f32, L, A>, &InverseMass<f32, L, A>)| {
+        mass.mass().squared(&velocity.cast())
+    };
+    let energy: f64 = v.iter().zip(&system.masses).map(energy).sum();
+    assert!(one.defect <= 1e-11 * energy, "{} J of {energy}", one.defect);
     let expected = losses(&system.cast()) + one.defect;
     assert!((at_hand - expected).abs() <= 1e-9 * expected, "{at_hand} and {expected}");
     assert!(lanes.gap <= at_hand * (1.0 + 1e-9), "the line begins at hand");
