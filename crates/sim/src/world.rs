@@ -34,6 +34,10 @@ use crate::travel::Travels;
 /// order of the contacts.
 const COLLISION_ROUNDS: usize = 32;
 
+/// In a search within a step points are reused while bodies move less than this part of the prediction
+/// distance: what was not among them was farther than all of it. \[1\]
+const REUSE: f32 = 0.25;
+
 /// Sweeps over what collides at once.
 const COLLISION_SWEEPS: usize = 40;
 
@@ -369,8 +373,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 self.parts(dt / parts as f32);
             }
             clock.lap(Stage::Pairs);
-            let last = part + 1 == parts;
-            self.part(dt / parts as f32, substeps, last, &mut clock, &mut report);
+            let (first, last) = (part == 0, part + 1 == parts);
+            let reuse = if first { 0.0 } else { REUSE * self.settings.prediction_distance };
+            let reuse = reuse.max(self.settings.reuse_distance);
+            let same = self.find_manifolds(reuse);
+            clock.lap(Stage::Manifolds);
+            self.part(dt / parts as f32, (substeps, last), same, &mut clock, &mut report);
         }
         self.bodies.forces.clear();
         let delay = self.settings.sleep;
@@ -401,17 +409,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if parts.is_finite() { (parts.clamp(1.0, 256.0) as u32).next_power_of_two() } else { 1 }
     }
 
-    /// A part of a step, from the search for contacts to new poses.
+    /// A part of a step, from manifolds to new poses, in so many substeps; whether it is the last. Whether its
+    /// manifolds are the `same` as before.
     fn part(
         &mut self,
         dt: f32,
-        substeps: u32,
-        last: bool,
+        (substeps, last): (u32, bool),
+        same: bool,
         clock: &mut Clock,
         report: &mut StepReport,
     ) {
-        let same = self.find_manifolds();
-        clock.lap(Stage::Manifolds);
         let plan = self.plan(dt / substeps as f32, substeps, last);
         self.pack(&plan, dt, same);
         clock.lap(Stage::Rows);
@@ -656,10 +663,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         cache::merge(&mut self.pairs, fresh);
     }
 
-    /// Returns whether there are the same manifolds as before, with as many points.
-    fn find_manifolds(&mut self) -> bool {
+    /// Finds manifolds, of which points are reused while bodies move less than `reuse` \[m\]. Returns whether
+    /// there are the same as before, with as many points.
+    fn find_manifolds(&mut self, reuse: f32) -> bool {
         // Two bodies that have not stirred have come half of what contacts are reused for, at most.
-        let limit = 0.25 * self.settings.reuse_distance;
+        let limit = 0.25 * reuse;
         self.bodies.stir(limit, &self.system.velocities, &self.team);
         self.update_masses();
         std::mem::swap(&mut self.records, &mut self.old_records);
@@ -670,7 +678,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         let (mut traced, mut same) = (true, true);
         loop {
-            if self.collide(traced) {
+            if self.collide(traced, reuse) {
                 same = false;
             } else {
                 std::mem::swap(&mut self.records, &mut self.old_records);
@@ -711,7 +719,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Finds the manifolds from those of before, which have been `traced` or only found. Returns whether there
     /// are others.
-    fn collide(&mut self, traced: bool) -> bool {
+    fn collide(&mut self, traced: bool, reuse_distance: f32) -> bool {
         let around = Surroundings::<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
@@ -721,7 +729,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             resting: &self.sleep.records,
             active: &self.active,
             prediction_distance: self.settings.prediction_distance,
-            reuse_distance: self.settings.reuse_distance,
+            reuse_distance,
         };
         let records = (&mut self.old_records, &mut self.records);
         manifolds(&around, &mut self.pairs, &mut self.workers, &self.team, records)
