@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::engines::Kind;
+use crate::table::{Table, number};
 
 const WIDTH: f64 = 720.0;
 /// Height of the part of a scene, and the edges of its frame within it.
@@ -16,6 +17,8 @@ const BOTTOM: f64 = 340.0;
 const COLORS: [&str; 6] = ["#d55e00", "#0072b2", "#0072b2", "#009e73", "#009e73", "#cc79a7"];
 /// Smaller values are drawn here: a logarithm has no zero.
 const LEAST: f64 = 1e-4;
+/// Overlaps at which times are compared. \[mm\]
+const BOUNDS: [f64; 7] = [10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01];
 
 /// What engines reach on a scene.
 pub(crate) struct Frontier {
@@ -40,6 +43,24 @@ impl Frontier {
     /// Adds a setting of an engine, at its time per step \[ms\] and its overlap \[mm\].
     pub(crate) fn add(&mut self, kind: Kind, setting: String, at: [f64; 2], fallen: bool) {
         self.points.push(Point { kind, setting, at: at.map(|x| x.max(LEAST)), fallen });
+    }
+
+    /// For each bound: the time of the cheapest setting of Drystone that keeps the overlap below it, by that of the
+    /// cheapest of all others.
+    fn ratios(&self) -> impl Iterator<Item = String> + '_ {
+        BOUNDS.into_iter().map(|bound| {
+            let cheapest = |own: bool| {
+                let reach = |p: &&Point| !p.fallen && p.at[1] <= bound;
+                let points = self.points.iter().filter(|p| (p.kind == Kind::Drystone) == own);
+                points.filter(reach).map(|p| p.at[0]).reduce(f64::min)
+            };
+            match [cheapest(true), cheapest(false)] {
+                [Some(own), Some(other)] => format!("{:.2}", own / other),
+                [Some(own), None] => format!("alone, {} ms", number(own)),
+                [None, Some(_)] => "others".to_string(),
+                [None, None] => "nobody".to_string(),
+            }
+        })
     }
 
     fn draw(&self, svg: &mut String, top: f64) {
@@ -131,6 +152,18 @@ impl Frontier {
             let _ = writeln!(svg, "<text x=\"{}\" y=\"{y}\">hollow: fallen</text>", RIGHT + 14.0);
         }
     }
+}
+
+/// Time of Drystone by that of the fastest other engine, at the same overlap, for each scene.
+pub(crate) fn ratios(frontiers: &[Frontier]) -> Table {
+    let bounds = BOUNDS.map(|bound| format!("{bound} mm"));
+    let head: Vec<&str> =
+        ["overlap below"].into_iter().chain(bounds.iter().map(String::as_str)).collect();
+    let mut table = Table::new(&head);
+    for frontier in frontiers {
+        table.row([frontier.scene.clone()].into_iter().chain(frontier.ratios()).collect());
+    }
+    table
 }
 
 /// Whole decades that hold some values.
