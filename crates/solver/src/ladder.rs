@@ -183,7 +183,8 @@ impl Outcome {
     }
 }
 
-/// Iterations of [`nncg`] in lanes before Newton's method is tried.
+/// Iterations of [`nncg`] in lanes before Newton's method is tried, at least: as many as an island has bodies, since
+/// a factor of its matrix takes more than so many sweeps over it.
 const IN_LANES: usize = 256;
 
 /// The lanes go on to this part of the tolerance: what is left over moves the bodies, and the next
@@ -193,7 +194,7 @@ const AIM: f64 = 0.2;
 /// Or to this part of the speed of an island, within the tolerance: what moves does not see what is left over.
 const OF_SPEED: f64 = 0.05;
 
-/// Iterations from one certificate to the next, at most.
+/// Iterations from one certificate to the next, at most, or a quarter of those so far.
 const LONGEST: f64 = 16.0;
 
 /// Iterations before their rate is trusted.
@@ -229,6 +230,8 @@ pub struct Climber<const L: usize, const A: usize> {
     speeds: Vec<f64>,
     /// Certified error of each island at which the lanes stop. \[m/s\]
     aims: Vec<f64>,
+    /// Iterations in lanes that each island may take.
+    limits: Vec<usize>,
 }
 
 impl<const L: usize, const A: usize> Default for Climber<L, A> {
@@ -241,6 +244,7 @@ impl<const L: usize, const A: usize> Default for Climber<L, A> {
             errors: Vec::new(),
             speeds: Vec::new(),
             aims: Vec::new(),
+            limits: Vec::new(),
         }
     }
 }
@@ -251,6 +255,14 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         self.tally.set_masses(system);
         self.tally.find_speeds(&system.velocities, islands, &mut self.speeds);
         self.direct = true;
+        self.limits.clear();
+        self.limits.resize(islands.count, 0);
+        for &island in &islands.of_body {
+            if let Some(bodies) = self.limits.get_mut(island as usize) {
+                *bodies += 1;
+            }
+        }
+        self.limits.iter_mut().for_each(|limit| *limit = IN_LANES.max(*limit));
     }
 
     /// Brings every island within the tolerance: [`nncg`] in lanes for all, Newton's method in `f64`
@@ -333,9 +345,10 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             self.certify::<RESIDUALS>(velocities, wide, prospective, islands, outcome);
             // How many times as large as it may be.
             let (mut worst, mut worst_before) = (0.0f64, 0.0f64);
-            let errors = before.iter().zip(&self.errors).zip(&self.aims);
-            for (done, ((&before, &error), &aim)) in self.done.iter_mut().zip(errors) {
-                *done |= error <= aim || is_hopeless(before, error, due, outcome.iterations, aim);
+            let errors = before.iter().zip(&self.errors).zip(self.aims.iter().zip(&self.limits));
+            for (done, ((&before, &error), (&aim, &limit))) in self.done.iter_mut().zip(errors) {
+                let made = [due, outcome.iterations];
+                *done |= error <= aim || is_hopeless([before, error], made, limit, aim);
                 if !*done {
                     (worst, worst_before) =
                         (worst.max(error / aim), worst_before.max(before / aim));
@@ -347,7 +360,8 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             if worst_before.is_finite() {
                 self.pace.rate = (worst / worst_before).powf(1.0 / due as f64).clamp(0.3, 0.95);
             }
-            due = (-worst.ln() / self.pace.rate.ln()).ceil().clamp(1.0, LONGEST) as usize;
+            let longest = LONGEST.max(0.25 * outcome.iterations as f64);
+            due = (-worst.ln() / self.pace.rate.ln()).ceil().clamp(1.0, longest) as usize;
         }
         let ample = self.errors.iter().zip(&self.aims).all(|(error, aim)| *error <= 0.3 * aim);
         let needed = outcome.iterations.min(2 * LONGEST as usize);
@@ -381,10 +395,15 @@ impl<const L: usize, const A: usize> Climber<L, A> {
     }
 }
 
-/// Whether `due` iterations that took an error from `before` to `error`, after `made` in all, leave
-/// no hope that enough more would take it below the tolerance.
-fn is_hopeless(before: f64, error: f64, due: usize, made: usize, tolerance: f64) -> bool {
-    if !error.is_finite() || made >= IN_LANES {
+/// Whether the last `due` of `made` iterations, which took an error from `before` to `error`, leave no hope
+/// that at most `limit` more would take it below the tolerance.
+fn is_hopeless(
+    [before, error]: [f64; 2],
+    [due, made]: [usize; 2],
+    limit: usize,
+    tolerance: f64,
+) -> bool {
+    if !error.is_finite() || made >= limit {
         return true;
     }
     if made < TRIAL || before.is_infinite() {
@@ -392,7 +411,7 @@ fn is_hopeless(before: f64, error: f64, due: usize, made: usize, tolerance: f64)
     }
     let rate = (error / before).ln() / due as f64;
     let missing = (tolerance / error).ln();
-    rate >= 0.0 && made > 4 * TRIAL || rate < 0.0 && missing / rate > IN_LANES as f64
+    rate >= 0.0 && made > (4 * TRIAL).max(limit / 4) || rate < 0.0 && missing / rate > limit as f64
 }
 
 /// Solves an island by the last rungs, apart and in `f64`, and puts its velocities and impulses back.
@@ -422,5 +441,39 @@ fn replace<const L: usize, const A: usize>(
         part.system.contacts.iter().zip(part.contacts(system).collect::<Vec<_>>())
     {
         system.contacts[index].impulse = solved.impulse.cast();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is on its way at this rate needs a thousand iterations: too many for a small island, not for a large
+    /// one. What does not get nearer is given up, by a large one later.
+    #[test]
+    fn a_large_island_may_take_more_iterations() {
+        let slow = |made, limit| is_hopeless([1.0, 0.9], [16, made], limit, 1e-3);
+        assert!(slow(60, 256) && !slow(60, 2000));
+        assert!(slow(2000, 2000) && !slow(1999, 2000));
+        let stuck = |made, limit| is_hopeless([1.0, 1.0], [16, made], limit, 1e-3);
+        assert!(!stuck(60, 256) && stuck(65, 256) && !stuck(65, 2000) && stuck(501, 2000));
+        assert!(is_hopeless([1.0, f64::NAN], [1, 1], 2000, 1e-3));
+    }
+
+    /// The limit of an island is the number of its bodies, if that is more than what any may take.
+    #[test]
+    fn islands_have_limits_by_their_bodies() {
+        let mut system: System<f32, 2, 0> = System::new();
+        let mut islands = Islands::default();
+        for island in [0, 1] {
+            for _ in 0..[3, 900][island] {
+                system.add_body(Velocity::ZERO, crate::InverseMass::FIXED);
+                islands.of_body.push(island as u32);
+            }
+        }
+        islands.count = 2;
+        let mut climber = Climber::default();
+        climber.start(&system, &islands);
+        assert_eq!(climber.limits, [IN_LANES, 900]);
     }
 }
