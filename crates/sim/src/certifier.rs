@@ -23,6 +23,8 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
     islands: Islands,
     pub(crate) climber: Climber<L, A>,
     loads: Vec<Load>,
+    /// As in [`Stiffness`].
+    compliances: Vec<[f32; 2]>,
     wait: Wait,
 }
 
@@ -64,23 +66,40 @@ struct Load {
 /// c of its depth per substep h has epsilon = c / (h^2 k).
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Stiffness<'a> {
-    /// None: as they come.
-    islands: Option<(&'a Islands, &'a [Load])>,
-    /// c sag / h^2. \[m/s^2\]
-    give: f32,
+    /// Of each body: the largest epsilon of its contacts, and that of the part before. Empty: as they come. \[1/kg\]
+    compliances: &'a [[f32; 2]],
 }
 
 impl Stiffness<'_> {
+    fn of(&self, bodies: [u32; 2]) -> [f32; 2] {
+        let of = |body: u32| self.compliances.get(body as usize).copied().unwrap_or(AS_THEY_COME);
+        let [[a, a_before], [b, b_before]] = bodies.map(of);
+        [a.min(b), a_before.min(b_before)]
+    }
+
     /// The largest epsilon of contacts between these bodies. \[1/kg\]
     pub(crate) fn compliance(&self, bodies: [u32; 2]) -> f32 {
-        let Some((islands, loads)) = self.islands else { return f32::INFINITY };
-        let load = loads.get(islands.of_pair(bodies) as usize).copied().unwrap_or_default();
-        self.give / (load.weight / load.supports.max(1.0))
+        self.of(bodies)[0]
+    }
+
+    /// Whether any may be another than in the part before.
+    pub(crate) fn changes(&self) -> bool {
+        !self.compliances.is_empty()
+    }
+
+    /// Whether that is another than in the part before.
+    pub(crate) fn is_new(&self, bodies: [u32; 2]) -> bool {
+        let [now, before] = self.of(bodies);
+        now != before
     }
 }
 
+/// Of a body whose contacts may be as soft as they come, now and before.
+const AS_THEY_COME: [f32; 2] = [f32::INFINITY; 2];
+
 impl<const L: usize, const A: usize> Certifier<L, A> {
-    /// Weighs the islands, for the stiffness of contacts in substeps of `h` \[s\] between these `pairs`.
+    /// How stiff contacts are in substeps of `h` \[s\] between these `pairs`: by what their islands weigh, if they
+    /// are solved to a tolerance.
     pub(crate) fn stiffness(
         &mut self,
         pairs: impl Iterator<Item = [u32; 2]>,
@@ -88,23 +107,40 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         settings: &StepSettings,
         h: f32,
     ) -> Stiffness<'_> {
-        let of_body = &self.islands.of_body;
-        self.loads.clear();
-        self.loads.resize(self.islands.count, Load::default());
+        let Self { islands, loads, compliances, .. } = self;
+        let of_body = &islands.of_body;
+        loads.clear();
+        loads.resize(islands.count, Load::default());
         for (body, &island) in of_body.iter().enumerate() {
-            if let Some(load) = self.loads.get_mut(island as usize) {
+            if let Some(load) = loads.get_mut(island as usize) {
                 load.weight += weight(body);
             }
         }
         for bodies in pairs {
             if bodies.iter().any(|&body| of_body[body as usize] == island::NONE)
-                && let Some(load) = self.loads.get_mut(self.islands.of_pair(bodies) as usize)
+                && let Some(load) = loads.get_mut(islands.of_pair(bodies) as usize)
             {
                 load.supports += 1.0;
             }
         }
+        // c sag / h^2.
         let give = settings.repair * settings.sag / (h * h);
-        Stiffness { islands: Some((&self.islands, &self.loads)), give }
+        compliances.resize(of_body.len(), AS_THEY_COME);
+        for (own, &island) in compliances.iter_mut().zip(of_body) {
+            let load = loads.get(island as usize);
+            let now = load.map(|load| give / (load.weight / load.supports.max(1.0)));
+            *own = [now.unwrap_or(f32::INFINITY), own[0]];
+        }
+        Stiffness { compliances }
+    }
+
+    /// As they come: where nothing is solved to a tolerance.
+    pub(crate) fn no_stiffness(&mut self) -> Stiffness<'_> {
+        self.compliances.iter_mut().for_each(|own| *own = [f32::INFINITY, own[0]]);
+        if self.compliances.iter().all(|own| *own == AS_THEY_COME) {
+            self.compliances.clear();
+        }
+        Stiffness { compliances: &self.compliances }
     }
 
     /// Contacts whose targets no velocities can meet; after searches in vain not in every step. `sinking` is

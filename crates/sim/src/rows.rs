@@ -38,7 +38,10 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
     }
 
     fn past(&self, manifold: u32) -> Past {
-        self.records.past[manifold as usize]
+        let past = self.records.past[manifold as usize];
+        let bodies = || self.records.manifolds[manifold as usize].bodies;
+        let stiffer = self.stiffness.changes() && self.stiffness.is_new(bodies());
+        if stiffer { past.changed() } else { past }
     }
 
     fn stands(&self, body: u32) -> bool {

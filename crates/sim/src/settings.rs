@@ -98,7 +98,7 @@ impl StepSettings {
             prediction_distance: 0.02,
             travel_per_search: 0.1,
             searches: 32,
-            reuse_distance: 0.0,
+            reuse_distance: 5e-4,
             sleep: 0.0,
             ledger: false,
         }

@@ -14,7 +14,7 @@ use drystone_solver::{InverseMass, System, Vector, Velocity};
 use crate::bodies::{Bodies, Body, BodyId, Inertia, PIECE};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Records};
-use crate::certifier::{Certifier, Stiffness};
+use crate::certifier::Certifier;
 use crate::colliders::Colliders;
 use crate::course::{Course, Terms};
 use crate::geometry::{Geometry, MassProperties};
@@ -490,18 +490,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let weight = |body| bodies.weight(body, self.gravity);
             certifier.stiffness(records.pairs(), weight, &self.settings, plan.terms.h)
         } else {
-            Stiffness::default()
+            certifier.no_stiffness()
         };
-        // Stiffness is that of islands in this step: it is found anew before and after.
-        if plan.solving {
-            wide.forget();
-        }
         let (velocities, together) = (&system.velocities, plan.together);
         let rows = RowsOf { records, velocities, stiffness, dt, same, together };
         wide.pack(&rows, &system.masses, softness);
-        if plan.solving {
-            wide.forget();
-        }
         if certifying {
             certifier.start(system, wide);
         }

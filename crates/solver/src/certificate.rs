@@ -265,16 +265,18 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         self.masses.extend(system.masses.iter().map(|mass| (mass.mass(), mass.cast())));
     }
 
-    /// How fast islands are, root mean square by mass, in the measure of [`Certificate::error`]. \[m/s\]
+    /// The mass of each island \[kg\], and how fast it is, root mean square by mass, in the measure of
+    /// [`Certificate::error`] \[m/s\].
     pub(crate) fn find_speeds<T: Scalar>(
         &self,
         velocities: &[Velocity<T, L, A>],
         islands: &Islands,
-        speeds: &mut Vec<f64>,
+        [masses, speeds]: [&mut Vec<f64>; 2],
     ) {
-        let mut masses = vec![0.0; islands.count];
-        speeds.clear();
-        speeds.resize(islands.count, 0.0);
+        for of_islands in [&mut *masses, &mut *speeds] {
+            of_islands.clear();
+            of_islands.resize(islands.count, 0.0);
+        }
         for (((mass, _), velocity), &island) in
             self.masses.iter().zip(velocities).zip(&islands.of_body)
         {
@@ -284,7 +286,7 @@ impl<const L: usize, const A: usize> Tally<L, A> {
             }
         }
         for (speed, mass) in speeds.iter_mut().zip(masses) {
-            *speed = (*speed / mass).sqrt();
+            *speed = (*speed / *mass).sqrt();
         }
     }
 

@@ -195,24 +195,25 @@ const AIM: f64 = 0.2;
 const OF_SPEED: f64 = 0.05;
 
 /// Iterations from one certificate to the next, at most, or a quarter of those so far.
-const LONGEST: f64 = 16.0;
+const LONGEST: usize = 16;
 
 /// Iterations before their rate is trusted.
 const TRIAL: usize = 12;
+
+/// The next certificate is due where it is expected to prove this part of what is aimed at. \[1\]
+const SURE: f64 = 0.9;
 
 /// What a [`Climber`] has learned from the systems so far: what it does with the next depends on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pace {
-    /// Iterations before the first certificate: about as many as the last system needed.
-    pub planned: usize,
-    /// What an iteration left of the worst error of late. \[1\]
-    pub rate: f64,
+    /// Certified error over the size of the iteration before it, sqrt(|g|^2 / m). \[1\]
+    pub ratio: f64,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { planned: 0, rate: 0.7 }
+        Self { ratio: 5.0 }
     }
 }
 
@@ -226,7 +227,8 @@ pub struct Climber<const L: usize, const A: usize> {
     direct: bool,
     done: Vec<bool>,
     errors: Vec<f64>,
-    /// Of each island, root mean square by mass, when the masses were taken over. \[m/s\]
+    /// Of each island, the mass \[kg\] and the speed, root mean square by mass \[m/s\], when they were taken over.
+    masses: Vec<f64>,
     speeds: Vec<f64>,
     /// Certified error of each island at which the lanes stop. \[m/s\]
     aims: Vec<f64>,
@@ -242,6 +244,7 @@ impl<const L: usize, const A: usize> Default for Climber<L, A> {
             direct: true,
             done: Vec::new(),
             errors: Vec::new(),
+            masses: Vec::new(),
             speeds: Vec::new(),
             aims: Vec::new(),
             limits: Vec::new(),
@@ -253,7 +256,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
     /// Takes over the masses of the bodies, and how fast islands are.
     pub fn start(&mut self, system: &System<f32, L, A>, islands: &Islands) {
         self.tally.set_masses(system);
-        self.tally.find_speeds(&system.velocities, islands, &mut self.speeds);
+        self.tally.find_speeds(&system.velocities, islands, [&mut self.masses, &mut self.speeds]);
         self.direct = true;
         self.limits.clear();
         self.limits.resize(islands.count, 0);
@@ -333,39 +336,40 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         let (least, most) = (AIM * goal.tolerance, goal.tolerance);
         self.aims.clear();
         self.aims.extend(self.speeds.iter().map(|speed| (OF_SPEED * speed).max(least).min(most)));
-        // It may come from a file.
-        let mut due = self.pace.planned.min(IN_LANES);
         let mut before = Vec::new();
-        loop {
-            for _ in 0..due {
+        while self.done.contains(&false) {
+            let most = LONGEST.max(outcome.iterations / 4);
+            let (mut due, mut size) = (0, f64::INFINITY);
+            while due == 0 || self.pace.ratio * size > SURE && due < most {
                 wide.conjugate(velocities, &self.done);
+                size = self.largest(wide.gradients());
+                due += 1;
             }
             outcome.iterations += due;
             before.clone_from(&self.errors);
             self.certify::<RESIDUALS>(velocities, wide, prospective, islands, outcome);
             // How many times as large as it may be.
-            let (mut worst, mut worst_before) = (0.0f64, 0.0f64);
+            let mut worst = 0.0f64;
             let errors = before.iter().zip(&self.errors).zip(self.aims.iter().zip(&self.limits));
             for (done, ((&before, &error), (&aim, &limit))) in self.done.iter_mut().zip(errors) {
-                let made = [due, outcome.iterations];
-                *done |= error <= aim || is_hopeless([before, error], made, limit, aim);
                 if !*done {
-                    (worst, worst_before) =
-                        (worst.max(error / aim), worst_before.max(before / aim));
+                    let made = [due, outcome.iterations];
+                    worst = worst.max(error / aim);
+                    *done = error <= aim || is_hopeless([before, error], made, limit, aim);
                 }
             }
-            if !self.done.contains(&false) {
-                break;
+            let ratio = worst / size;
+            if ratio.is_finite() {
+                self.pace.ratio = ratio;
             }
-            if worst_before.is_finite() {
-                self.pace.rate = (worst / worst_before).powf(1.0 / due as f64).clamp(0.3, 0.95);
-            }
-            let longest = LONGEST.max(0.25 * outcome.iterations as f64);
-            due = (-worst.ln() / self.pace.rate.ln()).ceil().clamp(1.0, longest) as usize;
         }
-        let ample = self.errors.iter().zip(&self.aims).all(|(error, aim)| *error <= 0.3 * aim);
-        let needed = outcome.iterations.min(2 * LONGEST as usize);
-        self.pace.planned = if ample { needed - needed.div_ceil(8) } else { needed };
+    }
+
+    /// The largest sqrt(|g|^2 / m) of an island by these |g|^2 \[J\], in terms of its aim. \[1\]
+    fn largest(&self, gradients: &[f32]) -> f64 {
+        let islands = gradients.iter().zip(&self.masses).zip(&self.aims);
+        let sizes = islands.map(|((&size, mass), aim)| f64::from(size) / (mass * aim * aim));
+        sizes.fold(0.0, f64::max).sqrt()
     }
 
     /// The certified errors of the islands, and their residuals: of the impulses at hand, if they are

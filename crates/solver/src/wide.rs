@@ -351,6 +351,11 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         self.passes.conjugate(self, velocities, done);
     }
 
+    /// |g|^2 of each island in the last iteration; 0 where it was done. \[J\]
+    pub fn gradients(&self) -> &[f32] {
+        self.conjugate.sizes()
+    }
+
     /// The certificate of each island ([`certificate`](crate::certificate)), in `f64`, with the
     /// masses that `tally` was given; with `RESIDUALS` or G alone, for the best impulses on the `LINE`
     /// or those at hand.

@@ -93,6 +93,11 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         on_lanes!(self, packed => packed.set_islands(islands));
     }
 
+    /// [`Packed::gradients`].
+    pub fn gradients(&self) -> &[f32] {
+        on_lanes!(self, packed => packed.gradients())
+    }
+
     /// [`Packed::certify`].
     pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
         &self,

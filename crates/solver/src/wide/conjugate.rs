@@ -41,6 +41,14 @@ impl<V: Lanes, const L: usize, const A: usize> Conjugate<V, L, A> {
     }
 }
 
+impl<V: Lanes, const L: usize, const A: usize> Conjugate<V, L, A> {
+    /// |g|^2 of each island.
+    pub(super) fn sizes(&self) -> &[f32] {
+        let islands = self.sizes.len().saturating_sub(1);
+        &self.sizes[..islands]
+    }
+}
+
 /// What there is of an island; the last belongs to none.
 #[inline(always)]
 fn of(island: u32, all: &[f32]) -> f32 {
