@@ -3,7 +3,7 @@
 use drystone_solver::team::Team;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, Vector, Velocity};
 
-use crate::geometry::{Frame, Geometry, MassProperties};
+use crate::geometry::{Frame, Geometry, MassProperties, Reach};
 use crate::scene::{Filter, Material, Motion};
 
 /// Names a body of a world; one that was removed is never mistaken for a later one.
@@ -191,8 +191,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Rotation vectors that the poses have followed before the end of the step. \[rad\]
     pub(crate) turns: Vec<Vector<f32, A>>,
     pub(crate) gravity_factor: Vec<f32>,
-    /// Largest distance of its shapes from the center of mass. \[m\]
-    pub(crate) reach: Vec<f32>,
+    /// Of its shapes from the center of mass.
+    pub(crate) reach: Vec<Reach>,
     /// Force and torque until the end of the next step; of none where there are no more. \[N, N m\]
     pub(crate) forces: Vec<Velocity<f32, L, A>>,
 }
@@ -255,7 +255,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             {
                 let leads = inertia[body].inverse_mass() == 0.0;
                 *stirred = leads && velocities[body] != Velocity::ZERO
-                    || *strayed > limit.min(STRAY * reach[body]);
+                    || *strayed > limit.min(STRAY * reach[body].all);
                 if *stirred {
                     *strayed = 0.0;
                 }

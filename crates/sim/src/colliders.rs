@@ -167,7 +167,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             friction: friction as f32,
             restitution: bounce as f32,
             thickness: self.thickness[a].min(self.thickness[b]),
-            lever: lever(owners.map(|body| bodies.reach[body as usize])),
+            lever: lever(owners.map(|body| bodies.reach[body as usize].core)),
             rolls: pair.iter().any(|&id| G::rolls(&self.shapes[id as usize])),
             rests: false,
             until: 0.0,
@@ -206,7 +206,8 @@ fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(shape: &G::Shape
 }
 
 /// [`Pair::lever`]: when b turns, the points of a near it are farther out than its own, by the size of a; once
-/// for the way to the center of a, once for a's turning against b, and what a gap may add.
+/// for the way to the center of a, once for a's turning against b, and what a gap may add. Infinite for what turns
+/// and is where it was.
 fn lever([reach_a, reach_b]: [f32; 2]) -> f32 {
-    (2.0 * reach_a + 1.5 * reach_b) / reach_b
+    if reach_b > 0.0 { (2.0 * reach_a + 1.5 * reach_b) / reach_b } else { f32::INFINITY }
 }

@@ -69,6 +69,9 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// The axis-aligned box around a shape.
     fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<L>;
 
+    /// How far a shape comes from the origin.
+    fn reach(shape: &Self::Shape, pose: &Self::Pose) -> Reach;
+
     /// Mass, center and inertia of a shape of this density in its own frame; zero for what has
     /// no volume.
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<L, A>;
@@ -93,6 +96,23 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
         scratch: &mut Self::Scratch,
         report: &mut dyn FnMut(&Touch<L>),
     ) -> f32;
+}
+
+/// How far shapes come from the center that they turn about.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reach {
+    /// All of them. \[m\]
+    pub all: f32,
+    /// Without what is round about a core, as a ball is about its center: what a turn moves, since a ball that
+    /// turns is where it was. \[m\]
+    pub core: f32,
+}
+
+impl Reach {
+    /// Of both.
+    pub fn joined(&self, other: &Self) -> Self {
+        Self { all: self.all.max(other.all), core: self.core.max(other.core) }
+    }
 }
 
 /// A body that turns.

@@ -5,6 +5,7 @@ use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::PIECE;
 use crate::cache::Pair;
+use crate::geometry::Reach;
 
 /// Pairs that are worth as much as the least that is shared.
 const PAIRS: usize = 256;
@@ -14,7 +15,7 @@ const PAIRS: usize = 256;
 pub(crate) struct Travel<const L: usize> {
     /// dt v. \[m\]
     pub(crate) linear: Vector<f32, L>,
-    /// dt |omega| times the reach of its shapes. \[m\]
+    /// dt |omega| times what its shapes reach that turns. \[m\]
     pub(crate) angular: f32,
     /// dt |v - v of a neighbor|, the largest: how far it can move against another neighbor, should
     /// this one push it within the step. \[m\]
@@ -44,7 +45,7 @@ impl<const L: usize> Travels<L> {
     pub(crate) fn find<const A: usize>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        reach: &[f32],
+        reach: &[Reach],
         dt: f32,
         team: &Team,
     ) {
@@ -54,7 +55,7 @@ impl<const L: usize> Travels<L> {
         let parts = self.own.chunks_mut(share).zip(moves);
         team.for_each(useful, parts, |(own, (velocities, reach))| {
             for ((own, velocity), reach) in own.iter_mut().zip(velocities).zip(reach) {
-                let angular = velocity.angular.length() * reach * dt;
+                let angular = velocity.angular.length() * reach.core * dt;
                 *own = Travel { linear: velocity.linear * dt, angular, blow: 0.0 };
             }
         });
@@ -107,7 +108,9 @@ mod tests {
         let mut vector = || Vector(std::array::from_fn(|_| random.number()));
         let velocities: Vec<Velocity<f32, 3, 3>> =
             (0..bodies).map(|_| Velocity { linear: vector(), angular: vector() }).collect();
-        let reach: Vec<f32> = (0..bodies).map(|_| 0.5 + 0.4 * random.number()).collect();
+        let reach: Vec<Reach> = (0..bodies)
+            .map(|_| Reach { all: 1.0, core: 0.5 + 0.4 * random.number() })
+            .collect();
         let mut body = || ((0.5 + 0.5 * random.number()) * bodies as f32) as u32 % bodies as u32;
         let pairs: Vec<Pair> = (0..9000).map(|at| pair([body(), body()], at % 7 == 0)).collect();
         let (dt, fall) = (0.1, 0.01);
@@ -117,7 +120,7 @@ mod tests {
             let apart = (velocities[a].linear * dt - velocities[b].linear * dt).length();
             blows[a] = blows[a].max(apart);
             blows[b] = blows[b].max(apart);
-            let [p, q] = [a, b].map(|body| velocities[body].angular.length() * reach[body] * dt);
+            let [p, q] = [a, b].map(|body| velocities[body].angular.length() * reach[body].core * dt);
             worst = worst.max((apart + p + q + fall) / pair.thickness);
         }
         for members in 1..5 {

@@ -17,7 +17,7 @@ use crate::cache::{self, Pair, Records};
 use crate::certifier::Certifier;
 use crate::colliders::Colliders;
 use crate::course::{Course, Terms};
-use crate::geometry::{Geometry, MassProperties};
+use crate::geometry::{Geometry, MassProperties, Reach};
 use crate::ledger::Books;
 use crate::motion;
 use crate::narrow_phase::{Surroundings, Worker, manifolds};
@@ -156,11 +156,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let pose = G::compose(&body.pose, &G::pose(inertia.center, &[]));
         let index = self.allocate();
         let reach = body.colliders.iter().map(|collider| {
-            let bounds = G::bounds(&collider.shape, &G::compose(&to_center, &collider.pose));
-            let far: [f32; L] = std::array::from_fn(|i| bounds.max[i].max(-bounds.min[i]));
-            Vector(far).length()
+            G::reach(&collider.shape, &G::compose(&to_center, &collider.pose))
         });
-        let reach = reach.fold(0.0, f32::max);
+        let reach = reach.fold(Reach::default(), |all, own| all.joined(&own));
         let bodies = &mut self.bodies;
         bodies.motion[index] = Some(body.motion);
         bodies.poses[index] = pose;
@@ -208,7 +206,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.gyroscopic.push(false);
         bodies.turns.push(Vector::ZERO);
         bodies.gravity_factor.push(1.0);
-        bodies.reach.push(0.0);
+        bodies.reach.push(Reach::default());
         self.displacements.push(Velocity::ZERO);
         self.system.add_body(Velocity::ZERO, InverseMass::FIXED) as usize
     }
@@ -365,12 +363,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.last_gravity = self.gravity;
         self.find_pairs(dt);
-        let parts = self.parts(dt).min(self.settings.searches.max(1));
+        let searches = self.searches(dt).min(self.settings.searches.max(1));
+        // With as many substeps in each, if there are as many.
+        let parts = (searches..substeps).find(|of| substeps.is_multiple_of(*of)).unwrap_or(searches);
         let substeps = substeps.div_ceil(parts);
         for part in 0..parts {
             if parts > 1 {
                 self.find_pairs(dt / parts as f32);
-                self.parts(dt / parts as f32);
+                self.searches(dt / parts as f32);
             }
             clock.lap(Stage::Pairs);
             let (first, last) = (part == 0, part + 1 == parts);
@@ -399,14 +399,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report
     }
 
-    /// Into how many parts, each with its own contacts, a step is divided: a power of two, so that
-    /// near bodies pass no more than `travel_per_search` of each other. Finds their blows.
-    fn parts(&mut self, dt: f32) -> u32 {
+    /// How often contacts have to be searched for in a step, so that near bodies pass no more than
+    /// `travel_per_search` of each other from one search to the next. Finds their blows.
+    fn searches(&mut self, dt: f32) -> u32 {
         let limit = self.settings.travel_per_search;
         let fall = self.gravity.length() * dt * dt;
         let worst = self.travel.pass(&self.pairs, fall, &self.team);
-        let parts = (worst / limit).ceil();
-        if parts.is_finite() { (parts.clamp(1.0, 256.0) as u32).next_power_of_two() } else { 1 }
+        let searches = (worst / limit).ceil();
+        if searches.is_finite() { searches.clamp(1.0, 256.0) as u32 } else { 1 }
     }
 
     /// A part of a step, from manifolds to new poses, in so many substeps; whether it is the last. Whether its

@@ -9,7 +9,7 @@ use super::rotation::{Eight, Quaternion, each_eight, precess};
 use super::rounds::{Round, between_rounds, on_solid};
 use super::separation::{Crossing, between, between_boxes};
 use super::spheres::balls;
-use super::{Bounds, Frame, Geometry, MassProperties, Spin, TOGETHER, Touch, TouchPoint, leading};
+use super::{Bounds, Frame, Geometry, MassProperties, Reach, Spin, TOGETHER, Touch, TouchPoint, leading};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
@@ -63,6 +63,18 @@ macro_rules! over_parry {
                 Vector(v.to_array().map(|x| x.clamp(-UNBOUNDED, UNBOUNDED)))
             };
             Bounds { min: clamp(aabb.mins), max: clamp(aabb.maxs) }
+        }
+
+        fn reach(shape: &Self::Shape, pose: &Self::Pose) -> Reach {
+            use $parry::shape::TypedShape;
+            let sphere = shape.compute_bounding_sphere(&(*pose).into());
+            let all = sphere.center.length() + sphere.radius;
+            let round = match shape.as_typed_shape() {
+                TypedShape::Ball(ball) => ball.radius,
+                TypedShape::Capsule(capsule) => capsule.radius,
+                _ => 0.0,
+            };
+            Reach { all: all.min(UNBOUNDED), core: (all - round).clamp(0.0, UNBOUNDED) }
         }
 
         fn collider(shape: Self::Shape) -> Self::Collider {

@@ -2,7 +2,7 @@
 
 use drystone_solver::{SymmetricMatrix, Vector};
 
-use super::{Bounds, Frame, Geometry, MassProperties, Touch, TouchPoint, leading};
+use super::{Bounds, Frame, Geometry, MassProperties, Reach, Touch, TouchPoint, leading};
 
 /// Particles: (L, A) = (2, 0) or (3, 0).
 #[derive(Clone, Copy, Debug)]
@@ -72,6 +72,14 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
             }; L],
         );
         Bounds { min: *pose - reach, max: *pose + reach }
+    }
+
+    fn reach(shape: &Self::Shape, pose: &Self::Pose) -> Reach {
+        let core = pose.length();
+        match shape {
+            SphereShape::Sphere { radius } => Reach { all: core + radius, core },
+            SphereShape::Halfspace { .. } => Reach { all: UNBOUNDED, core: UNBOUNDED },
+        }
     }
 
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<L, 0> {
