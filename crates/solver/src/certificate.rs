@@ -290,6 +290,12 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         }
     }
 
+    /// What the last certificates' [errors](Certificate::error) are by the impulses at hand. \[m/s\]
+    pub(crate) fn errors_at_hand(&self) -> impl Iterator<Item = f64> {
+        let islands = self.certificates.iter().zip(&self.lines);
+        islands.map(|(of, line)| Certificate { gap: line.c, ..*of }.error())
+    }
+
     /// [`certify`], of a system with the masses that were set.
     pub fn certify<T: Scalar>(
         &mut self,

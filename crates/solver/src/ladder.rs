@@ -194,7 +194,8 @@ const AIM: f64 = 0.2;
 /// Or to this part of the speed of an island, within the tolerance: what moves does not see what is left over.
 const OF_SPEED: f64 = 0.05;
 
-/// Iterations from one certificate to the next, at most, or a quarter of those so far.
+/// Iterations from one certificate to the next, at most, or a quarter of those so far; more only while so many
+/// halve what an iteration changes.
 const LONGEST: usize = 16;
 
 /// Iterations before their rate is trusted.
@@ -209,11 +210,13 @@ const SURE: f64 = 0.9;
 pub struct Pace {
     /// Certified error over the size of the iteration before it, sqrt(|g|^2 / m). \[1\]
     pub ratio: f64,
+    /// Whether the impulses at hand were proof enough, without a better share of the load.
+    pub direct: bool,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { ratio: 5.0 }
+        Self { ratio: 5.0, direct: true }
     }
 }
 
@@ -223,8 +226,6 @@ pub struct Climber<const L: usize, const A: usize> {
     /// How the next system is begun.
     pub pace: Pace,
     tally: Tally<L, A>,
-    /// Whether the impulses at hand have been proof enough so far, without a better share of the load.
-    direct: bool,
     done: Vec<bool>,
     errors: Vec<f64>,
     /// Of each island, the mass \[kg\] and the speed, root mean square by mass \[m/s\], when they were taken over.
@@ -241,7 +242,6 @@ impl<const L: usize, const A: usize> Default for Climber<L, A> {
         Self {
             pace: Pace::default(),
             tally: Tally::default(),
-            direct: true,
             done: Vec::new(),
             errors: Vec::new(),
             masses: Vec::new(),
@@ -257,7 +257,6 @@ impl<const L: usize, const A: usize> Climber<L, A> {
     pub fn start(&mut self, system: &System<f32, L, A>, islands: &Islands) {
         self.tally.set_masses(system);
         self.tally.find_speeds(&system.velocities, islands, [&mut self.masses, &mut self.speeds]);
-        self.direct = true;
         self.limits.clear();
         self.limits.resize(islands.count, 0);
         for &island in &islands.of_body {
@@ -312,8 +311,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         islands: &Islands,
     ) -> Outcome {
         let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
-        self.direct = false;
-        self.certify::<true>(velocities, wide, prospective, islands, &mut outcome);
+        self.certify_by::<true, true>(velocities, wide, prospective, islands, &mut outcome);
         outcome.set_worst(&self.errors, islands);
         outcome
     }
@@ -338,9 +336,15 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         self.aims.extend(self.speeds.iter().map(|speed| (OF_SPEED * speed).max(least).min(most)));
         let mut before = Vec::new();
         while self.done.contains(&false) {
-            let most = LONGEST.max(outcome.iterations / 4);
-            let (mut due, mut size) = (0, f64::INFINITY);
-            while due == 0 || self.pace.ratio * size > SURE && due < most {
+            let longest = LONGEST.max(outcome.iterations / 4);
+            let (mut due, mut size, mut size_before) = (0usize, f64::INFINITY, f64::INFINITY);
+            while due == 0 || self.pace.ratio * size > SURE {
+                if due > 0 && due.is_multiple_of(longest) {
+                    if size > 0.5 * size_before {
+                        break;
+                    }
+                    size_before = size;
+                }
                 wide.conjugate(velocities, &self.done);
                 size = self.largest(wide.gradients());
                 due += 1;
@@ -382,21 +386,39 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         islands: &Islands,
         outcome: &mut Outcome,
     ) {
-        let start = Instant::now();
-        let Self { tally, errors, aims, .. } = self;
-        let mut take = |certificates: &[Certificate]| {
-            errors.clear();
-            errors.extend(certificates.iter().map(Certificate::error));
-            outcome.set_residuals(certificates);
-            errors.iter().zip(&*aims).all(|(error, aim)| error <= aim)
-        };
-        self.direct = self.direct
-            && take(wide.certify::<RESIDUALS, false>(velocities, prospective, islands, tally));
-        if !self.direct {
-            take(wide.certify::<RESIDUALS, true>(velocities, prospective, islands, tally));
+        if self.pace.direct {
+            self.certify_by::<RESIDUALS, false>(velocities, wide, prospective, islands, outcome);
+            if is_within(self.errors.iter().copied(), &self.aims) {
+                return;
+            }
         }
+        self.certify_by::<RESIDUALS, true>(velocities, wide, prospective, islands, outcome);
+        self.pace.direct = is_within(self.tally.errors_at_hand(), &self.aims);
+    }
+
+    /// The same of the best impulses on the `LINE`, or those at hand.
+    fn certify_by<const RESIDUALS: bool, const LINE: bool>(
+        &mut self,
+        velocities: &[Velocity<f32, L, A>],
+        wide: &Wide<L, A>,
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        outcome: &mut Outcome,
+    ) {
+        let start = Instant::now();
+        let Self { tally, errors, .. } = self;
+        let certificates =
+            wide.certify::<RESIDUALS, LINE>(velocities, prospective, islands, tally);
+        errors.clear();
+        errors.extend(certificates.iter().map(Certificate::error));
+        outcome.set_residuals(certificates);
         outcome.certifying += start.elapsed();
     }
+}
+
+fn is_within(mut errors: impl Iterator<Item = f64>, aims: &[f64]) -> bool {
+    let mut aims = aims.iter();
+    errors.all(|error| aims.next().is_some_and(|aim| error <= *aim))
 }
 
 /// Whether the last `due` of `made` iterations, which took an error from `before` to `error`, leave no hope
