@@ -91,8 +91,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         }
     }
 
-    /// Turns all shapes with their bodies, also of those that sleep.
+    /// Turns all shapes with their bodies, also of those that sleep, wherever they were before.
     pub(crate) fn place(&mut self, bodies: &Bodies<G, L, A>) {
+        self.room_until.fill(0.0);
         let parts = self.poses.iter_mut().zip(&self.local).zip(&self.body);
         for ((turned, local), &body) in parts {
             let body = body as usize;

@@ -21,6 +21,8 @@ pub(crate) struct RowsOf<'a, const L: usize, const A: usize> {
     pub(crate) same: bool,
     /// Whether all substeps are taken for everything at once.
     pub(crate) together: bool,
+    /// Whether manifolds have to be in order: what is summed over them must not depend on what has come and gone.
+    pub(crate) in_order: bool,
 }
 
 impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
@@ -40,8 +42,9 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
     fn past(&self, manifold: u32) -> Past {
         let past = self.records.past[manifold as usize];
         let bodies = || self.records.manifolds[manifold as usize].bodies;
-        let stiffer = self.stiffness.changes() && self.stiffness.is_new(bodies());
-        if stiffer { past.changed() } else { past }
+        let moved = self.in_order && !self.same;
+        let anew = moved || self.stiffness.changes() && self.stiffness.is_new(bodies());
+        if anew { past.changed() } else { past }
     }
 
     fn stands(&self, body: u32) -> bool {
@@ -113,13 +116,14 @@ impl<const L: usize, const A: usize> RowsOf<'_, L, A> {
     /// the start would throw them outward.
     #[inline(always)]
     fn carry<V: Several>(&self, seats: &Seats<'_>, arms: &mut [Vector<V, L>; 2]) {
-        let velocity = |side, lane| &self.velocities[seats.body(side, lane)].linear;
-        let v_a: Vector<V, L> = V::gathered_vector(V::each(|lane| velocity(0, lane)));
-        let v_b: Vector<V, L> = V::gathered_vector(V::each(|lane| velocity(1, lane)));
+        let velocity = |side, lane| &self.velocities[seats.body(side, lane)];
+        let v_a: Vector<V, L> = V::gathered_vector(V::each(|lane| &velocity(0, lane).linear));
+        let v_b: Vector<V, L> = V::gathered_vector(V::each(|lane| &velocity(1, lane).linear));
         let half = V::from_f64(f64::from(0.5 * self.dt));
         for (side, ahead) in [v_b - v_a, v_a - v_b].into_iter().enumerate() {
-            let fixed = V::gathered(V::each(|lane| f32::from(!seats.moves(side, lane))));
-            arms[side] += (ahead * half).only_if(fixed);
+            let leads = |lane| !seats.moves(side, lane) && *velocity(side, lane) != Velocity::ZERO;
+            let leads = V::gathered(V::each(|lane| f32::from(leads(lane))));
+            arms[side] += (ahead * half).only_if(leads);
         }
     }
 }

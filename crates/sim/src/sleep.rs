@@ -112,7 +112,8 @@ impl<const L: usize> Sleep<L> {
     ) -> bool {
         let mut tired = false;
         for (body, velocity) in system.velocities.iter().enumerate() {
-            let speed = velocity.linear.length() + velocity.angular.length() * bodies.reach[body].all;
+            let speed =
+                velocity.linear.length() + velocity.angular.length() * bodies.reach[body].all;
             let still = &mut self.still[body];
             *still = if speed < STILL { *still + dt } else { 0.0 };
             tired |= *still >= delay && bodies.is_dynamic(body) && self.group[body] == 0;

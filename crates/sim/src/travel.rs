@@ -108,9 +108,8 @@ mod tests {
         let mut vector = || Vector(std::array::from_fn(|_| random.number()));
         let velocities: Vec<Velocity<f32, 3, 3>> =
             (0..bodies).map(|_| Velocity { linear: vector(), angular: vector() }).collect();
-        let reach: Vec<Reach> = (0..bodies)
-            .map(|_| Reach { all: 1.0, core: 0.5 + 0.4 * random.number() })
-            .collect();
+        let reach: Vec<Reach> =
+            (0..bodies).map(|_| Reach { all: 1.0, core: 0.5 + 0.4 * random.number() }).collect();
         let mut body = || ((0.5 + 0.5 * random.number()) * bodies as f32) as u32 % bodies as u32;
         let pairs: Vec<Pair> = (0..9000).map(|at| pair([body(), body()], at % 7 == 0)).collect();
         let (dt, fall) = (0.1, 0.01);
@@ -120,7 +119,8 @@ mod tests {
             let apart = (velocities[a].linear * dt - velocities[b].linear * dt).length();
             blows[a] = blows[a].max(apart);
             blows[b] = blows[b].max(apart);
-            let [p, q] = [a, b].map(|body| velocities[body].angular.length() * reach[body].core * dt);
+            let [p, q] =
+                [a, b].map(|body| velocities[body].angular.length() * reach[body].core * dt);
             worst = worst.max((apart + p + q + fall) / pair.thickness);
         }
         for members in 1..5 {

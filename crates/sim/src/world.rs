@@ -59,6 +59,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     active: Vec<bool>,
     /// Gravity in the last step: another wakes all.
     last_gravity: Vector<f32, L>,
+    /// What points were reused for in the last search. \[m\]
+    last_reuse: f32,
     /// Velocities and inverse masses of the bodies live here, where the solver works on them; contacts
     /// only as copies of those in `wide`, for whoever looks at them one by one.
     system: System<f32, L, A>,
@@ -80,6 +82,12 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Whether steps save their last contact system, and that of the last step.
     saving: bool,
     saved: Option<SavedSystem<L, A>>,
+}
+
+/// Into how many parts, each with its own search for contacts, a step of so many substeps is divided: with as many
+/// substeps in each, as long as there are enough.
+fn parts(searches: u32, substeps: u32) -> u32 {
+    (searches..=substeps).find(|parts| substeps.is_multiple_of(*parts)).unwrap_or(searches)
 }
 
 /// How the substeps of a part of a step are taken.
@@ -112,6 +120,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             sleep: Sleep::default(),
             active: Vec::new(),
             last_gravity: Vector::ZERO,
+            last_reuse: 0.0,
             system: System::new(),
             wide: Wide::new(),
             prospective: Vec::new(),
@@ -155,9 +164,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let to_center = G::pose(-inertia.center, &[]);
         let pose = G::compose(&body.pose, &G::pose(inertia.center, &[]));
         let index = self.allocate();
-        let reach = body.colliders.iter().map(|collider| {
-            G::reach(&collider.shape, &G::compose(&to_center, &collider.pose))
-        });
+        let reach = body
+            .colliders
+            .iter()
+            .map(|collider| G::reach(&collider.shape, &G::compose(&to_center, &collider.pose)));
         let reach = reach.fold(Reach::default(), |all, own| all.joined(&own));
         let bodies = &mut self.bodies;
         bodies.motion[index] = Some(body.motion);
@@ -364,8 +374,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.last_gravity = self.gravity;
         self.find_pairs(dt);
         let searches = self.searches(dt).min(self.settings.searches.max(1));
-        // With as many substeps in each, if there are as many.
-        let parts = (searches..substeps).find(|of| substeps.is_multiple_of(*of)).unwrap_or(searches);
+        let parts = parts(searches, substeps);
         let substeps = substeps.div_ceil(parts);
         for part in 0..parts {
             if parts > 1 {
@@ -493,7 +502,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             certifier.no_stiffness()
         };
         let (velocities, together) = (&system.velocities, plan.together);
-        let rows = RowsOf { records, velocities, stiffness, dt, same, together };
+        let in_order = plan.solving || self.settings.certify;
+        let rows = RowsOf { records, velocities, stiffness, dt, same, together, in_order };
         wide.pack(&rows, &system.masses, softness);
         if certifying {
             certifier.start(system, wide);
@@ -663,6 +673,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let limit = 0.25 * reuse;
         self.bodies.stir(limit, &self.system.velocities, &self.team);
         self.update_masses();
+        if reuse < std::mem::replace(&mut self.last_reuse, reuse) {
+            // How long points last was found for more.
+            self.pairs.iter_mut().filter(|pair| pair.count > 0).for_each(|pair| pair.until = 0.0);
+        }
         std::mem::swap(&mut self.records, &mut self.old_records);
         self.note_active();
         if self.sleep.is_used() {
@@ -767,5 +781,20 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         } else {
             f64::INFINITY
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No search is left out, and none is done for a substep that would not be there without.
+    #[test]
+    fn parts_have_as_many_substeps() {
+        let of = |substeps| [1, 2, 3, 5, 8, 9, 31].map(|searches| parts(searches, substeps));
+        assert_eq!(of(8), [1, 2, 4, 8, 8, 9, 31]);
+        assert_eq!(of(32), [1, 2, 4, 8, 8, 16, 32]);
+        assert_eq!(of(5), [1, 5, 5, 5, 8, 9, 31]);
+        assert_eq!(of(1), [1, 2, 3, 5, 8, 9, 31]);
     }
 }

@@ -407,8 +407,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
     ) {
         let start = Instant::now();
         let Self { tally, errors, .. } = self;
-        let certificates =
-            wide.certify::<RESIDUALS, LINE>(velocities, prospective, islands, tally);
+        let certificates = wide.certify::<RESIDUALS, LINE>(velocities, prospective, islands, tally);
         errors.clear();
         errors.extend(certificates.iter().map(Certificate::error));
         outcome.set_residuals(certificates);

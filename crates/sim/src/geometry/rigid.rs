@@ -9,7 +9,9 @@ use super::rotation::{Eight, Quaternion, each_eight, precess};
 use super::rounds::{Round, between_rounds, on_solid};
 use super::separation::{Crossing, between, between_boxes};
 use super::spheres::balls;
-use super::{Bounds, Frame, Geometry, MassProperties, Reach, Spin, TOGETHER, Touch, TouchPoint, leading};
+use super::{
+    Bounds, Frame, Geometry, MassProperties, Reach, Spin, TOGETHER, Touch, TouchPoint, leading,
+};
 
 /// Half of the size that stands for an unbounded shape. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
@@ -624,4 +626,44 @@ fn quaternion(pose: &parry3d::math::Pose) -> Quaternion<f32> {
 fn rotation(of: Quaternion<f32>) -> parry3d::math::Rotation {
     let [x, y, z] = of.axis.0;
     parry3d::math::Rotation::from_xyzw(x, y, z, of.w)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::random::Random;
+
+    /// Shapes anywhere on a body are within all of their reach, and no side of the box around them comes farther
+    /// than their cores by a turn; balls in the center not at all.
+    #[test]
+    fn reach_holds_what_turns() {
+        let mut random = Random(11);
+        let corners: Vec<_> = (0..9).map(|_| random.vector().0.into()).collect();
+        let shapes = [
+            parry3d::shape::SharedShape::ball(0.7),
+            parry3d::shape::SharedShape::capsule_y(0.6, 0.3),
+            parry3d::shape::SharedShape::cuboid(0.2, 0.5, 0.9),
+            parry3d::shape::SharedShape::convex_hull(&corners).unwrap(),
+        ];
+        for at in 0..400 {
+            let shape = &shapes[at % shapes.len()];
+            let place = random.vector() * if at < 40 { 0.0 } else { 1.0 };
+            let pose =
+                Rigid3::advance(&Rigid3::pose(place, &[]), Vector::ZERO, random.vector() * 3.0);
+            let turn = random.vector() * 0.5;
+            let center = Rigid3::pose(Vector::ZERO, &[]);
+            let turned = Rigid3::compose(&Rigid3::advance(&center, Vector::ZERO, turn), &pose);
+            let Reach { all, core } = Rigid3::reach(shape, &pose);
+            let [before, after] = [pose, turned].map(|pose| Rigid3::bounds(shape, &pose));
+            for i in 0..3 {
+                assert!(-before.min[i] <= all + 1e-5 && before.max[i] <= all + 1e-5, "{at}: {all}");
+                for [before, after] in [[before.min, after.min], [before.max, after.max]] {
+                    let came = (after[i] - before[i]).abs();
+                    assert!(came <= core * turn.length() + 1e-5, "{at}: {came} by {core}");
+                }
+            }
+        }
+        let ball = Rigid3::reach(&shapes[0], &Rigid3::pose(Vector::ZERO, &[]));
+        assert_eq!(ball, Reach { all: 0.7, core: 0.0 });
+    }
 }

@@ -86,18 +86,20 @@ fn a_world_of_fixed_work_goes_on_with_the_same_bits() {
 /// Contacts of what rests stay in the lanes: not those of another state.
 #[test]
 fn what_rests_goes_on_with_the_same_bits() {
-    let preset = StepSettings { sleep: 0.0, ..StepSettings::realtime() };
-    let scene = read("arch.json");
-    let mut simulation = start(&scene, &preset);
-    steps(simulation.as_mut(), &scene, 200);
-    let checkpoint = simulation.checkpoint();
-    let expected = steps(simulation.as_mut(), &scene, 100);
-    // It rests, too, and a little otherwise.
-    simulation.restore(&checkpoint).unwrap();
-    let actual = steps(simulation.as_mut(), &scene, 100);
-    let other = expected.iter().zip(&actual).position(|(a, b)| a != b);
-    assert_eq!(other, None, "a step that is another");
-    assert_ne!(expected[0].0, expected[99].0, "nothing moves at all");
+    let realtime = StepSettings { sleep: 0.0, ..StepSettings::realtime() };
+    for preset in [realtime, StepSettings::certified()] {
+        let scene = read("arch.json");
+        let mut simulation = start(&scene, &preset);
+        steps(simulation.as_mut(), &scene, 200);
+        let checkpoint = simulation.checkpoint();
+        let expected = steps(simulation.as_mut(), &scene, 100);
+        // It rests, too, and a little otherwise.
+        simulation.restore(&checkpoint).unwrap();
+        let actual = steps(simulation.as_mut(), &scene, 100);
+        let other = expected.iter().zip(&actual).position(|(a, b)| a != b);
+        assert_eq!(other, None, "a step that is another");
+        assert_ne!(expected[0].0, expected[99].0, "nothing moves at all");
+    }
 }
 
 #[test]

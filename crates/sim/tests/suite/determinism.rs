@@ -9,8 +9,8 @@ use drystone_solver::Vector;
 /// Hashes of the poses of small scenes after 100 steps. A change of the method changes them: the
 /// failing test shows the new ones.
 const GOLDEN: [(&str, u64); 3] = [
-    ("pyramid", 0xdd8e1022eaf53dbf),
-    ("mixed pile", 0xde46f6c24c4ca473),
+    ("pyramid", 0xc7e5ea39a31aef22),
+    ("mixed pile", 0x38049659c53fd235),
     ("particles", 0x7a2fd5d147ad7b2d),
 ];
 

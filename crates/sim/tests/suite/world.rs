@@ -829,6 +829,18 @@ fn what_moves_is_solved_to_a_part_of_its_speed() {
     assert!(resting > 0.0 && resting <= 5e-4, "slower than 1 cm/s: {resting} m/s");
 }
 
+/// A heap that has come to rest begins each substep with its solution: an iteration proves it.
+#[test]
+fn what_rests_is_proven_at_once() {
+    let mut world = heap(0.0);
+    world.settings = StepSettings::certified();
+    let mut iterations = || world.step(DT).certified.unwrap().iterations;
+    let first: usize = (0..60).map(|_| iterations()).max().unwrap();
+    assert!(first > 8 * 8, "{first} iterations in eight substeps, while it falls");
+    (0..420).for_each(|_| assert!(iterations() >= 8));
+    (0..20).for_each(|step| assert_eq!(iterations(), 8, "{step} steps later"));
+}
+
 #[test]
 fn stages_are_timed_where_that_is_asked_for() {
     let material = surface(0.5, 0.0);
