@@ -222,6 +222,12 @@ impl<const L: usize> Bounds<L> {
     pub const NOTHING: Self =
         Self { min: Vector([f32::INFINITY; L]), max: Vector([f32::NEG_INFINITY; L]) };
 
+    /// How far its farthest corner is from the origin. \[m\]
+    pub fn reach(&self) -> f32 {
+        let far = |i| self.max[i].max(-self.min[i]);
+        Vector(std::array::from_fn::<f32, L, _>(far)).length()
+    }
+
     /// Whether the boxes have a point in common.
     pub fn overlaps(&self, other: &Self) -> bool {
         (0..L).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])

@@ -148,9 +148,9 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
             } else {
                 turn.length()
             };
-            let came = displacement.linear.length();
-            *path += f64::from(came + far * reach.core);
-            *strayed += came + far * reach.all;
+            let came = displacement.linear.length() + far * reach.core;
+            *path += f64::from(came);
+            *strayed += came;
         }
     });
 }

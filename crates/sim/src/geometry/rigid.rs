@@ -69,8 +69,10 @@ macro_rules! over_parry {
 
         fn reach(shape: &Self::Shape, pose: &Self::Pose) -> Reach {
             use $parry::shape::TypedShape;
-            let sphere = shape.compute_bounding_sphere(&(*pose).into());
-            let all = sphere.center.length() + sphere.radius;
+            let (sphere, bounds) =
+                (shape.compute_bounding_sphere(&(*pose).into()), Self::bounds(shape, pose));
+            // The one is less for a ball in the center, the other for a wall about it.
+            let all = (sphere.center.length() + sphere.radius).min(bounds.reach());
             let round = match shape.as_typed_shape() {
                 TypedShape::Ball(ball) => ball.radius,
                 TypedShape::Capsule(capsule) => capsule.radius,
