@@ -337,18 +337,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         let mut before = Vec::new();
         while self.done.contains(&false) {
             let longest = LONGEST.max(outcome.iterations / 4);
-            let (mut due, mut size, mut size_before) = (0usize, f64::INFINITY, f64::INFINITY);
-            while due == 0 || self.pace.ratio * size > SURE {
-                if due > 0 && due.is_multiple_of(longest) {
-                    if size > 0.5 * size_before {
-                        break;
-                    }
-                    size_before = size;
-                }
-                wide.conjugate(velocities, &self.done);
-                size = self.largest(wide.gradients());
-                due += 1;
-            }
+            let (due, size) = self.iterate(velocities, wide, longest);
             outcome.iterations += due;
             before.clone_from(&self.errors);
             self.certify::<RESIDUALS>(velocities, wide, prospective, islands, outcome);
@@ -365,6 +354,31 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             let ratio = worst / size;
             if ratio.is_finite() {
                 self.pace.ratio = ratio;
+            }
+        }
+    }
+
+    /// Iterates until what still changes promises that it is enough, or `longest` did not halve it; returns how
+    /// often, and the [size](Self::largest) of the last.
+    fn iterate(
+        &self,
+        velocities: &mut [Velocity<f32, L, A>],
+        wide: &mut Wide<L, A>,
+        longest: usize,
+    ) -> (usize, f64) {
+        let (mut made, mut size_before) = (0usize, 0.0);
+        loop {
+            wide.conjugate(velocities, &self.done);
+            let size = self.largest(wide.gradients());
+            made += 1;
+            if self.pace.ratio * size <= SURE {
+                return (made, size);
+            }
+            // Of an infinite mass it is infinite, or no number.
+            if made == 1 || made.is_multiple_of(longest) && size < 0.5 * size_before {
+                size_before = size;
+            } else if made.is_multiple_of(longest) {
+                return (made, size);
             }
         }
     }
