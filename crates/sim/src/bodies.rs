@@ -180,7 +180,7 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) frames: Vec<Frame<L>>,
     /// What rounding has left out of the positions. \[m\]
     pub(crate) remainders: Vec<Vector<f32, L>>,
-    /// How far any point of its shapes can have come, step by step, since it was added. \[m\]
+    /// How far the surface of its shapes can have come, step by step, since it was added ([`Reach::core`]). \[m\]
     pub(crate) paths: Vec<f64>,
     /// How much of it since its contacts and its M^-1 were last found anew. \[m\]
     pub(crate) strayed: Vec<f32>,
