@@ -127,3 +127,43 @@ impl<const L: usize, const A: usize> RowsOf<'_, L, A> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use drystone_solver::InverseMass;
+
+    use super::*;
+    use crate::certifier::Certifier;
+    use crate::settings::StepSettings;
+
+    /// What is kept is taken in anew where its stiffness is another, and where manifolds have to be in order and
+    /// some have come or gone.
+    #[test]
+    fn what_is_kept_is_as_stiff_and_in_order() {
+        let mut records: Records<3> = Records::default();
+        records.add(1).0.bodies = [0, 1];
+        records.past[0] = Past::Kept(0);
+        let moves = InverseMass { linear: 1.0, ..InverseMass::FIXED };
+        let mut certifier: Certifier<3, 3> = Certifier::default();
+        certifier.find_islands(&[InverseMass::FIXED, moves], records.pairs());
+        let settings = StepSettings::certified();
+        let mut past = |h, [same, in_order]: [bool; 2]| {
+            let stiffness = certifier.stiffness(records.pairs(), |_| 10.0, &settings, h);
+            let (records, velocities): (_, &[Velocity<f32, 3, 3>]) = (&records, &[]);
+            let rows =
+                RowsOf { records, velocities, stiffness, dt: h, same, together: true, in_order };
+            rows.past(0)
+        };
+        let found = [
+            (0.01, [true, true]),
+            (0.01, [true, true]),
+            (0.005, [true, true]),
+            (0.005, [true, true]),
+            (0.005, [false, false]),
+            (0.005, [false, true]),
+        ];
+        let (kept, changed) = (Past::Kept(0), Past::Changed(0));
+        let found = found.map(|(h, flags)| past(h, flags));
+        assert_eq!(found, [changed, kept, changed, kept, kept, changed]);
+    }
+}

@@ -41,7 +41,7 @@ fn steps(
 }
 
 /// Steps after which scenes are left, and how many follow.
-const LEFT_AFTER: [usize; 4] = [0, 13, 30, 60];
+const LEFT_AFTER: [usize; 5] = [0, 13, 30, 60, 150];
 const FOLLOWED: usize = 12;
 
 fn goes_on(name: &str, preset: &StepSettings) {
@@ -55,7 +55,7 @@ fn goes_on(name: &str, preset: &StepSettings) {
         let mut other = start(&scene, preset);
         // On any number of threads, and whatever it did before.
         other.set_threads(left % 2 + 1);
-        steps(other.as_mut(), &scene, left % 5);
+        steps(other.as_mut(), &scene, 3 * left % 40);
         other.restore(&checkpoint).unwrap();
         assert!(other.checkpoint() == checkpoint, "{name} after {left} steps: the state itself");
         let actual = steps(other.as_mut(), &scene, FOLLOWED);

@@ -841,6 +841,27 @@ fn what_rests_is_proven_at_once() {
     (0..20).for_each(|step| assert_eq!(iterations(), 8, "{step} steps later"));
 }
 
+/// Islands of infinite masses have no root mean square by mass: they are given up, and steps end.
+#[test]
+fn what_only_turns_is_given_up() {
+    let material = surface(0.5, 0.0);
+    let mut world = World3::new(StepSettings::certified());
+    world.gravity = Vector([0.0, -9.81, 0.0]);
+    add_floor(&mut world, &material);
+    let mut wheel = dynamic([0.0, 0.45, 0.0], Rigid3::cuboid([0.5; 3]), &material);
+    let moments = SymmetricMatrix(std::array::from_fn(|i| {
+        Vector(std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }))
+    }));
+    wheel.inertia = Some(Inertia { moments, inverse_moments: moments, ..Inertia::FIXED });
+    wheel.velocity.angular = Vector([0.0, 3.0, 0.5]);
+    world.add(wheel);
+    for step in 0..10 {
+        let outcome = world.step(DT).certified.unwrap();
+        assert!(outcome.iterations < 8 * 1000, "step {step}: {outcome:?}");
+    }
+    assert!(world.measure().finite);
+}
+
 #[test]
 fn stages_are_timed_where_that_is_asked_for() {
     let material = surface(0.5, 0.0);
