@@ -4,8 +4,8 @@
     python3 tools/check_usd.py STAGE.usda [ARRAYS.npz]
 
 Opens the stage in OpenUSD, runs all validators that come with it, and compares the place of every
-body at every frame with the arrays: to 0.1 mm and 0.3 mrad, since OpenUSD mixes near rotations
-coarsely. Prints what it finds; exit code 1 if there is anything. Needs numpy and usd-core.
+body at every frame with the arrays: to 0.02 mm and 0.02 mrad, twice what samples may leave. Prints
+what it finds; exit code 1 if there is anything. Needs numpy and usd-core.
 """
 
 import argparse
@@ -15,8 +15,8 @@ import sys
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdValidation
 
-METERS = 1e-4
-RADIANS = 3e-4
+METERS = 2e-5
+RADIANS = 2e-5
 
 
 def axes_of(pose):

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::Recording;
 use super::buffer::{GltfBuffer, Use, float_accessor, float_bytes};
-use super::pose::{Pose, angle, distance, pose_at};
+use super::pose::{Pose, angle, distance, pose_at, slerp};
 use super::sampling::{Sampling, Track, sample_times, tracks};
 
 /// A node that follows a body.
@@ -54,7 +54,7 @@ pub fn append_clip(
         .map(|target| {
             let pose = |time| (target.local)(time, pose_at(recording, target.body, time));
             let options = Sampling { position_tolerance: target.move_by(options), ..*options };
-            tracks(&exact, pose, &options, target.body)
+            tracks(&exact, pose, slerp, &options, target.body)
         })
         .collect::<io::Result<_>>()?;
     let mut clip = Clip::default();

@@ -3,7 +3,7 @@
 use std::io;
 
 use super::Recording;
-use super::pose::{Pose, angle, distance, dot, lerp, normalized, slerp};
+use super::pose::{Pose, angle, distance, dot, lerp, normalized};
 
 /// How exactly an animation follows the recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,13 +70,15 @@ pub(super) struct Track<const N: usize> {
     pub(super) values: Vec<[f32; N]>,
 }
 
-/// What a pose over time comes to: positions and rotations at the times that are worth keeping.
+/// What a pose over time comes to: positions and rotations at the times that are worth keeping for one
+/// who finds rotations between two of them by `mix`.
 ///
 /// # Errors
 /// A pose is not finite; `body` is whose.
 pub(super) fn tracks(
     times: &[f64],
     pose: impl Fn(f64) -> Pose,
+    mix: fn([f64; 4], [f64; 4], f64) -> [f64; 4],
     options: &Sampling,
     body: usize,
 ) -> io::Result<(Track<3>, Track<4>)> {
@@ -96,7 +98,7 @@ pub(super) fn tracks(
     let (move_by, turn_by) = (options.position_tolerance, options.rotation_tolerance);
     Ok((
         thin(times, &positions, |a, b, part, x| distance(lerp(a, b, part), x) <= move_by),
-        thin(times, &rotations, |a, b, part, q| angle(slerp(a, b, part), q) <= turn_by),
+        thin(times, &rotations, |a, b, part, q| angle(mix(a, b, part), q) <= turn_by),
     ))
 }
 

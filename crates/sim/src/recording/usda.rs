@@ -11,7 +11,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::pose::{normalized, pose_at};
+use super::pose::{dot, lerp, normalized, pose_at, slerp};
 use super::sampling::{Track, sample_rate, sample_times, tracks};
 use super::{Recording, Sampling, write_whole};
 use crate::scene::{Body, Mass, Motion, Scene};
@@ -45,7 +45,7 @@ pub fn write(
             let pose = |time| pose_at(recording, index, time);
             let mut prim = body_prim(scene, index, body, name, &materials);
             if !times.is_empty() {
-                let (positions, rotations) = tracks(&times, pose, options, index)?;
+                let (positions, rotations) = tracks(&times, pose, mixed, options, index)?;
                 move_prim(&mut prim, &codes, &positions, &rotations);
             }
             Ok(prim)
@@ -204,6 +204,22 @@ fn move_prim(prim: &mut Prim, codes: &[f64], positions: &Track<3>, rotations: &T
     };
     prim.follow("double3 xformOp:translate", codes, positions, |x| tuple(&x));
     prim.follow("quatd xformOp:orient", codes, rotations, turned);
+}
+
+/// The rotation between two as OpenUSD finds it: near ones along a straight line that is not brought to
+/// unit length, and the angle from w alone. About no rotation, where w is 1 less a square, that is off by
+/// up to half the angle between them (`GfSlerp`, `GfRotation::SetQuat`).
+fn mixed(a: [f64; 4], b: [f64; 4], part: f64) -> [f64; 4] {
+    const NEAR: f64 = 1e-5;
+    let (a, b) = (normalized(a), normalized(b));
+    if 1.0 - dot(a, b) > NEAR {
+        return slerp(a, b, part);
+    }
+    let [x, y, z, w] = lerp(a, b, part);
+    let sine = (1.0 - w * w).max(0.0).sqrt();
+    let length = dot([x, y, z], [x, y, z]).sqrt();
+    let long = if length > 0.0 { sine / length } else { 0.0 };
+    [x * long, y * long, z * long, w]
 }
 
 #[cfg(test)]

@@ -40,6 +40,25 @@ fn samples_are_those_that_a_straight_line_does_not_give() {
 }
 
 #[test]
+fn samples_are_kept_where_openusd_mixes_rotations_coarsely() {
+    let scene = read_toml(Path::new("test.toml"), &format!("dimension = 2\n{BALL}")).unwrap().scene;
+    let kept = |angles: [f32; 3]| {
+        let poses = angles.iter().flat_map(|angle| [0.0, 0.0, *angle]).collect();
+        let recording = Recording { dimension: 2, bodies: 1, frame_time: 0.01, start: 0, poses };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.usda");
+        write(&path, &scene, &recording, &Sampling::default()).unwrap();
+        let text = std::fs::read_to_string(path).unwrap();
+        let samples = text.lines().find(|line| line.contains("orient.timeSamples")).unwrap();
+        samples.matches(": (").count()
+    };
+    // Even all: straight lines give them, but not to one who takes w = 1 - 1e-6 for 2.8 mrad.
+    assert_eq!(kept([-3e-3, -1e-3, 1e-3]), 3);
+    assert_eq!(kept([0.5 - 2e-3, 0.5, 0.5 + 2e-3]), 2);
+    assert_eq!(kept([-0.2, 0.0, 0.2]), 2);
+}
+
+#[test]
 fn a_body_at_rest_has_no_samples_and_no_frames_need_none() {
     for frames in [0, 1] {
         let text = stage(BALL, frames, &Sampling::default());
