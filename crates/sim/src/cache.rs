@@ -77,7 +77,7 @@ pub(crate) struct Record<const L: usize> {
     /// Its points.
     pub(crate) first: u32,
     pub(crate) count: u32,
-    /// World, from b towards a.
+    /// World, from b towards a; as the places of its points.
     pub(crate) normal: Vector<f32, L>,
     /// The normal that its traces are seen from: that of the step before.
     pub(crate) traced: Vector<f32, L>,
@@ -98,7 +98,8 @@ pub(crate) struct Point<const L: usize> {
     /// On the surface of b, in the frame of b. \[m\]
     pub(crate) on_b: Vector<f32, L>,
     /// Where both bodies are pushed, midway between the surfaces: so the pair keeps its angular momentum.
-    /// World, from the center of mass of b. \[m\]
+    /// World, from the center of mass of b; where it was when it was last set
+    /// ([`RecordsMut::measure`]). \[m\]
     pub(crate) middle: Vector<f32, L>,
     pub(crate) feature: u64,
 }
@@ -261,24 +262,37 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
         (record, &mut self.points[points.clone()], &mut self.traces[points])
     }
 
-    /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Whether they have been
-    /// `traced` since they were last measured.
-    pub(crate) fn measure(&mut self, numbers: Range<usize>, [a, b]: [&Frame<L>; 2], traced: bool) {
+    /// Measures the gaps of manifolds anew, whose bodies are where these frames are. They are pushed where they
+    /// were, until that has moved against one of them by `most` \[m\]. Whether they have been `traced` since they
+    /// were last measured.
+    pub(crate) fn measure(
+        &mut self,
+        numbers: Range<usize>,
+        [a, b]: [&Frame<L>; 2],
+        most: f32,
+        traced: bool,
+    ) {
         let own = after(numbers.clone(), self.before[0]);
         self.change(numbers, traced);
         for record in &mut self.manifolds[own] {
             let normal = b.direction(record.local_normal);
             let points = after(record.points(), self.before[1]);
-            let traces = &mut self.traces[points.clone()];
-            for (point, trace) in self.points[points].iter_mut().zip(traces) {
-                let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
-                point.middle = (on_a + on_b) * 0.5;
-                trace.gap[0] = normal.dot(on_a - on_b);
+            let (points, traces) = (&mut self.points[points.clone()], &mut self.traces[points]);
+            let passed = a.position - record.apart;
+            let mut moved = 0.0f32;
+            for (point, trace) in points.iter().zip(traces) {
+                trace.gap[0] = normal.dot(a.point(point.on_a) - b.point(point.on_b));
+                let from_b = point.middle_between(a, b) - point.middle;
+                let from_a = from_b - passed;
+                moved = moved.max(from_b.dot(from_b)).max(from_a.dot(from_a));
             }
             if traced {
                 record.traced = record.normal;
             }
-            (record.normal, record.apart) = (normal, a.position);
+            if moved > most * most {
+                points.iter_mut().for_each(|point| point.middle = point.middle_between(a, b));
+                (record.normal, record.apart) = (normal, a.position);
+            }
         }
     }
 }
@@ -357,12 +371,50 @@ impl<const L: usize> Point<L> {
     pub(crate) const OPEN: Self =
         Self { on_a: Vector::ZERO, on_b: Vector::ZERO, middle: Vector::ZERO, feature: 0 };
 
+    /// Midway between the surfaces, from the center of mass of b. \[m\]
+    fn middle_between(&self, a: &Frame<L>, b: &Frame<L>) -> Vector<f32, L> {
+        (a.point(self.on_a) + b.point(self.on_b)) * 0.5
+    }
+
     pub(crate) fn new(touch: &TouchPoint<L>, a: &Frame<L>, b: &Frame<L>) -> Self {
         Self {
             on_a: a.local_point(touch.on_a),
             on_b: b.local_point(touch.on_b),
             middle: (touch.on_a + touch.on_b) * 0.5,
             feature: touch.feature,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pair that leans as a whole is pushed where it was while that has moved by less than asked for; its gap is
+    /// that of now.
+    #[test]
+    fn what_leans_is_pushed_where_it_was() {
+        let turned = |angle: f32| {
+            let (sin, cos) = angle.sin_cos();
+            Frame { position: Vector::ZERO, axes: [Vector([cos, sin]), Vector([-sin, cos])] }
+        };
+        let up = Vector([0.0, 1.0]);
+        let point = Point { on_a: up * -0.5, on_b: up * 0.5, middle: up * 0.5, feature: 0 };
+        for (most, pushed) in [(0.006, up), (0.004, turned(0.01).direction(up))] {
+            let mut records: Records<2> = Records::default();
+            let (record, points, _) = records.add(1);
+            (record.normal, record.local_normal, record.apart) = (up, up, up);
+            points[0] = point;
+            // Turned by 0.01, and sunk in by 1 mm: half a meter away, 5 mm aside.
+            let b = turned(0.01);
+            let a = Frame { position: b.direction(up * 0.999), ..b };
+            records.view_mut().measure(0..1, [&a, &b], most, true);
+            let record = &records.manifolds[0];
+            assert!((records.traces[0].gap[0] + 0.001).abs() < 1e-6, "{:?}", records.traces);
+            assert!((record.normal - pushed).length() < 1e-6, "{most}: {:?}", record.normal);
+            assert!((record.apart - pushed).length() < 0.0011, "{most}: {:?}", record.apart);
+            let middle = records.points[0].middle;
+            assert!((middle - pushed * 0.5).length() < 0.0006, "{most}: {middle:?}");
         }
     }
 }

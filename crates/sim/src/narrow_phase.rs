@@ -293,9 +293,9 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             records.take_pair(pair, around.resting);
             let mut woken = records.view_mut();
             // They were not in the step before, and come as they were traced.
-            woken.measure(pair.records(), [a, b], false);
+            woken.measure(pair.records(), [a, b], most, false);
         } else {
-            own.measure(pair.records(), [a, b], around.traced);
+            own.measure(pair.records(), [a, b], most, around.traced);
         }
         return !rested;
     }
