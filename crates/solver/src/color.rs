@@ -221,20 +221,19 @@ impl Coloring {
 
     /// Finds the kind of each manifold.
     fn color(&mut self) {
+        let mask = |moves: bool| u64::from(moves).wrapping_neg();
         self.used.clear();
         self.used.resize(self.bodies.len(), 0);
         self.kinds.clear();
         for &Outline { bodies, moving, points, .. } in &self.outlines {
-            let used =
-                |side: usize| if moving[side] { self.used[bodies[side] as usize] } else { 0 };
-            let (a, b) = (used(0), used(1));
-            let color = (a | b).trailing_ones() as usize;
+            let used = |side: usize| self.used[bodies[side] as usize] & mask(moving[side]);
+            let color = (used(0) | used(1)).trailing_ones() as usize;
             if color == COLORS {
                 self.kinds.push(ALONE as u32);
                 continue;
             }
-            for (body, _) in bodies.into_iter().zip(moving).filter(|(_, moving)| *moving) {
-                self.used[body as usize] |= 1 << color;
+            for side in 0..2 {
+                self.used[bodies[side] as usize] |= mask(moving[side]) & 1 << color;
             }
             self.kinds.push((color * BINS + (points as usize).min(BINS - 1)) as u32);
         }
