@@ -131,16 +131,23 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
                 if bodies.paths[body] + f64::from(ahead.length() + reach) < *room_until {
                     continue;
                 }
-                let mut bounds = bounds::<G, L, A>(G::shape_of(&shapes[id]), turned, frame);
+                let bounds = bounds::<G, L, A>(G::shape_of(&shapes[id]), turned, frame);
                 let far = bounds.min.length() + bounds.max.length();
                 let room = broad_phase.room(id, &bounds) - ROUNDING * far;
                 *room_until = bodies.paths[body] + f64::from(room);
-                for i in 0..L {
-                    bounds.min[i] += ahead[i].min(0.0) - reach;
-                    bounds.max[i] += ahead[i].max(0.0) + reach;
-                }
-                if broad_phase.room(id, &bounds) < 0.0 {
-                    outgrown.push((id as u32, bounds));
+                let swept = |Bounds { mut min, mut max }: Bounds<L>| {
+                    for i in 0..L {
+                        min[i] += ahead[i].min(0.0);
+                        max[i] += ahead[i].max(0.0);
+                    }
+                    Bounds { min, max }
+                };
+                let reach = Vector([reach; L]);
+                let grown = Bounds { min: bounds.min - reach, max: bounds.max + reach };
+                let needed = swept(grown);
+                if broad_phase.room(id, &needed) < 0.0 {
+                    // As far again: what goes on as it does need not ask in the next step.
+                    outgrown.push((id as u32, swept(needed)));
                     *room_until = 0.0;
                 }
             }
