@@ -165,7 +165,7 @@ fn inverse<const A: usize>(matrix: &SymmetricMatrix<f32, A>) -> SymmetricMatrix<
 pub(crate) const PIECE: usize = 32;
 
 /// Contacts are kept as long as bodies have strayed by less than this part of their size. \[1\]
-const STRAY: f32 = 2e-3;
+const STRAY: f32 = 0.01;
 
 /// The state of all bodies, except velocities and world inverse masses, which the contact system
 /// holds.

@@ -252,6 +252,38 @@ fn a_tower_in_real_time_stands() {
     tower::<Rigid3, 3, 3>();
 }
 
+/// Two boxes without gravity, of which one is hit beside its middle and both go on together, turning. Where points are
+/// reused the two are pushed at places that are as far apart as they have moved since: so little that both their
+/// momenta stay.
+fn meeting<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    let material = surface(0.5, 0.0);
+    for settings in [StepSettings::realtime(), StepSettings::certified()] {
+        let mut world = World::<G, L, A>::new(settings);
+        let still = world.add(dynamic([0.0; L], G::cuboid([0.5; L]), &material));
+        let hits = dynamic(v(-1.2, 0.3, 0.0), G::cuboid([0.5; L]), &material);
+        let hits = world.add(moving(hits, v(2.0, 0.5, 0.0)));
+        // By the mass of a box.
+        let spin = |world: &World<G, L, A>| {
+            let own = [still, hits].map(|id| {
+                let (at, velocity) = (place(world, id), velocity(world, id));
+                let [x, y, vx, vy] = [at[0], at[1], velocity.linear[0], velocity.linear[1]];
+                x * vy - y * vx + velocity.angular[A - 1] / 6.0
+            });
+            own[0] + own[1]
+        };
+        let before = spin(&world);
+        run(&mut world, 1.0);
+        assert!(velocity(&world, still).linear[0] > 0.5, "they have met");
+        assert_within(&format!("{L}D: angular momentum"), spin(&world) / before, 1.0, 0.01);
+    }
+}
+
+#[test]
+fn what_meets_keeps_its_angular_momentum() {
+    meeting::<Rigid2, 2, 1>();
+    meeting::<Rigid3, 3, 3>();
+}
+
 /// With points of contact that stayed behind where it had been, a ball that crept rolled ever faster.
 fn rolling<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let material = surface(0.5, 0.0);
