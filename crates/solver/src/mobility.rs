@@ -60,10 +60,17 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
     #[inline(always)]
     pub fn of(manifold: &Manifold<T, L>, masses: &[InverseMass<T, L, A>; 2]) -> Self {
         let mut mobility = Self::default();
-        for (mass, arm) in masses.iter().zip(&manifold.arms) {
-            mobility.add_body(mass.linear, manifold.tensor(mass.angular), manifold.to_frame(*arm));
-        }
+        mobility.set(manifold, masses);
         mobility
+    }
+
+    /// Becomes that of a manifold between bodies of these inverse masses.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, manifold: &Manifold<T, L>, masses: &[InverseMass<T, L, A>; 2]) {
+        *self = Self::default();
+        for (mass, arm) in masses.iter().zip(&manifold.arms) {
+            self.add_body(mass.linear, manifold.tensor(mass.angular), manifold.to_frame(*arm));
+        }
     }
 
     /// A body of this inverse mass and inertia, seen in the frame from its center of mass.

@@ -540,6 +540,7 @@ impl Geometry<3, 3> for Rigid3 {
         parry3d::math::Pose { translation, rotation, ..*pose }
     }
 
+    #[inline]
     fn precess(
         spins: &[Spin<'_, Self::Pose, 3>; TOGETHER],
         count: usize,

@@ -50,6 +50,7 @@ impl<T: Angle> Quaternion<T> {
 }
 
 /// [`Geometry::precess`](super::Geometry::precess).
+#[inline]
 pub(super) fn precess<T: Angle>(
     q: Quaternion<T>,
     [moments, inverse_moments]: [SymmetricMatrix<T, 3>; 2],

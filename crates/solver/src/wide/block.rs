@@ -106,8 +106,13 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         let all = Seats { manifolds, bodies, moving, lanes: members.used, first: 0 };
         let stale = members.stale & members.used;
         if stale.count_ones() > SINGLY || stale == members.used || points.len() > FEW {
-            self.masses = [0, 1].map(|side| inverse_masses(masses, &all, side));
-            points.fill(Contact::default());
+            for side in 0..2 {
+                take_masses(&mut self.masses[side], masses, &all, side);
+            }
+            // All else is taken, or follows from it.
+            for contact in &mut *points {
+                (contact.target, contact.impact) = (Vector::ZERO, V::ZERO);
+            }
             rows.take(&all, &mut self.manifold, points);
             clear(points, !members.used);
             return;
@@ -117,7 +122,9 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         for lane in lanes_of(stale) {
             let seat = Seats { lanes: 1 << lane, first: lane, ..all };
             for side in 0..2 {
-                set_mass(&mut self.masses[side], lane, &inverse_masses(masses, &seat, side));
+                let mut mass = InverseMass::default();
+                take_masses::<f32, L, A>(&mut mass, masses, &seat, side);
+                set_mass(&mut self.masses[side], lane, &mass);
             }
             let (mut manifold, mut contacts) = (Manifold::default(), [Contact::default(); FEW]);
             let contacts = &mut contacts[..points.len()];
@@ -132,7 +139,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     /// Finds the effective masses of its points ([`Contact::prepare`]).
     #[inline(always)]
     pub(super) fn prepare(&mut self, points: &mut [Contact<V, L>], softness: V) {
-        self.mobility = Mobility::of(&self.manifold, &self.masses);
+        self.mobility.set(&self.manifold, &self.masses);
         for contact in points {
             contact.prepare(&self.manifold, &self.mobility, softness);
         }
@@ -230,20 +237,19 @@ fn clear<V: Lanes, const L: usize>(points: &mut [Contact<V, L>], idle: u16) {
     }
 }
 
-/// M^-1 of the bodies of a side.
+/// Takes M^-1 of the bodies of a side.
 #[inline(always)]
-fn inverse_masses<V: Several, const L: usize, const A: usize>(
+fn take_masses<V: Several, const L: usize, const A: usize>(
+    wide: &mut InverseMass<V, L, A>,
     masses: &[InverseMass<f32, L, A>],
     seats: &Seats<'_>,
     side: usize,
-) -> InverseMass<V, L, A> {
+) {
     let of = V::each(|lane| &masses[seats.body(side, lane)]);
-    let linear = V::gathered(V::each(|lane| of[lane].linear));
-    let mut out = InverseMass { linear, ..InverseMass::default() };
+    wide.linear = V::gathered(V::each(|lane| of[lane].linear));
     for i in 0..A {
-        out.angular.0[i] = V::gathered_vector(V::each(|lane| &of[lane].angular.0[i]));
+        wide.angular.0[i] = V::gathered_vector(V::each(|lane| &of[lane].angular.0[i]));
     }
-    out
 }
 
 pub(super) fn splat<V: Lanes>(value: f32) -> V {
