@@ -109,13 +109,11 @@ impl<const L: usize> BroadPhase<L> {
             return None;
         }
         pairs.retain(|pair| {
-            let [a, b] = pair.colliders.map(|shape| shape as usize);
+            let [a, b] = pair.colliders;
+            let (a, b) = (a as usize, b as usize);
             !(moves[a] || moves[b]) || boxes[a].overlaps(&boxes[b])
         });
-        let is_new = |pair: [u32; 2]| {
-            let [a, b] = pair.map(|shape| &before[shape as usize]);
-            !a.overlaps(b)
-        };
+        let is_new = |[a, b]: [u32; 2]| !before[a as usize].overlaps(&before[b as usize]);
         let found = tree.overlaps(team, is_new);
         for shape in moved.drain(..).map(|shape| shape as usize) {
             before[shape] = boxes[shape];

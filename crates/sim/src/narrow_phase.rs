@@ -259,22 +259,22 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let rested = std::mem::replace(&mut pair.rests, false);
     let old = if rested { around.resting.view() } else { own.view() };
     let known = old.of(pair.records());
-    let [travel_a, travel_b] = pair.bodies.map(|body| &around.travel[body as usize]);
+    let [body_a, body_b] = pair.bodies;
+    let (travel_a, travel_b) = (&around.travel[body_a as usize], &around.travel[body_b as usize]);
     // Never through a thin body to what is behind it.
     let prediction = around.prediction_distance.min(THIN * pair.thickness)
         + travel_a.blow.max(travel_b.blow)
         + travel_a.angular
         + travel_b.angular;
-    let paths: f64 = pair.bodies.iter().map(|&body| around.bodies.paths[body as usize]).sum();
+    let paths = around.bodies.paths[body_a as usize] + around.bodies.paths[body_b as usize];
     if known.is_empty() && paths + f64::from(prediction) < pair.until {
         return false;
     }
     // Everything is seen from the center of mass of b: so it does not matter how far the pair is
     // from the origin.
     let apart = around.bodies.apart(pair.bodies);
-    let [axes_a, axes_b] = pair.bodies.map(|body| around.bodies.frames[body as usize].axes);
-    let a = &Frame { position: apart, axes: axes_a };
-    let b = &Frame { position: Vector::ZERO, axes: axes_b };
+    let a = &Frame { position: apart, ..around.bodies.frames[body_a as usize] };
+    let b = &Frame { position: Vector::ZERO, ..around.bodies.frames[body_b as usize] };
     let most = around.reuse_distance.min(OFF * pair.thickness);
     let reusable = !known.is_empty() && most > 0.0 && !pair.rolls;
     let seen = a.seen_from(b);
@@ -299,9 +299,8 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         }
         return !rested;
     }
-    let [shape_a, shape_b] = pair.colliders.map(|c| &around.shapes[c as usize]);
-    let [pose_a, pose_b] = pair.colliders.map(|c| &around.poses[c as usize]);
-    let pose_a = G::advance(pose_a, apart, Vector::ZERO);
+    let [a_shape, b_shape] = pair.colliders;
+    let pose_a = G::advance(&around.poses[a_shape as usize], apart, Vector::ZERO);
     let before = known.first().map(|record| old.points_of(record)[0].feature);
     let mut places = Places::new(own, pair.records(), rested.then_some(around.resting), records);
     let mut report = |touch: &Touch<L>| {
@@ -322,7 +321,8 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             ..*record
         };
     };
-    let (a, b) = ((shape_a, &pose_a), (shape_b, pose_b));
+    let a = (&around.shapes[a_shape as usize], &pose_a);
+    let b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
     let gap = G::collide(a, b, prediction, before, scratch, &mut report);
     let (count, again) = places.finish(around.traced);
     pair.count = count;

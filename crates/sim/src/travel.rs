@@ -72,13 +72,13 @@ impl<const L: usize> Travels<L> {
             passed.blows.resize(own.len(), 0.0);
             let (blows, mut worst) = (&mut passed.blows[..], 0.0f32);
             for pair in pairs.iter().filter(|pair| !pair.rests) {
-                let bodies = pair.bodies.map(|body| body as usize);
-                let [a, b] = bodies.map(|body| &own[body]);
-                let apart = (a.linear - b.linear).length();
-                for body in bodies {
-                    blows[body] = blows[body].max(apart);
-                }
-                let travel = apart + a.angular + b.angular + fall;
+                let [a, b] = pair.bodies;
+                let (a, b) = (a as usize, b as usize);
+                let (own_a, own_b) = (&own[a], &own[b]);
+                let apart = (own_a.linear - own_b.linear).length();
+                blows[a] = blows[a].max(apart);
+                blows[b] = blows[b].max(apart);
+                let travel = apart + own_a.angular + own_b.angular + fall;
                 worst = worst.max(travel / pair.thickness);
             }
             passed.worst = worst;

@@ -87,8 +87,8 @@ impl<const L: usize> Node<L> {
     };
 
     fn get(&self, lane: usize) -> Bounds<L> {
-        let [min, max] = [self.min, self.max].map(|of| Vector(of.map(|of| of.as_array()[lane])));
-        Bounds { min, max }
+        let at = |of: &[f32x8; L]| Vector(std::array::from_fn(|i| of[i].as_array()[lane]));
+        Bounds { min: at(&self.min), max: at(&self.max) }
     }
 
     fn set(&mut self, lane: usize, to: &Bounds<L>) {
@@ -271,8 +271,8 @@ impl<const L: usize> Tree<L> {
                     open = near & !(changed & ((2 << lane) - 1) as u8);
                 }
                 for with in lanes(open & other.overlapping(&own.get(lane))) {
-                    let places = [leaf * WIDTH + lane, node * WIDTH + with];
-                    let [a, b] = places.map(|at| self.numbers[at]);
+                    let a = self.numbers[leaf * WIDTH + lane];
+                    let b = self.numbers[node * WIDTH + with];
                     if wanted([a, b]) {
                         found.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
                     }

@@ -112,9 +112,8 @@ macro_rules! over_parry {
 
             // As what is round below, but most of a heap of balls.
             if let (Form::Ball(radius_a), Form::Ball(radius_b)) = (&a.0.form, &b.0.form) {
-                let centers =
-                    [a.1, b.1].map(|pose| <Self as Geometry<$l, $a>>::frame(pose).position);
-                let touch = &mut scratch.touch;
+                let center = |pose| <Self as Geometry<$l, $a>>::frame(pose).position;
+                let (centers, touch) = ([center(a.1), center(b.1)], &mut scratch.touch);
                 return balls(centers, [*radius_a, *radius_b], prediction, touch, report);
             }
             let (pose_a, pose_b): ($parry::math::Pose, $parry::math::Pose) =
