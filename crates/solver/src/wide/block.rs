@@ -174,10 +174,21 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         std::array::from_fn(|lane| [a[lane], b[lane]])
     }
 
+    /// The island of all its manifolds, if it is one.
+    #[inline(always)]
+    pub(super) fn island(&self) -> Option<u32> {
+        let [first, ..] = self.islands;
+        self.islands.iter().fold(true, |one, of| one & (*of == first)).then_some(first)
+    }
+
     /// Whether all its manifolds belong to islands that are done.
+    #[inline(always)]
     pub(super) fn is_done(&self, done: &[bool]) -> bool {
         let is_done = |island: u32| done.get(island as usize).copied().unwrap_or(true);
-        lanes_of(self.used).all(|lane| is_done(self.islands[lane]))
+        match self.island() {
+            Some(island) => is_done(island),
+            None => self.islands.iter().all(|&island| is_done(island)),
+        }
     }
 }
 

@@ -3,8 +3,8 @@
 use super::Packed;
 use super::block::splat;
 use super::walk::Ground;
-use crate::island::Islands;
-use crate::lanes::{Lanes, WIDTH, lanes_of};
+use crate::island::{Islands, NONE};
+use crate::lanes::{Lanes, WIDTH};
 use crate::pgs::visit;
 use crate::team::Shared;
 use crate::{Vector, Velocity, nncg};
@@ -70,25 +70,31 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     /// beta of each island, from the gradients of its blocks, always in the same order.
+    #[inline(always)]
     fn find_betas(&mut self, done: &[bool]) {
         let state = &mut self.conjugate;
         state.sizes.fill(0.0);
         let last = state.sizes.len() - 1;
+        // Blocks of one island that follow each other are summed side by side.
+        let (mut island, mut sum) = (NONE, V::ZERO);
+        let of = |island: u32| (island as usize).min(last);
+        let total = |of: V| (0..WIDTH).map(|lane| of.get(lane)).sum::<f32>();
         for (block, size) in self.blocks.iter().zip(&state.gradients) {
-            if block.is_done(done) {
-                continue;
-            }
-            let (mut island, mut sum) = (last, 0.0);
-            for lane in lanes_of(block.used) {
-                let own = (block.islands[lane] as usize).min(last);
-                if own != island {
-                    state.sizes[island] += sum;
-                    (island, sum) = (own, 0.0);
+            match block.island() {
+                _ if block.is_done(done) => {}
+                Some(own) if own == island => sum += *size,
+                Some(own) => {
+                    state.sizes[of(island)] += total(std::mem::replace(&mut sum, *size));
+                    island = own;
                 }
-                sum += size.get(lane);
+                None => {
+                    for (lane, &own) in block.islands.iter().enumerate() {
+                        state.sizes[of(own)] += size.get(lane);
+                    }
+                }
             }
-            state.sizes[island] += sum;
         }
+        state.sizes[of(island)] += total(sum);
         let sizes = state.sizes.iter().zip(&mut state.sizes_before);
         for (beta, (&size, before)) in state.betas.iter_mut().zip(sizes) {
             *beta = nncg::beta_of(size, before);
@@ -113,13 +119,20 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
     let bodies = velocities.chunks_mut(share).zip(state.of_body.chunks(share));
     let bodies = bodies.zip(state.velocities.chunks_mut(share).zip(state.ways.chunks_mut(share)));
     team.for_each(useful, bodies, |((velocities, islands), (before, ways))| {
-        let known = before.iter_mut().zip(ways);
-        for ((velocity, &island), (before, way)) in velocities.iter_mut().zip(islands).zip(known) {
-            let beta = of(island, betas);
-            *way = nncg::next_way(velocity, before, way, beta);
-            *velocity += *way * beta;
-            *before = *velocity;
-        }
+        V::run(
+            #[inline(always)]
+            || {
+                let known = before.iter_mut().zip(ways);
+                for ((velocity, &island), (before, way)) in
+                    velocities.iter_mut().zip(islands).zip(known)
+                {
+                    let beta = of(island, betas);
+                    *way = nncg::next_way(velocity, before, way, beta);
+                    let moved = *velocity + *way * beta;
+                    (*velocity, *before) = (moved, moved);
+                }
+            },
+        );
     });
     let useful = team.is_useful(whole.size());
     let ground = Ground::new(&mut whole, velocities);
@@ -135,13 +148,9 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
                     if block.is_done(done) {
                         continue;
                     }
-                    let islands = &block.islands;
-                    let beta = if islands.iter().fold(true, |one, of| one & (*of == islands[0])) {
-                        splat(of(islands[0], betas))
-                    } else {
-                        let mut own = [0.0; WIDTH];
-                        own.iter_mut().zip(islands).for_each(|(own, &at)| *own = of(at, betas));
-                        V::from_array(own)
+                    let beta = match block.island() {
+                        Some(island) => splat(of(island, betas)),
+                        None => V::from_array(block.islands.map(|island| of(island, betas))),
                     };
                     // r <- r + beta p.
                     let (points, before) = (at.points(), at.of_points(&before));
@@ -164,5 +173,8 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
         );
     });
     packed.conjugate = state;
-    packed.find_betas(done);
+    V::run(
+        #[inline(always)]
+        || packed.find_betas(done),
+    );
 }
