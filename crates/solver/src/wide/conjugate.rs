@@ -128,6 +128,7 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
                 {
                     let beta = of(island, betas);
                     *way = nncg::next_way(velocity, before, way, beta);
+                    // Not read back: memory written in parts and read as a whole is waited for.
                     let moved = *velocity + *way * beta;
                     (*velocity, *before) = (moved, moved);
                 }
