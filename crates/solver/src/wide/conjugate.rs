@@ -111,6 +111,9 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
     done: &[bool],
 ) {
     let mut state = std::mem::take(&mut packed.conjugate);
+    // Bodies of what is done must not go on: most of its contacts do not.
+    let of_done = state.betas.iter_mut().zip(done).filter(|(_, done)| **done);
+    of_done.for_each(|(beta, _)| *beta = 0.0);
     let betas = &state.betas;
     let mut whole = packed.whole(&mut []);
     let team = whole.team;

@@ -410,6 +410,59 @@ fn crowds<const L: usize, const A: usize>(random: &mut Random) -> System<f32, L,
     all
 }
 
+/// Of each island, |g|^2 is that of its contacts, wherever they are in the lanes; and when some are done, the bodies
+/// of all still have what their contacts gave them.
+fn gradients_by_island<const L: usize, const A: usize>(seed: u64) {
+    let start = crowds::<L, A>(&mut Random(seed));
+    let mut islands = Islands::default();
+    islands.find(&start);
+    let mut wide = Wide::new();
+    wide.pack(&start, &start.masses, 0.1);
+    wide.set_islands(&islands);
+    wide.set_targets(&vec![Velocity::ZERO; start.velocities.len()], &REPAIR);
+    wide.begin_conjugate();
+    let mut system = start.clone();
+    wide.whole(&mut []).apply_impulses(&mut system.velocities);
+    wide.conjugate(&mut system.velocities, &vec![false; islands.count]);
+    wide.unpack(&mut system);
+    let mut expected = vec![0.0_f64; islands.count];
+    for manifold in &system.manifolds {
+        let Some(own) = expected.get_mut(islands.of_pair(manifold.bodies) as usize) else {
+            continue;
+        };
+        for point in manifold.points() {
+            let (before, after) = (&start.contacts[point], &system.contacts[point]);
+            let g = before.impulse - after.impulse;
+            if after.effective_mass > 0.0 {
+                *own += f64::from(g.dot(g) / after.effective_mass);
+            }
+        }
+    }
+    let moved = expected.iter().filter(|size| **size > 0.0).count();
+    assert!(moved >= 40, "{moved} of {}", islands.count);
+    for (&found, &size) in wide.gradients().iter().zip(&expected) {
+        assert!((f64::from(found) - size).abs() <= 1e-5 * size, "{found} and {size}");
+    }
+    // Done once they have directions.
+    for iteration in 0..5 {
+        let done = |island| iteration > 1 && island % 3 == 0;
+        let done: Vec<bool> = (0..islands.count).map(done).collect();
+        wide.conjugate(&mut system.velocities, &done);
+    }
+    wide.unpack(&mut system);
+    let energy = |(velocity, mass): (&Velocity<f32, L, A>, &InverseMass<f32, L, A>)| {
+        mass.mass().squared(&velocity.cast())
+    };
+    let energy: f64 = system.velocities.iter().zip(&system.masses).map(energy).sum();
+    let defect = certify(&system, &start.velocities).defect;
+    assert!(defect <= 1e-11 * energy, "{defect} J of {energy}");
+}
+
+#[test]
+fn gradients_are_of_islands() {
+    in_all_four!(gradients_by_island, 17);
+}
+
 /// Batches each through all substeps, one after the other or on several threads at once, have the bits of
 /// substeps of everything.
 fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
