@@ -33,6 +33,7 @@ pub(crate) fn run() {
     println!("|---|---|---|---|---|---|---|---|---|");
     let limits = [operations, bytes];
     case::<3, 3>("rigid, 3D", 4, limits);
+    case::<3, 3>("rigid, 3D", 1, limits);
     case::<2, 1>("rigid, 2D", 2, limits);
     case::<3, 0>("particles, 3D", 1, limits);
     case::<2, 0>("particles, 2D", 1, limits);

@@ -758,10 +758,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             out.kinetic_energy += 0.5 * self.bodies.mass(body).squared(&velocity.cast());
         }
         out.potential_energy = self.bodies.potential_energy(self.gravity);
-        let system = self.system();
-        for contact in &system.contacts {
-            out.deepest_penetration = out.deepest_penetration.max(f64::from(-contact.gap[0]));
-        }
+        out.deepest_penetration = f64::from(self.wide.overlap());
         for pair in self.pairs.iter().filter(|pair| pair.rests) {
             let resting = self.sleep.records.view();
             for record in resting.of(pair.records()) {
@@ -770,7 +767,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 }
             }
         }
-        out.residual = system.residual(true);
+        out.residual = f64::from(self.wide.residual(&self.system.velocities));
         out
     }
 

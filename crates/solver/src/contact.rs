@@ -130,7 +130,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// of this contact's block of A. \[1/kg\]
     #[inline(always)]
     fn entry<const A: usize>(&self, mobility: &Mobility<T, L, A>, i: usize, j: usize) -> T {
-        let mut twist = Velocity::NOTHING;
+        let mut twist: Velocity<T, L, A> = Velocity::NOTHING;
         let from = Axes { linear: i..i + 1, angular: 0..A };
         mobility.add(&from, &self.unit_wrench(i), &all_axes::<L, A>(), &mut twist);
         twist.at(self.place)[j]

@@ -150,14 +150,26 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         a: &Velocity<T, L, A>,
         b: &Velocity<T, L, A>,
     ) -> Velocity<T, L, A> {
+        self.twist_felt(a, b)
+    }
+
+    /// The same as far as its points feel it: `B` is `A`, or 0 for a point in the center, where no turning is
+    /// felt.
+    #[inline(always)]
+    pub(crate) fn twist_felt<const A: usize, const B: usize>(
+        &self,
+        a: &Velocity<T, L, A>,
+        b: &Velocity<T, L, A>,
+    ) -> Velocity<T, L, B> {
         let turning = a.angular - b.angular;
-        let mut angular = turning;
-        if A == L {
-            for i in 0..A {
-                angular[i] = T::NOTHING;
+        let mut angular = Vector::NOTHING;
+        for i in 0..B {
+            if A == L {
                 for j in 0..A {
                     angular[i] += self.frame[i][j] * turning[j];
                 }
+            } else {
+                angular[i] = turning[i];
             }
         }
         Velocity { linear: self.to_frame(a.at(self.arms[0]) - b.at(self.arms[1])), angular }
@@ -170,21 +182,22 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         self.momenta_of(&all_axes::<L, A>(), wrench)
     }
 
-    /// The same, from some of the components.
+    /// The same, from some of the components. The points give `B` moments: `A`, or 0 if they are in the center.
     #[inline(always)]
-    fn momenta_of<const A: usize>(
+    fn momenta_of<const A: usize, const B: usize>(
         &self,
         from: &Axes,
-        wrench: &Velocity<T, L, A>,
+        wrench: &Velocity<T, L, B>,
     ) -> [Velocity<T, L, A>; 2] {
         let linear = self.sum_along(from.linear.clone(), wrench.linear);
-        let mut own = wrench.angular;
-        if A == L {
-            for i in 0..A {
-                own[i] = T::NOTHING;
+        let mut own = Vector::NOTHING;
+        for i in 0..A {
+            if A == L {
                 for j in from.angular.clone() {
                     own[i] += self.frame[j][i] * wrench.angular[j];
                 }
+            } else if B == A {
+                own[i] = wrench.angular[i];
             }
         }
         let [arm_a, arm_b] = self.arms;
@@ -208,10 +221,10 @@ impl<T: Real, const L: usize> Manifold<T, L> {
 
     /// The same, from some of the components.
     #[inline(always)]
-    pub(crate) fn apply_of<const A: usize>(
+    pub(crate) fn apply_of<const A: usize, const B: usize>(
         &self,
         from: &Axes,
-        wrench: &Velocity<T, L, A>,
+        wrench: &Velocity<T, L, B>,
         masses: &[InverseMass<T, L, A>; 2],
         a: &mut Velocity<T, L, A>,
         b: &mut Velocity<T, L, A>,

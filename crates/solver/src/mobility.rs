@@ -111,14 +111,15 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
         twist
     }
 
-    /// Adds to the components `to` of a twist what the components `from` of a wrench give them.
+    /// Adds to the components `to` of a twist what the components `from` of a wrench give them; they have `B` of
+    /// turning and of moments ([`Manifold::twist_felt`]).
     #[inline(always)]
-    pub(crate) fn add(
+    pub(crate) fn add<const B: usize>(
         &self,
         from: &Axes,
-        wrench: &Velocity<T, L, A>,
+        wrench: &Velocity<T, L, B>,
         to: &Axes,
-        twist: &mut Velocity<T, L, A>,
+        twist: &mut Velocity<T, L, B>,
     ) {
         for i in to.linear.clone() {
             for j in from.linear.clone() {

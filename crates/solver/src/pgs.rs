@@ -29,17 +29,37 @@ impl<T: Real, const L: usize> Contact<T, L> {
         &mut self,
         twist: &Velocity<T, L, A>,
     ) -> Vector<T, L> {
-        let v_n = self.normal_velocity(twist);
-        let w = if RIGID {
-            v_n - self.target[0].min(T::ZERO)
-        } else {
-            v_n - self.target[0] + self.compliance * self.impulse[0]
-        };
+        let w = self.excess::<RIGID>(self.normal_velocity(twist));
         let impulse = (self.impulse[0] - self.effective_mass * w).max(T::ZERO);
         let mut change = Vector::ZERO;
         change[0] = impulse - self.impulse[0];
         self.impulse[0] = impulse;
         change
+    }
+
+    /// w = v_n - t + epsilon gamma; of a `RIGID` contact without overlap repair and epsilon. \[m/s\]
+    #[inline(always)]
+    fn excess<const RIGID: bool>(&self, v_n: T) -> T {
+        if RIGID {
+            v_n - self.target[0].min(T::ZERO)
+        } else {
+            v_n - self.target[0] + self.compliance * self.impulse[0]
+        }
+    }
+
+    /// How far the contact is from its laws: the larger of |min(gamma / m_eff, w)| along the normal and of the
+    /// projection of friction. \[m/s\]
+    #[inline(always)]
+    pub(crate) fn residual<const A: usize, const RIGID: bool>(
+        &self,
+        friction: T,
+        twist: &Velocity<T, L, A>,
+    ) -> T {
+        let u = self.relative_velocity(twist);
+        let normal = (self.impulse[0] / self.effective_mass).min(self.excess::<RIGID>(u[0]));
+        let slip = (self.friction_step(friction, u) - self.impulse).length() / self.tangential_mass;
+        let slip = self.tangential_mass.choose(slip, T::ZERO);
+        self.effective_mass.choose(normal.max(-normal).max(slip), T::ZERO)
     }
 
     /// The impulse after a step against the slip velocity, drawn back onto Coulomb's disc of
@@ -133,16 +153,28 @@ fn visit_of<T: Real, const L: usize, const A: usize, const RIGID: bool, const FR
     let points = &mut system.contacts[manifold.points()];
     let mobility = Mobility::of(&manifold, &masses);
     let parts = (&manifold, &mobility, &masses);
-    visit::<T, L, A, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+    if is_center(points) {
+        visit::<T, L, A, 0, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+    } else {
+        visit::<T, L, A, A, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+    }
     system.set_velocities(&manifold, [a, b]);
 }
 
-/// One visit to a manifold: the normals of its points, then their friction.
+/// Whether these points of a manifold are its center: it feels no turning, and impulses there have no moment.
+#[inline(always)]
+pub(crate) fn is_center<T: Real, const L: usize>(points: &[Contact<T, L>]) -> bool {
+    matches!(points, [only] if only.place == Vector::ZERO)
+}
+
+/// One visit to a manifold: the normals of its points, then their friction. These feel `B` components of turning
+/// ([`Manifold::twist_felt`]).
 #[inline(always)]
 pub(crate) fn visit<
     T: Real,
     const L: usize,
     const A: usize,
+    const B: usize,
     const RIGID: bool,
     const FRICTION: bool,
 >(
@@ -151,11 +183,11 @@ pub(crate) fn visit<
     a: &mut Velocity<T, L, A>,
     b: &mut Velocity<T, L, A>,
 ) {
-    let mut twist = manifold.twist(a, b);
+    let mut twist: Velocity<T, L, B> = manifold.twist_felt(a, b);
     let mut wrench = Velocity::ZERO;
-    let (normals, all) = (&along_normals::<A>(), &all_axes::<L, A>());
+    let (normals, all) = (&along_normals::<B>(), &all_axes::<L, B>());
     for contact in points.iter_mut() {
-        let change = contact.visit_normal::<A, RIGID>(&twist);
+        let change = contact.visit_normal::<B, RIGID>(&twist);
         // The response to a unit is known before the change is: less to wait for.
         let mut response = Velocity::NOTHING;
         mobility.add(normals, &contact.unit_wrench(0), normals, &mut response);
@@ -163,8 +195,8 @@ pub(crate) fn visit<
         contact.add_wrench(0..1, change, &mut wrench);
     }
     if FRICTION {
-        mobility.add(normals, &wrench, &across_normals::<L, A>(), &mut twist);
-        let tangents = &along_tangents::<L, A>();
+        mobility.add(normals, &wrench, &across_normals::<L, B>(), &mut twist);
+        let tangents = &along_tangents::<L, B>();
         for contact in points.iter_mut() {
             let change = contact.visit_friction(manifold.friction, &twist);
             let mut own = Velocity::NOTHING;

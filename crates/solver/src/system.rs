@@ -156,28 +156,17 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
     /// Zero exactly at a solution. `rigid` leaves out compliance and overlap repair, as
     /// [`relax`](crate::pgs::relax) does.
     pub fn residual(&self, rigid: bool) -> f64 {
-        let mut worst = 0.0f64;
+        if rigid { self.residual_of::<true>() } else { self.residual_of::<false>() }
+    }
+
+    fn residual_of<const RIGID: bool>(&self) -> f64 {
+        let mut worst = T::ZERO;
         for manifold in &self.manifolds {
             let twist = self.twist_of(manifold);
             for contact in &self.contacts[manifold.points()] {
-                if contact.effective_mass.to_f64() == 0.0 {
-                    continue;
-                }
-                let u = contact.relative_velocity(&twist);
-                let held = contact.impulse[0].to_f64();
-                let w = if rigid {
-                    u[0] - contact.target[0].min(T::ZERO)
-                } else {
-                    u[0] - contact.target[0] + contact.compliance * contact.impulse[0]
-                };
-                worst = worst.max((held / contact.effective_mass.to_f64()).min(w.to_f64()).abs());
-                if contact.tangential_mass.to_f64() > 0.0 {
-                    let step = contact.friction_step(manifold.friction, u);
-                    let slip = (step - contact.impulse).length() / contact.tangential_mass;
-                    worst = worst.max(slip.to_f64());
-                }
+                worst = contact.residual::<A, RIGID>(manifold.friction, &twist).max(worst);
             }
         }
-        worst
+        worst.to_f64()
     }
 }

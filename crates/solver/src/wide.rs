@@ -401,6 +401,16 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         }
     }
 
+    /// [`System::residual`] of rigid contacts between bodies that move so. \[m/s\]
+    pub fn residual(&self, velocities: &[Velocity<f32, L, A>]) -> f32 {
+        self.passes.residual(self, velocities)
+    }
+
+    /// How far the deepest contact overlaps; 0 if none does. \[m\]
+    pub fn overlap(&self) -> f32 {
+        self.passes.overlap(self)
+    }
+
     /// Tells each manifold which island it belongs to.
     pub fn set_islands(&mut self, islands: &Islands) {
         self.conjugate.set_islands(islands);

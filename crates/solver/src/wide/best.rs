@@ -111,6 +111,16 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         })
     }
 
+    /// [`Packed::residual`].
+    pub fn residual(&self, velocities: &[Velocity<f32, L, A>]) -> f32 {
+        on_lanes!(self, packed => packed.residual(velocities))
+    }
+
+    /// [`Packed::overlap`].
+    pub fn overlap(&self) -> f32 {
+        on_lanes!(self, packed => packed.overlap())
+    }
+
     /// [`Packed::begin_conjugate`].
     pub fn begin_conjugate(&mut self) {
         on_lanes!(self, packed => packed.begin_conjugate());

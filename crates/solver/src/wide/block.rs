@@ -4,8 +4,8 @@ use super::{Rows, Seats, open, set};
 use crate::color::{Coloring, Members};
 use crate::island::NONE;
 use crate::lanes::{Lanes, Several, WIDTH, lanes_of};
-use crate::pgs::Parts;
-use crate::{Contact, InverseMass, Manifold, Mobility, Vector};
+use crate::pgs::{is_center, visit};
+use crate::{Contact, InverseMass, Manifold, Mobility, Vector, Velocity};
 
 /// Points of blocks of which single lanes are taken in, at most.
 const FEW: usize = 8;
@@ -27,6 +27,8 @@ pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
     /// in its stead.
     pub(super) away: [u16; 2],
     pub(super) islands: [u32; WIDTH],
+    /// Whether all that its manifolds have is a point in the center.
+    pub(super) center: bool,
     pub(super) masses: [InverseMass<V, L, A>; 2],
     pub(super) mobility: Mobility<V, L, A>,
     /// `bodies` of this one mean nothing: each lane has its own.
@@ -42,6 +44,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             moving: [0; 2],
             away: [0; 2],
             islands: [NONE; WIDTH],
+            center: false,
             masses: [InverseMass::default(); 2],
             mobility: Mobility::default(),
             manifold: Manifold::default(),
@@ -139,6 +142,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     /// Finds the effective masses of its points ([`Contact::prepare`]).
     #[inline(always)]
     pub(super) fn prepare(&mut self, points: &mut [Contact<V, L>], softness: V) {
+        self.center = is_center(points);
         self.mobility.set(&self.manifold, &self.masses);
         for contact in points {
             contact.prepare(&self.manifold, &self.mobility, softness);
@@ -160,8 +164,20 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    pub(super) fn parts(&self) -> Parts<'_, V, L, A> {
-        (&self.manifold, &self.mobility, &self.masses)
+    /// One visit to its manifolds, whose bodies move so ([`pgs`](crate::pgs)).
+    #[inline(always)]
+    pub(super) fn visit<const RIGID: bool, const FRICTION: bool>(
+        &self,
+        points: &mut [Contact<V, L>],
+        a: &mut Velocity<V, L, A>,
+        b: &mut Velocity<V, L, A>,
+    ) {
+        let parts = (&self.manifold, &self.mobility, &self.masses);
+        if self.center {
+            visit::<V, L, A, 0, RIGID, FRICTION>(parts, points, a, b);
+        } else {
+            visit::<V, L, A, A, RIGID, FRICTION>(parts, points, a, b);
+        }
     }
 
     /// The bodies of each lane.

@@ -5,7 +5,6 @@ use super::block::splat;
 use super::walk::Ground;
 use crate::island::{Islands, NONE};
 use crate::lanes::{Lanes, WIDTH};
-use crate::pgs::visit;
 use crate::team::Shared;
 use crate::{Vector, Velocity, nncg};
 
@@ -165,7 +164,7 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
                         *before = contact.impulse;
                     }
                     let [mut a, mut b] = at.gather();
-                    visit::<V, L, A, false, true>(block.parts(), points, &mut a, &mut b);
+                    block.visit::<false, true>(points, &mut a, &mut b);
                     at.scatter([a, b]);
                     let mut size = V::ZERO;
                     for (contact, before) in points.iter().zip(before) {

@@ -14,7 +14,6 @@ use super::{Batch, Packed};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
 use crate::lanes::{Lanes, PART, WIDTH, lanes_of};
-use crate::pgs::visit;
 use crate::team::Team;
 use crate::{Contact, Repair, Velocity};
 
@@ -55,6 +54,11 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         islands: &Islands,
         tally: &'a mut Tally<L, A>,
     ) -> &'a [Certificate];
+
+    /// Of rigid contacts.
+    fn residual(&self, packed: &Packed<V, L, A>, velocities: &Velocities<L, A>) -> f32;
+
+    fn overlap(&self, packed: &Packed<V, L, A>) -> f32;
 
     fn trace(&self, batch: &mut Batch<'_, V, L, A>, displacements: &Velocities<L, A>, hold: f32);
 }
@@ -180,6 +184,30 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         }
     }
 
+    fn residual(&self, packed: &Packed<V, L, A>, velocities: &Velocities<L, A>) -> f32 {
+        worst(
+            packed,
+            #[inline(always)]
+            |block, points| {
+                let [a, b] = block.gather_from(0, velocities);
+                let twist = block.manifold.twist(&a, &b);
+                let own = points.iter().map(
+                    #[inline(always)]
+                    |point| point.residual::<A, true>(block.manifold.friction, &twist),
+                );
+                own.fold(V::ZERO, V::max)
+            },
+        )
+    }
+
+    fn overlap(&self, packed: &Packed<V, L, A>) -> f32 {
+        worst(
+            packed,
+            #[inline(always)]
+            |_, points| points.iter().map(|point| -point.gap[0]).fold(V::ZERO, V::max),
+        )
+    }
+
     fn trace(&self, batch: &mut Batch<'_, V, L, A>, displacements: &Velocities<L, A>, hold: f32) {
         let ((team, useful), first) = (workers(batch), batch.bodies.start);
         let (coloring, traces) = (batch.coloring, batch.traces);
@@ -215,6 +243,24 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     }
 }
 
+/// The largest of what blocks and their points have; nothing comes of points that are not there.
+#[inline(always)]
+fn worst<V: Lanes, const L: usize, const A: usize>(
+    packed: &Packed<V, L, A>,
+    of: impl Fn(&Block<V, L, A>, &[Contact<V, L>]) -> V,
+) -> f32 {
+    let mut worst = V::ZERO;
+    V::run(
+        #[inline(always)]
+        || {
+            for block in packed.blocks.iter().filter(|block| block.used != 0) {
+                worst = worst.max(of(block, &packed.contacts[block.manifold.points()]));
+            }
+        },
+    );
+    (0..WIDTH).map(|lane| worst.get(lane)).fold(0.0, f32::max)
+}
+
 /// Who goes over a batch, and whether they had better do it together.
 fn workers<'a, V: Lanes, const L: usize, const A: usize>(
     batch: &Batch<'a, V, L, A>,
@@ -239,7 +285,7 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const 
                         targets.set(at.block, points);
                     }
                     let [mut a, mut b] = at.gather();
-                    visit::<V, L, A, RIGID, FRICTION>(at.block.parts(), points, &mut a, &mut b);
+                    at.block.visit::<RIGID, FRICTION>(points, &mut a, &mut b);
                     at.scatter([a, b]);
                 }
             },
@@ -323,8 +369,18 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
     /// Those of the points of a block.
     #[inline(always)]
     fn set(&self, block: &Block<V, L, A>, points: &mut [Contact<V, L>]) {
+        if block.center {
+            self.set_felt::<0>(block, points);
+        } else {
+            self.set_felt::<A>(block, points);
+        }
+    }
+
+    /// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+    #[inline(always)]
+    fn set_felt<const B: usize>(&self, block: &Block<V, L, A>, points: &mut [Contact<V, L>]) {
         let [a, b] = block.gather_from(self.first, self.displacements);
-        let moved = block.manifold.twist(&a, &b);
+        let moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
         for contact in points {
             contact.set_target(&moved, &self.repair);
         }

@@ -114,6 +114,9 @@ fn packed<V: Lanes, const L: usize, const A: usize>(
         whole.relax(v);
     }
     packed.unpack(&mut system);
+    assert_eq!(f64::from(packed.residual(&system.velocities)), system.residual(true));
+    let deepest = system.contacts.iter().map(|contact| -contact.gap[0]).fold(0.0, f32::max);
+    assert_eq!(packed.overlap(), deepest);
     system
 }
 
@@ -183,6 +186,44 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
     if drystone_solver::lanes::avx2_available() {
         use drystone_solver::lanes::Avx2;
         assert_eq!(packed::<Avx2, L, A>(&system, &displacements), portable);
+    }
+}
+
+/// A manifold's center may be any place: its only point, where no turning is felt, or another.
+fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
+    let random = &mut Random(seed);
+    let recipe = Recipe { bodies: 60, manifolds: 200, points: 1 + seed as usize % 2, walls: true };
+    let mut own: System<f64, L, A> = random_scene::<L, A>(random, recipe).system;
+    own.prepare(0.1);
+    let mut shifted = own.clone();
+    let mut alone = 0;
+    for manifold in &mut shifted.manifolds {
+        let by: Vector<f64, L> = random.vector() * 0.3;
+        alone += usize::from(manifold.count == 1);
+        manifold.arms = manifold.arms.map(|arm| arm + manifold.to_world(by));
+        for contact in &mut shifted.contacts[manifold.points()] {
+            contact.place -= by;
+        }
+    }
+    assert!(alone > 50, "{alone} have a point alone");
+    shifted.prepare(0.1);
+    for system in [&mut own, &mut shifted] {
+        for _ in 0..3 {
+            pgs::sweep(system);
+            pgs::sweep_normals(system);
+            pgs::relax(system);
+        }
+    }
+    for (a, b) in own.velocities.iter().zip(&shifted.velocities) {
+        let apart = *a - *b;
+        assert!(apart.dot(&apart) <= 1e-20 * (1.0 + a.dot(a)), "{a:?} and {b:?}");
+    }
+}
+
+#[test]
+fn a_center_is_anywhere() {
+    for seed in 0..6 {
+        in_all_four!(centers_anywhere, seed);
     }
 }
 
