@@ -154,8 +154,8 @@ impl Kind {
         let substeps =
             |counts: &[u32]| -> Vec<_> { counts.iter().map(|&n| Effort::Substeps(n)).collect() };
         let mut efforts = match self {
-            Self::Jolt => substeps(&[1, 2, 4, 8]),
-            _ => substeps(&[4, 8, 16, 32, 64]),
+            Self::Jolt => substeps(&[1, 2, 3, 4, 6, 8]),
+            _ => substeps(&[4, 6, 8, 12, 16, 24, 32, 48, 64]),
         };
         if self == Self::Drystone {
             efforts.extend([0.1, 0.03, 0.01].map(Effort::Sag));

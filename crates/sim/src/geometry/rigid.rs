@@ -116,9 +116,14 @@ macro_rules! over_parry {
                 let (centers, touch) = ([center(a.1), center(b.1)], &mut scratch.touch);
                 return balls(centers, [*radius_a, *radius_b], prediction, touch, report);
             }
-            let (pose_a, pose_b): ($parry::math::Pose, $parry::math::Pose) =
-                ((*a.1).into(), (*b.1).into());
-            let from_b = pose_a.inv_mul(&pose_b);
+            let frames = [a.1, b.1].map(|pose| <Self as Geometry<$l, $a>>::frame(pose));
+            let from_b = frames[1].seen_from(&frames[0]);
+            // What parry is asked with.
+            let poses = || [a.1, b.1].map(|pose| $parry::math::Pose::from(*pose));
+            let posed = || {
+                let [pose_a, pose_b] = poses();
+                pose_a.inv_mul(&pose_b)
+            };
             // parry's pair of convex pieces, in a's frame, as one of our manifolds.
             type Piece<'a> = super::rigid::Piece<'a, dyn Shape, $hull, $l>;
             let mut apart = f32::INFINITY;
@@ -135,15 +140,15 @@ macro_rules! over_parry {
                 touch.part = part;
                 let memory = (&mut scratch.clipper, &mut scratch.expansion);
                 let pieces = [piece_a, piece_b];
-                let found = $polyhedra(&from_b, pieces, prediction, before, memory, touch);
-                if let Some(gap) = found {
+                let query = Query { from_b: &from_b, posed: &posed, prediction, before };
+                if let Some(gap) = $polyhedra(query, pieces, memory, touch) {
                     apart = apart.min(gap);
-                    touch.place(&<Self as Geometry<$l, $a>>::frame(a.1));
+                    touch.place(&frames[0]);
                 } else {
                     apart = apart.min(prediction);
                     // The only error is an unsupported pair: a half-space against a half-space.
                     let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
-                        &from_b,
+                        &posed(),
                         piece_a.shape,
                         piece_b.shape,
                         normals[0],
@@ -151,6 +156,7 @@ macro_rules! over_parry {
                         prediction,
                         manifold,
                     );
+                    let [pose_a, pose_b] = poses();
                     // parry's normal points from its first shape to its second; ours from b to a.
                     let normal = -(pose_a.rotation * manifold.local_n1);
                     touch.normal = normal.to_array().into();
@@ -178,7 +184,7 @@ macro_rules! over_parry {
             if is_mesh(a.0)
                 && let Some(mesh) = shape_a.as_trimesh()
             {
-                let near = shape_b.compute_aabb(&from_b).loosened(prediction);
+                let near = shape_b.compute_aabb(&posed()).loosened(prediction);
                 for index in mesh.bvh().intersect_aabb(&near) {
                     let normals = mesh.triangle_normal_constraints(index);
                     let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
@@ -188,7 +194,7 @@ macro_rules! over_parry {
             } else if is_mesh(b.0)
                 && let Some(mesh) = shape_b.as_trimesh()
             {
-                let near = shape_a.compute_aabb(&from_b.inverse()).loosened(prediction);
+                let near = shape_a.compute_aabb(&posed().inverse()).loosened(prediction);
                 for index in mesh.bvh().intersect_aabb(&near) {
                     let normals = mesh.triangle_normal_constraints(index);
                     let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
@@ -269,9 +275,9 @@ impl<H, const L: usize> Form<H, L> {
 
 /// Contact of a round shape or a half-space with another shape, in the frame of a; returns how far they are
 /// apart at least. `None`: they are something else, or one is too deep in the other.
-fn round_or_plane<H: Solid<L>, const L: usize>(
+fn round_or_plane<P, H: Solid<L>, const L: usize>(
     [a, b]: [&Form<H, L>; 2],
-    Query { from_b, prediction, before }: Query<'_, L>,
+    Query { from_b, prediction, before, .. }: Query<'_, P, L>,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
 ) -> Option<f32> {
@@ -326,25 +332,14 @@ fn footing<H, const L: usize>(form: &Form<H, L>) -> Option<Footing<'_, H, L>> {
 /// Contact between the shapes that parry is not asked for; returns how far they are apart at least. `None`:
 /// they are something else. `before` is the feature of a point where they touched a step ago.
 fn polygons(
-    from_b: &parry2d::math::Pose,
+    query: Query<'_, parry2d::math::Pose, 2>,
     [a, b]: [Piece2<'_>; 2],
-    prediction: f32,
-    before: Option<u64>,
     (clipper, _): (&mut Clipper<2>, &mut parry2d::query::epa::EPA),
     touch: &mut Touch<2>,
 ) -> Option<f32> {
     use Form::{Cuboid, Hull};
-    let (c, s) = (from_b.rotation.cos(), from_b.rotation.sin());
-    let frame = &Frame {
-        position: from_b.translation.to_array().into(),
-        axes: [Vector([c, s]), Vector([-s, c])],
-    };
-    let query = Query { from_b: frame, prediction, before };
     Some(match (a.form, b.form) {
-        (Cuboid(a), Cuboid(b)) => {
-            let separation = between_boxes(a, b, frame, prediction);
-            collide(a, b, frame, prediction, separation, clipper, touch)
-        }
+        (Cuboid(a), Cuboid(b)) => boxes([a, b], query, clipper, touch),
         (Cuboid(a), Hull(b)) => meet(a, &**b, query, || None, clipper, touch),
         (Hull(a), Cuboid(b)) => meet(&**a, b, query, || None, clipper, touch),
         (Hull(a), Hull(b)) => meet(&**a, &**b, query, || None, clipper, touch),
@@ -354,22 +349,15 @@ fn polygons(
 
 /// As [`polygons`], in space.
 fn solids(
-    from_b: &parry3d::math::Pose,
+    query: Query<'_, parry3d::math::Pose, 3>,
     [a, b]: [Piece3<'_>; 2],
-    prediction: f32,
-    before: Option<u64>,
     (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut Touch<3>,
 ) -> Option<f32> {
     use Form::{Cuboid, Hull};
-    let frame = &Rigid3::frame(from_b);
-    let nearest = || closest(from_b, a.shape, b.shape, prediction, expansion);
-    let query = Query { from_b: frame, prediction, before };
+    let nearest = || closest(&(query.posed)(), a.shape, b.shape, query.prediction, expansion);
     Some(match (a.form, b.form) {
-        (Cuboid(a), Cuboid(b)) => {
-            let separation = between_boxes(a, b, frame, prediction);
-            collide(a, b, frame, prediction, separation, clipper, touch)
-        }
+        (Cuboid(a), Cuboid(b)) => boxes([a, b], query, clipper, touch),
         (Cuboid(a), Hull(b)) => meet(a, &**b, query, nearest, clipper, touch),
         (Hull(a), Cuboid(b)) => meet(&**a, b, query, nearest, clipper, touch),
         (Hull(a), Hull(b)) => meet(&**a, &**b, query, nearest, clipper, touch),
@@ -377,20 +365,39 @@ fn solids(
     })
 }
 
-/// What is asked about two shapes: the frame of b as seen from a, how far apart they may be \[m\], and the
-/// feature of a point where they touched a step ago.
-#[derive(Clone, Copy)]
-struct Query<'a, const L: usize> {
+/// What is asked about two shapes: the frame of b as seen from a, also as a pose of parry, how far apart they may
+/// be \[m\], and the feature of a point where they touched a step ago.
+struct Query<'a, P, const L: usize> {
     from_b: &'a Frame<L>,
+    posed: &'a dyn Fn() -> P,
     prediction: f32,
     before: Option<u64>,
 }
 
+impl<P, const L: usize> Clone for Query<'_, P, L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P, const L: usize> Copy for Query<'_, P, L> {}
+
+/// Contact of two boxes.
+fn boxes<P, const L: usize>(
+    [a, b]: [&Cuboid<L>; 2],
+    Query { from_b, prediction, .. }: Query<'_, P, L>,
+    clipper: &mut Clipper<L>,
+    touch: &mut Touch<L>,
+) -> f32 {
+    let separation = between_boxes(a, b, from_b, prediction);
+    collide(a, b, from_b, prediction, separation, clipper, touch)
+}
+
 /// Contact of two solids of which one is no box.
-fn meet<const L: usize>(
+fn meet<P, const L: usize>(
     a: &impl Solid<L>,
     b: &impl Solid<L>,
-    Query { from_b, prediction, before }: Query<'_, L>,
+    Query { from_b, prediction, before, .. }: Query<'_, P, L>,
     crossing: impl FnOnce() -> Option<Crossing<L>>,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
