@@ -135,7 +135,8 @@ fn row<T: Real, const L: usize, const A: usize>(count: usize, points: usize) -> 
     let contacts: Vec<Contact<T, L>> = (corners[..points].iter())
         .map(|corner| {
             let mut contact = Contact::default();
-            if A > 0 {
+            // A point alone is the center.
+            if A > 0 && points > 1 {
                 for i in 1..L {
                     contact.place[i] = number(corner[i - 1]);
                 }

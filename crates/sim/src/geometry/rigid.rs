@@ -140,8 +140,8 @@ macro_rules! over_parry {
                 touch.part = part;
                 let memory = (&mut scratch.clipper, &mut scratch.expansion);
                 let pieces = [piece_a, piece_b];
-                let query = Query { from_b: &from_b, posed: &posed, prediction, before };
-                if let Some(gap) = $polyhedra(query, pieces, memory, touch) {
+                let query = Query { from_b: &from_b, prediction, before };
+                if let Some(gap) = $polyhedra(query, pieces, posed, memory, touch) {
                     apart = apart.min(gap);
                     touch.place(&frames[0]);
                 } else {
@@ -275,9 +275,9 @@ impl<H, const L: usize> Form<H, L> {
 
 /// Contact of a round shape or a half-space with another shape, in the frame of a; returns how far they are
 /// apart at least. `None`: they are something else, or one is too deep in the other.
-fn round_or_plane<P, H: Solid<L>, const L: usize>(
+fn round_or_plane<H: Solid<L>, const L: usize>(
     [a, b]: [&Form<H, L>; 2],
-    Query { from_b, prediction, before, .. }: Query<'_, P, L>,
+    Query { from_b, prediction, before }: Query<'_, L>,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
 ) -> Option<f32> {
@@ -332,8 +332,9 @@ fn footing<H, const L: usize>(form: &Form<H, L>) -> Option<Footing<'_, H, L>> {
 /// Contact between the shapes that parry is not asked for; returns how far they are apart at least. `None`:
 /// they are something else. `before` is the feature of a point where they touched a step ago.
 fn polygons(
-    query: Query<'_, parry2d::math::Pose, 2>,
+    query: Query<'_, 2>,
     [a, b]: [Piece2<'_>; 2],
+    _: impl Fn() -> parry2d::math::Pose,
     (clipper, _): (&mut Clipper<2>, &mut parry2d::query::epa::EPA),
     touch: &mut Touch<2>,
 ) -> Option<f32> {
@@ -347,15 +348,16 @@ fn polygons(
     })
 }
 
-/// As [`polygons`], in space.
+/// As [`polygons`], in space, where parry is asked for the nearest points: `posed` is b as seen from a.
 fn solids(
-    query: Query<'_, parry3d::math::Pose, 3>,
+    query: Query<'_, 3>,
     [a, b]: [Piece3<'_>; 2],
+    posed: impl Fn() -> parry3d::math::Pose,
     (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut Touch<3>,
 ) -> Option<f32> {
     use Form::{Cuboid, Hull};
-    let nearest = || closest(&(query.posed)(), a.shape, b.shape, query.prediction, expansion);
+    let nearest = || closest(&posed(), a.shape, b.shape, query.prediction, expansion);
     Some(match (a.form, b.form) {
         (Cuboid(a), Cuboid(b)) => boxes([a, b], query, clipper, touch),
         (Cuboid(a), Hull(b)) => meet(a, &**b, query, nearest, clipper, touch),
@@ -365,27 +367,19 @@ fn solids(
     })
 }
 
-/// What is asked about two shapes: the frame of b as seen from a, also as a pose of parry, how far apart they may
-/// be \[m\], and the feature of a point where they touched a step ago.
-struct Query<'a, P, const L: usize> {
+/// What is asked about two shapes: the frame of b as seen from a, how far apart they may be \[m\], and the
+/// feature of a point where they touched a step ago.
+#[derive(Clone, Copy)]
+struct Query<'a, const L: usize> {
     from_b: &'a Frame<L>,
-    posed: &'a dyn Fn() -> P,
     prediction: f32,
     before: Option<u64>,
 }
 
-impl<P, const L: usize> Clone for Query<'_, P, L> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<P, const L: usize> Copy for Query<'_, P, L> {}
-
 /// Contact of two boxes.
-fn boxes<P, const L: usize>(
+fn boxes<const L: usize>(
     [a, b]: [&Cuboid<L>; 2],
-    Query { from_b, prediction, .. }: Query<'_, P, L>,
+    Query { from_b, prediction, .. }: Query<'_, L>,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
 ) -> f32 {
@@ -394,10 +388,10 @@ fn boxes<P, const L: usize>(
 }
 
 /// Contact of two solids of which one is no box.
-fn meet<P, const L: usize>(
+fn meet<const L: usize>(
     a: &impl Solid<L>,
     b: &impl Solid<L>,
-    Query { from_b, prediction, before, .. }: Query<'_, P, L>,
+    Query { from_b, prediction, before }: Query<'_, L>,
     crossing: impl FnOnce() -> Option<Crossing<L>>,
     clipper: &mut Clipper<L>,
     touch: &mut Touch<L>,
