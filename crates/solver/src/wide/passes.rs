@@ -195,7 +195,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
                     #[inline(always)]
                     |point| point.residual::<A, true>(block.manifold.friction, &twist),
                 );
-                own.fold(V::ZERO, V::max)
+                own.fold(V::ZERO, |worst, own| own.max(worst))
             },
         )
     }
@@ -204,7 +204,10 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         worst(
             packed,
             #[inline(always)]
-            |_, points| points.iter().map(|point| -point.gap[0]).fold(V::ZERO, V::max),
+            |_, points| {
+                let own = points.iter().map(|point| -point.gap[0]);
+                own.fold(V::ZERO, |worst, own| own.max(worst))
+            },
         )
     }
 
@@ -254,7 +257,8 @@ fn worst<V: Lanes, const L: usize, const A: usize>(
         #[inline(always)]
         || {
             for block in packed.blocks.iter().filter(|block| block.used != 0) {
-                worst = worst.max(of(block, &packed.contacts[block.manifold.points()]));
+                // In this order, what is no number is passed over.
+                worst = of(block, &packed.contacts[block.manifold.points()]).max(worst);
             }
         },
     );
