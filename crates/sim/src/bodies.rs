@@ -167,6 +167,19 @@ pub(crate) const PIECE: usize = 32;
 /// Contacts are kept as long as bodies have strayed by less than this part of their size. \[1\]
 const STRAY: f32 = 0.01;
 
+/// How far a body has come since contacts were last searched for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Came<const L: usize> {
+    /// Its center. \[m\]
+    pub(crate) linear: Vector<f32, L>,
+    /// The surface of its shapes about it, by turning, at most ([`Reach::core`]). \[m\]
+    pub(crate) turned: f32,
+}
+
+impl<const L: usize> Came<L> {
+    pub(crate) const NOWHERE: Self = Self { linear: Vector::ZERO, turned: 0.0 };
+}
+
 /// The state of all bodies, except velocities and world inverse masses, which the contact system
 /// holds.
 pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -182,6 +195,7 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) remainders: Vec<Vector<f32, L>>,
     /// How far the surface of its shapes can have come, step by step, since it was added ([`Reach::core`]). \[m\]
     pub(crate) paths: Vec<f64>,
+    pub(crate) came: Vec<Came<L>>,
     /// How much of it since its contacts and its M^-1 were last found anew. \[m\]
     pub(crate) strayed: Vec<f32>,
     /// Whether that was more than what they are kept for: they are found anew in this step.
@@ -233,6 +247,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             frames: Vec::new(),
             remainders: Vec::new(),
             paths: Vec::new(),
+            came: Vec::new(),
             strayed: Vec::new(),
             stirred: Vec::new(),
             inertia: Vec::new(),

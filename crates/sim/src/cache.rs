@@ -6,7 +6,11 @@ use std::ops::Range;
 use drystone_solver::Vector;
 use drystone_solver::wide::{Past, Trace};
 
+use crate::bodies::Came;
 use crate::geometry::{Frame, MAX_POINTS, TouchPoint};
+
+/// What is left of the room of a pair when a way is taken off that is too short to count. \[1\]
+const ROUNDED: f32 = 1.0 - 2.0 * f32::EPSILON;
 
 /// Two shapes whose boxes overlap.
 #[derive(Clone, Copy, Debug)]
@@ -22,12 +26,12 @@ pub(crate) struct Pair {
     pub(crate) rolls: bool,
     /// Whether it rests: neither body moves or can be moved.
     pub(crate) rests: bool,
-    /// What adds 1 to the path of one of its bodies adds at most so much to how far a has moved against b, as
-    /// seen from it. \[1\]
+    /// A turn that moves the surface of one of its bodies by 1 moves a against b, as seen from it, by at most so
+    /// much ([`Came`](crate::bodies::Came)). \[1\]
     pub(crate) lever: f32,
-    /// As long as the paths of its bodies add up to less, with what is looked ahead if it has no records:
-    /// it goes on without, or with those that it has. \[m\]
-    pub(crate) until: f64,
+    /// How far its bodies can still come towards each other before they touch, if it has no records; else
+    /// against each other before its points are found anew. \[m\]
+    pub(crate) room: f32,
     /// Its records: of the step, or of what rests.
     pub(crate) first: u32,
     pub(crate) count: u32,
@@ -37,6 +41,38 @@ impl Pair {
     pub(crate) fn records(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
+
+    /// How far apart they still are at least, if it has no records. \[m\]
+    pub(crate) fn gap<const L: usize>(&self, came: &[Came<L>]) -> f32 {
+        if self.count > 0 { 0.0 } else { self.left(came) }
+    }
+
+    /// Its room after its bodies have come so far. \[m\]
+    #[inline(always)]
+    pub(crate) fn left<const L: usize>(&self, came: &[Came<L>]) -> f32 {
+        let [a, b] = self.bodies.map(|body| &came[body as usize]);
+        let lever = if self.count > 0 { self.lever } else { 1.0 };
+        let gone = (a.linear - b.linear).length() + (a.turned + b.turned) * lever;
+        self.room * ROUNDED - gone
+    }
+}
+
+#[cfg(test)]
+impl Pair {
+    /// Two bodies that may touch.
+    pub(crate) const APART: Self = Self {
+        colliders: [0, 1],
+        bodies: [0, 1],
+        friction: 0.0,
+        restitution: 0.0,
+        thickness: 1.0,
+        rolls: false,
+        rests: false,
+        lever: 1.0,
+        room: 0.0,
+        first: 0,
+        count: 0,
+    };
 }
 
 /// Merges sorted pairs into others, from the end on; where there are none, the memory of `fresh` is taken, too.
@@ -389,6 +425,7 @@ impl<const L: usize> Point<L> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::random::Random;
 
     /// A pair that leans as a whole is pushed where it was while that has moved by less than asked for; its gap is
     /// that of now.
@@ -416,5 +453,57 @@ mod tests {
             let middle = records.points[0].middle;
             assert!((middle - pushed * 0.5).length() < 0.0006, "{most}: {middle:?}");
         }
+    }
+
+    /// Two crowds of points about centers that move and turn: never nearer than the room that is left says.
+    #[test]
+    fn what_is_left_is_there() {
+        let mut random = Random(3);
+        let mut crowd = || -> Vec<Vector<f32, 2>> {
+            (0..20).map(|_| Vector([random.number(), random.number()])).collect()
+        };
+        let crowds = [crowd(), crowd()];
+        let cores = crowds.each_ref().map(|of| of.iter().map(|p| p.length()).fold(0.0, f32::max));
+        let (mut places, mut angles) = ([Vector([0.0, 0.0]), Vector([5.0, 0.0])], [0.0f32; 2]);
+        let apart = |places: &[Vector<f32, 2>; 2], angles: &[f32; 2]| {
+            let [a, b] = [0, 1].map(|i| {
+                let (sin, cos) = angles[i].sin_cos();
+                let axes = [Vector([cos, sin]), Vector([-sin, cos])];
+                let frame = Frame { position: places[i], axes };
+                crowds[i].iter().map(|p| frame.point(*p)).collect::<Vec<_>>()
+            });
+            let all = a.iter().flat_map(|p| b.iter().map(|q| (*p - *q).length()));
+            all.fold(f32::INFINITY, f32::min)
+        };
+        let mut pair = Pair { bodies: [0, 1], room: apart(&places, &angles), ..Pair::APART };
+        let mut steps = 0;
+        while pair.room > 0.0 {
+            let mut came = [Came::NOWHERE; 2];
+            for i in 0..2 {
+                let towards = if i == 0 { 0.02 } else { -0.02 };
+                came[i].linear = Vector([towards + 0.05, 0.05 * random.number()]);
+                let turn = 0.05 * random.number();
+                came[i].turned = turn.abs() * cores[i];
+                places[i] += came[i].linear;
+                angles[i] += turn;
+            }
+            pair.room = pair.left(&came);
+            let distance = apart(&places, &angles);
+            assert!(pair.room <= distance + 1e-5, "{} m left of {distance} m", pair.room);
+            steps += 1;
+        }
+        // They go on together much faster than they come nearer.
+        assert!(steps > 20, "{steps}");
+    }
+
+    /// A way that is less than a rounding is taken off.
+    #[test]
+    fn what_creeps_comes() {
+        let mut pair = Pair { bodies: [0, 1], room: 1.0, ..Pair::APART };
+        let creeping = Came { linear: Vector([1e-8, 0.0]), turned: 0.0 };
+        for _ in 0..100_000 {
+            pair.room = pair.left(&[creeping, Came::NOWHERE]);
+        }
+        assert!(pair.room < 1.0 - 1e-3 && pair.room > 0.9, "{}", pair.room);
     }
 }

@@ -112,7 +112,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         reach: f32,
         team: &Team,
     ) {
-        let Self { body, shapes, local, poses, removed, outgrown, room_until, .. } = self;
+        let Self { body, shapes, thickness, local, poses, removed, outgrown, room_until, .. } =
+            self;
         let (useful, share) = team.share(body.len(), PIECE);
         outgrown.resize_with(body.len().div_ceil(share), Vec::new);
         let rooms = outgrown.iter_mut().zip(room_until.chunks_mut(share));
@@ -127,6 +128,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
                     continue;
                 }
                 let (frame, ahead) = (&bodies.frames[body], travel[body].linear);
+                let reach = reach + travel[body].swing(thickness[id]);
                 *turned = turn::<G, L, A>(&local[id], &bodies.poses[body], frame);
                 if bodies.paths[body] + f64::from(ahead.length() + reach) < *room_until {
                     continue;
@@ -178,7 +180,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             lever: lever(owners.map(|body| bodies.reach[body as usize].core)),
             rolls: pair.iter().any(|&id| G::rolls(&self.shapes[id as usize])),
             rests: false,
-            until: 0.0,
+            room: 0.0,
             first: 0,
             count: 0,
         })
@@ -216,6 +218,6 @@ fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(shape: &G::Shape
 /// [`Pair::lever`]: when b turns, the points of a near it are farther out than its own, by the size of a; once
 /// for the way to the center of a, once for a's turning against b, and what a gap may add. Infinite for what turns
 /// and is where it was.
-fn lever([reach_a, reach_b]: [f32; 2]) -> f32 {
+pub(crate) fn lever([reach_a, reach_b]: [f32; 2]) -> f32 {
     if reach_b > 0.0 { (2.0 * reach_a + 1.5 * reach_b) / reach_b } else { f32::INFINITY }
 }

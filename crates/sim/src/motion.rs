@@ -3,7 +3,7 @@
 use drystone_solver::team::Team;
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Bodies, PIECE};
+use crate::bodies::{Bodies, Came, PIECE};
 use crate::course::{Course, Terms};
 use crate::geometry::{Geometry, Spin, TOGETHER};
 
@@ -114,24 +114,31 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     team: &Team,
     displacements: &[Velocity<f32, L, A>],
 ) {
-    let Bodies { poses, turns, frames, remainders, paths, strayed, reach, gyroscopic, .. } = bodies;
+    let Bodies {
+        poses, turns, frames, remainders, paths, came, strayed, reach, gyroscopic, ..
+    } = bodies;
     let (useful, share) = team.share(displacements.len(), PIECE);
     let placed = poses.chunks_mut(share).zip(turns.chunks_mut(share));
     let exact = frames.chunks_mut(share).zip(remainders.chunks_mut(share));
     let sizes = reach.chunks(share).zip(gyroscopic.chunks(share));
-    let went = paths.chunks_mut(share).zip(strayed.chunks_mut(share)).zip(sizes);
+    let went = paths
+        .chunks_mut(share)
+        .zip(came.chunks_mut(share))
+        .zip(strayed.chunks_mut(share))
+        .zip(sizes);
     let parts = displacements.chunks(share).zip(placed.zip(exact).zip(went));
     team.for_each(useful, parts, |(displacements, ((placed, exact), went))| {
         let placed = placed.0.iter_mut().zip(placed.1);
         let exact = exact.0.iter_mut().zip(exact.1);
-        let ((paths, strayed), (reach, kinds)) = went;
-        let went = paths.iter_mut().zip(strayed).zip(reach.iter().zip(kinds));
+        let (((paths, came), strayed), (reach, kinds)) = went;
+        let went = paths.iter_mut().zip(came).zip(strayed).zip(reach.iter().zip(kinds));
         for (
             displacement,
-            (((pose, turned), (frame, remainder)), ((path, strayed), (reach, kind))),
+            (((pose, turned), (frame, remainder)), (((path, came), strayed), (reach, kind))),
         ) in displacements.iter().zip(placed.zip(exact).zip(went))
         {
             if *displacement == Velocity::ZERO {
+                *came = Came::NOWHERE;
                 continue;
             }
             let by = displacement.linear + *remainder;
@@ -148,9 +155,10 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
             } else {
                 turn.length()
             };
-            let came = displacement.linear.length() + far * reach.core;
-            *path += f64::from(came);
-            *strayed += came;
+            *came = Came { linear: displacement.linear, turned: far * reach.core };
+            let way = came.linear.length() + came.turned;
+            *path += f64::from(way);
+            *strayed += way;
         }
     });
 }

@@ -12,7 +12,7 @@ use crate::bodies::Bodies;
 use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
 use crate::geometry::{Frame, Geometry, Touch};
 use crate::narrow_phase::places::Places;
-use crate::travel::Travel;
+use crate::travel::{Moving, Travel};
 
 /// What the narrow phase reads.
 pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -22,6 +22,8 @@ pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) bodies: &'a Bodies<G, L, A>,
     /// By body.
     pub(crate) travel: &'a [Travel<L>],
+    /// How they move in the time to the next search.
+    pub(crate) moving: Moving<'a, L, A>,
     /// Whether the records of the step before have been traced since: else their traces are still seen as
     /// they were handed on.
     pub(crate) traced: bool,
@@ -109,6 +111,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
             let kept = !(rested || known.is_empty() || around.reuse_distance == 0.0 || stirred());
             if kept {
                 own.keep(known.clone(), around.traced);
+                // How far its bodies go in the meantime is not noted.
+                pair.room = 0.0;
             }
             let old = kept || collide(around, pair, &mut own, scratch, records);
             if pair.rests {
@@ -257,19 +261,22 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         return false;
     }
     let rested = std::mem::replace(&mut pair.rests, false);
+    if rested {
+        pair.room = 0.0;
+    }
     let old = if rested { around.resting.view() } else { own.view() };
     let known = old.of(pair.records());
     let [body_a, body_b] = pair.bodies;
     let (travel_a, travel_b) = (&around.travel[body_a as usize], &around.travel[body_b as usize]);
+    pair.room = pair.left(around.moving.came);
     // Never through a thin body to what is behind it.
-    let prediction = around.prediction_distance.min(THIN * pair.thickness)
-        + travel_a.blow.max(travel_b.blow)
-        + travel_a.angular
-        + travel_b.angular;
-    let paths = around.bodies.paths[body_a as usize] + around.bodies.paths[body_b as usize];
-    if known.is_empty() && paths + f64::from(prediction) < pair.until {
-        return false;
-    }
+    let near =
+        around.prediction_distance.min(THIN * pair.thickness) + travel_a.blow.max(travel_b.blow);
+    let room = if known.is_empty() { pair.room - near } else { f32::NEG_INFINITY };
+    let prediction = match around.moving.passed(around.travel, pair, || room) {
+        Some([_, turning]) if turning >= room => near + turning,
+        _ => return false,
+    };
     // Everything is seen from the center of mass of b: so it does not matter how far the pair is
     // from the origin.
     let apart = around.bodies.apart(pair.bodies);
@@ -279,13 +286,13 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let reusable = !known.is_empty() && most > 0.0 && !pair.rolls;
     let seen = a.seen_from(b);
     let left = |record: &Record<L>| most - moved(record, &seen);
-    let known_to = |gap: f32| f64::from(gap - ROUNDING * (gap.abs() + apart.length()));
-    let mut reused = reusable && paths < pair.until;
+    let known_to = |gap: f32| gap - ROUNDING * (gap.abs() + apart.length());
+    let mut reused = reusable && pair.room > 0.0;
     if reusable
         && !reused
         && let Some(left) = known.first().map(left).filter(|left| *left > 0.0)
     {
-        pair.until = paths + known_to(left / pair.lever);
+        pair.room = known_to(left);
         reused = true;
     }
     if reused {
@@ -326,8 +333,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let gap = G::collide(a, b, prediction, before, scratch, &mut report);
     let (count, again) = places.finish(around.traced);
     pair.count = count;
-    let lasts = if count > 0 { most / pair.lever } else { gap };
-    pair.until = paths + known_to(lasts);
+    pair.room = known_to(if count > 0 { most } else { gap });
     again
 }
 
@@ -339,4 +345,53 @@ fn moved<const L: usize>(record: &Record<L>, seen: &Frame<L>) -> f32 {
         turned = turned.max((*now - *then).length());
     }
     moved + turned * record.reach
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bodies::Came;
+    use crate::colliders::lever;
+    use crate::geometry::random::Random;
+
+    /// As long as a pair has room, a has moved less against b, as that one sees it, than points last for.
+    #[test]
+    fn points_last_while_there_is_room() {
+        let (mut random, most, mut worst) = (Random(8), 0.01, 0.0f32);
+        for _ in 0..300 {
+            let reach = [0, 1].map(|_| 0.55 + 0.45 * random.number());
+            // They touch, or are not far from it.
+            let mut places = [Vector([0.0, 0.0]), Vector([reach[0] + 1.4 * reach[1], 0.0])];
+            let mut angles = [3.0 * random.number(), 3.0 * random.number()];
+            let frames = |places: &[Vector<f32, 2>; 2], angles: &[f32; 2]| {
+                [0, 1].map(|i| {
+                    let (sin, cos) = angles[i].sin_cos();
+                    Frame { position: places[i], axes: [Vector([cos, sin]), Vector([-sin, cos])] }
+                })
+            };
+            let [a, b] = frames(&places, &angles);
+            let found = Record { found_at: a.seen_from(&b), reach: reach[0], ..Record::NONE };
+            let mut pair = Pair { lever: lever(reach), room: most, count: 1, ..Pair::APART };
+            let (drift, turns) = (random.number(), [random.number(), random.number()]);
+            loop {
+                let mut came = [Came::NOWHERE; 2];
+                for i in 0..2 {
+                    came[i].linear = Vector([0.1, 1e-3 * drift * i as f32]);
+                    let turn = 1e-3 * turns[i];
+                    came[i].turned = turn.abs() * reach[i];
+                    places[i] += came[i].linear;
+                    angles[i] += turn;
+                }
+                pair.room = pair.left(&came);
+                if pair.room <= 0.0 {
+                    break;
+                }
+                let [a, b] = frames(&places, &angles);
+                let moved = moved(&found, &a.seen_from(&b));
+                assert!(moved <= most + 2e-5, "{moved} m, with {} m left", pair.room);
+                worst = worst.max(moved);
+            }
+        }
+        assert!(worst > 0.5 * most, "{worst} m at most");
+    }
 }

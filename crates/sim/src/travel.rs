@@ -3,12 +3,18 @@
 use drystone_solver::team::Team;
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::PIECE;
+use crate::bodies::{Came, PIECE};
 use crate::cache::Pair;
-use crate::geometry::Reach;
+use crate::geometry::{Frame, Reach};
 
 /// Pairs that are worth as much as the least that is shared.
 const PAIRS: usize = 256;
+
+/// Below this part of the thinner shape it is little that bodies turn: whether they turn as one is not asked. \[1\]
+const TURNS: f32 = 0.25;
+
+/// A shape that turns by more than this part of its thickness could pass through what is not near yet. \[1\]
+const SWING: f32 = 0.5;
 
 /// How a body moves within a step.
 #[derive(Clone, Copy, Debug, Default)]
@@ -17,9 +23,65 @@ pub(crate) struct Travel<const L: usize> {
     pub(crate) linear: Vector<f32, L>,
     /// dt |omega| times what its shapes reach that turns. \[m\]
     pub(crate) angular: f32,
-    /// dt |v - v of a neighbor|, the largest: how far it can move against another neighbor, should
-    /// this one push it within the step. \[m\]
+    /// How far its center and that of a neighbor move against each other, the most: how far it can move against
+    /// another neighbor, should this one push it within the step. \[m\]
     pub(crate) blow: f32,
+}
+
+impl<const L: usize> Travel<L> {
+    /// How far a shape of this thickness \[m\] may come by turning, where that is much: a bat that swings. \[m\]
+    pub(crate) fn swing(&self, thickness: f32) -> f32 {
+        if self.angular > SWING * thickness { self.angular } else { 0.0 }
+    }
+}
+
+/// Bodies in motion.
+#[derive(Clone, Copy)]
+pub(crate) struct Moving<'a, const L: usize, const A: usize> {
+    pub(crate) velocities: &'a [Velocity<f32, L, A>],
+    pub(crate) frames: &'a [Frame<L>],
+    /// Of their shapes.
+    pub(crate) reach: &'a [Reach],
+    pub(crate) came: &'a [Came<L>],
+    /// The time in which they move. \[s\]
+    pub(crate) dt: f32,
+}
+
+impl<const L: usize, const A: usize> Moving<'_, L, A> {
+    /// What two bodies pass of each other: by how their centers move, and by how their surfaces turn. \[m\] None if
+    /// both together are less than their `room` \[m\]; it is asked for where they turn much.
+    #[inline(always)]
+    pub(crate) fn passed(
+        &self,
+        own: &[Travel<L>],
+        pair: &Pair,
+        room: impl Fn() -> f32,
+    ) -> Option<[f32; 2]> {
+        let [a, b] = pair.bodies.map(|body| &own[body as usize]);
+        let passed = [(a.linear - b.linear).length(), a.angular + b.angular];
+        if passed[1] <= TURNS * pair.thickness {
+            return Some(passed);
+        }
+        (passed[0] + passed[1] >= room()).then(|| self.together(pair.bodies, passed))
+    }
+
+    /// The same as seen from one of them that turns, if that is less: what lies in a drum turns with it.
+    #[inline(never)]
+    fn together(&self, bodies: [u32; 2], passed: [f32; 2]) -> [f32; 2] {
+        let [a, b] = bodies.map(|body| body as usize);
+        let (own, other) = (&self.velocities[a], &self.velocities[b]);
+        let apart = self.frames[a].position - self.frames[b].position;
+        let turning = (own.angular - other.angular).length();
+        let from_a = (other.linear - own.at(-apart)).length();
+        let from_b = (own.linear - other.at(apart)).length();
+        [[from_a, turning * self.reach[b].core], [from_b, turning * self.reach[a].core]]
+            .map(|seen| seen.map(|speed| speed * self.dt))
+            .into_iter()
+            .fold(
+                passed,
+                |least, seen| if seen[0] + seen[1] < least[0] + least[1] { seen } else { least },
+            )
+    }
 }
 
 /// How all bodies move within a step, and pass each other.
@@ -41,14 +103,9 @@ struct Passed {
 }
 
 impl<const L: usize> Travels<L> {
-    /// Those of bodies with these velocities, whose shapes reach so far \[m\], in `dt` \[s\].
-    pub(crate) fn find<const A: usize>(
-        &mut self,
-        velocities: &[Velocity<f32, L, A>],
-        reach: &[Reach],
-        dt: f32,
-        team: &Team,
-    ) {
+    /// Those of all bodies.
+    pub(crate) fn find<const A: usize>(&mut self, moving: Moving<'_, L, A>, team: &Team) {
+        let Moving { velocities, reach, dt, .. } = moving;
         self.own.resize(velocities.len(), Travel::default());
         let (useful, share) = team.share(velocities.len(), PIECE);
         let moves = velocities.chunks(share).zip(reach.chunks(share));
@@ -62,8 +119,14 @@ impl<const L: usize> Travels<L> {
     }
 
     /// Finds what near bodies pass of each other, with what gravity adds, `fall` \[m\], and their blows; the most, as
-    /// part of the thinner shape. \[1\]
-    pub(crate) fn pass(&mut self, pairs: &[Pair], fall: f32, team: &Team) -> f32 {
+    /// part of the thinner shape. \[1\] Near are bodies that have less room than that and `margin` \[m\].
+    pub(crate) fn pass<const A: usize>(
+        &mut self,
+        moving: Moving<'_, L, A>,
+        pairs: &[Pair],
+        [fall, margin]: [f32; 2],
+        team: &Team,
+    ) -> f32 {
         let Self { own, passed } = self;
         let (useful, share) = team.share(pairs.len(), PAIRS);
         passed.resize_with(pairs.len().div_ceil(share), Passed::default);
@@ -74,12 +137,11 @@ impl<const L: usize> Travels<L> {
             for pair in pairs.iter().filter(|pair| !pair.rests) {
                 let [a, b] = pair.bodies;
                 let (a, b) = (a as usize, b as usize);
-                let (own_a, own_b) = (&own[a], &own[b]);
-                let apart = (own_a.linear - own_b.linear).length();
+                let room = || pair.gap(moving.came) - fall - margin;
+                let Some([apart, turning]) = moving.passed(own, pair, room) else { continue };
                 blows[a] = blows[a].max(apart);
                 blows[b] = blows[b].max(apart);
-                let travel = apart + own_a.angular + own_b.angular + fall;
-                worst = worst.max(travel / pair.thickness);
+                worst = worst.max((apart + turning + fall) / pair.thickness);
             }
             passed.worst = worst;
         });
@@ -100,36 +162,57 @@ mod tests {
     use super::*;
     use crate::geometry::random::Random;
 
-    /// Blows and the worst pair, of so many pairs that threads share them, are those of the definition.
+    /// Bodies as they are, in arrays.
+    struct Swarm {
+        velocities: Vec<Velocity<f32, 3, 3>>,
+        frames: Vec<Frame<3>>,
+        reach: Vec<Reach>,
+        came: Vec<Came<3>>,
+    }
+
+    impl Swarm {
+        fn of(bodies: usize, random: &mut Random) -> Self {
+            let mut velocity = || Velocity { linear: random.vector(), angular: random.vector() };
+            let velocities = (0..bodies).map(|_| velocity()).collect();
+            let frame = |position| Frame { position, ..Frame::IDENTITY };
+            let frames = (0..bodies).map(|_| frame(random.vector())).collect();
+            let reach = |core| Reach { all: 1.0, core };
+            let reach = (0..bodies).map(|_| reach(0.5 + 0.4 * random.number())).collect();
+            Self { velocities, frames, reach, came: vec![Came::NOWHERE; bodies] }
+        }
+
+        fn moving(&self, dt: f32) -> Moving<'_, 3, 3> {
+            let Self { velocities, frames, reach, came } = self;
+            Moving { velocities, frames, reach, came, dt }
+        }
+    }
+
+    /// Blows and the worst pair, of so many pairs that threads share them, are those of one pair after the other.
     #[test]
     fn what_pairs_pass_by_any_number_of_threads() {
         let mut random = Random(5);
         let bodies = 900;
-        let mut vector = || Vector(std::array::from_fn(|_| random.number()));
-        let velocities: Vec<Velocity<f32, 3, 3>> =
-            (0..bodies).map(|_| Velocity { linear: vector(), angular: vector() }).collect();
-        let reach: Vec<Reach> =
-            (0..bodies).map(|_| Reach { all: 1.0, core: 0.5 + 0.4 * random.number() }).collect();
+        let swarm = Swarm::of(bodies, &mut random);
         let mut body = || ((0.5 + 0.5 * random.number()) * bodies as f32) as u32 % bodies as u32;
         let pairs: Vec<Pair> = (0..9000).map(|at| pair([body(), body()], at % 7 == 0)).collect();
-        let (dt, fall) = (0.1, 0.01);
+        let (moving, fall) = (swarm.moving(0.1), 0.01);
+        let mut alone = Travels::default();
+        alone.find(moving, &Team::new(1));
         let (mut blows, mut worst) = (vec![0.0f32; bodies], 0.0f32);
         for pair in pairs.iter().filter(|pair| !pair.rests) {
-            let [a, b] = pair.bodies.map(|body| body as usize);
-            let apart = (velocities[a].linear * dt - velocities[b].linear * dt).length();
-            blows[a] = blows[a].max(apart);
-            blows[b] = blows[b].max(apart);
-            let [p, q] =
-                [a, b].map(|body| velocities[body].angular.length() * reach[body].core * dt);
-            worst = worst.max((apart + p + q + fall) / pair.thickness);
+            let [apart, turning] = moving.passed(&alone.own, pair, || 0.0).unwrap();
+            for body in pair.bodies.map(|body| body as usize) {
+                blows[body] = blows[body].max(apart);
+            }
+            worst = worst.max((apart + turning + fall) / pair.thickness);
         }
         for members in 1..5 {
             let (team, mut travels) = (Team::new(members), Travels::default());
             // What the first has left must not matter to the second.
-            for factor in [3.0, 1.0] {
-                travels.find(&velocities, &reach, factor * dt, &team);
-                let found = travels.pass(&pairs, fall, &team);
-                if factor == 1.0 {
+            for moving in [swarm.moving(0.3), moving] {
+                travels.find(moving, &team);
+                let found = travels.pass(moving, &pairs, [fall, 0.0], &team);
+                if moving.dt == 0.1 {
                     assert_eq!(found, worst, "{members} members");
                     let own: Vec<f32> = travels.own.iter().map(|own| own.blow).collect();
                     assert_eq!(own, blows, "{members} members");
@@ -138,19 +221,60 @@ mod tests {
         }
     }
 
-    fn pair(bodies: [u32; 2], rests: bool) -> Pair {
-        Pair {
-            colliders: bodies,
-            bodies,
-            friction: 0.5,
-            restitution: 0.0,
-            thickness: 0.2 + 1e-3 * bodies[0] as f32,
-            rolls: false,
-            rests,
-            lever: 1.0,
-            until: 0.0,
-            first: 0,
-            count: 0,
+    /// No point that belongs to both, as where they touch, passes more than is said, however they turn.
+    #[test]
+    fn no_point_passes_more() {
+        let mut random = Random(9);
+        let (dt, mut least) = (0.1, f32::INFINITY);
+        for _ in 0..2000 {
+            let mut swarm = Swarm::of(2, &mut random);
+            let [core_a, core_b] = [0, 1].map(|body| swarm.reach[body].core);
+            let towards = random.vector();
+            let towards = towards * (1.0 / towards.length());
+            let place = towards * core_b;
+            swarm.frames[1].position = Vector::ZERO;
+            swarm.frames[0].position = place + towards * core_a;
+            let moving = swarm.moving(dt);
+            let mut travels = Travels::default();
+            travels.find(moving, &Team::new(1));
+            let pair = pair([0, 1], false);
+            let said: f32 = moving.passed(&travels.own, &pair, || 0.0).unwrap().iter().sum();
+            let [a, b] = [0, 1]
+                .map(|body| swarm.velocities[body].at(place - swarm.frames[body].position) * dt);
+            let passed = (a - b).length();
+            assert!(passed <= said + 1e-6, "{passed} m, {said} m said");
+            least = least.min(said / passed);
         }
+        assert!(least < 1.2, "far too much is said: {least} times at least");
+    }
+
+    /// What lies in a drum turns with it: it passes nothing of the wall, however far that is from the axis.
+    #[test]
+    fn what_turns_as_one_passes_nothing() {
+        let mut random = Random(4);
+        let mut swarm = Swarm::of(2, &mut random);
+        let (spin, place) = (random.vector(), random.vector() * 10.0);
+        swarm.frames[1].position = Vector::ZERO;
+        swarm.frames[0].position = place;
+        swarm.reach[1].core = 12.0;
+        swarm.velocities[1] = Velocity { linear: random.vector(), angular: spin };
+        swarm.velocities[0] = Velocity { linear: swarm.velocities[1].at(place), angular: spin };
+        let (moving, team, mut travels) = (swarm.moving(0.1), Team::new(1), Travels::default());
+        travels.find(moving, &team);
+        let mut pairs = [pair([0, 1], false)];
+        let found = travels.pass(moving, &pairs, [0.0; 2], &team);
+        assert!(found < 1e-4 && travels.own[0].blow < 1e-5, "{found}, {:?}", travels.own);
+        // A third of the turn is not its own, and what is far does not count.
+        swarm.velocities[0].angular = spin * (2.0 / 3.0);
+        let moving = swarm.moving(0.1);
+        let found = travels.pass(moving, &pairs, [0.0; 2], &team);
+        let turned = spin.length() / 3.0 * swarm.reach[0].core * 0.1;
+        assert!((found * pairs[0].thickness - turned).abs() < 1e-5, "{found}");
+        pairs[0].room = 100.0;
+        assert_eq!(travels.pass(moving, &pairs, [0.0; 2], &team), 0.0);
+    }
+
+    fn pair(bodies: [u32; 2], rests: bool) -> Pair {
+        Pair { bodies, rests, thickness: 0.2 + 1e-3 * bodies[0] as f32, ..Pair::APART }
     }
 }

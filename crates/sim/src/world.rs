@@ -11,7 +11,7 @@ use drystone_solver::team::Team;
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, System, Vector, Velocity};
 
-use crate::bodies::{Bodies, Body, BodyId, Inertia, PIECE};
+use crate::bodies::{Bodies, Body, BodyId, Came, Inertia, PIECE};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Records};
 use crate::certifier::Certifier;
@@ -28,7 +28,7 @@ use crate::saved::SavedSystem;
 use crate::scene::Motion;
 use crate::settings::StepSettings;
 use crate::sleep::Sleep;
-use crate::travel::Travels;
+use crate::travel::{Moving, Travels};
 
 /// Rounds of collisions within a substep: a blow passes through this many contacts against the
 /// order of the contacts.
@@ -88,6 +88,16 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
 /// substeps in each, as long as there are enough.
 fn parts(searches: u32, substeps: u32) -> u32 {
     (searches..=substeps).find(|parts| substeps.is_multiple_of(*parts)).unwrap_or(searches)
+}
+
+/// Bodies as they move for `dt` \[s\].
+fn moving<'a, G: Geometry<L, A>, const L: usize, const A: usize>(
+    bodies: &'a Bodies<G, L, A>,
+    system: &'a System<f32, L, A>,
+    dt: f32,
+) -> Moving<'a, L, A> {
+    let Bodies { frames, reach, came, .. } = bodies;
+    Moving { velocities: &system.velocities, frames, reach, came, dt }
 }
 
 /// How the substeps of a part of a step are taken.
@@ -210,6 +220,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.frames.push(G::frame(&origin));
         bodies.remainders.push(Vector::ZERO);
         bodies.paths.push(0.0);
+        bodies.came.push(Came::NOWHERE);
         bodies.strayed.push(0.0);
         bodies.stirred.push(false);
         bodies.inertia.push(Inertia::FIXED);
@@ -385,7 +396,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let (first, last) = (part == 0, part + 1 == parts);
             let reuse = if first { 0.0 } else { REUSE * self.settings.prediction_distance };
             let reuse = reuse.max(self.settings.reuse_distance);
-            let same = self.find_manifolds(reuse);
+            let same = self.find_manifolds(reuse, dt / parts as f32);
             clock.lap(Stage::Manifolds);
             self.part(dt / parts as f32, (substeps, last), same, &mut clock, &mut report);
         }
@@ -413,7 +424,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn searches(&mut self, dt: f32) -> u32 {
         let limit = self.settings.travel_per_search;
         let fall = self.gravity.length() * dt * dt;
-        let worst = self.travel.pass(&self.pairs, fall, &self.team);
+        let moving = moving(&self.bodies, &self.system, dt);
+        let worst = self.travel.pass(
+            moving,
+            &self.pairs,
+            [fall, self.settings.prediction_distance],
+            &self.team,
+        );
         let searches = (worst / limit).ceil();
         if searches.is_finite() { searches.clamp(1.0, 256.0) as u32 } else { 1 }
     }
@@ -651,7 +668,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn find_pairs(&mut self, dt: f32) {
         let reach = self.settings.prediction_distance * 0.5;
         let bodies = &self.bodies;
-        self.travel.find(&self.system.velocities, &bodies.reach, dt, &self.team);
+        self.travel.find(moving(bodies, &self.system, dt), &self.team);
         let (travel, sleep) = (&self.travel.own, &self.sleep);
         self.colliders.follow(&mut self.broad_phase, bodies, sleep, travel, reach, &self.team);
         let Some(found) = self.broad_phase.follow(&mut self.pairs, &self.team) else { return };
@@ -668,14 +685,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Finds manifolds, of which points are reused while bodies move less than `reuse` \[m\]. Returns whether
     /// there are the same as before, with as many points.
-    fn find_manifolds(&mut self, reuse: f32) -> bool {
+    fn find_manifolds(&mut self, reuse: f32, dt: f32) -> bool {
         // Two bodies that have not stirred have come half of what contacts are reused for, at most.
         let limit = 0.25 * reuse;
         self.bodies.stir(limit, &self.system.velocities, &self.team);
         self.update_masses();
         if reuse < std::mem::replace(&mut self.last_reuse, reuse) {
             // How long points last was found for more.
-            self.pairs.iter_mut().filter(|pair| pair.count > 0).for_each(|pair| pair.until = 0.0);
+            self.pairs.iter_mut().filter(|pair| pair.count > 0).for_each(|pair| pair.room = 0.0);
         }
         std::mem::swap(&mut self.records, &mut self.old_records);
         self.note_active();
@@ -685,7 +702,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         let (mut traced, mut same) = (true, true);
         loop {
-            if self.collide(traced, reuse) {
+            if self.collide(traced, reuse, dt) {
                 same = false;
             } else {
                 std::mem::swap(&mut self.records, &mut self.old_records);
@@ -726,12 +743,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Finds the manifolds from those of before, which have been `traced` or only found. Returns whether there
     /// are others.
-    fn collide(&mut self, traced: bool, reuse_distance: f32) -> bool {
+    fn collide(&mut self, traced: bool, reuse_distance: f32, dt: f32) -> bool {
         let around = Surroundings::<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
             bodies: &self.bodies,
             travel: &self.travel.own,
+            moving: moving(&self.bodies, &self.system, dt),
             traced,
             resting: &self.sleep.records,
             active: &self.active,

@@ -238,6 +238,7 @@ impl<const L: usize> Tree<L> {
 
     /// What overlaps the boxes of a leaf that have changed. Of two that have, the one in the earlier leaf finds the
     /// other.
+    #[inline(never)]
     fn query(
         &self,
         leaf: usize,

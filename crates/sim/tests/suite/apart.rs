@@ -4,7 +4,9 @@ use parry3d::query::{ShapeDistance, distance};
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3};
+use drystone::scene::Motion;
 use drystone::{StepSettings, World};
+use drystone_solver::Vector;
 
 type Shape = <Rigid3 as Geometry<3, 3>>::Shape;
 
@@ -75,4 +77,53 @@ fn turning<G: Rigid<L, A>, const L: usize, const A: usize>() {
 fn turning_brings_together() {
     turning::<Rigid2, 2, 1>();
     turning::<Rigid3, 3, 3>();
+}
+
+/// A box above the end of a long arm that turns: it is not near the arm as long as it turns along.
+fn carried<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    for (along, near) in [(1.0, false), (0.0, true)] {
+        let mut world = World::<G, L, A>::new(StepSettings::realtime());
+        let rough = surface(0.5, 0.0);
+        let mut arm = body(Motion::Kinematic, [0.0; L], G::cuboid(v(20.0, 0.1, 0.1)), &rough);
+        arm.velocity.angular[A - 1] = 0.5;
+        let place = v(19.0, 0.25, 0.0);
+        let mut carried = dynamic(place, G::cuboid([0.1; L]), &rough);
+        carried.velocity.linear = arm.velocity.at(Vector(place)) * along;
+        carried.velocity.angular = arm.velocity.angular * along;
+        world.add(arm);
+        world.add(carried);
+        assert_eq!(world.step(DT).contacts > 0, near, "{L}D, {along}");
+    }
+}
+
+#[test]
+fn what_turns_along_is_not_near() {
+    carried::<Rigid2, 2, 1>();
+    carried::<Rigid3, 3, 3>();
+}
+
+/// A bat whose end passes several times its thickness in a step hits what it comes to.
+fn swung<G: Rigid<L, A>, const L: usize, const A: usize>() {
+    for settings in [StepSettings::realtime(), StepSettings::certified()] {
+        for height in [0.3, 0.5, 0.7] {
+            let mut world = World::<G, L, A>::new(settings.clone());
+            let smooth = surface(0.0, 0.0);
+            let shape = G::cuboid(v(2.0, 0.05, 0.05));
+            let mut bat = body(Motion::Kinematic, [0.0; L], shape, &smooth);
+            bat.velocity.angular[A - 1] = 15.0;
+            world.add(bat);
+            let ball = world.add(dynamic(v(1.8, height, 0.0), G::ball(0.05), &smooth));
+            for _ in 0..3 {
+                world.step(DT);
+            }
+            let up = velocity(&world, ball).linear[1];
+            assert!(up > 15.0, "{L}D, {height} m: {up} m/s");
+        }
+    }
+}
+
+#[test]
+fn a_bat_hits_a_ball() {
+    swung::<Rigid2, 2, 1>();
+    swung::<Rigid3, 3, 3>();
 }
