@@ -13,8 +13,15 @@ const FIRST: u32 = 8;
 /// Steps of a trial, alone and together by turns.
 const TRIAL: u32 = 8;
 
-/// Steps from trial to trial.
+/// Steps from trial to trial; fewer where there has come to be other work.
 const PERIOD: u32 = 128;
+
+/// So many times as many contacts, or as few, are other work: what was tried while all fell says nothing of how it
+/// lies. \[1\]
+const OTHER: usize = 2;
+
+/// Fewer contacts than these are as many: one does them alone.
+const FEW: usize = 256;
 
 /// One works alone if that takes less than this part of the time. \[1\]
 const FASTER: f64 = 0.95;
@@ -22,21 +29,25 @@ const FASTER: f64 = 0.95;
 /// Whether steps are taken alone.
 #[derive(Debug)]
 pub(crate) struct Pace {
+    /// Steps since the last trial began.
     steps: u32,
-    /// The least that a sweep has taken in this trial, with all that belongs to it, together and alone. \[s\]
-    least: [f64; 2],
+    /// Contacts when it ended, once there was one.
+    contacts: Option<usize>,
+    /// What a sweep has taken in each step of the trial, with all that belongs to it, together and alone by turns.
+    /// \[s\]
+    times: [f64; TRIAL as usize],
     alone: bool,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { steps: 0, least: [f64::INFINITY; 2], alone: false }
+        Self { steps: PERIOD - FIRST, contacts: None, times: [0.0; TRIAL as usize], alone: false }
     }
 }
 
 impl Pace {
     fn is_tried(&self) -> bool {
-        self.steps >= FIRST && (self.steps - FIRST) % PERIOD < TRIAL
+        self.steps < TRIAL
     }
 
     fn is_alone(&self) -> bool {
@@ -49,23 +60,38 @@ impl Pace {
         (self.is_tried() && team.members() > 1).then(Instant::now)
     }
 
-    /// Ends a step of so many sweeps.
-    pub(crate) fn stop(&mut self, start: Option<Instant>, sweeps: usize) {
+    /// Ends a step of so many sweeps over so many contacts.
+    pub(crate) fn stop(&mut self, start: Option<Instant>, sweeps: usize, contacts: usize) {
         let time = start.map_or(Duration::ZERO, |start| start.elapsed());
-        self.took(time.as_secs_f64() / sweeps.max(1) as f64);
+        self.took(time.as_secs_f64() / sweeps.max(1) as f64, contacts);
     }
 
-    fn took(&mut self, time: f64) {
-        if self.is_tried() {
-            let least = &mut self.least[usize::from(self.is_alone())];
-            *least = least.min(time);
-        }
+    fn took(&mut self, time: f64, contacts: usize) {
         let tried = self.is_tried();
-        self.steps = self.steps.wrapping_add(1);
-        if tried && !self.is_tried() {
-            let [together, alone] = std::mem::replace(&mut self.least, [f64::INFINITY; 2]);
-            self.alone = alone < FASTER * together;
+        if let Some(own) = self.times.get_mut(self.steps as usize) {
+            *own = time;
         }
+        self.steps += 1;
+        if tried && !self.is_tried() {
+            self.alone = self.usual(1) < FASTER * self.usual(0);
+            self.contacts = Some(contacts);
+        }
+        let is_other = |then: usize| {
+            let [then, now] = [then, contacts].map(|of| of.max(FEW));
+            now > OTHER * then || then > OTHER * now
+        };
+        if self.steps >= PERIOD || !self.is_tried() && self.contacts.is_some_and(is_other) {
+            self.steps = 0;
+        }
+    }
+
+    /// The median of every other time from that of a step of the trial on: what interrupts one step does not count,
+    /// but a processor that is always busy with something else does. \[s\]
+    fn usual(&self, first: usize) -> f64 {
+        let mut times: [f64; TRIAL as usize / 2] =
+            std::array::from_fn(|i| self.times[first + 2 * i]);
+        times.sort_unstable_by(f64::total_cmp);
+        times[times.len() / 2]
     }
 }
 
@@ -74,19 +100,45 @@ mod tests {
     use super::*;
 
     /// One works alone after the first trial in which that was faster, until one in which it was not; what
-    /// interrupts single steps does not matter.
+    /// interrupts single steps does not matter, what interrupts most steps together does.
     #[test]
     fn alone_where_that_is_faster() {
         let mut pace = Pace::default();
         let times = [[1.0, 1.1], [1.0, 0.8], [1.0, 0.98]];
-        (0..FIRST).for_each(|_| pace.took(9.0));
+        (0..FIRST).for_each(|_| pace.took(9.0, 1000));
         for (trial, [together, alone]) in times.into_iter().enumerate() {
             let expected = alone < FASTER * together;
             for step in 0..PERIOD {
                 let own = pace.is_alone();
                 assert!(step < TRIAL || own == expected, "step {step} of trial {trial}");
                 let interrupted = if step % 5 == 0 { 9.0 } else { 0.0 };
-                pace.took(if own { alone } else { together } + interrupted);
+                pace.took(if own { alone } else { together } + interrupted, 1000);
+            }
+        }
+        for step in 0..TRIAL {
+            let is_busy = step % 2 == 0 && step > 2;
+            pace.took(if is_busy { 3.0 } else { 1.0 }, 1000);
+        }
+        assert!(pace.is_alone());
+    }
+
+    /// A trial comes early where there are twice as many contacts as at the last, or half as many; not before that
+    /// has ended.
+    #[test]
+    fn other_work_is_tried_again() {
+        let mut pace = Pace::default();
+        (0..FIRST + TRIAL).for_each(|_| pace.took(1.0, 1000));
+        for contacts in [2000, 500, 1000] {
+            assert!(!pace.is_tried());
+            pace.took(1.0, contacts);
+            assert!(!pace.is_tried(), "{contacts}");
+        }
+        for contacts in [2001, 1000, 0, 513] {
+            assert!(!pace.is_tried());
+            pace.took(1.0, contacts);
+            for _ in 0..TRIAL {
+                assert!(pace.is_tried(), "{contacts}");
+                pace.took(1.0, contacts);
             }
         }
     }
@@ -100,7 +152,7 @@ mod tests {
             let alone = step >= FIRST && step % 2 == 1;
             assert_eq!(team.is_useful(1000), !alone, "step {step}");
             assert_eq!(start.is_some(), step >= FIRST, "step {step}");
-            pace.stop(start, 8);
+            pace.stop(start, 8, 1000);
         }
     }
 }

@@ -410,12 +410,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 self.colliders.place(&self.bodies);
             }
         }
-        self.pace.stop(start, report.sweeps);
         report.stages = clock.stages;
         report.asleep = (0..self.len()).filter(|&body| self.sleep.sleeps(body)).count();
         report.pairs = self.pairs.len();
         report.manifolds = self.records.manifolds.len();
         report.contacts = self.records.points.len();
+        self.pace.stop(start, report.sweeps, report.contacts);
         report
     }
 

@@ -95,16 +95,11 @@ impl Certificate {
     }
 
     /// Adds what a manifold says.
-    #[inline(always)]
-    fn add<T: Doubles, const L: usize, const A: usize>(
-        &mut self,
-        evidence: &Evidence<T, L, A>,
-        lane: usize,
-    ) {
-        self.natural = self.natural.max(evidence.natural.get(lane));
-        self.sinking = self.sinking.max(evidence.sinking.get(lane));
-        self.cone = self.cone.max(evidence.cone.get(lane));
-        self.complementarity += evidence.complementarity.get(lane);
+    fn add(&mut self, verdict: &Verdict) {
+        self.natural = self.natural.max(verdict.natural);
+        self.sinking = self.sinking.max(verdict.sinking);
+        self.cone = self.cone.max(verdict.cone);
+        self.complementarity += verdict.complementarity;
     }
 }
 
@@ -125,6 +120,19 @@ impl Parabola<f64> {
         if least.is_nan() { f64::INFINITY } else { least }
     }
 }
+
+/// What a manifold adds to the certificate of its island.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Verdict {
+    line: Parabola<f64>,
+    natural: f64,
+    sinking: f64,
+    complementarity: f64,
+    cone: f64,
+}
+
+/// J^T r of a body, at the start of the line and on its way.
+pub(crate) type Momenta<const L: usize, const A: usize> = [Velocity<f64, L, A>; 2];
 
 /// What the points of a manifold say of velocities and impulses; or of several manifolds, side by side.
 #[derive(Clone, Copy, Debug)]
@@ -230,6 +238,48 @@ impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
     }
 }
 
+impl<T: Doubles, const L: usize, const A: usize> Evidence<T, L, A> {
+    /// What a lane adds to the certificate of its island.
+    #[inline(always)]
+    pub(crate) fn tell<const RESIDUALS: bool, const LINE: bool>(
+        &self,
+        lane: usize,
+        to: &mut Verdict,
+    ) {
+        to.line.c = self.line.c.get(lane);
+        if LINE {
+            to.line.a = self.line.a.get(lane);
+            to.line.b = self.line.b.get(lane);
+        }
+        if RESIDUALS {
+            to.natural = self.natural.get(lane);
+            to.sinking = self.sinking.get(lane);
+            to.complementarity = self.complementarity.get(lane);
+            to.cone = self.cone.get(lane);
+        }
+    }
+
+    /// Adds what the body on a side of a lane gets, with the `LINE` or at its start alone.
+    #[inline(always)]
+    pub(crate) fn add_momenta<const LINE: bool>(
+        &self,
+        side: usize,
+        lane: usize,
+        body: &mut Momenta<L, A>,
+    ) {
+        // What b gets, a gives.
+        let sign = if side == 0 { 1.0 } else { -1.0 };
+        for (own, added) in body.iter_mut().zip(&self.momenta).take(1 + usize::from(LINE)) {
+            for i in 0..L {
+                own.linear[i] += sign * added[side].linear[i].get(lane);
+            }
+            for i in 0..A {
+                own.angular[i] += sign * added[side].angular[i].get(lane);
+            }
+        }
+    }
+}
+
 #[inline(always)]
 fn absolute<T: Real>(x: T) -> T {
     x.max(-x)
@@ -252,8 +302,11 @@ pub fn certify<T: Scalar, const L: usize, const A: usize>(
 #[derive(Clone, Debug, Default)]
 pub struct Tally<const L: usize, const A: usize> {
     masses: Vec<(Mass<L, A>, InverseMass<f64, L, A>)>,
-    /// J^T r of each body, at the start of the line and on its way.
-    momenta: Vec<[Velocity<f64, L, A>; 2]>,
+    /// By body; 0 before and after.
+    momenta: Vec<Momenta<L, A>>,
+    /// What each manifold and each body adds.
+    verdicts: Vec<Verdict>,
+    shares: Vec<Parabola<f64>>,
     lines: Vec<Parabola<f64>>,
     certificates: Vec<Certificate>,
 }
@@ -302,80 +355,84 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         system: &System<T, L, A>,
         prospective: &[Velocity<T, L, A>],
     ) -> Certificate {
-        self.start(1);
-        for manifold in &system.manifolds {
+        let (momenta, verdicts) = self.start(1, system.manifolds.len());
+        for (manifold, verdict) in system.manifolds.iter().zip(verdicts) {
             let points = &system.contacts[manifold.points()];
             let velocities = system.velocities_of(manifold);
             let evidence: Evidence<f64, L, A> =
                 Evidence::of::<T, true, true>(0, manifold, points, &velocities);
-            self.add::<f64, true, true>(manifold.bodies, 0, &evidence, 0);
-        }
-        self.finish::<T, true>(&system.velocities, prospective, |_| 0)[0]
-    }
-
-    /// Begins anew, for `count` islands.
-    pub(crate) fn start(&mut self, count: usize) {
-        self.momenta.resize(self.masses.len(), [Velocity::ZERO; 2]);
-        self.momenta.fill([Velocity::ZERO; 2]);
-        self.lines.clear();
-        self.lines.resize(count, Parabola::default());
-        self.certificates.clear();
-        self.certificates.resize(count, Certificate::NONE);
-    }
-
-    /// Adds a manifold of an island, one lane of `evidence`.
-    #[inline(always)]
-    pub(crate) fn add<T: Doubles, const RESIDUALS: bool, const LINE: bool>(
-        &mut self,
-        bodies: [u32; 2],
-        island: u32,
-        evidence: &Evidence<T, L, A>,
-        lane: usize,
-    ) {
-        let Some(certificate) = self.certificates.get_mut(island as usize) else { return };
-        if RESIDUALS {
-            certificate.add(evidence, lane);
-        }
-        let line = &mut self.lines[island as usize];
-        line.c += evidence.line.c.get(lane);
-        if LINE {
-            line.a += evidence.line.a.get(lane);
-            line.b += evidence.line.b.get(lane);
-        }
-        for side in 0..2 {
-            let body = &mut self.momenta[bodies[side] as usize];
-            for (own, added) in body.iter_mut().zip(&evidence.momenta).take(1 + usize::from(LINE)) {
-                // What b gets, a gives.
-                let sign = if side == 0 { 1.0 } else { -1.0 };
-                for i in 0..L {
-                    own.linear[i] += sign * added[side].linear[i].get(lane);
-                }
-                for i in 0..A {
-                    own.angular[i] += sign * added[side].angular[i].get(lane);
-                }
+            evidence.tell::<true, true>(0, verdict);
+            for (side, body) in manifold.bodies.into_iter().enumerate() {
+                evidence.add_momenta::<true>(side, 0, &mut momenta[body as usize]);
             }
         }
+        (0..system.manifolds.len()).for_each(|manifold| self.add::<true, true>(0, manifold));
+        for bodies in self.bodies(system.masses.len()) {
+            bodies.share::<T, true>(&system.velocities, prospective);
+        }
+        self.finish::<true>(|_| 0)[0]
     }
 
-    /// The certificates, once all manifolds are added; `island` of a body may be none of them.
-    #[inline(always)]
-    pub(crate) fn finish<T: Scalar, const LINE: bool>(
+    /// Begins anew, for so many islands and manifolds; returns the momenta of all bodies, to be added to, and what
+    /// manifolds say, to be filled in.
+    pub(crate) fn start(
         &mut self,
-        velocities: &[Velocity<T, L, A>],
-        prospective: &[Velocity<T, L, A>],
+        islands: usize,
+        manifolds: usize,
+    ) -> (&mut [Momenta<L, A>], &mut [Verdict]) {
+        self.lines.clear();
+        self.lines.resize(islands, Parabola::default());
+        self.certificates.clear();
+        self.certificates.resize(islands, Certificate::NONE);
+        self.momenta.resize(self.masses.len(), [Velocity::ZERO; 2]);
+        self.verdicts.resize(manifolds, Verdict::default());
+        (&mut self.momenta, &mut self.verdicts)
+    }
+
+    /// Adds what a manifold says to its island.
+    #[inline(always)]
+    pub(crate) fn add<const RESIDUALS: bool, const LINE: bool>(
+        &mut self,
+        island: u32,
+        manifold: usize,
+    ) {
+        let verdict = &self.verdicts[manifold];
+        let Some(certificate) = self.certificates.get_mut(island as usize) else { return };
+        if RESIDUALS {
+            certificate.add(verdict);
+        }
+        let line = &mut self.lines[island as usize];
+        line.c += verdict.line.c;
+        if LINE {
+            line.a += verdict.line.a;
+            line.b += verdict.line.b;
+        }
+    }
+
+    /// All bodies, so many at a time.
+    pub(crate) fn bodies(&mut self, count: usize) -> impl Iterator<Item = Bodies<'_, L, A>> + Send {
+        self.shares.resize(self.masses.len(), Parabola::default());
+        let (count, Self { masses, momenta, shares, .. }) = (count.max(1), self);
+        let chunks = masses.chunks(count).zip(momenta.chunks_mut(count)).enumerate();
+        chunks.zip(shares.chunks_mut(count)).map(move |((part, (masses, momenta)), shares)| {
+            Bodies { first: count * part, masses, momenta, shares }
+        })
+    }
+
+    /// The certificates, once all manifolds and bodies have been added; `island` of a body may be none of them.
+    pub(crate) fn finish<const LINE: bool>(
+        &mut self,
         island: impl Fn(usize) -> u32,
     ) -> &[Certificate] {
-        for (body, (mass, inverse)) in self.masses.iter().enumerate() {
+        for (body, ((mass, _), share)) in self.masses.iter().zip(&self.shares).enumerate() {
             let island = island(body) as usize;
             let Some(certificate) = self.certificates.get_mut(island) else { continue };
-            let [start, way] = &self.momenta[body];
-            let d = velocities[body].cast() - prospective[body].cast() - inverse.velocity(start);
-            let (defect, line) = (0.5 * mass.squared(&d), &mut self.lines[island]);
-            certificate.defect += defect;
-            line.c += defect;
+            let line = &mut self.lines[island];
+            certificate.defect += share.c;
+            line.c += share.c;
             if LINE {
-                line.b -= d.dot(way);
-                line.a += 0.5 * way.dot(&inverse.velocity(way));
+                line.b -= share.b;
+                line.a += share.a;
             }
             if mass.linear > 0.0 {
                 certificate.mass += mass.linear;
@@ -386,5 +443,37 @@ impl<const L: usize, const A: usize> Tally<L, A> {
             certificate.gap = line.least();
         }
         &self.certificates
+    }
+}
+
+/// Bodies that follow each other, and what they add to the line.
+pub(crate) struct Bodies<'a, const L: usize, const A: usize> {
+    first: usize,
+    masses: &'a [(Mass<L, A>, InverseMass<f64, L, A>)],
+    momenta: &'a mut [Momenta<L, A>],
+    shares: &'a mut [Parabola<f64>],
+}
+
+impl<const L: usize, const A: usize> Bodies<'_, L, A> {
+    /// Finds it, from all velocities, and forgets the momenta.
+    #[inline(always)]
+    pub(crate) fn share<T: Scalar, const LINE: bool>(
+        self,
+        velocities: &[Velocity<T, L, A>],
+        prospective: &[Velocity<T, L, A>],
+    ) {
+        let Self { first, masses, momenta, shares } = self;
+        let velocities = velocities[first..].iter().zip(&prospective[first..]);
+        let bodies = masses.iter().zip(momenta).zip(shares);
+        for ((((mass, inverse), momenta), share), (velocity, prospective)) in bodies.zip(velocities)
+        {
+            let [start, way] = &std::mem::replace(momenta, [Velocity::ZERO; 2]);
+            let d = velocity.cast() - prospective.cast() - inverse.velocity(start);
+            share.c = 0.5 * mass.squared(&d);
+            if LINE {
+                share.b = d.dot(way);
+                share.a = 0.5 * way.dot(&inverse.velocity(way));
+            }
+        }
     }
 }

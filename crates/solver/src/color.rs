@@ -103,7 +103,7 @@ impl Color {
         let start = if bin == 0 { self.blocks.start } else { self.ends[bin - 1] };
         let all = start as usize..self.ends[bin] as usize;
         if member.shares(self.blocks.len()) {
-            member.part(all)
+            member.part_after(all.start - self.blocks.start as usize, all)
         } else if member.is_first() {
             all
         } else {

@@ -17,6 +17,9 @@ use std::thread::{self, JoinHandle, Thread};
 /// Pieces of work for each member, at least.
 const SHARE: usize = 8;
 
+/// Items of half a microsecond each, from which on one member alone takes longer than all with a meeting.
+const MEETING: usize = 4;
+
 /// Looks at a flag before a waiting thread lets others run: some 30 microseconds. None where there are
 /// fewer processors than members.
 const LOOKS: u32 = 512;
@@ -257,6 +260,11 @@ impl Common {
 impl Member<'_> {
     const ALONE: Self = Self { index: 0, count: 1, common: None };
 
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
     /// Whether it is the one that does what cannot be shared.
     pub fn is_first(&self) -> bool {
         self.index == 0
@@ -265,13 +273,21 @@ impl Member<'_> {
     /// Whether there are others, and so many items, of half a microsecond each, are worth a meeting.
     #[inline(always)]
     pub fn shares(&self, items: usize) -> bool {
-        self.count > 1 && items >= 2 * self.count
+        self.count > 1 && items >= MEETING
     }
 
     /// Its part of some items.
     pub fn part(&self, items: Range<usize>) -> Range<usize> {
-        let place = |of: usize| items.start + items.len() * of / self.count;
-        place(self.index)..place(self.index + 1)
+        self.part_after(0, items)
+    }
+
+    /// The same after `before` items of another kind: who had fewer of those than others has more of these.
+    #[inline(always)]
+    pub fn part_after(&self, before: usize, items: Range<usize>) -> Range<usize> {
+        let all = before + items.len();
+        let end = |of: usize| all * of / self.count - before * of / self.count;
+        let start = (0..=self.index).map(end).fold(0, usize::max);
+        items.start + start..items.start + start.max(end(self.index + 1))
     }
 
     /// Waits until all members have come here.

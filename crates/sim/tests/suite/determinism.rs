@@ -129,6 +129,28 @@ fn bits_do_not_depend_on_the_threads() {
     }
 }
 
+/// What is solved to a tolerance goes on as long on any number of threads, and proves as much.
+#[test]
+fn certified_steps_do_not_depend_on_the_threads() {
+    let after = |threads: usize| {
+        let mut world = mixed_pile(6, 5);
+        world.settings = StepSettings::certified();
+        world.set_threads(threads);
+        let proven: Vec<_> = (0..60)
+            .map(|_| {
+                let report = world.step(DT);
+                let certified = report.certified.expect("a tolerance");
+                (report.sweeps, certified.error.to_bits(), certified.residuals.map(f64::to_bits))
+            })
+            .collect();
+        (hash(&world), proven)
+    };
+    let one = after(1);
+    for threads in [2, 3] {
+        assert_eq!(after(threads), one, "{threads} threads");
+    }
+}
+
 #[test]
 fn bits_are_the_same_everywhere() {
     let actual = [

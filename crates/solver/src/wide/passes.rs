@@ -9,13 +9,16 @@ use std::fmt::Debug;
 
 use super::block::{Block, splat};
 use super::conjugate;
-use super::walk::{Field, Ground};
+use super::walk::{Field, Ground, Reading};
 use super::{Batch, Packed};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
 use crate::lanes::{Lanes, PART, WIDTH, lanes_of};
-use crate::team::Team;
+use crate::team::{Shared, Team};
 use crate::{Contact, Repair, Velocity};
+
+/// Bodies that are worth as much as the least that is shared, in a certificate.
+const PIECE: usize = 16;
 
 type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
 
@@ -310,36 +313,51 @@ fn certify<
     islands: &Islands,
     tally: &'a mut Tally<L, A>,
 ) -> &'a [Certificate] {
-    tally.start(islands.count);
-    V::run(
-        #[inline(always)]
-        || {
-            for block in &packed.blocks {
-                let points = &packed.contacts[block.manifold.points()];
-                if block.used == 0 {
-                    continue;
-                }
-                let (own, pairs) = (block.gather_from(0, velocities), block.pairs());
-                for part in 0..WIDTH / PART {
-                    let used = block.used >> (PART * part) & ((1 << PART) - 1);
-                    if used == 0 {
-                        continue;
+    let (team, blocks) = (&packed.team, &packed.blocks);
+    let (momenta, verdicts) = tally.start(islands.count, WIDTH * blocks.len());
+    let (momenta, verdicts) = (Shared::new(0, momenta), Shared::new(0, verdicts));
+    let ground = Reading::new(packed, velocities);
+    team.run(team.is_useful(blocks.len()), &|member| {
+        V::run(
+            #[inline(always)]
+            || {
+                for mut at in ground.walk(member) {
+                    let (block, own, verdicts) = (at.block(), at.gather(), at.of_lanes(&verdicts));
+                    let points = &packed.contacts[block.manifold.points()];
+                    for part in 0..WIDTH / PART {
+                        let used = block.used >> (PART * part) & ((1 << PART) - 1);
+                        if used == 0 {
+                            continue;
+                        }
+                        let evidence: Evidence<V::Doubles, L, A> =
+                            Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &own);
+                        for lane in lanes_of(used << (PART * part)) {
+                            let (own, part) = (&mut verdicts[lane], lane % PART);
+                            evidence.tell::<RESIDUALS, LINE>(part, own);
+                            for side in 0..2 {
+                                if let Some(body) = at.of_body(&momenta, side, lane) {
+                                    evidence.add_momenta::<LINE>(side, part, body);
+                                }
+                            }
+                        }
                     }
-                    let evidence: Evidence<V::Doubles, L, A> =
-                        Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &own);
-                    for lane in lanes_of(used << (PART * part)) {
-                        tally.add::<V::Doubles, RESIDUALS, LINE>(
-                            pairs[lane],
-                            block.islands[lane],
-                            &evidence,
-                            lane % PART,
-                        );
-                    }
                 }
-            }
-            tally.finish::<f32, LINE>(velocities, prospective, |body| islands.of_body[body])
-        },
-    )
+            },
+        );
+    });
+    for (index, block) in blocks.iter().enumerate() {
+        for lane in lanes_of(block.used) {
+            tally.add::<RESIDUALS, LINE>(block.islands[lane], WIDTH * index + lane);
+        }
+    }
+    let (useful, share) = team.share(velocities.len(), PIECE);
+    team.for_each(useful, tally.bodies(share), |bodies| {
+        V::run(
+            #[inline(always)]
+            || bodies.share::<f32, LINE>(velocities, prospective),
+        );
+    });
+    tally.finish::<LINE>(|body| islands.of_body[body])
 }
 
 /// What targets are set from ([`System::set_targets`](crate::System::set_targets)).

@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use super::block::Block;
-use super::{Batch, Trace};
+use super::{Batch, Packed, Trace};
 use crate::color::{BINS, Color, Coloring, Members};
 use crate::lanes::{Lanes, Row, WIDTH, gather, lanes_of, scatter};
 use crate::team::{Member, Shared};
@@ -178,6 +178,67 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
         unsafe {
             scatter(&numbers[..L + A], to, self.block.moving[side]);
         }
+    }
+}
+
+/// A packed system and the velocities of its bodies, to be read on the way over its blocks.
+pub(super) struct Reading<'a, V: Lanes, const L: usize, const A: usize>(Ground<'a, V, L, A>);
+
+impl<'g, V: Lanes, const L: usize, const A: usize> Reading<'g, V, L, A> {
+    pub(super) fn new(packed: &'g Packed<V, L, A>, velocities: &'g [Velocity<f32, L, A>]) -> Self {
+        let Packed { blocks, contacts, coloring, .. } = packed;
+        Self(Ground {
+            blocks,
+            first: 0,
+            colors: &coloring.colors,
+            contacts: Shared::reading(0, contacts),
+            velocities: Shared::reading(0, velocities),
+            large: size_of_val(&**blocks) > LARGE,
+        })
+    }
+
+    #[inline(always)]
+    pub(super) fn walk<'a>(
+        &'a self,
+        member: &'a Member<'a>,
+    ) -> impl Iterator<Item = Sight<'a, V, L, A>> {
+        self.0.walk(member).map(Sight)
+    }
+}
+
+/// A member at a block that it only reads.
+pub(super) struct Sight<'a, V: Lanes, const L: usize, const A: usize>(Visit<'a, V, L, A>);
+
+impl<'a, V: Lanes, const L: usize, const A: usize> Sight<'a, V, L, A> {
+    pub(super) fn block(&self) -> &'a Block<V, L, A> {
+        self.0.block
+    }
+
+    /// [`Visit::gather`].
+    #[inline(always)]
+    pub(super) fn gather(&self) -> [Velocity<V, L, A>; 2] {
+        self.0.gather()
+    }
+
+    /// What belongs to the lanes of the block, in an array over those of all blocks.
+    #[inline(always)]
+    pub(super) fn of_lanes<T>(&self, all: &'a Shared<'a, T>) -> &'a mut [T] {
+        // SAFETY: no other member is at this block.
+        unsafe { all.get_mut(WIDTH * self.0.index..WIDTH * (self.0.index + 1)) }
+    }
+
+    /// What belongs to the body on a side of a lane, in an array over all bodies, if that can be moved.
+    #[inline(always)]
+    pub(super) fn of_body<'b, T>(
+        &'b mut self,
+        all: &'b Shared<'_, T>,
+        side: usize,
+        lane: usize,
+    ) -> Option<&'b mut T> {
+        let moves = self.0.block.moving[side] >> lane & 1 != 0;
+        let body = self.0.block.bodies[side][lane] as usize;
+        // SAFETY: bodies that can be moved belong to one block of a color; only its member is here.
+        moves.then(|| unsafe { &mut all.get_mut(body..body + 1)[0] })
     }
 }
 

@@ -664,6 +664,49 @@ fn certificates_of_lanes_and_one() {
     }
 }
 
+/// Certificates of many islands have the bits of one thread on any number of them, again and again, with a team that
+/// has worked together.
+fn certificates_by_threads<const L: usize, const A: usize>(seed: u64) {
+    let start = crowds::<L, A>(&mut Random(seed));
+    let mut islands = Islands::default();
+    islands.find(&start);
+    let of = |members: usize| {
+        let (mut wide, mut system, mut tally) = (Wide::new(), start.clone(), Tally::default());
+        wide.set_team(Arc::new(Team::new(members)));
+        wide.pack(&start, &start.masses, 0.1);
+        assert!(start.manifolds.len() >= 8 * members * WIDTH, "enough to share");
+        wide.set_islands(&islands);
+        wide.set_targets(&vec![Velocity::ZERO; start.velocities.len()], &REPAIR);
+        wide.begin_conjugate();
+        wide.whole(&mut []).apply_impulses(&mut system.velocities);
+        tally.set_masses(&start);
+        let mut all = Vec::new();
+        for _ in 0..3 {
+            wide.conjugate(&mut system.velocities, &vec![false; islands.count]);
+            let (v, prospective) = (&system.velocities, &start.velocities);
+            all.extend_from_slice(wide.certify::<false, false>(
+                v,
+                prospective,
+                &islands,
+                &mut tally,
+            ));
+            all.extend_from_slice(wide.certify::<true, true>(v, prospective, &islands, &mut tally));
+        }
+        all
+    };
+    let expected = of(1);
+    let missing = expected.iter().filter(|of| of.gap > 0.0).count();
+    assert!(4 * missing > expected.len(), "{missing} of {} islands are not solved", expected.len());
+    for members in 2..=4 {
+        assert_eq!(of(members), expected, "{members} threads");
+    }
+}
+
+#[test]
+fn certificates_do_not_depend_on_the_threads() {
+    in_all_four!(certificates_by_threads, 23);
+}
+
 /// No two manifolds of a block move the same body, and blocks are filled from lane 0 on.
 #[test]
 fn a_block_moves_each_body_once() {

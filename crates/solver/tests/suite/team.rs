@@ -38,6 +38,36 @@ fn every_member_does_a_job_once_and_parts_cover_it() {
     }
 }
 
+/// Of kinds that are shared out one after the other everybody has about as many in all, in order, and each once.
+#[test]
+fn what_some_had_less_of_they_have_more_of_later() {
+    let kinds = [1, 3, 0, 5, 1, 1, 13, 2];
+    for members in 1..=8 {
+        let team = Team::new(members);
+        let (done, loads) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
+        team.run(true, &|member| {
+            let (mut before, mut load) = (0, 0);
+            for (kind, count) in kinds.into_iter().enumerate() {
+                let part = member.part_after(before, 100 * kind..100 * kind + count);
+                load += part.len();
+                before += count;
+                done.lock().unwrap().extend(part);
+            }
+            loads.lock().unwrap().push(load);
+        });
+        let mut done = done.into_inner().unwrap();
+        done.sort_unstable();
+        assert!(
+            done.into_iter().eq(kinds
+                .into_iter()
+                .enumerate()
+                .flat_map(|(of, count)| 100 * of..100 * of + count))
+        );
+        let (all, most) = (26usize, loads.into_inner().unwrap().into_iter().max());
+        assert!(most <= Some(all.div_ceil(members) + members / 5), "{most:?} of {members}");
+    }
+}
+
 #[test]
 fn nobody_goes_on_before_all_have_met() {
     let team = Team::new(4);
