@@ -13,8 +13,9 @@ const FIRST: u32 = 8;
 /// Steps of a trial, alone and together by turns.
 const TRIAL: u32 = 8;
 
-/// Steps from trial to trial; fewer where there has come to be other work.
-const PERIOD: u32 = 128;
+/// Steps from a trial to the next, if it has changed anything, or there has come to be other work; each that has not
+/// doubles them, up to the second. What was tried while other programs were busy does not hold for long.
+const PERIODS: [u32; 2] = [32, 128];
 
 /// So many times as many contacts, or as few, are other work: what was tried while all fell says nothing of how it
 /// lies. \[1\]
@@ -29,8 +30,9 @@ const FASTER: f64 = 0.95;
 /// Whether steps are taken alone.
 #[derive(Debug)]
 pub(crate) struct Pace {
-    /// Steps since the last trial began.
+    /// Steps since the last trial began, and from that to the next.
     steps: u32,
+    period: u32,
     /// Contacts when it ended, once there was one.
     contacts: Option<usize>,
     /// What a sweep has taken in each step of the trial, with all that belongs to it, together and alone by turns.
@@ -41,7 +43,9 @@ pub(crate) struct Pace {
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { steps: PERIOD - FIRST, contacts: None, times: [0.0; TRIAL as usize], alone: false }
+        let [period, _] = PERIODS;
+        let times = [0.0; TRIAL as usize];
+        Self { steps: period - FIRST, period, contacts: None, times, alone: false }
     }
 }
 
@@ -72,15 +76,20 @@ impl Pace {
             *own = time;
         }
         self.steps += 1;
+        let [soon, late] = PERIODS;
         if tried && !self.is_tried() {
-            self.alone = self.usual(1) < FASTER * self.usual(0);
+            let alone = self.usual(1) < FASTER * self.usual(0);
+            let changes = std::mem::replace(&mut self.alone, alone) != alone;
+            self.period = if changes { soon } else { late.min(2 * self.period) };
             self.contacts = Some(contacts);
         }
         let is_other = |then: usize| {
             let [then, now] = [then, contacts].map(|of| of.max(FEW));
             now > OTHER * then || then > OTHER * now
         };
-        if self.steps >= PERIOD || !self.is_tried() && self.contacts.is_some_and(is_other) {
+        if !self.is_tried() && self.contacts.is_some_and(is_other) {
+            (self.steps, self.period) = (0, soon);
+        } else if self.steps >= self.period {
             self.steps = 0;
         }
     }
@@ -104,12 +113,21 @@ mod tests {
     #[test]
     fn alone_where_that_is_faster() {
         let mut pace = Pace::default();
-        let times = [[1.0, 1.1], [1.0, 0.8], [1.0, 0.98]];
+        let [soon, late] = PERIODS;
         (0..FIRST).for_each(|_| pace.took(9.0, 1000));
-        for (trial, [together, alone]) in times.into_iter().enumerate() {
+        let trials = [
+            ([1.0, 1.1], 2 * soon),
+            ([1.0, 0.8], soon),
+            ([1.0, 0.98], soon),
+            ([1.0, 1.2], 2 * soon),
+            ([1.0, 1.3], late),
+            ([1.0, 0.97], late),
+        ];
+        for (trial, ([together, alone], period)) in trials.into_iter().enumerate() {
             let expected = alone < FASTER * together;
-            for step in 0..PERIOD {
+            for step in 0..period {
                 let own = pace.is_alone();
+                assert_eq!(pace.is_tried(), step < TRIAL, "step {step} of trial {trial}");
                 assert!(step < TRIAL || own == expected, "step {step} of trial {trial}");
                 let interrupted = if step % 5 == 0 { 9.0 } else { 0.0 };
                 pace.took(if own { alone } else { together } + interrupted, 1000);
