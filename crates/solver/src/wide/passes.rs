@@ -322,7 +322,8 @@ fn certify<
             #[inline(always)]
             || {
                 for mut at in ground.walk(member) {
-                    let (block, own, verdicts) = (at.block(), at.gather(), at.of_lanes(&verdicts));
+                    let (block, moving, verdicts) =
+                        (at.block(), at.gather(), at.of_lanes(&verdicts));
                     let points = &packed.contacts[block.manifold.points()];
                     for part in 0..WIDTH / PART {
                         let used = block.used >> (PART * part) & ((1 << PART) - 1);
@@ -330,13 +331,13 @@ fn certify<
                             continue;
                         }
                         let evidence: Evidence<V::Doubles, L, A> =
-                            Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &own);
+                            Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &moving);
                         for lane in lanes_of(used << (PART * part)) {
-                            let (own, part) = (&mut verdicts[lane], lane % PART);
-                            evidence.tell::<RESIDUALS, LINE>(part, own);
+                            let own = lane % PART;
+                            evidence.tell::<RESIDUALS, LINE>(own, &mut verdicts[lane]);
                             for side in 0..2 {
                                 if let Some(body) = at.of_body(&momenta, side, lane) {
-                                    evidence.add_momenta::<LINE>(side, part, body);
+                                    evidence.add_momenta::<LINE>(side, own, body);
                                 }
                             }
                         }
