@@ -94,8 +94,8 @@ impl Pace {
         }
     }
 
-    /// The median of every other time from that of a step of the trial on: what interrupts one step does not count,
-    /// but a processor that is always busy with something else does. \[s\]
+    /// The upper median of every other time from that of a step of the trial on: what interrupts one step does not
+    /// count, but a processor that is always busy with something else does. \[s\]
     fn usual(&self, first: usize) -> f64 {
         let mut times: [f64; TRIAL as usize / 2] =
             std::array::from_fn(|i| self.times[first + 2 * i]);
