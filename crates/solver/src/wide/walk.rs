@@ -66,15 +66,18 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
         Self { blocks, first: *first, colors, contacts, velocities, large }
     }
 
-    /// Asks for what the next blocks on the way need: the one after the next itself, and of the next, which was
-    /// asked for before, points and velocities.
+    /// How many blocks ahead: more of them where they are small.
+    const AHEAD: usize = 1 + 4096 / size_of::<Block<V, L, A>>();
+
+    /// Asks for what the next blocks on the way need: of one that is soon reached, and was asked for before, points
+    /// and velocities; and another one as far behind it.
     #[inline(always)]
     fn look_ahead(&self, index: usize) {
         let own = index - self.first;
-        if let Some(block) = self.blocks.get(own + 2) {
+        if let Some(block) = self.blocks.get(own + 2 * Self::AHEAD) {
             fetch(block, 1);
         }
-        if let Some(block) = self.blocks.get(own + 1) {
+        if let Some(block) = self.blocks.get(own + Self::AHEAD) {
             let Manifold { first, count, .. } = block.manifold;
             fetch(self.contacts.place(first), count as usize);
             for &body in block.bodies.iter().flatten() {
@@ -352,14 +355,15 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
     }
 }
 
-/// Asks for memory that is soon read, wherever it is.
+/// Asks for memory that is soon read, wherever it is, to come into the second cache: the way to the first has
+/// room for few lines at a time.
 #[inline(always)]
 fn fetch<T>(first: *const T, count: usize) {
     #[cfg(target_arch = "x86_64")]
     for line in (0..count * size_of::<T>()).step_by(64) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
         // SAFETY: nothing is read.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_byte_add(line).cast()) };
+        unsafe { _mm_prefetch::<_MM_HINT_T1>(first.wrapping_byte_add(line).cast()) };
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = (first, count);
