@@ -216,8 +216,8 @@ fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(shape: &G::Shape
 }
 
 /// [`Pair::lever`]: when b turns, the points of a near it are farther out than its own, by the size of a; once
-/// for the way to the center of a, once for a's turning against b, and what a gap may add. Infinite for what turns
-/// and is where it was.
+/// for the way to the center of a, once for a's turning against b, and what a gap may add. As large as can be for
+/// what turns and is where it was: infinite, it would make no number of bodies that do not turn.
 pub(crate) fn lever([reach_a, reach_b]: [f32; 2]) -> f32 {
-    if reach_b > 0.0 { (2.0 * reach_a + 1.5 * reach_b) / reach_b } else { f32::INFINITY }
+    if reach_b > 0.0 { (2.0 * reach_a + 1.5 * reach_b) / reach_b } else { f32::MAX }
 }

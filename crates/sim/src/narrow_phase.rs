@@ -40,6 +40,31 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
     fn seen_from(&self, record: &Record<L>) -> Vector<f32, L> {
         if self.traced { record.normal } else { record.traced }
     }
+
+    /// The frames of two bodies, from the center of mass of b: so it does not matter how far they are from the
+    /// origin.
+    #[inline(always)]
+    fn frames(&self, [a, b]: [u32; 2]) -> (Frame<L>, Frame<L>) {
+        let (apart, frames) = (self.bodies.apart([a, b]), &self.bodies.frames);
+        let a = Frame { position: apart, ..frames[a as usize] };
+        (a, Frame { position: Vector::ZERO, ..frames[b as usize] })
+    }
+
+    /// How far a may move against b before the points of a pair are found anew. \[m\]
+    fn lasting(&self, pair: &Pair) -> f32 {
+        self.reuse_distance.min(OFF * pair.thickness)
+    }
+
+    /// How far ahead contacts of a pair are looked for; none if it has no records, and more room than that. \[m\]
+    #[inline(always)]
+    fn prediction(&self, pair: &Pair) -> Option<f32> {
+        let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
+        // Never through a thin body to what is behind it.
+        let near = self.prediction_distance.min(THIN * pair.thickness) + a.blow.max(b.blow);
+        let room = if pair.count == 0 { pair.room - near } else { f32::NEG_INFINITY };
+        let [_, turning] = self.moving.passed(self.travel, pair, || room)?;
+        (turning >= room).then_some(near + turning)
+    }
 }
 
 /// The prediction distance is at most this part of the thinner shape. \[1\]
@@ -264,51 +289,23 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     if rested {
         pair.room = 0.0;
     }
-    let old = if rested { around.resting.view() } else { own.view() };
-    let known = old.of(pair.records());
-    let [body_a, body_b] = pair.bodies;
-    let (travel_a, travel_b) = (&around.travel[body_a as usize], &around.travel[body_b as usize]);
     pair.room = pair.left(around.moving.came);
-    // Never through a thin body to what is behind it.
-    let near =
-        around.prediction_distance.min(THIN * pair.thickness) + travel_a.blow.max(travel_b.blow);
-    let room = if known.is_empty() { pair.room - near } else { f32::NEG_INFINITY };
-    let prediction = match around.moving.passed(around.travel, pair, || room) {
-        Some([_, turning]) if turning >= room => near + turning,
-        _ => return false,
-    };
-    // Everything is seen from the center of mass of b: so it does not matter how far the pair is
-    // from the origin.
-    let apart = around.bodies.apart(pair.bodies);
-    let a = &Frame { position: apart, ..around.bodies.frames[body_a as usize] };
-    let b = &Frame { position: Vector::ZERO, ..around.bodies.frames[body_b as usize] };
-    let most = around.reuse_distance.min(OFF * pair.thickness);
-    let reusable = !known.is_empty() && most > 0.0 && !pair.rolls;
-    let seen = a.seen_from(b);
-    let left = |record: &Record<L>| most - moved(record, &seen);
-    let known_to = |gap: f32| gap - ROUNDING * (gap.abs() + apart.length());
-    let mut reused = reusable && pair.room > 0.0;
-    if reusable
-        && !reused
-        && let Some(left) = known.first().map(left).filter(|left| *left > 0.0)
-    {
-        pair.room = known_to(left);
-        reused = true;
+    let known = pair.count > 0;
+    let ahead = if known { None } else { around.prediction(pair) };
+    if !known && ahead.is_none() {
+        return false;
     }
-    if reused {
-        if rested {
-            records.take_pair(pair, around.resting);
-            let mut woken = records.view_mut();
-            // They were not in the step before, and come as they were traced.
-            woken.measure(pair.records(), [a, b], most, false);
-        } else {
-            own.measure(pair.records(), [a, b], most, around.traced);
-        }
+    let (a, b) = &around.frames(pair.bodies);
+    if known && reuse(around, pair, (a, b), own, records, rested) {
         return !rested;
     }
+    // Not asked before where points last.
+    let Some(prediction) = ahead.or_else(|| around.prediction(pair)) else { return false };
     let [a_shape, b_shape] = pair.colliders;
-    let pose_a = G::advance(&around.poses[a_shape as usize], apart, Vector::ZERO);
-    let before = known.first().map(|record| old.points_of(record)[0].feature);
+    let pose_a = G::advance(&around.poses[a_shape as usize], a.position, Vector::ZERO);
+    let seen = a.seen_from(b);
+    let old = if rested { around.resting.view() } else { own.view() };
+    let before = old.of(pair.records()).first().map(|record| old.points_of(record)[0].feature);
     let mut places = Places::new(own, pair.records(), rested.then_some(around.resting), records);
     let mut report = |touch: &Touch<L>| {
         let before = places.before(touch.part);
@@ -321,20 +318,59 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             part: touch.part,
             normal: touch.normal,
             traced,
-            apart,
+            apart: a.position,
             local_normal: b.local_direction(touch.normal),
             found_at: seen,
             reach: cache::reach(points),
             ..*record
         };
     };
-    let a = (&around.shapes[a_shape as usize], &pose_a);
-    let b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
-    let gap = G::collide(a, b, prediction, before, scratch, &mut report);
+    let shape_a = (&around.shapes[a_shape as usize], &pose_a);
+    let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
+    let gap = G::collide(shape_a, shape_b, prediction, before, scratch, &mut report);
     let (count, again) = places.finish(around.traced);
     pair.count = count;
-    pair.room = known_to(if count > 0 { most } else { gap });
+    pair.room = known_to(if count > 0 { around.lasting(pair) } else { gap }, a.position);
     again
+}
+
+/// Measures the records of a pair as long as their points last; whether they do. What has rested is appended to
+/// `records`.
+#[inline(always)]
+fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
+    around: &Surroundings<'_, G, L, A>,
+    pair: &mut Pair,
+    (a, b): (&Frame<L>, &Frame<L>),
+    own: &mut RecordsMut<'_, L>,
+    records: &mut Records<L>,
+    rested: bool,
+) -> bool {
+    let most = around.lasting(pair);
+    if pair.rolls || most <= 0.0 {
+        return false;
+    }
+    if pair.room <= 0.0 {
+        let old = if rested { around.resting.view() } else { own.view() };
+        let left = most - moved(&old.of(pair.records())[0], &a.seen_from(b));
+        if left <= 0.0 {
+            return false;
+        }
+        pair.room = known_to(left, a.position);
+    }
+    if rested {
+        records.take_pair(pair, around.resting);
+        let mut woken = records.view_mut();
+        // They were not in the step before, and come as they were traced.
+        woken.measure(pair.records(), [a, b], most, false);
+    } else {
+        own.measure(pair.records(), [a, b], most, around.traced);
+    }
+    true
+}
+
+/// A gap, or what is left of a way, as far as it is known of bodies that are so far apart. \[m\]
+fn known_to<const L: usize>(gap: f32, apart: Vector<f32, L>) -> f32 {
+    gap - ROUNDING * (gap.abs() + apart.length())
 }
 
 /// How far a has moved against b, as seen from it, since the record's points were found. \[m\]

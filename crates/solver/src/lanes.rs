@@ -204,11 +204,12 @@ impl Doubles for f64 {
 /// Number of [`Doubles`] lanes.
 pub const PART: usize = 8;
 
-/// `N` numbers, or registers of numbers, that go through the same operations.
+/// `N` numbers, or registers of numbers, that go through the same operations. All kinds fill a line of a cache, and
+/// none lies across two.
 ///
 /// Loops, not closures or `array::map`: those are not inlined where other instructions are allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(transparent)]
+#[repr(C, align(64))]
 pub struct Group<R, const N: usize>([R; N]);
 
 /// An operation on each member.

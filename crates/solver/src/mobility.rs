@@ -10,17 +10,17 @@ use crate::{InverseMass, Manifold, Real, SymmetricMatrix, Vector, Velocity};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mobility<T: Real, const L: usize, const A: usize> {
     /// Velocity of the center from impulses. \[1/kg\]
-    linear: SymmetricMatrix<T, L>,
+    pub(crate) linear: SymmetricMatrix<T, L>,
     /// Velocity of the center along an axis from moments, and turning from impulses along it.
     /// \[1/(kg m)\]
-    cross: Crossed<T, L, A>,
+    pub(crate) cross: Crossed<T, L, A>,
     /// Turning from moments. \[1/(kg m^2)\]
-    angular: SymmetricMatrix<T, A>,
+    pub(crate) angular: SymmetricMatrix<T, A>,
 }
 
 /// L rows of A.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Crossed<T, const L: usize, const A: usize>([Vector<T, A>; L]);
+pub(crate) struct Crossed<T, const L: usize, const A: usize>([Vector<T, A>; L]);
 
 impl<T: Real, const L: usize, const A: usize> Default for Crossed<T, L, A> {
     fn default() -> Self {

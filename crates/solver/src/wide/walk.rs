@@ -14,7 +14,7 @@ use super::{Batch, Packed, Trace};
 use crate::color::{BINS, Color, Coloring, Members};
 use crate::lanes::{Lanes, Row, WIDTH, gather, lanes_of, scatter};
 use crate::team::{Member, Shared};
-use crate::{Contact, Manifold, Velocity, each_lane};
+use crate::{Contact, Manifold, SymmetricMatrix, Velocity, each_lane};
 
 /// Bytes of blocks from which on what comes next is asked for ahead: by far more than the second cache holds.
 /// With less, asking takes longer than it saves.
@@ -75,7 +75,7 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     fn look_ahead(&self, index: usize) {
         let own = index - self.first;
         if let Some(block) = self.blocks.get(own + 2 * Self::AHEAD) {
-            fetch(block, 1);
+            block.fetch();
         }
         if let Some(block) = self.blocks.get(own + Self::AHEAD) {
             let Manifold { first, count, .. } = block.manifold;
@@ -246,6 +246,25 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Sight<'a, V, L, A> {
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
+    /// Asks for what a visit reads.
+    #[inline(always)]
+    fn fetch(&self) {
+        let Self { bodies, moving, masses, mobility, manifold, .. } = self;
+        fetch(bodies, 1);
+        fetch(moving, 1);
+        for mass in masses {
+            fetch(&mass.linear, 1);
+            fetch_matrix(&mass.angular);
+        }
+        fetch_matrix(&mobility.linear);
+        fetch(&mobility.cross, 1);
+        fetch_matrix(&mobility.angular);
+        fetch(&manifold.frame, 1);
+        fetch(&manifold.arms, 1);
+        fetch(&manifold.friction, 1);
+        fetch(&manifold.count, 1);
+    }
+
     /// The velocities, or whatever else, of the bodies in each lane, `from` that of body number `first` on.
     #[inline(always)]
     pub(super) fn gather_from(
@@ -367,6 +386,14 @@ fn fetch<T>(first: *const T, count: usize) {
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = (first, count);
+}
+
+/// The same of what products read.
+#[inline(always)]
+fn fetch_matrix<T, const N: usize>(matrix: &SymmetricMatrix<T, N>) {
+    for (i, row) in matrix.0.iter().enumerate() {
+        fetch(&row.0[i], N - i);
+    }
 }
 
 /// Where the traces of all points go.
