@@ -249,6 +249,10 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     /// Asks for what a visit reads.
     #[inline(always)]
     fn fetch(&self) {
+        if A < 3 {
+            // Too little is not read for gaps to be worth the while.
+            return fetch(self, 1);
+        }
         let Self { bodies, moving, masses, mobility, manifold, .. } = self;
         fetch(bodies, 1);
         fetch(moving, 1);
