@@ -299,7 +299,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     if known && reuse(around, pair, (a, b), own, records, rested) {
         return !rested;
     }
-    // Not asked before where points last.
+    // What has records did not have to be near before.
     let Some(prediction) = ahead.or_else(|| around.prediction(pair)) else { return false };
     let [a_shape, b_shape] = pair.colliders;
     let pose_a = G::advance(&around.poses[a_shape as usize], a.position, Vector::ZERO);
@@ -389,6 +389,15 @@ mod tests {
     use crate::bodies::Came;
     use crate::colliders::lever;
     use crate::geometry::random::Random;
+
+    /// Particles, which do not turn, use their room up by their way alone.
+    #[test]
+    fn what_does_not_turn_has_room() {
+        let pair = Pair { lever: lever([0.0; 2]), room: 1.0, count: 1, ..Pair::APART };
+        let came = Came { linear: Vector([0.25, 0.0]), ..Came::NOWHERE };
+        let left = pair.left(&[came, Came::NOWHERE]);
+        assert!((left - 0.75).abs() < 1e-6, "{left} m");
+    }
 
     /// As long as a pair has room, a has moved less against b, as that one sees it, than points last for.
     #[test]
