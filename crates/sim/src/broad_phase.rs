@@ -15,23 +15,16 @@ const MARGIN: f32 = 0.05;
 /// The tree over the boxes of all shapes.
 pub(crate) struct BroadPhase<const L: usize> {
     tree: Tree<L>,
-    /// The enlarged box of each shape, and what it was when pairs were last asked for.
+    /// The enlarged box of each shape.
     boxes: Vec<Bounds<L>>,
-    before: Vec<Bounds<L>>,
-    /// Where these differ: which, and for each shape whether.
+    /// Which have changed since pairs were last asked for, and for each whether it has.
     moved: Vec<u32>,
     moves: Vec<bool>,
 }
 
 impl<const L: usize> BroadPhase<L> {
     pub(crate) fn new() -> Self {
-        Self {
-            tree: Tree::default(),
-            boxes: Vec::new(),
-            before: Vec::new(),
-            moved: Vec::new(),
-            moves: Vec::new(),
-        }
+        Self { tree: Tree::default(), boxes: Vec::new(), moved: Vec::new(), moves: Vec::new() }
     }
 
     /// How much more room a shape that needs this much has in its stored box, on each side; less than
@@ -52,7 +45,6 @@ impl<const L: usize> BroadPhase<L> {
     /// The number of the next shape, which has no box yet.
     fn grow(&mut self) -> u32 {
         self.boxes.push(Bounds::NOTHING);
-        self.before.push(Bounds::NOTHING);
         self.moves.push(false);
         self.boxes.len() as u32 - 1
     }
@@ -104,7 +96,7 @@ impl<const L: usize> BroadPhase<L> {
         pairs: &mut Vec<Pair>,
         team: &Team,
     ) -> Option<impl Iterator<Item = [u32; 2]> + use<'a, L>> {
-        let Self { tree, boxes, before, moved, moves } = self;
+        let Self { tree, boxes, moved, moves } = self;
         if moved.is_empty() {
             return None;
         }
@@ -113,12 +105,8 @@ impl<const L: usize> BroadPhase<L> {
             let (a, b) = (a as usize, b as usize);
             !(moves[a] || moves[b]) || boxes[a].overlaps(&boxes[b])
         });
-        let is_new = |[a, b]: [u32; 2]| !before[a as usize].overlaps(&before[b as usize]);
-        let found = tree.overlaps(team, is_new);
-        for shape in moved.drain(..).map(|shape| shape as usize) {
-            before[shape] = boxes[shape];
-            moves[shape] = false;
-        }
+        moved.drain(..).for_each(|shape| moves[shape as usize] = false);
+        let found = tree.overlaps(team);
         Some(found.iter().map(|&pair| [(pair >> 32) as u32, pair as u32]))
     }
 }

@@ -35,6 +35,8 @@ const BITS: usize = 19;
 pub(super) struct Tree<const L: usize> {
     /// Leaves with the boxes; then nodes with the boxes around those of the level before, up to one.
     levels: Vec<Level<L>>,
+    /// The leaves as they were when overlaps were last asked for.
+    before: Vec<Node<L>>,
     /// The number of each box in the leaves, in their order; and where each number is.
     numbers: Vec<u32>,
     places: Vec<u32>,
@@ -139,7 +141,7 @@ impl<const L: usize> Tree<L> {
         let place = self.places[number as usize];
         match to {
             Some(to) if place == NONE => {
-                self.push(number, to, true);
+                self.push(number, [&Bounds::NOTHING, to], true);
                 self.loose += 1;
             }
             _ if place == NONE => {}
@@ -156,8 +158,8 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Puts a box at the end.
-    fn push(&mut self, number: u32, to: &Bounds<L>, changed: bool) {
+    /// Puts a box at the end, as it was before and is now.
+    fn push(&mut self, number: u32, [before, now]: [&Bounds<L>; 2], changed: bool) {
         let mut place = self.numbers.len();
         self.places[number as usize] = place as u32;
         self.numbers.push(number);
@@ -176,7 +178,9 @@ impl<const L: usize> Tree<L> {
                 marks.push(0);
             }
             if level == 0 {
-                nodes[node].set(lane, to);
+                self.before.resize(nodes.len(), Node::EMPTY);
+                self.before[node].set(lane, before);
+                nodes[node].set(lane, now);
                 marks[node] |= u8::from(changed) << lane;
             }
             if nodes.len() == 1 {
@@ -200,13 +204,8 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Each two numbers whose boxes overlap, of which one has changed since the last call, and that are `wanted`: the
-    /// lower in the upper half, sorted.
-    pub(super) fn overlaps<'a>(
-        &'a mut self,
-        team: &Team,
-        wanted: impl Fn([u32; 2]) -> bool + Sync,
-    ) -> &'a [u64] {
+    /// Each two numbers whose boxes have come to overlap since the last call: the lower in the upper half, sorted.
+    pub(super) fn overlaps(&mut self, team: &Team) -> &[u64] {
         self.refit();
         if self.wear > WORN * self.built.len() as f64 || LOOSE * self.loose > self.numbers.len() {
             self.build();
@@ -221,9 +220,12 @@ impl<const L: usize> Tree<L> {
         let parts = self.changed.chunks(share).zip(&mut searches);
         team.for_each(useful, parts, |(leaves, search)| {
             search.found.clear();
-            leaves.iter().for_each(|&leaf| self.query(leaf as usize, search, &wanted));
+            leaves.iter().for_each(|&leaf| self.query(leaf as usize, search));
         });
         self.searches = searches;
+        for leaf in self.changed.drain(..).map(|leaf| leaf as usize) {
+            self.before[leaf] = self.levels[0].nodes[leaf];
+        }
         self.levels.iter_mut().for_each(|level| level.changed.fill(0));
         let all = match &mut self.searches[..] {
             [] => &mut [],
@@ -236,15 +238,10 @@ impl<const L: usize> Tree<L> {
         all
     }
 
-    /// What overlaps the boxes of a leaf that have changed. Of two that have, the one in the earlier leaf finds the
-    /// other.
+    /// What has come to overlap the boxes of a leaf that have changed. Of two that have, the one in the earlier leaf
+    /// finds the other.
     #[inline(never)]
-    fn query(
-        &self,
-        leaf: usize,
-        Search { ahead, found }: &mut Search,
-        wanted: &impl Fn([u32; 2]) -> bool,
-    ) {
+    fn query(&self, leaf: usize, Search { ahead, found }: &mut Search) {
         let leaves = &self.levels[0];
         let (own, changed) = (&leaves.nodes[leaf], leaves.changed[leaf]);
         let all = lanes(changed).fold(Bounds::NOTHING, |all, lane| all.joined(&own.get(lane)));
@@ -262,7 +259,7 @@ impl<const L: usize> Tree<L> {
             if open == 0 {
                 continue;
             }
-            let other = &leaves.nodes[node];
+            let (other, before) = (&leaves.nodes[node], &self.before[node]);
             let bounds = match self.levels.get(1) {
                 Some(above) => above.nodes[node / WIDTH].get(node % WIDTH),
                 None => all,
@@ -271,12 +268,14 @@ impl<const L: usize> Tree<L> {
                 if node == leaf {
                     open = near & !(changed & ((2 << lane) - 1) as u8);
                 }
-                for with in lanes(open & other.overlapping(&own.get(lane))) {
+                let mut come = open & other.overlapping(&own.get(lane));
+                if come != 0 {
+                    come &= !before.overlapping(&self.before[leaf].get(lane));
+                }
+                for with in lanes(come) {
                     let a = self.numbers[leaf * WIDTH + lane];
                     let b = self.numbers[node * WIDTH + with];
-                    if wanted([a, b]) {
-                        found.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
-                    }
+                    found.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
                 }
             }
         }
@@ -305,10 +304,12 @@ impl<const L: usize> Tree<L> {
     fn build(&mut self) {
         let order = self.sort();
         let leaves = self.levels.drain(..).next().unwrap_or_default().nodes;
+        let before = std::mem::take(&mut self.before);
         self.numbers.clear();
         for (_, number, changed) in order {
             let place = self.places[number as usize] as usize;
-            self.push(number, &leaves[place / WIDTH].get(place % WIDTH), changed);
+            let [before, now] = [&before, &leaves].map(|of| of[place / WIDTH].get(place % WIDTH));
+            self.push(number, [&before, &now], changed);
         }
         for level in 1..self.levels.len() {
             self.fill(level);
