@@ -102,7 +102,9 @@ impl Color {
     pub(crate) fn share(&self, member: &Member<'_>, bin: usize) -> Range<usize> {
         let start = if bin == 0 { self.blocks.start } else { self.ends[bin - 1] };
         let all = start as usize..self.ends[bin] as usize;
-        if member.shares(self.blocks.len()) {
+        if all.is_empty() {
+            all
+        } else if member.shares(self.blocks.len()) {
             member.part_after(all.start - self.blocks.start as usize, all)
         } else if member.is_first() {
             all

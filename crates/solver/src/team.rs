@@ -377,6 +377,11 @@ impl<'a, T> Shared<'a, T> {
         Self { zero, first, end: first + slice.len(), lifetime: PhantomData }
     }
 
+    /// Another slice, with the same numbers, of which `get_mut` must not be used.
+    pub(crate) fn beside(&self, slice: &'a [T]) -> Self {
+        Self::reading(self.first, slice)
+    }
+
     pub(crate) fn len(&self) -> usize {
         self.end - self.first
     }

@@ -281,7 +281,7 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const 
     targets: Option<&Targets<'_, V, L, A>>,
 ) {
     let (team, useful) = workers(batch);
-    let ground = Ground::new(batch, velocities);
+    let ground = Ground::new(batch, velocities).and(targets.map(|targets| targets.displacements));
     team.run(useful, &|member| {
         V::run(
             #[inline(always)]

@@ -29,6 +29,8 @@ pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
     colors: &'a [Color],
     contacts: Shared<'a, Contact<V, L>>,
     velocities: Shared<'a, Velocity<f32, L, A>>,
+    /// What else visits read of bodies.
+    also: Option<Shared<'a, Velocity<f32, L, A>>>,
     /// Whether to look ahead.
     large: bool,
 }
@@ -63,7 +65,12 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
         let velocities = Shared::new(bodies.start, velocities);
         let blocks = &*batch.blocks;
         let large = size_of_val(blocks) > LARGE;
-        Self { blocks, first: *first, colors, contacts, velocities, large }
+        Self { blocks, first: *first, colors, contacts, velocities, also: None, large }
+    }
+
+    /// The same, where visits read something else of bodies, too.
+    pub(super) fn and(self, also: Option<&'g [Velocity<f32, L, A>]>) -> Self {
+        Self { also: also.map(|also| self.velocities.beside(also)), ..self }
     }
 
     /// How many blocks ahead: more of them where they are small.
@@ -75,13 +82,17 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     fn look_ahead(&self, index: usize) {
         let own = index - self.first;
         if let Some(block) = self.blocks.get(own + 2 * Self::AHEAD) {
-            block.fetch();
+            // Most follow others of their kind, and their own is not known yet.
+            block.fetch(self.blocks[own].center);
         }
         if let Some(block) = self.blocks.get(own + Self::AHEAD) {
             let Manifold { first, count, .. } = block.manifold;
             fetch(self.contacts.place(first), count as usize);
             for &body in block.bodies.iter().flatten() {
                 fetch(self.velocities.place(body), 1);
+                if let Some(also) = &self.also {
+                    fetch(also.place(body), 1);
+                }
             }
         }
     }
@@ -196,6 +207,7 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Reading<'g, V, L, A> {
             colors: &coloring.colors,
             contacts: Shared::reading(0, contacts),
             velocities: Shared::reading(0, velocities),
+            also: None,
             large: size_of_val(&**blocks) > LARGE,
         })
     }
@@ -246,9 +258,9 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Sight<'a, V, L, A> {
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
-    /// Asks for what a visit reads.
+    /// Asks for what a visit reads, of points in the `center` less.
     #[inline(always)]
-    fn fetch(&self) {
+    fn fetch(&self, center: bool) {
         if A < 3 {
             // Too little is not read for gaps to be worth the while.
             return fetch(self, 1);
@@ -261,8 +273,10 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             fetch_matrix(&mass.angular);
         }
         fetch_matrix(&mobility.linear);
-        fetch(&mobility.cross, 1);
-        fetch_matrix(&mobility.angular);
+        if !center {
+            fetch(&mobility.cross, 1);
+            fetch_matrix(&mobility.angular);
+        }
         fetch(&manifold.frame, 1);
         fetch(&manifold.arms, 1);
         fetch(&manifold.friction, 1);
