@@ -20,11 +20,19 @@ pub(crate) struct BroadPhase<const L: usize> {
     /// Which have changed since pairs were last asked for, and for each whether it has.
     moved: Vec<u32>,
     moves: Vec<bool>,
+    /// Whether it goes on from the boxes of another, whose pairs may be known.
+    goes_on: bool,
 }
 
 impl<const L: usize> BroadPhase<L> {
     pub(crate) fn new() -> Self {
-        Self { tree: Tree::default(), boxes: Vec::new(), moved: Vec::new(), moves: Vec::new() }
+        Self {
+            tree: Tree::default(),
+            boxes: Vec::new(),
+            moved: Vec::new(),
+            moves: Vec::new(),
+            goes_on: false,
+        }
     }
 
     /// How much more room a shape that needs this much has in its stored box, on each side; less than
@@ -67,7 +75,7 @@ impl<const L: usize> BroadPhase<L> {
 
     /// A broad phase that goes on from boxes that another has stored; none for removed shapes.
     pub(crate) fn with_boxes(boxes: impl Iterator<Item = Option<Bounds<L>>>) -> Self {
-        let mut out = Self::new();
+        let mut out = Self { goes_on: true, ..Self::new() };
         for stored in boxes {
             let shape = out.grow();
             out.store(shape, stored.as_ref());
@@ -89,14 +97,13 @@ impl<const L: usize> BroadPhase<L> {
     }
 
     /// Drops the pairs whose boxes overlap no more, and returns those that have come to overlap since the last
-    /// call, lower index first, sorted; none if no box has changed. After [`with_boxes`](Self::with_boxes) all are
-    /// among them.
+    /// call, lower index first, sorted; none if no box has changed.
     pub(crate) fn follow<'a>(
         &'a mut self,
-        pairs: &mut Vec<Pair>,
+        pairs: &'a mut Vec<Pair>,
         team: &Team,
     ) -> Option<impl Iterator<Item = [u32; 2]> + use<'a, L>> {
-        let Self { tree, boxes, moved, moves } = self;
+        let Self { tree, boxes, moved, moves, goes_on } = self;
         if moved.is_empty() {
             return None;
         }
@@ -107,6 +114,11 @@ impl<const L: usize> BroadPhase<L> {
         });
         moved.drain(..).for_each(|shape| moves[shape as usize] = false);
         let found = tree.overlaps(team);
-        Some(found.iter().map(|&pair| [(pair >> 32) as u32, pair as u32]))
+        // To a tree that goes on all are new.
+        let known = if std::mem::take(goes_on) { &pairs[..] } else { &[] };
+        let is_new = |pair: &[u32; 2]| {
+            known.is_empty() || known.binary_search_by(|of| of.colliders.cmp(pair)).is_err()
+        };
+        Some(found.iter().map(|&pair| [(pair >> 32) as u32, pair as u32]).filter(is_new))
     }
 }

@@ -674,12 +674,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let Some(found) = self.broad_phase.follow(&mut self.pairs, &self.team) else { return };
         let fresh = &mut self.fresh_pairs;
         fresh.clear();
-        // After a checkpoint some are known.
-        let is_new = |pair: &[u32; 2]| {
-            self.pairs.binary_search_by(|known| known.colliders.cmp(pair)).is_err()
-        };
         let (colliders, bodies) = (&self.colliders, &self.bodies);
-        fresh.extend(found.filter(is_new).filter_map(|pair| colliders.pair(bodies, pair)));
+        fresh.extend(found.filter_map(|pair| colliders.pair(bodies, pair)));
         cache::merge(&mut self.pairs, fresh);
     }
 
