@@ -121,6 +121,7 @@ impl<const L: usize, const A: usize> Mass<L, A> {
 
 /// One block of M^-1: (m^-1, I^-1), the latter in world axes. Zero for what nothing can move.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
 pub struct InverseMass<T: Real, const L: usize, const A: usize> {
     /// m^-1. \[1/kg\]
     pub linear: T,

@@ -9,6 +9,7 @@ use crate::{Cast, Manifold, Mobility, Real, Repair, Scalar, Vector, Velocity};
 /// One point of contact. Vectors are in the manifold's frame: component 0 along the normal, the others
 /// along the tangents.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
 pub struct Contact<T: Real, const L: usize> {
     /// Where it is, seen from the manifold's center. \[m\]
     pub place: Vector<T, L>,

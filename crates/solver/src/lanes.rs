@@ -19,19 +19,36 @@ use crate::{Cast, Real, Vector};
 /// Number of lanes, on every target.
 pub const WIDTH: usize = 16;
 
+/// Half of them.
+pub(crate) const HALF: usize = WIDTH / 2;
+
 /// Several `f32` that are computed together.
-pub trait Lanes: Real + Cast<Self::Doubles> + 'static {
+pub trait Lanes: Columns + Cast<Self::Doubles> + 'static {
     /// As many of them as fill a register of `f64`: a part each.
     type Doubles: Doubles;
 
-    /// The numbers.
-    fn from_array(numbers: [f32; WIDTH]) -> Self;
+    /// The same bytes, of which arithmetic changes the first half alone.
+    type Half: Columns;
 
     /// Changes one of them.
     fn set(&mut self, lane: usize, number: f32);
 
     /// One of them.
     fn get(&self, lane: usize) -> f32;
+
+    /// The passes over packed systems, as they were compiled for these lanes.
+    #[doc(hidden)]
+    fn passes() -> Table;
+
+    /// Runs `f` with the instructions that this type needs. Arithmetic on the type is only fast, and
+    /// on [`Avx2`] only allowed, within.
+    fn run<R>(f: impl FnOnce() -> R) -> R;
+}
+
+/// [`Lanes`], all or [half](Lanes::Half) of them: what goes through the kernels.
+pub trait Columns: Real {
+    /// The numbers.
+    fn from_array(numbers: [f32; WIDTH]) -> Self;
 
     /// The numbers of each lane, which lie side by side: `count` of them, up to four; what is more means
     /// nothing.
@@ -42,14 +59,28 @@ pub trait Lanes: Real + Cast<Self::Doubles> + 'static {
 
     /// The four numbers of each lane.
     fn to_rows(columns: [Self; 4]) -> [Row; WIDTH];
+}
 
-    /// The passes over packed systems, as they were compiled for these lanes.
-    #[doc(hidden)]
-    fn passes() -> Table;
+/// What is made of lanes, as made of [half](Lanes::Half) of them.
+///
+/// # Safety
+/// That is how the two types differ, and their layout is laid down (`repr(C)`).
+#[inline(always)]
+pub(crate) unsafe fn halved<T, U>(of: &T) -> &U {
+    const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
+    // SAFETY: the same bytes, as the caller promises.
+    unsafe { &*std::ptr::from_ref(of).cast() }
+}
 
-    /// Runs `f` with the instructions that this type needs. Arithmetic on the type is only fast, and
-    /// on [`Avx2`] only allowed, within.
-    fn run<R>(f: impl FnOnce() -> R) -> R;
+/// [`halved`].
+///
+/// # Safety
+/// The same.
+#[inline(always)]
+pub(crate) unsafe fn halved_mut<T, U>(of: &mut [T]) -> &mut [U] {
+    const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
+    // SAFETY: the same bytes, as the caller promises.
+    unsafe { std::slice::from_raw_parts_mut(of.as_mut_ptr().cast(), of.len()) }
 }
 
 /// Four numbers of one lane.
@@ -138,7 +169,7 @@ pub(crate) fn lanes_of(mut set: u16) -> impl Iterator<Item = usize> {
 /// # Safety
 /// So many can be read at each place.
 #[inline(always)]
-pub(crate) unsafe fn gather<V: Lanes>(from: [*const f32; WIDTH], numbers: &mut [V]) {
+pub(crate) unsafe fn gather<V: Columns>(from: [*const f32; WIDTH], numbers: &mut [V]) {
     let count = numbers.len();
     // SAFETY: as the caller promises. Of more than four, the last four overlap the first.
     unsafe {
@@ -157,7 +188,7 @@ pub(crate) unsafe fn gather<V: Lanes>(from: [*const f32; WIDTH], numbers: &mut [
 /// # Safety
 /// So many can be written at the place of each of the lanes.
 #[inline(always)]
-pub(crate) unsafe fn scatter<V: Lanes>(numbers: &[V], to: [*mut f32; WIDTH], lanes: u16) {
+pub(crate) unsafe fn scatter<V: Columns>(numbers: &[V], to: [*mut f32; WIDTH], lanes: u16) {
     let count = numbers.len();
     let after = count.saturating_sub(4);
     let mut columns = [[V::ZERO; 4]; 2];
@@ -204,19 +235,19 @@ impl Doubles for f64 {
 /// Number of [`Doubles`] lanes.
 pub const PART: usize = 8;
 
-/// `N` numbers, or registers of numbers, that go through the same operations. All kinds fill a line of a cache, and
-/// none lies across two.
+/// `N` numbers, or registers of numbers, of which the first `USED` go through the same operations; the others stay
+/// what they are on the left. All kinds fill a line of a cache, and none lies across two.
 ///
 /// Loops, not closures or `array::map`: those are not inlined where other instructions are allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
-pub struct Group<R, const N: usize>([R; N]);
+pub struct Group<R, const N: usize, const USED: usize>([R; N]);
 
 /// An operation on each member.
 macro_rules! each {
     ($a:ident $(, $b:ident)*; $result:expr) => {{
         let mut out = $a;
-        for i in 0..N {
+        for i in 0..USED {
             let ($a, $($b),*) = ($a.0[i], $($b.0[i]),*);
             out.0[i] = $result;
         }
@@ -226,7 +257,7 @@ macro_rules! each {
 
 macro_rules! operator {
     ($trait:ident $method:ident $operator:tt) => {
-        impl<R: Real, const N: usize> $trait for Group<R, N> {
+        impl<R: Real, const N: usize, const USED: usize> $trait for Group<R, N, USED> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
@@ -242,21 +273,21 @@ operator!(Sub sub -);
 operator!(Mul mul *);
 operator!(Div div /);
 
-impl<R: Real, const N: usize> AddAssign for Group<R, N> {
+impl<R: Real, const N: usize, const USED: usize> AddAssign for Group<R, N, USED> {
     #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
 }
 
-impl<R: Real, const N: usize> SubAssign for Group<R, N> {
+impl<R: Real, const N: usize, const USED: usize> SubAssign for Group<R, N, USED> {
     #[inline(always)]
     fn sub_assign(&mut self, other: Self) {
         *self = *self - other;
     }
 }
 
-impl<R: Real, const N: usize> Neg for Group<R, N> {
+impl<R: Real, const N: usize, const USED: usize> Neg for Group<R, N, USED> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -265,13 +296,13 @@ impl<R: Real, const N: usize> Neg for Group<R, N> {
     }
 }
 
-impl<R: Real, const N: usize> Default for Group<R, N> {
+impl<R: Real, const N: usize, const USED: usize> Default for Group<R, N, USED> {
     fn default() -> Self {
         Self::ZERO
     }
 }
 
-impl<R: Real, const N: usize> Real for Group<R, N> {
+impl<R: Real, const N: usize, const USED: usize> Real for Group<R, N, USED> {
     const ZERO: Self = Self([R::ZERO; N]);
     const ONE: Self = Self([R::ONE; N]);
     const NOTHING: Self = Self([R::NOTHING; N]);
@@ -307,13 +338,13 @@ impl<R: Real, const N: usize> Real for Group<R, N> {
 }
 
 /// Numbers that need no special instructions.
-pub type Portable = Group<f32, WIDTH>;
+pub type Portable = Group<f32, WIDTH, WIDTH>;
 
-impl Cast<Group<f64, PART>> for Portable {
+impl Cast<Group<f64, PART, PART>> for Portable {
     const PARTS: usize = WIDTH / PART;
 
     #[inline(always)]
-    fn part(&self, index: usize) -> Group<f64, PART> {
+    fn part(&self, index: usize) -> Group<f64, PART, PART> {
         let mut out = Group::ZERO;
         for lane in 0..PART {
             out.0[lane] = f64::from(self.0[PART * index + lane]);
@@ -322,7 +353,7 @@ impl Cast<Group<f64, PART>> for Portable {
     }
 }
 
-impl Doubles for Group<f64, PART> {
+impl Doubles for Group<f64, PART, PART> {
     #[inline(always)]
     fn get(&self, lane: usize) -> f64 {
         self.0[lane]
@@ -330,12 +361,8 @@ impl Doubles for Group<f64, PART> {
 }
 
 impl Lanes for Portable {
-    type Doubles = Group<f64, PART>;
-
-    #[inline(always)]
-    fn from_array(numbers: [f32; WIDTH]) -> Self {
-        Self(numbers)
-    }
+    type Doubles = Group<f64, PART, PART>;
+    type Half = Group<f32, WIDTH, HALF>;
 
     #[inline(always)]
     fn set(&mut self, lane: usize, number: f32) {
@@ -345,29 +372,6 @@ impl Lanes for Portable {
     #[inline(always)]
     fn get(&self, lane: usize) -> f32 {
         self.0[lane]
-    }
-
-    #[inline(always)]
-    unsafe fn from_rows(rows: [*const f32; WIDTH], count: usize) -> [Self; 4] {
-        let mut columns = [Self::ZERO; 4];
-        for (i, column) in columns.iter_mut().enumerate().take(count) {
-            for (number, row) in column.0.iter_mut().zip(&rows) {
-                // SAFETY: as the caller promises.
-                *number = unsafe { *row.add(i) };
-            }
-        }
-        columns
-    }
-
-    #[inline(always)]
-    fn to_rows(columns: [Self; 4]) -> [Row; WIDTH] {
-        let mut rows = [[0.0; 4]; WIDTH];
-        for (i, column) in columns.iter().enumerate() {
-            for (row, number) in rows.iter_mut().zip(column.0) {
-                row[i] = number;
-            }
-        }
-        rows
     }
 
     #[inline(never)]
@@ -381,6 +385,36 @@ impl Lanes for Portable {
     }
 }
 
+impl<const USED: usize> Columns for Group<f32, WIDTH, USED> {
+    #[inline(always)]
+    fn from_array(numbers: [f32; WIDTH]) -> Self {
+        Self(numbers)
+    }
+
+    #[inline(always)]
+    unsafe fn from_rows(rows: [*const f32; WIDTH], count: usize) -> [Self; 4] {
+        let mut columns = [Self::ZERO; 4];
+        for (i, column) in columns.iter_mut().enumerate().take(count) {
+            for (number, row) in column.0.iter_mut().zip(&rows).take(USED) {
+                // SAFETY: as the caller promises.
+                *number = unsafe { *row.add(i) };
+            }
+        }
+        columns
+    }
+
+    #[inline(always)]
+    fn to_rows(columns: [Self; 4]) -> [Row; WIDTH] {
+        let mut rows = [[0.0; 4]; WIDTH];
+        for (i, column) in columns.iter().enumerate() {
+            for (row, number) in rows.iter_mut().zip(column.0).take(USED) {
+                row[i] = number;
+            }
+        }
+        rows
+    }
+}
+
 #[cfg(target_arch = "x86_64")]
 pub use avx2::{Avx2, available as avx2_available};
 
@@ -389,13 +423,13 @@ mod avx2 {
     use std::arch::x86_64::*;
     use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-    use super::{Doubles, Group, Lanes, PART, Row, WIDTH};
+    use super::{Columns, Doubles, Group, Lanes, PART, Row, WIDTH};
     use crate::wide::passes::{Table, table};
     use crate::{Cast, Real};
 
     /// Numbers in registers of AVX2. Values can be made and moved anywhere; arithmetic must happen
     /// within [`Lanes::run`].
-    pub type Avx2 = Group<Floats, 2>;
+    pub type Avx2 = Group<Floats, 2, 2>;
 
     /// Whether this machine has the instructions.
     pub fn available() -> bool {
@@ -408,13 +442,8 @@ mod avx2 {
     }
 
     impl Lanes for Avx2 {
-        type Doubles = Group<Floats64, 2>;
-
-        #[inline(always)]
-        fn from_array(numbers: [f32; WIDTH]) -> Self {
-            // SAFETY: both are as many bytes of plain numbers.
-            unsafe { std::mem::transmute(numbers) }
-        }
+        type Doubles = Group<Floats64, 2, 2>;
+        type Half = Group<Floats, 2, 1>;
 
         #[inline(always)]
         fn set(&mut self, lane: usize, number: f32) {
@@ -428,10 +457,30 @@ mod avx2 {
             unsafe { (*std::ptr::from_ref(self).cast::<[f32; WIDTH]>())[lane] }
         }
 
+        #[inline(never)]
+        fn passes() -> Table {
+            table!(Self)
+        }
+
+        #[inline(always)]
+        fn run<R>(f: impl FnOnce() -> R) -> R {
+            assert!(available(), "Avx2 lanes need a machine with AVX2");
+            // SAFETY: the machine has AVX2, as just asserted.
+            unsafe { enter(f) }
+        }
+    }
+
+    impl<const USED: usize> Columns for Group<Floats, 2, USED> {
+        #[inline(always)]
+        fn from_array(numbers: [f32; WIDTH]) -> Self {
+            // SAFETY: both are as many bytes of plain numbers.
+            unsafe { std::mem::transmute(numbers) }
+        }
+
         #[inline(always)]
         unsafe fn from_rows(rows: [*const f32; WIDTH], count: usize) -> [Self; 4] {
             let mut columns = [Self::ZERO; 4];
-            for half in 0..2 {
+            for half in 0..USED {
                 let at = 8 * half;
                 // SAFETY: within `run`, the machine has AVX2; the rows are as the caller promises.
                 let own = unsafe {
@@ -452,7 +501,7 @@ mod avx2 {
         #[inline(always)]
         fn to_rows(columns: [Self; 4]) -> [Row; WIDTH] {
             let mut rows = [[0.0; 4]; WIDTH];
-            for half in 0..2 {
+            for half in 0..USED {
                 let [a, b, c, d] = columns;
                 // SAFETY: within `run`, the machine has AVX2; a row is four numbers.
                 unsafe {
@@ -467,21 +516,9 @@ mod avx2 {
             }
             rows
         }
-
-        #[inline(never)]
-        fn passes() -> Table {
-            table!(Self)
-        }
-
-        #[inline(always)]
-        fn run<R>(f: impl FnOnce() -> R) -> R {
-            assert!(available(), "Avx2 lanes need a machine with AVX2");
-            // SAFETY: the machine has AVX2, as just asserted.
-            unsafe { enter(f) }
-        }
     }
 
-    impl Doubles for Group<Floats64, 2> {
+    impl Doubles for Group<Floats64, 2, 2> {
         #[inline(always)]
         fn get(&self, lane: usize) -> f64 {
             // SAFETY: registers in memory are as many numbers; the index is checked.
@@ -489,11 +526,11 @@ mod avx2 {
         }
     }
 
-    impl Cast<Group<Floats64, 2>> for Avx2 {
+    impl Cast<Group<Floats64, 2, 2>> for Avx2 {
         const PARTS: usize = WIDTH / PART;
 
         #[inline(always)]
-        fn part(&self, index: usize) -> Group<Floats64, 2> {
+        fn part(&self, index: usize) -> Group<Floats64, 2, 2> {
             assert!(index < Self::PARTS);
             // SAFETY: within `run`, the machine has AVX2. The index is checked.
             unsafe {

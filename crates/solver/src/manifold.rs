@@ -13,9 +13,8 @@ use crate::{Cast, InverseMass, Real, Scalar, SymmetricMatrix, Vector, Velocity, 
 
 /// What the points of a manifold share.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct Manifold<T: Real, const L: usize> {
-    /// The bodies a and b, indices into [`System::velocities`](crate::System::velocities).
-    pub bodies: [u32; 2],
     /// The contact frame, orthonormal and right-handed: the normal n first, from b towards a, then
     /// the tangents.
     pub frame: [Vector<T, L>; L],
@@ -28,6 +27,8 @@ pub struct Manifold<T: Real, const L: usize> {
     pub restitution: T,
     /// The largest epsilon of its points; by default infinite. \[1/kg\]
     pub compliance: T,
+    /// The bodies a and b, indices into [`System::velocities`](crate::System::velocities).
+    pub bodies: [u32; 2],
     /// The first of its points in [`System::contacts`](crate::System::contacts).
     pub first: u32,
     /// How many points it has.

@@ -8,6 +8,7 @@ use crate::{InverseMass, Manifold, Real, SymmetricMatrix, Vector, Velocity};
 /// K = J M^-1 J^T of a manifold's center: the twist that a wrench gives ([`Manifold::twist`]). Its points'
 /// blocks of A are this, seen from their places.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
 pub struct Mobility<T: Real, const L: usize, const A: usize> {
     /// Velocity of the center from impulses. \[1/kg\]
     pub(crate) linear: SymmetricMatrix<T, L>,
@@ -20,6 +21,7 @@ pub struct Mobility<T: Real, const L: usize, const A: usize> {
 
 /// L rows of A.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(transparent)]
 pub(crate) struct Crossed<T, const L: usize, const A: usize>([Vector<T, A>; L]);
 
 impl<T: Real, const L: usize, const A: usize> Default for Crossed<T, L, A> {

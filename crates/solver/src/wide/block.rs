@@ -3,9 +3,9 @@
 use super::{Rows, Seats, open, set};
 use crate::color::{Coloring, Members};
 use crate::island::NONE;
-use crate::lanes::{Lanes, Several, WIDTH, lanes_of};
-use crate::pgs::{is_center, visit};
-use crate::{Contact, InverseMass, Manifold, Mobility, Vector, Velocity};
+use crate::lanes::{Columns, Lanes, Several, WIDTH, lanes_of};
+use crate::pgs::is_center;
+use crate::{Contact, InverseMass, Manifold, Mobility, Vector};
 
 /// Points of blocks of which single lanes are taken in, at most.
 const FEW: usize = 8;
@@ -164,22 +164,6 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// One visit to its manifolds, whose bodies move so ([`pgs`](crate::pgs)).
-    #[inline(always)]
-    pub(super) fn visit<const RIGID: bool, const FRICTION: bool>(
-        &self,
-        points: &mut [Contact<V, L>],
-        a: &mut Velocity<V, L, A>,
-        b: &mut Velocity<V, L, A>,
-    ) {
-        let parts = (&self.manifold, &self.mobility, &self.masses);
-        if self.center {
-            visit::<V, L, A, 0, RIGID, FRICTION>(parts, points, a, b);
-        } else {
-            visit::<V, L, A, A, RIGID, FRICTION>(parts, points, a, b);
-        }
-    }
-
     /// The bodies of each lane.
     ///
     /// # Panics
@@ -279,7 +263,7 @@ fn take_masses<V: Several, const L: usize, const A: usize>(
     }
 }
 
-pub(super) fn splat<V: Lanes>(value: f32) -> V {
+pub(super) fn splat<V: Columns>(value: f32) -> V {
     V::from_array([value; WIDTH])
 }
 

@@ -163,9 +163,7 @@ pub(super) fn iterate<V: Lanes, const L: usize, const A: usize>(
                         contact.impulse += *direction * beta;
                         *before = contact.impulse;
                     }
-                    let [mut a, mut b] = at.gather();
-                    block.visit::<false, true>(points, &mut a, &mut b);
-                    at.scatter([a, b]);
+                    at.visit::<false, true>(points);
                     let mut size = V::ZERO;
                     for (contact, before) in points.iter().zip(before) {
                         size += nncg::size(contact, *before);

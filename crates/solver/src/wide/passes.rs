@@ -291,9 +291,7 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const 
                     if let Some(targets) = targets {
                         targets.set(at.block, points);
                     }
-                    let [mut a, mut b] = at.gather();
-                    at.block.visit::<RIGID, FRICTION>(points, &mut a, &mut b);
-                    at.scatter([a, b]);
+                    at.visit::<RIGID, FRICTION>(points);
                 }
             },
         );

@@ -12,7 +12,8 @@ use std::ops::Range;
 use super::block::Block;
 use super::{Batch, Packed, Trace};
 use crate::color::{BINS, Color, Coloring, Members};
-use crate::lanes::{Lanes, Row, WIDTH, gather, lanes_of, scatter};
+use crate::lanes::{Columns, HALF, Lanes, Row, WIDTH, gather, halved, halved_mut, scatter};
+use crate::pgs::{Parts, visit};
 use crate::team::{Member, Shared};
 use crate::{Contact, Manifold, SymmetricMatrix, Velocity, each_lane};
 
@@ -165,25 +166,56 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
         unsafe { all.get_mut(self.index..self.index + 1) }
     }
 
+    /// One visit to its manifolds ([`pgs`](crate::pgs)), in half of the lanes if they are all there.
+    #[inline(always)]
+    pub(super) fn visit<const RIGID: bool, const FRICTION: bool>(
+        &self,
+        points: &mut [Contact<V, L>],
+    ) {
+        let Block { manifold, mobility, masses, .. } = self.block;
+        if self.block.used >> HALF != 0 {
+            return self.visit_in::<V, RIGID, FRICTION>((manifold, mobility, masses), points);
+        }
+        // SAFETY: of what is made of lanes the layout is laid down.
+        let (parts, points) =
+            unsafe { ((halved(manifold), halved(mobility), halved(masses)), halved_mut(points)) };
+        self.visit_in::<V::Half, RIGID, FRICTION>(parts, points);
+    }
+
+    #[inline(always)]
+    fn visit_in<C: Columns, const RIGID: bool, const FRICTION: bool>(
+        &self,
+        parts: Parts<'_, C, L, A>,
+        points: &mut [Contact<C, L>],
+    ) {
+        let [mut a, mut b] = self.gather();
+        if self.block.center {
+            visit::<C, L, A, 0, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+        } else {
+            visit::<C, L, A, A, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+        }
+        self.scatter([a, b]);
+    }
+
     /// The velocities of the bodies in each lane.
     #[inline(always)]
-    pub(super) fn gather(&self) -> [Velocity<V, L, A>; 2] {
+    pub(super) fn gather<C: Columns>(&self) -> [Velocity<C, L, A>; 2] {
         // SAFETY: bodies that are written to belong to one block of a color; only its member is here.
         unsafe { self.block.gather(self.velocities) }
     }
 
     /// Gives bodies that can be moved new velocities.
     #[inline(always)]
-    pub(super) fn scatter(&self, [a, b]: [Velocity<V, L, A>; 2]) {
+    pub(super) fn scatter<C: Columns>(&self, [a, b]: [Velocity<C, L, A>; 2]) {
         self.block.check(self.velocities);
         self.scatter_side(0, &a);
         self.scatter_side(1, &b);
     }
 
     #[inline(always)]
-    fn scatter_side(&self, side: usize, velocity: &Velocity<V, L, A>) {
+    fn scatter_side<C: Columns>(&self, side: usize, velocity: &Velocity<C, L, A>) {
         let bodies = &self.block.bodies[side];
-        let mut numbers = [V::ZERO; 8];
+        let mut numbers = [C::ZERO; 8];
         numbers[..L].copy_from_slice(&velocity.linear.0);
         numbers[L..L + A].copy_from_slice(&velocity.angular.0);
         let to = each_lane!(lane => self.velocities.place(bodies[lane]).cast());
@@ -297,7 +329,10 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     /// # Safety
     /// Nobody changes the velocities of its bodies at the same time.
     #[inline(always)]
-    unsafe fn gather(&self, from: &Shared<'_, Velocity<f32, L, A>>) -> [Velocity<V, L, A>; 2] {
+    unsafe fn gather<C: Columns>(
+        &self,
+        from: &Shared<'_, Velocity<f32, L, A>>,
+    ) -> [Velocity<C, L, A>; 2] {
         self.check(from);
         // SAFETY: just checked, and as the caller promises.
         unsafe { [self.gather_side(0, from), self.gather_side(1, from)] }
@@ -306,13 +341,13 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     /// # Safety
     /// As for `gather`, and checked.
     #[inline(always)]
-    unsafe fn gather_side(
+    unsafe fn gather_side<C: Columns>(
         &self,
         side: usize,
         from: &Shared<'_, Velocity<f32, L, A>>,
-    ) -> Velocity<V, L, A> {
+    ) -> Velocity<C, L, A> {
         let bodies = &self.bodies[side];
-        let mut numbers = [V::ZERO; 8];
+        let mut numbers = [C::ZERO; 8];
         let at = each_lane!(lane => from.place(bodies[lane]).cast::<f32>().cast_const());
         // SAFETY: as the caller promises; a velocity is so many numbers.
         unsafe { gather(at, &mut numbers[..L + A]) };
@@ -327,14 +362,14 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
 
     /// Sets the numbers of bodies of other batches to zero, where those of their partners are.
     #[inline(always)]
-    fn stop(&self, side: usize, numbers: &mut [V]) {
+    fn stop<C: Columns>(&self, side: usize, numbers: &mut [C]) {
         let mut away = [0.0; WIDTH];
         for (lane, own) in away.iter_mut().enumerate() {
             *own = f32::from(self.away[side] >> lane & 1);
         }
-        let away = V::from_array(away);
+        let away = C::from_array(away);
         for number in numbers {
-            *number = away.choose(V::ZERO, *number);
+            *number = away.choose(C::ZERO, *number);
         }
     }
 
@@ -437,13 +472,13 @@ impl<'a, const L: usize> Traces<'a, L> {
         contact: &Contact<V, L>,
     ) {
         let (mut at, mut lanes) = ([0; WIDTH], 0);
-        for lane in lanes_of(members.used) {
-            let points = coloring.points_of(members.manifolds[lane]);
-            if point < points.len() && points.end <= self.0.len() {
-                at[lane] = (points.start + point) as u32;
-                lanes |= 1 << lane;
-            }
+        for (lane, &manifold) in members.manifolds.iter().enumerate() {
+            let points = coloring.points_of(manifold);
+            at[lane] = (points.start + point) as u32;
+            let is_there = point < points.len() && points.end <= self.0.len();
+            lanes |= u16::from(is_there) << lane;
         }
+        lanes &= members.used;
         let mut numbers = [V::ZERO; 8];
         numbers[..L].copy_from_slice(&contact.impulse.0);
         numbers[L..2 * L].copy_from_slice(&contact.gap.0);
