@@ -178,14 +178,16 @@ fn time<const L: usize, const A: usize>(count: usize, points: usize, friction: b
     1e9 * least / count as f64
 }
 
-/// What a visit reads and writes in memory: a lane of its block, and two bodies.
+/// What a visit reads and writes in memory: its points, what they share, and two bodies. Of symmetric matrices a half
+/// is read, and nothing that is for turning where the point is the center.
 fn bytes<const L: usize, const A: usize>(points: usize) -> usize {
-    let point = size_of::<Contact<f32, L>>();
-    let shared = size_of::<Manifold<f32, L>>()
-        + size_of::<Mobility<f32, L, A>>()
-        + 2 * size_of::<InverseMass<f32, L, A>>();
+    let half = |n: usize| n * (n + 1) / 2;
+    let turning = if points > 1 { L * A + half(A) } else { 0 };
+    let masses = 2 * (1 + half(A));
+    let shared = L * L + 2 * L + 1 + masses + half(L) + turning;
     // Impulses go back, and so do velocities.
-    points * (point + L * size_of::<f32>()) + shared + 4 * size_of::<Velocity<f32, L, A>>()
+    let point = size_of::<Contact<f32, L>>() + L * size_of::<f32>();
+    points * point + shared * size_of::<f32>() + 4 * size_of::<Velocity<f32, L, A>>()
 }
 
 /// Operations of a visit in lanes, counted.

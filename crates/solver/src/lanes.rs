@@ -23,7 +23,10 @@ pub const WIDTH: usize = 16;
 pub(crate) const HALF: usize = WIDTH / 2;
 
 /// Several `f32` that are computed together.
-pub trait Lanes: Columns + Cast<Self::Doubles> + 'static {
+///
+/// # Safety
+/// [`Half`](Self::Half) is laid out as this is, and any bytes of the one are good ones of the other.
+pub unsafe trait Lanes: Columns + Cast<Self::Doubles> + 'static {
     /// As many of them as fill a register of `f64`: a part each.
     type Doubles: Doubles;
 
@@ -360,7 +363,8 @@ impl Doubles for Group<f64, PART, PART> {
     }
 }
 
-impl Lanes for Portable {
+// SAFETY: both are sixteen numbers.
+unsafe impl Lanes for Portable {
     type Doubles = Group<f64, PART, PART>;
     type Half = Group<f32, WIDTH, HALF>;
 
@@ -441,7 +445,8 @@ mod avx2 {
         f()
     }
 
-    impl Lanes for Avx2 {
+    // SAFETY: both are two registers.
+    unsafe impl Lanes for Avx2 {
         type Doubles = Group<Floats64, 2, 2>;
         type Half = Group<Floats, 2, 1>;
 
