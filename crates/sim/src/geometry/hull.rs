@@ -1,6 +1,7 @@
 //! Convex hulls whose faces are flat.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use drystone_solver::{SymmetricMatrix, Vector, moment};
 
@@ -24,6 +25,8 @@ pub struct Hull {
     /// Of all faces, one after the other, counter-clockwise seen from outside.
     corners: Vec<u32>,
     edges: Vec<[u32; 2]>,
+    /// Those around all faces, one face after the other.
+    sides: Vec<u32>,
 }
 
 #[derive(Clone, Debug)]
@@ -31,7 +34,8 @@ struct Face {
     normal: Vector<f32, 3>,
     /// The point of the hull that is farthest out: no other is beyond the plane through it.
     outermost: Vector<f32, 3>,
-    corners: std::ops::Range<usize>,
+    corners: Range<usize>,
+    sides: Range<usize>,
 }
 
 impl Hull {
@@ -43,9 +47,10 @@ impl Hull {
             std::array::from_fn(|axis| std::array::from_fn(|i| some[i.min(some.len() - 1)][axis]))
         };
         let blocks = points.chunks(BLOCK).map(block).collect();
-        let (faces, corners, edges) = (Vec::new(), Vec::new(), Vec::new());
-        let mut hull = Self { points, blocks, faces, corners, edges };
+        let (faces, corners, edges, sides) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut hull = Self { points, blocks, faces, corners, edges, sides };
         hull.join(&triangles);
+        hull.find_sides();
         Some(hull)
     }
 
@@ -98,7 +103,20 @@ impl Hull {
             // Each is a side of two faces, there and back.
             self.edges.extend(ends.filter(|(from, to)| from < to).map(|(&from, &to)| [from, to]));
             self.corners.extend(around);
-            self.faces.push(Face { normal, outermost, corners: start..self.corners.len() });
+            let corners = start..self.corners.len();
+            self.faces.push(Face { normal, outermost, corners, sides: 0..0 });
+        }
+    }
+
+    /// Finds the edges around each face.
+    fn find_sides(&mut self) {
+        let numbers: HashMap<_, _> = self.edges.iter().copied().zip(0..).collect();
+        for face in &mut self.faces {
+            let around = &self.corners[face.corners.clone()];
+            let ends = around.iter().zip(around.iter().cycle().skip(1));
+            let start = self.sides.len();
+            self.sides.extend(ends.filter_map(|(a, b)| numbers.get(&[*a.min(b), *a.max(b)])));
+            face.sides = start..self.sides.len();
         }
     }
 }
@@ -209,6 +227,10 @@ impl Solid<3> for Hull {
 
     fn edge(&self, index: usize) -> [Vector<f32, 3>; 2] {
         self.edges[index].map(|end| self.points[end as usize])
+    }
+
+    fn around(&self, face: usize) -> impl Iterator<Item = usize> {
+        self.sides[self.faces[face].sides.clone()].iter().map(|&edge| edge as usize)
     }
 
     fn corners(&self, face: usize, out: &mut Vec<Corner<3>>) {

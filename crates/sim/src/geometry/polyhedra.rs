@@ -28,6 +28,12 @@ pub(super) trait Solid<const L: usize> {
     /// The ends of an edge.
     fn edge(&self, index: usize) -> [Vector<f32, L>; 2];
 
+    /// The edges around a face; they may be more.
+    fn around(&self, face: usize) -> impl Iterator<Item = usize> {
+        let _ = face;
+        0..self.edges()
+    }
+
     /// Appends the vertices of a face, in order around it.
     fn corners(&self, face: usize, out: &mut Vec<Corner<L>>);
 
@@ -312,6 +318,13 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
         let mut to = from;
         to[axis] = self.0[axis];
         [from, to]
+    }
+
+    fn around(&self, face: usize) -> impl Iterator<Item = usize> {
+        (0..self.edges()).filter(move |edge| {
+            let other = (face % L + L - (edge >> (L - 1))) % L;
+            other > 0 && (edge >> (other - 1) & 1 == 1) == (face < L)
+        })
     }
 
     fn sides(

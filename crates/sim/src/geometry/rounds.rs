@@ -157,9 +157,12 @@ pub(super) fn on_solid<const L: usize>(
     if best.gap <= 0.0 && enters(round, solid) {
         return None;
     }
-    // What is nearest is on an edge.
-    let edges = (0..solid.edges()).map(|edge| Nearest::of(round, solid, edge));
-    let nearest = edges.min_by(|a, b| a.squared().total_cmp(&b.squared()))?;
+    // What is nearest is on an edge, mostly of that face.
+    let around = Nearest::among(solid.around(best.face), round, solid);
+    let nearest = match around.filter(|own| own.is_nearest(solid)) {
+        Some(nearest) => nearest,
+        None => Nearest::among(0..solid.edges(), round, solid)?,
+    };
     if best.gap > 0.0 && nearest.is_upright(solid, best.face) {
         on_face(round, nearest.part, solid, best.face, prediction, clipper, touch);
         return Some(gap);
@@ -180,6 +183,16 @@ struct Nearest<const L: usize> {
 }
 
 impl<const L: usize> Nearest<L> {
+    /// The nearest of some edges.
+    fn among(
+        edges: impl Iterator<Item = usize>,
+        round: &Round<L>,
+        solid: &impl Solid<L>,
+    ) -> Option<Self> {
+        let edges = edges.map(|edge| Self::of(round, solid, edge));
+        edges.min_by(|a, b| a.squared().total_cmp(&b.squared()))
+    }
+
     fn of(round: &Round<L>, solid: &impl Solid<L>, number: usize) -> Self {
         let edge = Round { ends: solid.edge(number), radius: 0.0 };
         let [part, t] = nearest(round, &edge);

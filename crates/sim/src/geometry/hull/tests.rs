@@ -1,4 +1,5 @@
 use super::*;
+use crate::geometry::polyhedra::Cuboid;
 
 /// Points on a sphere, spread evenly (a spiral).
 fn on_sphere(count: usize, radius: f32) -> Vec<Vector<f32, 3>> {
@@ -82,6 +83,27 @@ fn a_box_has_six_faces_of_four_corners_also_after_rounding() {
         }
         check(&hull, 1.4);
     }
+}
+
+/// Edges have both ends on the faces that they are around, which are two.
+#[test]
+fn each_edge_is_around_two_faces() {
+    fn check(solid: &impl Solid<3>) {
+        let mut faces = vec![0; solid.edges()];
+        for face in 0..solid.faces() {
+            let mut corners = Vec::new();
+            solid.corners(face, &mut corners);
+            let on_face = |end| corners.iter().any(|corner| corner.position == end);
+            assert_eq!(solid.around(face).count(), corners.len());
+            for edge in solid.around(face) {
+                assert!(solid.edge(edge).into_iter().all(on_face), "face {face}, edge {edge}");
+                faces[edge] += 1;
+            }
+        }
+        assert!(faces.iter().all(|&faces| faces == 2), "{faces:?}");
+    }
+    check(&Cuboid(Vector([0.4, 0.3, 0.5])));
+    [4, 14, 60].map(|count| check(&hull(&on_sphere(count, 0.5))));
 }
 
 #[test]
