@@ -39,6 +39,7 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
         self.same
     }
 
+    #[inline(always)]
     fn past(&self, manifold: u32) -> Past {
         let past = self.records.past[manifold as usize];
         let bodies = || self.records.manifolds[manifold as usize].bodies;

@@ -1,7 +1,7 @@
 //! Which manifolds share no body, and so can be visited side by side.
 
-use std::cmp::Reverse;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::batch::{Division, Extent, Outline, Sizes};
 use crate::lanes::{WIDTH, lanes_of};
@@ -50,6 +50,14 @@ pub(crate) struct Members {
 
 impl Members {
     const EMPTY: Self = Self { used: 0, stale: u16::MAX, manifolds: [0; WIDTH] };
+
+    /// How a block with idle lanes ranks, its number in the lower half: the first choice for a new manifold is the
+    /// last, so what changes often gathers where little stays as it is.
+    fn rank(&self, block: u32) -> Option<u64> {
+        let [changes, idle] =
+            [u32::from(self.stale != 0 || self.used == 0), self.used.count_zeros()];
+        self.is_open().then(|| u64::from(changes << 8 | idle) << 32 | u64::from(block))
+    }
 
     /// Whether there is room for a manifold.
     fn is_open(&self) -> bool {
@@ -114,6 +122,15 @@ impl Color {
     }
 }
 
+/// The color of a manifold of this kind, among those that have blocks in these batches.
+#[inline(always)]
+fn color_of(kind: u32, of: &Outline, batches: &[Range<usize>]) -> Option<usize> {
+    let colors = &batches[usize::from(of.batch)];
+    // Colors have blocks in their order, but for those that none was of.
+    let color = colors.start + kind as usize / BINS;
+    (kind as usize != ALONE && colors.contains(&color)).then_some(color)
+}
+
 /// Places for manifolds in blocks of [`WIDTH`] lanes: no two of a block move the same body.
 #[derive(Clone, Debug, Default)]
 pub struct Coloring {
@@ -147,8 +164,8 @@ pub struct Coloring {
     next: Vec<u32>,
     /// What a sweep did for nothing when all were placed anew, where that has been looked at.
     idle: Option<u32>,
-    /// Blocks of each color with idle lanes.
-    open: Vec<Vec<u32>>,
+    /// Blocks of each color with idle lanes, as they rank ([`Members::rank`]).
+    open: Vec<Vec<u64>>,
 }
 
 impl Coloring {
@@ -163,7 +180,8 @@ impl Coloring {
     ) {
         let manifolds: Vec<_> = manifolds.collect();
         self.take_bodies((0..bodies as u32).map(|body| [moves(body); 2]));
-        self.take(manifolds.len(), |manifold| manifolds[manifold as usize], &Team::default());
+        let (outline, past) = (|manifold| manifolds[manifold as usize], |_| Past::New);
+        self.take(manifolds.len(), outline, past, &Team::default());
         self.division.update(&self.bodies, &mut self.outlines, Sizes::NONE);
         self.color();
         self.lay_out(false);
@@ -180,39 +198,48 @@ impl Coloring {
         same
     }
 
-    /// Takes manifolds, given by their bodies and number of points.
+    /// Takes manifolds, given by their bodies and number of points, and returns how many are kept.
     pub(crate) fn take(
         &mut self,
         count: usize,
         outline: impl Fn(u32) -> ([u32; 2], u32) + Sync,
+        past: impl Fn(u32) -> Past + Sync,
         team: &Team,
-    ) {
+    ) -> usize {
         std::mem::swap(&mut self.outlines, &mut self.before);
         let Self { outlines, bodies: of_bodies, .. } = self;
         outlines.resize(count, Outline::default());
         let (useful, share) = team.share(count, PIECE);
+        let all_kept = AtomicUsize::new(0);
         team.for_each(useful, outlines.chunks_mut(share).enumerate(), |(part, outlines)| {
+            let mut kept = 0;
             for (index, own) in (share * part..).zip(outlines) {
                 let (bodies, points) = outline(index as u32);
                 let moving = bodies.map(|body| of_bodies[body as usize][0]);
                 *own = Outline { bodies, moving, batch: 0, points };
+                kept += usize::from(matches!(past(index as u32), Past::Kept(_)));
             }
+            all_kept.fetch_add(kept, Ordering::Relaxed);
         });
+        all_kept.into_inner()
     }
 
     /// Places what has been taken as [`assign`](Self::assign) does, but in batches, of what takes up these
-    /// `sizes`. Manifolds that are not new stay in their places if they have the same color, and new ones get
-    /// what places there are. Colors are what they would be without.
-    pub(crate) fn update(&mut self, sizes: Sizes, past: impl Fn(u32) -> Past) -> Placed {
+    /// `sizes`. Manifolds that are not new, many of which are `kept`, stay in their places if they have the same
+    /// color, and new ones get what places there are. Colors are what they would be without.
+    pub(crate) fn update(
+        &mut self,
+        sizes: Sizes,
+        past: impl Fn(u32) -> Past,
+        kept: usize,
+    ) -> Placed {
         let divided = self.division.update(&self.bodies, &mut self.outlines, sizes);
         if !divided && self.outlines == self.before {
             return Placed::Same;
         }
         self.color();
-        let all = self.outlines.len();
-        let kept = |own: &u32| matches!(past(*own), Past::Kept(_));
         // If one in eight has changed, there is one in almost every block.
-        let many = 8 * (0..all as u32).filter(kept).count() > 7 * all;
+        let many = 8 * kept > 7 * self.outlines.len();
         if many && !divided && self.stay(past) {
             self.count_points();
             return Placed::Stay;
@@ -326,20 +353,22 @@ impl Coloring {
             // Whatever does not come back has left.
             (members.stale, members.used) = (members.used, 0);
         }
-        for index in 0..self.outlines.len() {
-            let Some(color) = self.color_of(index) else { return false };
-            let (old, kept) = match past(index as u32) {
+        let Self { outlines, kinds, places, before, places_before, members, .. } = self;
+        let (colors, batches) = (&self.colors[..], &self.batches[..]);
+        let manifolds = outlines.iter().zip(&*kinds).zip(&mut *places).zip(0..);
+        for (((outline, &kind), place), index) in manifolds {
+            let (old, kept) = match past(index) {
                 Past::New => continue,
                 Past::Changed(old) => (old as usize, false),
                 Past::Kept(old) => (old as usize, true),
             };
-            let (now, before) = (self.places_before[old], self.before[old]);
-            let blocks = &self.colors[color].blocks;
-            if self.outlines[index] == before && blocks.contains(&(now / WIDTH as u32)) {
-                self.places[index] = now;
-                let (members, lane) =
-                    (&mut self.members[now as usize / WIDTH], now as usize % WIDTH);
-                members.put(lane, index as u32);
+            let was_at = places_before[old];
+            let (block, lane) = (was_at / WIDTH as u32, was_at as usize % WIDTH);
+            let is_there = |color: usize| colors[color].blocks.contains(&block);
+            if *outline == before[old] && color_of(kind, outline, batches).is_some_and(is_there) {
+                *place = was_at;
+                let members = &mut members[block as usize];
+                members.put(lane, index);
                 members.stale &= !(u16::from(kept) << lane);
             }
         }
@@ -361,15 +390,6 @@ impl Coloring {
         [WIDTH as u32 * all - used, used]
     }
 
-    /// The color of a manifold, among those that have blocks.
-    fn color_of(&self, index: usize) -> Option<usize> {
-        let kind = self.kinds[index] as usize;
-        let colors = &self.batches[usize::from(self.outlines[index].batch)];
-        // Colors have blocks in their order, but for those that none was of.
-        let color = colors.start + kind / BINS;
-        (kind != ALONE && colors.contains(&color)).then_some(color)
-    }
-
     /// Finds places for the manifolds that have none; returns whether there are any, and whether a sweep does
     /// not much more for nothing than where all were placed anew.
     fn settle(&mut self, placed_anew: u32) -> bool {
@@ -378,30 +398,29 @@ impl Coloring {
         }
         for (open, Color { blocks, .. }) in self.open.iter_mut().zip(&self.colors) {
             open.clear();
-            let has_room = |block: &u32| self.members[*block as usize].is_open();
-            open.extend(blocks.clone().filter(has_room));
-            // The last is taken first: what changes often gathers where little stays as it is.
-            open.sort_unstable_by_key(|&block| {
-                let Members { used, stale, .. } = self.members[block as usize];
-                (stale != 0 || used == 0, Reverse(used.count_ones()), block)
-            });
+            open.extend(
+                blocks.clone().filter_map(|block| self.members[block as usize].rank(block)),
+            );
+            open.sort_unstable();
         }
         for index in 0..self.outlines.len() {
             if self.places[index] != NONE {
                 continue;
             }
-            let Some(color) = self.color_of(index) else { return false };
-            let points = self.outlines[index].points;
+            let outline = &self.outlines[index];
+            let color = color_of(self.kinds[index], outline, &self.batches);
+            let (Some(color), points) = (color, outline.points) else { return false };
             let open = &mut self.open[color];
-            let find =
-                |fits: &dyn Fn(usize) -> bool| open.iter().rposition(|&block| fits(block as usize));
+            let find = |fits: &dyn Fn(usize) -> bool| {
+                open.iter().rposition(|&rank| fits(rank as u32 as usize))
+            };
             let at = find(&|block| self.points[block] == points)
                 .or_else(|| find(&|block| self.points[block] >= points))
                 .or_else(|| {
                     find(&|block| self.members[block].used == 0 && self.rooms[block] >= points)
                 });
             let Some(at) = at else { return false };
-            let block = open[at];
+            let block = open[at] as u32;
             self.points[block as usize] = points.max(self.points[block as usize]);
             let members = &mut self.members[block as usize];
             self.places[index] = block * WIDTH as u32 + members.push(index as u32) as u32;

@@ -527,8 +527,16 @@ impl Geometry<3, 3> for Rigid3 {
     }
 
     fn frame(pose: &Self::Pose) -> Frame<3> {
-        let axes = parry3d::math::Matrix::from_quat(pose.rotation).to_cols_array_2d();
-        Frame { position: Vector(pose.translation.to_array()), axes: axes.map(Vector) }
+        let axes = parry3d::math::Matrix::from_quat(pose.rotation);
+        Frame {
+            position: Vector(pose.translation.to_array()),
+            // Not by way of an array, which is not always optimized away.
+            axes: [
+                Vector(axes.x_axis.to_array()),
+                Vector(axes.y_axis.to_array()),
+                Vector(axes.z_axis.to_array()),
+            ],
+        }
     }
 
     fn advance(pose: &Self::Pose, by: Vector<f32, 3>, turn: Vector<f32, 3>) -> Self::Pose {

@@ -103,7 +103,9 @@ fn each_edge_is_around_two_faces() {
         assert!(faces.iter().all(|&faces| faces == 2), "{faces:?}");
     }
     check(&Cuboid(Vector([0.4, 0.3, 0.5])));
-    [4, 14, 60].map(|count| check(&hull(&on_sphere(count, 0.5))));
+    for count in [4, 14, 60] {
+        check(&hull(&on_sphere(count, 0.5)));
+    }
 }
 
 #[test]
