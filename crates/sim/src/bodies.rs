@@ -347,8 +347,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     /// -m g . x of all bodies. \[J\]
     pub(crate) fn potential_energy(&self, gravity: Vector<f32, L>) -> f64 {
         let of = |(body, frame): (usize, &Frame<L>)| {
+            let mass = self.inertia[body].mass;
+            if !self.is_dynamic(body) || !mass.is_finite() {
+                return 0.0;
+            }
             let fall = self.pull(body, gravity).cast::<f64>().dot(frame.position.cast());
-            -self.mass(body).linear * fall
+            -f64::from(mass) * fall
         };
         self.frames.iter().enumerate().map(of).sum()
     }
