@@ -154,9 +154,9 @@ fn visit_of<T: Real, const L: usize, const A: usize, const RIGID: bool, const FR
     let mobility = Mobility::of(&manifold, &masses);
     let parts = (&manifold, &mobility, &masses);
     if is_center(points) {
-        visit::<T, L, A, 0, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+        visit::<T, L, A, 0, RIGID, FRICTION>(parts, points, &mut a, &mut b, || {});
     } else {
-        visit::<T, L, A, A, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+        visit::<T, L, A, A, RIGID, FRICTION>(parts, points, &mut a, &mut b, || {});
     }
     system.set_velocities(&manifold, [a, b]);
 }
@@ -167,8 +167,8 @@ pub(crate) fn is_center<T: Real, const L: usize>(points: &[Contact<T, L>]) -> bo
     matches!(points, [only] if only.place == Vector::ZERO)
 }
 
-/// One visit to a manifold: the normals of its points, then their friction. These feel `B` components of turning
-/// ([`Manifold::twist_felt`]).
+/// One visit to a manifold: the normals of its points, whatever is to be done `between`, then their friction. They
+/// feel `B` components of turning ([`Manifold::twist_felt`]).
 #[inline(always)]
 pub(crate) fn visit<
     T: Real,
@@ -182,6 +182,7 @@ pub(crate) fn visit<
     points: &mut [Contact<T, L>],
     a: &mut Velocity<T, L, A>,
     b: &mut Velocity<T, L, A>,
+    between: impl Fn(),
 ) {
     let mut twist: Velocity<T, L, B> = manifold.twist_felt(a, b);
     let mut wrench = Velocity::ZERO;
@@ -194,6 +195,7 @@ pub(crate) fn visit<
         twist += response * change[0];
         contact.add_wrench(0..1, change, &mut wrench);
     }
+    between();
     if FRICTION {
         mobility.add(normals, &wrench, &across_normals::<L, B>(), &mut twist);
         let tangents = &along_tangents::<L, B>();

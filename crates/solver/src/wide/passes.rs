@@ -117,6 +117,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
                             contact.add_wrench(0..L, contact.impulse, &mut wrench);
                         }
                         let [mut a, mut b] = at.gather();
+                        at.between();
                         at.block.manifold.apply(&wrench, &at.block.masses, &mut a, &mut b);
                         at.scatter([a, b]);
                     }

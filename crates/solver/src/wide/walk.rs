@@ -21,6 +21,10 @@ use crate::{Contact, Manifold, SymmetricMatrix, Velocity, each_lane};
 /// With less, asking takes longer than it saves.
 const LARGE: usize = 4 << 20;
 
+/// Parts in which a visit asks for what comes next, at its start, before, between and after its normals and
+/// friction: what is asked for at once, it waits for.
+const PARTS: usize = 4;
+
 /// A batch and the velocities of its bodies.
 pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a [Block<V, L, A>],
@@ -53,6 +57,8 @@ pub(super) struct Visit<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) block: &'a Block<V, L, A>,
     velocities: &'a Shared<'a, Velocity<f32, L, A>>,
     contacts: &'a Shared<'a, Contact<V, L>>,
+    /// Where to look ahead.
+    ahead: Option<&'a Ground<'a, V, L, A>>,
 }
 
 impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
@@ -75,24 +81,26 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     }
 
     /// How many blocks ahead: more of them where they are small.
-    const AHEAD: usize = 1 + 4096 / size_of::<Block<V, L, A>>();
+    const AHEAD: usize = 1 + 8192 / size_of::<Block<V, L, A>>();
 
-    /// Asks for what the next blocks on the way need: of one that is soon reached, and was asked for before, points
-    /// and velocities; and another one as far behind it.
+    /// Asks for a part of what the next blocks on the way need: of one that is soon reached, and was asked for
+    /// before, points and velocities; and another one as far behind it.
     #[inline(always)]
-    fn look_ahead(&self, index: usize) {
+    fn look_ahead(&self, index: usize, part: usize) {
         let own = index - self.first;
         if let Some(block) = self.blocks.get(own + 2 * Self::AHEAD) {
             // Most follow others of their kind, and their own is not known yet.
-            block.fetch(self.blocks[own].center);
+            block.fetch(self.blocks[own].center, part);
         }
         if let Some(block) = self.blocks.get(own + Self::AHEAD) {
             let Manifold { first, count, .. } = block.manifold;
-            fetch(self.contacts.place(first), count as usize);
-            for &body in block.bodies.iter().flatten() {
-                fetch(self.velocities.place(body), 1);
-                if let Some(also) = &self.also {
-                    fetch(also.place(body), 1);
+            fetch_part(self.contacts.place(first), count as usize, part);
+            for bodies in &block.bodies {
+                for &body in &bodies[WIDTH / PARTS * part..][..WIDTH / PARTS] {
+                    fetch(self.velocities.place(body), 1);
+                    if let Some(also) = &self.also {
+                        fetch(also.place(body), 1);
+                    }
                 }
             }
         }
@@ -134,13 +142,13 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
             }
             let index = self.share.next()?;
             let Ground { blocks, first, contacts, velocities, large, .. } = self.ground;
-            if *large {
-                self.ground.look_ahead(index);
-            }
             let block = &blocks[index - first];
             // Some wait for manifolds to come.
             if block.used != 0 {
-                return Some(Visit { index, block, velocities, contacts });
+                let ahead = large.then_some(self.ground);
+                let at = Visit { index, block, velocities, contacts, ahead };
+                at.look_ahead(0);
+                return Some(at);
             }
         }
     }
@@ -190,23 +198,53 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
     ) {
         let [mut a, mut b] = self.gather();
         if self.block.center {
-            visit::<C, L, A, 0, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+            visit::<C, L, A, 0, RIGID, FRICTION>(
+                parts,
+                points,
+                &mut a,
+                &mut b,
+                #[inline(always)]
+                || self.between(),
+            );
         } else {
-            visit::<C, L, A, A, RIGID, FRICTION>(parts, points, &mut a, &mut b);
+            visit::<C, L, A, A, RIGID, FRICTION>(
+                parts,
+                points,
+                &mut a,
+                &mut b,
+                #[inline(always)]
+                || self.between(),
+            );
         }
         self.scatter([a, b]);
+    }
+
+    #[inline(always)]
+    fn look_ahead(&self, part: usize) {
+        if let Some(ground) = self.ahead {
+            ground.look_ahead(self.index, part);
+        }
+    }
+
+    /// To be called on the way from [`gather`](Self::gather) to [`scatter`](Self::scatter).
+    #[inline(always)]
+    pub(super) fn between(&self) {
+        self.look_ahead(2);
     }
 
     /// The velocities of the bodies in each lane.
     #[inline(always)]
     pub(super) fn gather<C: Columns>(&self) -> [Velocity<C, L, A>; 2] {
         // SAFETY: bodies that are written to belong to one block of a color; only its member is here.
-        unsafe { self.block.gather(self.velocities) }
+        let velocities = unsafe { self.block.gather(self.velocities) };
+        self.look_ahead(1);
+        velocities
     }
 
     /// Gives bodies that can be moved new velocities.
     #[inline(always)]
     pub(super) fn scatter<C: Columns>(&self, [a, b]: [Velocity<C, L, A>; 2]) {
+        self.look_ahead(3);
         self.block.check(self.velocities);
         self.scatter_side(0, &a);
         self.scatter_side(1, &b);
@@ -264,7 +302,10 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Sight<'a, V, L, A> {
     /// [`Visit::gather`].
     #[inline(always)]
     pub(super) fn gather(&self) -> [Velocity<V, L, A>; 2] {
-        self.0.gather()
+        let velocities = self.0.gather();
+        self.0.between();
+        self.0.look_ahead(3);
+        velocities
     }
 
     /// What belongs to the lanes of the block, in an array over those of all blocks.
@@ -290,29 +331,38 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Sight<'a, V, L, A> {
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
-    /// Asks for what a visit reads, of points in the `center` less.
+    /// Asks for a part of what a visit reads, of points in the `center` less.
     #[inline(always)]
-    fn fetch(&self, center: bool) {
+    fn fetch(&self, center: bool, part: usize) {
         if A < 3 {
             // Too little is not read for gaps to be worth the while.
-            return fetch(self, 1);
+            return fetch_part(self, 1, part);
         }
         let Self { bodies, moving, masses, mobility, manifold, .. } = self;
-        fetch(bodies, 1);
-        fetch(moving, 1);
-        for mass in masses {
-            fetch(&mass.linear, 1);
-            fetch_matrix(&mass.angular);
+        match part {
+            0 => {
+                fetch(bodies, 1);
+                fetch(moving, 1);
+                fetch(&masses[0].linear, 1);
+                fetch_matrix(&masses[0].angular);
+            }
+            1 => {
+                fetch(&masses[1].linear, 1);
+                fetch_matrix(&masses[1].angular);
+                fetch_matrix(&mobility.linear);
+            }
+            2 if center => {}
+            2 => {
+                fetch(&mobility.cross, 1);
+                fetch_matrix(&mobility.angular);
+            }
+            _ => {
+                fetch(&manifold.frame, 1);
+                fetch(&manifold.arms, 1);
+                fetch(&manifold.friction, 1);
+                fetch(&manifold.count, 1);
+            }
         }
-        fetch_matrix(&mobility.linear);
-        if !center {
-            fetch(&mobility.cross, 1);
-            fetch_matrix(&mobility.angular);
-        }
-        fetch(&manifold.frame, 1);
-        fetch(&manifold.arms, 1);
-        fetch(&manifold.friction, 1);
-        fetch(&manifold.count, 1);
     }
 
     /// The velocities, or whatever else, of the bodies in each lane, `from` that of body number `first` on.
@@ -431,14 +481,26 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
 /// room for few lines at a time.
 #[inline(always)]
 fn fetch<T>(first: *const T, count: usize) {
+    fetch_bytes(first.cast(), 0..count * size_of::<T>());
+}
+
+/// The same of a part of it.
+#[inline(always)]
+fn fetch_part<T>(first: *const T, count: usize, part: usize) {
+    let size = (count * size_of::<T>()).div_ceil(PARTS);
+    fetch_bytes(first.cast(), size * part..size * (part + 1));
+}
+
+#[inline(always)]
+fn fetch_bytes(first: *const u8, bytes: Range<usize>) {
     #[cfg(target_arch = "x86_64")]
-    for line in (0..count * size_of::<T>()).step_by(64) {
+    for line in bytes.step_by(64) {
         use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
         // SAFETY: nothing is read.
-        unsafe { _mm_prefetch::<_MM_HINT_T1>(first.wrapping_byte_add(line).cast()) };
+        unsafe { _mm_prefetch::<_MM_HINT_T1>(first.wrapping_add(line).cast()) };
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = (first, count);
+    let _ = (first, bytes);
 }
 
 /// The same of what products read.
