@@ -7,23 +7,18 @@
 //! touches at a [`Visit`] nobody else does, and nothing depends on how many members there are.
 #![allow(unsafe_code)]
 
+mod ahead;
+
 use std::ops::Range;
 
+use self::ahead::LARGE;
 use super::block::Block;
 use super::{Batch, Packed, Trace};
 use crate::color::{BINS, Color, Coloring, Members};
 use crate::lanes::{Columns, HALF, Lanes, Row, WIDTH, gather, halved, halved_mut, scatter};
 use crate::pgs::{Parts, visit};
 use crate::team::{Member, Shared};
-use crate::{Contact, Manifold, SymmetricMatrix, Velocity, each_lane};
-
-/// Bytes of blocks from which on what comes next is asked for ahead: by far more than the second cache holds.
-/// With less, asking takes longer than it saves.
-const LARGE: usize = 4 << 20;
-
-/// Parts in which a visit asks for what comes next, at its start, before, between and after its normals and
-/// friction: what is asked for at once, it waits for.
-const PARTS: usize = 4;
+use crate::{Contact, Velocity, each_lane};
 
 /// A batch and the velocities of its bodies.
 pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
@@ -78,32 +73,6 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     /// The same, where visits read something else of bodies, too.
     pub(super) fn and(self, also: Option<&'g [Velocity<f32, L, A>]>) -> Self {
         Self { also: also.map(|also| self.velocities.beside(also)), ..self }
-    }
-
-    /// How many blocks ahead: more of them where they are small.
-    const AHEAD: usize = 1 + 8192 / size_of::<Block<V, L, A>>();
-
-    /// Asks for a part of what the next blocks on the way need: of one that is soon reached, and was asked for
-    /// before, points and velocities; and another one as far behind it.
-    #[inline(always)]
-    fn look_ahead(&self, index: usize, part: usize) {
-        let own = index - self.first;
-        if let Some(block) = self.blocks.get(own + 2 * Self::AHEAD) {
-            // Most follow others of their kind, and their own is not known yet.
-            block.fetch(self.blocks[own].center, part);
-        }
-        if let Some(block) = self.blocks.get(own + Self::AHEAD) {
-            let Manifold { first, count, .. } = block.manifold;
-            fetch_part(self.contacts.place(first), count as usize, part);
-            for bodies in &block.bodies {
-                for &body in &bodies[WIDTH / PARTS * part..][..WIDTH / PARTS] {
-                    fetch(self.velocities.place(body), 1);
-                    if let Some(also) = &self.also {
-                        fetch(also.place(body), 1);
-                    }
-                }
-            }
-        }
     }
 
     #[inline(always)]
@@ -331,40 +300,6 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Sight<'a, V, L, A> {
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
-    /// Asks for a part of what a visit reads, of points in the `center` less.
-    #[inline(always)]
-    fn fetch(&self, center: bool, part: usize) {
-        if A < 3 {
-            // Too little is not read for gaps to be worth the while.
-            return fetch_part(self, 1, part);
-        }
-        let Self { bodies, moving, masses, mobility, manifold, .. } = self;
-        match part {
-            0 => {
-                fetch(bodies, 1);
-                fetch(moving, 1);
-                fetch(&masses[0].linear, 1);
-                fetch_matrix(&masses[0].angular);
-            }
-            1 => {
-                fetch(&masses[1].linear, 1);
-                fetch_matrix(&masses[1].angular);
-                fetch_matrix(&mobility.linear);
-            }
-            2 if center => {}
-            2 => {
-                fetch(&mobility.cross, 1);
-                fetch_matrix(&mobility.angular);
-            }
-            _ => {
-                fetch(&manifold.frame, 1);
-                fetch(&manifold.arms, 1);
-                fetch(&manifold.friction, 1);
-                fetch(&manifold.count, 1);
-            }
-        }
-    }
-
     /// The velocities, or whatever else, of the bodies in each lane, `from` that of body number `first` on.
     #[inline(always)]
     pub(super) fn gather_from(
@@ -474,40 +409,6 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
                 }
             }
         }
-    }
-}
-
-/// Asks for memory that is soon read, wherever it is, to come into the second cache: the way to the first has
-/// room for few lines at a time.
-#[inline(always)]
-fn fetch<T>(first: *const T, count: usize) {
-    fetch_bytes(first.cast(), 0..count * size_of::<T>());
-}
-
-/// The same of a part of it.
-#[inline(always)]
-fn fetch_part<T>(first: *const T, count: usize, part: usize) {
-    let size = (count * size_of::<T>()).div_ceil(PARTS);
-    fetch_bytes(first.cast(), size * part..size * (part + 1));
-}
-
-#[inline(always)]
-fn fetch_bytes(first: *const u8, bytes: Range<usize>) {
-    #[cfg(target_arch = "x86_64")]
-    for line in bytes.step_by(64) {
-        use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
-        // SAFETY: nothing is read.
-        unsafe { _mm_prefetch::<_MM_HINT_T1>(first.wrapping_add(line).cast()) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (first, bytes);
-}
-
-/// The same of what products read.
-#[inline(always)]
-fn fetch_matrix<T, const N: usize>(matrix: &SymmetricMatrix<T, N>) {
-    for (i, row) in matrix.0.iter().enumerate() {
-        fetch(&row.0[i], N - i);
     }
 }
 
