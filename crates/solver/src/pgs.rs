@@ -152,12 +152,8 @@ fn visit_of<T: Real, const L: usize, const A: usize, const RIGID: bool, const FR
     let [mut a, mut b] = system.velocities_of(&manifold);
     let points = &mut system.contacts[manifold.points()];
     let mobility = Mobility::of(&manifold, &masses);
-    let parts = (&manifold, &mobility, &masses);
-    if is_center(points) {
-        visit::<T, L, A, 0, RIGID, FRICTION>(parts, points, &mut a, &mut b, || {});
-    } else {
-        visit::<T, L, A, A, RIGID, FRICTION>(parts, points, &mut a, &mut b, || {});
-    }
+    let (parts, center) = ((&manifold, &mobility, &masses), is_center(points));
+    visit::<T, L, A, RIGID, FRICTION>(parts, center, points, [&mut a, &mut b], || {});
     system.set_velocities(&manifold, [a, b]);
 }
 
@@ -167,10 +163,32 @@ pub(crate) fn is_center<T: Real, const L: usize>(points: &[Contact<T, L>]) -> bo
     matches!(points, [only] if only.place == Vector::ZERO)
 }
 
-/// One visit to a manifold: the normals of its points, whatever is to be done `between`, then their friction. They
-/// feel `B` components of turning ([`Manifold::twist_felt`]).
+/// One visit to a manifold: the normals of its points, whatever is to be done `between`, then their friction. Told
+/// whether they are its [center](is_center).
 #[inline(always)]
 pub(crate) fn visit<
+    T: Real,
+    const L: usize,
+    const A: usize,
+    const RIGID: bool,
+    const FRICTION: bool,
+>(
+    parts: Parts<'_, T, L, A>,
+    center: bool,
+    points: &mut [Contact<T, L>],
+    velocities: [&mut Velocity<T, L, A>; 2],
+    between: impl Fn(),
+) {
+    if center {
+        visit_felt::<T, L, A, 0, RIGID, FRICTION>(parts, points, velocities, between);
+    } else {
+        visit_felt::<T, L, A, A, RIGID, FRICTION>(parts, points, velocities, between);
+    }
+}
+
+/// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+#[inline(always)]
+fn visit_felt<
     T: Real,
     const L: usize,
     const A: usize,
@@ -180,8 +198,7 @@ pub(crate) fn visit<
 >(
     (manifold, mobility, masses): Parts<'_, T, L, A>,
     points: &mut [Contact<T, L>],
-    a: &mut Velocity<T, L, A>,
-    b: &mut Velocity<T, L, A>,
+    [a, b]: [&mut Velocity<T, L, A>; 2],
     between: impl Fn(),
 ) {
     let mut twist: Velocity<T, L, B> = manifold.twist_felt(a, b);

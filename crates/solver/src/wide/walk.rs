@@ -166,25 +166,14 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
         points: &mut [Contact<C, L>],
     ) {
         let [mut a, mut b] = self.gather();
-        if self.block.center {
-            visit::<C, L, A, 0, RIGID, FRICTION>(
-                parts,
-                points,
-                &mut a,
-                &mut b,
-                #[inline(always)]
-                || self.between(),
-            );
-        } else {
-            visit::<C, L, A, A, RIGID, FRICTION>(
-                parts,
-                points,
-                &mut a,
-                &mut b,
-                #[inline(always)]
-                || self.between(),
-            );
-        }
+        visit::<C, L, A, RIGID, FRICTION>(
+            parts,
+            self.block.center,
+            points,
+            [&mut a, &mut b],
+            #[inline(always)]
+            || self.between(),
+        );
         self.scatter([a, b]);
     }
 
