@@ -81,15 +81,15 @@ impl Division {
 
     /// Divides bodies, given by whether they move and whether they join, tells each manifold its batch, and
     /// returns whether batches are others than before: they stay as they are where that will do. What does
-    /// not join belongs to no batch.
+    /// not join belongs to no batch. `points` are those of all manifolds.
     pub(crate) fn update(
         &mut self,
         of_bodies: &[[bool; 2]],
         outlines: &mut [Outline],
+        points: usize,
         sizes: Sizes,
     ) -> bool {
         let bodies = of_bodies.len();
-        let points: usize = outlines.iter().map(|of| of.points as usize).sum();
         let all = bodies * sizes.body + outlines.len() * sizes.manifold + points * sizes.point;
         let whole = self.ends == [bodies as u32];
         self.waited = if whole { (self.waited + 1) % PATIENCE } else { 0 };

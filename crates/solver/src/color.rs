@@ -1,7 +1,7 @@
 //! Which manifolds share no body, and so can be visited side by side.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
 use crate::batch::{Division, Extent, Outline, Sizes};
 use crate::lanes::{WIDTH, lanes_of};
@@ -25,6 +25,13 @@ const PIECE: usize = 256;
 
 /// No place; no manifold.
 const NONE: u32 = u32::MAX;
+
+/// What has been taken: how many manifolds that are kept, and points of all.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taken {
+    kept: usize,
+    points: usize,
+}
 
 /// What has become of the places of manifolds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +73,9 @@ impl Members {
 
     /// Puts a manifold into the first idle lane, and returns this.
     fn push(&mut self, manifold: u32) -> usize {
+        if self.used == 0 {
+            self.manifolds = [manifold; WIDTH];
+        }
         let lane = self.used.trailing_ones() as usize;
         self.put(lane, manifold);
         self.stale |= 1 << lane;
@@ -89,10 +99,52 @@ impl Members {
         Self { stale: self.iter().map(bit).fold(0, |all, own| all | own), ..*self }
     }
 
+    /// Leaves those that are still there in their lanes, by their new numbers.
+    fn follow(&mut self, now: &Now) {
+        let was = *self;
+        // Whatever does not come back has left.
+        (self.stale, self.used) = (was.used, 0);
+        for (lane, old) in was.iter() {
+            if let Some((manifold, changed)) = now.of(old) {
+                self.put(lane, manifold);
+                self.stale &= !(u16::from(!changed) << lane);
+            }
+        }
+        self.fill();
+    }
+
     /// Fills idle lanes.
     fn fill(&mut self) {
         let first = self.iter().next().map_or(0, |(_, manifold)| manifold);
         lanes_of(!self.used).for_each(|lane| self.manifolds[lane] = first);
+    }
+}
+
+/// What has become of the manifolds of the call before: the new number of each, twice, and one more if it has
+/// changed. Of no use after the call, so a clone has none.
+#[derive(Debug, Default)]
+struct Now(Vec<AtomicU32>);
+
+impl Clone for Now {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl Now {
+    /// Of so many nothing is known.
+    fn forget(&mut self, count: usize) {
+        self.0.clear();
+        self.0.resize_with(count, || AtomicU32::new(NONE));
+    }
+
+    fn note(&self, old: usize, now: u32, changed: bool) {
+        self.0[old].store(2 * now + u32::from(changed), Ordering::Relaxed);
+    }
+
+    fn of(&self, old: u32) -> Option<(u32, bool)> {
+        let now = self.0[old as usize].load(Ordering::Relaxed);
+        (now != NONE).then_some((now / 2, now % 2 == 1))
     }
 }
 
@@ -154,16 +206,18 @@ pub struct Coloring {
     outlines: Vec<Outline>,
     /// Of each body, whether it moves and whether it joins.
     bodies: Vec<[bool; 2]>,
-    /// The outlines of the call before, and their places.
-    before: Vec<Outline>,
-    places_before: Vec<u32>,
     /// The kind of each manifold.
     kinds: Vec<u32>,
+    /// The outlines of the call before, their kinds and places, and what has become of them.
+    before: Vec<Outline>,
+    kinds_before: Vec<u32>,
+    places_before: Vec<u32>,
+    now: Now,
     used: Vec<u64>,
     /// By batch and kind: how many, then the next place.
     next: Vec<u32>,
-    /// What a sweep did for nothing when all were placed anew, where that has been looked at.
-    idle: Option<u32>,
+    /// What a sweep did for nothing when all were placed anew.
+    idle: u32,
     /// Blocks of each color with idle lanes, as they rank ([`Members::rank`]).
     open: Vec<Vec<u64>>,
 }
@@ -181,8 +235,8 @@ impl Coloring {
         let manifolds: Vec<_> = manifolds.collect();
         self.take_bodies((0..bodies as u32).map(|body| [moves(body); 2]));
         let (outline, past) = (|manifold| manifolds[manifold as usize], |_| Past::New);
-        self.take(manifolds.len(), outline, past, &Team::default());
-        self.division.update(&self.bodies, &mut self.outlines, Sizes::NONE);
+        let Taken { points, .. } = self.take(manifolds.len(), outline, past, &Team::default());
+        self.division.update(&self.bodies, &mut self.outlines, points, Sizes::NONE);
         self.color();
         self.lay_out(false);
     }
@@ -198,63 +252,70 @@ impl Coloring {
         same
     }
 
-    /// Takes manifolds, given by their bodies and number of points, and returns how many are kept.
+    /// Takes manifolds, given by their bodies and number of points.
     pub(crate) fn take(
         &mut self,
         count: usize,
         outline: impl Fn(u32) -> ([u32; 2], u32) + Sync,
         past: impl Fn(u32) -> Past + Sync,
         team: &Team,
-    ) -> usize {
+    ) -> Taken {
         std::mem::swap(&mut self.outlines, &mut self.before);
         let Self { outlines, bodies: of_bodies, .. } = self;
         outlines.resize(count, Outline::default());
         let (useful, share) = team.share(count, PIECE);
-        let all_kept = AtomicUsize::new(0);
+        let [all_kept, all_points] = [const { AtomicUsize::new(0) }; 2];
         team.for_each(useful, outlines.chunks_mut(share).enumerate(), |(part, outlines)| {
-            let mut kept = 0;
+            let [mut kept, mut all] = [0; 2];
             for (index, own) in (share * part..).zip(outlines) {
                 let (bodies, points) = outline(index as u32);
                 let moving = bodies.map(|body| of_bodies[body as usize][0]);
                 *own = Outline { bodies, moving, batch: 0, points };
                 kept += usize::from(matches!(past(index as u32), Past::Kept(_)));
+                all += points as usize;
             }
             all_kept.fetch_add(kept, Ordering::Relaxed);
+            all_points.fetch_add(all, Ordering::Relaxed);
         });
-        all_kept.into_inner()
+        Taken { kept: all_kept.into_inner(), points: all_points.into_inner() }
     }
 
-    /// Places what has been taken as [`assign`](Self::assign) does, but in batches, of what takes up these
-    /// `sizes`. Manifolds that are not new, many of which are `kept`, stay in their places if they have the same
-    /// color, and new ones get what places there are. Colors are what they would be without.
+    /// Places what has been `taken` as [`assign`](Self::assign) does, but in batches, of what takes up these
+    /// `sizes`. Manifolds that are not new stay in their places if they have the same color and many of them are
+    /// kept, and new ones get what places there are. Colors are what they would be without.
     pub(crate) fn update(
         &mut self,
         sizes: Sizes,
-        past: impl Fn(u32) -> Past,
-        kept: usize,
+        past: impl Fn(u32) -> Past + Sync,
+        taken: Taken,
+        team: &Team,
     ) -> Placed {
-        let divided = self.division.update(&self.bodies, &mut self.outlines, sizes);
+        let divided = self.division.update(&self.bodies, &mut self.outlines, taken.points, sizes);
         if !divided && self.outlines == self.before {
             return Placed::Same;
         }
         self.color();
         // If one in eight has changed, there is one in almost every block.
-        let many = 8 * kept > 7 * self.outlines.len();
-        if many && !divided && self.stay(past) {
-            self.count_points();
+        let many = 8 * taken.kept > 7 * self.outlines.len();
+        if many && !divided && self.stay(past, team) {
             return Placed::Stay;
         }
         self.lay_out(many);
         Placed::Anew
     }
 
-    /// Finds the kind of each manifold.
+    /// Finds the kind of each manifold, and how many points come before it.
     fn color(&mut self) {
         let mask = |moves: bool| u64::from(moves).wrapping_neg();
         self.used.clear();
         self.used.resize(self.bodies.len(), 0);
+        std::mem::swap(&mut self.kinds, &mut self.kinds_before);
         self.kinds.clear();
+        self.firsts.clear();
+        let mut before = 0;
         for &Outline { bodies, moving, points, .. } in &self.outlines {
+            self.firsts.push(before);
+            before += points;
             let used = |side: usize| self.used[bodies[side] as usize] & mask(moving[side]);
             let color = (used(0) | used(1)).trailing_ones() as usize;
             if color == COLORS {
@@ -266,6 +327,7 @@ impl Coloring {
             }
             self.kinds.push((color * BINS + (points as usize).min(BINS - 1)) as u32);
         }
+        self.firsts.push(before);
     }
 
     /// Gives all manifolds places by their kinds, a new color in a new block. With a block to `spare` for
@@ -322,77 +384,65 @@ impl Coloring {
             self.members[block].put(lane, index as u32);
         }
         self.members.iter_mut().for_each(Members::fill);
-        self.idle = None;
         self.rooms.clone_from(&self.points);
         if spare {
             let longest = self.points.iter().copied().max().unwrap_or(0);
             self.rooms.fill(longest);
         }
-        self.count_points();
-    }
-
-    fn count_points(&mut self) {
-        self.firsts.clear();
-        let mut before = 0;
-        for outline in &self.outlines {
-            self.firsts.push(before);
-            before += outline.points;
-        }
-        self.firsts.push(before);
+        [self.idle, _] = self.sweep();
     }
 
     /// Leaves manifolds that are not new in their places, and finds some for the others. Returns whether there
     /// are any.
-    fn stay(&mut self, past: impl Fn(u32) -> Past) -> bool {
-        let idle = self.idle.unwrap_or_else(|| self.sweep(&self.before)[0]);
-        let placed_anew = *self.idle.insert(idle);
+    fn stay(&mut self, past: impl Fn(u32) -> Past + Sync, team: &Team) -> bool {
         std::mem::swap(&mut self.places, &mut self.places_before);
-        self.places.clear();
         self.places.resize(self.outlines.len(), NONE);
-        for members in &mut self.members {
-            // Whatever does not come back has left.
-            (members.stale, members.used) = (members.used, 0);
-        }
-        let Self { outlines, kinds, places, before, places_before, members, .. } = self;
-        let (colors, batches) = (&self.colors[..], &self.batches[..]);
-        let manifolds = outlines.iter().zip(&*kinds).zip(&mut *places).zip(0..);
-        for (((outline, &kind), place), index) in manifolds {
-            let (old, kept) = match past(index) {
-                Past::New => continue,
-                Past::Changed(old) => (old as usize, false),
-                Past::Kept(old) => (old as usize, true),
-            };
-            let was_at = places_before[old];
-            let (block, lane) = (was_at / WIDTH as u32, was_at as usize % WIDTH);
-            let is_there = |color: usize| colors[color].blocks.contains(&block);
-            if *outline == before[old] && color_of(kind, outline, batches).is_some_and(is_there) {
-                *place = was_at;
-                let members = &mut members[block as usize];
-                members.put(lane, index);
-                members.stale &= !(u16::from(kept) << lane);
+        self.now.forget(self.before.len());
+        let Self { outlines, kinds, before, kinds_before, places_before, now, .. } = self;
+        let (useful, share) = team.share(outlines.len(), PIECE);
+        let places = self.places.chunks_mut(share).enumerate();
+        team.for_each(useful, places, |(part, places)| {
+            for (index, place) in (share * part..).zip(places) {
+                *place = NONE;
+                let (old, changed) = match past(index as u32) {
+                    Past::New => continue,
+                    Past::Changed(old) => (old as usize, true),
+                    Past::Kept(old) => (old as usize, false),
+                };
+                // What is of the same kind has the same color.
+                let kind = kinds[index];
+                let same = outlines[index] == before[old] && kind == kinds_before[old];
+                if same && kind as usize != ALONE {
+                    *place = places_before[old];
+                    now.note(old, index as u32, changed);
+                }
             }
-        }
-        for (members, longest) in self.members.iter_mut().zip(&mut self.points) {
-            if members.stale & !members.used != 0 {
-                let points = |(_, manifold): (_, u32)| self.outlines[manifold as usize].points;
-                *longest = members.iter().map(points).max().unwrap_or(0);
+        });
+        let (useful, share) = team.share(self.members.len(), PIECE / WIDTH);
+        let blocks = self.members.chunks_mut(share).zip(self.points.chunks_mut(share));
+        team.for_each(useful, blocks, |(members, longest)| {
+            for (members, longest) in members.iter_mut().zip(longest) {
+                members.follow(now);
+                if members.stale & !members.used != 0 {
+                    let points = |(_, manifold): (_, u32)| outlines[manifold as usize].points;
+                    *longest = members.iter().map(points).max().unwrap_or(0);
+                }
             }
-        }
-        self.settle(placed_anew)
+        });
+        self.settle()
     }
 
     /// What a sweep does for nothing and for something, about: a manifold is as much as one of its points, and
     /// blocks do for all lanes what the longest one needs.
-    fn sweep(&self, outlines: &[Outline]) -> [u32; 2] {
-        let cost = |points: &u32| 1 + points;
-        let used = outlines.iter().map(|outline| cost(&outline.points)).sum();
-        let all: u32 = self.points.iter().filter(|&&points| points > 0).map(cost).sum();
+    fn sweep(&self) -> [u32; 2] {
+        let used = (self.outlines.len() + self.all_points()) as u32;
+        let all: u32 = self.points.iter().filter(|&&points| points > 0).map(|of| 1 + of).sum();
         [WIDTH as u32 * all - used, used]
     }
 
     /// Finds places for the manifolds that have none; returns whether there are any, and whether a sweep does
     /// not much more for nothing than where all were placed anew.
-    fn settle(&mut self, placed_anew: u32) -> bool {
+    fn settle(&mut self) -> bool {
         if self.open.len() < self.colors.len() {
             self.open.resize_with(self.colors.len(), Vec::new);
         }
@@ -428,9 +478,8 @@ impl Coloring {
                 open.remove(at);
             }
         }
-        self.members.iter_mut().for_each(Members::fill);
-        let [idle, used] = self.sweep(&self.outlines);
-        idle <= placed_anew + used / 32
+        let [idle, used] = self.sweep();
+        idle <= self.idle + used / 32
     }
 
     /// The batches as they were laid out, one after the other.

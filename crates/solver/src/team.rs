@@ -49,9 +49,8 @@ struct Common {
     jobs: AtomicUsize,
     /// Helpers that are still at the job.
     busy: AtomicUsize,
-    /// Who has come to the present meeting, and how many meetings there have been.
+    /// How often members have come to a meeting of the job.
     arrived: AtomicUsize,
-    meetings: AtomicUsize,
     /// A member has panicked: nobody waits for it any more.
     broken: AtomicBool,
     ended: AtomicBool,
@@ -106,7 +105,6 @@ impl Team {
             jobs: AtomicUsize::new(0),
             busy: AtomicUsize::new(0),
             arrived: AtomicUsize::new(0),
-            meetings: AtomicUsize::new(0),
             broken: AtomicBool::new(false),
             ended: AtomicBool::new(false),
             taken: AtomicBool::new(false),
@@ -296,14 +294,10 @@ impl Member<'_> {
     /// Another member has panicked.
     pub fn meet(&self) {
         let Some(common) = self.common else { return };
-        let meeting = common.meetings.load(Ordering::Acquire);
-        if common.arrived.fetch_add(1, Ordering::AcqRel) + 1 == self.count {
-            common.arrived.store(0, Ordering::Relaxed);
-            common.meetings.fetch_add(1, Ordering::Release);
-            return;
-        }
+        let before = common.arrived.fetch_add(1, Ordering::AcqRel);
+        let all = (before / self.count + 1) * self.count;
         let broken = || common.broken.load(Ordering::Acquire);
-        common.wait(|| common.meetings.load(Ordering::Acquire) != meeting || broken(), || {});
+        common.wait(|| common.arrived.load(Ordering::Acquire) >= all || broken(), || {});
         assert!(!broken(), "another thread of the team has panicked");
     }
 }

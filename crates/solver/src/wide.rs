@@ -250,8 +250,8 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         let placed = if again && rows.same_outlines() && same_bodies && coloring.division.rests() {
             Placed::Same
         } else {
-            let kept = coloring.take(rows.count(), |of| rows.outline(of), past, team);
-            coloring.update(sizes, past, kept)
+            let taken = coloring.take(rows.count(), |of| rows.outline(of), past, team);
+            coloring.update(sizes, past, taken, team)
         };
         if placed == Placed::Anew {
             blocks.resize_with(coloring.points.len(), Block::empty);

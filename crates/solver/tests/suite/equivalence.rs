@@ -343,16 +343,17 @@ fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
     }
 }
 
-/// Manifolds come and go among those that are kept, which stay in most of their blocks.
-#[test]
-fn blocks_stay_while_others_come_and_go() {
+/// Manifolds come and go among those that are kept, which stay in most of their blocks. Returns how many lanes
+/// are taken in by a team of so many `members`, round by round.
+fn come_and_go(members: usize) -> Vec<usize> {
     let random = &mut Random(11);
-    let recipe = Recipe { bodies: 900, manifolds: 1500, points: 4, walls: true };
+    let recipe = Recipe { bodies: 2700, manifolds: 4500, points: 4, walls: true };
     let whole: System<f32, 3, 3> = random_scene::<3, 3>(random, recipe).system.cast();
     let mut system = whole.clone();
     // Of each manifold of the whole, its number in the system.
     let mut numbers: Vec<Option<u32>> = (0..whole.manifolds.len() as u32).map(Some).collect();
     let mut keeping = Packed::<Portable, 3, 3>::new();
+    keeping.set_team(Arc::new(Team::new(members)));
     let mut taken = Vec::new();
     for round in 0..30 {
         let mut next = System { manifolds: Vec::new(), contacts: Vec::new(), ..system.clone() };
@@ -360,7 +361,7 @@ fn blocks_stay_while_others_come_and_go() {
         let (come, go) = if round < 2 { (1, 0) } else { (2, random.below(8)) };
         for (number, manifold) in numbers.iter_mut().zip(&whole.manifolds) {
             let gone = number.is_none();
-            if gone && random.below(come) > 0 || !gone && random.below(1500) < go {
+            if gone && random.below(come) > 0 || !gone && random.below(4500) < go {
                 *number = None;
                 continue;
             }
@@ -380,9 +381,16 @@ fn blocks_stay_while_others_come_and_go() {
         let seen = system.clone();
         taken.push(step_both(&mut keeping, &seen, (past, false), 0.1, &mut system));
     }
+    taken
+}
+
+#[test]
+fn blocks_stay_while_others_come_and_go() {
+    let taken = come_and_go(1);
     println!("lanes taken in: {taken:?}");
     assert_eq!(taken[1], 0);
     assert!(taken[10..20].iter().sum::<usize>() < 10 * taken[0] / 10, "{taken:?}");
+    assert_eq!(come_and_go(2), taken);
 }
 
 /// All bodies as one island.
