@@ -19,10 +19,10 @@
 //! With a [`tolerance`](StepSettings::tolerance) each substep is solved until
 //!
 //! ```text
-//! √(2 G / m) ≤ tolerance,   ½ (v − v_exact)ᵀ M (v − v_exact) ≤ G
+//! √(G / m) ≤ tolerance,   (v − v_exact)ᵀ M (v − v_exact) ≤ G
 //! ```
 //!
-//! G needs nothing but v and γ; [`drystone_solver::certificate`] proves it.
+//! G needs nothing but v and γ; [`drystone_solver::certificate`] proves it, and has it for γ that did not make v.
 //!
 //! # Example
 //!

@@ -12,7 +12,11 @@
 //!
 //! G = 1/2 d . M d + sum (phi_i(y_i) + r_i . R_i r_i / 2 - r_i . y_i), with d = v - v* - M^-1 J^T r.
 //!
-//! Then G >= 0, and 1/2 (v - v_exact) . M (v - v_exact) <= G.
+//! Then G >= 0, and with |x| = sqrt(x . M x):
+//!
+//! |v - v_exact| <= |d| / 2 + sqrt(G - |d|^2 / 4).
+//!
+//! That is sqrt(G) for velocities that are made of the impulses, and sqrt(2 G) at most.
 //!
 //! # The proof
 //!
@@ -20,10 +24,13 @@
 //! 2. Let D(r) = sum (r_i . (t_i - s_i n) - r_i . R_i r_i / 2) - p . v* - 1/2 p . M^-1 p, p = J^T r.
 //! 3. Written out, P(v) - D(r) = G: the sums of r_i . J_i v are p . v, and the rest of the terms
 //!    without contacts is 1/2 (v - v*) . M (v - v*) - p . (v - v*) + 1/2 p . M^-1 p = 1/2 d . M d.
-//! 4. So by 1, for any two, P(v) >= D(r); with v_exact for v: D(r) <= P(v_exact).
+//! 4. At v_exact and the impulses r_exact that answer it, each term of G is 0: P(v_exact) = D(r_exact). By
+//!    1, P is nowhere less and D nowhere more.
 //! 5. The first term of P has second derivative M, and the others are convex; at the minimum the
-//!    derivative is 0: P(v) >= P(v_exact) + 1/2 (v - v_exact) . M (v - v_exact).
-//! 6. Together: 1/2 (v - v_exact) . M (v - v_exact) <= P(v) - P(v_exact) <= P(v) - D(r) = G.
+//!    derivative is 0: P(v) >= P(v_exact) + 1/2 |e|^2, with e = v - v_exact.
+//! 6. So with -D, whose last term has second derivative M^-1 in p: D(r) <= D(r_exact) - 1/2 |e - d|^2, since
+//!    M^-1 (p - p_exact) = (v - d - v*) - (v_exact - v*).
+//! 7. Together: |e|^2 / 2 + |e - d|^2 / 2 <= G, which is |e - d/2|^2 + |d|^2 / 4 <= G.
 //!
 //! # What is proven, and what is measured
 //!
@@ -36,9 +43,9 @@
 //! # Which impulses
 //!
 //! G holds for any impulses of the cones, so they need not be those that moved the bodies. Impulses that
-//! share a load wrongly among contacts, to the same effect, would make it much too large. The least G
+//! share a load wrongly among contacts, to the same effect, would make it much too large. The best bound
 //! on the line from the impulses r at hand to those that answer the velocities is as cheap: along it
-//! G is a parabola.
+//! G and |d|^2 are parabolas.
 //!
 //! Reference for the primal and dual of soft contact: Castro, Permenter and Han, An Unconstrained
 //! Convex Formulation of Compliant Contact, 2022.
@@ -53,7 +60,7 @@ use crate::{Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Ve
 pub struct Certificate {
     /// G. \[J\]
     pub gap: f64,
-    /// The part of G from velocities that the impulses do not give: 1/2 d . M d. \[J\]
+    /// The part of G from velocities that the impulses do not give: 1/2 d . M d, with those that G is of. \[J\]
     pub defect: f64,
     /// Mass of all bodies. \[kg\]
     pub mass: f64,
@@ -83,15 +90,19 @@ impl Certificate {
         cone: 0.0,
     };
 
-    /// sqrt(2 G / m): the root mean square of how far the velocities of the bodies can be from the
-    /// exact ones, weighted by mass. \[m/s\]
+    /// How far the velocities of the bodies can be from the exact ones, root mean square by mass:
+    /// (|d| / 2 + sqrt(G - |d|^2 / 4)) / sqrt(m). \[m/s\]
     pub fn error(&self) -> f64 {
-        if self.gap > 0.0 { (2.0 * self.gap / self.mass).sqrt() } else { 0.0 }
+        self.farthest(self.mass)
     }
 
-    /// sqrt(2 G / m_b) of the lightest body: how far any one body can be. \[m/s\]
+    /// How far any one body can be: the same over the mass of the lightest. \[m/s\]
     pub fn worst_body(&self) -> f64 {
-        if self.gap > 0.0 { (2.0 * self.gap / self.lightest).sqrt() } else { 0.0 }
+        self.farthest(self.lightest)
+    }
+
+    fn farthest(&self, mass: f64) -> f64 {
+        if self.gap > 0.0 { reach(self.gap, self.defect) / mass.sqrt() } else { 0.0 }
     }
 
     /// Adds what a manifold says.
@@ -103,7 +114,13 @@ impl Certificate {
     }
 }
 
-/// G along the line of impulses: c + b x + a x^2 for x of 0..1.
+/// |d| / 2 + sqrt(G - |d|^2 / 4), by G and the defect 1/2 |d|^2. \[sqrt(J)\]
+fn reach(gap: f64, defect: f64) -> f64 {
+    let half = 0.5 * defect;
+    half.sqrt() + (gap - half).max(0.0).sqrt()
+}
+
+/// Along the line of impulses: c + b x + a x^2 for x of 0..1.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Parabola<T> {
     a: T,
@@ -112,12 +129,52 @@ pub(crate) struct Parabola<T> {
 }
 
 impl Parabola<f64> {
-    fn least(&self) -> f64 {
-        let at = if self.a > 0.0 { (-0.5 * self.b / self.a).clamp(0.0, 1.0) } else { 0.0 };
-        // Not below what rounding leaves of the terms.
-        let least = (self.c + self.b * at + self.a * at * at).max(1e-15 * self.c);
+    fn at(&self, x: f64) -> f64 {
+        self.c + x * (self.b + x * self.a)
+    }
+
+    fn add<const LINE: bool>(&mut self, other: &Self) {
+        self.c += other.c;
+        if LINE {
+            self.b += other.b;
+            self.a += other.a;
+        }
+    }
+}
+
+/// Places on the line that are looked at, beside its start.
+const PLACES: u32 = 8;
+
+/// G along the line, and the part of it that is the defect.
+#[derive(Clone, Copy, Debug, Default)]
+struct Line {
+    gap: Parabola<f64>,
+    defect: Parabola<f64>,
+}
+
+impl Line {
+    /// Both where they promise most, of some places from the start of the line to where G is least.
+    fn best(&self) -> [f64; 2] {
+        let Parabola { a, b, .. } = self.gap;
+        let least = if a > 0.0 { (-0.5 * b / a).clamp(0.0, 1.0) } else { 0.0 };
+        let start = self.at(0.0);
+        if least == 0.0 {
+            return start;
+        }
+        let reach = |[gap, defect]: [f64; 2]| reach(gap, defect);
+        let places = (1..=PLACES).map(|part| self.at(least * f64::from(part) / f64::from(PLACES)));
+        places.fold(start, |best, other| if reach(other) < reach(best) { other } else { best })
+    }
+
+    fn at(&self, x: f64) -> [f64; 2] {
+        let gap = self.gap.at(x);
         // A rigid contact that misses its target answers with an infinite impulse.
-        if least.is_nan() { f64::INFINITY } else { least }
+        if gap.is_nan() {
+            return [f64::INFINITY, 0.0];
+        }
+        // Not below what rounding leaves of the terms.
+        let gap = gap.max(1e-15 * self.gap.c);
+        [gap, self.defect.at(x).clamp(0.0, gap)]
     }
 }
 
@@ -307,7 +364,7 @@ pub struct Tally<const L: usize, const A: usize> {
     /// What each manifold and each body adds.
     verdicts: Vec<Verdict>,
     shares: Vec<Parabola<f64>>,
-    lines: Vec<Parabola<f64>>,
+    lines: Vec<Line>,
     certificates: Vec<Certificate>,
 }
 
@@ -346,7 +403,10 @@ impl<const L: usize, const A: usize> Tally<L, A> {
     /// What the last certificates' [errors](Certificate::error) are by the impulses at hand. \[m/s\]
     pub(crate) fn errors_at_hand(&self) -> impl Iterator<Item = f64> {
         let islands = self.certificates.iter().zip(&self.lines);
-        islands.map(|(of, line)| Certificate { gap: line.c, ..*of }.error())
+        islands.map(|(of, line)| {
+            let [gap, defect] = line.at(0.0);
+            Certificate { gap, defect, ..*of }.error()
+        })
     }
 
     /// [`certify`], of a system with the masses that were set.
@@ -381,7 +441,7 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         manifolds: usize,
     ) -> (&mut [Momenta<L, A>], &mut [Verdict]) {
         self.lines.clear();
-        self.lines.resize(islands, Parabola::default());
+        self.lines.resize(islands, Line::default());
         self.certificates.clear();
         self.certificates.resize(islands, Certificate::NONE);
         self.momenta.resize(self.masses.len(), [Velocity::ZERO; 2]);
@@ -401,12 +461,7 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         if RESIDUALS {
             certificate.add(verdict);
         }
-        let line = &mut self.lines[island as usize];
-        line.c += verdict.line.c;
-        if LINE {
-            line.a += verdict.line.a;
-            line.b += verdict.line.b;
-        }
+        self.lines[island as usize].gap.add::<LINE>(&verdict.line);
     }
 
     /// All bodies, so many at a time.
@@ -428,19 +483,15 @@ impl<const L: usize, const A: usize> Tally<L, A> {
             let island = island(body) as usize;
             let Some(certificate) = self.certificates.get_mut(island) else { continue };
             let line = &mut self.lines[island];
-            certificate.defect += share.c;
-            line.c += share.c;
-            if LINE {
-                line.b -= share.b;
-                line.a += share.a;
-            }
+            line.gap.add::<LINE>(share);
+            line.defect.add::<LINE>(share);
             if mass.linear > 0.0 {
                 certificate.mass += mass.linear;
                 certificate.lightest = certificate.lightest.min(mass.linear);
             }
         }
         for (certificate, line) in self.certificates.iter_mut().zip(&self.lines) {
-            certificate.gap = line.least();
+            [certificate.gap, certificate.defect] = line.best();
         }
         &self.certificates
     }
@@ -471,7 +522,7 @@ impl<const L: usize, const A: usize> Bodies<'_, L, A> {
             let d = velocity.cast() - prospective.cast() - inverse.velocity(start);
             share.c = 0.5 * mass.squared(&d);
             if LINE {
-                share.b = d.dot(way);
+                share.b = -d.dot(way);
                 share.a = 0.5 * way.dot(&inverse.velocity(way));
             }
         }

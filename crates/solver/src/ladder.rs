@@ -99,8 +99,8 @@ fn solve_by<const L: usize, const A: usize>(
         system.velocities.clone_from(&prospective);
         let solution = rung.solve(system, &goal);
         history.extend_from_slice(&solution.history);
-        let better = (best.as_ref())
-            .is_none_or(|(best, ..)| solution.certificate.gap < best.certificate.gap);
+        let error = solution.certificate.error();
+        let better = best.as_ref().is_none_or(|(best, ..)| error < best.certificate.error());
         let done = solution.status == Status::Converged;
         if better {
             best = Some((solution, rung, system.clone()));
@@ -192,7 +192,7 @@ const FOR_A_BODY: usize = 4;
 
 /// The lanes go on to this part of the tolerance: what is left over moves the bodies, and the next
 /// system begins with it.
-const AIM: f64 = 0.2;
+const AIM: f64 = 1.0 / 7.0;
 
 /// Or to this part of the speed of an island, within the tolerance: what moves does not see what is left over.
 const OF_SPEED: f64 = 0.05;

@@ -112,7 +112,7 @@ impl<const L: usize, const A: usize> Track<L, A> {
         if error < 0.9 * self.mark || (error.is_finite() && !self.mark.is_finite()) {
             (self.idle, self.mark) = (0, error);
         }
-        if certificate.gap < self.best.gap {
+        if error < self.best.error() {
             self.best = certificate;
             self.velocities.clone_from(&system.velocities);
             self.impulses.clear();
