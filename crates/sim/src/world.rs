@@ -84,10 +84,10 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     saved: Option<SavedSystem<L, A>>,
 }
 
-/// Into how many parts, each with its own search for contacts, a step of so many substeps is divided: with as many
-/// substeps in each, as long as there are enough.
-fn parts(searches: u32, substeps: u32) -> u32 {
-    (searches..=substeps).find(|parts| substeps.is_multiple_of(*parts)).unwrap_or(searches)
+/// How many substeps go by until contacts are searched for again, if bodies pass so much in so many, by what they
+/// may.
+fn until(substeps: u32, passed: f32) -> u32 {
+    ((substeps as f32 / passed) as u32).max(1)
 }
 
 /// Bodies as they move for `dt` \[s\].
@@ -378,27 +378,34 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let mut report = StepReport::default();
         let mut clock = Clock::start(self.timing);
         let start = self.pace.start(&self.team);
-        let substeps = self.settings.substeps.max(1);
         if self.settings.sleep <= 0.0 || self.gravity != self.last_gravity {
             self.rouse_all();
         }
         self.last_gravity = self.gravity;
-        self.find_pairs(dt);
-        let searches = self.searches(dt).min(self.settings.searches.max(1));
-        let parts = parts(searches, substeps);
-        let substeps = substeps.div_ceil(parts);
-        for part in 0..parts {
-            if parts > 1 {
-                self.find_pairs(dt / parts as f32);
-                self.searches(dt / parts as f32);
+        let most = self.settings.searches.max(1);
+        let mut passed = self.look_ahead(dt);
+        // Between two searches there is one at least.
+        let substeps = self.settings.substeps.max(1).max(passed.ceil().min(most as f32) as u32);
+        let h = dt / substeps as f32;
+        let (mut left, mut due) = (substeps, substeps);
+        for search in 0.. {
+            let fitting = until(due, passed).max(left.div_ceil(most - search)).min(left);
+            if fitting != due {
+                due = fitting;
+                self.look_ahead(h * due as f32);
             }
+            left -= due;
             clock.lap(Stage::Pairs);
-            let (first, last) = (part == 0, part + 1 == parts);
-            let reuse = if first { 0.0 } else { REUSE * self.settings.prediction_distance };
+            let reuse = if search == 0 { 0.0 } else { REUSE * self.settings.prediction_distance };
             let reuse = reuse.max(self.settings.reuse_distance);
-            let same = self.find_manifolds(reuse, dt / parts as f32);
+            let same = self.find_manifolds(reuse, h * due as f32);
             clock.lap(Stage::Manifolds);
-            self.part(dt / parts as f32, (substeps, last), same, &mut clock, &mut report);
+            self.part(h, (due, left == 0), same, &mut clock, &mut report);
+            if left == 0 {
+                break;
+            }
+            due = due.min(left);
+            passed = self.look_ahead(h * due as f32);
         }
         self.bodies.forces.clear();
         let delay = self.settings.sleep;
@@ -419,34 +426,30 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report
     }
 
-    /// How often contacts have to be searched for in a step, so that near bodies pass no more than
-    /// `travel_per_search` of each other from one search to the next. Finds their blows.
-    fn searches(&mut self, dt: f32) -> u32 {
-        let limit = self.settings.travel_per_search;
+    /// Finds pairs for the next `dt` \[s\], the blows of their bodies, and what near bodies pass of each other, the
+    /// most, by what they may before contacts are searched for again. \[1\]
+    fn look_ahead(&mut self, dt: f32) -> f32 {
+        self.find_pairs(dt);
         let fall = self.gravity.length() * dt * dt;
         let moving = moving(&self.bodies, &self.system, dt);
-        let worst = self.travel.pass(
-            moving,
-            &self.pairs,
-            [fall, self.settings.prediction_distance],
-            &self.team,
-        );
-        let searches = (worst / limit).ceil();
-        if searches.is_finite() { searches.clamp(1.0, 256.0) as u32 } else { 1 }
+        let margin = self.settings.prediction_distance;
+        let worst = self.travel.pass(moving, &self.pairs, [fall, margin], &self.team);
+        let passed = worst / self.settings.travel_per_search;
+        if passed.is_finite() { passed } else { 0.0 }
     }
 
     /// A part of a step, from manifolds to new poses, in so many substeps; whether it is the last. Whether its
     /// manifolds are the `same` as before.
     fn part(
         &mut self,
-        dt: f32,
+        h: f32,
         (substeps, last): (u32, bool),
         same: bool,
         clock: &mut Clock,
         report: &mut StepReport,
     ) {
-        let plan = self.plan(dt / substeps as f32, substeps, last);
-        self.pack(&plan, dt, same);
+        let plan = self.plan(h, substeps, last);
+        self.pack(&plan, h * substeps as f32, same);
         clock.lap(Stage::Rows);
         if plan.together {
             for substep in 0..substeps {
@@ -799,13 +802,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 mod tests {
     use super::*;
 
-    /// No search is left out, and none is done for a substep that would not be there without.
+    /// As many substeps as pass no more than they may, and one at least.
     #[test]
-    fn parts_have_as_many_substeps() {
-        let of = |substeps| [1, 2, 3, 5, 8, 9, 31].map(|searches| parts(searches, substeps));
-        assert_eq!(of(8), [1, 2, 4, 8, 8, 9, 31]);
-        assert_eq!(of(32), [1, 2, 4, 8, 8, 16, 32]);
-        assert_eq!(of(5), [1, 5, 5, 5, 8, 9, 31]);
-        assert_eq!(of(1), [1, 2, 3, 5, 8, 9, 31]);
+    fn searches_are_as_far_apart_as_they_may_be() {
+        let of = |passed: [f32; 5], substeps| passed.map(|passed| until(substeps, passed));
+        assert_eq!(of([1.0, 2.0, 3.1, 4.1, 99.0], 8), [8, 4, 2, 1, 1]);
+        // What has become slower may go on for longer.
+        assert_eq!(of([0.25, 0.5, 0.9, 1.0, 1.1], 2), [8, 4, 2, 2, 1]);
+        assert_eq!(until(1, 0.0), u32::MAX);
     }
 }

@@ -390,6 +390,26 @@ impl Coloring {
             self.rooms.fill(longest);
         }
         [self.idle, _] = self.sweep();
+        self.make_room();
+    }
+
+    /// Takes the memory that manifolds may need to come and go in these blocks: then it is not taken in a scene that
+    /// has come to rest.
+    fn make_room(&mut self) {
+        let most = WIDTH * self.members.len();
+        self.now.0.reserve(most.saturating_sub(self.now.0.len()));
+        for numbers in
+            [&mut self.places, &mut self.places_before, &mut self.kinds, &mut self.kinds_before]
+        {
+            numbers.reserve(most.saturating_sub(numbers.len()));
+        }
+        if self.open.len() < self.colors.len() {
+            self.open.resize_with(self.colors.len(), Vec::new);
+        }
+        for (open, Color { blocks, .. }) in self.open.iter_mut().zip(&self.colors) {
+            open.clear();
+            open.reserve(blocks.len());
+        }
     }
 
     /// Leaves manifolds that are not new in their places, and finds some for the others. Returns whether there
@@ -443,9 +463,6 @@ impl Coloring {
     /// Finds places for the manifolds that have none; returns whether there are any, and whether a sweep does
     /// not much more for nothing than where all were placed anew.
     fn settle(&mut self) -> bool {
-        if self.open.len() < self.colors.len() {
-            self.open.resize_with(self.colors.len(), Vec::new);
-        }
         for (open, Color { blocks, .. }) in self.open.iter_mut().zip(&self.colors) {
             open.clear();
             open.extend(
