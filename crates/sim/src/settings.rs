@@ -58,8 +58,8 @@ pub struct StepSettings {
     pub searches: u32,
     /// Contact points are reused while two bodies move less than this against each other, and than 3 % of the
     /// thinner shape: their gaps are measured, and bodies are pushed where they were until that has moved as far.
-    /// They are left as they are while neither body moves by a quarter of it, or 1 % of its size. Searches within
-    /// a step reuse them for a quarter of `prediction_distance` at least. \[m\]
+    /// They are left as they are while neither body moves by a quarter of it, or 1 % of its size. Where a step has
+    /// several searches, they reuse them for a quarter of `prediction_distance` at least. \[m\]
     pub reuse_distance: f32,
     /// Time after which an island that holds still is left out of steps, until something touches or
     /// moves it. 0: never. \[s\]

@@ -34,7 +34,7 @@ use crate::travel::{Moving, Travels};
 /// order of the contacts.
 const COLLISION_ROUNDS: usize = 32;
 
-/// In a search within a step points are reused while bodies move less than this part of the prediction
+/// Where a step has several searches, points are reused while bodies move less than this part of the prediction
 /// distance: what was not among them was farther than all of it. \[1\]
 const REUSE: f32 = 0.25;
 
@@ -396,7 +396,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             left -= due;
             clock.lap(Stage::Pairs);
-            let reuse = if search == 0 { 0.0 } else { REUSE * self.settings.prediction_distance };
+            let reuse =
+                if due == substeps { 0.0 } else { REUSE * self.settings.prediction_distance };
             let reuse = reuse.max(self.settings.reuse_distance);
             let same = self.find_manifolds(reuse, h * due as f32);
             clock.lap(Stage::Manifolds);
