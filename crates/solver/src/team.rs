@@ -24,8 +24,8 @@ const MEETING: usize = 4;
 /// fewer processors than members.
 const LOOKS: u32 = 512;
 
-/// How often it lets others run before it sleeps.
-const YIELDS: u32 = 256;
+/// How often it lets others run before it sleeps: about a millisecond.
+const YIELDS: u32 = 2048;
 
 /// A job as the members see it. It lives as long as [`Team::run`] waits for it.
 type Job = *const (dyn Fn(&Member<'_>) + Sync);
