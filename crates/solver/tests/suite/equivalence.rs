@@ -344,7 +344,7 @@ fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
 }
 
 /// Manifolds come and go among those that are kept, which stay in most of their blocks. Returns how many lanes
-/// are taken in by a team of so many `members`, round by round.
+/// are taken in by a team of so many `members`, round by round. In the end some have other friction each time.
 fn come_and_go(members: usize) -> Vec<usize> {
     let random = &mut Random(11);
     let recipe = Recipe { bodies: 2700, manifolds: 4500, points: 4, walls: true };
@@ -369,13 +369,17 @@ fn come_and_go(members: usize) -> Vec<usize> {
                 Some(old) => (&system, &system.manifolds[old as usize]),
                 None => (&whole, manifold),
             };
+            let mut own = *old;
             past.push(match *number {
-                Some(number) if round > 20 && random.below(3) > 0 => Past::Changed(number),
+                Some(number) if round > 20 && random.below(16) == 0 => {
+                    own.friction += 0.1;
+                    Past::Changed(number)
+                }
                 Some(number) if round > 0 => Past::Kept(number),
                 _ => Past::New,
             });
             *number = Some(next.manifolds.len() as u32);
-            next.add_manifold(*old, &from.contacts[old.points()]);
+            next.add_manifold(own, &from.contacts[old.points()]);
         }
         system = next;
         let seen = system.clone();
