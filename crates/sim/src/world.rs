@@ -84,8 +84,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     saved: Option<SavedSystem<L, A>>,
 }
 
-/// How many substeps go by until contacts are searched for again, if bodies pass so much in so many, by what they
-/// may.
+/// How many substeps go by until contacts are searched for again, if in so many bodies have `passed` so many times
+/// as much of each other as they may.
 fn until(substeps: u32, passed: f32) -> u32 {
     ((substeps as f32 / passed) as u32).max(1)
 }
@@ -384,7 +384,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.last_gravity = self.gravity;
         let most = self.settings.searches.max(1);
         let mut passed = self.look_ahead(dt);
-        // Between two searches there is one at least.
+        // Each search is for one substep at least.
         let substeps = self.settings.substeps.max(1).max(passed.ceil().min(most as f32) as u32);
         let h = dt / substeps as f32;
         let (mut left, mut due) = (substeps, substeps);
@@ -396,9 +396,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             left -= due;
             clock.lap(Stage::Pairs);
-            let reuse =
-                if due == substeps { 0.0 } else { REUSE * self.settings.prediction_distance };
-            let reuse = reuse.max(self.settings.reuse_distance);
+            let mut reuse = self.settings.reuse_distance;
+            if due < substeps {
+                reuse = reuse.max(REUSE * self.settings.prediction_distance);
+            }
             let same = self.find_manifolds(reuse, h * due as f32);
             clock.lap(Stage::Manifolds);
             self.part(h, (due, left == 0), same, &mut clock, &mut report);
@@ -427,8 +428,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report
     }
 
-    /// Finds pairs for the next `dt` \[s\], the blows of their bodies, and what near bodies pass of each other, the
-    /// most, by what they may before contacts are searched for again. \[1\]
+    /// Finds pairs for the next `dt` \[s\] and the blows of their bodies. Returns what near bodies pass of each other,
+    /// the most, over what they may before contacts are searched for again. \[1\]
     fn look_ahead(&mut self, dt: f32) -> f32 {
         self.find_pairs(dt);
         let fall = self.gravity.length() * dt * dt;
