@@ -1,7 +1,7 @@
 //! [`Tree`]: boxes that move, and which of them have come to overlap.
 //!
-//! Boxes lie along a curve that fills space, eight to a leaf, leaves eight to a node, and so on up. What is near on
-//! the curve is near in space, and eight boxes are compared at once.
+//! Eight boxes to a leaf, eight leaves to a node, and so on up: what is near in space is side by side, and eight boxes
+//! are compared at once.
 
 use drystone_solver::Vector;
 use drystone_solver::team::Team;
@@ -24,11 +24,8 @@ const LOOSE: usize = 4;
 /// Boxes so many times as large as half of them are apart from the rest.
 const LARGE: f32 = 4.0;
 
-/// Leaves that are worth as much as the least that is shared.
-const PIECE: usize = 2;
-
-/// Bits of a cell of the curve along each axis.
-const BITS: usize = 19;
+/// Overlaps above the leaves that are worth as much as the least that is shared.
+const PIECE: usize = 1;
 
 /// Boxes, each with a number.
 #[derive(Default)]
@@ -46,22 +43,24 @@ pub(super) struct Tree<const L: usize> {
     built: Vec<f32>,
     /// How many times as large the leaves are now, all together. \[1\]
     wear: f64,
-    /// Leaves with boxes that have changed.
-    changed: Vec<u32>,
-    searches: Vec<Search>,
+    /// Where two nodes overlap: still to be looked at, in a level and in the one below.
+    ahead: [Vec<Both>; 2],
+    /// What each thread has found, as numbers that sort.
+    found: Vec<Vec<u64>>,
 }
 
-/// What a thread looks for.
-#[derive(Default)]
-struct Search {
-    /// Nodes that are still to be looked at, each after its level.
-    ahead: Vec<(usize, usize)>,
-    /// Pairs that sort as one number.
-    found: Vec<u64>,
-}
+/// Two nodes of a level, the earlier first, or one with itself.
+type Both = [usize; 2];
 
-/// What becomes of a box when the tree is built: they sort by their place on the curve.
-type Entry = (u64, u32, bool);
+/// A box, when the tree is built.
+struct Entry<const L: usize> {
+    /// \[m\]
+    center: Vector<f32, L>,
+    /// \[m\]
+    extent: f32,
+    number: u32,
+    changed: bool,
+}
 
 #[derive(Default)]
 struct Level<const L: usize> {
@@ -190,17 +189,19 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Finds the boxes of a level from the one before.
+    /// Finds the boxes of a level from the one before, and which have changed.
     fn fill(&mut self, level: usize) {
         let (below, above) = self.levels.split_at_mut(level);
         let Level { nodes, changed } = &mut above[0];
-        let below = &below[level - 1].nodes;
+        let below = &below[level - 1];
         nodes.clear();
-        nodes.resize(below.len().div_ceil(WIDTH), Node::EMPTY);
+        nodes.resize(below.nodes.len().div_ceil(WIDTH), Node::EMPTY);
         changed.clear();
         changed.resize(nodes.len(), 0);
-        for (index, node) in below.iter().enumerate() {
-            nodes[index / WIDTH].set(index % WIDTH, &node.bounds());
+        for (index, (node, bits)) in below.nodes.iter().zip(&below.changed).enumerate() {
+            let (parent, lane) = (index / WIDTH, index % WIDTH);
+            nodes[parent].set(lane, &node.bounds());
+            changed[parent] |= u8::from(*bits != 0) << lane;
         }
     }
 
@@ -210,73 +211,100 @@ impl<const L: usize> Tree<L> {
         if self.wear > WORN * self.built.len() as f64 || LOOSE * self.loose > self.numbers.len() {
             self.build();
         }
-        let marks = self.levels.first().map_or(&[][..], |leaves| &leaves.changed);
-        let changed = (0..).zip(marks).filter(|(_, bits)| **bits != 0).map(|(leaf, _)| leaf);
-        self.changed.clear();
-        self.changed.extend(changed);
-        let (useful, share) = team.share(self.changed.len(), PIECE);
-        let mut searches = std::mem::take(&mut self.searches);
-        searches.resize_with(self.changed.len().div_ceil(share), Search::default);
-        let parts = self.changed.chunks(share).zip(&mut searches);
-        team.for_each(useful, parts, |(leaves, search)| {
-            search.found.clear();
-            leaves.iter().for_each(|&leaf| self.query(leaf as usize, search));
+        let level = self.descend();
+        let ahead = &self.ahead[0];
+        let (useful, share) = team.share(ahead.len(), PIECE);
+        let mut found = std::mem::take(&mut self.found);
+        found.resize_with(ahead.len().div_ceil(share).max(1), Vec::new);
+        found.iter_mut().for_each(Vec::clear);
+        let parts = ahead.chunks(share).zip(&mut found);
+        team.for_each(useful, parts, |(ahead, found)| {
+            ahead.iter().for_each(|&both| self.search(level, both, found));
         });
-        self.searches = searches;
-        for leaf in self.changed.drain(..).map(|leaf| leaf as usize) {
-            self.before[leaf] = self.levels[0].nodes[leaf];
+        self.found = found;
+        if let Some(Level { nodes, changed }) = self.levels.first() {
+            let leaves = self.before.iter_mut().zip(nodes).zip(changed);
+            leaves.filter(|(_, bits)| **bits != 0).for_each(|((before, now), _)| *before = *now);
         }
         self.levels.iter_mut().for_each(|level| level.changed.fill(0));
-        let all = match &mut self.searches[..] {
-            [] => &mut [],
-            [first, others @ ..] => {
-                others.iter().for_each(|other| first.found.extend_from_slice(&other.found));
-                &mut first.found[..]
-            }
-        };
+        let [all, others @ ..] = &mut self.found[..] else { return &[] };
+        others.iter().for_each(|other| all.extend_from_slice(other));
         all.sort_unstable();
         all
     }
 
-    /// What has come to overlap the boxes of a leaf that have changed. Of two that have, the one in the earlier leaf
-    /// finds the other.
+    /// Goes down to the nodes above the leaves that overlap. Returns their level.
+    fn descend(&mut self) -> usize {
+        let [mut ahead, mut below] = std::mem::take(&mut self.ahead);
+        ahead.clear();
+        let top = self.levels.len().saturating_sub(1);
+        if self.levels.last().is_some_and(|top| top.changed[0] != 0) {
+            ahead.push([0, 0]);
+        }
+        for level in (2..=top).rev() {
+            below.clear();
+            ahead.iter().for_each(|&both| self.meet(level, both, |next| below.push(next)));
+            std::mem::swap(&mut ahead, &mut below);
+        }
+        self.ahead = [ahead, below];
+        top.min(1)
+    }
+
+    /// What has come to overlap in two nodes.
     #[inline(never)]
-    fn query(&self, leaf: usize, Search { ahead, found }: &mut Search) {
-        let leaves = &self.levels[0];
-        let (own, changed) = (&leaves.nodes[leaf], leaves.changed[leaf]);
-        let all = lanes(changed).fold(Bounds::NOTHING, |all, lane| all.joined(&own.get(lane)));
-        ahead.push((self.levels.len() - 1, 0));
-        while let Some((level, node)) = ahead.pop() {
-            if level == 0 && node < leaf && leaves.changed[node] == u8::MAX {
-                continue;
+    fn search(&self, level: usize, both: Both, found: &mut Vec<u64>) {
+        match level {
+            0 => self.compare(both, found),
+            _ => self.meet(level, both, |leaves| self.compare(leaves, found)),
+        }
+    }
+
+    /// Each two nodes below two nodes.
+    #[inline(always)]
+    fn meet(&self, level: usize, [a, b]: Both, mut report: impl FnMut(Both)) {
+        self.cross(level, [a, b], |lane, with| {
+            lanes(with).for_each(|other| report([a * WIDTH + lane, b * WIDTH + other]));
+        });
+    }
+
+    /// What has come to overlap in two leaves.
+    #[inline(always)]
+    fn compare(&self, [a, b]: Both, found: &mut Vec<u64>) {
+        self.cross(0, [a, b], |lane, mut with| {
+            if a == b {
+                with &= !(1 << lane);
             }
-            let near = self.levels[level].nodes[node].overlapping(&all);
-            if level > 0 {
-                ahead.extend(lanes(near).map(|lane| (level - 1, node * WIDTH + lane)));
-                continue;
+            if with != 0 {
+                with &= !self.before[b].overlapping(&self.before[a].get(lane));
             }
-            let mut open = if node < leaf { near & !leaves.changed[node] } else { near };
-            if open == 0 {
-                continue;
+            for other in lanes(with) {
+                let [a, b] = [a * WIDTH + lane, b * WIDTH + other].map(|at| self.numbers[at]);
+                found.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
             }
-            let (other, before) = (&leaves.nodes[node], &self.before[node]);
-            let bounds = match self.levels.get(1) {
-                Some(above) => above.nodes[node / WIDTH].get(node % WIDTH),
-                None => all,
-            };
-            for lane in lanes(changed & own.overlapping(&bounds)) {
-                if node == leaf {
-                    open = near & !(changed & ((2 << lane) - 1) as u8);
-                }
-                let mut come = open & other.overlapping(&own.get(lane));
-                if come != 0 {
-                    come &= !before.overlapping(&self.before[leaf].get(lane));
-                }
-                for with in lanes(come) {
-                    let a = self.numbers[leaf * WIDTH + lane];
-                    let b = self.numbers[node * WIDTH + with];
-                    found.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
-                }
+        });
+    }
+
+    /// Of boxes of the first node, which of the second they overlap, as bits, if one of the two has changed: each two
+    /// once, and each with itself.
+    #[inline(always)]
+    fn cross(&self, level: usize, [a, b]: Both, mut report: impl FnMut(usize, u8)) {
+        let Level { nodes, changed } = &self.levels[level];
+        let (own, other) = (&nodes[a], &nodes[b]);
+        let mut near = if changed[b] == 0 { changed[a] } else { u8::MAX };
+        if a != b {
+            let around = self.levels[level + 1].nodes[b / WIDTH].get(b % WIDTH);
+            near &= own.overlapping(&around);
+        }
+        for lane in lanes(near) {
+            let mut with = if changed[a] >> lane & 1 == 1 { u8::MAX } else { changed[b] };
+            if a == b {
+                with &= u8::MAX << lane;
+            }
+            if with != 0 {
+                with &= other.overlapping(&own.get(lane));
+            }
+            if with != 0 {
+                report(lane, with);
             }
         }
     }
@@ -302,11 +330,11 @@ impl<const L: usize> Tree<L> {
 
     /// Puts all boxes in order.
     fn build(&mut self) {
-        let order = self.sort();
+        let order = self.order();
         let leaves = self.levels.drain(..).next().unwrap_or_default().nodes;
         let before = std::mem::take(&mut self.before);
         self.numbers.clear();
-        for (_, number, changed) in order {
+        for Entry { number, changed, .. } in order {
             let place = self.places[number as usize] as usize;
             let [before, now] = [&before, &leaves].map(|of| of[place / WIDTH].get(place % WIDTH));
             self.push(number, [&before, &now], changed);
@@ -322,47 +350,54 @@ impl<const L: usize> Tree<L> {
         self.loose = 0;
     }
 
-    /// Puts all boxes in order along the curve, and large ones after it: among small ones they would make a leaf
+    /// What is near in space after each other, and large boxes at the end: among small ones they would make a leaf
     /// large.
-    fn sort(&self) -> Vec<Entry> {
+    fn order(&self) -> Vec<Entry<L>> {
         let Some(leaves) = self.levels.first() else { return Vec::new() };
         let boxes = leaves.nodes.iter().zip(&leaves.changed).flat_map(|(&leaf, &changed)| {
             (0..WIDTH).map(move |lane| (leaf.get(lane), changed >> lane & 1 == 1))
         });
         let boxes = self.numbers.iter().zip(boxes).filter(|(number, _)| **number != NONE);
-        let mut sizes: Vec<f32> = boxes.clone().map(|(_, (own, _))| extent(&own)).collect();
-        if sizes.is_empty() {
-            return Vec::new();
-        }
-        let half = sizes.len() / 2;
-        let large = LARGE * *sizes.select_nth_unstable_by(half, f32::total_cmp).1;
-        let center = |of: &Bounds<L>| (of.min + of.max) * 0.5;
-        let centers = boxes.clone().map(|(_, (own, _))| center(&own));
-        let all = centers.fold(Bounds::NOTHING, |all, at| all.joined(&Bounds { min: at, max: at }));
-        let cells: [f32; L] = std::array::from_fn(|i| {
-            (1 << BITS) as f32 / (all.max[i] - all.min[i]).max(f32::MIN_POSITIVE)
-        });
         let entries = boxes.map(|(&number, (own, changed))| {
-            let at = center(&own) - all.min;
-            let cell: [u64; L] = std::array::from_fn(|i| (at[i] * cells[i]) as u64);
-            let large = u64::from(extent(&own) > large);
-            (large << 63 | along_curve(cell), number, changed)
+            let center = (own.min + own.max) * 0.5;
+            Entry { center, extent: extent(&own), number, changed }
         });
-        let mut order: Vec<Entry> = entries.collect();
-        order.sort_unstable();
-        order
+        let mut entries: Vec<Entry<L>> = entries.collect();
+        if !entries.is_empty() {
+            let half = entries.len() / 2;
+            let by_extent = |a: &Entry<L>, b: &Entry<L>| a.extent.total_cmp(&b.extent);
+            let most = LARGE * entries.select_nth_unstable_by(half, by_extent).1.extent;
+            entries.sort_by_key(|entry| entry.extent > most);
+            let small = entries.partition_point(|entry| entry.extent <= most);
+            let (small, large) = entries.split_at_mut(small);
+            halve(small);
+            halve(large);
+        }
+        entries
     }
 }
 
-/// The place of a cell on the curve: the bits of its numbers in turn (Morton).
-fn along_curve<const L: usize>(cell: [u64; L]) -> u64 {
-    let mut out = 0;
-    for bit in (0..BITS).rev() {
-        for number in cell {
-            out = out << 1 | number.min((1 << BITS) - 1) >> bit & 1;
-        }
+/// Puts boxes in order by halves along the longest side of where their centers are, and so on; all halves but the
+/// last fill their nodes.
+fn halve<const L: usize>(entries: &mut [Entry<L>]) {
+    if entries.len() <= WIDTH {
+        return;
     }
-    out
+    let mut node = WIDTH;
+    while node * WIDTH < entries.len() {
+        node *= WIDTH;
+    }
+    let half = entries.len().div_ceil(node).div_ceil(2) * node;
+    let around = |all: Bounds<L>, Entry { center, .. }: &Entry<L>| {
+        all.joined(&Bounds { min: *center, max: *center })
+    };
+    let all = entries.iter().fold(Bounds::NOTHING, around);
+    let sides = all.max - all.min;
+    let axis = (1..L).fold(0, |most, axis| if sides[axis] > sides[most] { axis } else { most });
+    entries.select_nth_unstable_by(half, |a, b| a.center[axis].total_cmp(&b.center[axis]));
+    let (first, second) = entries.split_at_mut(half);
+    halve(first);
+    halve(second);
 }
 
 #[cfg(test)]
