@@ -91,7 +91,7 @@ pub(crate) fn merge(pairs: &mut Vec<Pair>, fresh: &mut Vec<Pair>) {
     }
 }
 
-/// The manifolds of a step, and their points one manifold after the other.
+/// The manifolds of a step, and their points one manifold after the other, the deepest first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Records<const L: usize> {
     pub(crate) manifolds: Vec<Record<L>>,
@@ -316,7 +316,7 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
             let (points, traces) = (&mut self.points[points.clone()], &mut self.traces[points]);
             let passed = a.position - record.apart;
             let mut moved = 0.0f32;
-            for (point, trace) in points.iter().zip(traces) {
+            for (point, trace) in points.iter().zip(&mut *traces) {
                 trace.gap[0] = normal.dot(a.point(point.on_a) - b.point(point.on_b));
                 let from_b = point.middle_between(a, b) - point.middle;
                 let from_a = from_b - passed;
@@ -326,6 +326,7 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
                 record.traced = record.normal;
             }
             if moved > most * most {
+                deepest_first(points, traces);
                 points.iter_mut().for_each(|point| point.middle = point.middle_between(a, b));
                 (record.normal, record.apart) = (normal, a.position);
             }
@@ -360,6 +361,14 @@ pub(crate) const fn open<const L: usize>(gap: f32) -> Trace<L> {
     let mut gaps = [0.0; L];
     gaps[0] = gap;
     Trace { impulse: Vector([0.0; L]), gap: Vector(gaps) }
+}
+
+/// Puts the deepest of points first: its plane is that of the manifold.
+pub(crate) fn deepest_first<const L: usize>(points: &mut [Point<L>], traces: &mut [Trace<L>]) {
+    let gap = |of: usize| traces[of].gap[0];
+    let deepest = (1..traces.len()).fold(0, |most, of| if gap(of) < gap(most) { of } else { most });
+    points.swap(0, deepest);
+    traces.swap(0, deepest);
 }
 
 /// Largest distance of points from the center of mass of a. \[m\]
@@ -426,6 +435,20 @@ impl<const L: usize> Point<L> {
 mod tests {
     use super::*;
     use crate::geometry::random::Random;
+
+    /// The deepest point comes first, with what it hands on; of equals the one that was first.
+    #[test]
+    fn the_deepest_comes_first() {
+        for (gaps, first) in [([0.1, -0.2, 0.3], 1), ([0.0, 0.0, 0.0], 0), ([0.2, 0.1, -0.1], 2)] {
+            let mut points = [0, 1, 2].map(|feature| Point::<2> { feature, ..Point::OPEN });
+            let mut traces = gaps.map(open::<2>);
+            deepest_first(&mut points, &mut traces);
+            assert_eq!(points[0].feature, first, "{gaps:?}");
+            for (point, trace) in points.iter().zip(&traces) {
+                assert_eq!(trace.gap[0], gaps[point.feature as usize], "{gaps:?}");
+            }
+        }
+    }
 
     /// A pair that leans as a whole is pushed where it was while that has moved by less than asked for; its gap is
     /// that of now.

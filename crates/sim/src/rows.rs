@@ -89,9 +89,15 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
             }
             contact.impulse[0] = contact.impulse[0].max(V::ZERO);
         }
-        let center = sum * V::gathered(V::each(|lane| SHARES[records[lane].count as usize]));
+        // In the plane of the first point, the deepest: what is open presses on nothing.
+        let mean = sum * V::gathered(V::each(|lane| SHARES[records[lane].count as usize]));
+        let center = match points {
+            [] => mean,
+            [first, ..] => mean + normal * normal.dot(first.place - mean),
+        };
         for contact in points {
             contact.place = manifold.to_frame(contact.place - center);
+            contact.place[0] = V::ZERO;
         }
         let apart = V::gathered_vector(V::each(|lane| &records[lane].apart));
         manifold.arms = [center - apart, center];
@@ -131,11 +137,50 @@ impl<const L: usize, const A: usize> RowsOf<'_, L, A> {
 
 #[cfg(test)]
 mod tests {
-    use drystone_solver::InverseMass;
+    use drystone_solver::wide::Wide;
+    use drystone_solver::{InverseMass, System};
 
     use super::*;
     use crate::certifier::Certifier;
     use crate::settings::StepSettings;
+
+    /// Points are taken to the plane of the first, about their middle: one that is open by half a meter is not felt
+    /// above it.
+    #[test]
+    fn points_lie_in_the_plane_of_the_deepest() {
+        let mut records: Records<3> = Records::default();
+        let (record, points, traces) = records.add(2);
+        let slanted = Vector([0.6, 0.8, 0.0]);
+        (record.bodies, record.normal, record.traced) = ([0, 1], slanted, slanted);
+        for (point, trace, height) in [(0, 0, 0.25), (1, 1, 0.5)] {
+            points[point].middle = slanted * height + Vector([-0.8, 0.6, 0.0]) * height;
+            traces[trace].gap[0] = 2.0 * height - 0.5;
+        }
+        let moves = InverseMass { linear: 1.0, ..InverseMass::FIXED };
+        let mut system: System<f32, 3, 3> = System::new();
+        system.masses = vec![moves; 2];
+        system.velocities = vec![Velocity::ZERO; 2];
+        let mut certifier: Certifier<3, 3> = Certifier::default();
+        let rows = RowsOf {
+            records: &records,
+            velocities: &system.velocities,
+            stiffness: certifier.no_stiffness(),
+            dt: 0.01,
+            same: false,
+            together: true,
+            in_order: false,
+        };
+        let mut wide = Wide::new();
+        wide.pack(&rows, &system.masses, 0.0);
+        wide.unpack(&mut system);
+        let (manifold, contacts) = (&system.manifolds[0], &system.contacts);
+        let [_, arm] = manifold.arms.map(|arm| manifold.to_frame(arm));
+        assert!((arm[0] - 0.25).abs() < 1e-6, "{arm:?}");
+        assert!(contacts.iter().all(|contact| contact.place[0] == 0.0), "{contacts:?}");
+        let sum = contacts[0].place + contacts[1].place;
+        let apart = (contacts[0].place - contacts[1].place).length();
+        assert!(sum.length() < 1e-6 && (apart - 0.25).abs() < 1e-6, "{contacts:?}");
+    }
 
     /// What is kept is taken in anew where its stiffness is another, and where manifolds have to be in order and
     /// some have come or gone.

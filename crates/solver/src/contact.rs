@@ -11,7 +11,8 @@ use crate::{Cast, Manifold, Mobility, Real, Repair, Scalar, Vector, Velocity};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Contact<T: Real, const L: usize> {
-    /// Where it is, seen from the manifold's center. \[m\]
+    /// Where it is, seen from the manifold's center, in the plane of the tangents: component 0 is 0, so that friction
+    /// tilts nothing against that plane. \[m\]
     pub place: Vector<T, L>,
     /// Normal: distance between the surfaces, negative when they overlap (-d of the notes).
     /// Tangents: how far a has slipped on b since the point began to stick. \[m\]
@@ -64,7 +65,14 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// J_i v: velocity of a against b at this point, from the manifold's twist. \[m/s\]
     #[inline(always)]
     pub fn relative_velocity<const A: usize>(&self, twist: &Velocity<T, L, A>) -> Vector<T, L> {
-        twist.at(self.place)
+        let mut u = twist.linear;
+        u[0] = self.normal_velocity(twist);
+        // Within the plane: by turning about the normal.
+        if A == 3 {
+            u[1] -= twist.angular[0] * self.place[2];
+            u[2] += twist.angular[0] * self.place[1];
+        }
+        u
     }
 
     /// v_n: the component along the normal, positive when separating. \[m/s\]
@@ -83,7 +91,13 @@ impl<T: Real, const L: usize> Contact<T, L> {
     ) {
         for axis in axes {
             wrench.linear[axis] += impulse[axis];
-            add_moment(self.place, axis, impulse[axis], &mut wrench.angular);
+            match axis {
+                0 => add_moment(self.place, 0, impulse[0], &mut wrench.angular),
+                // Within the plane: about the normal.
+                1 if A == 3 => wrench.angular[0] -= self.place[2] * impulse[1],
+                2 if A == 3 => wrench.angular[0] += self.place[1] * impulse[2],
+                _ => {}
+            }
         }
     }
 
@@ -134,7 +148,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
         let mut twist: Velocity<T, L, A> = Velocity::NOTHING;
         let from = Axes { linear: i..i + 1, angular: 0..A };
         mobility.add(&from, &self.unit_wrench(i), &all_axes::<L, A>(), &mut twist);
-        twist.at(self.place)[j]
+        self.relative_velocity(&twist)[j]
     }
 
     /// Sets the effective masses from the manifold's mobility, which holds

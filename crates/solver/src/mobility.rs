@@ -47,14 +47,9 @@ pub(crate) const fn along_normals<const A: usize>() -> Axes {
     Axes { linear: 0..1, angular: A / 3..A }
 }
 
-/// The rest, which friction feels too.
-pub(crate) const fn across_normals<const L: usize, const A: usize>() -> Axes {
-    Axes { linear: 1..L, angular: 0..A / 3 }
-}
-
-/// What impulses of friction do and feel.
+/// What impulses of friction do and feel: the rest.
 pub(crate) const fn along_tangents<const L: usize, const A: usize>() -> Axes {
-    Axes { linear: 1..L, angular: 0..A }
+    Axes { linear: 1..L, angular: 0..A / 3 }
 }
 
 impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {

@@ -6,7 +6,7 @@
 //! notes: "go ahead and let the impulse for collision i be included as an other collision", with
 //! the per-body sums kept as the velocities themselves. Cost: linear in the contacts.
 
-use crate::mobility::{across_normals, all_axes, along_normals, along_tangents};
+use crate::mobility::{all_axes, along_normals, along_tangents};
 use crate::solution::{self, Goal, Solution};
 use crate::{Contact, InverseMass, Manifold, Mobility, Real, System, Vector, Velocity};
 
@@ -214,8 +214,8 @@ fn visit_felt<
     }
     between();
     if FRICTION {
-        mobility.add(normals, &wrench, &across_normals::<L, B>(), &mut twist);
         let tangents = &along_tangents::<L, B>();
+        mobility.add(normals, &wrench, tangents, &mut twist);
         for contact in points.iter_mut() {
             let change = contact.visit_friction(manifold.friction, &twist);
             let mut own = Velocity::NOTHING;

@@ -53,7 +53,11 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
     }
 
     /// Adds a manifold with these points; sets `first` and `count`.
+    ///
+    /// # Panics
+    /// A point is not in the manifold's plane ([`Contact::place`]).
     pub fn add_manifold(&mut self, mut manifold: Manifold<T, L>, points: &[Contact<T, L>]) {
+        assert!(points.iter().all(|point| point.place[0] == T::ZERO), "points in one plane");
         manifold.first = self.contacts.len() as u32;
         manifold.count = points.len() as u32;
         self.manifolds.push(manifold);

@@ -77,6 +77,7 @@ impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
             (*point, *trace) = (Point::new(found, a, b), cache::open(found.gap));
         }
         inherit(points, traces, (&old_points[..count], &old_traces[..count]), MATCH_DISTANCE);
+        cache::deepest_first(points, traces);
         (record, points)
     }
 

@@ -8,6 +8,7 @@ use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
 use super::World;
+use crate::bodies::Came;
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Point, Record, Records};
 use crate::geometry::{Bounds, Frame, Geometry, MAX_POINTS, pose_numbers};
@@ -33,10 +34,15 @@ pub struct Checkpoint {
     masses: Vec<f32>,
     /// How far each has come since. \[m\]
     strayed: Vec<f32>,
+    /// How far each has come since contacts were last searched for: its center, and its surface by turning. \[m\]
+    came: Vec<f32>,
     /// The stored boxes of the broad phase: lowest and highest corner. \[m\]
     boxes: Vec<f32>,
     /// Shapes that are near each other, and how many records they have.
     pairs: Vec<[u32; 3]>,
+    /// How far each can still come towards each other before they touch, if it has none: what has more room than it
+    /// passes strikes nothing. \[m\]
+    rooms: Vec<f32>,
     /// Part and number of points of each record.
     records: Vec<[u32; 2]>,
     /// Of each record: the normal, the way from b to a, the normal in the frame of b, and a's frame as seen
@@ -100,8 +106,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
             masses: self.system.masses.iter().flat_map(flat_mass).collect(),
             strayed: bodies.strayed.clone(),
+            came: bodies
+                .came
+                .iter()
+                .flat_map(|of| of.linear.0.into_iter().chain([of.turned]))
+                .collect(),
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
+            rooms: pairs.iter().map(|of| if of.count > 0 { 0.0 } else { of.room }).collect(),
             records: records.manifolds.iter().map(|of| [of.part, of.count]).collect(),
             frames: records.manifolds.iter().flat_map(flat_record).collect(),
             points: records.points.iter().zip(&records.traces).flat_map(flat_point).collect(),
@@ -154,6 +166,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
         fill_velocities(&from.forces, &mut bodies.forces);
         bodies.strayed.clone_from(&from.strayed);
+        let mut numbers = from.came.iter().copied();
+        for came in &mut bodies.came {
+            let (linear, Vector([turned])) = (take(&mut numbers), take(&mut numbers));
+            *came = Came { linear, turned };
+        }
         let mut numbers = from.masses.iter().copied();
         for mass in &mut self.system.masses {
             let [linear] = take(&mut numbers).0;
@@ -175,7 +192,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("forces", bodies * (L + A), from.forces.len()),
             ("masses", bodies * (1 + A * A), from.masses.len()),
             ("ways", bodies, from.strayed.len()),
+            ("ways of late", bodies * (L + 1), from.came.len()),
             ("boxes", shapes * 2 * L, from.boxes.len()),
+            ("rooms", from.pairs.len(), from.rooms.len()),
             ("records", records, from.records.len()),
             ("frames", from.records.len() * record_numbers(L), from.frames.len()),
             ("points", points * point_numbers(L), from.points.len()),
@@ -195,7 +214,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("velocities", &from.velocities),
             ("forces", &from.forces),
             ("masses", &from.masses),
+            ("ways of late", &from.came),
             ("boxes", &from.boxes),
+            ("rooms", &from.rooms),
             ("frames", &from.frames),
             ("points", &from.points),
             ("times at rest", &from.still),
@@ -214,13 +235,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let (mut pairs, mut records): (Vec<Pair>, _) = (Vec::new(), Records::default());
         let mut manifolds = from.records.iter().zip(from.frames.chunks_exact(record_numbers(L)));
         let mut points = from.points.chunks_exact(point_numbers(L)).zip(&from.features);
-        for &[a, b, count] in &from.pairs {
+        for (&[a, b, count], &room) in from.pairs.iter().zip(&from.rooms) {
             let sorted = pairs.last().is_none_or(|last| last.colliders < [a, b]);
             let pair = (sorted && a < b && b < shapes)
                 .then(|| self.colliders.pair(&self.bodies, [a, b]))
                 .flatten()
                 .ok_or(CheckpointError::OtherPair([a, b]))?;
-            let pair = Pair { first: records.manifolds.len() as u32, count, ..pair };
+            let pair = Pair { first: records.manifolds.len() as u32, count, room, ..pair };
             for (&[part, count], frames) in manifolds.by_ref().take(count as usize) {
                 if count as usize > MAX_POINTS {
                     return Err(CheckpointError::OtherPair([a, b]));

@@ -189,7 +189,7 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
     }
 }
 
-/// A manifold's center may be any place: its only point, where no turning is felt, or another.
+/// A manifold's center may be any place in its plane: its only point, where no turning is felt, or another.
 fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let recipe = Recipe { bodies: 60, manifolds: 200, points: 1 + seed as usize % 2, walls: true };
@@ -198,7 +198,8 @@ fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
     let mut shifted = own.clone();
     let mut alone = 0;
     for manifold in &mut shifted.manifolds {
-        let by: Vector<f64, L> = random.vector() * 0.3;
+        let mut by: Vector<f64, L> = random.vector() * 0.3;
+        by[0] = 0.0;
         alone += usize::from(manifold.count == 1);
         manifold.arms = manifold.arms.map(|arm| arm + manifold.to_world(by));
         for contact in &mut shifted.contacts[manifold.points()] {

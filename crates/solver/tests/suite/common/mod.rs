@@ -123,7 +123,8 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         self.system.add_body(Velocity::ZERO, InverseMass::FIXED)
     }
 
-    /// Contacts at these points between two bodies, the normal from the second to the first.
+    /// Contacts at these points, drawn into the plane of the first, between two bodies; the normal from the second to
+    /// the first.
     pub(crate) fn touch(
         &mut self,
         bodies: [u32; 2],
@@ -137,7 +138,11 @@ impl<const L: usize, const A: usize> Scene<L, A> {
             arms: bodies.map(|body| center - self.positions[body as usize]),
             ..Manifold::default()
         };
-        let place = |point: &Vector<f64, L>| manifold.to_frame(*point - center);
+        let place = |point: &Vector<f64, L>| {
+            let mut place = manifold.to_frame(*point - center);
+            place[0] = 0.0;
+            place
+        };
         let contacts: Vec<_> =
             points.iter().map(|p| Contact { place: place(p), ..Contact::default() }).collect();
         self.system.add_manifold(manifold, &contacts);
