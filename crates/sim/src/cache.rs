@@ -119,7 +119,8 @@ pub(crate) struct Record<const L: usize> {
     pub(crate) traced: Vector<f32, L>,
     /// From the center of mass of b to that of a. \[m\]
     pub(crate) apart: Vector<f32, L>,
-    /// The same in the frame of b, and a's frame as seen from b, when the points were found.
+    /// The same in the frame of b, and a's frame as seen from b, when the points were found; of what rolls they are
+    /// not asked for.
     pub(crate) local_normal: Vector<f32, L>,
     pub(crate) found_at: Frame<L>,
     /// Largest distance of its points from the center of mass of a. \[m\]
@@ -364,7 +365,11 @@ pub(crate) const fn open<const L: usize>(gap: f32) -> Trace<L> {
 }
 
 /// Puts the deepest of points first: its plane is that of the manifold.
+#[inline]
 pub(crate) fn deepest_first<const L: usize>(points: &mut [Point<L>], traces: &mut [Trace<L>]) {
+    if traces.len() < 2 {
+        return;
+    }
     let gap = |of: usize| traces[of].gap[0];
     let deepest = (1..traces.len()).fold(0, |most, of| if gap(of) < gap(most) { of } else { most });
     points.swap(0, deepest);

@@ -303,7 +303,6 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let Some(prediction) = ahead.or_else(|| around.prediction(pair)) else { return false };
     let [a_shape, b_shape] = pair.colliders;
     let pose_a = G::advance(&around.poses[a_shape as usize], a.position, Vector::ZERO);
-    let seen = a.seen_from(b);
     let old = if rested { around.resting.view() } else { own.view() };
     let before = old.of(pair.records()).first().map(|record| old.points_of(record)[0].feature);
     let mut places = Places::new(own, pair.records(), rested.then_some(around.resting), records);
@@ -319,11 +318,13 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             normal: touch.normal,
             traced,
             apart: a.position,
-            local_normal: b.local_direction(touch.normal),
-            found_at: seen,
-            reach: cache::reach(points),
             ..*record
         };
+        if !pair.rolls {
+            record.local_normal = b.local_direction(touch.normal);
+            record.found_at = a.seen_from(b);
+            record.reach = cache::reach(points);
+        }
     };
     let shape_a = (&around.shapes[a_shape as usize], &pose_a);
     let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
