@@ -152,9 +152,9 @@ mod tests {
         let (record, points, traces) = records.add(2);
         let slanted = Vector([0.6, 0.8, 0.0]);
         (record.bodies, record.normal, record.traced) = ([0, 1], slanted, slanted);
-        for (point, trace, height) in [(0, 0, 0.25), (1, 1, 0.5)] {
-            points[point].middle = slanted * height + Vector([-0.8, 0.6, 0.0]) * height;
-            traces[trace].gap[0] = 2.0 * height - 0.5;
+        for (at, height) in [0.25, 0.5].into_iter().enumerate() {
+            points[at].middle = slanted * height + Vector([-0.8, 0.6, 0.0]) * height;
+            traces[at].gap[0] = 2.0 * height - 0.5;
         }
         let moves = InverseMass { linear: 1.0, ..InverseMass::FIXED };
         let mut system: System<f32, 3, 3> = System::new();

@@ -106,11 +106,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
             masses: self.system.masses.iter().flat_map(flat_mass).collect(),
             strayed: bodies.strayed.clone(),
-            came: bodies
-                .came
-                .iter()
-                .flat_map(|of| of.linear.0.into_iter().chain([of.turned]))
-                .collect(),
+            came: bodies.came.iter().flat_map(flat_came).collect(),
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
             rooms: pairs.iter().map(|of| if of.count > 0 { 0.0 } else { of.room }).collect(),
@@ -328,6 +324,10 @@ fn flat_mass<const L: usize, const A: usize>(
     mass: &InverseMass<f32, L, A>,
 ) -> impl Iterator<Item = f32> + use<L, A> {
     [mass.linear].into_iter().chain(mass.angular.0.into_iter().flat_map(|row| row.0))
+}
+
+fn flat_came<const L: usize>(came: &Came<L>) -> impl Iterator<Item = f32> + use<L> {
+    came.linear.0.into_iter().chain([came.turned])
 }
 
 fn flat<const N: usize>(vectors: &[Vector<f32, N>]) -> Vec<f32> {

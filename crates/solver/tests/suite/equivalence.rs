@@ -221,6 +221,15 @@ fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
     }
 }
 
+/// Points at different heights are several manifolds.
+#[test]
+#[should_panic(expected = "points in one plane")]
+fn a_point_off_the_plane_is_refused() {
+    let mut system: System<f64, 3, 3> = System::new();
+    let off = Contact { place: Vector([1e-3, 0.0, 0.0]), ..Contact::default() };
+    system.add_manifold(Manifold::default(), &[Contact::default(), off]);
+}
+
 #[test]
 fn a_center_is_anywhere() {
     for seed in 0..6 {
