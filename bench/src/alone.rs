@@ -5,7 +5,7 @@ use drystone::{Stage, StepSettings};
 use crate::Options;
 use crate::engines::{Drystone, Refusal};
 use crate::run::{mean, per_step, run, settled, undisturbed};
-use crate::scenes::Case;
+use crate::case::Case;
 use crate::table::{Table, number};
 
 /// Wall time by stage: of the steps of the last quarter, all rounds together, the time that a

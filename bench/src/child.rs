@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::engines::{Effort, Kind, build};
 use crate::judge::Judge;
 use crate::run::run;
-use crate::scenes::Case;
+use crate::case::Case;
 
 /// What a child answers to a round.
 #[derive(Serialize, Deserialize)]

@@ -7,7 +7,7 @@ use crate::child::{Engine, Verdict};
 use crate::engines::{Effort, Kind};
 use crate::frontier::{self, Frontier};
 use crate::run::{mean, per_step, settled};
-use crate::scenes::Case;
+use crate::case::Case;
 use crate::table::{Table, number};
 
 /// What an engine did with a scene.

@@ -7,7 +7,7 @@ use drystone::scene::{
 };
 use parry3d_f64::shape::SharedShape as Exact;
 
-use crate::scenes::Case;
+use crate::case::Case;
 
 /// The form of a body.
 enum Form {

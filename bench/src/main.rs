@@ -1,6 +1,7 @@
 //! Drystone and other engines on the same scenes, in turn, round after round.
 
 mod alone;
+mod case;
 mod child;
 mod compare;
 /// Shared with the solver's tests.

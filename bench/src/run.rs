@@ -6,7 +6,7 @@ use std::time::Instant;
 use cpu_time::ProcessTime;
 
 use crate::engines::{Engine, Refusal};
-use crate::scenes::Case;
+use crate::case::Case;
 
 /// Poses are looked at once in so many steps.
 const SAMPLE: usize = 20;

@@ -22,8 +22,8 @@ use crate::failure::Failure;
 use crate::print;
 use crate::quantity::{real, speed};
 use diary::Diary;
+pub(crate) use output::Format;
 use output::Outputs;
-pub(crate) use output::{Format, extension, wrong_extension};
 use record::{Bake, Length};
 use summary::Summary;
 

@@ -8,8 +8,9 @@ use drystone::recording::usda::Stage;
 use drystone::recording::write_whole;
 use drystone::scene::{self, Scene, to_json, to_toml};
 
-use crate::bake::{Format, extension, wrong_extension};
+use crate::bake::Format;
 use crate::cut::Cut;
+use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 use crate::print;
 use crate::verify::take;

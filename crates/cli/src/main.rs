@@ -4,6 +4,7 @@ mod bake;
 mod check;
 mod convert;
 mod cut;
+mod extension;
 mod failure;
 #[cfg(feature = "fclib")]
 mod fclib;

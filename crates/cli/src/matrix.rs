@@ -9,7 +9,7 @@ use drystone::recording::write_whole;
 use drystone::scene::{self, Motion, Scene};
 use drystone::{SavedProblem, StepSettings, build};
 
-use crate::bake::{extension, wrong_extension};
+use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 use crate::print;
 use draw::{Entry, Picture, Point};

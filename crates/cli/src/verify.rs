@@ -10,7 +10,7 @@ use drystone::recording::npz::{self, Named};
 use drystone::recording::poses;
 use drystone::scene::{self, Scene};
 
-use crate::bake::{extension, wrong_extension};
+use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 use crate::print;
 

@@ -9,6 +9,7 @@ mod rigid;
 mod rotation;
 mod rounds;
 mod separation;
+mod solid;
 pub mod spheres;
 
 use std::fmt::Debug;

@@ -66,6 +66,7 @@ mod certifier;
 pub mod check;
 mod colliders;
 mod course;
+mod forms;
 pub mod geometry;
 mod ledger;
 mod motion;

@@ -6,307 +6,52 @@
 // An error is made once per file: its size does not matter.
 #![allow(clippy::result_large_err)]
 
+pub(crate) mod description;
 mod document;
 mod error;
 pub(crate) mod file;
 pub mod format;
 pub mod gltf;
 pub(crate) mod graph;
+mod read;
 pub mod schema;
 mod settings;
 pub mod usd;
 pub mod write;
 
+use std::path::Path;
+
+pub use description::{
+    BodiesAs, Body, Combine, Filter, Mass, Material, Motion, Rotation, Scene, Shape, ShapeKind,
+    Track,
+};
 pub use error::{Place, SceneError, Warning};
-pub use file::{open, read};
+pub use file::open;
+pub use read::Read;
 pub use schema::json_schema;
 pub use write::{to_json, to_toml};
 
-use std::collections::BTreeMap;
-
-use schemars::JsonSchema;
-use serde::Serialize;
-use serde_json::Value;
-
-/// What a reader makes of a file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Read {
-    /// The scene.
-    pub scene: Scene,
-    /// What will not act, or acts differently than one may think.
-    pub warnings: Vec<Warning>,
-    /// For a glTF: what it takes to write it again with an animation.
-    pub source: Option<gltf::Source>,
-}
-
-/// A scene: what is there, how it starts, how long it runs.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Scene {
-    /// Its name.
-    pub name: Option<String>,
-    /// 2 or 3.
-    pub dimension: usize,
-    /// Acceleration of free fall. \[m/s^2\]
-    pub gravity: Vec<f64>,
-    /// Length of a step. \[s\]
-    pub time_step: f64,
-    /// Steps to run, if the scene says so.
-    pub steps: Option<u32>,
-    /// Whether bodies are rigid, or particles that never turn.
-    pub bodies_as: BodiesAs,
-    /// Index = body id in every output.
-    pub bodies: Vec<Body>,
-    /// The table `solver`: step settings under the names of [`StepSettings`](crate::StepSettings),
-    /// each optional.
-    pub solver: serde_json::Map<String, Value>,
-}
-
-impl Scene {
-    /// The names of all bodies; `body 12` is one without.
-    pub fn names(&self) -> Vec<String> {
-        let name = |(i, body): (usize, &Body)| body.name.clone().unwrap_or(format!("body {i}"));
-        self.bodies.iter().enumerate().map(name).collect()
-    }
-
-    /// What messages call a body: its name in quotes, or its index.
-    pub fn name_of(&self, body: usize) -> String {
-        let name = self.bodies.get(body).and_then(|body| body.name.as_ref());
-        name.map_or_else(|| format!("body {body}"), |name| format!("'{name}'"))
+/// Reads a scene from a file: `.toml`, `.json`, `.gltf`, `.glb`, `.usda` or `.usd`, in upper or lower
+/// case.
+///
+/// # Errors
+/// [`SceneError::unreadable`] if the operating system does not give the file; otherwise what is
+/// wrong in it.
+pub fn read(path: &Path) -> Result<Read, SceneError> {
+    let extension = path.extension().and_then(|name| name.to_str()).unwrap_or("");
+    match extension.to_ascii_lowercase().as_str() {
+        "toml" => format::read_toml(path, &file::read_text(path)?),
+        "json" => format::read_json(path, &file::read_text(path)?),
+        "gltf" | "glb" => gltf::read(path),
+        // Binary ones are refused there, with what to do.
+        "usda" | "usd" | "usdc" | "usdz" => usd::read(path),
+        other => Err(SceneError {
+            file: path.to_owned(),
+            place: Place::File,
+            item: "the format".to_owned(),
+            value: if other.is_empty() { "not named".to_owned() } else { format!("\".{other}\"") },
+            accepted: "accepted: .toml, .json, .gltf, .glb, .usda".to_owned(),
+            unreadable: false,
+        }),
     }
 }
-
-/// How the bodies of a scene are simulated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum BodiesAs {
-    /// They turn: (2,1) or (3,3).
-    #[default]
-    Rigid,
-    /// Spheres without friction that never turn: (2,0) or (3,0).
-    Particles,
-}
-
-/// A body.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Body {
-    /// Its name, unique in the scene.
-    pub name: Option<String>,
-    /// What moves it.
-    pub motion: Motion,
-    /// Position of its origin. \[m\]
-    pub position: Vec<f64>,
-    /// Rotation about its origin.
-    pub rotation: Rotation,
-    /// Velocity of its center of mass. \[m/s\]
-    pub linear_velocity: Vec<f64>,
-    /// 3D: about world axes; 2D: one number. \[rad/s\]
-    pub angular_velocity: Vec<f64>,
-    /// Mass, and where it sits.
-    pub mass: Mass,
-    /// Part of the scene's gravity that acts on it. \[1\]
-    pub gravity_factor: f64,
-    /// One shape, or several that make a compound.
-    pub shapes: Vec<Shape>,
-    /// Prescribed poses of a kinematic body; empty: it moves at its velocities.
-    pub track: Track,
-}
-
-/// What moves a body.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Motion {
-    /// Forces and contacts.
-    #[default]
-    Dynamic,
-    /// Nothing.
-    Static,
-    /// Its velocities or its track: it pushes others and is never pushed.
-    Kinematic,
-}
-
-/// A rotation as written in a scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Rotation {
-    /// 2D. \[rad\]
-    Angle(f64),
-    /// 3D: unit quaternion x, y, z, w.
-    Quaternion([f64; 4]),
-}
-
-/// Mass properties; what is absent follows from the shapes.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Mass {
-    /// 3D \[kg/m^3\], 2D \[kg/m^2\]; absent: 1000.
-    pub density: Option<f64>,
-    /// Total mass, instead of a density; infinity: no push moves it. \[kg\]
-    pub mass: Option<f64>,
-    /// Center of mass in the body's frame. \[m\]
-    pub center: Option<Vec<f64>>,
-    /// Principal moments of inertia (3D: three, 2D: one); infinity: it does not turn about that
-    /// axis. \[kg m^2\]
-    pub inertia: Option<Vec<f64>>,
-    /// Rotation from the principal axes to the body's frame (3D).
-    pub inertia_rotation: Option<[f64; 4]>,
-}
-
-/// A shape on a body.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Shape {
-    /// Its form.
-    pub kind: ShapeKind,
-    /// Position in the body's frame. \[m\]
-    pub position: Vec<f64>,
-    /// Rotation in the body's frame.
-    pub rotation: Rotation,
-    /// What its surface is like.
-    pub material: Material,
-    /// What it collides with.
-    pub filter: Filter,
-}
-
-/// The form of a shape.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-#[serde(tag = "type", rename_all = "snake_case")]
-pub enum ShapeKind {
-    /// Sphere (2D: disk).
-    Sphere {
-        /// \[m\]
-        radius: f64,
-    },
-    /// Box.
-    Box {
-        /// Half of its size along each axis. \[m\]
-        half_extents: Vec<f64>,
-    },
-    /// Capsule along local y.
-    Capsule {
-        /// \[m\]
-        radius: f64,
-        /// Half the length of its segment. \[m\]
-        half_height: f64,
-    },
-    /// Cylinder along local y (3D).
-    Cylinder {
-        /// \[m\]
-        radius: f64,
-        /// Half of its height. \[m\]
-        half_height: f64,
-    },
-    /// Hull of points.
-    ConvexHull {
-        /// Points. \[m\]
-        points: Vec<Vec<f64>>,
-    },
-    /// Everything behind a plane through the local origin; not on dynamic bodies.
-    Halfspace {
-        /// Outward unit normal.
-        normal: Vec<f64>,
-    },
-    /// Triangles, counter-clockwise seen from outside (3D); not on dynamic bodies.
-    Trimesh {
-        /// Points. \[m\]
-        vertices: Vec<[f64; 3]>,
-        /// Indices of three vertices each.
-        triangles: Vec<[u32; 3]>,
-    },
-}
-
-/// A surface.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Material {
-    /// Coulomb coefficient. \[1\]
-    pub friction: f64,
-    /// Restitution, 0..1. \[1\]
-    pub restitution: f64,
-    /// How the frictions of two surfaces combine.
-    pub friction_combine: Combine,
-    /// How the restitutions of two surfaces combine.
-    pub restitution_combine: Combine,
-}
-
-impl Default for Material {
-    fn default() -> Self {
-        Self {
-            friction: 0.5,
-            restitution: 0.0,
-            friction_combine: Combine::GeometricMean,
-            restitution_combine: Combine::Maximum,
-        }
-    }
-}
-
-/// How two coefficients combine. When two surfaces differ, the earlier in this list decides.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Combine {
-    /// (a + b) / 2.
-    Average,
-    /// min(a, b).
-    Minimum,
-    /// max(a, b).
-    Maximum,
-    /// a b.
-    Multiply,
-    /// sqrt(a b): the default for friction.
-    GeometricMean,
-}
-
-impl Combine {
-    /// The coefficient of two surfaces with coefficients `x` and `y`.
-    pub fn of(a: Self, b: Self, x: f64, y: f64) -> f64 {
-        match a.min(b) {
-            Self::Average => 0.5 * (x + y),
-            Self::Minimum => x.min(y),
-            Self::Maximum => x.max(y),
-            Self::Multiply => x * y,
-            Self::GeometricMean => (x * y).sqrt(),
-        }
-    }
-}
-
-/// Which others a shape collides with: systems are bits; two shapes collide when each accepts a
-/// system of the other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Filter {
-    /// Systems that it is in; none: it belongs to no named system.
-    pub systems: u64,
-    /// Systems that it collides with.
-    pub collides_with: u64,
-    /// Whether it collides with shapes in none of the named systems.
-    pub collides_with_unnamed: bool,
-}
-
-impl Filter {
-    /// Whether both accept each other.
-    pub fn collides(&self, other: &Self) -> bool {
-        self.accepts(other) && other.accepts(self)
-    }
-
-    fn accepts(&self, other: &Self) -> bool {
-        if other.systems == 0 {
-            self.collides_with_unnamed
-        } else {
-            self.collides_with & other.systems != 0
-        }
-    }
-}
-
-impl Default for Filter {
-    fn default() -> Self {
-        Self { systems: 0, collides_with: u64::MAX, collides_with_unnamed: true }
-    }
-}
-
-/// Poses over time, for kinematic bodies; linear between keys, clamped at the ends.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Track {
-    /// Ascending. \[s\]
-    pub times: Vec<f64>,
-    /// Positions of the body's origin, one per time. \[m\]
-    pub positions: Vec<Vec<f64>>,
-    /// Rotations, one per time.
-    pub rotations: Vec<Rotation>,
-}
-
-/// Named materials of the scene file.
-pub type Materials = BTreeMap<String, Material>;

@@ -6,10 +6,10 @@ use drystone_solver::{Manifold, SymmetricMatrix, Vector, Velocity};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::bodies::{Body, BodyId, Collider, Inertia};
-use crate::geometry::spheres::SphereShape;
+use crate::forms::{FromScene, floats, place};
 use crate::geometry::{Frame, Geometry, MassProperties, Rigid2, Rigid3, Spheres};
 use crate::report::{Measure, Nearby, StepReport};
-use crate::scene::{self, BodiesAs, Motion, Rotation, Scene, ShapeKind, Track};
+use crate::scene::{self, BodiesAs, Motion, Rotation, Scene, Track};
 use crate::settings::StepSettings;
 use crate::world::{CheckpointError, World};
 
@@ -91,94 +91,6 @@ pub fn build(scene: &Scene, settings: StepSettings) -> Result<Box<dyn Simulation
         (_, BodiesAs::Rigid) => Box::new(Run::<Rigid3, 3, 3>::new(scene, settings)?),
         (_, BodiesAs::Particles) => Box::new(Run::<Spheres, 3, 0>::new(scene, settings)?),
     })
-}
-
-/// What a scene's shape becomes in a dimension.
-trait FromScene<const L: usize, const A: usize>: Geometry<L, A> {
-    fn shape(kind: &ShapeKind) -> Result<Self::Shape, &'static str>;
-}
-
-fn floats<const L: usize>(of: &[f64]) -> [f32; L] {
-    from_fn(|i| of.get(i).copied().unwrap_or(0.0) as f32)
-}
-
-/// What reads the same for parry2d and parry3d.
-macro_rules! parry_shape {
-    ($parry:ident, $kind:expr, $l:literal, $box:expr, $rest:expr) => {{
-        use $parry::math::Vector as V;
-        use $parry::shape::SharedShape;
-        match $kind {
-            ShapeKind::Sphere { radius } => Ok(SharedShape::ball(*radius as f32)),
-            ShapeKind::Box { half_extents } => Ok($box(floats::<$l>(half_extents))),
-            ShapeKind::Capsule { radius, half_height } => {
-                Ok(SharedShape::capsule_y(*half_height as f32, *radius as f32))
-            }
-            ShapeKind::Halfspace { normal } => {
-                Ok(SharedShape::halfspace(V::from(floats::<$l>(normal)).normalize()))
-            }
-            ShapeKind::ConvexHull { points } => {
-                let points: Vec<V> = points.iter().map(|p| V::from(floats::<$l>(p))).collect();
-                SharedShape::convex_hull(&points)
-                    .filter(|hull| hull.mass_properties(1.0).mass() > 0.0)
-                    .ok_or("a hull of these points has no volume; give points that do not lie in one plane")
-            }
-            other => $rest(other),
-        }
-    }};
-}
-
-impl FromScene<2, 1> for Rigid2 {
-    fn shape(kind: &ShapeKind) -> Result<Self::Shape, &'static str> {
-        parry_shape!(
-            parry2d,
-            kind,
-            2,
-            |[x, y]: [f32; 2]| SharedShape::cuboid(x, y),
-            |_: &ShapeKind| Err(
-                "is not a shape of 2D; use sphere, box, capsule, convex_hull or halfspace"
-            )
-        )
-    }
-}
-
-impl FromScene<3, 3> for Rigid3 {
-    fn shape(kind: &ShapeKind) -> Result<Self::Shape, &'static str> {
-        parry_shape!(
-            parry3d,
-            kind,
-            3,
-            |[x, y, z]: [f32; 3]| SharedShape::cuboid(x, y, z),
-            |other: &ShapeKind| match other {
-                ShapeKind::Cylinder { radius, half_height } => {
-                    Ok(SharedShape::cylinder(*half_height as f32, *radius as f32))
-                }
-                ShapeKind::Trimesh { vertices, triangles } => {
-                    use parry3d::shape::TriMeshFlags;
-                    let vertices = vertices.iter().map(|v| V::from(floats::<3>(v))).collect();
-                    // Without it, a body sliding over a flat mesh stumbles at inner edges.
-                    let flags = TriMeshFlags::FIX_INTERNAL_EDGES
-                        | TriMeshFlags::MERGE_DUPLICATE_VERTICES
-                        | TriMeshFlags::DELETE_DEGENERATE_TRIANGLES;
-                    SharedShape::trimesh_with_flags(vertices, triangles.clone(), flags)
-                        .map_err(|_| "has no usable triangle")
-                }
-                _ => Err("is not a shape of 3D"),
-            }
-        )
-    }
-}
-
-impl<const L: usize> FromScene<L, 0> for Spheres {
-    fn shape(kind: &ShapeKind) -> Result<Self::Shape, &'static str> {
-        match kind {
-            ShapeKind::Sphere { radius } => Ok(SphereShape::Sphere { radius: *radius as f32 }),
-            ShapeKind::Halfspace { normal } => {
-                let normal = Vector(floats::<L>(normal));
-                Ok(SphereShape::Halfspace { normal: normal * (1.0 / normal.length()) })
-            }
-            _ => Err("is not a particle; use sphere or halfspace"),
-        }
-    }
 }
 
 /// A world and the tracks of its kinematic bodies.
@@ -289,16 +201,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
     }
 }
 
-fn place<G: Geometry<L, A>, const L: usize, const A: usize>(
-    position: &[f64],
-    rotation: &Rotation,
-) -> G::Pose {
-    match rotation {
-        Rotation::Angle(angle) => G::pose(Vector(floats(position)), &[*angle as f32]),
-        Rotation::Quaternion(q) => G::pose(Vector(floats(position)), &q.map(|x| x as f32)),
-    }
-}
-
 fn convert<G: FromScene<L, A>, const L: usize, const A: usize>(
     body: &scene::Body,
     index: usize,
@@ -368,88 +270,4 @@ fn inertia<G: Geometry<L, A>, const L: usize, const A: usize>(
             principal(|moment| if moment.is_finite() && moment > 0.0 { 1.0 / moment } else { 0.0 });
     }
     inertia
-}
-
-/// What says how heavy a shape is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Weight {
-    /// \[kg/m^3\]
-    Density(f64),
-    /// \[kg\]
-    Mass(f64),
-}
-
-/// Mass \[kg\], center \[m\] and inertia about it \[kg m^2\] of a body.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Solid {
-    pub(crate) mass: f64,
-    pub(crate) center: [f64; 3],
-    pub(crate) inertia: [[f64; 3]; 3],
-}
-
-/// A body in 3D of shapes that are not equally dense; none where they have no volume.
-pub(crate) fn compound<'s>(
-    parts: impl Iterator<Item = (&'s scene::Shape, Weight)>,
-) -> Option<Solid> {
-    let mut solid = MassProperties::<3, 3>::ZERO;
-    for (shape, weight) in parts {
-        let form = <Rigid3 as FromScene<3, 3>>::shape(&shape.kind).ok()?;
-        let mut own = Rigid3::mass(&form, 1.0);
-        let factor = match weight {
-            Weight::Density(density) => density as f32,
-            Weight::Mass(mass) => mass as f32 / own.mass,
-        };
-        own.mass *= factor;
-        own.inertia.0 = own.inertia.0.map(|row| row * factor);
-        let pose = place::<Rigid3, 3, 3>(&shape.position, &shape.rotation);
-        solid = solid.joined(&own.placed(&Rigid3::frame(&pose)));
-    }
-    let sound = solid.mass > 0.0 && solid.mass.is_finite();
-    sound.then(|| Solid {
-        mass: f64::from(solid.mass),
-        center: solid.center.0.map(f64::from),
-        inertia: solid.inertia.0.map(|row| row.0.map(f64::from)),
-    })
-}
-
-impl Track {
-    /// Position and rotation at `time` \[s\]: linear between keys, held before the first and after
-    /// the last.
-    pub fn at(&self, time: f64) -> (Vec<f64>, Rotation) {
-        let after = self.times.partition_point(|&key| key <= time);
-        let i = after.saturating_sub(1);
-        let j = after.min(self.times.len() - 1);
-        let span = self.times[j] - self.times[i];
-        let t = if span > 0.0 { (time - self.times[i]) / span } else { 0.0 };
-        let position = self.positions[i]
-            .iter()
-            .zip(&self.positions[j])
-            .map(|(p, q)| p + (q - p) * t)
-            .collect();
-        (position, self.rotations[i].towards(&self.rotations[j], t))
-    }
-}
-
-impl Rotation {
-    /// The rotation a part `t` (0..1) of the shorter way to `other`, at even speed.
-    pub fn towards(&self, other: &Self, t: f64) -> Self {
-        match (self, other) {
-            (Self::Quaternion(p), Self::Quaternion(q)) => {
-                let dot: f64 = p.iter().zip(q).map(|(x, y)| x * y).sum();
-                let sign = if dot < 0.0 { -1.0 } else { 1.0 };
-                let angle = libm::acos((dot * sign).min(1.0));
-                let sine = libm::sin(angle);
-                let (from, to) = if sine > 1e-6 {
-                    (libm::sin((1.0 - t) * angle) / sine, libm::sin(t * angle) / sine)
-                } else {
-                    (1.0 - t, t)
-                };
-                let mixed: [f64; 4] = from_fn(|i| p[i] * from + q[i] * to * sign);
-                let length = mixed.iter().map(|x| x * x).sum::<f64>().sqrt();
-                Self::Quaternion(mixed.map(|x| x / length))
-            }
-            (Self::Angle(a), Self::Angle(b)) => Self::Angle(a + (b - a) * t),
-            _ => *self,
-        }
-    }
 }

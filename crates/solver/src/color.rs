@@ -6,7 +6,28 @@ use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use crate::batch::{Division, Extent, Outline, Sizes};
 use crate::lanes::{WIDTH, lanes_of};
 use crate::team::{Member, Team};
-use crate::wide::Past;
+
+/// What a manifold was when manifolds were last taken in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Past {
+    /// It was not there, or its number is not known.
+    New,
+    /// It had this number, and joined the same bodies.
+    Changed(u32),
+    /// It had this number, and is as it was then but for gaps and impulses, which are as they were
+    /// [traced](crate::wide::Batch::trace). It need not be taken in again.
+    Kept(u32),
+}
+
+impl Past {
+    /// The same of one that is not kept.
+    pub fn changed(self) -> Self {
+        match self {
+            Self::Kept(number) => Self::Changed(number),
+            other => other,
+        }
+    }
+}
 
 /// Colors at most; what fits none of them comes after, one by one.
 const COLORS: usize = 64;

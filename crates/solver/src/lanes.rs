@@ -13,7 +13,6 @@
 
 use std::ops::{Add, AddAssign, Div, Index, Mul, Neg, Sub, SubAssign};
 
-use crate::wide::passes::{Table, table};
 use crate::{Cast, Real, Vector};
 
 /// Number of lanes, on every target.
@@ -38,10 +37,6 @@ pub unsafe trait Lanes: Columns + Cast<Self::Doubles> + 'static {
 
     /// One of them.
     fn get(&self, lane: usize) -> f32;
-
-    /// The passes over packed systems, as they were compiled for these lanes.
-    #[doc(hidden)]
-    fn passes() -> Table;
 
     /// Runs `f` with the instructions that this type needs. Arithmetic on the type is only fast, and
     /// on [`Avx2`] only allowed, within.
@@ -378,11 +373,6 @@ unsafe impl Lanes for Portable {
         self.0[lane]
     }
 
-    #[inline(never)]
-    fn passes() -> Table {
-        table!(Self)
-    }
-
     #[inline(always)]
     fn run<R>(f: impl FnOnce() -> R) -> R {
         f()
@@ -428,7 +418,6 @@ mod avx2 {
     use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
     use super::{Columns, Doubles, Group, Lanes, PART, Row, WIDTH};
-    use crate::wide::passes::{Table, table};
     use crate::{Cast, Real};
 
     /// Numbers in registers of AVX2. Values can be made and moved anywhere; arithmetic must happen
@@ -460,11 +449,6 @@ mod avx2 {
         fn get(&self, lane: usize) -> f32 {
             // SAFETY: registers in memory are as many numbers; the index is checked.
             unsafe { (*std::ptr::from_ref(self).cast::<[f32; WIDTH]>())[lane] }
-        }
-
-        #[inline(never)]
-        fn passes() -> Table {
-            table!(Self)
         }
 
         #[inline(always)]

@@ -9,7 +9,7 @@ use drystone_solver::assembled::Matrix;
 use serde_json::{Value, json};
 
 use super::Arguments;
-use super::output::{extension, wrong_extension};
+use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 
 /// The step to save, if the run has it.

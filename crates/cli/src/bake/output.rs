@@ -9,6 +9,7 @@ use drystone::scene::{Read, Warning};
 
 use super::{Arguments, Bake};
 use crate::cut::{Cut, Film};
+use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 
 /// What a motion is written as.
@@ -132,19 +133,6 @@ impl Format {
         };
         written.map(|()| warnings).map_err(|error| Failure::cannot_write(path, &error))
     }
-}
-
-pub(crate) fn extension(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
-}
-
-pub(crate) fn wrong_extension(flag: &str, path: &Path, accepted: &str) -> Failure {
-    let value = match extension(path).as_str() {
-        "" => "not named".to_owned(),
-        other => format!("\".{other}\""),
-    };
-    let path = path.display();
-    Failure::Input(format!("{path}: the format of {flag} is {value}; accepted: {accepted}"))
 }
 
 /// What tells whether two paths lead to the same file.

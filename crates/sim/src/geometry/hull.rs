@@ -6,7 +6,7 @@ use std::ops::Range;
 use drystone_solver::{SymmetricMatrix, Vector, moment};
 
 use super::MassProperties;
-use super::polyhedra::{Corner, Solid};
+use super::solid::{Corner, Solid};
 
 /// How far a corner may be from the plane of its face, as part of the hull's largest side: what
 /// rounding in a file leaves of a flat face. More, and what rests on the face would sink in.

@@ -4,10 +4,11 @@ use drystone_solver::{SymmetricMatrix, Vector};
 use parry2d::shape::ConvexPolygon;
 
 use super::hull::{self, Hull};
-use super::polyhedra::{Clipper, Cuboid, Footing, Plane, Solid, collide, on_plane};
+use super::polyhedra::{Clipper, Footing, Plane, collide, on_plane};
 use super::rotation::{Eight, Quaternion, each_eight, precess};
 use super::rounds::{Round, between_rounds, on_solid};
 use super::separation::{Crossing, between, between_boxes};
+use super::solid::{Cuboid, Solid};
 use super::spheres::balls;
 use super::{
     Bounds, Frame, Geometry, MassProperties, Reach, Spin, TOGETHER, Touch, TouchPoint, leading,

@@ -5,8 +5,9 @@
 
 use drystone_solver::Vector;
 
-use super::polyhedra::{Clipper, Solid};
+use super::polyhedra::Clipper;
 use super::separation::{FaceOf, Known, best_face, edges_feature, measure};
+use super::solid::Solid;
 use super::spheres::between_balls;
 use super::{Frame, Touch, TouchPoint};
 

@@ -9,7 +9,7 @@
 use drystone_solver::{Vector, moment};
 
 use super::Frame;
-use super::polyhedra::{Cuboid, Solid};
+use super::solid::{Cuboid, Solid};
 
 /// By how much an axis must win, as part of the prediction distance.
 const PREFERENCE: f32 = 0.01;

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 
-use super::{BodiesAs, Combine, Motion, ShapeKind};
+use super::description::{BodiesAs, Combine, Motion, ShapeKind};
 
 /// A scene for Drystone. SI units, right-handed, +y up.
 #[derive(Serialize, JsonSchema, Default)]

@@ -1,4 +1,4 @@
-//! Reading a scene from a file of any format.
+//! Files as they are read: no larger than they may be, and inside their folder.
 #![cfg_attr(
     not(test),
     deny(
@@ -13,36 +13,12 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Component, Path, PathBuf};
 
-use super::{Place, Read, SceneError, format, gltf, usd};
+use super::error::{Place, SceneError};
 
 /// Largest scene file. \[byte\]
 const MAX_SIZE: u64 = 1 << 30;
 
-/// Reads a scene from a file: `.toml`, `.json`, `.gltf`, `.glb`, `.usda` or `.usd`, in upper or lower
-/// case.
-///
-/// # Errors
-/// [`SceneError::unreadable`] if the operating system does not give the file; otherwise what is
-/// wrong in it.
-pub fn read(file: &Path) -> Result<Read, SceneError> {
-    let extension = file.extension().and_then(|name| name.to_str()).unwrap_or("");
-    match extension.to_ascii_lowercase().as_str() {
-        "toml" => format::read_toml(file, &read_text(file)?),
-        "json" => format::read_json(file, &read_text(file)?),
-        "gltf" | "glb" => gltf::read(file),
-        // Binary ones are refused there, with what to do.
-        "usda" | "usd" | "usdc" | "usdz" => usd::read(file),
-        other => Err(SceneError {
-            file: file.to_owned(),
-            place: Place::File,
-            item: "the format".to_owned(),
-            value: if other.is_empty() { "not named".to_owned() } else { format!("\".{other}\"") },
-            accepted: "accepted: .toml, .json, .gltf, .glb, .usda".to_owned(),
-            unreadable: false,
-        }),
-    }
-}
-
+/// All of a file as text.
 pub(super) fn read_text(file: &Path) -> Result<String, SceneError> {
     let bytes = read_bytes(file, MAX_SIZE).map_err(|error| SceneError {
         file: file.to_owned(),

@@ -13,10 +13,11 @@
 )]
 
 pub(super) mod body;
+mod setup;
 pub(super) mod shape;
 pub(crate) mod surface;
 mod tree;
-mod walk;
+pub(super) mod walk;
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
@@ -24,13 +25,15 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use self::body::{Setup, read_body};
+use self::body::read_body;
+use self::setup::Setup;
 use self::surface::{Surface, Systems, read_surface};
 use self::tree::{Node, Text, Tree};
-pub(super) use self::walk::nearest_known;
 use self::walk::{Field, Range, Table, Walk};
+use super::description::{BodiesAs, Body, Motion, Scene, ShapeKind};
+use super::error::SceneError;
+use super::read::Read;
 use super::settings::{self, Fault};
-use super::{BodiesAs, Body, Motion, Read, Scene, SceneError, ShapeKind};
 
 pub(super) const SCENE_KEYS: &[&str] = &[
     "name",

@@ -18,7 +18,8 @@ pub(super) mod triangles;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::{Scene, format};
+use super::description::Scene;
+use super::format;
 
 /// Largest coordinate, size and scale. \[m\]
 pub(super) const FAR: f64 = 1e9;

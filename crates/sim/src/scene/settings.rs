@@ -2,8 +2,9 @@
 
 use serde_json::{Map, Value};
 
-use super::format::nearest_known;
-use super::{Place, Scene, SceneError};
+use super::description::Scene;
+use super::error::{Place, SceneError};
+use super::format::walk::nearest_known;
 use crate::StepSettings;
 
 /// A setting that is refused.

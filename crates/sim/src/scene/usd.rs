@@ -35,9 +35,11 @@ use std::path::Path;
 
 use self::files::Files;
 use self::stage::Stage;
+use super::description::Scene;
+use super::error::{Place, SceneError, Warning};
 use super::graph::math::{self, Vec3};
 use super::graph::{FAST, own_words};
-use super::{Place, Read, Scene, SceneError, Warning};
+use super::read::Read;
 
 /// Of free fall on earth. \[m/s^2\]
 const EARTH: f64 = 9.81;

@@ -1,13 +1,14 @@
 //! Writing a scene in Drystone's own format; what equals its default is left out.
 
+use super::description::{
+    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, Track,
+};
 use super::document::{
     BodyDocument, CollisionDocument, InertiaDocument, KeyDocument, RotationDocument, SceneDocument,
     ShapeDocument, SpinDocument, SurfaceDocument, Unbounded,
 };
-use super::format::body::identity;
 use super::format::surface::default_material;
 use super::format::{GRAVITY, TIME_STEP};
-use super::{BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, Track};
 
 /// The scene as JSON. Reading it gives the same scene.
 pub fn to_json(scene: &Scene) -> String {
@@ -53,7 +54,7 @@ fn body_document(body: &Body, scene: &Scene) -> BodyDocument {
         name: body.name.clone(),
         motion: (body.motion != Motion::default()).then_some(body.motion),
         position: unless(&body.position, &zero),
-        rotation: rotation_unless(body.rotation, identity(dimension)),
+        rotation: rotation_unless(body.rotation, Rotation::identity(dimension)),
         linear_velocity: unless(&body.linear_velocity, &zero),
         angular_velocity: spin(&body.angular_velocity),
         gravity_factor: (body.gravity_factor != 1.0).then_some(body.gravity_factor),
@@ -90,7 +91,7 @@ fn shape_document(
     ShapeDocument {
         kind: shape.kind.clone(),
         position: unless(&shape.position, &vec![0.0; dimension]),
-        rotation: rotation_unless(shape.rotation, identity(dimension)),
+        rotation: rotation_unless(shape.rotation, Rotation::identity(dimension)),
         surface: surface(&shape.material, material),
         collision: collision(shape.filter, filter),
         extras: None,

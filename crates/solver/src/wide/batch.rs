@@ -1,14 +1,18 @@
-//! [`Batch`]: a part of a packed system that nothing joins to the rest.
+//! [`Batch`]: a part of a packed system that nothing joins to the rest; and the [`Passes`] over it.
 
+use std::fmt::Debug;
 use std::ops::Range;
 
 use super::block::Block;
-use super::passes::{Passes, Targets};
-use super::walk::Traces;
+use super::conjugate::Conjugate;
+use super::rows::Trace;
+use super::targets::Targets;
 use crate::batch::Extent;
+use crate::certificate::{Certificate, Tally};
 use crate::color::{Color, Coloring};
+use crate::island::Islands;
 use crate::lanes::Lanes;
-use crate::team::{Divide, Team};
+use crate::team::{Divide, Shared, Team};
 use crate::{Contact, Repair, Velocity};
 
 /// Bodies that follow each other and that no manifold joins to others, with their manifolds, in their
@@ -28,7 +32,8 @@ pub struct Batch<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a mut [Block<V, L, A>],
     pub(super) contacts: &'a mut [Contact<V, L>],
     pub(super) coloring: &'a Coloring,
-    pub(super) traces: Traces<'a, L>,
+    /// Where those of all points of the system go, if anywhere.
+    pub(super) traces: Shared<'a, Trace<L>>,
     pub(super) team: &'a Team,
     pub(super) passes: &'static dyn Passes<V, L, A>,
 }
@@ -39,7 +44,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         extents: &'a [Extent],
         blocks: &'a mut [Block<V, L, A>],
         contacts: &'a mut [Contact<V, L>],
-        (coloring, traces): (&'a Coloring, Traces<'a, L>),
+        (coloring, traces): (&'a Coloring, Shared<'a, Trace<L>>),
         (team, passes): (&'a Team, &'static dyn Passes<V, L, A>),
     ) -> Self {
         let none = Extent::default();
@@ -138,4 +143,60 @@ impl<V: Lanes, const L: usize, const A: usize> Divide for Batch<'_, V, L, A> {
         let first = Self::new(first, blocks, contacts, of, by);
         (first, Self::new(others, later_blocks, later_contacts, of, by))
     }
+}
+
+/// All of a packed system, to be read.
+#[derive(Clone, Copy)]
+pub(crate) struct View<'a, V: Lanes, const L: usize, const A: usize> {
+    pub(super) blocks: &'a [Block<V, L, A>],
+    pub(super) contacts: &'a [Contact<V, L>],
+    pub(super) coloring: &'a Coloring,
+    pub(super) team: &'a Team,
+}
+
+pub(super) type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
+
+/// What is done to blocks, by the names of the methods of [`Batch`] and [`Packed`](super::Packed).
+pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync {
+    fn prepare(&self, block: &mut Block<V, L, A>, points: &mut [Contact<V, L>], softness: f32);
+
+    fn apply_impulses(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn set_targets(&self, batch: &mut Batch<'_, V, L, A>, targets: &Targets<'_, V, L, A>);
+
+    fn sweep_normals(
+        &self,
+        batch: &mut Batch<'_, V, L, A>,
+        velocities: &mut Velocities<L, A>,
+        targets: Option<&Targets<'_, V, L, A>>,
+    );
+
+    fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn relax(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn conjugate(
+        &self,
+        state: &mut Conjugate<V, L, A>,
+        batch: &mut Batch<'_, V, L, A>,
+        velocities: &mut Velocities<L, A>,
+        done: &[bool],
+    );
+
+    /// With residuals, for the line: both as in [`Packed::certify`](super::Packed::certify).
+    fn certify<'a>(
+        &self,
+        all: View<'_, V, L, A>,
+        which: [bool; 2],
+        velocities: [&Velocities<L, A>; 2],
+        islands: &Islands,
+        tally: &'a mut Tally<L, A>,
+    ) -> &'a [Certificate];
+
+    /// Of rigid contacts.
+    fn residual(&self, all: View<'_, V, L, A>, velocities: &Velocities<L, A>) -> f32;
+
+    fn overlap(&self, all: View<'_, V, L, A>) -> f32;
+
+    fn trace(&self, batch: &mut Batch<'_, V, L, A>, displacements: &Velocities<L, A>, hold: f32);
 }

@@ -3,7 +3,9 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::{Batch, Packed, Rows, Trace};
+use super::batch::Batch;
+use super::packed::Packed;
+use super::rows::{Rows, Trace};
 use crate::certificate::{Certificate, Tally};
 use crate::island::Islands;
 use crate::lanes::Portable;

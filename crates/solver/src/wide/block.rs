@@ -1,6 +1,6 @@
 //! [`Block`]: sixteen manifolds side by side.
 
-use super::{Rows, Seats, open, set};
+use super::rows::{Rows, Seats, open};
 use crate::color::{Coloring, Members};
 use crate::island::NONE;
 use crate::lanes::{Columns, Lanes, Several, WIDTH, lanes_of};
@@ -189,6 +189,17 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             Some(island) => is_done(island),
             None => self.islands.iter().all(|&island| is_done(island)),
         }
+    }
+}
+
+/// Puts a vector into a lane of a wide one.
+pub(super) fn set<V: Lanes, const N: usize>(
+    wide: &mut Vector<V, N>,
+    lane: usize,
+    of: &Vector<f32, N>,
+) {
+    for i in 0..N {
+        wide[i].set(lane, of[i]);
     }
 }
 

@@ -5,96 +5,70 @@
 //! [`Passes`].
 
 use std::any::Any;
-use std::fmt::Debug;
 
+use super::batch::{Batch, Passes, Velocities, View};
 use super::block::{Block, splat};
-use super::conjugate;
+use super::conjugate::{Conjugate, of};
+use super::targets::Targets;
 use super::walk::{Field, Ground, Reading};
-use super::{Batch, Packed};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
-use crate::lanes::{Lanes, PART, WIDTH, lanes_of};
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::Avx2;
+use crate::lanes::{Lanes, PART, Portable, WIDTH, lanes_of};
 use crate::team::{Shared, Team};
-use crate::{Contact, Repair, Velocity};
+use crate::{Contact, Velocity, nncg};
 
 /// Bodies that are worth as much as the least that is shared, in a certificate.
-const PIECE: usize = 16;
+const CERTIFIED: usize = 16;
 
-type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
+/// The same, in an iteration of conjugate gradients.
+const WAYS: usize = 256;
 
-/// What [`Packed`] has done to its blocks, by the names of its own methods.
-pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync {
-    fn prepare(&self, block: &mut Block<V, L, A>, points: &mut [Contact<V, L>], softness: f32);
-
-    fn apply_impulses(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
-
-    fn set_targets(&self, batch: &mut Batch<'_, V, L, A>, targets: &Targets<'_, V, L, A>);
-
-    fn sweep_normals(
-        &self,
-        batch: &mut Batch<'_, V, L, A>,
-        velocities: &mut Velocities<L, A>,
-        targets: Option<&Targets<'_, V, L, A>>,
-    );
-
-    fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
-
-    fn relax(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
-
-    fn conjugate(
-        &self,
-        packed: &mut Packed<V, L, A>,
-        velocities: &mut Velocities<L, A>,
-        done: &[bool],
-    );
-
-    /// With residuals, for the line: both as in [`Packed::certify`].
-    fn certify<'a>(
-        &self,
-        packed: &Packed<V, L, A>,
-        which: [bool; 2],
-        velocities: [&Velocities<L, A>; 2],
-        islands: &Islands,
-        tally: &'a mut Tally<L, A>,
-    ) -> &'a [Certificate];
-
-    /// Of rigid contacts.
-    fn residual(&self, packed: &Packed<V, L, A>, velocities: &Velocities<L, A>) -> f32;
-
-    fn overlap(&self, packed: &Packed<V, L, A>) -> f32;
-
-    fn trace(&self, batch: &mut Batch<'_, V, L, A>, displacements: &Velocities<L, A>, hold: f32);
-}
-
-/// References to `&dyn Passes<Self, L, A>`, one for each kind of bodies.
-pub(crate) type Table = [&'static dyn Any; 4];
+/// References to `&dyn Passes<V, L, A>`, one for each kind of bodies.
+type Table = [&'static dyn Any; 4];
 
 /// The [`Table`] of a type of lanes. Whatever it stands in must not be generic, nor be inlined: it is
 /// where they are compiled.
 macro_rules! table {
-    ($lanes:ty) => {{
-        use $crate::wide::passes::{Compiled, Passes};
+    ($lanes:ty) => {
         [
             &(&Compiled as &'static dyn Passes<$lanes, 2, 0>),
             &(&Compiled as &'static dyn Passes<$lanes, 3, 0>),
             &(&Compiled as &'static dyn Passes<$lanes, 2, 1>),
             &(&Compiled as &'static dyn Passes<$lanes, 3, 3>),
         ]
-    }};
+    };
 }
-pub(crate) use table;
+
+#[inline(never)]
+fn portable() -> Table {
+    table!(Portable)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline(never)]
+fn avx2() -> Table {
+    table!(Avx2)
+}
 
 /// The passes for these lanes and bodies.
 ///
 /// # Panics
-/// There are no such bodies: neither particles nor rigid ones, in the plane nor in space.
+/// There are no such lanes or bodies: neither particles nor rigid ones, in the plane nor in space.
 pub(super) fn passes<V: Lanes, const L: usize, const A: usize>() -> &'static dyn Passes<V, L, A> {
-    let own = V::passes().into_iter().find_map(|of| of.downcast_ref::<&dyn Passes<V, L, A>>());
+    let tables = [
+        portable(),
+        #[cfg(target_arch = "x86_64")]
+        avx2(),
+    ];
+    let mut all = tables.into_iter().flatten();
+    let own = all.find_map(|of| of.downcast_ref::<&dyn Passes<V, L, A>>());
     *own.expect("particles or rigid bodies, of two dimensions or three")
 }
 
 #[derive(Debug)]
-pub(crate) struct Compiled;
+struct Compiled;
 
 impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     fn prepare(&self, block: &mut Block<V, L, A>, points: &mut [Contact<V, L>], softness: f32) {
@@ -165,32 +139,33 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn conjugate(
         &self,
-        packed: &mut Packed<V, L, A>,
+        state: &mut Conjugate<V, L, A>,
+        batch: &mut Batch<'_, V, L, A>,
         velocities: &mut Velocities<L, A>,
         done: &[bool],
     ) {
-        conjugate::iterate(packed, velocities, done);
+        iterate(state, batch, velocities, done);
     }
 
     fn certify<'a>(
         &self,
-        packed: &Packed<V, L, A>,
+        all: View<'_, V, L, A>,
         which: [bool; 2],
         velocities: [&Velocities<L, A>; 2],
         islands: &Islands,
         tally: &'a mut Tally<L, A>,
     ) -> &'a [Certificate] {
         match which {
-            [false, false] => certify::<V, L, A, false, false>(packed, velocities, islands, tally),
-            [false, true] => certify::<V, L, A, false, true>(packed, velocities, islands, tally),
-            [true, false] => certify::<V, L, A, true, false>(packed, velocities, islands, tally),
-            [true, true] => certify::<V, L, A, true, true>(packed, velocities, islands, tally),
+            [false, false] => certify::<V, L, A, false, false>(all, velocities, islands, tally),
+            [false, true] => certify::<V, L, A, false, true>(all, velocities, islands, tally),
+            [true, false] => certify::<V, L, A, true, false>(all, velocities, islands, tally),
+            [true, true] => certify::<V, L, A, true, true>(all, velocities, islands, tally),
         }
     }
 
-    fn residual(&self, packed: &Packed<V, L, A>, velocities: &Velocities<L, A>) -> f32 {
+    fn residual(&self, all: View<'_, V, L, A>, velocities: &Velocities<L, A>) -> f32 {
         worst(
-            packed,
+            all,
             #[inline(always)]
             |block, points| {
                 let [a, b] = block.gather_from(0, velocities);
@@ -204,9 +179,9 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         )
     }
 
-    fn overlap(&self, packed: &Packed<V, L, A>) -> f32 {
+    fn overlap(&self, all: View<'_, V, L, A>) -> f32 {
         worst(
-            packed,
+            all,
             #[inline(always)]
             |_, points| {
                 let own = points.iter().map(|point| -point.gap[0]);
@@ -217,8 +192,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn trace(&self, batch: &mut Batch<'_, V, L, A>, displacements: &Velocities<L, A>, hold: f32) {
         let ((team, useful), first) = (workers(batch), batch.bodies.start);
-        let (coloring, traces) = (batch.coloring, batch.traces);
-        assert_eq!(traces.count(), coloring.all_points(), "a trace for each point");
+        assert_eq!(batch.traces.len(), batch.coloring.all_points(), "a trace for each point");
         let field = Field::new(batch);
         team.run(useful, &|member| {
             V::run(
@@ -232,7 +206,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
                             if block.used == 0 {
                                 return;
                             }
-                            let (manifold, members) = (&block.manifold, &coloring.members[index]);
+                            let manifold = &block.manifold;
                             let [moved_a, moved_b] = block.gather_from(first, displacements);
                             let moved = manifold.twist(&moved_a, &moved_b);
                             let points = points[..manifold.count as usize].iter_mut();
@@ -240,7 +214,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
                                 let gap = contact.gap + contact.relative_velocity(&moved);
                                 contact.gap =
                                     contact.held_slip(manifold.friction, splat(hold), gap);
-                                traces.put(coloring, members, point, contact);
+                                field.trace(index, point, contact);
                             }
                         },
                     );
@@ -253,16 +227,16 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 /// The largest of what blocks and their points have; nothing comes of points that are not there.
 #[inline(always)]
 fn worst<V: Lanes, const L: usize, const A: usize>(
-    packed: &Packed<V, L, A>,
+    all: View<'_, V, L, A>,
     of: impl Fn(&Block<V, L, A>, &[Contact<V, L>]) -> V,
 ) -> f32 {
     let mut worst = V::ZERO;
     V::run(
         #[inline(always)]
         || {
-            for block in packed.blocks.iter().filter(|block| block.used != 0) {
+            for block in all.blocks.iter().filter(|block| block.used != 0) {
                 // In this order, what is no number is passed over.
-                worst = of(block, &packed.contacts[block.manifold.points()]).max(worst);
+                worst = of(block, &all.contacts[block.manifold.points()]).max(worst);
             }
         },
     );
@@ -299,6 +273,80 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const 
     });
 }
 
+/// One iteration over the islands that are not `done`.
+fn iterate<V: Lanes, const L: usize, const A: usize>(
+    state: &mut Conjugate<V, L, A>,
+    batch: &mut Batch<'_, V, L, A>,
+    velocities: &mut [Velocity<f32, L, A>],
+    done: &[bool],
+) {
+    // Bodies of what is done must not go on: most of its contacts do not.
+    let of_done = state.betas.iter_mut().zip(done).filter(|(_, done)| **done);
+    of_done.for_each(|(beta, _)| *beta = 0.0);
+    let betas = &state.betas;
+    let (team, useful) = workers(batch);
+    // v <- v + beta M^-1 J^T p, of what the bodies know of the last sweep.
+    let (shared, share) = team.share(velocities.len(), WAYS);
+    let bodies = velocities.chunks_mut(share).zip(state.of_body.chunks(share));
+    let bodies = bodies.zip(state.velocities.chunks_mut(share).zip(state.ways.chunks_mut(share)));
+    team.for_each(shared, bodies, |((velocities, islands), (before, ways))| {
+        V::run(
+            #[inline(always)]
+            || {
+                let known = before.iter_mut().zip(ways);
+                for ((velocity, &island), (before, way)) in
+                    velocities.iter_mut().zip(islands).zip(known)
+                {
+                    let beta = of(island, betas);
+                    *way = nncg::next_way(velocity, before, way, beta);
+                    // Not read back: memory written in parts and read as a whole is waited for.
+                    let moved = *velocity + *way * beta;
+                    (*velocity, *before) = (moved, moved);
+                }
+            },
+        );
+    });
+    let ground = Ground::new(batch, velocities);
+    let before = Shared::new(0, &mut state.before);
+    let direction = Shared::new(0, &mut state.direction);
+    let gradients = Shared::new(0, &mut state.gradients);
+    team.run(useful, &|member| {
+        V::run(
+            #[inline(always)]
+            || {
+                for mut at in ground.walk(member) {
+                    let block = at.block;
+                    if block.is_done(done) {
+                        continue;
+                    }
+                    let beta = match block.island() {
+                        Some(island) => splat(of(island, betas)),
+                        None => V::from_array(block.islands.map(|island| of(island, betas))),
+                    };
+                    // r <- r + beta p.
+                    let (points, before) = (at.points(), at.of_points(&before));
+                    let kept = before.iter_mut().zip(at.of_points(&direction));
+                    for (contact, (before, direction)) in points.iter_mut().zip(kept) {
+                        *direction = nncg::next_direction(contact, *before, *direction, beta);
+                        contact.impulse += *direction * beta;
+                        *before = contact.impulse;
+                    }
+                    at.visit::<false, true>(points);
+                    let mut size = V::ZERO;
+                    for (contact, before) in points.iter().zip(before) {
+                        size += nncg::size(contact, *before);
+                    }
+                    at.of_block(&gradients)[0] = size;
+                }
+            },
+        );
+    });
+    V::run(
+        #[inline(always)]
+        || state.find_betas(batch.blocks, done),
+    );
+}
+
 fn certify<
     'a,
     V: Lanes,
@@ -307,15 +355,15 @@ fn certify<
     const RESIDUALS: bool,
     const LINE: bool,
 >(
-    packed: &Packed<V, L, A>,
+    all: View<'_, V, L, A>,
     [velocities, prospective]: [&Velocities<L, A>; 2],
     islands: &Islands,
     tally: &'a mut Tally<L, A>,
 ) -> &'a [Certificate] {
-    let (team, blocks) = (&packed.team, &packed.blocks);
+    let View { blocks, team, .. } = all;
     let (momenta, verdicts) = tally.start(islands.count, WIDTH * blocks.len());
     let (momenta, verdicts) = (Shared::new(0, momenta), Shared::new(0, verdicts));
-    let ground = Reading::new(packed, velocities);
+    let ground = Reading::new(all, velocities);
     team.run(team.is_useful(blocks.len()), &|member| {
         V::run(
             #[inline(always)]
@@ -323,7 +371,7 @@ fn certify<
                 for mut at in ground.walk(member) {
                     let (block, moving, verdicts) =
                         (at.block(), at.gather(), at.of_lanes(&verdicts));
-                    let points = &packed.contacts[block.manifold.points()];
+                    let points = &all.contacts[block.manifold.points()];
                     for part in 0..WIDTH / PART {
                         let used = block.used >> (PART * part) & ((1 << PART) - 1);
                         if used == 0 {
@@ -350,7 +398,7 @@ fn certify<
             tally.add::<RESIDUALS, LINE>(block.islands[lane], WIDTH * index + lane);
         }
     }
-    let (useful, share) = team.share(velocities.len(), PIECE);
+    let (useful, share) = team.share(velocities.len(), CERTIFIED);
     team.for_each(useful, tally.bodies(share), |bodies| {
         V::run(
             #[inline(always)]
@@ -358,53 +406,4 @@ fn certify<
         );
     });
     tally.finish::<LINE>(|body| islands.of_body[body])
-}
-
-/// What targets are set from ([`System::set_targets`](crate::System::set_targets)).
-#[derive(Clone, Copy)]
-pub(crate) struct Targets<'a, V: Lanes, const L: usize, const A: usize> {
-    /// The number of the first body.
-    first: usize,
-    displacements: &'a [Velocity<f32, L, A>],
-    repair: Repair<V>,
-}
-
-impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
-    pub(super) fn new(
-        first: usize,
-        displacements: &'a [Velocity<f32, L, A>],
-        repair: &Repair<f32>,
-    ) -> Self {
-        Self {
-            first,
-            displacements,
-            repair: Repair {
-                dt: splat(repair.dt),
-                rate: splat(repair.rate),
-                slop: splat(repair.slop),
-                push_speed: splat(repair.push_speed),
-                hold: splat(repair.hold),
-            },
-        }
-    }
-
-    /// Those of the points of a block.
-    #[inline(always)]
-    fn set(&self, block: &Block<V, L, A>, points: &mut [Contact<V, L>]) {
-        if block.center {
-            self.set_felt::<0>(block, points);
-        } else {
-            self.set_felt::<A>(block, points);
-        }
-    }
-
-    /// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
-    #[inline(always)]
-    fn set_felt<const B: usize>(&self, block: &Block<V, L, A>, points: &mut [Contact<V, L>]) {
-        let [a, b] = block.gather_from(self.first, self.displacements);
-        let moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
-        for contact in points {
-            contact.set_target(&moved, &self.repair);
-        }
-    }
 }

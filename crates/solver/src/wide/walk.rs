@@ -11,14 +11,18 @@ mod ahead;
 
 use std::ops::Range;
 
-use self::ahead::LARGE;
+use super::batch::{Batch, View};
 use super::block::Block;
-use super::{Batch, Packed, Trace};
-use crate::color::{BINS, Color, Coloring, Members};
+use super::rows::Trace;
+use crate::color::{BINS, Color, Coloring};
 use crate::lanes::{Columns, HALF, Lanes, Row, WIDTH, gather, halved, halved_mut, scatter};
 use crate::pgs::{Parts, visit};
 use crate::team::{Member, Shared};
 use crate::{Contact, Velocity, each_lane};
+
+/// Bytes of blocks from which on what comes next is asked for ahead: by far more than the second cache holds.
+/// With less, asking takes longer than it saves.
+const LARGE: usize = 4 << 20;
 
 /// A batch and the velocities of its bodies.
 pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
@@ -227,8 +231,8 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
 pub(super) struct Reading<'a, V: Lanes, const L: usize, const A: usize>(Ground<'a, V, L, A>);
 
 impl<'g, V: Lanes, const L: usize, const A: usize> Reading<'g, V, L, A> {
-    pub(super) fn new(packed: &'g Packed<V, L, A>, velocities: &'g [Velocity<f32, L, A>]) -> Self {
-        let Packed { blocks, contacts, coloring, .. } = packed;
+    pub(super) fn new(all: View<'g, V, L, A>, velocities: &'g [Velocity<f32, L, A>]) -> Self {
+        let View { blocks, contacts, coloring, .. } = all;
         Self(Ground {
             blocks,
             first: 0,
@@ -236,7 +240,7 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Reading<'g, V, L, A> {
             contacts: Shared::reading(0, contacts),
             velocities: Shared::reading(0, velocities),
             also: None,
-            large: size_of_val(&**blocks) > LARGE,
+            large: size_of_val(blocks) > LARGE,
         })
     }
 
@@ -360,15 +364,17 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
 pub(super) struct Field<'a, V: Lanes, const L: usize, const A: usize> {
     blocks: Shared<'a, Block<V, L, A>>,
     contacts: Shared<'a, Contact<V, L>>,
+    traces: Shared<'a, Trace<L>>,
     coloring: &'a Coloring,
     colors: &'a [Color],
 }
 
 impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
     pub(super) fn new(batch: &'a mut Batch<'_, V, L, A>) -> Self {
-        let Batch { coloring, colors, .. } = *batch;
+        let Batch { traces, coloring, colors, .. } = *batch;
         let blocks = Shared::new(batch.first_block, &mut *batch.blocks);
-        Self { blocks, contacts: Shared::new(batch.first_point, batch.contacts), coloring, colors }
+        let contacts = Shared::new(batch.first_point, batch.contacts);
+        Self { blocks, contacts, traces, coloring, colors }
     }
 
     /// Hands a member what it takes: the numbers of blocks, these, and the points that they have room for. A
@@ -399,42 +405,23 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
             }
         }
     }
-}
 
-/// Where the traces of all points go.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Traces<'a, const L: usize>(Shared<'a, Trace<L>>);
-
-impl<'a, const L: usize> Traces<'a, L> {
-    pub(super) fn new(traces: &'a mut [Trace<L>]) -> Self {
-        Self(Shared::new(0, traces))
-    }
-
-    pub(super) fn count(&self) -> usize {
-        self.0.len()
-    }
-
-    /// Puts those of one point of each manifold of a block where they belong.
+    /// Puts the traces of one point of each manifold of a block where they belong.
     #[inline(always)]
-    pub(super) fn put<V: Lanes>(
-        &self,
-        coloring: &Coloring,
-        members: &Members,
-        point: usize,
-        contact: &Contact<V, L>,
-    ) {
+    pub(super) fn trace(&self, index: usize, point: usize, contact: &Contact<V, L>) {
+        let members = &self.coloring.members[index];
         let (mut at, mut lanes) = ([0; WIDTH], 0);
         for (lane, &manifold) in members.manifolds.iter().enumerate() {
-            let points = coloring.points_of(manifold);
+            let points = self.coloring.points_of(manifold);
             at[lane] = (points.start + point) as u32;
-            let is_there = point < points.len() && points.end <= self.0.len();
+            let is_there = point < points.len() && points.end <= self.traces.len();
             lanes |= u16::from(is_there) << lane;
         }
         lanes &= members.used;
         let mut numbers = [V::ZERO; 8];
         numbers[..L].copy_from_slice(&contact.impulse.0);
         numbers[L..2 * L].copy_from_slice(&contact.gap.0);
-        let to = each_lane!(lane => self.0.place(at[lane]).cast());
+        let to = each_lane!(lane => self.traces.place(at[lane]).cast());
         // SAFETY: just checked; no other block has these points. A trace is so many numbers.
         unsafe { scatter(&numbers[..2 * L], to, lanes) };
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::geometry::polyhedra::Cuboid;
+use crate::geometry::solid::Cuboid;
 
 /// Points on a sphere, spread evenly (a spiral).
 fn on_sphere(count: usize, radius: f32) -> Vec<Vector<f32, 3>> {

@@ -1,7 +1,7 @@
 use super::*;
 use crate::geometry::hull::Hull;
-use crate::geometry::polyhedra::Cuboid;
 use crate::geometry::random::Random;
+use crate::geometry::solid::Cuboid;
 use crate::geometry::{Geometry, Rigid3};
 
 /// How far a core is from a surface or a line: the distance is convex along it, and parry's from a point exact.

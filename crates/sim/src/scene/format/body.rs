@@ -1,13 +1,14 @@
 //! Bodies.
 
-use std::cell::RefCell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
+use super::setup::{POSITION, Setup};
 use super::shape::read_shape;
-use super::surface::{Surface, Systems, read_filter, read_surface};
+use super::surface::{Surface, read_filter, read_surface};
 use super::tree::one_line;
 use super::walk::{Field, Number, Range, Table, nearest_known};
-use crate::scene::{Body, Mass, Motion, Rotation, SceneError, Shape, Track};
+use crate::scene::description::{Body, Mass, Motion, Rotation, Shape, Track};
+use crate::scene::error::SceneError;
 
 pub(in crate::scene) const BODY_KEYS: &[&str] = &[
     "name",
@@ -34,7 +35,6 @@ pub(in crate::scene) const BODY_KEYS: &[&str] = &[
 ];
 pub(in crate::scene) const KEY_KEYS: &[&str] = &["time", "position", "rotation"];
 
-pub(super) const POSITION: Range = Range::new(-1e6, 1e6, "m");
 const VELOCITY: Range = Range::new(-1e6, 1e6, "m/s");
 const SPIN: Range = Range::new(-1e6, 1e6, "rad/s");
 const MASS: Range = Range::new(1e-12, 1e15, "kg").or_infinite();
@@ -42,24 +42,6 @@ const INERTIA: Range = Range::new(1e-20, 1e20, "kg m^2").or_infinite();
 
 /// Beyond this, single precision resolves less than the tolerances of contact. \[m\]
 const FAR: f64 = 1e4;
-
-/// What a body's meaning depends on besides its own table.
-pub(super) struct Setup {
-    pub(super) dimension: usize,
-    pub(super) particles: bool,
-    pub(super) materials: BTreeMap<String, Surface>,
-    pub(super) systems: RefCell<Systems>,
-}
-
-impl Setup {
-    pub(super) fn identity(&self) -> Rotation {
-        identity(self.dimension)
-    }
-}
-
-pub(in crate::scene) fn identity(dimension: usize) -> Rotation {
-    if dimension == 3 { Rotation::Quaternion([0.0, 0.0, 0.0, 1.0]) } else { Rotation::Angle(0.0) }
-}
 
 /// How messages call a body.
 pub(super) fn body_name(index: usize, name: Option<&str>) -> String {
@@ -87,8 +69,9 @@ pub(super) fn read_body(
     })?;
     let name = read_name(table, index, names)?;
     let position = table.vector_or("position", &POSITION, vec![0.0; dimension])?;
-    let rotation =
-        table.get("rotation").map_or(Ok(setup.identity()), |field| field.rotation(dimension))?;
+    let rotation = table
+        .get("rotation")
+        .map_or(Ok(Rotation::identity(dimension)), |field| field.rotation(dimension))?;
     let named = read_material(table, setup)?;
     let own = read_surface(table)?;
     let body = Body {
@@ -200,7 +183,8 @@ fn read_shapes(
     setup: &Setup,
     surface: &Surface,
 ) -> Result<Vec<Shape>, SceneError> {
-    let filter = table.get("collision").map(|f| read_filter(&f, table, setup)).transpose()?;
+    let filter =
+        table.get("collision").map(|f| read_filter(&f, table, &setup.systems)).transpose()?;
     let read = |field: &Field<'_>| {
         let items = field.items("a list of shapes")?.enumerate();
         let read = |(i, item): (usize, Field<'_>)| {

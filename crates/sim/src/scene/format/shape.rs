@@ -1,9 +1,10 @@
 //! Shapes.
 
-use super::body::{POSITION, Setup};
+use super::setup::{POSITION, Setup};
 use super::surface::{Surface, read_filter, read_surface};
 use super::walk::{Field, Range, Table};
-use crate::scene::{Filter, Motion, SceneError, Shape, ShapeKind};
+use crate::scene::description::{Filter, Motion, Rotation, Shape, ShapeKind};
+use crate::scene::error::SceneError;
 
 /// The keys of all shapes, followed by those of one type.
 macro_rules! keys {
@@ -73,11 +74,11 @@ pub(super) fn read_shape(
         position: table.vector_or("position", &POSITION, vec![0.0; dimension])?,
         rotation: table
             .get("rotation")
-            .map_or(Ok(setup.identity()), |field| field.rotation(dimension))?,
+            .map_or(Ok(Rotation::identity(dimension)), |field| field.rotation(dimension))?,
         material: read_surface(table)?.over(surface).material(setup.particles),
         filter: table
             .get("collision")
-            .map_or(Ok(filter), |field| read_filter(&field, table, setup))?,
+            .map_or(Ok(filter), |field| read_filter(&field, table, &setup.systems))?,
     })
 }
 

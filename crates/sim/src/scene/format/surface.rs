@@ -1,11 +1,12 @@
 //! Surfaces and collision systems.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 
-use super::body::Setup;
 use super::tree::one_line;
 use super::walk::{Field, Range, Table};
-use crate::scene::{Combine, Filter, Material, SceneError};
+use crate::scene::description::{Combine, Filter, Material};
+use crate::scene::error::SceneError;
 
 pub(in crate::scene) const MATERIAL_KEYS: &[&str] =
     &["density", "friction", "restitution", "friction_combine", "restitution_combine"];
@@ -104,13 +105,13 @@ impl Systems {
 pub(super) fn read_filter(
     field: &Field<'_>,
     owner: &Table<'_>,
-    setup: &Setup,
+    names: &RefCell<Systems>,
 ) -> Result<Filter, SceneError> {
     let owner = owner.nested("collision".to_owned());
     let table = field.table(COLLISION_KEYS, &owner)?;
     let mask = |field: &Field<'_>| {
         let items = field.items("a list of names of systems")?;
-        items.map(|item| setup.systems.borrow_mut().bit(&item)).try_fold(0, |m, b| Ok(m | b?))
+        items.map(|item| names.borrow_mut().bit(&item)).try_fold(0, |m, b| Ok(m | b?))
     };
     let systems = table.get("systems").map_or(Ok(0), |field| mask(&field))?;
     let filter = Filter { systems, ..Filter::default() };

@@ -8,7 +8,7 @@ use std::path::Path;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use toml::de::{DeTable, DeValue};
 
-use crate::scene::{Place, SceneError};
+use crate::scene::error::{Place, SceneError};
 
 /// A text with the means to say where something in it is.
 #[derive(Clone, Copy)]

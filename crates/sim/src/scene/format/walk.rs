@@ -4,7 +4,8 @@ use std::cell::RefCell;
 use std::fmt::{self, Display};
 
 use super::tree::{Entry, Node, Text, Tree, one_line};
-use crate::scene::{Place, Rotation, SceneError, Warning};
+use crate::scene::description::Rotation;
+use crate::scene::error::{Place, SceneError, Warning};
 
 /// What one walk over a file shares.
 pub(super) struct Walk<'a> {

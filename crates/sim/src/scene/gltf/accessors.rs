@@ -1,6 +1,6 @@
 //! Buffer views and accessors: every number that a glTF takes from its buffers.
 
-use super::super::SceneError;
+use super::super::error::SceneError;
 use super::json::Cursor;
 
 /// Most elements of an accessor that no bytes of a buffer stand behind.

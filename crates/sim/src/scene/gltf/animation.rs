@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use super::super::description::Track;
+use super::super::error::{SceneError, Warning};
 use super::super::graph::math::{self, Quat, Vec3};
 use super::super::graph::track;
 use super::super::graph::transform::Affine;
-use super::super::{SceneError, Track, Warning};
 use super::accessors::Accessors;
 use super::json::Cursor;
 use super::nodes::Node;

@@ -4,7 +4,8 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
-use super::super::{Place, SceneError, Warning, file};
+use super::super::error::{Place, SceneError, Warning};
+use super::super::file;
 use super::json::{Cursor, parse};
 
 /// Most bytes that a file, or all buffers together, may have.

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 
-use super::super::{Place, SceneError};
+use super::super::error::{Place, SceneError};
 
 /// Longest part of an offending value that an error shows.
 const SHOWN: usize = 60;

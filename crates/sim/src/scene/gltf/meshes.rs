@@ -1,6 +1,6 @@
 //! Triangles of meshes.
 
-use super::super::SceneError;
+use super::super::error::SceneError;
 use super::super::graph::transform::Affine;
 use super::super::graph::triangles::Triangles;
 use super::accessors::Accessors;

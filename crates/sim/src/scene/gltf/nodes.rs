@@ -1,9 +1,9 @@
 //! The node tree: local and world transforms, checked for loops.
 
+use super::super::error::{SceneError, Warning};
 use super::super::graph::math::{self, Mat3, Quat};
 use super::super::graph::transform::{Affine, Trs, split};
 use super::super::graph::{FAR, TURN_SLACK};
-use super::super::{SceneError, Warning};
 use super::json::Cursor;
 
 /// A node.

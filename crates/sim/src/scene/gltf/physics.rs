@@ -2,19 +2,20 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::super::description::{
+    Body, Filter, Mass, Material, Motion, Rotation, Shape, ShapeKind, Track,
+};
+use super::super::error::{SceneError, Warning};
 use super::super::graph::implicit::{self, Implicit, Placed};
 use super::super::graph::math::{self, Mat3, Quat, Vec3};
 use super::super::graph::transform::Affine;
 use super::super::graph::triangles::Triangles;
 use super::super::graph::{FAR, FAST, HEAVY, LIGHT, unique};
-use super::super::{
-    Body, Filter, Mass, Material, Motion, Rotation, SceneError, Shape, ShapeKind, Track, Warning,
-};
-use super::BodyNode;
 use super::animation::{self, Animation};
 use super::json::Cursor;
 use super::meshes::Meshes;
 use super::nodes::{self, Node};
+use super::source::BodyNode;
 use super::tables::{self, Dialect, Tables};
 /// Largest factor on gravity, either way.
 const MOST_GRAVITY: f64 = 1e6;

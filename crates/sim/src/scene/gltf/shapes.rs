@@ -1,6 +1,6 @@
 //! Implicit shapes of a file.
 
-use super::super::SceneError;
+use super::super::error::SceneError;
 use super::super::graph::implicit::Implicit;
 use super::super::graph::{FAR, NEAR};
 use super::json::Cursor;

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::super::description::{Combine, Filter, Material};
+use super::super::error::{SceneError, Warning};
 use super::super::graph::FAR;
 use super::super::graph::implicit::Implicit;
-use super::super::{Combine, Filter, Material, SceneError, Warning};
 use super::json::Cursor;
 use super::shapes;
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::super::{Motion, ShapeKind};
+use super::super::description::{Motion, ShapeKind};
 use super::NEAR;
 use super::math::{self, Mat3, Vec3};
 

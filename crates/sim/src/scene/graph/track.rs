@@ -1,6 +1,6 @@
 //! Poses over time of what animations move.
 
-use super::super::{Rotation, Track};
+use super::super::description::{Rotation, Track};
 use super::math::{self, Quat, Vec3};
 
 /// Samples per second where keys alone do not give the poses between them.

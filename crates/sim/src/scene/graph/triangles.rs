@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use super::super::{Motion, ShapeKind};
+use super::super::description::{Motion, ShapeKind};
 use super::math::{self, Mat3, Vec3};
 use super::transform::Affine;
 

@@ -2,11 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::super::description::{
+    Body, Filter, Mass, Material, Motion, Rotation, Shape, ShapeKind, Track,
+};
+use super::super::error::{SceneError, Warning};
 use super::super::graph::math::{self, Mat3, Quat, Vec3};
 use super::super::graph::unique;
-use super::super::{
-    Body, Filter, Mass, Material, Motion, Rotation, SceneError, Shape, ShapeKind, Track, Warning,
-};
 use super::mass::{self, Part};
 use super::motion::{self, Moving, Transforms};
 use super::prims::Prim;

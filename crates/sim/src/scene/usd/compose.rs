@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use super::super::SceneError;
+use super::super::error::SceneError;
 use super::files::{Files, Origin};
 use super::layer::{Edit, Entry, Spec, Target, Time, Value};
 use super::lexer::Fault;

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::super::{Place, SceneError, file};
+use super::super::error::{Place, SceneError};
+use super::super::file;
 use super::layer::{Layer, Spec, Target, Value};
 use super::lexer::Fault;
 use super::parser;

@@ -5,7 +5,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::super::{Filter, SceneError, Warning};
+use super::super::description::Filter;
+use super::super::error::{SceneError, Warning};
 use super::layer::Value;
 use super::prims::{Prim, is_word};
 use super::stage::Stage;

@@ -3,12 +3,13 @@
 //! A mass of the body beats those of its colliders, a mass beats a density, the density of a collider beats
 //! that of its body, and that of a material is the weakest.
 
+use super::super::description::{Mass, Motion, Shape};
+use super::super::error::{SceneError, Warning};
 use super::super::graph::math::{self, Quat};
 use super::super::graph::{FAR, HEAVY, LIGHT, TURN_SLACK};
-use super::super::{Mass, Motion, SceneError, Shape, Warning};
 use super::prims::Prim;
 use super::stage::Stage;
-use crate::simulation::{Weight, compound};
+use crate::forms::{Weight, compound};
 
 /// Without any other. \[kg/m^3\]
 const DENSITY: f64 = 1000.0;

@@ -1,8 +1,9 @@
 //! How bodies move: what UsdPhysics says, and the animation of their prims.
 
+use super::super::description::{Motion, Track};
+use super::super::error::{SceneError, Warning};
 use super::super::graph::track;
 use super::super::graph::{FAR, FAST};
-use super::super::{Motion, SceneError, Track, Warning};
 use super::prims::Prim;
 use super::stage::Stage;
 use super::xform::{Pose, Transform};

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::super::SceneError;
+use super::super::error::SceneError;
 use super::compose::{Composer, Node, Opinion, edit};
 use super::files::{Files, Origin};
 use super::layer::{Entry, Specifier, Time, Value};

@@ -1,10 +1,11 @@
 //! The shapes of colliders.
 
+use super::super::description::{Motion, ShapeKind};
+use super::super::error::{SceneError, Warning};
 use super::super::graph::implicit::{self, Implicit, Placed};
 use super::super::graph::math::{self, Mat3, Quat, Vec3};
 use super::super::graph::triangles::Triangles;
 use super::super::graph::{FAR, NEAR};
-use super::super::{Motion, SceneError, ShapeKind, Warning};
 use super::prims::Prim;
 use super::stage::Stage;
 

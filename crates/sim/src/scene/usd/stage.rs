@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use super::super::error::{Place, SceneError, Warning};
 use super::super::graph::FAR;
 use super::super::graph::math::{self, Quat, Vec3};
-use super::super::{Place, SceneError, Warning};
 use super::files::{Files, Origin};
 use super::layer::Value;
 use super::lexer::Fault;

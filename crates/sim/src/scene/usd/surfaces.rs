@@ -1,6 +1,7 @@
 //! Physics materials, and which collider has which.
 
-use super::super::{Combine, Material, SceneError, Warning};
+use super::super::description::{Combine, Material};
+use super::super::error::{SceneError, Warning};
 use super::prims::Prim;
 use super::stage::Stage;
 use crate::scene::format::surface::COMBINE;

@@ -1,6 +1,6 @@
 //! Where prims are: their transforms, at rest and over time.
 
-use super::super::SceneError;
+use super::super::error::SceneError;
 use super::super::graph::math::{self, Mat3, Quat, Vec3};
 use super::super::graph::transform::{Affine, split};
 use super::super::graph::{FAR, TURN_SLACK};

@@ -5,8 +5,9 @@ use proptest::option;
 use proptest::prelude::*;
 
 use super::*;
+use crate::scene::description::{Mass, ShapeKind};
+use crate::scene::error::SceneError;
 use crate::scene::format::{read_json, read_toml};
-use crate::scene::{Mass, SceneError, ShapeKind};
 
 fn coordinate() -> impl Strategy<Value = f64> {
     prop_oneof![Just(0.0), Just(-0.0), -1e6..1e6, -1e-3..1e-3, -10.0..10.0]
@@ -32,7 +33,7 @@ fn rotation(dimension: usize) -> BoxedStrategy<Rotation> {
     if dimension == 2 {
         return coordinate().prop_map(Rotation::Angle).boxed();
     }
-    prop_oneof![Just(identity(3)), quaternion().prop_map(Rotation::Quaternion)].boxed()
+    prop_oneof![Just(Rotation::identity(3)), quaternion().prop_map(Rotation::Quaternion)].boxed()
 }
 
 fn combine() -> impl Strategy<Value = Combine> {

@@ -9,10 +9,6 @@ use crate::lanes::{Lanes, WIDTH};
 use crate::wide::block::Block;
 use crate::{Manifold, SymmetricMatrix};
 
-/// Bytes of blocks from which on what comes next is asked for ahead: by far more than the second cache holds.
-/// With less, asking takes longer than it saves.
-pub(super) const LARGE: usize = 4 << 20;
-
 /// Parts in which a visit asks for what comes next, at its start, before, between and after its normals and
 /// friction: what is asked for at once, it waits for.
 const PARTS: usize = 4;

@@ -1,0 +1,223 @@
+//! [`Solid`]: convex bodies with flat faces, as contact asks for them: boxes, and hulls in the plane.
+
+use std::array::from_fn;
+
+use drystone_solver::{Vector, moment};
+
+/// A convex solid with flat faces, in its own frame.
+pub(super) trait Solid<const L: usize> {
+    /// The farthest vertex along `direction`.
+    fn support(&self, direction: Vector<f32, L>) -> Vector<f32, L>;
+
+    /// Number of faces (2D: sides).
+    fn faces(&self) -> usize;
+
+    /// Outward unit normal of a face, and one of its vertices.
+    fn face(&self, index: usize) -> (Vector<f32, L>, Vector<f32, L>);
+
+    /// Number of edges (2D: sides).
+    fn edges(&self) -> usize;
+
+    /// The ends of an edge.
+    fn edge(&self, index: usize) -> [Vector<f32, L>; 2];
+
+    /// The edges around a face; they may be more.
+    fn around(&self, face: usize) -> impl Iterator<Item = usize> {
+        let _ = face;
+        0..self.edges()
+    }
+
+    /// Appends the vertices of a face, in order around it.
+    fn corners(&self, face: usize, out: &mut Vec<Corner<L>>);
+
+    /// Calls `side` with each plane through a side of a face: a point of it, and a way out of the face, about
+    /// as long as the face. `memory` is for its corners.
+    fn sides(
+        &self,
+        face: usize,
+        memory: &mut Vec<Corner<L>>,
+        mut side: impl FnMut(Vector<f32, L>, Vector<f32, L>),
+    ) {
+        memory.clear();
+        self.corners(face, memory);
+        let normal = self.face(face).0;
+        for (i, corner) in memory.iter().enumerate() {
+            let (start, end) = (corner.position, memory[(i + 1) % memory.len()].position);
+            // In the plane, the sides of a side are its ends.
+            side(start, if L == 2 { start - end } else { moment(end - start, normal) });
+        }
+    }
+
+    /// The face that looks most along `direction`, of those around the farthest vertex: on a hull with a
+    /// sharp corner, another may look that way more and lie behind.
+    fn facing(&self, direction: Vector<f32, L>) -> usize {
+        let farthest = self.support(direction);
+        let mut best = (f32::NEG_INFINITY, 0);
+        for index in 0..self.faces() {
+            let (normal, vertex) = self.face(index);
+            let along = normal.dot(direction);
+            let arm = farthest - vertex;
+            if along > best.0 && normal.dot(arm) >= -1e-4 * arm.length() {
+                best = (along, index);
+            }
+        }
+        best.1
+    }
+}
+
+/// A vertex of a polygon that is being clipped.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner<const L: usize> {
+    pub(super) position: Vector<f32, L>,
+    /// What it comes from: a vertex, or an edge cut by a side.
+    pub(super) feature: u32,
+    /// Above the plane that it is being cut along, times the length of that one's normal. \[m\]
+    pub(super) height: f32,
+}
+
+impl<const L: usize> Corner<L> {
+    pub(super) fn new(position: Vector<f32, L>, feature: u32) -> Self {
+        Self { position, feature, height: 0.0 }
+    }
+}
+
+/// A box of any dimension, by its half extents.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cuboid<const L: usize>(pub(super) Vector<f32, L>);
+
+impl<const L: usize> Solid<L> for Cuboid<L> {
+    fn support(&self, direction: Vector<f32, L>) -> Vector<f32, L> {
+        Vector(from_fn(|i| self.0[i].copysign(direction[i])))
+    }
+
+    fn faces(&self) -> usize {
+        2 * L
+    }
+
+    fn face(&self, index: usize) -> (Vector<f32, L>, Vector<f32, L>) {
+        let sign = if index < L { 1.0 } else { -1.0 };
+        (along(index % L, sign), self.0 * sign)
+    }
+
+    fn edges(&self) -> usize {
+        L << (L - 1)
+    }
+
+    fn edge(&self, index: usize) -> [Vector<f32, L>; 2] {
+        // First the axis it runs along, then a bit for the side of each other axis.
+        let axis = index >> (L - 1);
+        let mut from = self.0;
+        from[axis] = -self.0[axis];
+        for other in 1..L {
+            let i = (axis + other) % L;
+            from[i] = if index >> (other - 1) & 1 == 0 { -self.0[i] } else { self.0[i] };
+        }
+        let mut to = from;
+        to[axis] = self.0[axis];
+        [from, to]
+    }
+
+    fn around(&self, face: usize) -> impl Iterator<Item = usize> {
+        (0..self.edges()).filter(move |edge| {
+            let other = (face % L + L - (edge >> (L - 1))) % L;
+            other > 0 && (edge >> (other - 1) & 1 == 1) == (face < L)
+        })
+    }
+
+    fn sides(
+        &self,
+        face: usize,
+        _: &mut Vec<Corner<L>>,
+        mut side: impl FnMut(Vector<f32, L>, Vector<f32, L>),
+    ) {
+        for other in 1..L {
+            let axis = (face + other) % L;
+            for sign in [1.0, -1.0] {
+                let point = along(axis, sign * self.0[axis]);
+                side(point, point * 2.0);
+            }
+        }
+    }
+
+    fn facing(&self, direction: Vector<f32, L>) -> usize {
+        let farther = |best, axis| {
+            let (most, along): (f32, f32) = (direction[best], direction[axis]);
+            if along.abs() > most.abs() { axis } else { best }
+        };
+        let axis = (1..L).fold(0, farther);
+        if direction[axis] > 0.0 { axis } else { axis + L }
+    }
+
+    fn corners(&self, face: usize, out: &mut Vec<Corner<L>>) {
+        let axis = face % L;
+        let sign = if face < L { 1.0 } else { -1.0 };
+        let u = (axis + 1) % L;
+        // Counter-clockwise seen from outside, as clip's sides need them.
+        let around: &[(f32, f32)] = match (L, sign > 0.0) {
+            (2, true) => &[(-1.0, 0.0), (1.0, 0.0)],
+            (2, false) => &[(1.0, 0.0), (-1.0, 0.0)],
+            (_, true) => &[(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)],
+            (_, false) => &[(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)],
+        };
+        for &(s, t) in around {
+            let signs: [f32; L] = from_fn(|i| {
+                if i == axis {
+                    sign
+                } else if i == u {
+                    s
+                } else {
+                    t
+                }
+            });
+            let position = Vector(from_fn(|i| self.0[i] * signs[i]));
+            let bits: [u32; L] = from_fn(|i| u32::from(signs[i] > 0.0) << i);
+            out.push(Corner::new(position, bits.iter().sum()));
+        }
+    }
+}
+
+/// A vector along an axis. Chosen number by number, as corners are: memory that is written in part and read as a
+/// whole is waited for.
+fn along<const L: usize>(axis: usize, length: f32) -> Vector<f32, L> {
+    Vector(from_fn(|i| if i == axis { length } else { 0.0 }))
+}
+
+impl Solid<2> for parry2d::shape::ConvexPolygon {
+    fn support(&self, direction: Vector<f32, 2>) -> Vector<f32, 2> {
+        farthest(self.points(), direction.0.into(), |p, d| p.dot(d)).to_array().into()
+    }
+
+    fn faces(&self) -> usize {
+        self.points().len()
+    }
+
+    fn face(&self, index: usize) -> (Vector<f32, 2>, Vector<f32, 2>) {
+        (self.normals()[index].to_array().into(), self.points()[index].to_array().into())
+    }
+
+    fn edges(&self) -> usize {
+        self.faces()
+    }
+
+    fn edge(&self, index: usize) -> [Vector<f32, 2>; 2] {
+        [index, (index + 1) % self.faces()].map(|end| self.points()[end].to_array().into())
+    }
+
+    fn corners(&self, face: usize, out: &mut Vec<Corner<2>>) {
+        for index in [face, (face + 1) % self.points().len()] {
+            let position = self.points()[index].to_array().into();
+            out.push(Corner::new(position, index as u32));
+        }
+    }
+}
+
+fn farthest<V: Copy>(points: &[V], direction: V, dot: impl Fn(V, V) -> f32) -> V {
+    let mut best = (f32::NEG_INFINITY, 0);
+    for (i, point) in points.iter().enumerate() {
+        let along = dot(*point, direction);
+        if along > best.0 {
+            best = (along, i);
+        }
+    }
+    points[best.1]
+}
