@@ -99,34 +99,24 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             // A batch stays in the cache as it is.
             let blocks = if run.count() > 1 { 0 } else { run.size() };
             let strips = (blocks / STRIP.max(coloring.colors.len())).max(1);
-            let useful = team.is_useful(run.size());
-            let field = Field::new(&mut run);
-            team.run(useful, &|member| {
-                V::run(
-                    #[inline(always)]
-                    || {
-                        field.each_own(
-                            member,
-                            strips,
-                            #[inline(always)]
-                            |index, block, points| {
-                                let mut members = &coloring.members[index];
-                                let changed;
-                                if placed == Placed::Same {
-                                    changed = members.changed(past);
-                                    members = &changed;
-                                }
-                                if members.stale != 0 {
-                                    let points = &mut points[..coloring.points[index] as usize];
-                                    block.seat(members, coloring);
-                                    block.take(members, coloring, rows, masses, points);
-                                    passes.prepare(block, points, softness);
-                                }
-                            },
-                        );
-                    },
-                );
-            });
+            Field::new(&mut run).each(
+                strips,
+                #[inline(always)]
+                |index, block, points| {
+                    let mut members = &coloring.members[index];
+                    let changed;
+                    if placed == Placed::Same {
+                        changed = members.changed(past);
+                        members = &changed;
+                    }
+                    if members.stale != 0 {
+                        let points = &mut points[..coloring.points[index] as usize];
+                        block.seat(members, coloring);
+                        block.take(members, coloring, rows, masses, points);
+                        passes.prepare(block, points, softness);
+                    }
+                },
+            );
         });
     }
 

@@ -16,7 +16,7 @@ use crate::island::Islands;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::Avx2;
 use crate::lanes::{Lanes, PART, Portable, WIDTH, lanes_of};
-use crate::team::{Shared, Team};
+use crate::team::Shared;
 use crate::{Contact, Velocity, nncg};
 
 /// Bodies that are worth as much as the least that is shared, in a certificate.
@@ -79,45 +79,29 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     }
 
     fn apply_impulses(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
-        let (team, useful) = workers(batch);
-        let ground = Ground::new(batch, velocities);
-        team.run(useful, &|member| {
-            V::run(
-                #[inline(always)]
-                || {
-                    for mut at in ground.walk(member) {
-                        let mut wrench = Velocity::ZERO;
-                        for contact in at.points() {
-                            contact.add_wrench(0..L, contact.impulse, &mut wrench);
-                        }
-                        let [mut a, mut b] = at.gather();
-                        at.between();
-                        at.block.manifold.apply(&wrench, &at.block.masses, &mut a, &mut b);
-                        at.scatter([a, b]);
-                    }
-                },
-            );
-        });
+        Ground::new(batch, velocities).each(
+            #[inline(always)]
+            |mut at| {
+                let mut wrench = Velocity::ZERO;
+                for contact in at.points() {
+                    contact.add_wrench(0..L, contact.impulse, &mut wrench);
+                }
+                let [mut a, mut b] = at.gather();
+                at.between();
+                at.block.manifold.apply(&wrench, &at.block.masses, &mut a, &mut b);
+                at.scatter([a, b]);
+            },
+        );
     }
 
     fn set_targets(&self, batch: &mut Batch<'_, V, L, A>, targets: &Targets<'_, V, L, A>) {
-        let (team, useful) = workers(batch);
-        let field = Field::new(batch);
-        team.run(useful, &|member| {
-            V::run(
-                #[inline(always)]
-                || {
-                    field.each_own(
-                        member,
-                        1,
-                        #[inline(always)]
-                        |_, block, points| {
-                            targets.set(block, &mut points[..block.manifold.count as usize]);
-                        },
-                    );
-                },
-            );
-        });
+        Field::new(batch).each(
+            1,
+            #[inline(always)]
+            |_, block, points| {
+                targets.set(block, &mut points[..block.manifold.count as usize]);
+            },
+        );
     }
 
     fn sweep_normals(
@@ -191,36 +175,27 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     }
 
     fn trace(&self, batch: &mut Batch<'_, V, L, A>, displacements: &Velocities<L, A>, hold: f32) {
-        let ((team, useful), first) = (workers(batch), batch.bodies.start);
+        let first = batch.bodies.start;
         assert_eq!(batch.traces.len(), batch.coloring.all_points(), "a trace for each point");
         let field = Field::new(batch);
-        team.run(useful, &|member| {
-            V::run(
-                #[inline(always)]
-                || {
-                    field.each_own(
-                        member,
-                        1,
-                        #[inline(always)]
-                        |index, block, points| {
-                            if block.used == 0 {
-                                return;
-                            }
-                            let manifold = &block.manifold;
-                            let [moved_a, moved_b] = block.gather_from(first, displacements);
-                            let moved = manifold.twist(&moved_a, &moved_b);
-                            let points = points[..manifold.count as usize].iter_mut();
-                            for (point, contact) in points.enumerate() {
-                                let gap = contact.gap + contact.relative_velocity(&moved);
-                                contact.gap =
-                                    contact.held_slip(manifold.friction, splat(hold), gap);
-                                field.trace(index, point, contact);
-                            }
-                        },
-                    );
-                },
-            );
-        });
+        field.each(
+            1,
+            #[inline(always)]
+            |index, block, points| {
+                if block.used == 0 {
+                    return;
+                }
+                let manifold = &block.manifold;
+                let [moved_a, moved_b] = block.gather_from(first, displacements);
+                let moved = manifold.twist(&moved_a, &moved_b);
+                let points = points[..manifold.count as usize].iter_mut();
+                for (point, contact) in points.enumerate() {
+                    let gap = contact.gap + contact.relative_velocity(&moved);
+                    contact.gap = contact.held_slip(manifold.friction, splat(hold), gap);
+                    field.trace(index, point, contact);
+                }
+            },
+        );
     }
 }
 
@@ -243,34 +218,22 @@ fn worst<V: Lanes, const L: usize, const A: usize>(
     (0..WIDTH).map(|lane| worst.get(lane)).fold(0.0, f32::max)
 }
 
-/// Who goes over a batch, and whether they had better do it together.
-fn workers<'a, V: Lanes, const L: usize, const A: usize>(
-    batch: &Batch<'a, V, L, A>,
-) -> (&'a Team, bool) {
-    (batch.team, batch.team.is_useful(batch.size()))
-}
-
 fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
     batch: &mut Batch<'_, V, L, A>,
     velocities: &mut Velocities<L, A>,
     targets: Option<&Targets<'_, V, L, A>>,
 ) {
-    let (team, useful) = workers(batch);
     let ground = Ground::new(batch, velocities).and(targets.map(|targets| targets.displacements));
-    team.run(useful, &|member| {
-        V::run(
-            #[inline(always)]
-            || {
-                for mut at in ground.walk(member) {
-                    let points = at.points();
-                    if let Some(targets) = targets {
-                        targets.set(at.block, points);
-                    }
-                    at.visit::<RIGID, FRICTION>(points);
-                }
-            },
-        );
-    });
+    ground.each(
+        #[inline(always)]
+        |mut at| {
+            let points = at.points();
+            if let Some(targets) = targets {
+                targets.set(at.block, points);
+            }
+            at.visit::<RIGID, FRICTION>(points);
+        },
+    );
 }
 
 /// One iteration over the islands that are not `done`.
@@ -284,12 +247,12 @@ fn iterate<V: Lanes, const L: usize, const A: usize>(
     let of_done = state.betas.iter_mut().zip(done).filter(|(_, done)| **done);
     of_done.for_each(|(beta, _)| *beta = 0.0);
     let betas = &state.betas;
-    let (team, useful) = workers(batch);
+    let team = batch.team;
     // v <- v + beta M^-1 J^T p, of what the bodies know of the last sweep.
-    let (shared, share) = team.share(velocities.len(), WAYS);
+    let (useful, share) = team.share(velocities.len(), WAYS);
     let bodies = velocities.chunks_mut(share).zip(state.of_body.chunks(share));
     let bodies = bodies.zip(state.velocities.chunks_mut(share).zip(state.ways.chunks_mut(share)));
-    team.for_each(shared, bodies, |((velocities, islands), (before, ways))| {
+    team.for_each(useful, bodies, |((velocities, islands), (before, ways))| {
         V::run(
             #[inline(always)]
             || {
@@ -306,41 +269,36 @@ fn iterate<V: Lanes, const L: usize, const A: usize>(
             },
         );
     });
-    let ground = Ground::new(batch, velocities);
     let before = Shared::new(0, &mut state.before);
     let direction = Shared::new(0, &mut state.direction);
     let gradients = Shared::new(0, &mut state.gradients);
-    team.run(useful, &|member| {
-        V::run(
-            #[inline(always)]
-            || {
-                for mut at in ground.walk(member) {
-                    let block = at.block;
-                    if block.is_done(done) {
-                        continue;
-                    }
-                    let beta = match block.island() {
-                        Some(island) => splat(of(island, betas)),
-                        None => V::from_array(block.islands.map(|island| of(island, betas))),
-                    };
-                    // r <- r + beta p.
-                    let (points, before) = (at.points(), at.of_points(&before));
-                    let kept = before.iter_mut().zip(at.of_points(&direction));
-                    for (contact, (before, direction)) in points.iter_mut().zip(kept) {
-                        *direction = nncg::next_direction(contact, *before, *direction, beta);
-                        contact.impulse += *direction * beta;
-                        *before = contact.impulse;
-                    }
-                    at.visit::<false, true>(points);
-                    let mut size = V::ZERO;
-                    for (contact, before) in points.iter().zip(before) {
-                        size += nncg::size(contact, *before);
-                    }
-                    at.of_block(&gradients)[0] = size;
-                }
-            },
-        );
-    });
+    Ground::new(batch, velocities).each(
+        #[inline(always)]
+        |mut at| {
+            let block = at.block;
+            if block.is_done(done) {
+                return;
+            }
+            let beta = match block.island() {
+                Some(island) => splat(of(island, betas)),
+                None => V::from_array(block.islands.map(|island| of(island, betas))),
+            };
+            // r <- r + beta p.
+            let (points, before) = (at.points(), at.of_points(&before));
+            let kept = before.iter_mut().zip(at.of_points(&direction));
+            for (contact, (before, direction)) in points.iter_mut().zip(kept) {
+                *direction = nncg::next_direction(contact, *before, *direction, beta);
+                contact.impulse += *direction * beta;
+                *before = contact.impulse;
+            }
+            at.visit::<false, true>(points);
+            let mut size = V::ZERO;
+            for (contact, before) in points.iter().zip(before) {
+                size += nncg::size(contact, *before);
+            }
+            at.of_block(&gradients)[0] = size;
+        },
+    );
     V::run(
         #[inline(always)]
         || state.find_betas(batch.blocks, done),
@@ -363,36 +321,30 @@ fn certify<
     let View { blocks, team, .. } = all;
     let (momenta, verdicts) = tally.start(islands.count, WIDTH * blocks.len());
     let (momenta, verdicts) = (Shared::new(0, momenta), Shared::new(0, verdicts));
-    let ground = Reading::new(all, velocities);
-    team.run(team.is_useful(blocks.len()), &|member| {
-        V::run(
-            #[inline(always)]
-            || {
-                for mut at in ground.walk(member) {
-                    let (block, moving, verdicts) =
-                        (at.block(), at.gather(), at.of_lanes(&verdicts));
-                    let points = &all.contacts[block.manifold.points()];
-                    for part in 0..WIDTH / PART {
-                        let used = block.used >> (PART * part) & ((1 << PART) - 1);
-                        if used == 0 {
-                            continue;
-                        }
-                        let evidence: Evidence<V::Doubles, L, A> =
-                            Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &moving);
-                        for lane in lanes_of(used << (PART * part)) {
-                            let own = lane % PART;
-                            evidence.tell::<RESIDUALS, LINE>(own, &mut verdicts[lane]);
-                            for side in 0..2 {
-                                if let Some(body) = at.of_body(&momenta, side, lane) {
-                                    evidence.add_momenta::<LINE>(side, own, body);
-                                }
-                            }
+    Reading::new(all, velocities).each(
+        #[inline(always)]
+        |mut at| {
+            let (block, moving, verdicts) = (at.block(), at.gather(), at.of_lanes(&verdicts));
+            let points = &all.contacts[block.manifold.points()];
+            for part in 0..WIDTH / PART {
+                let used = block.used >> (PART * part) & ((1 << PART) - 1);
+                if used == 0 {
+                    continue;
+                }
+                let evidence: Evidence<V::Doubles, L, A> =
+                    Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &moving);
+                for lane in lanes_of(used << (PART * part)) {
+                    let own = lane % PART;
+                    evidence.tell::<RESIDUALS, LINE>(own, &mut verdicts[lane]);
+                    for side in 0..2 {
+                        if let Some(body) = at.of_body(&momenta, side, lane) {
+                            evidence.add_momenta::<LINE>(side, own, body);
                         }
                     }
                 }
-            },
-        );
-    });
+            }
+        },
+    );
     for (index, block) in blocks.iter().enumerate() {
         for lane in lanes_of(block.used) {
             tally.add::<RESIDUALS, LINE>(block.islands[lane], WIDTH * index + lane);

@@ -17,7 +17,7 @@ use super::rows::Trace;
 use crate::color::{BINS, Color, Coloring};
 use crate::lanes::{Columns, HALF, Lanes, Row, WIDTH, gather, halved, halved_mut, scatter};
 use crate::pgs::{Parts, visit};
-use crate::team::{Member, Shared};
+use crate::team::{Member, Shared, Team};
 use crate::{Contact, Velocity, each_lane};
 
 /// Bytes of blocks from which on what comes next is asked for ahead: by far more than the second cache holds.
@@ -37,6 +37,7 @@ pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
     also: Option<Shared<'a, Velocity<f32, L, A>>>,
     /// Whether to look ahead.
     large: bool,
+    team: &'a Team,
 }
 
 /// A member's way over the blocks, from the first color to the last.
@@ -65,13 +66,13 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
         batch: &'g mut Batch<'_, V, L, A>,
         velocities: &'g mut [Velocity<f32, L, A>],
     ) -> Self {
-        let Batch { bodies, colors, first_block: first, .. } = batch;
+        let Batch { bodies, colors, first_block: first, team, .. } = batch;
         assert_eq!(velocities.len(), bodies.len(), "a velocity for each body of the batch");
         let contacts = Shared::new(batch.first_point, batch.contacts);
         let velocities = Shared::new(bodies.start, velocities);
         let blocks = &*batch.blocks;
         let large = size_of_val(blocks) > LARGE;
-        Self { blocks, first: *first, colors, contacts, velocities, also: None, large }
+        Self { blocks, first: *first, colors, contacts, velocities, also: None, large, team }
     }
 
     /// The same, where visits read something else of bodies, too.
@@ -79,9 +80,21 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
         Self { also: also.map(|also| self.velocities.beside(also)), ..self }
     }
 
+    /// Has the team walk over the blocks, if they are worth it, and `visit` each.
     #[inline(always)]
-    pub(super) fn walk<'a>(&'a self, member: &'a Member<'a>) -> Walk<'a, V, L, A> {
-        Walk { ground: self, member, begun: 0, bins: BINS, share: 0..0 }
+    pub(super) fn each(&self, visit: impl Fn(Visit<'_, V, L, A>) + Sync) {
+        self.team.run(self.team.is_useful(self.blocks.len()), &|member| {
+            let walk = Walk { ground: self, member, begun: 0, bins: BINS, share: 0..0 };
+            V::run(
+                #[inline(always)]
+                || {
+                    // `for_each` would be compiled apart, without the instructions of the lanes.
+                    for at in walk {
+                        visit(at);
+                    }
+                },
+            );
+        });
     }
 }
 
@@ -232,7 +245,7 @@ pub(super) struct Reading<'a, V: Lanes, const L: usize, const A: usize>(Ground<'
 
 impl<'g, V: Lanes, const L: usize, const A: usize> Reading<'g, V, L, A> {
     pub(super) fn new(all: View<'g, V, L, A>, velocities: &'g [Velocity<f32, L, A>]) -> Self {
-        let View { blocks, contacts, coloring, .. } = all;
+        let View { blocks, contacts, coloring, team } = all;
         Self(Ground {
             blocks,
             first: 0,
@@ -241,15 +254,17 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Reading<'g, V, L, A> {
             velocities: Shared::reading(0, velocities),
             also: None,
             large: size_of_val(blocks) > LARGE,
+            team,
         })
     }
 
+    /// [`Ground::each`].
     #[inline(always)]
-    pub(super) fn walk<'a>(
-        &'a self,
-        member: &'a Member<'a>,
-    ) -> impl Iterator<Item = Sight<'a, V, L, A>> {
-        self.0.walk(member).map(Sight)
+    pub(super) fn each(&self, visit: impl Fn(Sight<'_, V, L, A>) + Sync) {
+        self.0.each(
+            #[inline(always)]
+            |at| visit(Sight(at)),
+        );
     }
 }
 
@@ -367,40 +382,59 @@ pub(super) struct Field<'a, V: Lanes, const L: usize, const A: usize> {
     traces: Shared<'a, Trace<L>>,
     coloring: &'a Coloring,
     colors: &'a [Color],
+    team: &'a Team,
 }
 
 impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
     pub(super) fn new(batch: &'a mut Batch<'_, V, L, A>) -> Self {
-        let Batch { traces, coloring, colors, .. } = *batch;
+        let Batch { traces, coloring, colors, team, .. } = *batch;
         let blocks = Shared::new(batch.first_block, &mut *batch.blocks);
         let contacts = Shared::new(batch.first_point, batch.contacts);
-        Self { blocks, contacts, traces, coloring, colors }
+        Self { blocks, contacts, traces, coloring, colors, team }
     }
 
-    /// Hands a member what it takes: the numbers of blocks, these, and the points that they have room for. A
-    /// strip of each color, then the next of each: in many strips manifolds that follow each other are
-    /// together, in one blocks are.
+    /// Has the team do some `work` on each block and the points that it has room for, if they are worth it: on a
+    /// strip of each color, then the next of each. In many strips manifolds that follow each other are together, in
+    /// one blocks are.
     #[inline(always)]
-    pub(super) fn each_own(
+    pub(super) fn each(
         &self,
-        member: &Member<'_>,
         strips: usize,
-        mut work: impl FnMut(usize, &mut Block<V, L, A>, &mut [Contact<V, L>]),
+        work: impl Fn(usize, &mut Block<V, L, A>, &mut [Contact<V, L>]) + Sync,
     ) {
-        for strip in 0..strips {
-            for color in self.colors {
-                for bin in 0..BINS {
-                    let share = color.share(member, bin);
-                    let end = |strip: usize| share.start + share.len() * strip / strips;
-                    for index in end(strip)..end(strip + 1) {
-                        // SAFETY: shares have no block in common, and blocks have no points in common.
-                        unsafe {
-                            let block = &mut self.blocks.get_mut(index..index + 1)[0];
-                            let first = block.manifold.first as usize;
-                            let room = self.coloring.rooms[index] as usize;
-                            work(index, block, self.contacts.get_mut(first..first + room));
+        self.team.run(self.team.is_useful(self.blocks.len()), &|member| {
+            V::run(
+                #[inline(always)]
+                || {
+                    for strip in 0..strips {
+                        for color in self.colors {
+                            self.each_of(color, member, [strip, strips], &work);
                         }
                     }
+                },
+            );
+        });
+    }
+
+    /// Those of a color that a member takes, in one of so many strips.
+    #[inline(always)]
+    fn each_of(
+        &self,
+        color: &Color,
+        member: &Member<'_>,
+        [strip, strips]: [usize; 2],
+        work: &impl Fn(usize, &mut Block<V, L, A>, &mut [Contact<V, L>]),
+    ) {
+        for bin in 0..BINS {
+            let share = color.share(member, bin);
+            let end = |strip: usize| share.start + share.len() * strip / strips;
+            for index in end(strip)..end(strip + 1) {
+                // SAFETY: shares have no block in common, and blocks have no points in common.
+                unsafe {
+                    let block = &mut self.blocks.get_mut(index..index + 1)[0];
+                    let first = block.manifold.first as usize;
+                    let room = self.coloring.rooms[index] as usize;
+                    work(index, block, self.contacts.get_mut(first..first + room));
                 }
             }
         }
