@@ -55,7 +55,7 @@ impl From<Pose2> for parry2d::math::Pose {
 
 /// The part of [`Geometry`] that reads the same over parry2d and parry3d.
 macro_rules! over_parry {
-    ($parry:ident, $polyhedra:ident, $hull:ident, $form:ident, $l:literal, $a:literal) => {
+    ($parry:ident, $polyhedra:ident, $each:ident, $ask:ident, $hull:ident, $form:ident, $l:literal, $a:literal) => {
         type Shape = $parry::shape::SharedShape;
         type Collider = Collider<Self::Shape, $hull, $l>;
         type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $parry::query::epa::EPA, $l>;
@@ -106,11 +106,6 @@ macro_rules! over_parry {
             scratch: &mut Self::Scratch,
             report: &mut dyn FnMut(&Touch<$l>),
         ) -> f32 {
-            use $parry::bounding_volume::BoundingVolume;
-            use $parry::query::details::NormalConstraints;
-            use $parry::query::{DefaultQueryDispatcher, PersistentQueryDispatcher};
-            use $parry::shape::Shape;
-
             // As what is round below, but most of a heap of balls.
             if let (Form::Ball(radius_a), Form::Ball(radius_b)) = (&a.0.form, &b.0.form) {
                 let center = |pose| <Self as Geometry<$l, $a>>::frame(pose).position;
@@ -118,96 +113,31 @@ macro_rules! over_parry {
                 return balls(centers, [*radius_a, *radius_b], prediction, touch, report);
             }
             let frames = [a.1, b.1].map(|pose| <Self as Geometry<$l, $a>>::frame(pose));
-            let from_b = frames[1].seen_from(&frames[0]);
+            let query = Query { from_b: &frames[1].seen_from(&frames[0]), prediction, before };
             // What parry is asked with.
             let poses = || [a.1, b.1].map(|pose| $parry::math::Pose::from(*pose));
             let posed = || {
                 let [pose_a, pose_b] = poses();
                 pose_a.inv_mul(&pose_b)
             };
-            // parry's pair of convex pieces, in a's frame, as one of our manifolds.
-            type Piece<'a> = super::rigid::Piece<'a, dyn Shape, $hull, $l>;
+            let Scratch { manifold, expansion, touch, clipper } = scratch;
             let mut apart = f32::INFINITY;
-            let mut pair = |piece_a: Piece<'_>,
-                            piece_b: Piece<'_>,
-                            normals: [Option<&dyn NormalConstraints>; 2],
-                            part: u32| {
-                let manifold = &mut scratch.manifold;
-                manifold.points.clear();
-                manifold.local_n1 = $parry::math::Vector::ZERO;
-                manifold.local_n2 = $parry::math::Vector::ZERO;
-                let touch = &mut scratch.touch;
+            let all = $each([a.0, b.0], posed, prediction, |pieces, cones, part| {
                 touch.points.clear();
                 touch.part = part;
-                let memory = (&mut scratch.clipper, &mut scratch.expansion);
-                let pieces = [piece_a, piece_b];
-                let query = Query { from_b: &from_b, prediction, before };
-                if let Some(gap) = $polyhedra(query, pieces, posed, memory, touch) {
+                if let Some(gap) = $polyhedra(query, pieces, posed, (clipper, expansion), touch) {
                     apart = apart.min(gap);
                     touch.place(&frames[0]);
                 } else {
                     apart = apart.min(prediction);
-                    // The only error is an unsupported pair: a half-space against a half-space.
-                    let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
-                        &posed(),
-                        piece_a.shape,
-                        piece_b.shape,
-                        normals[0],
-                        normals[1],
-                        prediction,
-                        manifold,
-                    );
-                    let [pose_a, pose_b] = poses();
-                    // parry's normal points from its first shape to its second; ours from b to a.
-                    let normal = -(pose_a.rotation * manifold.local_n1);
-                    touch.normal = normal.to_array().into();
-                    for point in manifold.points.iter().filter(|point| point.dist <= prediction) {
-                        let on_b = pose_b * point.local_p2;
-                        touch.points.push(TouchPoint {
-                            on_a: (on_b + normal * point.dist).to_array().into(),
-                            on_b: on_b.to_array().into(),
-                            gap: point.dist,
-                            feature: u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0),
-                        });
-                    }
-                    touch.reduce();
+                    $ask(pieces, cones, poses(), prediction, manifold, touch);
                 }
                 if !touch.points.is_empty() {
                     report(touch);
                 }
-            };
-            // Against a mesh: against each of its triangles nearby.
-            let (shape_a, shape_b) = (&a.0.shape, &b.0.shape);
-            let whole_a = Piece { shape: &*shape_a.0, form: &a.0.form };
-            let whole_b = Piece { shape: &*shape_b.0, form: &b.0.form };
-            let form = &Form::Other;
-            let is_mesh = |of: &Self::Collider| matches!(of.form, Form::Mesh);
-            if is_mesh(a.0)
-                && let Some(mesh) = shape_a.as_trimesh()
-            {
-                let near = shape_b.compute_aabb(&posed()).loosened(prediction);
-                for index in mesh.bvh().intersect_aabb(&near) {
-                    let normals = mesh.triangle_normal_constraints(index);
-                    let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
-                    let triangle = Piece { shape: &mesh.triangle(index), form };
-                    pair(triangle, whole_b, [normals, None], index);
-                }
-            } else if is_mesh(b.0)
-                && let Some(mesh) = shape_b.as_trimesh()
-            {
-                let near = shape_a.compute_aabb(&posed().inverse()).loosened(prediction);
-                for index in mesh.bvh().intersect_aabb(&near) {
-                    let normals = mesh.triangle_normal_constraints(index);
-                    let normals = normals.as_ref().map(|n| n as &dyn NormalConstraints);
-                    let triangle = Piece { shape: &mesh.triangle(index), form };
-                    pair(whole_a, triangle, [None, normals], index);
-                }
-            } else {
-                pair(whole_a, whole_b, [None, None], 0);
-                return apart;
-            }
+            });
             // Triangles that were not looked at are farther than that.
-            apart.min(prediction)
+            if all { apart } else { apart.min(prediction) }
         }
     };
 }
@@ -428,6 +358,84 @@ fn closest(
     Some(Crossing { axis, on_a, on_b, feature: 0 })
 }
 
+/// Defines how two shapes are gone through piece by piece, and what is made of pieces that parry is left.
+macro_rules! pieces {
+    ($each:ident, $ask:ident, $piece:ident, $parry:ident, $hull:ident, $l:literal) => {
+        /// Calls `pair` with the convex pieces of two shapes that may be within `prediction` \[m\]: the shapes
+        /// themselves, or each triangle of a mesh that is near the other, with the directions in which it may be
+        /// pushed, and its number. Returns whether no piece was left out.
+        fn $each(
+            both: [&Collider<$parry::shape::SharedShape, $hull, $l>; 2],
+            posed: impl Fn() -> $parry::math::Pose,
+            prediction: f32,
+            mut pair: impl FnMut(
+                [$piece<'_>; 2],
+                [Option<&dyn $parry::query::details::NormalConstraints>; 2],
+                u32,
+            ),
+        ) -> bool {
+            use $parry::bounding_volume::BoundingVolume;
+            let whole = both.map(|of| Piece { shape: &*of.shape.0, form: &of.form });
+            let is_mesh = |side: &usize| matches!(both[*side].form, Form::Mesh);
+            let mesh = [0, 1].into_iter().find(is_mesh).map(|side| (side, &both[side].shape));
+            let Some((side, Some(mesh))) = mesh.map(|(side, shape)| (side, shape.as_trimesh()))
+            else {
+                pair(whole, [None, None], 0);
+                return true;
+            };
+            let other = if side == 0 { posed() } else { posed().inverse() };
+            let near = both[1 - side].shape.compute_aabb(&other).loosened(prediction);
+            for index in mesh.bvh().intersect_aabb(&near) {
+                let (triangle, cone) =
+                    (mesh.triangle(index), mesh.triangle_normal_constraints(index));
+                let (mut pieces, mut cones) = (whole, [None, None]);
+                pieces[side] = Piece { shape: &triangle, form: &Form::Other };
+                cones[side] =
+                    cone.as_ref().map(|of| of as &dyn $parry::query::details::NormalConstraints);
+                pair(pieces, cones, index);
+            }
+            false
+        }
+
+        /// Fills `touch` with the manifold that parry finds between two pieces of shapes with these poses.
+        fn $ask(
+            [a, b]: [$piece<'_>; 2],
+            cones: [Option<&dyn $parry::query::details::NormalConstraints>; 2],
+            [pose_a, pose_b]: [$parry::math::Pose; 2],
+            prediction: f32,
+            manifold: &mut $parry::query::ContactManifold<(), ()>,
+            touch: &mut Touch<$l>,
+        ) {
+            use $parry::query::{DefaultQueryDispatcher, PersistentQueryDispatcher};
+            manifold.points.clear();
+            manifold.local_n1 = $parry::math::Vector::ZERO;
+            manifold.local_n2 = $parry::math::Vector::ZERO;
+            let posed = pose_a.inv_mul(&pose_b);
+            let [cone_a, cone_b] = cones;
+            // The only error is an unsupported pair: a half-space against a half-space.
+            let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
+                &posed, a.shape, b.shape, cone_a, cone_b, prediction, manifold,
+            );
+            // parry's normal points from its first shape to its second; ours from b to a.
+            let normal = -(pose_a.rotation * manifold.local_n1);
+            touch.normal = normal.to_array().into();
+            for point in manifold.points.iter().filter(|point| point.dist <= prediction) {
+                let on_b = pose_b * point.local_p2;
+                touch.points.push(TouchPoint {
+                    on_a: (on_b + normal * point.dist).to_array().into(),
+                    on_b: on_b.to_array().into(),
+                    gap: point.dist,
+                    feature: u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0),
+                });
+            }
+            touch.reduce();
+        }
+    };
+}
+
+pieces!(each_piece_2, ask_parry_2, Piece2, parry2d, ConvexPolygon, 2);
+pieces!(each_piece_3, ask_parry_3, Piece3, parry3d, Hull, 3);
+
 /// Defines how contacts see a shape.
 macro_rules! form {
     ($name:ident, $parry:ident, $hull:ident, $l:literal, $hulls:pat => $found:expr) => {
@@ -513,7 +521,7 @@ impl Geometry<2, 1> for Rigid2 {
         }
     }
 
-    over_parry!(parry2d, polygons, ConvexPolygon, form_2, 2, 1);
+    over_parry!(parry2d, polygons, each_piece_2, ask_parry_2, ConvexPolygon, form_2, 2, 1);
 }
 
 impl Geometry<3, 3> for Rigid3 {
@@ -627,7 +635,7 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, solids, Hull, form_3, 3, 3);
+    over_parry!(parry3d, solids, each_piece_3, ask_parry_3, Hull, form_3, 3, 3);
 }
 
 fn quaternion(pose: &parry3d::math::Pose) -> Quaternion<f32> {

@@ -15,6 +15,7 @@
 mod accessors;
 mod animation;
 pub(crate) mod container;
+mod glb;
 mod json;
 mod meshes;
 mod nodes;

@@ -1,4 +1,4 @@
-//! The file as bytes: GLB chunks, the JSON text, buffers and where they come from.
+//! The file as bytes: the JSON text, buffers and where they come from.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -6,7 +6,8 @@ use serde_json::Value;
 
 use super::super::error::{Place, SceneError, Warning};
 use super::super::file;
-use super::json::{Cursor, parse};
+use super::glb;
+use super::json::{Cursor, parse, reason};
 
 /// Most bytes that a file, or all buffers together, may have.
 const MOST: u64 = 2 << 30;
@@ -31,7 +32,8 @@ pub(super) fn open(file: &Path, warnings: &mut Vec<Warning>) -> Result<Container
     })?;
     let named_glb = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb"));
     if named_glb || bytes.starts_with(b"glTF") {
-        return open_glb(file, &bytes, warnings);
+        let (document, bin) = glb::read(file, &bytes, warnings)?;
+        return Ok(Container { document, bin, glb: true });
     }
     let document = parse(&bytes).map_err(|error| SceneError {
         file: file.to_path_buf(),
@@ -44,131 +46,9 @@ pub(super) fn open(file: &Path, warnings: &mut Vec<Warning>) -> Result<Container
     Ok(Container { document, bin: None, glb: false })
 }
 
-/// What went wrong, without the line and column that the place already says.
-fn reason(error: &serde_json::Error) -> String {
-    let text = error.to_string();
-    text.split(" at line ").next().unwrap_or(&text).to_string()
-}
-
 fn read_file(file: &Path, most: u64) -> std::io::Result<Vec<u8>> {
     file::read_bytes(file, most)?
         .ok_or_else(|| std::io::Error::other(format!("it is larger than {most} bytes")))
-}
-
-fn open_glb(
-    file: &Path,
-    bytes: &[u8],
-    warnings: &mut Vec<Warning>,
-) -> Result<Container, SceneError> {
-    let wrong = |offset: usize, item: &str, value: String, accepted: String| SceneError {
-        file: file.to_path_buf(),
-        place: Place::Byte(offset as u64),
-        item: item.into(),
-        value,
-        accepted,
-        unreadable: false,
-    };
-    let word = |offset: usize| -> Option<u32> {
-        let slice = bytes.get(offset..offset.checked_add(4)?)?;
-        Some(u32::from_le_bytes(slice.try_into().ok()?))
-    };
-    let cut = |offset: usize, item: &str| {
-        wrong(
-            offset,
-            &format!("{item}, cut off by the end of the file"),
-            String::new(),
-            format!("the file has {} bytes", bytes.len()),
-        )
-    };
-    if !bytes.starts_with(b"glTF") {
-        return Err(if b"glTF".starts_with(bytes) {
-            cut(bytes.len(), "GLB header")
-        } else {
-            let magic = String::from_utf8_lossy(bytes.get(..4).unwrap_or(bytes)).into_owned();
-            wrong(0, "magic of the GLB", format!("{magic:?}"), "\"glTF\" is accepted".into())
-        });
-    }
-    let version = word(4).ok_or_else(|| cut(4, "version in the GLB header"))?;
-    if version != 2 {
-        return Err(wrong(4, "version of the GLB", version.to_string(), "2 is accepted".into()));
-    }
-    let declared = word(8).ok_or_else(|| cut(8, "length in the GLB header"))?;
-    let end = declared as usize;
-    if end > bytes.len() {
-        let has = format!("the file has {} bytes", bytes.len());
-        return Err(wrong(8, "length of the GLB", declared.to_string(), has));
-    }
-    if end < bytes.len() {
-        warnings.push(Warning {
-            place: Place::Byte(end as u64),
-            message: format!("{} bytes after the GLB are ignored", bytes.len().abs_diff(end)),
-        });
-    }
-
-    let mut document = None;
-    let mut bin = None;
-    let mut chunks = 0_usize;
-    let mut offset = 12_usize;
-    while offset < end {
-        let payload = offset.saturating_add(8);
-        let (Some(length), Some(kind)) = (word(offset), word(offset.saturating_add(4))) else {
-            return Err(cut(offset, "header of a GLB chunk"));
-        };
-        let stop = payload.saturating_add(length as usize);
-        let chunk = bytes.get(payload..stop).filter(|_| stop <= end).ok_or_else(|| {
-            let left = end.saturating_sub(payload);
-            let room = format!("{left} bytes are left in the file");
-            wrong(offset, "length of a GLB chunk", length.to_string(), room)
-        })?;
-        match (&kind.to_le_bytes(), chunks) {
-            (b"JSON", 0) => {
-                document = Some(parse(chunk).map_err(|error| {
-                    let at = payload.saturating_add(byte_of(chunk, error.line(), error.column()));
-                    let accepted = "a glTF 2.0 document in UTF-8 is accepted";
-                    let item = format!("JSON: {}", reason(&error));
-                    wrong(at, &item, String::new(), accepted.into())
-                })?);
-            }
-            (b"BIN\0", 1) => bin = Some(chunk.to_vec()),
-            (b"JSON", _) | (b"BIN\0", _) => {
-                let order = "one JSON chunk, then at most one BIN chunk are accepted";
-                let kind = String::from_utf8_lossy(&kind.to_le_bytes()).into_owned();
-                let at = offset.saturating_add(4);
-                return Err(wrong(at, "type of a GLB chunk", format!("{kind:?}"), order.into()));
-            }
-            (_, 0) => {
-                let at = offset.saturating_add(4);
-                let value = format!("{kind:#x}");
-                return Err(wrong(
-                    at,
-                    "type of the first GLB chunk",
-                    value,
-                    "JSON is accepted".into(),
-                ));
-            }
-            _ => {}
-        }
-        chunks = chunks.saturating_add(1);
-        offset = stop;
-    }
-    let document = document.ok_or_else(|| {
-        wrong(12, "GLB without a JSON chunk", String::new(), "one is required".into())
-    })?;
-    Ok(Container { document, bin, glb: true })
-}
-
-/// Offset of a line and column, both from 1.
-fn byte_of(text: &[u8], line: usize, column: usize) -> usize {
-    let start = match line.checked_sub(2) {
-        None => 0,
-        Some(skip) => text
-            .iter()
-            .enumerate()
-            .filter(|(_, byte)| **byte == b'\n')
-            .nth(skip)
-            .map_or(0, |(at, _)| at.saturating_add(1)),
-    };
-    start.saturating_add(column.saturating_sub(1)).min(text.len())
 }
 
 /// Loads every buffer; a buffer that names no source has no data.

@@ -192,6 +192,12 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Value, serde_json::Error> {
     serde_json::from_slice(bytes).map(|Distinct(value)| value)
 }
 
+/// What went wrong, without the line and column that the place already says.
+pub(super) fn reason(error: &serde_json::Error) -> String {
+    let text = error.to_string();
+    text.split(" at line ").next().unwrap_or(&text).to_string()
+}
+
 struct Distinct(Value);
 
 impl<'de> Deserialize<'de> for Distinct {

@@ -40,105 +40,152 @@ pub(super) fn of(
     colliders: &[usize],
     warnings: &mut Vec<Warning>,
 ) -> Result<Vec<Filter>, SceneError> {
-    let mut groups = Vec::new();
-    // Pairs of tags that do not collide.
-    let mut apart: BTreeSet<(Tag, Tag)> = BTreeSet::new();
-    let mut part = |a: Tag, b: Tag| apart.extend([(a, b), (b, a)]);
-    let mut named = BTreeSet::new();
-    for (index, prim) in stage.prims.iter().enumerate() {
-        if prim.kind == "PhysicsCollisionGroup" {
-            groups.push(group(stage, index, prim, warnings)?);
-        }
-        for path in stage.targets(prim, "physics:filteredPairs") {
-            match stage.find(path) {
-                Some(other) => {
-                    part(Tag::Prim(index), Tag::Prim(other));
-                    named.extend([index, other]);
-                }
-                None => {
-                    let what = format!("its filtered pair <{path}> is not there: it is ignored");
-                    stage.warn(prim, what, warnings);
+    let rules = Rules::read(stage, warnings)?;
+    if rules.groups.is_empty() && rules.named.is_empty() {
+        return Ok(vec![Filter::default(); colliders.len()]);
+    }
+    let class = |collider: &usize| rules.class_of(stage, *collider);
+    let classes: Vec<Class> = colliders.iter().map(class).collect();
+    let systems = systems(stage, colliders, &classes)?;
+    let filter = |(class, bit): (&&Class, &u64)| Filter {
+        systems: *bit,
+        collides_with: systems
+            .iter()
+            .filter(|(other, _)| rules.meet(class, other))
+            .fold(0, |mask, (_, bit)| mask | bit),
+        // Every class is a system.
+        collides_with_unnamed: true,
+    };
+    let filters = systems.iter().map(|of| (*of.0, filter(of))).collect();
+    let exact = rules.say_the_same(&filters);
+    let filter = |class: &Class| {
+        let own = rules.own(class).filter(|_| exact);
+        own.or(filters.get(class).copied()).unwrap_or_default()
+    };
+    Ok(classes.iter().map(filter).collect())
+}
+
+/// What a stage says of who collides with whom.
+struct Rules<'s> {
+    groups: Vec<Group<'s>>,
+    /// For each group, the first of those that it is merged with.
+    merged: Vec<usize>,
+    /// What groups say of the prims that they name ([`said`]).
+    said: BTreeMap<Option<usize>, Vec<(usize, bool)>>,
+    /// Prims in filtered pairs.
+    named: BTreeSet<usize>,
+    /// Pairs of tags that do not collide.
+    apart: BTreeSet<(Tag, Tag)>,
+}
+
+impl<'s> Rules<'s> {
+    fn read(stage: &'s Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Self, SceneError> {
+        let (mut groups, mut pairs) = (Vec::new(), Vec::new());
+        for (index, prim) in stage.prims.iter().enumerate() {
+            if prim.kind == "PhysicsCollisionGroup" {
+                groups.push(group(stage, index, prim, warnings)?);
+            }
+            for path in stage.targets(prim, "physics:filteredPairs") {
+                match stage.find(path) {
+                    Some(other) => pairs.push([index, other]),
+                    None => {
+                        let what =
+                            format!("its filtered pair <{path}> is not there: it is ignored");
+                        stage.warn(prim, what, warnings);
+                    }
                 }
             }
         }
+        let merged = merged(stage, &groups)?;
+        let said = said(stage, &groups);
+        let named = pairs.iter().flatten().copied().collect();
+        let mut rules = Self { groups, merged, said, named, apart: BTreeSet::new() };
+        pairs.iter().for_each(|[a, b]| rules.part(Tag::Prim(*a), Tag::Prim(*b)));
+        for index in 0..rules.groups.len() {
+            rules.part_groups(stage, index)?;
+        }
+        Ok(rules)
     }
-    let merged = merged(stage, &groups)?;
-    let all: BTreeSet<usize> = merged.iter().copied().collect();
-    for (index, group) in groups.iter().enumerate() {
-        let Some(prim) = stage.prim(group.prim) else { continue };
+
+    fn part(&mut self, a: Tag, b: Tag) {
+        self.apart.extend([(a, b), (b, a)]);
+    }
+
+    /// Parts a group from those that it filters, or from all others.
+    fn part_groups(&mut self, stage: &Stage<'_>, index: usize) -> Result<(), SceneError> {
+        let prim = self.groups.get(index).and_then(|group| stage.prim(group.prim));
+        let Some(prim) = prim else { return Ok(()) };
         let listed: BTreeSet<usize> = stage
             .targets(prim, "physics:filteredGroups")
             .iter()
             .filter_map(|path| stage.find(path))
             // They are in the order of their prims.
-            .filter_map(|prim| groups.binary_search_by_key(&prim, |group| group.prim).ok())
-            .filter_map(|group| merged.get(group).copied())
+            .filter_map(|prim| self.groups.binary_search_by_key(&prim, |group| group.prim).ok())
+            .map(|group| self.first_of(group))
             .collect();
         let inverted = stage.flag(prim, "physics:invertFilteredGroups")?.unwrap_or(false);
-        let own = merged.get(index).copied().unwrap_or(index);
-        let filtered = if inverted { all.difference(&listed).copied().collect() } else { listed };
-        filtered.iter().for_each(|other| part(Tag::Group(own), Tag::Group(*other)));
+        let own = Tag::Group(self.first_of(index));
         if inverted {
-            part(Tag::Group(own), Tag::Outside);
+            let others = self.merged.clone();
+            others
+                .into_iter()
+                .filter(|other| !listed.contains(other))
+                .for_each(|other| self.part(own, Tag::Group(other)));
+            self.part(own, Tag::Outside);
+        } else {
+            listed.into_iter().for_each(|other| self.part(own, Tag::Group(other)));
         }
+        Ok(())
     }
-    if groups.is_empty() && named.is_empty() {
-        return Ok(vec![Filter::default(); colliders.len()]);
+
+    /// The group that one is merged into.
+    fn first_of(&self, group: usize) -> usize {
+        self.merged.get(group).copied().unwrap_or(group)
     }
-    let said = said(stage, &groups);
-    let class_of = |collider: usize| -> Class {
+
+    /// What a collider is in.
+    fn class_of(&self, stage: &Stage<'_>, collider: usize) -> Class {
         // What is said of the nearest decides.
         let mut inside = BTreeMap::new();
         for above in stage.up(collider).map(|(index, _)| Some(index)).chain([None]) {
-            for (group, is_in) in said.get(&above).into_iter().flatten() {
-                if above == Some(collider) || groups.get(*group).is_some_and(|of| of.expands) {
+            for (group, is_in) in self.said.get(&above).into_iter().flatten() {
+                if above == Some(collider) || self.groups.get(*group).is_some_and(|of| of.expands) {
                     inside.entry(*group).or_insert(*is_in);
                 }
             }
         }
         let inside = inside.into_iter().filter(|(_, is_in)| *is_in);
-        let inside = inside.map(|(i, _)| Tag::Group(merged.get(i).copied().unwrap_or(i)));
-        let mut class: Class = inside.collect();
+        let mut class: Class = inside.map(|(group, _)| Tag::Group(self.first_of(group))).collect();
         if class.is_empty() {
             class.insert(Tag::Outside);
         }
-        let pairs = stage.up(collider).map(|(index, _)| index).filter(|i| named.contains(i));
-        class.extend(pairs.map(Tag::Prim));
+        let pairs = stage.up(collider).map(|(index, _)| index);
+        class.extend(pairs.filter(|index| self.named.contains(index)).map(Tag::Prim));
         class
-    };
-    let classes: Vec<Class> = colliders.iter().map(|collider| class_of(*collider)).collect();
-    let own = |class: &Class| match class.iter().collect::<Vec<_>>().as_slice() {
-        [Tag::Group(group)] => groups.get(*group).and_then(|group| group.own),
-        _ => None,
-    };
-    let systems = systems(stage, colliders, &classes)?;
-    let meets =
-        |a: &Class, b: &Class| !a.iter().any(|x| b.iter().any(|y| apart.contains(&(*x, *y))));
-    let filters: BTreeMap<&Class, Filter> = systems
-        .iter()
-        .map(|(class, bit)| {
-            let others = systems.iter().filter(|(other, _)| meets(class, other));
-            let filter = Filter {
-                systems: *bit,
-                collides_with: others.fold(0, |mask, (_, bit)| mask | bit),
-                // Every class is a system.
-                collides_with_unnamed: true,
-            };
-            (*class, filter)
+    }
+
+    /// Whether two classes collide.
+    fn meet(&self, a: &Class, b: &Class) -> bool {
+        !a.iter().any(|x| b.iter().any(|y| self.apart.contains(&(*x, *y))))
+    }
+
+    /// The filter of the own format that the only group of a class was written for.
+    fn own(&self, class: &Class) -> Option<Filter> {
+        match class.iter().collect::<Vec<_>>().as_slice() {
+            [Tag::Group(group)] => self.groups.get(*group).and_then(|group| group.own),
+            _ => None,
+        }
+    }
+
+    /// Whether the filters of the own format still say the same as these.
+    fn say_the_same(&self, filters: &BTreeMap<&Class, Filter>) -> bool {
+        filters.iter().all(|(a, x)| {
+            filters.iter().all(|(b, y)| match (self.own(a), self.own(b)) {
+                (Some(own_a), Some(own_b)) => own_a.collides(&own_b) == x.collides(y),
+                _ => false,
+            })
         })
-        .collect();
-    // Those of the own format, as long as they still say the same.
-    let same = filters.iter().all(|(a, x)| {
-        filters.iter().all(|(b, y)| match (own(a), own(b)) {
-            (Some(own_a), Some(own_b)) => own_a.collides(&own_b) == x.collides(y),
-            _ => false,
-        })
-    });
-    let filter = |class: &Class| {
-        let exact = own(class).filter(|_| same);
-        exact.or(filters.get(class).copied()).unwrap_or_default()
-    };
-    Ok(classes.iter().map(filter).collect())
+    }
 }
 
 /// A bit for each class.
