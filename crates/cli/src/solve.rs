@@ -3,21 +3,21 @@
 mod plot;
 mod read;
 mod result;
+mod run;
 
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
-use std::time::{Duration, Instant};
 
 use drystone::recording::write_whole;
-use drystone_solver::assembled::ladder::{self, Attempt, Method, Solved};
 use drystone_solver::assembled::{Limits, Outcome, Status};
 use serde_json::Value;
 
 use crate::failure::Failure;
 pub(crate) use plot::escaped;
+use run::{Choice, Run};
 
 /// Solve a contact problem or a linear complementarity problem given as matrices.
 ///
@@ -78,81 +78,10 @@ Examples:
 Exit codes: 0 solved, 2 wrong input or usage, 3 not solved (also if it is proven that there is no
 solution; the result is written all the same), 4 a file cannot be read or written.";
 
-/// A method, or the choice left to the ladder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Choice {
-    Auto,
-    Only(Method),
-}
-
-impl Choice {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Only(method) => method.name(),
-        }
-    }
-
-    fn solve(self, named: &read::Named, limits: &Limits) -> Solved {
-        let (problem, warm) = (&named.problem, named.warm.as_deref());
-        match self {
-            Self::Auto => ladder::solve(problem, warm, limits),
-            Self::Only(method) => {
-                let outcome = method.solve(problem, warm, limits);
-                let Outcome { status, iterations, residual, .. } = outcome;
-                let attempts = vec![Attempt { method, status, iterations, residual }];
-                Solved { method, outcome, attempts }
-            }
-        }
-    }
-
-    fn all() -> impl Iterator<Item = Self> {
-        [Self::Auto].into_iter().chain(Method::ALL.map(Self::Only))
-    }
-}
-
-impl FromStr for Choice {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let names = || Self::all().map(Self::name).collect::<Vec<_>>().join(", ");
-        Self::all()
-            .find(|choice| choice.name() == text)
-            .ok_or_else(|| format!("accepted: {}", names()))
-    }
-}
-
 fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| match f64::from_str(text) {
         Ok(x) if range.contains(&x) => Ok(x),
         _ => Err(format!("accepted: a number from {:e} to {:e}", range.start(), range.end())),
-    }
-}
-
-/// One method's work on the problem.
-struct Run {
-    choice: Choice,
-    solved: Solved,
-    /// The median, if it was repeated.
-    time: Duration,
-}
-
-impl Run {
-    fn new(named: &read::Named, choice: Choice, limits: &Limits, repeat: u32) -> Self {
-        let mut times = Vec::new();
-        loop {
-            let start = Instant::now();
-            let solved = choice.solve(named, limits);
-            times.push(start.elapsed());
-            if times.len() >= repeat as usize {
-                times.sort_unstable();
-                return Self { choice, solved, time: times[times.len() / 2] };
-            }
-        }
-    }
-
-    fn milliseconds(&self) -> f64 {
-        self.time.as_secs_f64() * 1e3
     }
 }
 

@@ -62,6 +62,7 @@ mod assembly;
 pub mod block_gauss_seidel;
 mod block_lu;
 mod blocks;
+mod columns;
 mod dense;
 pub mod enumeration;
 pub mod equality;
@@ -79,64 +80,10 @@ mod problem;
 pub mod proximal;
 
 pub use assembly::Assembly;
-pub use matrices::{friction_jacobian, inverse_mass, jacobian, soften, system_matrix};
+pub use columns::{compliance, friction_impulses, impulses, rhs, targets, velocities};
+pub use matrices::{
+    Column, Matrix, friction_jacobian, inverse_mass, jacobian, soften, system_matrix,
+};
 pub use outcome::{Limits, Outcome, Sample, Status};
 pub use pattern::{contacts_of, pattern};
 pub use problem::{Bodies, Problem, ProblemError, from_entries};
-
-use crate::{Contact, Scalar, System};
-
-/// A sparse matrix stored by rows.
-pub type Matrix = faer::sparse::SparseRowMat<usize, f64>;
-
-/// A column of numbers.
-pub type Column = faer::Col<f64>;
-
-/// v: (v, omega) of every body, one after the other. \[m/s, rad/s\]
-pub fn velocities<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
-    let width = L + A;
-    Column::from_fn(width * system.velocities.len(), |row| {
-        let (velocity, i) = (&system.velocities[row / width], row % width);
-        if i < L { velocity.linear[i].to_f64() } else { velocity.angular[i - L].to_f64() }
-    })
-}
-
-fn of_contacts<T: Scalar, const L: usize, const A: usize>(
-    system: &System<T, L, A>,
-    value: impl Fn(&Contact<T, L>) -> T,
-) -> Column {
-    Column::from_fn(system.contacts.len(), |i| value(&system.contacts[i]).to_f64())
-}
-
-/// t: the normal velocity that each contact should have after the step. \[m/s\]
-pub fn targets<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
-    of_contacts(system, |contact| contact.target[0])
-}
-
-/// gamma: the accumulated normal impulses. \[N s\]
-pub fn impulses<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
-    of_contacts(system, |contact| contact.impulse[0])
-}
-
-/// The accumulated impulses along the whole frame of each contact, normal first: what
-/// [`friction_jacobian`] takes to the bodies. \[N s\]
-pub fn friction_impulses<T: Scalar, const L: usize, const A: usize>(
-    system: &System<T, L, A>,
-) -> Column {
-    Column::from_fn(L * system.contacts.len(), |row| {
-        system.contacts[row / L].impulse[row % L].to_f64()
-    })
-}
-
-/// epsilon: the diagonal of E. \[1/kg\]
-pub fn compliance<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
-    of_contacts(system, |contact| contact.compliance)
-}
-
-/// b = t - J v, with the velocities that the system has now. \[m/s\]
-///
-/// It is the b of the problem while the velocities are the prospective ones, that is before any
-/// impulse has been applied to them. With t = -c_r J v it is the notes' -(1 + c_r) J v.
-pub fn rhs<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
-    targets(system) - jacobian(system) * velocities(system)
-}

@@ -9,7 +9,7 @@ use std::{env, fs};
 use drystone::Simulation;
 use drystone::recording::journal::{Header, Journal, Mark, Step};
 
-use super::Arguments;
+use super::arguments::Arguments;
 use crate::failure::Failure;
 
 /// What a journal had when the bake went on.

@@ -8,7 +8,7 @@ use drystone::{SavedContact, SavedProblem};
 use drystone_solver::assembled::Matrix;
 use serde_json::{Value, json};
 
-use super::Arguments;
+use super::arguments::Arguments;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 

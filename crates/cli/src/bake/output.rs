@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use drystone::recording::{self, Sampling, write_whole};
 use drystone::scene::{Read, Warning};
 
-use super::{Arguments, Bake};
+use super::arguments::Arguments;
+use super::record::Bake;
 use crate::cut::{Cut, Film};
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;

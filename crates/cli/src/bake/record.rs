@@ -1,6 +1,7 @@
 //! Running a simulation and keeping what happens.
 
-use std::sync::atomic::Ordering;
+use std::process;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use drystone::recording::Recording;
@@ -9,12 +10,27 @@ use drystone::scene::{Motion, Scene};
 use drystone::{Measure, SavedProblem, Simulation, StepSettings};
 use indicatif::ProgressBar;
 
-use super::INTERRUPTED;
 use super::diary::{Diary, Kept};
 use crate::failure::Failure;
 
 /// A body faster than this has left the realm of the meaningful. \[m/s\]
 const TOO_FAST: f64 = 1e6;
+
+/// Set when the user wants to end.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// The first signal ends the simulation between two steps; a file that is being written is
+/// finished first, so that none is left in part. A second one ends the process at once. Whatever
+/// happens, the bake can go on from its journal.
+pub(super) fn listen() {
+    let heard = || {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            process::exit(130);
+        }
+    };
+    // Without a handler, a signal ends the process, which is all that is lost.
+    let _ = ctrlc::set_handler(heard);
+}
 
 /// A run of a scene.
 pub(super) struct Bake {

@@ -9,7 +9,8 @@ use drystone::recording::write_whole;
 use drystone::{Stage, StepSettings};
 use serde::Serialize;
 
-use super::{Bake, Summary};
+use super::record::Bake;
+use super::summary::Summary;
 use crate::failure::Failure;
 
 /// What a report is about.

@@ -9,7 +9,7 @@ use drystone::scene::{Motion, Scene};
 use drystone::{Ledger, Measure, StepSettings};
 use serde::Serialize;
 
-use super::Bake;
+use super::record::Bake;
 
 /// Energy above that of the start that passes for rounding, as a part of the energy that the run
 /// converts. \[1\]

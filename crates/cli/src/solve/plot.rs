@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use drystone_solver::assembled::Sample;
 
-use super::Run;
+use super::run::Run;
 
 const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 800.0;

@@ -4,8 +4,8 @@ use drystone_solver::assembled::Sample;
 use drystone_solver::assembled::ladder::Attempt;
 use serde_json::{Value, json};
 
-use super::Run;
 use super::read::Named;
+use super::run::Run;
 
 /// The solution, how good it is and how it was found. Infinite numbers become null.
 pub(super) fn json(named: &Named, run: &Run) -> Value {

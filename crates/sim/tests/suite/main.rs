@@ -11,6 +11,7 @@ mod fuzz;
 mod gltf;
 mod gltf_physics;
 mod guide;
+mod house;
 mod jam;
 mod scene;
 mod sleep;

@@ -1,6 +1,6 @@
 //! W by contacts: rows of blocks, each as large as a contact has rows.
 
-use super::Matrix;
+use super::matrices::Matrix;
 
 pub(super) type Block<const D: usize> = [[f64; D]; D];
 

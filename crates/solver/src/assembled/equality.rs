@@ -8,7 +8,7 @@
 //! repair, impulses exist, many of them, all with the same J^T gamma and so the same velocities.
 //! If b is not, there are none.
 
-use super::{Column, Matrix};
+use super::matrices::{Column, Matrix};
 
 /// What [`solve`] found.
 #[derive(Clone, Debug)]

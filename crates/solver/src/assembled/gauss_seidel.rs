@@ -2,7 +2,7 @@
 //!
 //! For soft contacts, give them A + E ([`soften`](super::soften)).
 
-use super::{Column, Matrix};
+use super::matrices::{Column, Matrix};
 
 /// x_i = (b_i - sum_{j < i} a_ij x_j - sum_{j > i} a_ij x_j) / a_ii, written as a change of x_i:
 /// equation i solved for unknown i, the others taken as known. A row with nothing on its diagonal,

@@ -2,8 +2,13 @@
 
 use faer::sparse::Triplet;
 
-use super::{Column, Matrix};
 use crate::{Manifold, Scalar, System, Vector, moment};
+
+/// A sparse matrix stored by rows.
+pub type Matrix = faer::sparse::SparseRowMat<usize, f64>;
+
+/// A column of numbers.
+pub type Column = faer::Col<f64>;
 
 type Entry = Triplet<usize, usize, f64>;
 

@@ -3,7 +3,7 @@
 //! Row i of J has two blocks. A has an entry (i, j) where contacts i and j share a body that can
 //! move: a body with n contacts fills n^2 entries, one with a single contact only a diagonal one.
 
-use super::Matrix;
+use super::matrices::Matrix;
 use crate::{Scalar, System};
 
 /// A drawing of a sparse matrix: `#` for a stored entry, `.` for none, a line for each row.

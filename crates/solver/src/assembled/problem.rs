@@ -4,8 +4,8 @@ use std::fmt;
 
 use faer::sparse::Triplet;
 
-use super::Matrix;
 use super::dense::Dense;
+use super::matrices::Matrix;
 use crate::cone;
 
 /// Contacts that somebody else has put into matrices: find impulses r with

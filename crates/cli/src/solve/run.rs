@@ -1,0 +1,80 @@
+//! One method, or the ladder, on a problem.
+
+use std::str::FromStr;
+use std::time::{Duration, Instant};
+
+use drystone_solver::assembled::ladder::{self, Attempt, Method, Solved};
+use drystone_solver::assembled::{Limits, Outcome};
+
+use super::read::Named;
+
+/// A method, or the choice left to the ladder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Choice {
+    Auto,
+    Only(Method),
+}
+
+impl Choice {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Only(method) => method.name(),
+        }
+    }
+
+    fn solve(self, named: &Named, limits: &Limits) -> Solved {
+        let (problem, warm) = (&named.problem, named.warm.as_deref());
+        match self {
+            Self::Auto => ladder::solve(problem, warm, limits),
+            Self::Only(method) => {
+                let outcome = method.solve(problem, warm, limits);
+                let Outcome { status, iterations, residual, .. } = outcome;
+                let attempts = vec![Attempt { method, status, iterations, residual }];
+                Solved { method, outcome, attempts }
+            }
+        }
+    }
+
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        [Self::Auto].into_iter().chain(Method::ALL.map(Self::Only))
+    }
+}
+
+impl FromStr for Choice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names = || Self::all().map(Self::name).collect::<Vec<_>>().join(", ");
+        Self::all()
+            .find(|choice| choice.name() == text)
+            .ok_or_else(|| format!("accepted: {}", names()))
+    }
+}
+
+/// One method's work on the problem.
+pub(super) struct Run {
+    pub(super) choice: Choice,
+    pub(super) solved: Solved,
+    /// The median, if it was repeated.
+    pub(super) time: Duration,
+}
+
+impl Run {
+    pub(super) fn new(named: &Named, choice: Choice, limits: &Limits, repeat: u32) -> Self {
+        let mut times = Vec::new();
+        loop {
+            let start = Instant::now();
+            let solved = choice.solve(named, limits);
+            times.push(start.elapsed());
+            if times.len() >= repeat as usize {
+                times.sort_unstable();
+                return Self { choice, solved, time: times[times.len() / 2] };
+            }
+        }
+    }
+
+    pub(super) fn milliseconds(&self) -> f64 {
+        self.time.as_secs_f64() * 1e3
+    }
+}
