@@ -144,10 +144,15 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// What a unit impulse along axis `i` of the frame adds to the velocity along axis `j`: an entry
     /// of this contact's block of A. \[1/kg\]
     #[inline(always)]
-    fn entry<const A: usize>(&self, mobility: &Mobility<T, L, A>, i: usize, j: usize) -> T {
-        let mut twist: Velocity<T, L, A> = Velocity::NOTHING;
-        let from = Axes { linear: i..i + 1, angular: 0..A };
-        mobility.add(&from, &self.unit_wrench(i), &all_axes::<L, A>(), &mut twist);
+    fn entry<const A: usize, const B: usize>(
+        &self,
+        mobility: &Mobility<T, L, A>,
+        i: usize,
+        j: usize,
+    ) -> T {
+        let mut twist: Velocity<T, L, B> = Velocity::NOTHING;
+        let from = Axes { linear: i..i + 1, angular: 0..B };
+        mobility.add(&from, &self.unit_wrench(i), &all_axes::<L, B>(), &mut twist);
         self.relative_velocity(&twist)[j]
     }
 
@@ -164,22 +169,32 @@ impl<T: Real, const L: usize> Contact<T, L> {
         mobility: &Mobility<T, L, A>,
         softness: T,
     ) {
+        self.prepare_felt::<A, A>(manifold, mobility, softness);
+    }
+
+    /// The same of a point that feels `B` components of turning ([`Manifold::twist_felt`]).
+    #[inline(always)]
+    pub(crate) fn prepare_felt<const A: usize, const B: usize>(
+        &mut self,
+        manifold: &Manifold<T, L>,
+        mobility: &Mobility<T, L, A>,
+        softness: T,
+    ) {
         let stiff = T::ONE - softness;
-        let a_ii = self.entry(mobility, 0, 0);
-        self.compliance = (a_ii * softness / stiff).min(manifold.compliance);
-        self.effective_mass = a_ii.choose(T::ONE / (a_ii + self.compliance), T::ZERO);
+        let entry = |i, j| self.entry::<A, B>(mobility, i, j);
+        let a_ii = entry(0, 0);
         let largest = match L {
-            2 => self.entry(mobility, 1, 1),
+            2 => entry(1, 1),
             3 => {
                 let half = T::from_f64(0.5);
-                let p = self.entry(mobility, 1, 1);
-                let q = self.entry(mobility, 1, 2);
-                let r = self.entry(mobility, 2, 2);
+                let (p, q, r) = (entry(1, 1), entry(1, 2), entry(2, 2));
                 let (mean, half_difference) = ((p + r) * half, (p - r) * half);
                 mean + (half_difference * half_difference + q * q).sqrt()
             }
             _ => T::ZERO,
         };
+        self.compliance = (a_ii * softness / stiff).min(manifold.compliance);
+        self.effective_mass = a_ii.choose(T::ONE / (a_ii + self.compliance), T::ZERO);
         self.tangential_mass = largest.choose(T::ONE / largest, T::ZERO);
         let softness = self.softness();
         self.tangential_compliance = largest * (softness / (T::ONE - softness));

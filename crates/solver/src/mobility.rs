@@ -57,22 +57,36 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
     #[inline(always)]
     pub fn of(manifold: &Manifold<T, L>, masses: &[InverseMass<T, L, A>; 2]) -> Self {
         let mut mobility = Self::default();
-        mobility.set(manifold, masses);
+        mobility.set_felt::<A>(manifold, masses);
         mobility
     }
 
-    /// Becomes that of a manifold between bodies of these inverse masses.
+    /// Becomes that of a manifold between bodies of these inverse masses, as far as points have to do with it that
+    /// feel `B` components of turning ([`Manifold::twist_felt`]); the rest is what it was.
     #[inline(always)]
-    pub(crate) fn set(&mut self, manifold: &Manifold<T, L>, masses: &[InverseMass<T, L, A>; 2]) {
-        *self = Self::default();
+    pub(crate) fn set_felt<const B: usize>(
+        &mut self,
+        manifold: &Manifold<T, L>,
+        masses: &[InverseMass<T, L, A>; 2],
+    ) {
+        self.linear = SymmetricMatrix::default();
+        if B > 0 {
+            (self.cross, self.angular) = (Crossed::default(), SymmetricMatrix::default());
+        }
         for (mass, arm) in masses.iter().zip(&manifold.arms) {
-            self.add_body(mass.linear, manifold.tensor(mass.angular), manifold.to_frame(*arm));
+            let (tensor, arm) = (manifold.tensor(mass.angular), manifold.to_frame(*arm));
+            self.add_body::<B>(mass.linear, tensor, arm);
         }
     }
 
     /// A body of this inverse mass and inertia, seen in the frame from its center of mass.
     #[inline(always)]
-    fn add_body(&mut self, linear: T, angular: SymmetricMatrix<T, A>, arm: Vector<T, L>) {
+    fn add_body<const B: usize>(
+        &mut self,
+        linear: T,
+        angular: SymmetricMatrix<T, A>,
+        arm: Vector<T, L>,
+    ) {
         // A moment about axis k turns the body at W e_k, and so moves the center at W e_k x arm.
         let mut cross = [Vector::<T, A>::ZERO; L];
         for k in 0..A {
@@ -84,12 +98,14 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
             for i in 0..L {
                 cross[i][k] = moved[i];
             }
-            for m in k..A {
+            for m in k..B {
                 self.angular.0[k][m] += angular.entry(k, m);
             }
         }
         for i in 0..L {
-            self.cross.0[i] += cross[i];
+            if B > 0 {
+                self.cross.0[i] += cross[i];
+            }
             self.linear.0[i][i] += linear;
             // An impulse along axis i has the moment arm x e_i.
             let mut lever = Vector::ZERO;

@@ -143,9 +143,19 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     #[inline(always)]
     pub(super) fn prepare(&mut self, points: &mut [Contact<V, L>], softness: V) {
         self.center = is_center(points);
-        self.mobility.set(&self.manifold, &self.masses);
+        if self.center {
+            self.prepare_felt::<0>(points, softness);
+        } else {
+            self.prepare_felt::<A>(points, softness);
+        }
+    }
+
+    /// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+    #[inline(always)]
+    fn prepare_felt<const B: usize>(&mut self, points: &mut [Contact<V, L>], softness: V) {
+        self.mobility.set_felt::<B>(&self.manifold, &self.masses);
         for contact in points {
-            contact.prepare(&self.manifold, &self.mobility, softness);
+            contact.prepare_felt::<A, B>(&self.manifold, &self.mobility, softness);
         }
     }
 
