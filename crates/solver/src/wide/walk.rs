@@ -342,8 +342,8 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         let bodies = &self.bodies[side];
         let mut numbers = [C::ZERO; 8];
         let at = each_lane!(lane => from.place(bodies[lane]).cast::<f32>().cast_const());
-        // SAFETY: as the caller promises; a velocity is so many numbers.
-        unsafe { gather(at, &mut numbers[..L + A]) };
+        // SAFETY: as the caller promises; a velocity takes up whole rows, as which they are read fastest.
+        unsafe { gather(at, &mut numbers[..(L + A).max(4)]) };
         if self.away[side] != 0 {
             self.stop(side, &mut numbers[..L + A]);
         }
