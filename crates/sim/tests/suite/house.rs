@@ -63,7 +63,16 @@ fn house(texts: &BTreeMap<Vec<String>, String>) -> House {
         let homes = paths.filter_map(|import| home(&import.path, &imports));
         ((*module).clone(), homes.filter(|home| home != *module).collect())
     };
-    imports.iter().map(used).collect()
+    let own: House = imports.iter().map(used).collect();
+    // Who goes into a module may come to all below it, and to what these import from elsewhere.
+    let all = |module: &Vec<String>| {
+        let below = own.iter().filter(|(other, _)| other.starts_with(module));
+        let out = below.flat_map(|(other, used)| {
+            used.iter().filter(move |used| other == module || !used.starts_with(module))
+        });
+        out.cloned().collect()
+    };
+    own.keys().map(|module| (module.clone(), all(module))).collect()
 }
 
 /// What a module imports of its crate.
