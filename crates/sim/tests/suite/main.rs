@@ -7,6 +7,7 @@ mod checkpoint;
 mod common;
 mod determinism;
 mod energy;
+mod field;
 mod fuzz;
 mod gltf;
 mod gltf_physics;
