@@ -76,7 +76,7 @@ fn passes() -> [(&'static str, f64); 6] {
         };
         time(&mut || wide.pack(&system, &system.masses, 0.1));
         time(&mut || wide.whole(&mut []).apply_impulses(&mut velocities));
-        time(&mut || wide.set_targets(&still, &repair));
+        time(&mut || wide.set_targets(&still, None, &repair));
         wide.set_islands(&islands);
         wide.begin_conjugate();
         // The first has no direction yet.

@@ -204,6 +204,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) gyroscopic: Vec<bool>,
     /// Rotation vectors that the poses have followed before the end of the step. \[rad\]
     pub(crate) turns: Vec<Vector<f32, A>>,
+    /// Whether it has turned since contacts were last searched for ([`kinematics`](drystone_solver::kinematics)).
+    pub(crate) turned: Vec<bool>,
     pub(crate) gravity_factor: Vec<f32>,
     /// Of its shapes from the center of mass.
     pub(crate) reach: Vec<Reach>,
@@ -237,6 +239,14 @@ impl<const L: usize, const A: usize> Given<'_, L, A> {
     }
 }
 
+/// Bodies in motion.
+pub(crate) struct InMotion<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) given: Given<'a, L, A>,
+    pub(crate) poses: &'a mut [G::Pose],
+    pub(crate) turns: &'a mut [Vector<f32, A>],
+    pub(crate) turned: &'a mut [bool],
+}
+
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     pub(crate) fn new() -> Self {
         Self {
@@ -253,24 +263,28 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             inertia: Vec::new(),
             gyroscopic: Vec::new(),
             turns: Vec::new(),
+            turned: Vec::new(),
             gravity_factor: Vec::new(),
             reach: Vec::new(),
             forces: Vec::new(),
         }
     }
 
-    /// Notes which bodies have strayed by more than `limit` \[m\], or than a small part of their size, or move
-    /// whatever they touch.
+    /// Notes which bodies have strayed by more than `limit` \[m\], or than a small part of their size, have
+    /// turned, or move whatever they touch.
     pub(crate) fn stir(&mut self, limit: f32, velocities: &[Velocity<f32, L, A>], team: &Team) {
-        let Self { stirred, strayed, inertia, reach, .. } = self;
+        let Self { stirred, strayed, turned, inertia, reach, .. } = self;
         let (useful, share) = team.share(velocities.len(), PIECE);
-        let parts = stirred.chunks_mut(share).zip(strayed.chunks_mut(share)).enumerate();
-        team.for_each(useful, parts, |(part, (stirred, strayed))| {
-            for (body, (stirred, strayed)) in (share * part..).zip(stirred.iter_mut().zip(strayed))
-            {
+        let parts = stirred.chunks_mut(share).zip(strayed.chunks_mut(share));
+        let parts = parts.zip(turned.chunks_mut(share)).enumerate();
+        team.for_each(useful, parts, |(part, ((stirred, strayed), turned))| {
+            let own = stirred.iter_mut().zip(strayed).zip(turned);
+            for (body, ((stirred, strayed), turned)) in (share * part..).zip(own) {
                 let leads = inertia[body].inverse_mass() == 0.0;
                 *stirred = leads && velocities[body] != Velocity::ZERO
-                    || *strayed > limit.min(STRAY * reach[body].all);
+                    || *strayed > limit.min(STRAY * reach[body].all)
+                    // Its contacts have been renewed in the lanes, and not in the records.
+                    || std::mem::take(turned);
                 if *stirred {
                     *strayed = 0.0;
                 }
@@ -278,10 +292,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         });
     }
 
-    /// What does not change in motion, and what does: poses and turns.
-    pub(crate) fn in_motion(&mut self) -> (Given<'_, L, A>, &mut [G::Pose], &mut [Vector<f32, A>]) {
-        let Self { motion, gravity_factor, forces, inertia, gyroscopic, poses, turns, .. } = self;
-        (Given { motion, gravity_factor, forces, inertia, gyroscopic }, poses, turns)
+    /// What does not change in motion, and what does.
+    pub(crate) fn in_motion(&mut self) -> InMotion<'_, G, L, A> {
+        let Self { motion, gravity_factor, forces, inertia, gyroscopic, .. } = self;
+        let given = Given { motion, gravity_factor, forces, inertia, gyroscopic };
+        InMotion { given, poses: &mut self.poses, turns: &mut self.turns, turned: &mut self.turned }
     }
 
     fn given(&self) -> Given<'_, L, A> {

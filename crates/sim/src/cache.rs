@@ -7,7 +7,7 @@ use drystone_solver::Vector;
 use drystone_solver::wide::{Past, Trace};
 
 use crate::bodies::Came;
-use crate::geometry::{Frame, MAX_POINTS, TouchPoint};
+use crate::geometry::{Carrier, Frame, MAX_POINTS, Surfaces, TouchPoint};
 
 /// What is left of the room of a pair when a way is taken off that is too short to count. \[1\]
 const ROUNDED: f32 = 1.0 - 2.0 * f32::EPSILON;
@@ -110,6 +110,7 @@ pub(crate) struct Record<const L: usize> {
     pub(crate) friction: f32,
     pub(crate) restitution: f32,
     pub(crate) part: u32,
+    pub(crate) surfaces: Surfaces,
     /// Its points.
     pub(crate) first: u32,
     pub(crate) count: u32,
@@ -119,8 +120,8 @@ pub(crate) struct Record<const L: usize> {
     pub(crate) traced: Vector<f32, L>,
     /// From the center of mass of b to that of a. \[m\]
     pub(crate) apart: Vector<f32, L>,
-    /// The same in the frame of b, and a's frame as seen from b, when the points were found; of what rolls they are
-    /// not asked for.
+    /// The normal in the frame of the body that [carries](Self::carrier) it, and a's frame as seen from b,
+    /// when the points were found; of what rolls they are not asked for.
     pub(crate) local_normal: Vector<f32, L>,
     pub(crate) found_at: Frame<L>,
     /// Largest distance of its points from the center of mass of a. \[m\]
@@ -135,8 +136,7 @@ pub(crate) struct Point<const L: usize> {
     /// On the surface of b, in the frame of b. \[m\]
     pub(crate) on_b: Vector<f32, L>,
     /// Where both bodies are pushed, midway between the surfaces: so the pair keeps its angular momentum.
-    /// World, from the center of mass of b; where it was when it was last set
-    /// ([`RecordsMut::measure`]). \[m\]
+    /// World, from the center of mass of b. \[m\]
     pub(crate) middle: Vector<f32, L>,
     pub(crate) feature: u64,
 }
@@ -299,38 +299,35 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
         (record, &mut self.points[points.clone()], &mut self.traces[points])
     }
 
-    /// Measures the gaps of manifolds anew, whose bodies are where these frames are. They are pushed where they
-    /// were, until that has moved against one of them by `most` \[m\]. Whether they have been `traced` since they
-    /// were last measured.
+    /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Whether they have
+    /// been `traced` since they were last measured.
     pub(crate) fn measure(
         &mut self,
         numbers: Range<usize>,
         [a, b]: [&Frame<L>; 2],
-        most: f32,
         traced: bool,
     ) {
         let own = after(numbers.clone(), self.before[0]);
         self.change(numbers, traced);
         for record in &mut self.manifolds[own] {
-            let normal = b.direction(record.local_normal);
+            let normal = record.carrier(a, b).direction(record.local_normal);
             let points = after(record.points(), self.before[1]);
             let (points, traces) = (&mut self.points[points.clone()], &mut self.traces[points]);
-            let passed = a.position - record.apart;
-            let mut moved = 0.0f32;
-            for (point, trace) in points.iter().zip(&mut *traces) {
-                trace.gap[0] = normal.dot(a.point(point.on_a) - b.point(point.on_b));
-                let from_b = point.middle_between(a, b) - point.middle;
-                let from_a = from_b - passed;
-                moved = moved.max(from_b.dot(from_b)).max(from_a.dot(from_a));
+            for (point, trace) in points.iter_mut().zip(&mut *traces) {
+                let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
+                trace.gap[0] = normal.dot(on_a - on_b);
+                point.middle = match record.surfaces.normal {
+                    // Corners carry the place along a face.
+                    Carrier::FaceOfA => on_b + normal * (0.5 * trace.gap[0]),
+                    Carrier::FaceOfB => on_a - normal * (0.5 * trace.gap[0]),
+                    Carrier::Edges | Carrier::Centers => (on_a + on_b) * 0.5,
+                };
             }
+            deepest_first(points, traces);
             if traced {
                 record.traced = record.normal;
             }
-            if moved > most * most {
-                deepest_first(points, traces);
-                points.iter_mut().for_each(|point| point.middle = point.middle_between(a, b));
-                (record.normal, record.apart) = (normal, a.position);
-            }
+            (record.normal, record.apart) = (normal, a.position);
         }
     }
 }
@@ -342,6 +339,7 @@ impl<const L: usize> Record<L> {
         friction: 0.0,
         restitution: 0.0,
         part: 0,
+        surfaces: Surfaces { radii: [0.0; 2], normal: Carrier::Edges },
         first: 0,
         count: 0,
         normal: Vector::ZERO,
@@ -354,6 +352,11 @@ impl<const L: usize> Record<L> {
 
     pub(crate) fn points(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
+    }
+
+    /// The frame in which its local normal stays: that of the body with the face.
+    pub(crate) fn carrier<'a>(&self, a: &'a Frame<L>, b: &'a Frame<L>) -> &'a Frame<L> {
+        if self.surfaces.normal == Carrier::FaceOfA { a } else { b }
     }
 }
 
@@ -421,11 +424,6 @@ impl<const L: usize> Point<L> {
     pub(crate) const OPEN: Self =
         Self { on_a: Vector::ZERO, on_b: Vector::ZERO, middle: Vector::ZERO, feature: 0 };
 
-    /// Midway between the surfaces, from the center of mass of b. \[m\]
-    fn middle_between(&self, a: &Frame<L>, b: &Frame<L>) -> Vector<f32, L> {
-        (a.point(self.on_a) + b.point(self.on_b)) * 0.5
-    }
-
     pub(crate) fn new(touch: &TouchPoint<L>, a: &Frame<L>, b: &Frame<L>) -> Self {
         Self {
             on_a: a.local_point(touch.on_a),
@@ -452,34 +450,6 @@ mod tests {
             for (point, trace) in points.iter().zip(&traces) {
                 assert_eq!(trace.gap[0], gaps[point.feature as usize], "{gaps:?}");
             }
-        }
-    }
-
-    /// A pair that leans as a whole is pushed where it was while that has moved by less than asked for; its gap is
-    /// that of now.
-    #[test]
-    fn what_leans_is_pushed_where_it_was() {
-        let turned = |angle: f32| {
-            let (sin, cos) = angle.sin_cos();
-            Frame { position: Vector::ZERO, axes: [Vector([cos, sin]), Vector([-sin, cos])] }
-        };
-        let up = Vector([0.0, 1.0]);
-        let point = Point { on_a: up * -0.5, on_b: up * 0.5, middle: up * 0.5, feature: 0 };
-        for (most, pushed) in [(0.006, up), (0.004, turned(0.01).direction(up))] {
-            let mut records: Records<2> = Records::default();
-            let (record, points, _) = records.add(1);
-            (record.normal, record.local_normal, record.apart) = (up, up, up);
-            points[0] = point;
-            // Turned by 0.01, and sunk in by 1 mm: half a meter away, 5 mm aside.
-            let b = turned(0.01);
-            let a = Frame { position: b.direction(up * 0.999), ..b };
-            records.view_mut().measure(0..1, [&a, &b], most, true);
-            let record = &records.manifolds[0];
-            assert!((records.traces[0].gap[0] + 0.001).abs() < 1e-6, "{:?}", records.traces);
-            assert!((record.normal - pushed).length() < 1e-6, "{most}: {:?}", record.normal);
-            assert!((record.apart - pushed).length() < 0.0011, "{most}: {:?}", record.apart);
-            let middle = records.points[0].middle;
-            assert!((middle - pushed * 0.5).length() < 0.0006, "{most}: {middle:?}");
         }
     }
 

@@ -7,7 +7,7 @@ use drystone_solver::team::{Divide, Team};
 use drystone_solver::wide::WideBatch;
 use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 
-use crate::bodies::{Bodies, Given};
+use crate::bodies::{Bodies, Given, InMotion};
 use crate::geometry::Geometry;
 use crate::report::{Clock, Stage};
 
@@ -37,8 +37,11 @@ pub(crate) struct Course<'a, G: Geometry<L, A>, const L: usize, const A: usize> 
     pub(crate) prospective: &'a mut [Velocity<f32, L, A>],
     /// What each has moved since the part began.
     pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
+    /// What contacts gave it in the last warm start.
+    pub(crate) pushes: &'a mut [Velocity<f32, L, A>],
     pub(crate) poses: &'a mut [G::Pose],
     pub(crate) turns: &'a mut [Vector<f32, A>],
+    pub(crate) turned: &'a mut [bool],
     /// Of all bodies, as M^-1.
     pub(crate) given: Given<'a, L, A>,
     pub(crate) masses: &'a [InverseMass<f32, L, A>],
@@ -49,12 +52,24 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
     pub(crate) fn new(
         bodies: &'a mut Bodies<G, L, A>,
         masses: &'a [InverseMass<f32, L, A>],
-        [velocities, prospective, displacements]: [&'a mut [Velocity<f32, L, A>]; 3],
+        [velocities, prospective, displacements, pushes]: [&'a mut [Velocity<f32, L, A>]; 4],
         contacts: WideBatch<'a, L, A>,
         team: &'a Team,
     ) -> Self {
-        let (given, poses, turns) = bodies.in_motion();
-        Self { contacts, velocities, prospective, displacements, poses, turns, given, masses, team }
+        let InMotion { given, poses, turns, turned } = bodies.in_motion();
+        Self {
+            contacts,
+            velocities,
+            prospective,
+            displacements,
+            pushes,
+            poses,
+            turns,
+            turned,
+            given,
+            masses,
+            team,
+        }
     }
 
     /// The bodies.
@@ -62,28 +77,35 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
         self.contacts.bodies()
     }
 
-    /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps.
-    pub(crate) fn warm_start(&mut self, substep: u32) {
-        if substep.is_multiple_of(ASK_AGAIN) {
+    /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps. Contacts are asked, too, if J
+    /// has been `renewed` since. Returns whether anything turns.
+    pub(crate) fn warm_start(&mut self, substep: u32, renewed: bool, terms: &Terms<L>) -> bool {
+        if renewed || substep.is_multiple_of(ASK_AGAIN) {
             self.prospective.copy_from_slice(self.velocities);
             self.contacts.apply_impulses(self.velocities);
         } else {
             self.push();
         }
+        self.lead(terms)
     }
 
-    /// Sweeps towards the targets.
-    pub(crate) fn solve(&mut self, terms: &Terms<L>) {
+    /// Sweeps towards the targets; whether bodies turn.
+    pub(crate) fn solve(&mut self, turning: bool, terms: &Terms<L>) {
         let Self { contacts, velocities, displacements, .. } = self;
-        contacts.sweep_normals_to_targets(velocities, displacements, &terms.repair);
+        contacts.sweep_normals_to_targets(velocities, displacements, turning, &terms.repair);
         for _ in 1..terms.iterations {
             contacts.sweep_normals(velocities);
         }
     }
 
+    /// Renews J where bodies have turned.
+    pub(crate) fn renew(&mut self, terms: &Terms<L>) {
+        self.contacts.renew(self.velocities, self.displacements, terms.h);
+    }
+
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again.
-    pub(crate) fn relax(&mut self) {
-        self.contacts.relax(self.velocities);
+    pub(crate) fn relax(&mut self, renewed: bool) {
+        self.contacts.relax(self.velocities, renewed);
     }
 
     /// What contacts hand to the next step.
@@ -93,16 +115,20 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
 
     /// Through all substeps.
     fn run(&mut self, terms: &Terms<L>, clock: &mut Clock) {
+        let mut renewed = false;
         for substep in 0..terms.substeps {
             self.predict(terms);
             clock.lap(Stage::Predict);
-            self.warm_start(substep);
+            let turning = self.warm_start(substep, renewed, terms);
             clock.lap(Stage::WarmStart);
-            self.solve(terms);
+            self.solve(turning, terms);
             clock.lap(Stage::Solve);
-            self.advance(terms);
+            renewed = self.advance(terms);
             clock.lap(Stage::Advance);
-            self.relax();
+            if renewed {
+                self.renew(terms);
+            }
+            self.relax(renewed);
             clock.lap(Stage::Relax);
         }
         self.trace(terms);
@@ -136,7 +162,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for Course<'_, G,
         let (displacements, later_displacements) = self.displacements.split_at_mut(count);
         let (poses, later_poses) = self.poses.split_at_mut(count);
         let (turns, later_turns) = self.turns.split_at_mut(count);
-        let first = Self { contacts, velocities, prospective, displacements, poses, turns, ..self };
+        let (turned, later_turned) = self.turned.split_at_mut(count);
+        let (pushes, later_pushes) = self.pushes.split_at_mut(count);
+        let first = Self {
+            contacts,
+            velocities,
+            prospective,
+            displacements,
+            pushes,
+            poses,
+            turns,
+            turned,
+            ..self
+        };
         let others = Self {
             contacts: later_contacts,
             velocities: later_velocities,
@@ -144,6 +182,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for Course<'_, G,
             displacements: later_displacements,
             poses: later_poses,
             turns: later_turns,
+            turned: later_turned,
+            pushes: later_pushes,
             ..self
         };
         (first, others)

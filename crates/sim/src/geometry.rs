@@ -303,8 +303,61 @@ pub struct Touch<const L: usize> {
     pub part: u32,
     /// World unit normal, from b towards a.
     pub normal: Vector<f32, L>,
+    /// What the surfaces are like where they touch.
+    pub surfaces: Surfaces,
     /// The points.
     pub points: Vec<TouchPoint<L>>,
+}
+
+/// How two surfaces are curved where they touch, and what their normal follows when bodies turn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Surfaces {
+    /// Radii of curvature of a and b; 0 for what is flat or sharp. \[m\]
+    pub radii: [f32; 2],
+    /// What the normal follows.
+    pub normal: Carrier,
+}
+
+/// What the normal of a contact follows when bodies turn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Carrier {
+    /// Both bodies alike: two edges cross.
+    #[default]
+    Edges,
+    /// The face of a.
+    FaceOfA,
+    /// The face of b.
+    FaceOfB,
+    /// The line of the centers of curvature.
+    Centers,
+}
+
+impl Carrier {
+    /// The parts of the rotations of a and b
+    /// ([`Manifold::carries`](drystone_solver::Manifold::carries)). \[1\]
+    pub(crate) fn shares(self) -> [f32; 2] {
+        match self {
+            Self::Edges => [0.5; 2],
+            Self::FaceOfA => [1.0, 0.0],
+            Self::FaceOfB => [0.0, 1.0],
+            Self::Centers => [0.0; 2],
+        }
+    }
+
+    /// The carrier with these parts.
+    pub(crate) fn of(shares: [f32; 2]) -> Self {
+        let all = [Self::FaceOfA, Self::FaceOfB, Self::Centers];
+        all.into_iter().find(|carrier| carrier.shares() == shares).unwrap_or(Self::Edges)
+    }
+
+    /// The same with a and b exchanged.
+    fn exchanged(self) -> Self {
+        match self {
+            Self::FaceOfA => Self::FaceOfB,
+            Self::FaceOfB => Self::FaceOfA,
+            same => same,
+        }
+    }
 }
 
 /// A point where two shapes touch.
@@ -333,6 +386,8 @@ impl<const L: usize> Touch<L> {
     /// The same, of b and a.
     fn exchange(&mut self) {
         self.normal = -self.normal;
+        let Surfaces { radii: [a, b], normal } = self.surfaces;
+        self.surfaces = Surfaces { radii: [b, a], normal: normal.exchanged() };
         for point in &mut self.points {
             std::mem::swap(&mut point.on_a, &mut point.on_b);
         }

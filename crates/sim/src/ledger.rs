@@ -18,7 +18,7 @@
 //! Precession, and inertia that turns with its body, count as integration, as does the difference
 //! between what gravity worked on and how far the bodies came down.
 
-use drystone_solver::{InverseMass, Manifold, Mass, System, Vector, Velocity};
+use drystone_solver::{Contact, InverseMass, Manifold, Mass, System, Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
 use crate::bodies::Bodies;
@@ -125,8 +125,9 @@ pub(crate) struct Books<const L: usize, const A: usize> {
     moved: [Velocities<f32, L, A>; 2],
     /// What gravity and forces work on, and what contacts do.
     mean: [Velocities<f64, L, A>; 2],
-    /// Normal impulses when bodies moved. \[N s\]
-    pressed: Vec<f32>,
+    /// The manifolds when bodies moved, and the impulses of their contacts. \[N s\]
+    manifolds: Vec<Manifold<f32, L>>,
+    pressed: Vec<Vector<f32, L>>,
     /// Impulses of collisions until the substep before. \[N s\]
     impacts: Vec<f32>,
 }
@@ -162,7 +163,8 @@ impl<const L: usize, const A: usize> Books<L, A> {
     pub(crate) fn depart(&mut self, system: &System<f32, L, A>) {
         copy(&system.velocities, &mut self.moved[0]);
         self.pressed.clear();
-        self.pressed.extend(system.contacts.iter().map(|contact| contact.impulse[0]));
+        self.pressed.extend(system.contacts.iter().map(|contact| contact.impulse));
+        self.manifolds.clone_from(&system.manifolds);
     }
 
     /// When they have moved.
@@ -196,7 +198,8 @@ impl<const L: usize, const A: usize> Books<L, A> {
             let turned = difference(&self.moved, body);
             self.ledger.integration += after.dot(&mass.momentum(&turned));
         }
-        for manifold in &system.manifolds {
+        for (manifold, before) in system.manifolds.iter().zip(&self.manifolds) {
+            self.ledger.integration -= self.lag(before, manifold, system);
             let pulls = manifold.bodies.map(|body| {
                 let at = body as usize;
                 let moves = self.masses[at].linear > 0.0;
@@ -207,6 +210,28 @@ impl<const L: usize, const A: usize> Books<L, A> {
                 self.contact(system, manifold, index, lift);
             }
         }
+    }
+
+    /// Work of the half of its impulses that a manifold gave before J was renewed, as far as J has
+    /// changed since. \[J\]
+    fn lag(
+        &self,
+        before: &Manifold<f32, L>,
+        after: &Manifold<f32, L>,
+        system: &System<f32, L, A>,
+    ) -> f64 {
+        if (before.frame, before.arms) == (after.frame, after.arms) {
+            return 0.0;
+        }
+        let mut wrench = Velocity::ZERO;
+        for index in after.points() {
+            let contact: Contact<f64, L> = system.contacts[index].cast();
+            contact.add_wrench(0..L, self.pressed[index].cast(), &mut wrench);
+        }
+        let [then, now]: [Manifold<f64, L>; 2] = [before.cast(), after.cast()];
+        let [a, b] = after.bodies.map(|body| &self.mean[1][body as usize]);
+        let [then, now] = [then, now].map(|of| of.momenta(&wrench));
+        0.5 * (a.dot(&(now[0] - then[0])) - b.dot(&(now[1] - then[1])))
     }
 
     /// The means of the velocities at the start and the end of the substep.
@@ -245,7 +270,7 @@ impl<const L: usize, const A: usize> Books<L, A> {
             self.ledger.friction += gamma[i] * frame[i].dot(u);
         }
 
-        let taken = gamma[0] - f64::from(self.pressed[index]);
+        let taken = gamma[0] - f64::from(self.pressed[index][0]);
         if taken != 0.0 {
             let [before, after] = [&self.moved[1], &system.velocities]
                 .map(|of| frame[0].dot(relative([of[a].cast(), of[b].cast()])));

@@ -1,5 +1,8 @@
 //! Bodies in free motion: the start and the end of a substep.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use drystone_solver::kinematics::LEAST_TURN;
 use drystone_solver::team::Team;
 use drystone_solver::{Vector, Velocity};
 
@@ -17,14 +20,20 @@ const SMALL_TURN: f32 = 1e-4;
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
     /// v* = v + h (g + M^-1 f): the prospective velocities. In their stead it keeps what contacts gave to the
     /// velocities in the substep before, M^-1 J^T gamma: how these differ from the prospective ones of then.
+    ///
+    /// A substep moves bodies by h v at its end; under a steady force they come h (v_start + v) / 2. So
+    /// displacements start at -h (v* - v) / 2: a body in free flight follows the parabola exactly, and
+    /// contacts see where it comes.
     pub(crate) fn predict(&mut self, terms: &Terms<L>) {
         let Terms { gravity, h, .. } = *terms;
         let (first, (given, masses)) = (self.bodies().start, (self.given, self.masses));
         let (useful, share) = self.team.share(self.velocities.len(), PIECE);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
-        self.team.for_each(useful, parts.enumerate(), |(part, (velocities, push))| {
+        let parts = parts.zip(self.displacements.chunks_mut(share));
+        self.team.for_each(useful, parts.enumerate(), |(part, ((velocities, push), moved))| {
             let numbers = first + share * part..;
-            for (body, (velocity, push)) in numbers.zip(velocities.iter_mut().zip(push)) {
+            let own = velocities.iter_mut().zip(push).zip(moved);
+            for (body, ((velocity, push), moved)) in numbers.zip(own) {
                 *push = *velocity - *push;
                 if !given.is_dynamic(body) {
                     continue;
@@ -32,10 +41,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                 let (mass, force) = (&masses[body], given.force(body));
                 if mass.linear > 0.0 {
                     let fall = given.pull(body, gravity);
-                    velocity.linear += (fall + force.linear * mass.linear) * h;
+                    let change = (fall + force.linear * mass.linear) * h;
+                    velocity.linear += change;
+                    moved.linear -= change * (0.5 * h);
                 }
                 if force.angular != Vector::ZERO {
-                    velocity.angular += (mass.angular * force.angular) * h;
+                    let change = (mass.angular * force.angular) * h;
+                    velocity.angular += change;
+                    moved.angular -= change * (0.5 * h);
                 }
             }
         });
@@ -56,32 +69,68 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
         });
     }
 
+    /// Displacement -= h p / 2 with p = M^-1 J^T gamma, as far as contacts push steadily: what they gave
+    /// in this substep's warm start and in the one before alike. What slides, rolls or rocks so moves to
+    /// second order of h, too; a blow is no steady push. Returns whether anything turns
+    /// ([`kinematics`](drystone_solver::kinematics)).
+    pub(crate) fn lead(&mut self, terms: &Terms<L>) -> bool {
+        let h = terms.h;
+        let (useful, share) = self.team.share(self.velocities.len(), PIECE);
+        let moved = self.velocities.chunks(share).zip(self.prospective.chunks(share));
+        let moved = moved.zip(self.displacements.chunks_mut(share));
+        let turning = AtomicBool::new(false);
+        self.team.for_each(useful, moved.zip(self.pushes.chunks_mut(share)), |(moved, pushes)| {
+            let ((velocities, prospective), displacements) = moved;
+            let moved = velocities.iter().zip(prospective).zip(displacements);
+            let mut any = false;
+            for (((velocity, prospective), displacement), push) in moved.zip(pushes) {
+                let now = *velocity - *prospective;
+                let before = std::mem::replace(push, now);
+                displacement.linear -= common(now.linear, before.linear) * (0.5 * h);
+                displacement.angular -= common(now.angular, before.angular) * (0.5 * h);
+                any |= turns(velocity.angular * h);
+            }
+            if any {
+                turning.store(true, Ordering::Relaxed);
+            }
+        });
+        turning.into_inner()
+    }
+
     /// Displacement += h v. A body that precesses turns at once: its free motion keeps the angular
-    /// momentum and, to second order in h, the energy. The others turn at the end of the step.
-    pub(crate) fn advance(&mut self, terms: &Terms<L>) {
+    /// momentum and, to second order in h, the energy. The others turn at the end of the step. Returns
+    /// whether any has turned ([`kinematics`](drystone_solver::kinematics)).
+    pub(crate) fn advance(&mut self, terms: &Terms<L>) -> bool {
         let (first, given, h) = (self.bodies().start, self.given, terms.h);
         let (useful, share) = self.team.share(self.velocities.len(), PIECE);
         let moved = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
         let placed = self.poses.chunks_mut(share).zip(self.turns.chunks_mut(share));
+        let placed = placed.zip(self.turned.chunks_mut(share));
+        let any = AtomicBool::new(false);
         self.team.for_each(useful, moved.zip(placed).enumerate(), |(part, (moved, placed))| {
             let ((velocities, prospective), displacements) = moved;
-            let (poses, turns) = placed;
+            let ((poses, turned_by), turned) = placed;
             let first = first + share * part;
+            let mut own_turned = false;
             for start in (0..velocities.len()).step_by(CHUNK) {
                 let own = start..velocities.len().min(start + CHUNK);
                 let (mut precessing, mut count) = ([0_u16; CHUNK], 0);
                 let moved = displacements[own.clone()].iter_mut().zip(&velocities[own.clone()]);
-                let placed = turns[own.clone()].iter_mut().zip(&given.gyroscopic[first..][own]);
-                for (body, ((displacement, velocity), (turned, kind))) in
+                let placed = turned_by[own.clone()].iter_mut().zip(&mut turned[own.clone()]);
+                let placed = placed.zip(&given.gyroscopic[first..][own]);
+                for (body, ((displacement, velocity), ((turned_by, turned), kind))) in
                     (0..).zip(moved.zip(placed))
                 {
                     let step = *velocity * h;
                     *displacement += step;
                     let turn = step.angular;
+                    let turns = turns(turn);
+                    *turned |= turns;
+                    own_turned |= turns;
                     // In the plane nothing precesses.
                     if A == 3 && *kind && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
-                        *turned += turn;
+                        *turned_by += turn;
                         precessing[count] = body;
                         count += 1;
                     }
@@ -104,8 +153,23 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                     });
                 }
             }
+            if own_turned {
+                any.store(true, Ordering::Relaxed);
+            }
         });
+        any.into_inner()
     }
+}
+
+/// Whether a rotation in a substep is worth a renewed J. \[rad\]
+fn turns<const A: usize>(by: Vector<f32, A>) -> bool {
+    by.dot(by) > LEAST_TURN * LEAST_TURN
+}
+
+/// The part of one vector that another has in common with it: 0 to 1 times the first.
+fn common<const N: usize>(of: Vector<f32, N>, with: Vector<f32, N>) -> Vector<f32, N> {
+    let (along, squared) = (of.dot(with), of.dot(of));
+    if along > 0.0 && squared > 0.0 { of * (along / squared).min(1.0) } else { Vector::ZERO }
 }
 
 /// Moves the poses by what `advance` has summed up over the step.

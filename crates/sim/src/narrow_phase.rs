@@ -315,13 +315,14 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             friction: pair.friction,
             restitution: pair.restitution,
             part: touch.part,
+            surfaces: touch.surfaces,
             normal: touch.normal,
             traced,
             apart: a.position,
             ..*record
         };
         if !pair.rolls {
-            record.local_normal = b.local_direction(touch.normal);
+            record.local_normal = record.carrier(a, b).local_direction(touch.normal);
             record.found_at = a.seen_from(b);
             record.reach = cache::reach(points);
         }
@@ -362,9 +363,9 @@ fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
         records.take_pair(pair, around.resting);
         let mut woken = records.view_mut();
         // They were not in the step before, and come as they were traced.
-        woken.measure(pair.records(), [a, b], most, false);
+        woken.measure(pair.records(), [a, b], false);
     } else {
-        own.measure(pair.records(), [a, b], most, around.traced);
+        own.measure(pair.records(), [a, b], around.traced);
     }
     true
 }

@@ -11,12 +11,11 @@ use crate::geometry::MAX_POINTS;
 /// What a point adds to the mean of so many. \[1\]
 const SHARES: [f32; MAX_POINTS + 1] = [0.0, 1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0];
 
-/// The records of a step of length `dt` \[s\] as manifolds.
+/// The records of a step as manifolds.
 pub(crate) struct RowsOf<'a, const L: usize, const A: usize> {
     pub(crate) records: &'a Records<L>,
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) stiffness: Stiffness<'a>,
-    pub(crate) dt: f32,
     /// Whether these are the manifolds of the step before, with as many points.
     pub(crate) same: bool,
     /// Whether all substeps are taken for everything at once.
@@ -68,6 +67,12 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
         let before = Manifold { frame: contact_frame(traced), ..*manifold };
         manifold.friction = V::gathered(V::each(|lane| records[lane].friction));
         manifold.restitution = V::gathered(V::each(|lane| records[lane].restitution));
+        for side in 0..2 {
+            let surfaces = |lane: usize| records[lane].surfaces;
+            manifold.radii[side] = V::gathered(V::each(|lane| surfaces(lane).radii[side]));
+            let carries = |lane| surfaces(lane).normal.shares()[side];
+            manifold.carries[side] = V::gathered(V::each(carries));
+        }
         let compliance = |lane| self.stiffness.compliance(records[lane].bodies);
         manifold.compliance = V::gathered(V::each(compliance));
         let mut sum = Vector::ZERO;
@@ -101,9 +106,6 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
         }
         let apart = V::gathered_vector(V::each(|lane| &records[lane].apart));
         manifold.arms = [center - apart, center];
-        if !seats.all_move() {
-            self.carry(seats, &mut manifold.arms);
-        }
     }
 }
 
@@ -116,21 +118,6 @@ impl<const L: usize, const A: usize> RowsOf<'_, L, A> {
             (&self.records.points[at], &self.records.traces[at])
         } else {
             const { (&Point::OPEN, &cache::open(FAR)) }
-        }
-    }
-
-    /// A body that carries others round gives them the velocity of where they are at half the step; that of
-    /// the start would throw them outward.
-    #[inline(always)]
-    fn carry<V: Several>(&self, seats: &Seats<'_>, arms: &mut [Vector<V, L>; 2]) {
-        let velocity = |side, lane| &self.velocities[seats.body(side, lane)];
-        let v_a: Vector<V, L> = V::gathered_vector(V::each(|lane| &velocity(0, lane).linear));
-        let v_b: Vector<V, L> = V::gathered_vector(V::each(|lane| &velocity(1, lane).linear));
-        let half = V::from_f64(f64::from(0.5 * self.dt));
-        for (side, ahead) in [v_b - v_a, v_a - v_b].into_iter().enumerate() {
-            let leads = |lane| !seats.moves(side, lane) && *velocity(side, lane) != Velocity::ZERO;
-            let leads = V::gathered(V::each(|lane| f32::from(leads(lane))));
-            arms[side] += (ahead * half).only_if(leads);
         }
     }
 }
@@ -165,7 +152,6 @@ mod tests {
             records: &records,
             velocities: &system.velocities,
             stiffness: certifier.no_stiffness(),
-            dt: 0.01,
             same: false,
             together: true,
             in_order: false,
@@ -197,7 +183,7 @@ mod tests {
             let stiffness = certifier.stiffness(records.pairs(), |_| 10.0, &settings, h);
             let (records, velocities): (_, &[Velocity<f32, 3, 3>]) = (&records, &[]);
             let rows =
-                RowsOf { records, velocities, stiffness, dt: h, same, together: true, in_order };
+                RowsOf { records, velocities, stiffness, same, together: true, in_order };
             rows.past(0)
         };
         let found = [

@@ -73,6 +73,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     books: Books<L, A>,
     /// What each body has moved since the step began.
     displacements: Vec<Velocity<f32, L, A>>,
+    /// What contacts gave each in the last substep, as far as it was warm started.
+    pushes: Vec<Velocity<f32, L, A>>,
     travel: Travels<L>,
     workers: Vec<Worker<G, L, A>>,
     team: Arc<Team>,
@@ -138,6 +140,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             blow: Blow::default(),
             books: Books::default(),
             displacements: Vec::new(),
+            pushes: Vec::new(),
             travel: Travels::default(),
             workers: Vec::new(),
             team: Arc::default(),
@@ -189,6 +192,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.gravity_factor[index] = body.gravity_factor;
         bodies.reach[index] = reach;
         bodies.strayed[index] = f32::INFINITY;
+        self.pushes[index] = Velocity::ZERO;
         if let Some(force) = bodies.forces.get_mut(index) {
             *force = Velocity::ZERO;
         }
@@ -228,7 +232,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.turns.push(Vector::ZERO);
         bodies.gravity_factor.push(1.0);
         bodies.reach.push(Reach::default());
+        bodies.turned.push(false);
         self.displacements.push(Velocity::ZERO);
+        self.pushes.push(Velocity::ZERO);
         self.system.add_body(Velocity::ZERO, InverseMass::FIXED) as usize
     }
 
@@ -451,11 +457,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report: &mut StepReport,
     ) {
         let plan = self.plan(h, substeps, last);
-        self.pack(&plan, h * substeps as f32, same);
+        self.pack(&plan, same);
         clock.lap(Stage::Rows);
         if plan.together {
+            let mut renewed = false;
             for substep in 0..substeps {
-                self.substep(&plan, substep, clock, report);
+                self.substep(&plan, substep, &mut renewed, clock, report);
             }
             self.course().trace(&plan.terms);
             clock.lap(Stage::Remember);
@@ -471,7 +478,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn course(&mut self) -> Course<'_, G, L, A> {
         let System { velocities, masses, .. } = &mut self.system;
         let contacts = self.wide.whole(&mut self.records.traces);
-        let states = [velocities, &mut self.prospective, &mut self.displacements];
+        let states =
+            [velocities, &mut self.prospective, &mut self.displacements, &mut self.pushes];
         Course::new(&mut self.bodies, masses, states.map(Vec::as_mut_slice), contacts, &self.team)
     }
 
@@ -505,9 +513,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Makes the contacts of a part, which lasts `dt` \[s\], ready for its substeps; whether they are the `same`
-    /// manifolds as before, with as many points.
-    fn pack(&mut self, plan: &Plan<L>, dt: f32, same: bool) {
+    /// Makes the contacts of a part ready for its substeps; whether they are the `same` manifolds as
+    /// before, with as many points.
+    fn pack(&mut self, plan: &Plan<L>, same: bool) {
         self.displacements.fill(Velocity::ZERO);
         // The first substep asks the contacts, and sets them.
         self.prospective.resize(self.len(), Velocity::ZERO);
@@ -525,7 +533,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
         let (velocities, together) = (&system.velocities, plan.together);
         let in_order = plan.solving || self.settings.certify;
-        let rows = RowsOf { records, velocities, stiffness, dt, same, together, in_order };
+        let rows = RowsOf { records, velocities, stiffness, same, together, in_order };
         wide.pack(&rows, &system.masses, softness);
         if certifying {
             certifier.start(system, wide);
@@ -544,6 +552,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         &mut self,
         plan: &Plan<L>,
         substep: u32,
+        renewed: &mut bool,
         clock: &mut Clock,
         report: &mut StepReport,
     ) {
@@ -554,18 +563,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.course().predict(terms);
         clock.lap(Stage::Predict);
         if let Some(collisions) = &plan.collisions {
+            if *renewed {
+                self.wide.unpack(&mut self.system);
+            }
             report.collisions += self.bounce(plan, collisions);
             clock.lap(Stage::Bounce);
         }
         let examined = plan.examined == Some(substep);
         let saving = self.saving && substep + 1 == terms.substeps;
+        let turning = self.course().warm_start(substep, *renewed, terms);
         if plan.solving || saving {
-            self.wide.set_targets(&self.displacements, &terms.repair);
+            let velocities = turning.then_some(&self.system.velocities[..]);
+            self.wide.set_targets(&self.displacements, velocities, &terms.repair);
         }
         if saving {
             self.save(terms.h);
         }
-        self.course().warm_start(substep);
         clock.lap(Stage::WarmStart);
         let solved = if plan.solving {
             let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);
@@ -574,7 +587,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             report.sweeps += outcome.iterations;
             Some(outcome)
         } else {
-            self.course().solve(terms);
+            self.course().solve(turning, terms);
             clock.lap(Stage::Solve);
             let velocities = &self.system.velocities;
             let examine = || self.certifier.examine(velocities, &self.wide, &self.prospective);
@@ -587,12 +600,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.wide.unpack(&mut self.system);
             self.books.depart(&self.system);
         }
-        self.course().advance(terms);
+        *renewed = self.course().advance(terms);
         clock.lap(Stage::Advance);
         if plan.ledger {
             self.books.arrive(&self.system.velocities);
         }
-        self.course().relax();
+        if *renewed {
+            self.course().renew(terms);
+        }
+        self.course().relax(*renewed);
         if plan.ledger {
             self.wide.unpack(&mut self.system);
             self.books.end(&self.bodies, self.gravity, &self.system, terms.h);
@@ -623,6 +639,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Saves the contact system of a substep of `h` \[s\] before it is solved.
     fn save(&mut self, h: f32) {
         let mut system = self.system.clone();
+        // Prospective: as the contacts find them.
+        system.velocities.clone_from(&self.prospective);
         self.wide.unpack(&mut system);
         let positions = self.bodies.frames.iter().map(|frame| frame.position).collect();
         self.saved = Some(SavedSystem { system, positions, substep: h });

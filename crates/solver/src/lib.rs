@@ -97,6 +97,7 @@ pub mod cone;
 mod contact;
 pub mod island;
 pub mod jam;
+pub mod kinematics;
 pub mod ladder;
 pub mod lanes;
 mod manifold;

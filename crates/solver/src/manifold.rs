@@ -27,6 +27,11 @@ pub struct Manifold<T: Real, const L: usize> {
     pub restitution: T,
     /// The largest epsilon of its points; by default infinite. \[1/kg\]
     pub compliance: T,
+    /// Radii of curvature of the surfaces of a and b at the contact; 0 for what is flat or sharp. \[m\]
+    pub radii: [T; 2],
+    /// Parts of the rotation of a and b that the normal follows: (1, 0) on a face of a, (0, 1) on a
+    /// face of b, (1/2, 1/2) across two edges, (0, 0) along the line of two centers of curvature. \[1\]
+    pub carries: [T; 2],
     /// The bodies a and b, indices into [`System::velocities`](crate::System::velocities).
     pub bodies: [u32; 2],
     /// The first of its points in [`System::contacts`](crate::System::contacts).
@@ -45,6 +50,8 @@ impl<T: Real, const L: usize> Default for Manifold<T, L> {
             friction: T::ZERO,
             restitution: T::ZERO,
             compliance: T::from_f64(f64::INFINITY),
+            radii: [T::ZERO; 2],
+            carries: [T::from_f64(0.5); 2],
             first: 0,
             count: 0,
         }
@@ -77,6 +84,8 @@ impl<T: Real, const L: usize> Manifold<T, L> {
             friction: self.friction.part(index),
             restitution: self.restitution.part(index),
             compliance: self.compliance.part(index),
+            radii: [self.radii[0].part(index), self.radii[1].part(index)],
+            carries: [self.carries[0].part(index), self.carries[1].part(index)],
             first: self.first,
             count: self.count,
         }

@@ -8,7 +8,7 @@ use drystone_solver::Vector;
 
 use super::separation::{Axis, Crossing, FaceOf, Separation};
 use super::solid::{Corner, Cuboid, Solid};
-use super::{Frame, Touch, TouchPoint};
+use super::{Carrier, Frame, Surfaces, Touch, TouchPoint};
 
 /// Polygons that are reused.
 #[derive(Default)]
@@ -35,6 +35,7 @@ pub(super) fn collide<const L: usize>(
         _ if gap > prediction => {}
         Axis::Edges(Crossing { axis, on_a, on_b, feature }) => {
             touch.normal = -axis;
+            touch.surfaces = Surfaces::default();
             let gap = Some(axis.dot(on_b - on_a)).filter(near);
             touch.points.extend(gap.map(|gap| TouchPoint { on_a, on_b, gap, feature }));
         }
@@ -88,6 +89,7 @@ fn on_face<const L: usize>(
         })
     };
     touch.normal = -normal;
+    touch.surfaces = Surfaces { radii: [0.0; 2], normal: Carrier::FaceOfA };
     touch.points.extend(left.iter().filter_map(near));
     let least = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
     let far = || from_other.point(other.support(against));
@@ -152,6 +154,11 @@ pub(super) fn on_plane<const L: usize>(
         }
     };
     touch.normal = if above { normal } else { -normal };
+    touch.surfaces = if above {
+        Surfaces { radii: [radius, 0.0], normal: Carrier::FaceOfB }
+    } else {
+        Surfaces { radii: [0.0, radius], normal: Carrier::FaceOfA }
+    };
     let mut apart = f32::INFINITY;
     for corner in corners {
         let lowest = from_shape.point(corner.position) - normal * radius;

@@ -11,7 +11,8 @@ use super::separation::{Crossing, between, between_boxes};
 use super::solid::{Cuboid, Solid};
 use super::spheres::balls;
 use super::{
-    Bounds, Frame, Geometry, MassProperties, Reach, Spin, TOGETHER, Touch, TouchPoint, leading,
+    Bounds, Frame, Geometry, MassProperties, Reach, Spin, Surfaces, TOGETHER, Touch, TouchPoint,
+    leading,
 };
 
 /// Half of the size that stands for an unbounded shape. \[m\]
@@ -130,6 +131,7 @@ macro_rules! over_parry {
                     touch.place(&frames[0]);
                 } else {
                     apart = apart.min(prediction);
+                    touch.surfaces = Surfaces::default();
                     $ask(pieces, cones, poses(), prediction, manifold, touch);
                 }
                 if !touch.points.is_empty() {

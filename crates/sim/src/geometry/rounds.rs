@@ -9,7 +9,7 @@ use super::polyhedra::Clipper;
 use super::separation::{FaceOf, Known, best_face, edges_feature, measure};
 use super::solid::Solid;
 use super::spheres::between_balls;
-use super::{Frame, Touch, TouchPoint};
+use super::{Carrier, Frame, Surfaces, Touch, TouchPoint};
 
 /// A ball or a capsule: the ends of its core, the same ones for a ball, and its radius. \[m\]
 #[derive(Clone, Copy, Debug)]
@@ -91,6 +91,7 @@ pub(super) fn between_rounds<const L: usize>(
         return gap;
     }
     touch.normal = normal;
+    touch.surfaces = Surfaces { radii: [a.radius, b.radius], normal: Carrier::Centers };
     let point = |s: f32, t: f32, feature: u64| {
         let (on_a, on_b) = (a.at(s) - normal * a.radius, b.at(t) + normal * b.radius);
         TouchPoint { on_a, on_b, gap: normal.dot(on_a - on_b), feature }
@@ -265,6 +266,7 @@ fn on_face<const L: usize>(
         behind(&mut over, outward.dot(round.ends[0] - point), outward.dot(along));
     });
     touch.normal = normal;
+    touch.surfaces = Surfaces { radii: [round.radius, 0.0], normal: Carrier::FaceOfB };
     let parts = if over[0] < over[1] {
         [over[0].min(lowest), over[1].max(lowest)]
     } else {

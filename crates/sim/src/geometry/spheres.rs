@@ -2,7 +2,9 @@
 
 use drystone_solver::{SymmetricMatrix, Vector};
 
-use super::{Bounds, Frame, Geometry, MassProperties, Reach, Touch, TouchPoint, leading};
+use super::{
+    Bounds, Carrier, Frame, Geometry, MassProperties, Reach, Surfaces, Touch, TouchPoint, leading,
+};
 
 /// Particles: (L, A) = (2, 0) or (3, 0).
 #[derive(Clone, Copy, Debug)]
@@ -150,6 +152,7 @@ pub(super) fn balls<const L: usize>(
     let (normal, gap) = between_balls(centers[0] - centers[1], radii);
     let on_a = centers[0] - normal * radii[0];
     let point = TouchPoint { on_a, on_b: on_a - normal * gap, gap, feature: 0 };
+    touch.surfaces = Surfaces { radii, normal: Carrier::Centers };
     meet(normal, point, prediction, touch, report)
 }
 

@@ -187,7 +187,7 @@ mod tests {
                 TouchPoint { on_a: at, on_b: at, gap: self.number(), feature }
             });
             let points = points.collect();
-            Touch { part, normal: Vector([0.0, 1.0]), points }
+            Touch { part, normal: Vector([0.0, 1.0]), points, ..Touch::default() }
         }
 
         /// Mostly of the same parts and as many points.

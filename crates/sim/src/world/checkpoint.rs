@@ -11,7 +11,9 @@ use super::World;
 use crate::bodies::Came;
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Point, Record, Records};
-use crate::geometry::{Bounds, Frame, Geometry, MAX_POINTS, pose_numbers};
+use crate::geometry::{
+    Bounds, Carrier, Frame, Geometry, MAX_POINTS, Surfaces, pose_numbers,
+};
 use crate::sleep::Sleep;
 
 /// What the next step of a world depends on and its bodies as they were added do not tell.
@@ -28,6 +30,8 @@ pub struct Checkpoint {
     turns: Vec<f32>,
     /// Linear and angular. \[m/s, rad/s\]
     velocities: Vec<f32>,
+    /// What contacts gave each body in the last substep. \[m/s, rad/s\]
+    pushes: Vec<f32>,
     /// What acts through the next step. \[N, N m\]
     forces: Vec<f32>,
     /// M^-1, of the pose that contacts were found at: linear, then the rows of the angular.
@@ -103,6 +107,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             remainders: flat(&bodies.remainders),
             turns: flat(&bodies.turns),
             velocities: flat_velocities(&self.system.velocities),
+            pushes: flat_velocities(&self.pushes),
             forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
             masses: self.system.masses.iter().flat_map(flat_mass).collect(),
             strayed: bodies.strayed.clone(),
@@ -159,6 +164,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         fill(&from.remainders, &mut bodies.remainders);
         fill(&from.turns, &mut bodies.turns);
         fill_velocities(&from.velocities, &mut self.system.velocities);
+        fill_velocities(&from.pushes, &mut self.pushes);
         bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
         fill_velocities(&from.forces, &mut bodies.forces);
         bodies.strayed.clone_from(&from.strayed);
@@ -185,6 +191,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("remainders", bodies * L, from.remainders.len()),
             ("turns", bodies * A, from.turns.len()),
             ("velocities", bodies * (L + A), from.velocities.len()),
+            ("pushes", bodies * (L + A), from.pushes.len()),
             ("forces", bodies * (L + A), from.forces.len()),
             ("masses", bodies * (1 + A * A), from.masses.len()),
             ("ways", bodies, from.strayed.len()),
@@ -208,6 +215,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("remainders", &from.remainders),
             ("turns", &from.turns),
             ("velocities", &from.velocities),
+            ("pushes", &from.pushes),
             ("forces", &from.forces),
             ("masses", &from.masses),
             ("ways of late", &from.came),
@@ -260,16 +268,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 }
 
-/// Numbers of a record: two normals and a way, and the position and axes of a frame.
+/// Numbers of a record: two normals and a way, the position and axes of a frame, and four of the
+/// surfaces.
 const fn record_numbers(dimension: usize) -> usize {
-    (4 + dimension) * dimension
+    (4 + dimension) * dimension + 4
 }
 
 fn flat_record<const L: usize>(record: &Record<L>) -> impl Iterator<Item = f32> + use<L> {
     let Frame { position, axes } = record.found_at;
     let vectors = [record.normal, record.apart, record.local_normal, position];
     let vectors = vectors.into_iter().chain(axes);
-    vectors.flat_map(|vector| vector.0)
+    let Surfaces { radii, normal } = record.surfaces;
+    vectors.flat_map(|vector| vector.0).chain(radii).chain(normal.shares())
 }
 
 fn record<const L: usize>(
@@ -280,18 +290,22 @@ fn record<const L: usize>(
 ) -> Record<L> {
     let mut numbers = numbers.iter().copied();
     let normal = take(&mut numbers);
+    let [apart, local_normal, position] = from_fn(|_| take(&mut numbers));
+    let axes = from_fn(|_| take(&mut numbers));
+    let [radii, shares]: [Vector<f32, 2>; 2] = from_fn(|_| take(&mut numbers));
     Record {
         bodies: pair.bodies,
         friction: pair.friction,
         restitution: pair.restitution,
         part,
+        surfaces: Surfaces { radii: radii.0, normal: Carrier::of(shares.0) },
         first,
         count,
         normal,
         traced: normal,
-        apart: take(&mut numbers),
-        local_normal: take(&mut numbers),
-        found_at: Frame { position: take(&mut numbers), axes: from_fn(|_| take(&mut numbers)) },
+        apart,
+        local_normal,
+        found_at: Frame { position, axes },
         reach,
     }
 }

@@ -103,20 +103,32 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
     }
 
     /// [`System::set_targets`](crate::System::set_targets) and [`pgs::sweep_normals`](crate::pgs::sweep_normals)
-    /// in one pass.
+    /// in one pass. Whether bodies turn: then targets know how their paths bend.
     pub fn sweep_normals_to_targets(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         displacements: &[Velocity<f32, L, A>],
+        turning: bool,
         repair: &Repair<f32>,
     ) {
-        let targets = Targets::new(self.bodies.start, displacements, repair);
+        let targets = Targets::new(self.bodies.start, displacements, turning, repair);
         self.passes.sweep_normals(self, velocities, Some(&targets));
     }
 
-    /// [`pgs::relax`](crate::pgs::relax).
-    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.passes.relax(self, velocities);
+    /// Renews J where bodies turn, after they have moved at `velocities` for `dt` \[s\]
+    /// ([`kinematics`](crate::kinematics)).
+    pub fn renew(
+        &mut self,
+        velocities: &[Velocity<f32, L, A>],
+        displacements: &[Velocity<f32, L, A>],
+        dt: f32,
+    ) {
+        self.passes.renew(self, [velocities, displacements], dt);
+    }
+
+    /// [`pgs::relax`](crate::pgs::relax); whether J has been [renewed](Self::renew) before.
+    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>], renewed: bool) {
+        self.passes.relax(self, velocities, renewed);
     }
 
     /// Moves gaps and slips on, once bodies have moved by `displacements`, and gives what the points hand to
@@ -162,7 +174,12 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
 
     fn apply_impulses(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
-    fn set_targets(&self, batch: &mut Batch<'_, V, L, A>, targets: &Targets<'_, V, L, A>);
+    fn set_targets(
+        &self,
+        batch: &mut Batch<'_, V, L, A>,
+        targets: &Targets<'_, V, L, A>,
+        velocities: &Velocities<L, A>,
+    );
 
     fn sweep_normals(
         &self,
@@ -173,7 +190,14 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
-    fn relax(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
+    fn renew(&self, batch: &mut Batch<'_, V, L, A>, moved: [&Velocities<L, A>; 2], dt: f32);
+
+    fn relax(
+        &self,
+        batch: &mut Batch<'_, V, L, A>,
+        velocities: &mut Velocities<L, A>,
+        renewed: bool,
+    );
 
     fn conjugate(
         &self,

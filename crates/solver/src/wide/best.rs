@@ -86,8 +86,13 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 
     /// [`Packed::set_targets`].
-    pub fn set_targets(&mut self, displacements: &[Velocity<f32, L, A>], repair: &Repair<f32>) {
-        on_lanes!(self, packed => packed.set_targets(displacements, repair));
+    pub fn set_targets(
+        &mut self,
+        displacements: &[Velocity<f32, L, A>],
+        turning: Option<&[Velocity<f32, L, A>]>,
+        repair: &Repair<f32>,
+    ) {
+        on_lanes!(self, packed => packed.set_targets(displacements, turning, repair));
     }
 
     /// [`Packed::set_islands`].
@@ -180,14 +185,27 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         displacements: &[Velocity<f32, L, A>],
+        turning: bool,
         repair: &Repair<f32>,
     ) {
-        on_lanes!(self, batch => batch.sweep_normals_to_targets(velocities, displacements, repair));
+        on_lanes!(self, batch => {
+            batch.sweep_normals_to_targets(velocities, displacements, turning, repair)
+        });
+    }
+
+    /// [`Batch::renew`].
+    pub fn renew(
+        &mut self,
+        velocities: &[Velocity<f32, L, A>],
+        displacements: &[Velocity<f32, L, A>],
+        dt: f32,
+    ) {
+        on_lanes!(self, batch => batch.renew(velocities, displacements, dt));
     }
 
     /// [`Batch::relax`].
-    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        on_lanes!(self, batch => batch.relax(velocities));
+    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>], renewed: bool) {
+        on_lanes!(self, batch => batch.relax(velocities, renewed));
     }
 
     /// [`Batch::trace`].

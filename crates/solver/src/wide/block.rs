@@ -5,7 +5,7 @@ use crate::color::{Coloring, Members};
 use crate::island::NONE;
 use crate::lanes::{Columns, Lanes, Several, WIDTH, lanes_of};
 use crate::pgs::is_center;
-use crate::{Contact, InverseMass, Manifold, Mobility, Vector};
+use crate::{Contact, InverseMass, Manifold, Mobility, Vector, Velocity};
 
 /// Points of blocks of which single lanes are taken in, at most.
 const FEW: usize = 8;
@@ -29,6 +29,10 @@ pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
     pub(super) islands: [u32; WIDTH],
     /// Whether all that its manifolds have is a point in the center.
     pub(super) center: bool,
+    /// Whether J has been renewed where bodies turned, and half of what that changes J^T gamma by: what a
+    /// gains and b loses before velocities are solved.
+    pub(super) renewed: bool,
+    pub(super) lag: [Velocity<V, L, A>; 2],
     pub(super) masses: [InverseMass<V, L, A>; 2],
     pub(super) mobility: Mobility<V, L, A>,
     /// `bodies` of this one mean nothing: each lane has its own.
@@ -45,6 +49,8 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             away: [0; 2],
             islands: [NONE; WIDTH],
             center: false,
+            renewed: false,
+            lag: [Velocity::ZERO; 2],
             masses: [InverseMass::default(); 2],
             mobility: Mobility::default(),
             manifold: Manifold::default(),
@@ -169,6 +175,8 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             friction: wide.friction.get(lane),
             restitution: wide.restitution.get(lane),
             compliance: wide.compliance.get(lane),
+            radii: wide.radii.map(|of| of.get(lane)),
+            carries: wide.carries.map(|of| of.get(lane)),
             first: 0,
             count: 0,
         }
@@ -242,6 +250,10 @@ fn set_manifold<V: Lanes, const L: usize>(
     wide.friction.set(lane, own.friction);
     wide.restitution.set(lane, own.restitution);
     wide.compliance.set(lane, own.compliance);
+    for side in 0..2 {
+        wide.radii[side].set(lane, own.radii[side]);
+        wide.carries[side].set(lane, own.carries[side]);
+    }
 }
 
 /// The same of a point.

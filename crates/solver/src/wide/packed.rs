@@ -160,10 +160,17 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         });
     }
 
-    /// [`System::set_targets`].
-    pub fn set_targets(&mut self, displacements: &[Velocity<f32, L, A>], repair: &Repair<f32>) {
-        let targets = Targets::new(0, displacements, repair);
-        self.passes.set_targets(&mut self.whole(&mut []), &targets);
+    /// [`System::set_targets`]; `turning` are the velocities at which the substep will move bodies, if
+    /// any turns ([`kinematics`](crate::kinematics)).
+    pub fn set_targets(
+        &mut self,
+        displacements: &[Velocity<f32, L, A>],
+        turning: Option<&[Velocity<f32, L, A>]>,
+        repair: &Repair<f32>,
+    ) {
+        let targets = Targets::new(0, displacements, turning.is_some(), repair);
+        let velocities = turning.unwrap_or_default();
+        self.passes.set_targets(&mut self.whole(&mut []), &targets, velocities);
     }
 
     fn view(&self) -> View<'_, V, L, A> {

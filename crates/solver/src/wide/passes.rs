@@ -9,7 +9,7 @@ use std::any::Any;
 use super::batch::{Batch, Passes, Velocities, View};
 use super::block::{Block, splat};
 use super::conjugate::{Conjugate, of};
-use super::targets::Targets;
+use super::targets::{Targets, renew};
 use super::walk::{Field, Ground, Reading};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
@@ -94,12 +94,23 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         );
     }
 
-    fn set_targets(&self, batch: &mut Batch<'_, V, L, A>, targets: &Targets<'_, V, L, A>) {
+    fn set_targets(
+        &self,
+        batch: &mut Batch<'_, V, L, A>,
+        targets: &Targets<'_, V, L, A>,
+        velocities: &Velocities<L, A>,
+    ) {
+        let first = batch.bodies.start;
         Field::new(batch).each(
             1,
             #[inline(always)]
             |_, block, points| {
-                targets.set(block, &mut points[..block.manifold.count as usize]);
+                let moving = if targets.turning {
+                    Some(block.gather_from(first, velocities))
+                } else {
+                    None
+                };
+                targets.set(block, &mut points[..block.manifold.count as usize], moving);
             },
         );
     }
@@ -110,15 +121,32 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         velocities: &mut Velocities<L, A>,
         targets: Option<&Targets<'_, V, L, A>>,
     ) {
-        visit_all::<V, L, A, false, false>(batch, velocities, targets);
+        visit_all::<V, L, A, false, false>(batch, velocities, targets, false);
     }
 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
-        visit_all::<V, L, A, false, true>(batch, velocities, None);
+        visit_all::<V, L, A, false, true>(batch, velocities, None, false);
     }
 
-    fn relax(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
-        visit_all::<V, L, A, true, true>(batch, velocities, None);
+    fn relax(
+        &self,
+        batch: &mut Batch<'_, V, L, A>,
+        velocities: &mut Velocities<L, A>,
+        renewed: bool,
+    ) {
+        visit_all::<V, L, A, true, true>(batch, velocities, None, renewed);
+    }
+
+    fn renew(&self, batch: &mut Batch<'_, V, L, A>, moved: [&Velocities<L, A>; 2], dt: f32) {
+        let first = batch.bodies.start;
+        Field::new(batch).each(
+            1,
+            #[inline(always)]
+            |_, block, points| {
+                let count = block.manifold.count as usize;
+                renew(block, &mut points[..count], first, moved, splat(dt));
+            },
+        );
     }
 
     fn conjugate(
@@ -222,6 +250,7 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const 
     batch: &mut Batch<'_, V, L, A>,
     velocities: &mut Velocities<L, A>,
     targets: Option<&Targets<'_, V, L, A>>,
+    lagging: bool,
 ) {
     let ground = Ground::new(batch, velocities).and(targets.map(|targets| targets.displacements));
     ground.each(
@@ -229,9 +258,10 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const 
         |mut at| {
             let points = at.points();
             if let Some(targets) = targets {
-                targets.set(at.block, points);
+                let moving = if targets.turning { Some(at.gather()) } else { None };
+                targets.set(at.block, points, moving);
             }
-            at.visit::<RIGID, FRICTION>(points);
+            at.visit::<RIGID, FRICTION>(points, lagging);
         },
     );
 }
@@ -291,7 +321,7 @@ fn iterate<V: Lanes, const L: usize, const A: usize>(
                 contact.impulse += *direction * beta;
                 *before = contact.impulse;
             }
-            at.visit::<false, true>(points);
+            at.visit::<false, true>(points, false);
             let mut size = V::ZERO;
             for (contact, before) in points.iter().zip(before) {
                 size += nncg::size(contact, *before);

@@ -119,6 +119,10 @@ impl<const L: usize, const A: usize> Rows<L> for System<f32, L, A> {
         manifold.friction = V::gathered(V::each(|lane| own[lane].friction));
         manifold.restitution = V::gathered(V::each(|lane| own[lane].restitution));
         manifold.compliance = V::gathered(V::each(|lane| own[lane].compliance));
+        for side in 0..2 {
+            manifold.radii[side] = V::gathered(V::each(|lane| own[lane].radii[side]));
+            manifold.carries[side] = V::gathered(V::each(|lane| own[lane].carries[side]));
+        }
         let open = open();
         for (index, contact) in points.iter_mut().enumerate() {
             let own = V::each(|lane| self.contacts[own[lane].points()].get(index).unwrap_or(&open));

@@ -1,8 +1,9 @@
 //! [`Targets`]: what the contacts of blocks are to reach.
 
 use super::block::{Block, splat};
-use crate::lanes::Lanes;
-use crate::{Contact, Repair, Velocity};
+use crate::kinematics::{Moved, turns};
+use crate::lanes::{Lanes, WIDTH};
+use crate::{Contact, Repair, Vector, Velocity};
 
 /// What targets are set from ([`System::set_targets`](crate::System::set_targets)).
 #[derive(Clone, Copy)]
@@ -10,6 +11,8 @@ pub(crate) struct Targets<'a, V: Lanes, const L: usize, const A: usize> {
     /// The number of the first body.
     first: usize,
     pub(super) displacements: &'a [Velocity<f32, L, A>],
+    /// Whether bodies turn, so that targets must know how paths bend ([`kinematics`](crate::kinematics)).
+    pub(super) turning: bool,
     repair: Repair<V>,
 }
 
@@ -17,11 +20,13 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
     pub(super) fn new(
         first: usize,
         displacements: &'a [Velocity<f32, L, A>],
+        turning: bool,
         repair: &Repair<f32>,
     ) -> Self {
         Self {
             first,
             displacements,
+            turning,
             repair: Repair {
                 dt: splat(repair.dt),
                 rate: splat(repair.rate),
@@ -32,23 +37,127 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
         }
     }
 
-    /// Those of the points of a block.
+    /// Those of the points of a block, whose bodies move at the `velocities` if any turns.
     #[inline(always)]
-    pub(super) fn set(&self, block: &Block<V, L, A>, points: &mut [Contact<V, L>]) {
+    pub(super) fn set(
+        &self,
+        block: &Block<V, L, A>,
+        points: &mut [Contact<V, L>],
+        velocities: Option<[Velocity<V, L, A>; 2]>,
+    ) {
         if block.center {
-            self.set_felt::<0>(block, points);
+            self.set_felt::<0>(block, points, velocities);
         } else {
-            self.set_felt::<A>(block, points);
+            self.set_felt::<A>(block, points, velocities);
         }
     }
 
     /// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
     #[inline(always)]
-    fn set_felt<const B: usize>(&self, block: &Block<V, L, A>, points: &mut [Contact<V, L>]) {
+    fn set_felt<const B: usize>(
+        &self,
+        block: &Block<V, L, A>,
+        points: &mut [Contact<V, L>],
+        velocities: Option<[Velocity<V, L, A>; 2]>,
+    ) {
         let [a, b] = block.gather_from(self.first, self.displacements);
-        let moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
+        let mut moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
+        if A > 0
+            && let Some([a, b]) = velocities
+            && let [first, ..] = points
+        {
+            let ahead = [&(a * self.repair.dt), &(b * self.repair.dt)];
+            let turns = turns(ahead);
+            if any(turns) {
+                let gap = first.gap[0] + first.normal_velocity(&moved);
+                let bend = block.manifold.moved(gap, ahead, V::ZERO).bend;
+                moved.linear[0] += turns.choose(bend, V::ZERO);
+            }
+        }
         for contact in points {
             contact.set_target(&moved, &self.repair);
         }
+    }
+}
+
+/// Whether any lane is positive.
+#[inline(always)]
+fn any<V: Lanes>(of: V) -> bool {
+    (0..WIDTH).fold(false, |any, lane| any | (of.get(lane) > 0.0))
+}
+
+/// Renews J of the manifolds of a block whose bodies turn, after they have moved at `velocities` for a
+/// substep, to the `displacements` that their gaps are measured with ([`kinematics`](crate::kinematics)).
+#[inline(always)]
+pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
+    block: &mut Block<V, L, A>,
+    points: &mut [Contact<V, L>],
+    first: usize,
+    [velocities, displacements]: [&[Velocity<f32, L, A>]; 2],
+    dt: V,
+) {
+    if block.center {
+        renew_felt::<V, L, A, 0>(block, points, first, [velocities, displacements], dt);
+    } else {
+        renew_felt::<V, L, A, A>(block, points, first, [velocities, displacements], dt);
+    }
+}
+
+/// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+///
+/// [`Manifold::twist_felt`]: crate::Manifold
+#[inline(always)]
+fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
+    block: &mut Block<V, L, A>,
+    points: &mut [Contact<V, L>],
+    first: usize,
+    [velocities, displacements]: [&[Velocity<f32, L, A>]; 2],
+    dt: V,
+) {
+    let [a, b] = block.gather_from(first, velocities);
+    let moved = [&(a * dt), &(b * dt)];
+    let turns = turns(moved);
+    block.renewed = any(turns);
+    if !block.renewed {
+        return;
+    }
+    let [a, b] = block.gather_from(first, displacements);
+    let mut wrench = Velocity::ZERO;
+    for contact in &*points {
+        contact.add_wrench(0..L, contact.impulse, &mut wrench);
+    }
+    let manifold = &mut block.manifold;
+    let given = manifold.momenta(&wrench);
+    let mut before: Velocity<V, L, B> = manifold.twist_felt(&a, &b);
+    let [deepest, ..] = &points else { return };
+    let gap = deepest.gap[0] + deepest.normal_velocity(&before);
+    let twist = if B == 0 { V::ZERO } else { V::ONE };
+    let Moved { frame, arms, bend } = manifold.moved(gap, moved, twist);
+    let keep = |new: Vector<V, L>, old: Vector<V, L>| {
+        let mut out = old;
+        for i in 0..L {
+            out[i] = turns.choose(new[i], old[i]);
+        }
+        out
+    };
+    for i in 0..L {
+        manifold.frame[i] = keep(frame[i], manifold.frame[i]);
+    }
+    for side in 0..2 {
+        manifold.arms[side] = keep(arms[side], manifold.arms[side]);
+    }
+    // Half of the impulse acts by J before the motion, half by J after it.
+    for (lag, (now, then)) in
+        block.lag.iter_mut().zip(manifold.momenta(&wrench).into_iter().zip(given))
+    {
+        *lag = (now - then) * (turns.choose(V::from_f64(0.5), V::ZERO));
+    }
+    before.linear[0] += bend;
+    let after: Velocity<V, L, B> = manifold.twist_felt(&a, &b);
+    for contact in points {
+        let mut own = *contact;
+        own.renew(&before, &after, dt);
+        contact.gap = keep(own.gap, contact.gap);
+        contact.target[0] = turns.choose(own.target[0], contact.target[0]);
     }
 }

@@ -160,20 +160,28 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
         unsafe { all.get_mut(self.index..self.index + 1) }
     }
 
-    /// One visit to its manifolds ([`pgs`](crate::pgs)), in half of the lanes if they are all there.
+    /// One visit to its manifolds ([`pgs`](crate::pgs)), in half of the lanes if they are all there; if
+    /// `lagging`, after their impulses have followed a renewed J.
     #[inline(always)]
     pub(super) fn visit<const RIGID: bool, const FRICTION: bool>(
         &self,
         points: &mut [Contact<V, L>],
+        lagging: bool,
     ) {
         let Block { manifold, mobility, masses, .. } = self.block;
+        let lag = if lagging && self.block.renewed { Some(&self.block.lag) } else { None };
         if self.block.used >> HALF != 0 {
-            return self.visit_in::<V, RIGID, FRICTION>((manifold, mobility, masses), points);
+            return self.visit_in::<V, RIGID, FRICTION>((manifold, mobility, masses), points, lag);
         }
         // SAFETY: of what is made of lanes the layout is laid down.
-        let (parts, points) =
-            unsafe { ((halved(manifold), halved(mobility), halved(masses)), halved_mut(points)) };
-        self.visit_in::<V::Half, RIGID, FRICTION>(parts, points);
+        unsafe {
+            let parts = (halved(manifold), halved(mobility), halved(masses));
+            let lag = match lag {
+                Some(lag) => Some(halved(lag)),
+                None => None,
+            };
+            self.visit_in::<V::Half, RIGID, FRICTION>(parts, halved_mut(points), lag);
+        }
     }
 
     #[inline(always)]
@@ -181,8 +189,13 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
         &self,
         parts: Parts<'_, C, L, A>,
         points: &mut [Contact<C, L>],
+        lag: Option<&[Velocity<C, L, A>; 2]>,
     ) {
         let [mut a, mut b] = self.gather();
+        if let Some([to_a, from_b]) = lag {
+            a += parts.2[0].velocity(to_a);
+            b -= parts.2[1].velocity(from_b);
+        }
         visit::<C, L, A, RIGID, FRICTION>(
             parts,
             self.block.center,

@@ -107,11 +107,11 @@ fn packed<V: Lanes, const L: usize, const A: usize>(
     for _ in 0..3 {
         let mut whole = packed.whole(&mut []);
         whole.apply_impulses(v);
-        whole.sweep_normals_to_targets(v, displacements, &REPAIR);
-        packed.set_targets(displacements, &REPAIR);
+        whole.sweep_normals_to_targets(v, displacements, false, &REPAIR);
+        packed.set_targets(displacements, None, &REPAIR);
         let mut whole = packed.whole(&mut []);
         whole.sweep_normals(v);
-        whole.relax(v);
+        whole.relax(v, false);
     }
     packed.unpack(&mut system);
     assert_eq!(f64::from(packed.residual(&system.velocities)), system.residual(true));
@@ -300,8 +300,8 @@ fn step_both<const L: usize, const A: usize>(
     let mut traces = vec![Trace::default(); system.contacts.len()];
     let [after, kept] = [&mut anew, keeping].map(|packed| {
         let (mut velocities, mut whole) = (system.velocities.clone(), packed.whole(&mut traces));
-        whole.sweep_normals_to_targets(&mut velocities, &displacements, &REPAIR);
-        whole.relax(&mut velocities);
+        whole.sweep_normals_to_targets(&mut velocities, &displacements, false, &REPAIR);
+        whole.relax(&mut velocities, false);
         whole.trace(&displacements, REPAIR.hold);
         let mut after = System { velocities, ..system.clone() };
         packed.unpack(&mut after);
@@ -427,10 +427,10 @@ fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
         wide.pack(&system, &system.masses, 0.1);
         for _ in 0..2 {
             wide.whole(&mut []).apply_impulses(&mut system.velocities);
-            wide.set_targets(&still, &REPAIR);
+            wide.set_targets(&still, None, &REPAIR);
             let mut whole = wide.whole(&mut []);
             whole.sweep_normals(&mut system.velocities);
-            whole.relax(&mut system.velocities);
+            whole.relax(&mut system.velocities, false);
         }
         wide.set_islands(&all_as_one(&system));
         wide.begin_conjugate();
@@ -482,7 +482,7 @@ fn gradients_by_island<const L: usize, const A: usize>(seed: u64) {
     let mut wide = Wide::new();
     wide.pack(&start, &start.masses, 0.1);
     wide.set_islands(&islands);
-    wide.set_targets(&vec![Velocity::ZERO; start.velocities.len()], &REPAIR);
+    wide.set_targets(&vec![Velocity::ZERO; start.velocities.len()], None, &REPAIR);
     wide.begin_conjugate();
     let mut system = start.clone();
     wide.whole(&mut []).apply_impulses(&mut system.velocities);
@@ -570,10 +570,10 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
             Team::new(members).for_each(true, batches.into_iter(), |(mut batch, v, moved)| {
                 for _ in 0..3 {
                     batch.apply_impulses(v);
-                    batch.sweep_normals_to_targets(v, moved, &REPAIR);
+                    batch.sweep_normals_to_targets(v, moved, false, &REPAIR);
                     batch.sweep_normals(v);
                     batch.sweep(v);
-                    batch.relax(v);
+                    batch.relax(v, false);
                 }
                 batch.trace(moved, REPAIR.hold);
             });
@@ -611,7 +611,7 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     packed.pack(&system, &system.masses, 0.1);
     let still = vec![Velocity::ZERO; system.velocities.len()];
     packed.whole(&mut []).apply_impulses(&mut system.velocities);
-    packed.set_targets(&still, &REPAIR);
+    packed.set_targets(&still, None, &REPAIR);
     packed.whole(&mut []).sweep(&mut system.velocities);
     let islands = all_as_one(&system);
     packed.set_islands(&islands);
@@ -699,7 +699,7 @@ fn certificates_by_threads<const L: usize, const A: usize>(seed: u64) {
         wide.pack(&start, &start.masses, 0.1);
         assert!(start.manifolds.len() >= 8 * members * WIDTH, "enough to share");
         wide.set_islands(&islands);
-        wide.set_targets(&vec![Velocity::ZERO; start.velocities.len()], &REPAIR);
+        wide.set_targets(&vec![Velocity::ZERO; start.velocities.len()], None, &REPAIR);
         wide.begin_conjugate();
         wide.whole(&mut []).apply_impulses(&mut system.velocities);
         tally.set_masses(&start);
