@@ -12,6 +12,7 @@ use std::collections::BTreeSet;
 use std::num::NonZero;
 use std::{fmt, thread};
 
+use drystone::check::jumps;
 use drystone::recording::journal::Header;
 use drystone::scene::{self, Read, Scene};
 use drystone::{Simulation, StepSettings};
@@ -34,6 +35,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = Outputs::new(arguments)?;
     let read = scene::read(&arguments.scene)?;
     print_warnings(arguments, read.warnings.iter());
+    print_warnings(arguments, jumps(&read.scene).into_iter().map(|of| of.what));
     outputs.check_folders()?;
     listen();
     let mut simulation = prepare(arguments, &read.scene)?;
@@ -54,7 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return baked.map(|_| ());
     }
     let bake = baked?;
-    let summary = Summary::new(&read.scene, &bake);
+    let summary = Summary::new(&read.scene, &bake, &simulation.masses());
     let files = match write(arguments, &outputs, &read, &bake, &summary, threads) {
         Err(Failure::File(what)) => {
             return Err(Failure::File(format!("{what}; {}", diary.way_on())));
@@ -65,8 +67,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if !arguments.quiet {
         let head =
             summary::Head { file: &arguments.scene, settings: simulation.settings(), threads };
-        print(&format!("{}{files}", summary.text(&read.scene, &head)));
+        return print(&format!("{}{files}", summary.text(&read.scene, &head)));
     }
+    // A bake that is not what it seems must not pass unseen.
+    print_warnings(arguments, summary.faults(&read.scene).into_iter());
     Ok(())
 }
 

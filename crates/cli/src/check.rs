@@ -56,15 +56,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         let list: Vec<_> = findings.iter().map(|finding| value(&read.scene, finding)).collect();
         let version = env!("CARGO_PKG_VERSION");
         let whole = json!({ "scene": file.to_string(), "version": version, "findings": list });
-        print(&format!("{whole:#}\n"));
+        print(&format!("{whole:#}\n"))?;
     } else {
-        print(&text(&findings));
+        print(&text(&findings))?;
         let count = match findings.len() {
             0 => "nothing found".to_owned(),
             1 => "1 finding".to_owned(),
             count => format!("{count} findings"),
         };
-        print(&format!("{file}: {count} among {} bodies\n", read.scene.bodies.len()));
+        print(&format!("{file}: {count} among {} bodies\n", read.scene.bodies.len()))?;
     }
     Ok(if findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }

@@ -12,6 +12,7 @@ use crate::bake::Format;
 use crate::cut::Cut;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
+use crate::files::spare;
 use crate::print;
 use crate::verify::take;
 
@@ -55,12 +56,13 @@ or written.";
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let inputs = std::iter::once(&arguments.input).chain(&arguments.scene);
+    spare(&arguments.output, inputs.map(PathBuf::as_path))?;
     match extension(&arguments.input).as_str() {
         "npz" | "poses" | "journal" => motion(arguments),
         _ => scene(arguments),
     }?;
-    print(&format!("wrote        {}\n", arguments.output.display()));
-    Ok(())
+    print(&format!("wrote        {}\n", arguments.output.display()))
 }
 
 fn motion(arguments: &Arguments) -> Result<(), Failure> {
@@ -71,6 +73,17 @@ fn motion(arguments: &Arguments) -> Result<(), Failure> {
         let what = "does not tell whose poses it has; give their scene with --scene";
         Failure::Input(format!("{}: {what}", input.display()))
     })?;
+    if matches!(format, Format::Glb | Format::Usda)
+        && let Some((frame, body)) = named.recording.first_not_finite()
+    {
+        let name = named.names.get(body).map_or("", String::as_str);
+        return Err(Failure::Input(format!(
+            "{}: frame {frame}: the pose of '{name}' has a number that is not finite; accepted for {}: \
+             finite poses",
+            input.display(),
+            output.display(),
+        )));
+    }
     let film = cut.film(&named.recording, &named.names, &[])?;
     let warnings = format.write(output, read.as_ref(), &film, &cut.sampling())?;
     warnings.iter().for_each(|warning| warn(input, warning));

@@ -8,6 +8,7 @@ mod extension;
 mod failure;
 #[cfg(feature = "fclib")]
 mod fclib;
+mod files;
 mod matrix;
 mod quantity;
 mod schema;
@@ -18,6 +19,7 @@ use std::io::{self, Write as _};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use failure::Failure;
 
 /// Contact simulation for animation: reads a scene, lets it happen, writes the motion.
 #[derive(Parser)]
@@ -62,7 +64,13 @@ fn main() -> ExitCode {
 }
 
 /// Prints to standard output.
-fn print(text: &str) {
-    // A reader that is gone has read enough.
-    let _ = io::stdout().write_all(text.as_bytes());
+fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        // A reader that is gone has read enough.
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Failure::File(format!("standard output: cannot be written: {error}")))
+        }
+        _ => Ok(()),
+    }
 }

@@ -11,6 +11,7 @@ use drystone::{SavedProblem, StepSettings, build};
 
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
+use crate::files::spare;
 use crate::print;
 use draw::{Entry, Picture, Point};
 
@@ -52,6 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if extension(output) != "svg" {
         return Err(wrong_extension("--output", output, ".svg"));
     }
+    spare(output, [file.as_path()])?;
     let scene = scene::read(file)?.scene;
     let (saved, poses) = simulate(arguments, &scene)?;
     let count = saved.contacts.len();
@@ -67,8 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let svg = draw::svg(&picture(title, &scene, &saved, &poses)?);
     write_whole(output, |out| out.write_all(svg.as_bytes()))
         .map_err(|error| Failure::cannot_write(output, &error))?;
-    print(&format!("wrote        {}\n", output.display()));
-    Ok(())
+    print(&format!("wrote        {}\n", output.display()))
 }
 
 /// The contacts of the step, and the poses after it.

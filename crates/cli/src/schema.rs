@@ -1,10 +1,9 @@
 //! `drystone schema`.
 
-use std::io::{self, Write as _};
-
 use drystone::scene;
 
 use crate::failure::Failure;
+use crate::print;
 
 /// Print the JSON Schema of scene files, for editors and other programs.
 #[derive(clap::Args)]
@@ -12,11 +11,5 @@ pub(crate) struct Arguments {}
 
 /// Prints the schema.
 pub(crate) fn run() -> Result<(), Failure> {
-    match writeln!(io::stdout(), "{:#}", scene::json_schema()) {
-        // Whoever reads it has read enough.
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Failure::File(format!("standard output: cannot be written: {error}")))
-        }
-        _ => Ok(()),
-    }
+    print(&format!("{:#}\n", scene::json_schema()))
 }

@@ -6,7 +6,6 @@ mod result;
 mod run;
 
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -16,6 +15,8 @@ use drystone_solver::assembled::{Limits, Outcome, Status};
 use serde_json::Value;
 
 use crate::failure::Failure;
+use crate::files::spare;
+use crate::print;
 pub(crate) use plot::escaped;
 use run::{Choice, Run};
 
@@ -96,6 +97,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let path = path.display();
             return Err(Failure::Input(format!("{path}: {flag} writes .{accepted} files only")));
         }
+        if let Some(path) = path {
+            spare(path, [arguments.problem.as_path()])?;
+        }
     }
     let named = read::read(&arguments.problem)?;
     let limits = Limits { tolerance: arguments.tolerance, budget: arguments.budget as usize };
@@ -118,8 +122,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             .map_err(|error| Failure::cannot_write(path, &error))?;
     }
     if !arguments.quiet {
-        // A reader that is gone has read enough.
-        let _ = io::stdout().write_all(text(&named, &runs).as_bytes());
+        print(&text(&named, &runs))?;
     }
     unless_solved(&named.name, run)
 }

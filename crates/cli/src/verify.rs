@@ -48,7 +48,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let Arguments { a, b, scene } = arguments;
     let shown = format!("{} and {}", a.display(), b.display());
     if bytes(a)? == bytes(b)? {
-        print(&format!("same         {shown}, to the last bit\n"));
+        print(&format!("same         {shown}, to the last bit\n"))?;
         return Ok(ExitCode::SUCCESS);
     }
     let scene = match scene {
@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         (Some(one), Some(other)) => described(&one, &other),
         _ => "where        give their scene with --scene to learn it\n".to_owned(),
     };
-    print(&format!("different    {shown}\n{difference}"));
+    print(&format!("different    {shown}\n{difference}"))?;
     Ok(ExitCode::from(1))
 }
 

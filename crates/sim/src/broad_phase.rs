@@ -2,6 +2,7 @@
 
 mod tree;
 
+use drystone_solver::Vector;
 use drystone_solver::team::Team;
 use tree::Tree;
 
@@ -36,12 +37,15 @@ impl<const L: usize> BroadPhase<L> {
     }
 
     /// How much more room a shape that needs this much has in its stored box, on each side; less than
-    /// none if it is not within. \[m\]
+    /// none if it is not within, and so for a box that has a NaN. \[m\]
     pub(crate) fn room(&self, shape: usize, needed: &Bounds<L>) -> f32 {
         let stored = &self.boxes[shape];
         let sides =
             (0..L).map(|i| (needed.min[i] - stored.min[i]).min(stored.max[i] - needed.max[i]));
-        sides.fold(f32::INFINITY, f32::min)
+        // The smaller of a number and NaN is the number, but their sum is NaN.
+        let (least, sum) = sides
+            .fold((f32::INFINITY, 0.0), |(least, sum), side| (f32::min(least, side), sum + side));
+        if sum.is_nan() { f32::NEG_INFINITY } else { least }
     }
 
     /// Adds a shape, the next in order.
@@ -57,7 +61,8 @@ impl<const L: usize> BroadPhase<L> {
         self.boxes.len() as u32 - 1
     }
 
-    /// Makes room for `needed` where it has grown out of its box.
+    /// Makes room for `needed` where it has grown out of its box. A box that has a NaN is near nothing until it
+    /// has none; one that is infinite ends at the largest number, since the tree takes infinity for no box.
     pub(crate) fn update(&mut self, shape: u32, needed: &Bounds<L>) {
         if self.room(shape as usize, needed) >= 0.0 {
             return;
@@ -65,7 +70,12 @@ impl<const L: usize> BroadPhase<L> {
         let extent = needed.max - needed.min;
         let margin = extent * MARGIN;
         let stored = Bounds { min: needed.min - margin, max: needed.max + margin };
-        self.store(shape, Some(&stored));
+        let sides = stored.min.0.iter().chain(&stored.max.0);
+        if sides.clone().any(|x| x.is_nan()) {
+            return self.remove(shape);
+        }
+        let within = |side: Vector<f32, L>| Vector(side.0.map(|x| x.clamp(f32::MIN, f32::MAX)));
+        self.store(shape, Some(&Bounds { min: within(stored.min), max: within(stored.max) }));
     }
 
     /// The boxes of all shapes as they are stored.
@@ -120,5 +130,38 @@ impl<const L: usize> BroadPhase<L> {
             known.is_empty() || known.binary_search_by(|of| of.colliders.cmp(pair)).is_err()
         };
         Some(found.iter().map(|&pair| [(pair >> 32) as u32, pair as u32]).filter(is_new))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f32) -> Bounds<3> {
+        Bounds { min: Vector([x - 0.5, -0.5, -0.5]), max: Vector([x + 0.5, 0.5, 0.5]) }
+    }
+
+    fn pairs(of: &mut BroadPhase<3>, known: &mut Vec<Pair>) -> Vec<[u32; 2]> {
+        of.follow(known, &Team::default()).map_or(Vec::new(), Iterator::collect)
+    }
+
+    #[test]
+    fn boxes_that_are_not_finite_are_near_nothing_and_come_back() {
+        for wrong in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+            let mut phase = BroadPhase::new();
+            (0..20).for_each(|i| phase.add(&at(2.0 * i as f32)));
+            let mut known = Vec::new();
+            assert!(pairs(&mut phase, &mut known).is_empty());
+            for needed in [at(wrong), Bounds { min: Vector([wrong; 3]), ..at(0.0) }] {
+                phase.update(3, &needed);
+                for found in pairs(&mut phase, &mut known) {
+                    assert!(found.contains(&3) && found[1] < 20, "{wrong}: {found:?}");
+                }
+            }
+            // To a neighbor's place.
+            phase.update(3, &at(8.2));
+            let found = pairs(&mut phase, &mut known);
+            assert!(found.is_empty() || found == [[3, 4]], "{wrong}: {found:?}");
+        }
     }
 }

@@ -28,6 +28,8 @@ pub enum Kind {
     Frictionless,
     /// A body may pass through another between two searches for contacts. \[m\]
     TooFast,
+    /// A key of a kinematic body is a jump: the speed that it means. \[m/s\]
+    Jump,
     /// A body is very large. \[m\]
     TooLarge,
     /// A body is very thin. \[m\]
@@ -105,6 +107,7 @@ pub fn check(read: &Read, settings: &StepSettings) -> Result<Vec<Finding>, Build
     findings.extend(contacts::mass_ratios(scene, &near, &masses, settings));
     findings.extend(contacts::frictionless(scene, &near, &masses));
     findings.extend(motion::too_fast(scene, settings));
+    findings.extend(jumps(scene));
     findings.extend(sizes::sizes(scene));
     findings.extend(scales::scales(read));
     findings.extend(meshes::meshes(scene));
@@ -123,6 +126,11 @@ pub fn check(read: &Read, settings: &StepSettings) -> Result<Vec<Finding>, Build
     };
     findings.sort_by(|a, b| a.kind.cmp(&b.kind).then(excess(b).total_cmp(&excess(a))));
     Ok(findings)
+}
+
+/// Keys of kinematic bodies that are jumps, the fastest of each body.
+pub fn jumps(scene: &Scene) -> Vec<Finding> {
+    motion::jumps(scene)
 }
 
 /// Unit vector against gravity; zero without gravity.

@@ -59,6 +59,7 @@
 //! | motion to files | [`recording`] |
 //! | contacts by hand | [`World::system`] |
 
+pub mod audit;
 mod bodies;
 mod broad_phase;
 mod cache;

@@ -87,6 +87,12 @@ impl Recording {
         Err(io::Error::new(io::ErrorKind::InvalidInput, message))
     }
 
+    /// The first frame, by number, and body whose pose has a number that is not finite.
+    pub fn first_not_finite(&self) -> Option<(usize, usize)> {
+        let place = self.poses.iter().position(|x| !x.is_finite())? / self.stride();
+        Some((self.start + place / self.bodies, place % self.bodies))
+    }
+
     /// The pose of a body at a frame, counted from its first.
     pub fn pose(&self, frame: usize, body: usize) -> &[f32] {
         let stride = self.stride();

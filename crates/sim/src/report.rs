@@ -84,6 +84,9 @@ pub struct StepReport {
     pub contacts: usize,
     /// Bodies that sleep after it.
     pub asleep: usize,
+    /// Bodies, by slot, whose position or velocity is no longer a finite number. They touch nothing from then on;
+    /// the others go on. Removing them and adding them again makes them sound.
+    pub lost: Vec<u32>,
     /// Passes over all contacts.
     pub sweeps: usize,
     /// Collisions that bounced.

@@ -427,11 +427,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         report.stages = clock.stages;
         report.asleep = (0..self.len()).filter(|&body| self.sleep.sleeps(body)).count();
+        report.lost = self.lost();
         report.pairs = self.pairs.len();
         report.manifolds = self.records.manifolds.len();
         report.contacts = self.records.points.len();
         self.pace.stop(start, report.sweeps, report.contacts);
         report
+    }
+
+    /// Bodies that are not at finite places with finite velocities.
+    fn lost(&self) -> Vec<u32> {
+        // A finite number times zero is zero, all else NaN: one pass without branches.
+        let zero = |body: usize| {
+            let (frame, velocity) = (&self.bodies.frames[body], &self.system.velocities[body]);
+            let numbers = frame.position.0.iter().chain(&velocity.linear.0);
+            numbers.chain(&velocity.angular.0).map(|x| x * 0.0).sum::<f32>()
+        };
+        let all = 0..self.len();
+        if all.clone().map(zero).sum::<f32>() == 0.0 {
+            return Vec::new();
+        }
+        all.filter(|&body| zero(body) != 0.0).map(|body| body as u32).collect()
     }
 
     /// Finds pairs for the next `dt` \[s\] and the blows of their bodies. Returns what near bodies pass of each other,

@@ -18,6 +18,20 @@
 //!
 //! That is sqrt(G) for velocities that are made of the impulses, and sqrt(2 G) at most.
 //!
+//! # What it assumes
+//!
+//! - M is positive definite: every mass and moment of inertia is above 0. An infinite one is taken out of the sums:
+//!   such a body keeps v*, whatever the impulses, so its d, its part of P and its error are 0.
+//! - Every compliance is above 0, the tangential one too where there is friction: with R_i = 0, phi_i is infinite
+//!   wherever a target is missed, and so is G.
+//! - r lies in the cones: D is -infinite elsewhere. An impulse from outside is first cut off at its cone ([`Law::clamp`]).
+//! - v*, t, J, R, mu and s are numbers as they are, not as they should be: contacts that are not found, arms and
+//!   normals that are off, and targets of an overlap are in no certificate.
+//! - Sums are rounded: in `f64`, of terms that are all at least 0. G is not below 1e-15 of its terms; the
+//!   velocities and impulses themselves are `f32` and are taken as exact.
+//! - v is what moves the bodies. The sweep that takes overlap repair out again afterwards (`relax` of a world)
+//!   solves another problem, and what it leaves is not certified.
+//!
 //! # The proof
 //!
 //! 1. Each term of G is at least 0: the first is a square, the others by the definition of phi_i.

@@ -12,6 +12,7 @@ use super::record::Bake;
 use crate::cut::{Cut, Film};
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
+use crate::files::{folder, place};
 
 /// What a motion is written as.
 #[derive(Clone, Copy)]
@@ -136,19 +137,6 @@ impl Format {
     }
 }
 
-/// What tells whether two paths lead to the same file.
-fn place(path: &Path) -> PathBuf {
-    fs::canonicalize(path).unwrap_or_else(|_| {
-        let folder = fs::canonicalize(folder(path)).unwrap_or_else(|_| folder(path).to_owned());
-        folder.join(path.file_name().unwrap_or_default())
-    })
-}
-
-fn folder(path: &Path) -> &Path {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    parent.unwrap_or(Path::new("."))
-}
-
 /// Makes the folder of an output where it is missing, and tries whether it takes files.
 fn check_folder(path: &Path) -> Result<(), Failure> {
     let refuse =
@@ -156,6 +144,7 @@ fn check_folder(path: &Path) -> Result<(), Failure> {
     match fs::metadata(path) {
         Ok(data) if data.is_dir() => return refuse("a folder is in its place"),
         Ok(data) if !data.is_file() => return refuse("it is not a regular file"),
+        Ok(data) if data.permissions().readonly() => return refuse("it is read-only"),
         _ => {}
     }
     fs::create_dir_all(folder(path)).map_err(|error| Failure::cannot_write(path, &error))?;

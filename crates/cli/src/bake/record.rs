@@ -4,6 +4,7 @@ use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use drystone::audit::audit;
 use drystone::recording::Recording;
 use drystone::recording::journal::Step;
 use drystone::scene::{Motion, Scene};
@@ -15,6 +16,9 @@ use crate::failure::Failure;
 
 /// A body faster than this has left the realm of the meaningful. \[m/s\]
 const TOO_FAST: f64 = 1e6;
+
+/// A body that starts faster than this is most often in other units. \[m/s\]
+const PLAUSIBLE: f64 = 1e4;
 
 /// Set when the user wants to end.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -179,11 +183,36 @@ impl Bake {
         };
         Failure::Diverged(format!(
             "the simulation diverged in step {} ({:.3} s): {} {what}; accepted: up to {TOO_FAST:e} \
-             m/s. Look for huge velocities or overlaps at the start, or try more --substeps",
+             m/s. {}",
             self.steps.len(),
             self.steps.len() as f64 * scene.time_step,
             scene.name_of(body),
+            self.advice(scene, body),
         ))
+    }
+
+    /// What most likely helps against divergence, by what the scene has.
+    fn advice(&self, scene: &Scene, body: usize) -> String {
+        let speed = scene
+            .bodies
+            .get(body)
+            .map_or(0.0, |body| body.linear_velocity.iter().map(|x| x * x).sum::<f64>().sqrt());
+        if speed > PLAUSIBLE {
+            return format!("It starts at {speed:.3e} m/s: velocities are in m/s and rad/s");
+        }
+        let first = self.recording.piece(0..=0);
+        let overlap = audit(scene, &first, &self.settings).start;
+        if let Some(of) = overlap.filter(|of| of.depth > of.accepted - of.depth) {
+            let [a, b] = of.bodies.map(|body| scene.name_of(body));
+            let depth = of.depth * 1e3;
+            return format!("{a} and {b} overlap by {depth:.3} mm at the start: move them apart");
+        }
+        if self.settings.tolerance <= 0.0 {
+            return "Bake without --realtime, or with --tolerance 1mm/s, so that each substep is solved"
+                .to_owned();
+        }
+        let finer = scene.time_step / 4.0;
+        format!("Set time_step to {finer:.1e} s, and see what `drystone check` names")
     }
 
     /// The dynamic body that moved most in the last `frames` frames, and how far \[m\]; without

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use drystone::audit::{Audit, Overlap, audit, gained_most};
 use drystone::recording::journal::Step;
-use drystone::scene::{Motion, Scene};
+use drystone::scene::{BodiesAs, Motion, Scene};
 use drystone::{Ledger, Measure, StepSettings};
 use serde::Serialize;
 
@@ -18,8 +19,6 @@ const ENERGY_TOLERANCE: f64 = 1e-3;
 const AT_REST: f64 = 1e-3;
 /// Overlap at the start that is worth a word. \[m\]
 const OVERLAP: f64 = 1e-4;
-/// A body this far below every static body has left. \[m\]
-const LEFT: f64 = 10.0;
 /// How many bodies are named before the rest is counted.
 const NAMED: usize = 3;
 
@@ -41,7 +40,7 @@ pub(super) struct Summary {
     deepest_penetration: f64,
     /// In the last second. \[m\]
     settled_penetration: f64,
-    /// After the first step. \[m\]
+    /// Deepest overlap before anything moved, as the audit finds it. \[m\]
     initial_penetration: f64,
     /// \[J\]
     energy_start: f64,
@@ -49,6 +48,10 @@ pub(super) struct Summary {
     energy_end: f64,
     /// Highest energy above that of the start. \[J\]
     energy_rise: f64,
+    /// The first step after which the energy is above that of the start by more than the tolerance,
+    /// and the body that has gained most when it is highest; absent where it never is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    energy_risen: Option<Risen>,
     /// Rise that passes for rounding. \[J\]
     energy_tolerance: f64,
     /// Whether energy came from nowhere; absent where kinematic bodies may bring some and no ledger
@@ -70,8 +73,20 @@ pub(super) struct Summary {
     /// Farthest that a body got in the last second. \[m\]
     moved: f64,
     moved_body: Option<usize>,
-    /// Bodies far below every static body.
-    left: Vec<usize>,
+    /// Whether friction acts anywhere.
+    friction: bool,
+    /// What was found when the bake was measured again.
+    audit: Audit,
+}
+
+/// Where energy grew.
+#[derive(Serialize)]
+struct Risen {
+    /// From 1.
+    step: usize,
+    body: usize,
+    /// What that body has gained. \[J\]
+    gain: f64,
 }
 
 /// The ledgers of all steps.
@@ -94,6 +109,8 @@ struct Certified {
     tolerance: f64,
     /// Steps within it.
     steps: usize,
+    /// Islands that had contacts, all substeps together.
+    islands: usize,
     /// Largest error of an island in any step, and in half of the steps. \[m/s\]
     worst: f64,
     median: f64,
@@ -124,7 +141,8 @@ fn energy(measure: &Measure) -> f64 {
 
 impl Summary {
     /// Sums a run up.
-    pub(super) fn new(scene: &Scene, bake: &Bake) -> Self {
+    pub(super) fn new(scene: &Scene, bake: &Bake, masses: &[f64]) -> Self {
+        let audit = audit(scene, &bake.recording, &bake.settings);
         let count = |motion| scene.bodies.iter().filter(|body| body.motion == motion).count();
         let steps = &bake.steps;
         let last_second = ((1.0 / scene.time_step).round() as usize).clamp(1, steps.len().max(1));
@@ -157,10 +175,13 @@ impl Summary {
             total_ms: times.iter().sum(),
             deepest_penetration: largest(&mut steps.iter().map(depth)),
             settled_penetration: largest(&mut settled.iter().map(depth)),
-            initial_penetration: steps.first().map_or(0.0, depth),
+            initial_penetration: audit.start.as_ref().map_or(0.0, |of| of.depth),
             energy_start: start,
             energy_end: energy(&end),
             energy_rise,
+            energy_risen: (energy_created == Some(true))
+                .then(|| risen(scene, bake, masses, start + energy_tolerance))
+                .flatten(),
             energy_tolerance,
             energy_created,
             ledger,
@@ -172,7 +193,8 @@ impl Summary {
             fastest_body: moving_body(bake.moved_most(scene, 1)),
             moved: moving.map_or(0.0, |(_, distance)| distance),
             moved_body: moving_body(moving),
-            left: left(scene, bake),
+            friction: has_friction(scene),
+            audit,
         }
     }
 
@@ -186,11 +208,15 @@ impl Summary {
             ("contacts", self.contacts()),
             ("penetration", self.penetration()),
             ("energy", self.energy()),
-            ("certified", self.certified(scene)),
+            (self.title(), self.certified(scene)),
+            ("", self.proven()),
+            ("audit", self.audited(scene)),
             ("residual", self.residual()),
             ("motion", self.motion(scene)),
         ] {
-            let _ = writeln!(out, "{title:<12} {line}");
+            if !line.is_empty() {
+                let _ = writeln!(out, "{title:<12} {line}");
+            }
         }
         for line in self.odd(scene) {
             let _ = writeln!(out, "{:<12} {line}", "note");
@@ -272,10 +298,82 @@ impl Summary {
         format!("{start} at the start, {end} at the end{verdict}")
     }
 
+    /// What the line of the certificates is called: never certified where the audit found that contacts
+    /// were missed.
+    fn title(&self) -> &'static str {
+        if self.audit.is_clean() { "certified" } else { "velocities" }
+    }
+
+    /// What exact means, and what is not proven.
+    fn proven(&self) -> String {
+        match (&self.certified, self.friction) {
+            (Some(of), true) if of.islands > 0 => {
+                "exact: of the velocities that move bodies, before overlap repair is taken out; \
+                 friction for the slip at hand, Coulomb's law itself is not bounded"
+            }
+            _ => "",
+        }
+        .to_owned()
+    }
+
+    /// What was measured again, and what that found.
+    fn audited(&self, scene: &Scene) -> String {
+        let of = &self.audit;
+        let overlap = match &of.deepest {
+            None => "no overlap".to_owned(),
+            Some(deepest) => format!("deepest overlap {}", self.overlap(scene, deepest)),
+        };
+        let frames = if of.frames == 1 { "1 frame" } else { &format!("{} frames", of.frames) };
+        let found = if of.is_clean() { "" } else { "; contacts were missed, see the notes" };
+        format!("{overlap} in {frames} measured by shapes alone{found}")
+    }
+
+    fn overlap(&self, scene: &Scene, of: &Overlap) -> String {
+        let [a, b] = of.bodies.map(|body| scene.name_of(body));
+        let time = of.frame as f64 * scene.time_step;
+        format!("{:.3} mm, {a} and {b} at {time:.3} s", of.depth * 1e3)
+    }
+
+    /// What the audit found that contacts should have prevented, in words.
+    pub(super) fn faults(&self, scene: &Scene) -> Vec<String> {
+        let of = &self.audit;
+        let more = |count: usize| {
+            let rest = count.saturating_sub(NAMED);
+            if rest > 0 { format!(", and {rest} more") } else { String::new() }
+        };
+        let mut lines = Vec::new();
+        if !of.passed.is_empty() {
+            let through: Vec<_> = of.passed.iter().take(NAMED).map(|passage| {
+                let [a, b] = passage.bodies.map(|body| scene.name_of(body));
+                format!("{a} through {b} at {:.3} s", passage.frame as f64 * scene.time_step)
+            });
+            let through = through.collect::<Vec<_>>().join(", ");
+            lines.push(format!("went through a surface: {through}{}", more(of.passed.len())));
+        }
+        if !of.inside.is_empty() {
+            let inside = of.inside.iter().take(NAMED).map(|of| {
+                format!("{} (accepted: {:.3} mm)", self.overlap(scene, of), of.accepted * 1e3)
+            });
+            let inside = inside.collect::<Vec<_>>().join(", ");
+            lines.push(format!("stood inside each other: {inside}{}", more(of.inside.len())));
+        }
+        if !of.left.is_empty() {
+            let named = names(scene, &of.left);
+            lines.push(format!("ended below everything that could carry it: {named}"));
+        }
+        lines
+    }
+
     fn certified(&self, scene: &Scene) -> String {
+        if self.dynamic == 0 {
+            return "nothing: no body moves by itself".to_owned();
+        }
         let Some(of) = &self.certified else {
             return "nothing was proven; ask for it with --tolerance 1mm/s".to_owned();
         };
+        if of.islands == 0 {
+            return "nothing: nothing touched, so there were no contacts to solve".to_owned();
+        }
         let mm = |speed: f64| format!("{:.3} mm/s", speed * 1e3);
         let all = (self.simulated / scene.time_step).round() as usize;
         let worst = mm(of.worst);
@@ -302,6 +400,12 @@ impl Summary {
             Some(false) => ", no energy created",
             _ => "",
         };
+        if !self.audit.is_clean() {
+            return format!(
+                "all {all} steps within {within} of the exact solution of the contacts that were found; \
+                 others were not"
+            );
+        }
         format!(
             "all {all} steps within {within} of the exact contact solution (root mean square; worst \
              {worst}), deepest overlap {overlap:.3} mm{energy}"
@@ -335,19 +439,26 @@ impl Summary {
         let mut lines = Vec::new();
         if self.energy_created == Some(true) {
             let created = self.ledger.as_ref().map_or(self.energy_rise, |books| books.created);
-            lines.push(format!("energy was created: {}", joule(created)));
+            let who = self.energy_risen.as_ref().map_or_else(String::new, |of| {
+                format!(
+                    ", from step {} ({:.3} s); {} gained most, {}",
+                    of.step,
+                    of.step as f64 * scene.time_step,
+                    scene.name_of(of.body),
+                    joule(of.gain)
+                )
+            });
+            lines.push(format!("energy was created: {}{who}", joule(created)));
         }
         lines.extend(self.jam(scene));
-        if self.initial_penetration > OVERLAP {
+        if let Some(of) = self.audit.start.as_ref().filter(|of| of.depth > OVERLAP) {
+            let [a, b] = of.bodies.map(|body| scene.name_of(body));
             lines.push(format!(
-                "bodies overlap by {:.3} mm at the start, and are pushed apart",
-                self.initial_penetration * 1e3
+                "{a} and {b} overlap by {:.3} mm at the start, and are pushed apart",
+                of.depth * 1e3
             ));
         }
-        if !self.left.is_empty() {
-            let named = names(scene, &self.left);
-            lines.push(format!("fell more than {LEFT} m below everything static: {named}"));
-        }
+        lines.extend(self.faults(scene));
         if let Some(body) = self.moved_body.filter(|_| self.moved > AT_REST) {
             let far = self.moved * 1e3;
             lines.push(format!(
@@ -409,6 +520,7 @@ fn certified(bake: &Bake) -> Option<Certified> {
     Some(Certified {
         tolerance: f64::from(bake.settings.tolerance),
         steps: outcomes.iter().filter(|(_, of)| of.failed == 0).count(),
+        islands: outcomes.iter().map(|(_, of)| of.islands).sum(),
         worst: worst.error,
         median: errors.get(errors.len() / 2).copied().unwrap_or(0.0),
         natural: residual(0),
@@ -434,21 +546,19 @@ fn moving_body(moved: Option<(usize, f64)>) -> Option<usize> {
     moved.filter(|(_, distance)| *distance > 0.0).map(|(body, _)| body)
 }
 
-/// Dynamic bodies far below every body that is not.
-fn left(scene: &Scene, bake: &Bake) -> Vec<usize> {
-    let Some(last) = bake.recording.frames().checked_sub(1) else { return Vec::new() };
-    let along: Vec<f64> = (0..scene.bodies.len())
-        .map(|body| {
-            let position = bake.recording.pose(last, body);
-            scene.gravity.iter().zip(position).map(|(g, x)| g * f64::from(*x)).sum()
-        })
-        .collect();
-    let moves = |body: usize| scene.bodies[body].motion == Motion::Dynamic;
-    let bodies = 0..scene.bodies.len();
-    let lowest = bodies.clone().filter(|body| !moves(*body)).map(|body| along[body]);
-    let Some(lowest) = lowest.reduce(f64::max) else { return Vec::new() };
-    let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-    bodies.filter(|body| moves(*body) && along[*body] > lowest + LEFT * strength).collect()
+/// Whether any two surfaces can rub.
+fn has_friction(scene: &Scene) -> bool {
+    let mut shapes = scene.bodies.iter().flat_map(|body| &body.shapes);
+    scene.bodies_as == BodiesAs::Rigid && shapes.any(|shape| shape.material.friction > 0.0)
+}
+
+/// When the energy was first above a limit, and which body had gained most when it was highest.
+fn risen(scene: &Scene, bake: &Bake, masses: &[f64], limit: f64) -> Option<Risen> {
+    let energies = || bake.steps.iter().map(|step| energy(&step.measure)).enumerate();
+    let (first, _) = energies().find(|(_, energy)| *energy > limit)?;
+    let (highest, _) = energies().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (body, gain) = gained_most(scene, &bake.recording, masses, [1, highest + 1])?;
+    Some(Risen { step: first + 1, body, gain })
 }
 
 fn joule(energy: f64) -> String {

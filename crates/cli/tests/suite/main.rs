@@ -9,3 +9,4 @@ mod matrix;
 mod resume;
 mod solve;
 mod verify;
+mod words;

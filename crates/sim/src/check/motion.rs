@@ -5,6 +5,11 @@ use super::{Finding, Kind, dot, length, up};
 use crate::scene::{Body, Motion, Scene};
 use crate::settings::StepSettings;
 
+/// A key is no jump up to this part of the body's thickness. \[1\]
+const JUMP: f64 = 0.1;
+/// A jump is this many times faster than what is before and after it. \[1\]
+const SUDDEN: f64 = 10.0;
+
 /// Bodies that pass more than the thickness of the thinnest body, or their own, between two searches
 /// for contacts: at the speed they start with, and what they gain by falling to the lowest body.
 pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
@@ -50,6 +55,46 @@ pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
                 advice: format!("it may pass through: set time_step to {slower:.1e} s or less"),
             });
         }
+    }
+    findings
+}
+
+/// Kinematic bodies whose track passes more than a part of their own thickness in less than half a step, and
+/// many times faster than before and after it: a key with STEP interpolation, or two keys at almost
+/// the same time.
+pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
+    let step = scene.time_step;
+    let mut findings = Vec::new();
+    for (index, body) in scene.bodies.iter().enumerate() {
+        let track = &body.track;
+        let sides = body.shapes.iter().filter_map(extents).flatten();
+        let Some(thin) = sides.filter(|side| *side > 0.0).reduce(f64::min) else { continue };
+        let reach = reach(body);
+        let passed = |i: usize| {
+            let ways = track.positions[i].iter().zip(&track.positions[i + 1]);
+            let way = ways.map(|(p, q)| (q - p).powi(2)).sum::<f64>().sqrt();
+            way + reach * track.rotations[i].angle_to(&track.rotations[i + 1])
+        };
+        let lasts = |i: usize| track.times[i + 1] - track.times[i];
+        let segments = track.times.len().saturating_sub(1);
+        let speed = |i: usize| if i < segments { passed(i) / lasts(i) } else { 0.0 };
+        let jump = |i: &usize| {
+            let around = speed(i.wrapping_sub(1)).max(speed(i + 1));
+            lasts(*i) < 0.5 * step && passed(*i) > JUMP * thin && speed(*i) > SUDDEN * around
+        };
+        let farthest = (0..segments).filter(jump).max_by(|a, b| passed(*a).total_cmp(&passed(*b)));
+        let Some(worst) = farthest else { continue };
+        let (speed, limit) = (passed(worst) / step, JUMP * thin / step);
+        let what = format!(
+            "{} jumps by {} at {:.3} s, which in one step means {speed:.1} m/s; accepted: up to \
+             {limit:.1} m/s",
+            scene.name_of(index),
+            length(passed(worst)),
+            track.times[worst + 1]
+        );
+        let advice = "what it touches is thrown, what is in its way is passed: give the keys LINEAR \
+                      interpolation and time between them";
+        findings.push(Finding::of_body(index, Kind::Jump, [speed, limit], what, advice));
     }
     findings
 }

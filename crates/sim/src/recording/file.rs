@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// name ends in `.partial`, and takes its place once it is on the disk.
 ///
 /// # Errors
-/// The target is a directory or no regular file, or the system refuses; what was at the target
+/// The target is a directory, no regular file or read-only, or the system refuses; what was at the target
 /// before is still there, and the temporary file is removed.
 pub fn write_whole(
     path: &Path,
@@ -20,6 +20,10 @@ pub fn write_whole(
     match fs::metadata(&target) {
         Ok(data) if data.is_dir() => return Err(refusal("a directory is in its place")),
         Ok(data) if !data.is_file() => return Err(refusal("it is not a regular file")),
+        // A rename would replace it all the same.
+        Ok(data) if data.permissions().readonly() => {
+            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "it is read-only"));
+        }
         _ => {}
     }
     let (file, temporary) = create_beside(&target)?;
@@ -107,6 +111,19 @@ mod tests {
         assert!(panics.is_err());
         assert_eq!(fs::read(&path).unwrap(), b"before");
         assert_eq!(names(directory.path()), ["out.bin"]);
+    }
+
+    #[test]
+    fn leaves_a_read_only_file_alone() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("out.bin");
+        fs::write(&path, "before").unwrap();
+        let mut permissions = fs::metadata(&path).unwrap().permissions();
+        permissions.set_readonly(true);
+        fs::set_permissions(&path, permissions).unwrap();
+        let error = write_whole(&path, |out| out.write_all(b"after")).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::PermissionDenied);
+        assert_eq!(fs::read(&path).unwrap(), b"before");
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub fn pose_at(recording: &Recording, body: usize, time: f64) -> Pose {
 }
 
 /// The pose of a body in a frame.
-pub(super) fn frame_pose(recording: &Recording, frame: usize, body: usize) -> Pose {
+pub(crate) fn frame_pose(recording: &Recording, frame: usize, body: usize) -> Pose {
     match *recording.pose(frame, body) {
         [x, y, angle] => pose_2d([x.into(), y.into()], angle.into()),
         [x, y, z, a, b, c, d] => Pose {

@@ -106,6 +106,18 @@ impl Rotation {
         if dimension == 3 { Self::Quaternion([0.0, 0.0, 0.0, 1.0]) } else { Self::Angle(0.0) }
     }
 
+    /// The angle of the shorter way to `other`. \[rad\]
+    pub fn angle_to(&self, other: &Self) -> f64 {
+        match (self, other) {
+            (Self::Quaternion(p), Self::Quaternion(q)) => {
+                let dot: f64 = p.iter().zip(q).map(|(x, y)| x * y).sum();
+                2.0 * libm::acos(dot.abs().min(1.0))
+            }
+            (Self::Angle(a), Self::Angle(b)) => (b - a).abs(),
+            _ => 0.0,
+        }
+    }
+
     /// The rotation a part `t` (0..1) of the shorter way to `other`, at even speed.
     pub fn towards(&self, other: &Self, t: f64) -> Self {
         match (self, other) {

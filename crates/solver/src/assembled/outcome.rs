@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::Problem;
 use super::jam::SelfStress;
+use crate::cone;
 pub use crate::solution::Status;
 
 /// When a method is done.
@@ -39,7 +40,7 @@ pub struct Outcome {
     pub status: Status,
     /// Why it ended so, in a few words.
     pub reason: &'static str,
-    /// r of the best iterate: finite, whatever happened. \[N s\]
+    /// r of the best iterate: finite and within the friction cones, whatever happened. \[N s\]
     pub impulses: Vec<f64>,
     /// [`Problem::residual`] of `impulses`. \[1\]
     pub residual: f64,
@@ -56,6 +57,7 @@ pub(super) struct Progress<'a> {
     pub(super) problem: &'a Problem,
     pub(super) limits: Limits,
     best: Vec<f64>,
+    projected: Vec<f64>,
     residual: f64,
     history: Vec<Sample>,
     started: Instant,
@@ -83,6 +85,7 @@ impl<'a> Progress<'a> {
             problem,
             limits: *limits,
             best: vec![0.0; problem.unknowns()],
+            projected: vec![0.0; problem.unknowns()],
             residual: f64::INFINITY,
             history: Vec::new(),
             started: Instant::now(),
@@ -90,14 +93,20 @@ impl<'a> Progress<'a> {
         }
     }
 
-    /// Measures an iterate and keeps it if it is the best.
+    /// Projects an iterate onto the cones, measures that and keeps it if it is the best. The residual alone
+    /// bounds a violation of the cones by its part of q, which may be much of the impulses.
     pub(super) fn record(&mut self, r: &[f64]) -> f64 {
-        let residual = self.problem.residual(r);
+        self.projected.copy_from_slice(r);
+        let contacts = self.projected.chunks_exact_mut(self.problem.dimension());
+        for (impulse, &friction) in contacts.zip(self.problem.friction()) {
+            cone::project(impulse, friction);
+        }
+        let residual = self.problem.residual(&self.projected);
         let elapsed = self.started.elapsed();
         self.history.push(Sample { iteration: self.iterations, residual, elapsed });
         if residual < self.residual {
             self.residual = residual;
-            self.best.copy_from_slice(r);
+            self.best.copy_from_slice(&self.projected);
         }
         residual
     }
@@ -141,5 +150,25 @@ impl<'a> Progress<'a> {
             self.end(Status::Infeasible, "a self-stress proves that there is no solution");
         let infeasible = outcome.status == Status::Infeasible;
         Outcome { certificate: Some(certificate).filter(|_| infeasible), ..outcome }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assembled::from_entries;
+
+    #[test]
+    fn what_is_kept_lies_within_the_cones() {
+        // A large q, so that a violation of the cone is hidden in the residual.
+        let diagonal: Vec<_> = (0..3).map(|i| (i, i, 1e9)).collect();
+        let matrix = from_entries(3, 3, &diagonal).unwrap();
+        let problem = Problem::new(3, vec![0.5], matrix, vec![-1e9, 4e8, 0.0]).unwrap();
+        let (mut progress, _) = Progress::new(&problem, None, &Limits::default());
+        progress.record(&[1.0, -0.5 - 3.5e-6, 0.0]);
+        let outcome = progress.out_of_budget();
+        let [n, x, y] = outcome.impulses[..] else { panic!("three numbers") };
+        assert!(n >= 0.0 && (x * x + y * y).sqrt() <= 0.5 * n * (1.0 + 1e-15), "{n} {x} {y}");
+        assert_eq!(outcome.residual, problem.residual(&outcome.impulses));
     }
 }

@@ -236,7 +236,12 @@ impl<'a> Composer<'a> {
                 }
             }
             for (site, target) in edited(&node.sites, key) {
-                let arc = self.arc(&node, site, &target, chosen, depth)?;
+                let arc = match self.arc(&node, site, &target, chosen, depth)? {
+                    Some(arc) => arc,
+                    // A class may be absent: then it says nothing.
+                    None if matches!(key, "inherits" | "specializes") => continue,
+                    None => return Err(self.absent(site.layer, &target)),
+                };
                 node.arcs.push((strength, arc));
             }
             let Some(name) = name else { continue };
@@ -272,7 +277,13 @@ impl<'a> Composer<'a> {
         Ok(nodes)
     }
 
-    /// What an arc leads to.
+    fn absent(&self, layer: usize, target: &Target) -> SceneError {
+        let value = format!("<{}>", target.path);
+        let accepted = "accepted: a prim that is there";
+        self.files.fault(layer, Fault::new(target.at, "what is referred to", value, accepted))
+    }
+
+    /// What an arc leads to; none where there is no such prim.
     fn arc(
         &mut self,
         node: &Node<'a>,
@@ -280,7 +291,7 @@ impl<'a> Composer<'a> {
         target: &Target,
         chosen: &mut Chosen,
         depth: usize,
-    ) -> Result<Node<'a>, SceneError> {
+    ) -> Result<Option<Node<'a>>, SceneError> {
         let depth = depth.saturating_add(1);
         if depth > DEEPEST {
             return Err(self.ring(site.layer, target));
@@ -308,7 +319,6 @@ impl<'a> Composer<'a> {
             return Err(refuse(format!("<{}>", target.path), "accepted: </Path/Of/A/Prim>"));
         };
         let names: Vec<&str> = path.split('/').filter(|name| !name.is_empty()).collect();
-        let missing = refuse(format!("<{path}>"), "accepted: a prim that is there");
         let mut reached = self.top(stack)?;
         for (order, name) in names.iter().enumerate() {
             let last = order.saturating_add(1) == names.len();
@@ -316,16 +326,16 @@ impl<'a> Composer<'a> {
             let chosen = if last { &mut *chosen } else { &mut own };
             match self.child(&reached, name, chosen, depth)? {
                 Some(next) => reached = next,
-                None => return Err(missing),
+                None => return Ok(None),
             }
         }
         if names.is_empty() {
-            return Err(missing);
+            return Ok(None);
         }
         reached.map = (path, node.path.clone());
         reached.open = !outside;
         reached.time = site.time.after(target.time);
-        Ok(reached)
+        Ok(Some(reached))
     }
 }
 

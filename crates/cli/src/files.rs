@@ -1,0 +1,37 @@
+//! Paths: whether two lead to one file, and outputs that would replace an input.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::failure::Failure;
+
+/// What tells whether two paths lead to the same file.
+pub(crate) fn place(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| {
+        let folder = fs::canonicalize(folder(path)).unwrap_or_else(|_| folder(path).to_owned());
+        folder.join(path.file_name().unwrap_or_default())
+    })
+}
+
+/// The folder that a path is in.
+pub(crate) fn folder(path: &Path) -> &Path {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.unwrap_or(Path::new("."))
+}
+
+/// Refuses an output that is one of the inputs: what the other format leaves out, comments among it,
+/// would be lost.
+pub(crate) fn spare<'a>(
+    output: &Path,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> Result<(), Failure> {
+    match inputs.into_iter().find(|input| place(input) == place(output)) {
+        None => Ok(()),
+        Some(input) => {
+            let (output, input) = (output.display(), input.display());
+            Err(Failure::Input(format!(
+                "{output}: the output is the input {input} itself; give it another name"
+            )))
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! What the command says is true: audits, certificates, and what it refuses.
+
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+
+use serde_json::Value;
+
+use crate::common::{Place, SCENE};
+
+/// A bake's report.
+fn report(place: &Place, more: &[&str]) -> Value {
+    let arguments = ["bake", "scene.toml", "--report", "r.json", "--threads", "1", "-q"];
+    place.succeeds(&[&arguments[..], more].concat());
+    serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap()
+}
+
+/// A summary without the bake's own files.
+fn summary(scene: &str) -> String {
+    let place = Place::new(scene);
+    place.succeeds(&["bake", "scene.toml", "-o", "out.poses", "--threads", "1"])
+}
+
+fn line<'t>(text: &'t str, title: &str) -> &'t str {
+    let mut lines = text.lines();
+    lines.find(|line| line.starts_with(title)).unwrap_or_else(|| panic!("no {title} in:\n{text}"))
+}
+
+/// A sheet that is thinner than what a bullet passes in a step, so that no contact is found.
+const PASSED: &str = r#"
+gravity = [0, 0, 0]
+duration = 0.5
+[solver]
+searches = 1
+prediction_distance = 0.0
+
+[[bodies]]
+name = "sheet"
+motion = "static"
+shapes = [{ type = "box", half_extents = [0.001, 1, 1] }]
+
+[[bodies]]
+name = "bullet"
+position = [-5.05, 0, 0]
+linear_velocity = [240, 0, 0]
+shapes = [{ type = "sphere", radius = 0.01 }]
+
+[[bodies]]
+name = "anvil"
+motion = "static"
+position = [0, 5, 0]
+shapes = [{ type = "box", half_extents = [1, 1, 1] }]
+
+[[bodies]]
+name = "weight"
+position = [0, 6.999, 0]
+shapes = [{ type = "box", half_extents = [1, 1, 1] }]
+"#;
+
+#[test]
+fn what_goes_through_a_sheet_is_named_and_nothing_is_certified() {
+    let text = summary(PASSED);
+    assert!(line(&text, "note").contains("'bullet' through 'sheet' at 0.033 s"), "{text}");
+    assert!(line(&text, "audit").contains("contacts were missed"), "{text}");
+    assert!(!text.lines().any(|line| line.starts_with("certified")), "{text}");
+    let report = report(&Place::new(PASSED), &[]);
+    let passed = &report["summary"]["audit"]["passed"];
+    assert_eq!(
+        (passed[0]["bodies"][0].as_u64(), passed[0]["bodies"][1].as_u64()),
+        (Some(1), Some(0))
+    );
+}
+
+#[test]
+fn quiet_bakes_warn_of_what_the_audit_finds() {
+    let place = Place::new(PASSED);
+    let output = place.run(&["bake", "scene.toml", "-o", "out.poses", "-q"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("warning: scene.toml: went through a surface"), "{said}");
+    assert_eq!(output.status.code(), Some(0));
+}
+
+#[test]
+fn example_scenes_are_clean() {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    for (name, steps) in [("arch.json", "60"), ("wall_2d.json", "60"), ("billiards.toml", "90")] {
+        let scene = scenes.join(name);
+        if !scene.exists() {
+            panic!("{name} is gone");
+        }
+        let place = Place::new("");
+        let scene = scene.to_str().unwrap();
+        for preset in [&[][..], &["--realtime"]] {
+            let more = ["bake", scene, "-o", "out.poses", "--steps", steps];
+            let text = place.succeeds(&[&more[..], preset].concat());
+            assert!(!text.contains("contacts were missed"), "{name}: {text}");
+        }
+    }
+}
+
+#[test]
+fn where_nothing_touches_nothing_is_certified() {
+    for (scene, said) in [
+        ("bodies = []\nsteps = 2\n", "nothing: no body moves by itself"),
+        (
+            "steps = 2\n[[bodies]]\nshapes = [{ type = \"sphere\", radius = 1 }]\n",
+            "nothing: nothing touched",
+        ),
+    ] {
+        let text = summary(scene);
+        assert!(line(&text, "certified").contains(said), "{text}");
+    }
+}
+
+#[test]
+fn with_friction_the_summary_says_what_exact_means() {
+    let text = summary(SCENE);
+    assert!(text.contains("friction for the slip at hand"), "{text}");
+    let ice = SCENE.replace("[{ type", "[{ friction = 0.0, type");
+    assert!(!summary(&ice).contains("slip"), "{}", summary(&ice));
+}
+
+#[test]
+fn overlap_at_the_start_is_that_before_the_first_step() {
+    let scene = "gravity = [0, 0, 0]\nsteps = 5\n\
+        [[bodies]]\nname = \"wall\"\nmotion = \"static\"\n\
+        shapes = [{ type = \"box\", half_extents = [1, 1, 1] }]\n\
+        [[bodies]]\nname = \"box\"\nposition = [0, 1.95, 0]\nlinear_velocity = [0, 3, 0]\n\
+        shapes = [{ type = \"box\", half_extents = [1, 1, 1] }]\n";
+    let text = summary(scene);
+    assert!(text.contains("'wall' and 'box' overlap by 50.000 mm at the start"), "{text}");
+}
+
+#[test]
+fn a_jump_is_named_by_check_and_bake() {
+    let scene = "steps = 70\n[[bodies]]\nname = \"door\"\nmotion = \"kinematic\"\n\
+        shapes = [{ type = \"box\", half_extents = [0.5, 1.0, 0.05] }]\n\
+        track = [{ time = 0.0, position = [0, 1, 0] }, { time = 1.0, position = [0, 1, 0] }, \
+        { time = 1.0001, position = [2, 1, 0] }, { time = 2.0, position = [2, 1, 0] }]\n";
+    let place = Place::new(scene);
+    let output = place.run(&["bake", "scene.toml", "-o", "out.poses", "-q"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("'door' jumps by 2.00 m at 1.000 s"), "{said}");
+    assert!(said.contains("120.0 m/s"), "{said}");
+    assert_eq!(place.run(&["check", "scene.toml"]).status.code(), Some(1));
+    // Keys close together, at a steady speed, are none.
+    let keys: Vec<_> = (0..2000)
+        .map(|i| {
+            format!("{{ time = {}, position = [{}, 1, 0] }}", i as f64 * 1e-3, i as f64 * 2e-2)
+        })
+        .collect();
+    let steady = format!("{}track = [{}]\n", scene.split("track").next().unwrap(), keys.join(", "));
+    let output = Place::new(&steady).run(&["bake", "scene.toml", "-o", "out.poses", "-q"]);
+    assert!(!String::from_utf8(output.stderr).unwrap().contains("jumps"));
+}
+
+#[test]
+fn an_output_that_is_an_input_is_refused() {
+    let place = Place::new(SCENE);
+    let said = place.fails(2, &["convert", "scene.toml", "scene.toml"]);
+    assert!(said.contains("the output is the input"), "{said}");
+    let said = place.fails(2, &["convert", "scene.toml", "../../tmp/../scene.toml"]);
+    assert!(!said.is_empty());
+    assert_eq!(fs::read_to_string(place.path("scene.toml")).unwrap(), SCENE);
+    place.succeeds(&["bake", "scene.toml", "-o", "a.npz", "--steps", "3", "-q"]);
+    place.fails(2, &["convert", "a.npz", "a.npz"]);
+    place.fails(2, &["convert", "a.npz", "scene.toml", "--scene", "scene.toml"]);
+}
+
+#[test]
+fn a_read_only_output_is_refused_before_the_simulation() {
+    let place = Place::new(SCENE);
+    let path = place.path("out.poses");
+    fs::write(&path, "mine").unwrap();
+    let mut permissions = fs::metadata(&path).unwrap().permissions();
+    permissions.set_readonly(true);
+    fs::set_permissions(&path, permissions).unwrap();
+    let said = place.fails(4, &["bake", "scene.toml", "-o", "out.poses"]);
+    assert!(said.contains("out.poses: cannot be written: it is read-only"), "{said}");
+    assert_eq!(fs::read(&path).unwrap(), b"mine");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_standard_output_is_a_failure() {
+    let place = Place::new(SCENE);
+    fs::write(place.path("p.json"), r#"{"q": [-1.0], "M": [[1.0]]}"#).unwrap();
+    for arguments in [
+        &["check", "scene.toml"][..],
+        &["bake", "scene.toml", "-o", "out.poses", "--steps", "3"],
+        &["schema"],
+    ] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let mut command = place.command(arguments);
+        let status = command.stdout(Stdio::from(full)).stderr(Stdio::null()).status().unwrap();
+        assert_eq!(status.code(), Some(4), "{arguments:?}");
+    }
+}
+
+#[test]
+fn poses_that_are_not_finite_blame_their_file() {
+    let place = Place::new(SCENE);
+    place.succeeds(&["bake", "scene.toml", "-o", "a.poses", "--steps", "3", "-q"]);
+    let mut bytes = fs::read(place.path("a.poses")).unwrap();
+    // Frame 2, the second body: three bodies of seven numbers each.
+    let at = (2 * 3 + 1) * 7 * 4;
+    bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(place.path("a.poses"), bytes).unwrap();
+    let said = place.fails(2, &["convert", "a.poses", "a.glb", "--scene", "scene.toml"]);
+    assert!(said.contains("a.poses: frame 2: the pose of 'box'"), "{said}");
+}

@@ -1,0 +1,407 @@
+//! A bake measured again, by other means than its contacts.
+//!
+//! A certificate says how well the contacts of a step were solved. A contact that was not found is in
+//! no certificate. So the audit looks at nothing but shapes and poses: how deep shapes overlap in
+//! sampled frames (GJK and EPA, evaluated in `f64`), whether the center of a convex shape went through
+//! a surface between two frames, and what ended below everything that could have carried it.
+
+mod form;
+mod passage;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use parry3d::bounding_volume::{Aabb, BoundingVolume};
+use parry3d::partitioning::{Bvh, BvhBuildStrategy};
+use serde::Serialize;
+
+use crate::recording::Recording;
+use crate::recording::pose::frame_pose;
+use crate::scene::{Motion, Scene};
+use crate::settings::StepSettings;
+use form::{Core, Form, Place, Point, dot, minus, norm, overlap};
+
+/// Frames in which overlaps are measured, at most.
+const FRAMES: usize = 64;
+/// Pairs of shapes that are measured in all of them, at most.
+const PAIRS: usize = 1 << 17;
+/// Steps of centers from frame to frame that are followed, at most.
+const STEPS: usize = 1 << 22;
+/// Overlap that is accepted, as a part of the thinner shape's least width. \[1\]
+const PART: f64 = 0.02;
+/// Overlap that is accepted, in units of the sag that contacts are made for. \[1\]
+const SAGS: f64 = 5.0;
+/// Faults of each kind that are kept, at most; all are counted.
+const KEPT: usize = 1000;
+
+/// What the audit of a bake found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Audit {
+    /// Frames in which overlaps were measured.
+    pub frames: usize,
+    /// Pairs of shapes that were measured in these frames, all together.
+    pub pairs: usize,
+    /// Frames from which centers were followed to the next one followed.
+    pub followed: usize,
+    /// The deepest overlap of the first frame, before anything moved.
+    pub start: Option<Overlap>,
+    /// The deepest overlap that was found in any of the frames.
+    pub deepest: Option<Overlap>,
+    /// Pairs of bodies that stood inside each other by more than is accepted, the worst first.
+    pub inside: Vec<Overlap>,
+    /// Bodies that went through the surface of another one, the first first.
+    pub passed: Vec<Passage>,
+    /// Dynamic bodies that ended wholly below everything that could have carried them.
+    pub left: Vec<usize>,
+}
+
+/// Two bodies that overlap.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Overlap {
+    /// Indices in the scene.
+    pub bodies: [usize; 2],
+    /// How far they would have to move to part. \[m\]
+    pub depth: f64,
+    /// What is accepted of this pair in this frame. \[m\]
+    pub accepted: f64,
+    /// The frame.
+    pub frame: usize,
+}
+
+/// The center of a convex shape of one body went through a surface of another.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Passage {
+    /// The body that went, and the one it went through.
+    pub bodies: [usize; 2],
+    /// The frame by which it was on the other side.
+    pub frame: usize,
+}
+
+impl Audit {
+    /// Whether nothing was found that contacts should have prevented.
+    pub fn is_clean(&self) -> bool {
+        self.inside.is_empty() && self.passed.is_empty() && self.left.is_empty()
+    }
+}
+
+/// Measures a bake of a scene again.
+///
+/// Two bodies may overlap by as much as they did at the start; by five times the sag of the settings; by
+/// 2 % of the thinner shape's least width; and by what they move against each other in a substep.
+///
+/// The work is bounded: at most 64 frames and 131 072 pairs of shapes are measured, evenly spread over the
+/// bake, and 4 million steps of shapes followed. Not measured: two triangle meshes against each other.
+/// Not followed: what is no convex shape, and passages through dynamic bodies.
+pub fn audit(scene: &Scene, recording: &Recording, settings: &StepSettings) -> Audit {
+    let mut audit = Audit::default();
+    let Some(last) = recording.frames().checked_sub(1) else { return audit };
+    let stage = Stage::new(scene, recording);
+    stage.measure(last, settings, &mut audit);
+    stage.follow(last, &mut audit);
+    stage.left(last, &mut audit);
+    audit
+}
+
+/// The dynamic body that gained most mechanical energy from one frame to another, and how much \[J\]: by
+/// differences of recorded poses, and with the inertia of a ball as large as the body. For naming it.
+pub fn gained_most(
+    scene: &Scene,
+    recording: &Recording,
+    masses: &[f64],
+    [from, to]: [usize; 2],
+) -> Option<(usize, f64)> {
+    let stage = Stage::new(scene, recording);
+    let dynamic = |body: &usize| scene.bodies[*body].motion == Motion::Dynamic;
+    let gain = |body: usize| {
+        let reach = stage.reach(body);
+        let [before, after] = [from, to].map(|frame| stage.energy(frame, body, reach));
+        (body, masses.get(body).copied().unwrap_or(f64::NAN) * (after - before))
+    };
+    let gains = (0..scene.bodies.len()).filter(dynamic).map(gain);
+    gains.filter(|(_, gain)| gain.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// A shape and whose it is.
+struct Actor {
+    body: usize,
+    shape: usize,
+    form: Form,
+}
+
+struct Stage<'a> {
+    scene: &'a Scene,
+    recording: &'a Recording,
+    actors: Vec<Actor>,
+}
+
+/// Where all shapes are in a frame.
+struct Shot {
+    places: Vec<Place>,
+    bounds: Vec<Option<Aabb>>,
+}
+
+impl<'a> Stage<'a> {
+    fn new(scene: &'a Scene, recording: &'a Recording) -> Self {
+        let mut actors = Vec::new();
+        for (body, of) in scene.bodies.iter().enumerate() {
+            for (shape, of) in of.shapes.iter().enumerate() {
+                let form = Form::new(of, scene.dimension);
+                actors.extend(form.map(|form| Actor { body, shape, form }));
+            }
+        }
+        Self { scene, recording, actors }
+    }
+
+    fn body(&self, frame: usize, body: usize) -> Place {
+        let pose = frame_pose(self.recording, frame, body);
+        Place::new(pose.position, pose.rotation)
+    }
+
+    fn place(&self, frame: usize, actor: usize) -> Place {
+        let actor = &self.actors[actor];
+        actor.form.placed(&self.body(frame, actor.body))
+    }
+
+    /// How far a body comes from its origin. \[m\]
+    fn reach(&self, body: usize) -> f64 {
+        let own = self.actors.iter().filter(|actor| actor.body == body);
+        let far = own.map(|actor| {
+            norm(actor.form.placed(&Place::new([0.0; 3], [0.0, 0.0, 0.0, 1.0])).position)
+                + actor.form.reach
+        });
+        far.fold(0.0, f64::max)
+    }
+
+    /// v^2 / 2 + (2/5) (r omega)^2 / 2 - g . x of a body, per mass, as it came to a frame. \[m^2/s^2\]
+    fn energy(&self, frame: usize, body: usize, reach: f64) -> f64 {
+        let [from, to] = [frame.saturating_sub(1), frame].map(|frame| self.body(frame, body));
+        let rate = 1.0 / self.recording.frame_time;
+        let speed = norm(minus(to.position, from.position)) * rate;
+        // Of small turns, the changes of the axes make 2 angle^2.
+        let turned: f64 = (0..3).map(|i| minus(to.axes[i], from.axes[i])).map(|d| dot(d, d)).sum();
+        let spin = reach * rate * (turned / 2.0).sqrt();
+        let factor = self.scene.bodies[body].gravity_factor;
+        let height: f64 =
+            self.scene.gravity.iter().zip(to.position).map(|(g, x)| -g * factor * x).sum();
+        0.5 * speed * speed + 0.2 * spin * spin + height
+    }
+
+    fn shot(&self, frame: usize) -> Shot {
+        let places: Vec<_> = (0..self.actors.len()).map(|of| self.place(frame, of)).collect();
+        let both = self.actors.iter().zip(&places);
+        let bounds = both.map(|(actor, place)| actor.form.bounds(place)).collect();
+        Shot { places, bounds }
+    }
+
+    fn motion(&self, actor: usize) -> Motion {
+        self.scene.bodies[self.actors[actor].body].motion
+    }
+
+    /// Whether two shapes are meant to collide.
+    fn meet(&self, a: usize, b: usize) -> bool {
+        let dynamic = [a, b].into_iter().any(|of| self.motion(of) == Motion::Dynamic);
+        let (x, y) = (&self.actors[a], &self.actors[b]);
+        let shape = |of: &Actor| &self.scene.bodies[of.body].shapes[of.shape];
+        dynamic && x.body != y.body && shape(x).filter.collides(&shape(y).filter)
+    }
+
+    /// Pairs of shapes whose boxes overlap, at most so many.
+    fn pairs(&self, shot: &Shot, most: usize) -> Vec<[usize; 2]> {
+        let count = self.actors.len();
+        let boxed = shot.bounds.iter().enumerate().filter_map(|(i, of)| Some((i, (*of)?)));
+        let tree = Bvh::from_iter(BvhBuildStrategy::Binned, boxed);
+        let mut pairs = Vec::new();
+        for a in 0..count {
+            let Some(around) = &shot.bounds[a] else {
+                let others = (0..count).filter(|&b| self.meet(a, b));
+                let others = others.filter(|&b| shot.bounds[b].is_some());
+                pairs.extend(others.map(|b| [a, b]).take(most - pairs.len()));
+                continue;
+            };
+            let near = tree.intersect_aabb(around).map(|b| b as usize);
+            let mut near: Vec<usize> = near.filter(|&b| b > a && self.meet(a, b)).collect();
+            near.sort_unstable();
+            pairs.extend(near.into_iter().map(|b| [a, b]).take(most - pairs.len()));
+            if pairs.len() >= most {
+                break;
+            }
+        }
+        pairs
+    }
+
+    /// Overlaps in frames spread over the bake, the first and the last among them.
+    fn measure(&self, last: usize, settings: &StepSettings, audit: &mut Audit) {
+        let mut at_the_start = BTreeMap::new();
+        let mut worst: BTreeMap<[usize; 2], Overlap> = BTreeMap::new();
+        let mut intervals = (FRAMES - 1).min(last);
+        let mut sample = 0;
+        while sample <= intervals && audit.pairs < PAIRS {
+            let frame = if intervals == 0 { 0 } else { sample * last / intervals };
+            let shot = self.shot(frame);
+            let pairs = self.pairs(&shot, PAIRS - audit.pairs);
+            if sample == 0 {
+                let affordable = PAIRS / pairs.len().max(1);
+                intervals = intervals.min(affordable.saturating_sub(1).max(1)).min(last);
+            }
+            audit.frames += 1;
+            audit.pairs += pairs.len();
+            for [a, b] in pairs {
+                let [x, y] = [a, b].map(|of| (&self.actors[of].form, &shot.places[of]));
+                let Some(depth) = overlap(x, y) else { continue };
+                let bodies = [a, b].map(|of| self.actors[of].body);
+                let allowed = self.accepted([a, b], frame, settings);
+                if frame == 0 {
+                    at_the_start.insert([a, b], depth);
+                }
+                let start = at_the_start.get(&[a, b]).copied().unwrap_or(0.0);
+                let found = Overlap { bodies, depth, accepted: allowed + start, frame };
+                if audit.deepest.as_ref().is_none_or(|known| depth > known.depth) {
+                    audit.deepest = Some(found.clone());
+                    if frame == 0 {
+                        audit.start = Some(found.clone());
+                    }
+                }
+                let excess = |of: &Overlap| of.depth - of.accepted;
+                if excess(&found) > 0.0 {
+                    let known = worst.entry(bodies).or_insert_with(|| found.clone());
+                    if excess(&found) > excess(known) {
+                        *known = found;
+                    }
+                }
+            }
+            sample += 1;
+        }
+        let mut inside: Vec<_> = worst.into_values().collect();
+        inside.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+        inside.truncate(KEPT);
+        audit.inside = inside;
+    }
+
+    /// Overlap that two shapes may have in a frame besides that of the start. \[m\]
+    fn accepted(&self, pair: [usize; 2], frame: usize, settings: &StepSettings) -> f64 {
+        let thin = pair.map(|of| self.actors[of].form.thickness);
+        let thin = thin[0].min(thin[1]);
+        let part = if thin.is_finite() { PART * thin } else { 0.0 };
+        let before = frame.saturating_sub(1);
+        // How far they moved against each other since the frame before, turns included.
+        let moved = |of: usize| {
+            let [from, to] = [before, frame].map(|frame| self.place(frame, of));
+            let turned: f64 = (0..3).map(|i| norm(minus(to.axes[i], from.axes[i]))).sum();
+            let reach = self.actors[of].form.reach;
+            let arm = if reach.is_finite() { reach * turned } else { 0.0 };
+            (minus(to.position, from.position), arm)
+        };
+        let [(x, turn_x), (y, turn_y)] = pair.map(moved);
+        let way = norm(minus(x, y)) + turn_x + turn_y;
+        part + SAGS * f64::from(settings.sag) + way / f64::from(settings.substeps.max(1))
+    }
+
+    /// The centers of dynamic convex shapes from frame to frame, through all that does not move by
+    /// itself.
+    fn follow(&self, last: usize, audit: &mut Audit) {
+        let all = 0..self.actors.len();
+        let (walkers, obstacles): (Vec<usize>, Vec<usize>) =
+            all.partition(|&of| self.motion(of) == Motion::Dynamic);
+        let convex = |of: &usize| !matches!(self.actors[*of].form.core, Core::Mesh(_));
+        let walkers: Vec<usize> = walkers.into_iter().filter(convex).collect();
+        if walkers.is_empty() || obstacles.is_empty() || last == 0 {
+            return;
+        }
+        let stride = (walkers.len() * last).div_ceil(STEPS).max(1);
+        let (boxed, planes): (Vec<usize>, Vec<usize>) =
+            obstacles.into_iter().partition(|&of| self.actors[of].form.reach.is_finite());
+        let moves = boxed.iter().any(|&of| self.motion(of) == Motion::Kinematic);
+        let mut seen = BTreeSet::new();
+        let places = |frame: usize, of: &[usize]| -> Vec<Place> {
+            of.iter().map(|&of| self.place(frame, of)).collect()
+        };
+        let mut walls = [places(0, &boxed), places(0, &boxed)];
+        let grounds = |frame: usize| places(frame, &planes);
+        let tree = |walls: &[Vec<Place>; 2]| {
+            let swept = boxed.iter().enumerate().map(|(i, &of)| {
+                let [from, to] = [0, 1].map(|end| self.actors[of].form.bounds(&walls[end][i]));
+                (i, from.zip(to).map_or(Aabb::new_invalid(), |(from, to)| from.merged(&to)))
+            });
+            Bvh::from_iter(BvhBuildStrategy::Binned, swept)
+        };
+        let mut around = tree(&walls);
+        let mut centers: Vec<Point> =
+            walkers.iter().map(|&of| self.place(0, of).position).collect();
+        let mut ground = grounds(0);
+        let mut frame = 0;
+        while frame < last {
+            frame = (frame + stride).min(last);
+            audit.followed += 1;
+            if moves {
+                walls = [std::mem::take(&mut walls[1]), places(frame, &boxed)];
+                around = tree(&walls);
+            }
+            let next_ground = grounds(frame);
+            for (walker, center) in walkers.iter().zip(&mut centers) {
+                let from = std::mem::replace(center, self.place(frame, *walker).position);
+                let way = [from, *center];
+                let low = std::array::from_fn(|i| from[i].min(center[i]));
+                let high = std::array::from_fn(|i| from[i].max(center[i]));
+                let passed = |obstacle: usize, places: [&Place; 2]| {
+                    self.meet(*walker, obstacle)
+                        && passage::passes(&self.actors[obstacle].form, passage::seen(way, places))
+                };
+                let mut through: Vec<usize> = around
+                    .intersect_aabb(&form::loose(low, high))
+                    .map(|i| i as usize)
+                    .filter(|&i| passed(boxed[i], [&walls[0][i], &walls[1][i]]))
+                    .map(|i| boxed[i])
+                    .collect();
+                let below =
+                    (0..planes.len()).filter(|&i| passed(planes[i], [&ground[i], &next_ground[i]]));
+                through.extend(below.map(|i| planes[i]));
+                through.sort_unstable();
+                for obstacle in through {
+                    let bodies = [*walker, obstacle].map(|of| self.actors[of].body);
+                    if seen.insert(bodies) && audit.passed.len() < KEPT {
+                        audit.passed.push(Passage { bodies, frame });
+                    }
+                }
+            }
+            ground = next_ground;
+        }
+    }
+
+    /// Dynamic bodies that end wholly below all that is not dynamic, by more than their own size.
+    fn left(&self, last: usize, audit: &mut Audit) {
+        let gravity: Point =
+            std::array::from_fn(|i| self.scene.gravity.get(i).copied().unwrap_or(0.0));
+        let strength = norm(gravity);
+        if strength <= 0.0 {
+            return;
+        }
+        let up = gravity.map(|g| -g / strength);
+        // Lowest and highest along it.
+        let ends = |of: usize, frame: usize| {
+            let place = self.place(frame, of);
+            let form = &self.actors[of].form;
+            let reach = |sign: f64| form.support(place.local_direction(up.map(|x| x * sign)));
+            let center = dot(place.position, up);
+            [center - reach(-1.0), center + reach(1.0)]
+        };
+        let all = || 0..self.actors.len();
+        let fixed = all().filter(|&of| self.motion(of) != Motion::Dynamic);
+        // A half-space is passed, not left.
+        let finite = fixed.clone().all(|of| self.actors[of].form.reach.is_finite());
+        let floor = fixed.map(|of| ends(of, last)[0].min(ends(of, 0)[0])).reduce(f64::min);
+        let Some(floor) = floor.filter(|_| finite) else { return };
+        let mut highest: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
+        for of in all().filter(|&of| self.motion(of) == Motion::Dynamic) {
+            let [low, high] = ends(of, last);
+            let known = highest.entry(self.actors[of].body).or_insert([low, high]);
+            *known = [known[0].min(low), known[1].max(high)];
+        }
+        let below = |[low, high]: [f64; 2]| high + (high - low) < floor;
+        // What began there was put there.
+        let began = |body: usize| {
+            let shapes = all().filter(|&of| self.actors[of].body == body);
+            shapes.map(|of| ends(of, 0)[1]).fold(f64::NEG_INFINITY, f64::max) >= floor
+        };
+        let left = highest.into_iter().filter(|(body, ends)| below(*ends) && began(*body));
+        audit.left = left.map(|(body, _)| body).collect();
+    }
+}
