@@ -78,9 +78,13 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
     }
 
     /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps. Contacts are asked, too, if J
-    /// has been `renewed` since. Returns whether anything turns.
+    /// has been `renewed` since. To v* belong the torques of resistance. Returns whether anything turns.
     pub(crate) fn warm_start(&mut self, substep: u32, renewed: bool, terms: &Terms<L>) -> bool {
-        if renewed || substep.is_multiple_of(ASK_AGAIN) {
+        let resists = self.contacts.has_surfaces();
+        if resists {
+            self.contacts.apply_resistance(self.velocities);
+        }
+        if renewed || resists || substep.is_multiple_of(ASK_AGAIN) {
             self.prospective.copy_from_slice(self.velocities);
             self.contacts.apply_impulses(self.velocities);
         } else {
@@ -90,11 +94,19 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
     }
 
     /// Sweeps towards the targets; whether bodies turn.
-    pub(crate) fn solve(&mut self, turning: bool, terms: &Terms<L>) {
+    pub(crate) fn solve(&mut self, terms: &Terms<L>, substep: u32, turning: bool) {
         let Self { contacts, velocities, displacements, .. } = self;
         contacts.sweep_normals_to_targets(velocities, displacements, turning, &terms.repair);
         for _ in 1..terms.iterations {
             contacts.sweep_normals(velocities);
+        }
+        self.run_belts(terms, substep);
+    }
+
+    /// Adds belts to targets that have just been set.
+    pub(crate) fn run_belts(&mut self, terms: &Terms<L>, substep: u32) {
+        if self.contacts.has_surfaces() {
+            self.contacts.run_belts(terms.h * substep as f32, terms.repair.hold);
         }
     }
 
@@ -106,10 +118,16 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again.
     pub(crate) fn relax(&mut self, renewed: bool) {
         self.contacts.relax(self.velocities, renewed);
+        if self.contacts.has_surfaces() {
+            self.contacts.resist(self.velocities);
+        }
     }
 
     /// What contacts hand to the next step.
     pub(crate) fn trace(&mut self, terms: &Terms<L>) {
+        if self.contacts.has_surfaces() {
+            self.contacts.carry_belts(terms.h * terms.substeps as f32);
+        }
         self.contacts.trace(self.displacements, terms.repair.hold);
     }
 
@@ -121,7 +139,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
             clock.lap(Stage::Predict);
             let turning = self.warm_start(substep, renewed, terms);
             clock.lap(Stage::WarmStart);
-            self.solve(turning, terms);
+            self.solve(terms, substep, turning);
             clock.lap(Stage::Solve);
             renewed = self.advance(terms);
             clock.lap(Stage::Advance);

@@ -6,7 +6,7 @@ use drystone_solver::kinematics::LEAST_TURN;
 use drystone_solver::team::Team;
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Bodies, Came, PIECE};
+use crate::bodies::{Bodies, Came, PIECE, damped};
 use crate::course::{Course, Terms};
 use crate::geometry::{Geometry, Spin, TOGETHER};
 
@@ -39,17 +39,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                     continue;
                 }
                 let (mass, force) = (&masses[body], given.force(body));
+                let before = *velocity;
                 if mass.linear > 0.0 {
                     let fall = given.pull(body, gravity);
-                    let change = (fall + force.linear * mass.linear) * h;
-                    velocity.linear += change;
-                    moved.linear -= change * (0.5 * h);
+                    velocity.linear += (fall + force.linear * mass.linear) * h;
                 }
                 if force.angular != Vector::ZERO {
-                    let change = (mass.angular * force.angular) * h;
-                    velocity.angular += change;
-                    moved.angular -= change * (0.5 * h);
+                    velocity.angular += (mass.angular * force.angular) * h;
                 }
+                if let Some(damping) = given.damping.get(body) {
+                    *velocity += damped(*damping, &before, &(*velocity - before), h);
+                }
+                *moved -= (*velocity - before) * (0.5 * h);
             }
         });
     }

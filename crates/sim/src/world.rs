@@ -11,7 +11,7 @@ use drystone_solver::team::Team;
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, System, Vector, Velocity};
 
-use crate::bodies::{Bodies, Body, BodyId, Came, Inertia, PIECE};
+use crate::bodies::{Bodies, Body, BodyId, Came, Inertia, PIECE, SurfaceMotion};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Records};
 use crate::certifier::Certifier;
@@ -28,6 +28,7 @@ use crate::saved::SavedSystem;
 use crate::scene::Motion;
 use crate::settings::StepSettings;
 use crate::sleep::Sleep;
+use crate::surfaces::Surfaces;
 use crate::travel::{Moving, Travels};
 
 /// Rounds of collisions within a substep: a blow passes through this many contacts against the
@@ -68,6 +69,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     wide: Wide<L, A>,
     /// The velocities of a substep without the impulses of its contacts.
     prospective: Vec<Velocity<f32, L, A>>,
+    surfaces: Surfaces<L, A>,
     certifier: Certifier<L, A>,
     blow: Blow<L, A>,
     books: Books<L, A>,
@@ -136,6 +138,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             system: System::new(),
             wide: Wide::new(),
             prospective: Vec::new(),
+            surfaces: Surfaces::default(),
             certifier: Certifier::default(),
             blow: Blow::default(),
             books: Books::default(),
@@ -190,6 +193,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.gyroscopic[index] = body.motion == Motion::Dynamic && inertia.gyroscopic();
         bodies.inertia[index] = inertia;
         bodies.gravity_factor[index] = body.gravity_factor;
+        bodies.set_damping(index, body.damping);
         bodies.reach[index] = reach;
         bodies.strayed[index] = f32::INFINITY;
         self.pushes[index] = Velocity::ZERO;
@@ -204,6 +208,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let local = G::compose(&to_center, &collider.pose);
             self.colliders.add(index, collider, local, &self.bodies, &mut self.broad_phase);
         }
+        self.colliders.run(index, body.surface_velocity, to_center);
         BodyId { index: index as u32, generation: self.bodies.generation[index] }
     }
 
@@ -241,13 +246,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Removes a body; returns whether it was there.
     pub fn remove(&mut self, id: BodyId) -> bool {
         let Some(index) = self.index(id) else { return false };
-        for pair in 0..self.pairs.len() {
-            let [a, b] = self.pairs[pair].bodies.map(|body| body as usize);
-            if a == index || b == index {
-                self.rouse(a);
-                self.rouse(b);
-            }
-        }
+        self.rouse_around(index);
         self.bodies.motion[index] = None;
         self.bodies.vacant += 1;
         self.bodies.inertia[index] = Inertia::FIXED;
@@ -324,6 +323,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             linear: apart * (1.0 / dt),
             angular: G::turn_between(&from, target) * (1.0 / dt),
         };
+    }
+
+    /// Has the surface of a body run, or stand, and wakes what is near it; but for shapes that have a motion of
+    /// their own.
+    pub fn set_surface_velocity(&mut self, id: BodyId, motion: Option<SurfaceMotion<L, A>>) {
+        if let Some(index) = self.index(id) {
+            self.rouse_around(index);
+            let to_center = G::pose(-self.bodies.inertia[index].center, &[]);
+            self.colliders.run(index, motion, to_center);
+        }
+    }
+
+    /// Sets the rates at which the linear and angular velocity of a body decay, and wakes it. \[1/s\]
+    pub fn set_damping(&mut self, id: BodyId, damping: [f32; 2]) {
+        if let Some(index) = self.index(id) {
+            self.rouse(index);
+            self.bodies.set_damping(index, damping);
+        }
     }
 
     /// Adds a force \[N\] and torque \[N m\] that act through the next step, and wakes the body.
@@ -420,7 +437,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if delay > 0.0 {
             let (sleep, system, touching) =
                 (&mut self.sleep, &mut self.system, self.records.pairs());
-            if sleep.fall_asleep(&self.bodies, system, touching, dt, delay) {
+            let runs = |manifold: usize| self.surfaces.runs(manifold);
+            if sleep.fall_asleep(&self.bodies, system, (touching, runs), dt, delay) {
                 self.update_masses();
                 self.colliders.place(&self.bodies);
             }
@@ -473,7 +491,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report: &mut StepReport,
     ) {
         let plan = self.plan(h, substeps, last);
-        self.pack(&plan, same);
+        self.pack(&plan, h * substeps as f32, same);
         clock.lap(Stage::Rows);
         if plan.together {
             let mut renewed = false;
@@ -485,6 +503,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         } else {
             self.course().run_by_batch(&plan.terms, clock);
         }
+        self.surfaces.take_back(&self.colliders, &self.pairs, &self.wide);
         let sweeps = if plan.solving { 1 } else { 1 + plan.terms.iterations };
         report.sweeps += (substeps * sweeps) as usize;
         self.arrive(&plan, clock, report);
@@ -529,9 +548,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Makes the contacts of a part ready for its substeps; whether they are the `same` manifolds as
-    /// before, with as many points.
-    fn pack(&mut self, plan: &Plan<L>, same: bool) {
+    /// Makes the contacts of a part, which lasts `dt` \[s\], ready for its substeps; whether they are the
+    /// `same` manifolds as before, with as many points.
+    fn pack(&mut self, plan: &Plan<L>, dt: f32, same: bool) {
         self.displacements.fill(Velocity::ZERO);
         // The first substep asks the contacts, and sets them.
         self.prospective.resize(self.len(), Velocity::ZERO);
@@ -551,6 +570,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let in_order = plan.solving || self.settings.certify;
         let rows = RowsOf { records, velocities, stiffness, same, together, in_order };
         wide.pack(&rows, &system.masses, softness);
+        let of = (&self.colliders, &self.bodies);
+        let moving = (system.velocities.as_slice(), dt);
+        self.surfaces.give(of, &self.pairs, records.manifolds.len(), moving, wide);
         if certifying {
             certifier.start(system, wide);
         }
@@ -591,6 +613,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if plan.solving || saving {
             let velocities = turning.then_some(&self.system.velocities[..]);
             self.wide.set_targets(&self.displacements, velocities, &terms.repair);
+            self.course().run_belts(terms, substep);
         }
         if saving {
             self.save(terms.h);
@@ -603,7 +626,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             report.sweeps += outcome.iterations;
             Some(outcome)
         } else {
-            self.course().solve(turning, terms);
+            self.course().solve(terms, substep, turning);
             clock.lap(Stage::Solve);
             let velocities = &self.system.velocities;
             let examine = || self.certifier.examine(velocities, &self.wide, &self.prospective);
@@ -627,7 +650,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.course().relax(*renewed);
         if plan.ledger {
             self.wide.unpack(&mut self.system);
-            self.books.end(&self.bodies, self.gravity, &self.system, terms.h);
+            self.surfaces.note(&self.wide);
+            let surfaces = &self.surfaces.done;
+            self.books.end(&self.bodies, self.gravity, (&self.system, surfaces), terms.h);
         }
         clock.lap(Stage::Relax);
         if examined {
@@ -695,6 +720,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.update_masses();
         }
         slept
+    }
+
+    /// Wakes a body and all that is near it.
+    fn rouse_around(&mut self, body: usize) {
+        for pair in 0..self.pairs.len() {
+            let [a, b] = self.pairs[pair].bodies.map(|body| body as usize);
+            if a == body || b == body {
+                self.rouse(a);
+                self.rouse(b);
+            }
+        }
     }
 
     fn rouse_all(&mut self) {
