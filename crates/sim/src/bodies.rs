@@ -3,7 +3,7 @@
 use drystone_solver::team::Team;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, Vector, Velocity};
 
-use crate::geometry::{Frame, Geometry, MassProperties, Reach};
+use crate::geometry::{Frame, Geometry, MassProperties, Precession, Reach};
 use crate::scene::{Filter, Material, Motion};
 
 /// Names a body of a world; one that was removed is never mistaken for a later one.
@@ -117,10 +117,10 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
         if self.mass > 0.0 { 1.0 / self.mass } else { 0.0 }
     }
 
-    /// Whether turning freely changes the angular velocity: the moments differ.
-    pub(crate) fn gyroscopic(&self) -> bool {
+    /// How turning freely changes the angular velocity: not at all where the moments hardly differ.
+    pub(crate) fn precession(&self) -> Precession {
         if A != 3 {
-            return false;
+            return Precession::NONE;
         }
         let m = &self.moments.0;
         let scale = m[0][0].max(m[1][1]).max(m[2][2]) * 1e-4;
@@ -131,8 +131,24 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
                 (m[i][j] - expected).abs() <= scale
             })
         });
-        finite && !round
+        let moments: SymmetricMatrix<f64, A> = self.moments.cast();
+        let Some(inverse) = moments.inverse().filter(|_| finite && !round) else {
+            return Precession::NONE;
+        };
+        // I - I_max: positive for a body of masses, of which no moment is more than the others together.
+        let half = (0..A).map(|i| 0.5005 * moments.0[i][i]).sum();
+        let mut others = SymmetricMatrix::diagonal(Vector([half; A]));
+        for (others, own) in others.0.iter_mut().zip(&moments.0) {
+            *others -= *own;
+        }
+        let spread = (norm(&moments) * norm(&inverse)) as f32;
+        Precession { rate: if others.inverse().is_some() { 1.0 } else { spread }, spread }
     }
+}
+
+/// The root of the sum of the squares of its entries.
+fn norm<const A: usize>(matrix: &SymmetricMatrix<f64, A>) -> f64 {
+    matrix.0.iter().map(|row| row.dot(*row)).sum::<f64>().sqrt()
 }
 
 /// The inverse of a symmetric positive definite matrix of size 0, 1 or 3; zero where singular.
@@ -180,6 +196,15 @@ impl<const L: usize> Came<L> {
     pub(crate) const NOWHERE: Self = Self { linear: Vector::ZERO, turned: 0.0 };
 }
 
+/// What a body that precesses keeps of its turning.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Turn<const A: usize> {
+    /// Rotation vector that the pose has followed before the end of the step. \[rad\]
+    pub(crate) followed: Vector<f32, A>,
+    /// What rounding has left out of the angular velocity. \[rad/s\]
+    pub(crate) remainder: Vector<f32, A>,
+}
+
 /// The state of all bodies, except velocities and world inverse masses, which the contact system
 /// holds.
 pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -201,9 +226,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Whether that was more than what they are kept for: they are found anew in this step.
     pub(crate) stirred: Vec<bool>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
-    pub(crate) gyroscopic: Vec<bool>,
-    /// Rotation vectors that the poses have followed before the end of the step. \[rad\]
-    pub(crate) turns: Vec<Vector<f32, A>>,
+    pub(crate) precession: Vec<Precession>,
+    pub(crate) turns: Vec<Turn<A>>,
     pub(crate) gravity_factor: Vec<f32>,
     /// Of its shapes from the center of mass.
     pub(crate) reach: Vec<Reach>,
@@ -218,7 +242,7 @@ pub(crate) struct Given<'a, const L: usize, const A: usize> {
     gravity_factor: &'a [f32],
     forces: &'a [Velocity<f32, L, A>],
     pub(crate) inertia: &'a [Inertia<L, A>],
-    pub(crate) gyroscopic: &'a [bool],
+    pub(crate) precession: &'a [Precession],
 }
 
 impl<const L: usize, const A: usize> Given<'_, L, A> {
@@ -251,7 +275,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             strayed: Vec::new(),
             stirred: Vec::new(),
             inertia: Vec::new(),
-            gyroscopic: Vec::new(),
+            precession: Vec::new(),
             turns: Vec::new(),
             gravity_factor: Vec::new(),
             reach: Vec::new(),
@@ -279,14 +303,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     }
 
     /// What does not change in motion, and what does: poses and turns.
-    pub(crate) fn in_motion(&mut self) -> (Given<'_, L, A>, &mut [G::Pose], &mut [Vector<f32, A>]) {
-        let Self { motion, gravity_factor, forces, inertia, gyroscopic, poses, turns, .. } = self;
-        (Given { motion, gravity_factor, forces, inertia, gyroscopic }, poses, turns)
+    pub(crate) fn in_motion(&mut self) -> (Given<'_, L, A>, &mut [G::Pose], &mut [Turn<A>]) {
+        let Self { motion, gravity_factor, forces, inertia, precession, poses, turns, .. } = self;
+        (Given { motion, gravity_factor, forces, inertia, precession }, poses, turns)
     }
 
     fn given(&self) -> Given<'_, L, A> {
-        let Self { motion, gravity_factor, forces, inertia, gyroscopic, .. } = self;
-        Given { motion, gravity_factor, forces, inertia, gyroscopic }
+        let Self { motion, gravity_factor, forces, inertia, precession, .. } = self;
+        Given { motion, gravity_factor, forces, inertia, precession }
     }
 
     pub(crate) fn is_dynamic(&self, body: usize) -> bool {
@@ -335,10 +359,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.given().pull(body, gravity)
     }
 
-    /// m |g| of a body that moves freely. \[N\]
+    /// m |g| of a body that moves freely; an infinite mass does not fall. \[N\]
     pub(crate) fn weight(&self, body: usize, gravity: Vector<f32, L>) -> f32 {
-        if self.is_dynamic(body) {
-            self.inertia[body].mass * self.pull(body, gravity).length()
+        let mass = self.inertia[body].mass;
+        if self.is_dynamic(body) && mass.is_finite() {
+            mass * self.pull(body, gravity).length()
         } else {
             0.0
         }
