@@ -3,7 +3,7 @@
 use drystone_solver::team::Team;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, Vector, Velocity};
 
-use crate::geometry::{Frame, Geometry, MassProperties, Reach};
+use crate::geometry::{Frame, Geometry, MassProperties, Precession, Reach};
 use crate::scene::{Filter, Material, Motion};
 
 /// Names a body of a world; one that was removed is never mistaken for a later one.
@@ -163,10 +163,10 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
         if self.mass > 0.0 { 1.0 / self.mass } else { 0.0 }
     }
 
-    /// Whether turning freely changes the angular velocity: the moments differ.
-    pub(crate) fn gyroscopic(&self) -> bool {
+    /// How turning freely changes the angular velocity: not at all where the moments hardly differ.
+    pub(crate) fn precession(&self) -> Precession {
         if A != 3 {
-            return false;
+            return Precession::NONE;
         }
         let m = &self.moments.0;
         let scale = m[0][0].max(m[1][1]).max(m[2][2]) * 1e-4;
@@ -177,8 +177,24 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
                 (m[i][j] - expected).abs() <= scale
             })
         });
-        finite && !round
+        let moments: SymmetricMatrix<f64, A> = self.moments.cast();
+        let Some(inverse) = moments.inverse().filter(|_| finite && !round) else {
+            return Precession::NONE;
+        };
+        // I - I_max: positive for a body of masses, of which no moment is more than the others together.
+        let half = (0..A).map(|i| 0.5005 * moments.0[i][i]).sum();
+        let mut others = SymmetricMatrix::diagonal(Vector([half; A]));
+        for (others, own) in others.0.iter_mut().zip(&moments.0) {
+            *others -= *own;
+        }
+        let spread = (norm(&moments) * norm(&inverse)) as f32;
+        Precession { rate: if others.inverse().is_some() { 1.0 } else { spread }, spread }
     }
+}
+
+/// The root of the sum of the squares of its entries.
+fn norm<const A: usize>(matrix: &SymmetricMatrix<f64, A>) -> f64 {
+    matrix.0.iter().map(|row| row.dot(*row)).sum::<f64>().sqrt()
 }
 
 /// The inverse of a symmetric positive definite matrix of size 0, 1 or 3; zero where singular.
@@ -226,6 +242,15 @@ impl<const L: usize> Came<L> {
     pub(crate) const NOWHERE: Self = Self { linear: Vector::ZERO, turned: 0.0 };
 }
 
+/// What a body that precesses keeps of its turning.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Turn<const A: usize> {
+    /// Rotation vector that the pose has followed before the end of the step. \[rad\]
+    pub(crate) followed: Vector<f32, A>,
+    /// What rounding has left out of the angular velocity. \[rad/s\]
+    pub(crate) remainder: Vector<f32, A>,
+}
+
 /// The state of all bodies, except velocities and world inverse masses, which the contact system
 /// holds.
 pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -247,10 +272,10 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Whether that was more than what they are kept for: they are found anew in this step.
     pub(crate) stirred: Vec<bool>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
-    pub(crate) gyroscopic: Vec<bool>,
-    /// Rotation vectors that the poses have followed before the end of the step. \[rad\]
-    pub(crate) turns: Vec<Vector<f32, A>>,
-    /// Whether it has turned since contacts were last searched for ([`kinematics`](drystone_solver::kinematics)).
+    pub(crate) precession: Vec<Precession>,
+    pub(crate) turns: Vec<Turn<A>>,
+    /// Whether it has turned since contacts were last searched for
+    /// ([`kinematics`](drystone_solver::kinematics)).
     pub(crate) turned: Vec<bool>,
     pub(crate) gravity_factor: Vec<f32>,
     /// Linear and angular; of none where there are no more. \[1/s\]
@@ -269,7 +294,7 @@ pub(crate) struct Given<'a, const L: usize, const A: usize> {
     pub(crate) damping: &'a [[f32; 2]],
     forces: &'a [Velocity<f32, L, A>],
     pub(crate) inertia: &'a [Inertia<L, A>],
-    pub(crate) gyroscopic: &'a [bool],
+    pub(crate) precession: &'a [Precession],
 }
 
 impl<const L: usize, const A: usize> Given<'_, L, A> {
@@ -292,7 +317,7 @@ impl<const L: usize, const A: usize> Given<'_, L, A> {
 pub(crate) struct InMotion<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) given: Given<'a, L, A>,
     pub(crate) poses: &'a mut [G::Pose],
-    pub(crate) turns: &'a mut [Vector<f32, A>],
+    pub(crate) turns: &'a mut [Turn<A>],
     pub(crate) turned: &'a mut [bool],
 }
 
@@ -333,7 +358,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             strayed: Vec::new(),
             stirred: Vec::new(),
             inertia: Vec::new(),
-            gyroscopic: Vec::new(),
+            precession: Vec::new(),
             turns: Vec::new(),
             turned: Vec::new(),
             gravity_factor: Vec::new(),
@@ -367,14 +392,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     /// What does not change in motion, and what does.
     pub(crate) fn in_motion(&mut self) -> InMotion<'_, G, L, A> {
-        let Self { motion, gravity_factor, damping, forces, inertia, gyroscopic, .. } = self;
-        let given = Given { motion, gravity_factor, damping, forces, inertia, gyroscopic };
+        let Self { motion, gravity_factor, damping, forces, inertia, precession, .. } = self;
+        let given = Given { motion, gravity_factor, damping, forces, inertia, precession };
         InMotion { given, poses: &mut self.poses, turns: &mut self.turns, turned: &mut self.turned }
     }
 
     fn given(&self) -> Given<'_, L, A> {
-        let Self { motion, gravity_factor, damping, forces, inertia, gyroscopic, .. } = self;
-        Given { motion, gravity_factor, damping, forces, inertia, gyroscopic }
+        let Self { motion, gravity_factor, damping, forces, inertia, precession, .. } = self;
+        Given { motion, gravity_factor, damping, forces, inertia, precession }
     }
 
     /// Sets the damping of a body: linear and angular. \[1/s\]
@@ -433,10 +458,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.given().pull(body, gravity)
     }
 
-    /// m |g| of a body that moves freely. \[N\]
+    /// m |g| of a body that moves freely; an infinite mass does not fall. \[N\]
     pub(crate) fn weight(&self, body: usize, gravity: Vector<f32, L>) -> f32 {
-        if self.is_dynamic(body) {
-            self.inertia[body].mass * self.pull(body, gravity).length()
+        let mass = self.inertia[body].mass;
+        if self.is_dynamic(body) && mass.is_finite() {
+            mass * self.pull(body, gravity).length()
         } else {
             0.0
         }

@@ -13,8 +13,7 @@ use crate::settings::StepSettings;
 /// rests on soft contacts misses. \[m/s\]
 const MISSED: f64 = 0.1;
 
-/// Steps from one search for jams in vain to the next, at most: in a high wall a search takes as long as a
-/// thousand real-time steps.
+/// Steps from one search for jams in vain to the next, at most.
 const LONGEST_WAIT: u32 = 64;
 
 /// Islands, and how they are brought within the tolerance.
@@ -33,6 +32,8 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
 struct Wait {
     left: u32,
     whole: u32,
+    /// Searches in vain so far.
+    searches: usize,
 }
 
 impl Wait {
@@ -45,6 +46,7 @@ impl Wait {
 
     /// Begins after a search.
     fn begin(&mut self, in_vain: bool) {
+        self.searches += usize::from(in_vain);
         self.whole = if in_vain { (2 * self.whole).clamp(1, LONGEST_WAIT) } else { 0 };
         self.left = self.whole;
     }
@@ -155,7 +157,7 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
             return Vec::new();
         }
         wide.unpack(system);
-        let jams = jam::find(system, &mut self.islands, MISSED);
+        let jams = jam::find(system, &mut self.islands, MISSED, self.wait.searches);
         self.wait.begin(jams.is_empty());
         jams
     }

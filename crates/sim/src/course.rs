@@ -7,7 +7,7 @@ use drystone_solver::team::{Divide, Team};
 use drystone_solver::wide::WideBatch;
 use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 
-use crate::bodies::{Bodies, Given, InMotion};
+use crate::bodies::{Bodies, Given, InMotion, Turn};
 use crate::geometry::Geometry;
 use crate::report::{Clock, Stage};
 
@@ -40,7 +40,7 @@ pub(crate) struct Course<'a, G: Geometry<L, A>, const L: usize, const A: usize> 
     /// What contacts gave it in the last warm start.
     pub(crate) pushes: &'a mut [Velocity<f32, L, A>],
     pub(crate) poses: &'a mut [G::Pose],
-    pub(crate) turns: &'a mut [Vector<f32, A>],
+    pub(crate) turns: &'a mut [Turn<A>],
     pub(crate) turned: &'a mut [bool],
     /// Of all bodies, as M^-1.
     pub(crate) given: Given<'a, L, A>,

@@ -42,16 +42,17 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     fn advance(pose: &Self::Pose, by: Vector<f32, L>, turn: Vector<f32, A>) -> Self::Pose;
 
     /// The first `count` of some bodies turn freely for `h` \[s\]: calls `end` with the number of each, its pose
-    /// then, and by how much its angular velocity has changed. omega(t) = W(q(t)) L with L constant; the rotation follows
-    /// omega at half the time. Only bodies in space change it.
+    /// then, its angular velocity, and what rounding has left out of that. Keeps angular momentum and energy at any
+    /// angle. Only bodies in space change their angular velocity.
     fn precess(
         spins: &[Spin<'_, Self::Pose, A>; TOGETHER],
         count: usize,
         h: f32,
-        mut end: impl FnMut(usize, Self::Pose, Vector<f32, A>),
+        mut end: impl FnMut(usize, Self::Pose, [Vector<f32, A>; 2]),
     ) {
         for (index, spin) in spins[..count].iter().enumerate() {
-            end(index, Self::advance(&spin.pose, Vector::ZERO, spin.omega * h), Vector::ZERO);
+            let pose = Self::advance(&spin.pose, Vector::ZERO, spin.omega * h);
+            end(index, pose, [spin.omega, spin.remainder]);
         }
     }
 
@@ -123,8 +124,26 @@ pub struct Spin<'a, P, const A: usize> {
     pub pose: P,
     /// I_0 and its inverse.
     pub moments: [&'a SymmetricMatrix<f32, A>; 2],
+    /// How it precesses.
+    pub precession: Precession,
     /// Angular velocity. \[rad/s\]
     pub omega: Vector<f32, A>,
+    /// What rounding has left out of it. \[rad/s\]
+    pub remainder: Vector<f32, A>,
+}
+
+/// How a body that turns freely changes its angular velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Precession {
+    /// By how much of itself over the angle, at most: 0 for balls, 1 for all solids. \[1\]
+    pub rate: f32,
+    /// Its largest over its smallest moment of inertia, or more. \[1\]
+    pub spread: f32,
+}
+
+impl Precession {
+    /// It stays.
+    pub const NONE: Self = Self { rate: 0.0, spread: 1.0 };
 }
 
 /// Bodies that [`Geometry::precess`] turns at once.

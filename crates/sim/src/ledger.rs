@@ -353,7 +353,8 @@ impl<const L: usize, const A: usize> Books<L, A> {
         push: Vector<f64, L>,
     ) -> f64 {
         let (mass, mean) = (&self.masses[body], &self.mean[1][body]);
-        if mass.linear > 0.0 && (0..A).all(|i| mass.angular.0[i][i] > 0.0) {
+        // Turned, what is locked about some axis is singular.
+        if mass.linear > 0.0 && mass.angular.inverse().is_some() {
             return 0.0;
         }
         let kept = if *mass == Mass::ZERO {

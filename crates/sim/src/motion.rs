@@ -2,20 +2,23 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use drystone_solver::kinematics::LEAST_TURN;
+use drystone_solver::kinematics;
 use drystone_solver::team::Team;
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Bodies, Came, PIECE, damped};
+use crate::bodies::{Bodies, Came, Inertia, PIECE, Turn, damped};
 use crate::course::{Course, Terms};
-use crate::geometry::{Geometry, Spin, TOGETHER};
+use crate::geometry::{Geometry, Precession, Spin, TOGETHER};
 
 /// Bodies of which those that precess are found before they turn.
 const CHUNK: usize = 256;
 
-/// Below this angle per substep \[rad\] a body's precession is left out: it would change the angular
-/// velocity by less than this part of itself.
+/// Below this angle per substep \[rad\] a body precesses at the end of the step. A quaternion of `f32` is too
+/// coarse for smaller turns.
 const SMALL_TURN: f32 = 1e-4;
+
+/// Below this angle \[rad\] it does not: its angular velocity would change by less than this part of itself.
+const LEAST_TURN: f32 = 1e-5;
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
     /// v* = v + h (g + M^-1 f): the prospective velocities. In their stead it keeps what contacts gave to the
@@ -119,7 +122,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                 let (mut precessing, mut count) = ([0_u16; CHUNK], 0);
                 let moved = displacements[own.clone()].iter_mut().zip(&velocities[own.clone()]);
                 let placed = turned_by[own.clone()].iter_mut().zip(&mut turned[own.clone()]);
-                let placed = placed.zip(&given.gyroscopic[first..][own]);
+                let placed = placed.zip(&given.precession[first..][own]);
                 for (body, ((displacement, velocity), ((turned_by, turned), kind))) in
                     (0..).zip(moved.zip(placed))
                 {
@@ -130,8 +133,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                     *turned |= turns;
                     own_turned |= turns;
                     // In the plane nothing precesses.
-                    if A == 3 && *kind && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
-                        *turned_by += turn;
+                    if A == 3 && kind.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                        turned_by.followed += turn;
                         precessing[count] = body;
                         count += 1;
                     }
@@ -140,16 +143,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                     // The last stands where there is none.
                     let own = |index: usize| start + usize::from(group[index.min(group.len() - 1)]);
                     let spins: [_; TOGETHER] = std::array::from_fn(|index| {
-                        let inertia = &given.inertia[first + own(index)];
-                        let moments = [&inertia.moments, &inertia.inverse_moments];
-                        let omega = velocities[own(index)].angular;
-                        Spin { pose: poses[own(index)], moments, omega }
-                    });
-                    G::precess(&spins, group.len(), h, |index, pose, change| {
                         let own = own(index);
-                        velocities[own].angular += change;
+                        let inertia = &given.inertia[first + own];
+                        Spin {
+                            pose: poses[own],
+                            moments: [&inertia.moments, &inertia.inverse_moments],
+                            precession: given.precession[first + own],
+                            omega: velocities[own].angular,
+                            remainder: turned_by[own].remainder,
+                        }
+                    });
+                    G::precess(&spins, group.len(), h, |index, pose, [omega, remainder]| {
+                        let own = own(index);
                         // It is not from contacts.
-                        prospective[own].angular += change;
+                        prospective[own].angular += omega - velocities[own].angular;
+                        velocities[own].angular = omega;
+                        turned_by[own].remainder = remainder;
                         poses[own] = pose;
                     });
                 }
@@ -164,7 +173,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
 
 /// Whether a rotation in a substep is worth a renewed J. \[rad\]
 fn turns<const A: usize>(by: Vector<f32, A>) -> bool {
-    by.dot(by) > LEAST_TURN * LEAST_TURN
+    by.dot(by) > kinematics::LEAST_TURN * kinematics::LEAST_TURN
 }
 
 /// The part of one vector that another has in common with it: 0 to 1 times the first.
@@ -178,29 +187,45 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &mut Bodies<G, L, A>,
     team: &Team,
     displacements: &[Velocity<f32, L, A>],
+    velocities: &mut [Velocity<f32, L, A>],
 ) {
     let Bodies {
-        poses, turns, frames, remainders, paths, came, strayed, reach, gyroscopic, ..
+        poses,
+        turns,
+        frames,
+        remainders,
+        paths,
+        came,
+        strayed,
+        reach,
+        precession,
+        inertia,
+        ..
     } = bodies;
     let (useful, share) = team.share(displacements.len(), PIECE);
     let placed = poses.chunks_mut(share).zip(turns.chunks_mut(share));
     let exact = frames.chunks_mut(share).zip(remainders.chunks_mut(share));
-    let sizes = reach.chunks(share).zip(gyroscopic.chunks(share));
+    let sizes = reach.chunks(share).zip(precession.chunks(share)).zip(inertia.chunks(share));
     let went = paths
         .chunks_mut(share)
         .zip(came.chunks_mut(share))
         .zip(strayed.chunks_mut(share))
         .zip(sizes);
-    let parts = displacements.chunks(share).zip(placed.zip(exact).zip(went));
-    team.for_each(useful, parts, |(displacements, ((placed, exact), went))| {
+    let moved = displacements.chunks(share).zip(velocities.chunks_mut(share));
+    let parts = moved.zip(placed.zip(exact).zip(went));
+    team.for_each(useful, parts, |((displacements, velocities), ((placed, exact), went))| {
         let placed = placed.0.iter_mut().zip(placed.1);
         let exact = exact.0.iter_mut().zip(exact.1);
-        let (((paths, came), strayed), (reach, kinds)) = went;
-        let went = paths.iter_mut().zip(came).zip(strayed).zip(reach.iter().zip(kinds));
+        let (((paths, came), strayed), ((reach, kinds), inertia)) = went;
+        let own = reach.iter().zip(kinds).zip(inertia);
+        let went = paths.iter_mut().zip(came).zip(strayed).zip(own);
         for (
-            displacement,
-            (((pose, turned), (frame, remainder)), (((path, came), strayed), (reach, kind))),
-        ) in displacements.iter().zip(placed.zip(exact).zip(went))
+            (displacement, velocity),
+            (
+                ((pose, turned), (frame, remainder)),
+                (((path, came), strayed), ((reach, kind), inertia)),
+            ),
+        ) in displacements.iter().zip(velocities).zip(placed.zip(exact).zip(went))
         {
             if *displacement == Velocity::ZERO {
                 *came = Came::NOWHERE;
@@ -208,13 +233,18 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
             }
             let by = displacement.linear + *remainder;
             // Displacements tell of blows within a substep, too.
-            let turn = displacement.angular - std::mem::replace(turned, Vector::ZERO);
+            let turn = displacement.angular - std::mem::replace(&mut turned.followed, Vector::ZERO);
             let before = *frame;
-            *pose = G::advance(pose, by, turn);
+            if kind.rate > 0.0 && turn.dot(turn) > LEAST_TURN * LEAST_TURN {
+                let omega = &mut velocity.angular;
+                *pose = precess_late::<G, L, A>(pose, by, turn, omega, turned, kind, inertia);
+            } else {
+                *pose = G::advance(pose, by, turn);
+            }
             *frame = G::frame(pose);
             *remainder = rounding(before.position, by, frame.position);
             // ||R - R'|| is at most this. What does not precess has turned but now.
-            let far = if *kind {
+            let far = if kind.rate > 0.0 {
                 let axes = frame.axes.iter().zip(&before.axes);
                 axes.fold(0.0, |sum, (now, then)| sum + (*now - *then).length())
             } else {
@@ -226,6 +256,34 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
             *strayed += way;
         }
     });
+}
+
+/// The pose of a body that is moved `by` \[m\] and has a `turn` \[rad\] left, of which its angular velocity is along
+/// some part: so far it turns freely.
+#[inline(never)]
+fn precess_late<G: Geometry<L, A>, const L: usize, const A: usize>(
+    pose: &G::Pose,
+    by: Vector<f32, L>,
+    turn: Vector<f32, A>,
+    omega: &mut Vector<f32, A>,
+    turned: &mut Turn<A>,
+    precession: &Precession,
+    Inertia { moments, inverse_moments, .. }: &Inertia<L, A>,
+) -> G::Pose {
+    let squared = omega.dot(*omega);
+    let time = if squared > 0.0 { (turn.dot(*omega) / squared).max(0.0) } else { 0.0 };
+    let mut end = G::advance(pose, by, turn - *omega * time);
+    let spin = Spin {
+        pose: end,
+        moments: [moments, inverse_moments],
+        precession: *precession,
+        omega: *omega,
+        remainder: turned.remainder,
+    };
+    G::precess(&[spin; TOGETHER], 1, time, |_, pose, [own, remainder]| {
+        (end, *omega, turned.remainder) = (pose, own, remainder);
+    });
+    end
 }
 
 /// a + b - sum, exactly, where `sum` is a + b rounded (Knuth, The Art of Computer Programming 2,

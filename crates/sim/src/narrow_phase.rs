@@ -9,6 +9,7 @@ use drystone_solver::team::{Team, chunks_with_parts};
 use drystone_solver::wide::{Past, Trace};
 
 use crate::bodies::Bodies;
+use crate::colliders::Colliders;
 use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
 use crate::geometry::{Frame, Geometry, Touch};
 use crate::narrow_phase::places::Places;
@@ -44,10 +45,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
     /// The frames of two bodies, from the center of mass of b: so it does not matter how far they are from the
     /// origin.
     #[inline(always)]
-    fn frames(&self, [a, b]: [u32; 2]) -> (Frame<L>, Frame<L>) {
-        let (apart, frames) = (self.bodies.apart([a, b]), &self.bodies.frames);
-        let a = Frame { position: apart, ..frames[a as usize] };
-        (a, Frame { position: Vector::ZERO, ..frames[b as usize] })
+    fn frames(&self, bodies: [u32; 2]) -> (Frame<L>, Frame<L>) {
+        frames(self.bodies, bodies)
     }
 
     /// How far a may move against b before the points of a pair are found anew. \[m\]
@@ -65,6 +64,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
         let [_, turning] = self.moving.passed(self.travel, pair, || room)?;
         (turning >= room).then_some(near + turning)
     }
+}
+
+/// The frames of two bodies, from the center of mass of b.
+#[inline(always)]
+fn frames<G: Geometry<L, A>, const L: usize, const A: usize>(
+    bodies: &Bodies<G, L, A>,
+    [a, b]: [u32; 2],
+) -> (Frame<L>, Frame<L>) {
+    let (apart, frames) = (bodies.apart([a, b]), &bodies.frames);
+    let a = Frame { position: apart, ..frames[a as usize] };
+    (a, Frame { position: Vector::ZERO, ..frames[b as usize] })
 }
 
 /// The prediction distance is at most this part of the thinner shape. \[1\]
@@ -118,6 +128,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
+    /// Measures the room of a pair that has just come near, as far as it is less than `prediction` \[m\]: the box
+    /// around a half-space or a wall that stands askew also holds what is far away.
+    pub(crate) fn measure_room(
+        &mut self,
+        colliders: &Colliders<G, L, A>,
+        bodies: &Bodies<G, L, A>,
+        pair: &mut Pair,
+        prediction: f32,
+    ) {
+        let (a, _) = frames(bodies, pair.bodies);
+        let [a_shape, b_shape] = pair.colliders.map(|shape| shape as usize);
+        let pose_a = G::advance(&colliders.poses[a_shape], a.position, Vector::ZERO);
+        let shape_a = (&colliders.shapes[a_shape], &pose_a);
+        let shape_b = (&colliders.shapes[b_shape], &colliders.poses[b_shape]);
+        let gap =
+            G::collide(shape_a, shape_b, prediction, None, &mut self.scratch, &mut |_: &_| ());
+        pair.room = 0.0;
+        // What its bodies have come so far was before.
+        pair.room = known_to(gap, a.position) - pair.left(&bodies.came);
+    }
+
     /// Gives each pair its range among the records of these pairs; `own` are those that they have had.
     fn find(
         &mut self,

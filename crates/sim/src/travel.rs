@@ -1,7 +1,7 @@
 //! How far bodies move within a step and pass each other: how far ahead contacts are looked for, and how often.
 
 use drystone_solver::team::Team;
-use drystone_solver::{Vector, Velocity};
+use drystone_solver::{InverseMass, Vector, Velocity};
 
 use crate::bodies::{Came, PIECE};
 use crate::cache::Pair;
@@ -119,10 +119,12 @@ impl<const L: usize> Travels<L> {
     }
 
     /// Finds what near bodies pass of each other, with what gravity adds, `fall` \[m\], and their blows; the most, as
-    /// part of the thinner shape. \[1\] Near are bodies that have less room than that and `margin` \[m\].
+    /// part of the thinner shape. \[1\] Near are bodies that have less room than that and `margin` \[m\]. Nobody
+    /// pushes a body that nothing moves: so what goes past a floor does not matter to others on it.
     pub(crate) fn pass<const A: usize>(
         &mut self,
         moving: Moving<'_, L, A>,
+        masses: &[InverseMass<f32, L, A>],
         pairs: &[Pair],
         [fall, margin]: [f32; 2],
         team: &Team,
@@ -137,8 +139,11 @@ impl<const L: usize> Travels<L> {
             for pair in pairs.iter().filter(|pair| !pair.rests) {
                 let [a, b] = pair.bodies;
                 let (a, b) = (a as usize, b as usize);
-                let room = || pair.gap(moving.came) - fall - margin;
-                let Some([apart, turning]) = moving.passed(own, pair, room) else { continue };
+                let room = pair.gap(moving.came) - fall - margin;
+                let Some([apart, turning]) = moving.passed(own, pair, || room) else { continue };
+                if apart + turning < room {
+                    continue;
+                }
                 blows[a] = blows[a].max(apart);
                 blows[b] = blows[b].max(apart);
                 worst = worst.max((apart + turning + fall) / pair.thickness);
@@ -148,8 +153,11 @@ impl<const L: usize> Travels<L> {
         let (_, share) = team.share(own.len(), PIECE);
         team.for_each(useful, own.chunks_mut(share).enumerate(), |(part, own)| {
             for passed in &*passed {
-                for (own, blow) in own.iter_mut().zip(&passed.blows[share * part..]) {
-                    own.blow = own.blow.max(*blow);
+                let blows = passed.blows[share * part..].iter().zip(&masses[share * part..]);
+                for (own, (blow, mass)) in own.iter_mut().zip(blows) {
+                    if *mass != InverseMass::FIXED {
+                        own.blow = own.blow.max(*blow);
+                    }
                 }
             }
         });
@@ -196,6 +204,8 @@ mod tests {
         let mut body = || ((0.5 + 0.5 * random.number()) * bodies as f32) as u32 % bodies as u32;
         let pairs: Vec<Pair> = (0..9000).map(|at| pair([body(), body()], at % 7 == 0)).collect();
         let (moving, fall) = (swarm.moving(0.1), 0.01);
+        let mut masses = free(bodies);
+        masses[7] = InverseMass::FIXED;
         let mut alone = Travels::default();
         alone.find(moving, &Team::new(1));
         let (mut blows, mut worst) = (vec![0.0f32; bodies], 0.0f32);
@@ -206,12 +216,13 @@ mod tests {
             }
             worst = worst.max((apart + turning + fall) / pair.thickness);
         }
+        blows[7] = 0.0;
         for members in 1..5 {
             let (team, mut travels) = (Team::new(members), Travels::default());
             // What the first has left must not matter to the second.
             for moving in [swarm.moving(0.3), moving] {
                 travels.find(moving, &team);
-                let found = travels.pass(moving, &pairs, [fall, 0.0], &team);
+                let found = travels.pass(moving, &masses, &pairs, [fall, 0.0], &team);
                 if moving.dt == 0.1 {
                     assert_eq!(found, worst, "{members} members");
                     let own: Vec<f32> = travels.own.iter().map(|own| own.blow).collect();
@@ -262,16 +273,21 @@ mod tests {
         let (moving, team, mut travels) = (swarm.moving(0.1), Team::new(1), Travels::default());
         travels.find(moving, &team);
         let mut pairs = [pair([0, 1], false)];
-        let found = travels.pass(moving, &pairs, [0.0; 2], &team);
+        let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &team);
         assert!(found < 1e-4 && travels.own[0].blow < 1e-5, "{found}, {:?}", travels.own);
         // A third of the turn is not its own, and what is far does not count.
         swarm.velocities[0].angular = spin * (2.0 / 3.0);
         let moving = swarm.moving(0.1);
-        let found = travels.pass(moving, &pairs, [0.0; 2], &team);
+        let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &team);
         let turned = spin.length() / 3.0 * swarm.reach[0].core * 0.1;
         assert!((found * pairs[0].thickness - turned).abs() < 1e-5, "{found}");
         pairs[0].room = 100.0;
-        assert_eq!(travels.pass(moving, &pairs, [0.0; 2], &team), 0.0);
+        assert_eq!(travels.pass(moving, &free(2), &pairs, [0.0; 2], &team), 0.0);
+    }
+
+    /// Bodies that can be moved.
+    fn free(bodies: usize) -> Vec<InverseMass<f32, 3, 3>> {
+        vec![InverseMass { linear: 1.0, ..InverseMass::FIXED }; bodies]
     }
 
     fn pair(bodies: [u32; 2], rests: bool) -> Pair {

@@ -11,13 +11,13 @@ use drystone_solver::team::Team;
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, System, Vector, Velocity};
 
-use crate::bodies::{Bodies, Body, BodyId, Came, Inertia, PIECE, SurfaceMotion};
+use crate::bodies::{Bodies, Body, BodyId, Came, Inertia, PIECE, SurfaceMotion, Turn};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Records};
 use crate::certifier::Certifier;
 use crate::colliders::Colliders;
 use crate::course::{Course, Terms};
-use crate::geometry::{Geometry, MassProperties, Reach};
+use crate::geometry::{Geometry, MassProperties, Precession, Reach};
 use crate::ledger::Books;
 use crate::motion;
 use crate::narrow_phase::{Surroundings, Worker, manifolds};
@@ -190,7 +190,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.poses[index] = pose;
         bodies.frames[index] = G::frame(&pose);
         bodies.remainders[index] = Vector::ZERO;
-        bodies.gyroscopic[index] = body.motion == Motion::Dynamic && inertia.gyroscopic();
+        let moved = body.motion == Motion::Dynamic;
+        bodies.precession[index] = if moved { inertia.precession() } else { Precession::NONE };
+        bodies.turns[index] = Turn::default();
         bodies.inertia[index] = inertia;
         bodies.gravity_factor[index] = body.gravity_factor;
         bodies.set_damping(index, body.damping);
@@ -233,8 +235,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.strayed.push(0.0);
         bodies.stirred.push(false);
         bodies.inertia.push(Inertia::FIXED);
-        bodies.gyroscopic.push(false);
-        bodies.turns.push(Vector::ZERO);
+        bodies.precession.push(Precession::NONE);
+        bodies.turns.push(Turn::default());
         bodies.gravity_factor.push(1.0);
         bodies.reach.push(Reach::default());
         bodies.turned.push(false);
@@ -308,6 +310,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             && self.bodies.motion[index] != Some(Motion::Static)
         {
             self.rouse(index);
+            self.bodies.turns[index] = Turn::default();
             self.system.velocities[index] = velocity;
         }
     }
@@ -319,6 +322,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let from = self.bodies.origin(index);
         let apart = G::frame(target).position - G::frame(&from).position;
         self.rouse(index);
+        self.bodies.turns[index] = Turn::default();
         self.system.velocities[index] = Velocity {
             linear: apart * (1.0 / dt),
             angular: G::turn_between(&from, target) * (1.0 / dt),
@@ -475,7 +479,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let fall = self.gravity.length() * dt * dt;
         let moving = moving(&self.bodies, &self.system, dt);
         let margin = self.settings.prediction_distance;
-        let worst = self.travel.pass(moving, &self.pairs, [fall, margin], &self.team);
+        let masses = &self.system.masses;
+        let worst = self.travel.pass(moving, masses, &self.pairs, [fall, margin], &self.team);
         let passed = worst / self.settings.travel_per_search;
         if passed.is_finite() { passed } else { 0.0 }
     }
@@ -689,7 +694,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Gives poses back at the end of a part.
     fn arrive(&mut self, plan: &Plan<L>, clock: &mut Clock, report: &mut StepReport) {
-        motion::arrive(&mut self.bodies, &self.team, &self.displacements);
+        let velocities = &mut self.system.velocities;
+        motion::arrive(&mut self.bodies, &self.team, &self.displacements, velocities);
         if plan.ledger {
             let ledger = self.books.close(&self.bodies, self.gravity, &self.system.velocities);
             report.energy.get_or_insert_default().join(&ledger);
@@ -751,6 +757,20 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         fresh.clear();
         let (colliders, bodies) = (&self.colliders, &self.bodies);
         fresh.extend(found.filter_map(|pair| colliders.pair(bodies, pair)));
+        let (fall, settings) = (self.gravity.length() * dt * dt, &self.settings);
+        let moving = moving(bodies, &self.system, dt);
+        if self.workers.is_empty() {
+            self.workers.push(Worker::default());
+        }
+        for pair in fresh.iter_mut() {
+            let passed = moving.passed(travel, pair, || 0.0).unwrap_or_default();
+            let passed = passed[0] + passed[1] + fall;
+            // It decides how often contacts are searched for, if it is as near as its box.
+            if passed > settings.travel_per_search * pair.thickness {
+                let prediction = passed + 2.0 * settings.prediction_distance;
+                self.workers[0].measure_room(colliders, bodies, pair, prediction);
+            }
+        }
         cache::merge(&mut self.pairs, fresh);
     }
 

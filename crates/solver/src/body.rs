@@ -112,6 +112,17 @@ impl<const L: usize, const A: usize> Mass<L, A> {
         Velocity { linear: v.linear * self.linear, angular: self.angular * v.angular }
     }
 
+    /// Adds to what the error of an island is measured by: mass \[kg\], or, less than 0 as long as there is none, moments
+    /// of inertia of bodies that only turn \[kg m^2\].
+    #[inline(always)]
+    pub(crate) fn add_measure(&self, measure: &mut f64) {
+        if self.linear > 0.0 {
+            *measure = measure.max(0.0) + self.linear;
+        } else if *measure <= 0.0 {
+            *measure -= (0..A).map(|i| self.angular.0[i][i]).sum::<f64>();
+        }
+    }
+
     /// v . M v: twice the kinetic energy. \[J\]
     #[inline(always)]
     pub fn squared(&self, v: &Velocity<f64, L, A>) -> f64 {
@@ -158,7 +169,8 @@ impl<T: Scalar, const L: usize, const A: usize> InverseMass<T, L, A> {
         let angular: SymmetricMatrix<f64, A> = self.angular.cast();
         Mass {
             linear: if linear > 0.0 { 1.0 / linear } else { 0.0 },
-            angular: angular.inverse().unwrap_or(SymmetricMatrix::ZERO),
+            // Turned, what is locked about some axis is singular.
+            angular: angular.inverse().unwrap_or_else(|| angular.pseudo_inverse()),
         }
     }
 }

@@ -76,7 +76,8 @@ pub struct Certificate {
     pub gap: f64,
     /// The part of G from velocities that the impulses do not give: 1/2 d . M d, with those that G is of. \[J\]
     pub defect: f64,
-    /// Mass of all bodies. \[kg\]
+    /// Mass of all bodies \[kg\]; of bodies that only turn, whose mass is infinite, the moments of inertia \[kg m^2\]: then
+    /// errors are in rad/s.
     pub mass: f64,
     /// Mass of the lightest body. \[kg\]
     pub lightest: f64,
@@ -406,10 +407,11 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         {
             if let Some(speed) = speeds.get_mut(island as usize) {
                 *speed += mass.squared(&velocity.cast());
-                masses[island as usize] += mass.linear;
+                mass.add_measure(&mut masses[island as usize]);
             }
         }
         for (speed, mass) in speeds.iter_mut().zip(masses) {
+            *mass = mass.abs();
             *speed = (*speed / *mass).sqrt();
         }
     }
@@ -499,12 +501,13 @@ impl<const L: usize, const A: usize> Tally<L, A> {
             let line = &mut self.lines[island];
             line.gap.add::<LINE>(share);
             line.defect.add::<LINE>(share);
+            mass.add_measure(&mut certificate.mass);
             if mass.linear > 0.0 {
-                certificate.mass += mass.linear;
                 certificate.lightest = certificate.lightest.min(mass.linear);
             }
         }
         for (certificate, line) in self.certificates.iter_mut().zip(&self.lines) {
+            certificate.mass = certificate.mass.abs();
             [certificate.gap, certificate.defect] = line.best();
         }
         &self.certificates

@@ -24,7 +24,7 @@
 use crate::island::Islands;
 use crate::part::Part;
 use crate::solution::Goal;
-use crate::{Scalar, System, Vector, Velocity, newton};
+use crate::{InverseMass, Scalar, System, Vector, Velocity, newton};
 
 /// A change of velocity so many times what the contacts ask for is no answer. \[1\]
 const BEYOND: f64 = 1e3;
@@ -34,6 +34,10 @@ const SUSPECT: f64 = 3.0;
 const STIFF: f64 = 1e-7;
 /// Newton steps at most.
 const BUDGET: usize = 40;
+/// Manifolds that a call looks at closely, at most: so it costs no more than a step, whatever the size of the islands.
+/// Of a larger island those are looked at which are nearest to what misses its target by most. Forces that nearly
+/// balance there are proof for the whole.
+const MOST: usize = 48;
 
 /// Contacts that jam.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,32 +58,88 @@ pub struct Jam {
 /// The jams of a solved system, one at most for each island. Looks only at islands with a contact
 /// that misses its target by more than `limit` \[m/s\], and where impulses at hand hint at a
 /// self-stress; so costs one pass over the contacts where all is well.
+///
+/// Looks closely at a bounded number of manifolds, and so not at all islands in one call where many may be jammed:
+/// the first is the one of this `turn`.
 pub fn find<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
     islands: &mut Islands,
     limit: f64,
+    turn: usize,
 ) -> Vec<Jam> {
-    let limit = T::from_f64(limit);
-    let misses = |system: &System<T, L, A>, index: usize| {
+    let missing = |index: usize| {
         let manifold = &system.manifolds[index];
         let twist = system.twist_of(manifold);
-        let mut contacts = system.contacts[manifold.points()].iter();
-        contacts.any(|contact| {
-            let missing = contact.target[0] - contact.normal_velocity(&twist);
-            missing > limit && contact.effective_mass > T::ZERO
-        })
+        let contacts = system.contacts[manifold.points()].iter();
+        let contacts = contacts.filter(|contact| contact.effective_mass > T::ZERO);
+        let missing = contacts.map(|contact| contact.target[0] - contact.normal_velocity(&twist));
+        missing.fold(0.0, |most, own| own.to_f64().max(most))
     };
-    let Some(first) = (0..system.manifolds.len()).find(|&index| misses(system, index)) else {
+    let Some(first) = (0..system.manifolds.len()).find(|&index| missing(index) > limit) else {
         return Vec::new();
     };
     islands.find(system);
     let mut seen: Vec<u32> = (first..system.manifolds.len())
-        .filter(|&index| misses(system, index))
+        .filter(|&index| missing(index) > limit)
         .map(|index| islands.of_pair(system.manifolds[index].bodies))
         .collect();
     seen.sort_unstable();
     seen.dedup();
-    seen.into_iter().filter_map(|island| Suspect::new(system, islands, island).jam()).collect()
+    let turn = turn % seen.len();
+    seen.rotate_left(turn);
+    let (mut left, mut jams) = (MOST, Vec::new());
+    for island in seen {
+        let suspect = Suspect::new(system, islands, island, missing);
+        left = left.saturating_sub(suspect.system.manifolds.len());
+        jams.extend(suspect.jam());
+        if left == 0 {
+            break;
+        }
+    }
+    jams
+}
+
+/// Of these manifolds the one that is `missing` most \[m/s\] and those that touch its bodies, and so on, in their order.
+fn around_worst<T: Scalar, const L: usize, const A: usize>(
+    whole: &System<T, L, A>,
+    own: &[usize],
+    missing: impl Fn(usize) -> f64,
+) -> Vec<usize> {
+    let missing: Vec<f64> = own.iter().map(|&index| missing(index)).collect();
+    let mut worst = 0;
+    for at in 1..own.len() {
+        if missing[at] > missing[worst] {
+            worst = at;
+        }
+    }
+    let mut inside = vec![false; whole.velocities.len()];
+    let enter = |inside: &mut Vec<bool>, at: usize| {
+        for body in whole.manifolds[own[at]].bodies {
+            // All touch the floor.
+            inside[body as usize] |= whole.masses[body as usize] != InverseMass::FIXED;
+        }
+    };
+    let (mut taken, mut count) = (vec![false; own.len()], 1);
+    taken[worst] = true;
+    enter(&mut inside, worst);
+    loop {
+        // Those that touch what was there before this round.
+        let before = inside.clone();
+        let start = count;
+        for at in 0..own.len() {
+            let touches = whole.manifolds[own[at]].bodies.iter().any(|&body| before[body as usize]);
+            if taken[at] || !touches || missing[at] <= 0.0 || count == MOST {
+                continue;
+            }
+            taken[at] = true;
+            count += 1;
+            enter(&mut inside, at);
+        }
+        if count == start || count == MOST {
+            break;
+        }
+    }
+    own.iter().zip(taken).filter_map(|(&index, taken)| taken.then_some(index)).collect()
 }
 
 /// An island by itself, without friction.
@@ -91,10 +151,21 @@ struct Suspect<const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> Suspect<L, A> {
-    fn new<T: Scalar>(whole: &System<T, L, A>, islands: &Islands, island: u32) -> Self {
+    /// That of an island, or the part of a large one where manifolds are `missing` most. \[m/s\]
+    fn new<T: Scalar>(
+        whole: &System<T, L, A>,
+        islands: &Islands,
+        island: u32,
+        missing: impl Fn(usize) -> f64,
+    ) -> Self {
         let mut part = Part::default();
         part.clear(whole);
-        part.add_island(whole, islands, island);
+        let own = |index: &usize| islands.of_pair(whole.manifolds[*index].bodies) == island;
+        let mut own: Vec<usize> = (0..whole.manifolds.len()).filter(own).collect();
+        if own.len() > MOST {
+            own = around_worst(whole, &own, missing);
+        }
+        own.into_iter().for_each(|index| part.add(whole, index));
         for manifold in &mut part.system.manifolds {
             (manifold.friction, manifold.compliance) = (0.0, f64::INFINITY);
         }
@@ -178,10 +249,11 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
                 left += y[point] * system.contacts[point].normal_velocity(&twist);
             }
         }
-        let mass: f64 = (system.masses.iter().zip(&pressed))
-            .filter(|(mass, pressed)| **pressed && mass.linear > 0.0)
-            .map(|(mass, _)| 1.0 / mass.linear)
-            .sum();
+        let mut mass = 0.0;
+        for (own, _) in system.masses.iter().zip(&pressed).filter(|(_, pressed)| **pressed) {
+            own.mass().add_measure(&mut mass);
+        }
+        let mass = mass.abs();
         let work: f64 = y.iter().zip(missing).map(|(y, missing)| y * missing).sum();
         if work <= 0.0 { 0.0 } else { work / (left.max(0.0) * mass).sqrt() }
     }

@@ -19,7 +19,7 @@
 use crate::cholesky::BlockMatrix;
 use crate::cone::Law;
 use crate::solution::{Goal, Solution, Status, Track};
-use crate::{Contact, Manifold, Mass, System, Vector, Velocity, moment, symmetric};
+use crate::{Contact, InverseMass, Manifold, Mass, System, Vector, Velocity, moment, symmetric};
 
 /// Iterations that may pass without lowering the error by a tenth.
 const PATIENCE: usize = 12;
@@ -77,8 +77,8 @@ struct Problem<const L: usize, const A: usize> {
     masses: Vec<Mass<L, A>>,
     /// The row of blocks of each body; what nothing can move has none.
     place: Vec<Option<u32>>,
-    /// 1 for each velocity of a body that can change, else 0.
-    free: Vec<[f64; MOST]>,
+    /// Of each body of which some velocities cannot change: the projection on those that can.
+    free: Vec<Option<Projection>>,
     rows: Vec<Row<L>>,
     hessian: BlockMatrix,
 }
@@ -95,10 +95,7 @@ impl<const L: usize, const A: usize> Problem<L, A> {
             })
         });
         let place: Vec<Option<u32>> = place.collect();
-        let free = masses.iter().map(|mass| {
-            let moves = |i: usize| if i < L { mass.linear } else { mass.angular.0[i - L][i - L] };
-            std::array::from_fn(|i| if i < L + A && moves(i) > 0.0 { 1.0 } else { 0.0 })
-        });
+        let free = masses.iter().zip(&system.masses).map(|(mass, inverse)| projection(mass, inverse));
         let free = free.collect();
         let mut rows = Vec::with_capacity(system.contacts.len());
         for manifold in &system.manifolds {
@@ -148,21 +145,22 @@ impl<const L: usize, const A: usize> Problem<L, A> {
             let Some(at) = self.place[body] else { continue };
             let apart = velocities[body] - self.prospective[body];
             step.extend_from_slice(&flat(&(mass.momentum(&apart) * -1.0))[..size]);
-            self.hessian.add(at, at, |i, j| mass_entry(mass, i, j));
+            let free = self.free[body].as_ref();
+            self.hessian.add(at, at, |i, j| mass_entry(mass, free, i, j));
         }
         for manifold in self.rows.chunk_by(|one, next| one.bodies == next.bodies) {
             let bodies = manifold[0].bodies;
-            let (at, free) = (bodies.map(|body| self.place[body]), bodies.map(|b| &self.free[b]));
+            let at = bodies.map(|body| self.place[body]);
+            let free = bodies.map(|body| self.free[body].as_ref());
             let mut blocks = [[[0.0; MOST]; MOST]; PAIRS.len()];
+            let mut forces = [[0.0; MOST]; 2];
             for row in manifold {
                 let y = row.shifted(velocities);
                 let (r, slope) = (row.law.response(y), row.law.slope(y));
-                for side in 0..2 {
-                    let Some(at) = at[side] else { continue };
-                    let force = &mut step[at as usize * size..][..size];
+                for (force, jacobian) in forces.iter_mut().zip(&row.jacobian) {
                     for k in 0..L {
                         for i in 0..size {
-                            force[i] += free[side][i] * row.jacobian[side][k][i] * r[k];
+                            force[i] += jacobian[k][i] * r[k];
                         }
                     }
                 }
@@ -172,10 +170,23 @@ impl<const L: usize, const A: usize> Problem<L, A> {
                     }
                 }
             }
-            for (block, (p, q)) in blocks.iter().zip(PAIRS) {
+            for ((force, at), free) in forces.iter_mut().zip(at).zip(free) {
+                let Some(at) = at else { continue };
+                if let Some(free) = free {
+                    *force = product(free, &[*force])[0];
+                }
+                let all = &mut step[at as usize * size..][..size];
+                all.iter_mut().zip(&*force).for_each(|(all, own)| *all += own);
+            }
+            for (block, (p, q)) in blocks.iter_mut().zip(PAIRS) {
                 if let (Some(p_at), Some(q_at)) = (at[p], at[q]) {
-                    let entry = |i: usize, j: usize| free[p][i] * block[i][j] * free[q][j];
-                    self.hessian.add(p_at, q_at, entry);
+                    if let Some(free) = free[q] {
+                        *block = product(free, block);
+                    }
+                    if let Some(free) = free[p] {
+                        *block = transposed(&product(free, &transposed(block)));
+                    }
+                    self.hessian.add(p_at, q_at, |i, j| block[i][j]);
                 }
             }
         }
@@ -311,14 +322,56 @@ fn flat<const L: usize, const A: usize>(v: &Velocity<f64, L, A>) -> [f64; MOST] 
     })
 }
 
-/// M at a row and column of a body's block; 1 for what is locked, where there is no force either.
-fn mass_entry<const L: usize, const A: usize>(mass: &Mass<L, A>, i: usize, j: usize) -> f64 {
+/// A symmetric matrix that leaves the velocities which can change as they are, and takes the others away.
+type Projection = [[f64; MOST]; MOST];
+
+/// That of a body: M^-1 M. None where all velocities can change.
+fn projection<const L: usize, const A: usize>(
+    mass: &Mass<L, A>,
+    inverse: &InverseMass<f64, L, A>,
+) -> Option<Projection> {
+    let mut free = [[0.0; MOST]; MOST];
+    for (i, row) in free.iter_mut().enumerate().take(L) {
+        row[i] = if mass.linear > 0.0 { 1.0 } else { 0.0 };
+    }
+    for i in 0..A {
+        let mut along = Vector::ZERO;
+        along[i] = 1.0;
+        let own = inverse.angular * (mass.angular * along);
+        for j in 0..A {
+            free[L + j][L + i] = own[j];
+        }
+    }
+    // The trace counts the velocities.
+    let trace: f64 = (0..L + A).map(|i| free[i][i]).sum();
+    (trace < (L + A) as f64 - 0.5).then_some(free)
+}
+
+/// Of rows with a projection.
+fn product<const N: usize>(free: &Projection, rows: &[[f64; MOST]; N]) -> [[f64; MOST]; N] {
+    rows.map(|row| {
+        std::array::from_fn(|j| (0..MOST).map(|k| row[k] * free[k][j]).sum())
+    })
+}
+
+fn transposed(of: &[[f64; MOST]; MOST]) -> [[f64; MOST]; MOST] {
+    std::array::from_fn(|i| std::array::from_fn(|j| of[j][i]))
+}
+
+/// M at a row and column of a body's block; with the unit matrix for what is locked, where there is no force either.
+fn mass_entry<const L: usize, const A: usize>(
+    mass: &Mass<L, A>,
+    free: Option<&Projection>,
+    i: usize,
+    j: usize,
+) -> f64 {
     let value = match (i < L, j < L) {
         (true, true) if i == j => mass.linear,
         (false, false) => mass.angular.0[i - L][j - L],
         _ => 0.0,
     };
-    if i == j && value == 0.0 { 1.0 } else { value }
+    let Some(free) = free else { return value };
+    value + if i == j { 1.0 } else { 0.0 } - free[i][j]
 }
 
 /// out += J_p^T slope J_q.

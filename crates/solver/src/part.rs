@@ -45,6 +45,11 @@ impl<const L: usize, const A: usize> Part<L, A> {
         self.holds[manifold]
     }
 
+    /// Whether a body of the whole system is here.
+    pub(crate) fn has(&self, body: u32) -> bool {
+        self.inside[body as usize] != NONE
+    }
+
     /// The velocity of a body as the part has it, else as the whole system does.
     pub(crate) fn velocity<T: Scalar>(
         &self,

@@ -14,7 +14,8 @@ use std::ops::Range;
 
 use crate::island::Islands;
 use crate::part::Part;
-use crate::{InverseMass, Mobility, Real, Scalar, System, Vector, Velocity, pgs};
+use crate::solution::Goal;
+use crate::{InverseMass, Mobility, Real, Scalar, System, Vector, Velocity, newton, pgs};
 
 /// t_i = max(t_i, -c_r v_i^-) where a contact approached faster than `threshold` \[m/s\] before the
 /// step: the notes' restitution hypothesis, combined with overlap repair by maximum.
@@ -81,8 +82,12 @@ pub struct Collisions<T> {
 /// Kinetic energy never grows, but for what moving walls bring: a blow changes it by
 /// 1/2 gamma . (u- + u+), and gamma is scaled down, island by island, where that is positive.
 ///
-/// Manifolds without restitution are left to the sweeps. The impulses go into
+/// Manifolds without restitution are left to the sweeps, unless a blow drives their bodies together: a body that lies
+/// on the floor is squeezed as fast as it was struck, and takes the blow on. The impulses go into
 /// [`Contact::impact`](crate::Contact::impact).
+///
+/// A light body between a heavy one and the floor is struck again and again, each time for less. What still approaches
+/// after all rounds is solved together: u+ >= -e u- where it approaches, and what that drives together stops.
 ///
 /// A blow comes at a time tau within the step of length h, which then moves the bodies all of h
 /// with the velocity after it; `displacements` are put back by tau times the change of velocity.
@@ -98,6 +103,8 @@ pub fn collide<T: Scalar, const L: usize, const A: usize>(
 ) -> usize {
     let all = 0..system.manifolds.len();
     let mut collisions = 0;
+    blow.struck.clear();
+    blow.struck.resize(system.velocities.len(), NEVER);
     for _ in 0..how.rounds {
         let before = collisions;
         match how.law {
@@ -111,11 +118,26 @@ pub fn collide<T: Scalar, const L: usize, const A: usize>(
             }
         }
         if collisions == before {
-            break;
+            return collisions;
         }
     }
-    collisions
+    collisions + blow.finish(system, displacements, how, all)
 }
+
+/// The time of a blow that did not fall. \[1\]
+const NEVER: f64 = -1.0;
+
+/// Manifolds that Newton's method is asked for: more of them get the sweeps.
+const MANY: usize = 64;
+
+/// Rounds of what is solved together and drives others together.
+const DRAWN: usize = 8;
+
+/// Softness of contacts that are as good as rigid. \[1\]
+const STIFF: f64 = 1e-9;
+
+/// Newton steps at most.
+const BUDGET: usize = 20;
 
 /// Part of the fastest approach by which a solved contact may be off, unless the numbers of the system
 /// are coarser.
@@ -126,8 +148,10 @@ const ACCURACY: f64 = 1e-12;
 #[derive(Clone, Debug, Default)]
 pub struct Blow<const L: usize, const A: usize> {
     part: Part<L, A>,
-    /// Of each manifold: gap / approach of the point that closes first. \[1\]
+    /// Of each manifold: gap / approach of the point that closes first; not before its bodies were struck. \[1\]
     times: Vec<f64>,
+    /// Of each body of the whole system: the part of the step after which it was last struck. \[1\]
+    struck: Vec<f64>,
     /// Of each contact: whether it closes.
     closing: Vec<bool>,
     /// Of each contact: what it gets in any case. \[N s\]
@@ -151,13 +175,8 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         how: &Collisions<T>,
         among: Range<usize>,
     ) -> usize {
-        self.part.clear(system);
-        self.times.clear();
-        self.closing.clear();
-        self.approach = 0.0;
-        self.sweeps = how.sweeps;
-        self.accuracy = ACCURACY.max(8.0 * T::EPSILON);
-        if !self.gather(system, how.threshold, among.clone()) {
+        self.clear(system, how);
+        if !self.gather(system, how.threshold, among.clone(), false) {
             return 0;
         }
         match how.law {
@@ -169,18 +188,86 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         self.land(system, displacements, how.dt)
     }
 
-    /// Takes in the manifolds that bounce and are not here yet; returns whether there are any.
+    fn clear<T: Scalar>(&mut self, system: &System<T, L, A>, how: &Collisions<T>) {
+        self.part.clear(system);
+        self.times.clear();
+        self.closing.clear();
+        self.approach = 0.0;
+        self.sweeps = how.sweeps;
+        self.accuracy = ACCURACY.max(8.0 * T::EPSILON);
+    }
+
+    /// Solves together what still approaches, and what that drives together; returns how many manifolds took part.
+    fn finish<T: Scalar>(
+        &mut self,
+        system: &mut System<T, L, A>,
+        displacements: &mut [Velocity<T, L, A>],
+        how: &Collisions<T>,
+        among: Range<usize>,
+    ) -> usize {
+        self.clear(system, how);
+        let mut known = 0;
+        for round in 0..DRAWN {
+            if !self.gather(system, how.threshold, among.clone(), round > 0) {
+                break;
+            }
+            let manifolds = &self.part.system.manifolds;
+            if round == 0 && manifolds.iter().all(|manifold| manifold.restitution >= 1.0) {
+                // Elastic blows end, be they many: the next substep goes on.
+                return 0;
+            }
+            self.aim(known, |closes, open, u, restitution| {
+                if !closes {
+                    open
+                } else if round == 0 {
+                    -restitution * u
+                } else {
+                    0.0
+                }
+            });
+            known = self.times.len();
+            if known > MANY {
+                self.solve();
+            } else {
+                self.solve_exactly();
+            }
+        }
+        if known == 0 {
+            return 0;
+        }
+        // At one time: what a light body is pushed and pushed back is much more than what it moves.
+        let latest = self.times.iter().copied().fold(0.0, f64::max);
+        self.times.fill(latest);
+        let manifolds = &mut self.part.system.manifolds;
+        let largest = manifolds.iter().map(|manifold| manifold.restitution).fold(0.0, f64::max);
+        manifolds.iter_mut().for_each(|manifold| manifold.restitution = largest);
+        self.limit_energy();
+        self.land(system, displacements, how.dt)
+    }
+
+    /// Takes in the manifolds that bounce, and those of struck bodies, which are not here yet; returns whether there
+    /// are any. With `drawn` those of bodies that are here, too.
     fn gather<T: Scalar>(
         &mut self,
         system: &System<T, L, A>,
         threshold: T,
         among: Range<usize>,
+        drawn: bool,
     ) -> bool {
         let before = self.times.len();
         for index in among {
             let manifold = &system.manifolds[index];
-            let fixed = system.masses_of(manifold) == [InverseMass::FIXED; 2];
-            if manifold.restitution <= T::ZERO || fixed || self.part.holds(index) {
+            let masses = system.masses_of(manifold);
+            if masses == [InverseMass::FIXED; 2] || self.part.holds(index) {
+                continue;
+            }
+            let mut struck = NEVER;
+            let mut here = false;
+            for (body, mass) in manifold.bodies.into_iter().zip(&masses) {
+                struck = struck.max(self.struck[body as usize]);
+                here |= drawn && *mass != InverseMass::FIXED && self.part.has(body);
+            }
+            if manifold.restitution <= T::ZERO && struck == NEVER && !here {
                 continue;
             }
             let [a, b] = manifold.bodies.map(|body| self.part.velocity(system, body));
@@ -205,7 +292,7 @@ impl<const L: usize, const A: usize> Blow<L, A> {
             }
             self.part.add(system, index);
             make_rigid(&mut self.part.system);
-            self.times.push(time.to_f64());
+            self.times.push(time.to_f64().max(struck));
             self.approach = self.approach.max(fastest.to_f64());
         }
         self.times.len() > before
@@ -213,7 +300,7 @@ impl<const L: usize, const A: usize> Blow<L, A> {
 
     /// u >= -e u- where a point closes; the others of the manifold may close their gaps.
     fn newton(&mut self) {
-        self.aim(|closes, open, u, restitution| if closes { -restitution * u } else { open });
+        self.aim(0, |closes, open, u, restitution| if closes { -restitution * u } else { open });
         self.solve();
     }
 
@@ -225,9 +312,9 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         among: Range<usize>,
     ) {
         for _ in 0..how.rounds {
-            self.aim(|closes, open, _, _| if closes { 0.0 } else { open });
+            self.aim(0, |closes, open, _, _| if closes { 0.0 } else { open });
             self.solve();
-            if !self.gather(whole, how.threshold, among.clone()) {
+            if !self.gather(whole, how.threshold, among.clone(), true) {
                 break;
             }
         }
@@ -250,7 +337,7 @@ impl<const L: usize, const A: usize> Blow<L, A> {
 
     /// (1 + e) lambda, lambda being what stops the points that close; the others take no part.
     fn reflect(&mut self) {
-        self.aim(|closes, _, _, _| if closes { 0.0 } else { f64::NEG_INFINITY });
+        self.aim(0, |closes, _, _, _| if closes { 0.0 } else { f64::NEG_INFINITY });
         self.solve();
         // lambda . w = 0 exactly, however well that is solved: so e = 1 keeps the energy.
         self.scale(|work, quadratic| -work / quadratic);
@@ -262,11 +349,12 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         }
     }
 
-    /// Sets the targets, of whether a point closes, its open target, u and e. \[m/s\]
-    fn aim(&mut self, target: impl Fn(bool, f64, f64, f64) -> f64) {
+    /// Sets the targets from this manifold on, of whether a point closes, its open target, u and e. \[m/s\]
+    fn aim(&mut self, from: usize, target: impl Fn(bool, f64, f64, f64) -> f64) {
         let system = &mut self.part.system;
-        let mut closing = self.closing.iter();
-        for manifold in &system.manifolds {
+        let first = system.manifolds[from].first as usize;
+        let mut closing = self.closing[first..].iter();
+        for manifold in &system.manifolds[from..] {
             let twist = system.twist_of(manifold);
             for (contact, &closes) in
                 system.contacts[manifold.points()].iter_mut().zip(&mut closing)
@@ -287,6 +375,15 @@ impl<const L: usize, const A: usize> Blow<L, A> {
                 break;
             }
         }
+    }
+
+    /// The same by Newton's method, for which a heavy body on a light one is no harder than others.
+    fn solve_exactly(&mut self) {
+        let system = &mut self.part.system;
+        system.velocities.clone_from(&self.part.start);
+        system.prepare(STIFF);
+        let goal = Goal { tolerance: self.accuracy * self.approach, budget: BUDGET };
+        newton::solve(system, &goal);
     }
 
     /// Delta T = s gamma . u- + s^2 / 2 gamma^T A gamma <= 0 for s <= -2 gamma . u- / gamma^T A gamma.
@@ -325,18 +422,19 @@ impl<const L: usize, const A: usize> Blow<L, A> {
     /// Gives the impulses to the whole system, and puts displacements back; returns how many
     /// manifolds took any.
     fn land<T: Scalar>(
-        &self,
+        &mut self,
         whole: &mut System<T, L, A>,
         displacements: &mut [Velocity<T, L, A>],
         dt: T,
     ) -> usize {
-        let mut struck = 0;
+        let Self { part, times, struck, .. } = self;
+        let mut taken = 0;
         for ((own, &index), &time) in
-            self.part.system.manifolds.iter().zip(&self.part.manifolds).zip(&self.times)
+            part.system.manifolds.iter().zip(&part.manifolds).zip(&*times)
         {
             let manifold = whole.manifolds[index as usize];
             let before = whole.velocities_of(&manifold);
-            let solved = &self.part.system.contacts[own.points()];
+            let solved = &part.system.contacts[own.points()];
             let mut impulses = solved.iter().map(|contact| T::from_f64(contact.impulse[0]));
             whole.change(index as usize, |_, contact| {
                 let mut blow = Vector::ZERO;
@@ -345,15 +443,23 @@ impl<const L: usize, const A: usize> Blow<L, A> {
                 blow
             });
             let after = whole.velocities_of(&manifold);
-            let tau = T::from_f64((1.0 - own.restitution) * time + 0.5 * own.restitution) * dt;
+            let tau = (1.0 - own.restitution) * time + 0.5 * own.restitution;
+            let is_struck = solved.iter().any(|contact| contact.impulse[0] > 0.0);
+            for (body, mass) in manifold.bodies.into_iter().zip(whole.masses_of(&manifold)) {
+                if is_struck && mass != InverseMass::FIXED {
+                    let own = &mut struck[body as usize];
+                    *own = own.max(tau);
+                }
+            }
+            let tau = T::from_f64(tau) * dt;
             for (body, (before, after)) in
                 manifold.bodies.into_iter().zip(before.into_iter().zip(after))
             {
                 displacements[body as usize] += (before - after) * tau;
             }
-            struck += usize::from(solved.iter().any(|contact| contact.impulse[0] > 0.0));
+            taken += usize::from(is_struck);
         }
-        struck
+        taken
     }
 }
 

@@ -5,14 +5,14 @@ use parry2d::shape::ConvexPolygon;
 
 use super::hull::{self, Hull};
 use super::polyhedra::{Clipper, Footing, Plane, collide, on_plane};
-use super::rotation::{Eight, Quaternion, each_eight, precess};
+use super::rotation::{Eight, Quaternion, each_eight, precess, precess_finely};
 use super::rounds::{Round, between_rounds, on_solid};
 use super::separation::{Crossing, between, between_boxes};
 use super::solid::{Cuboid, Solid};
 use super::spheres::balls;
 use super::{
-    Bounds, Frame, Geometry, MassProperties, Reach, Spin, Surfaces, TOGETHER, Touch, TouchPoint,
-    leading,
+    Bounds, Frame, Geometry, MassProperties, Precession, Reach, Spin, Surfaces, TOGETHER, Touch,
+    TouchPoint, leading,
 };
 
 /// Half of the size that stands for an unbounded shape. \[m\]
@@ -20,6 +20,13 @@ const UNBOUNDED: f32 = 1.0e5;
 
 /// So few bodies turn faster one after the other than side by side.
 const ALONE: usize = 2;
+
+/// Larger turns in a substep are taken in parts. \[rad\]
+const COARSE: f32 = 1.0 / 32.0;
+
+/// Above this ratio of its moments of inertia, the rounding of `f32` is seen in a body's energy: it grows with the root
+/// of the ratio. \[1\]
+const COMPACT: f32 = 100.0;
 
 /// Rigid bodies in the plane: (L, A) = (2, 1).
 #[derive(Clone, Copy, Debug)]
@@ -564,33 +571,55 @@ impl Geometry<3, 3> for Rigid3 {
         spins: &[Spin<'_, Self::Pose, 3>; TOGETHER],
         count: usize,
         h: f32,
-        mut end: impl FnMut(usize, Self::Pose, Vector<f32, 3>),
+        mut end: impl FnMut(usize, Self::Pose, [Vector<f32, 3>; 2]),
     ) {
-        let mut turn = |index: usize, to: Quaternion<f32>, change| {
-            let pose = parry3d::math::Pose { rotation: rotation(to), ..spins[index].pose };
-            end(index, pose, change);
+        let posed = |index: usize, to: Quaternion<f32>| parry3d::math::Pose {
+            rotation: rotation(to),
+            ..spins[index].pose
         };
-        if count <= ALONE {
-            for (index, Spin { pose, moments, omega }) in spins[..count].iter().enumerate() {
+        let mut turn = |index: usize, to: Quaternion<f32>, change| {
+            let Spin { omega, remainder, .. } = spins[index];
+            end(index, posed(index, to), [omega + change, remainder]);
+        };
+        let (mut own, mut coarse) = ([0; TOGETHER], 0);
+        for (index, spin) in spins[..count].iter().enumerate() {
+            if is_coarse(spin, h) {
+                own[coarse] = index;
+                coarse += 1;
+            }
+        }
+        if coarse <= ALONE {
+            for &index in &own[..coarse] {
+                let Spin { pose, moments, omega, .. } = &spins[index];
                 let (to, change) = precess(quaternion(pose), moments.map(|of| *of), *omega, h);
                 turn(index, to, change);
             }
-            return;
+        } else {
+            let matrix = |which: usize| {
+                let row =
+                    |i: usize| Eight::vector(each_eight!(lane => spins[lane].moments[which].0[i]));
+                SymmetricMatrix([row(0), row(1), row(2)])
+            };
+            let moments = [matrix(0), matrix(1)];
+            let each = each_eight!(lane => quaternion(&spins[lane].pose));
+            let axis = Eight::vector(each_eight!(lane => each[lane].axis));
+            let q = Quaternion { axis, w: Eight::new(each_eight!(lane => each[lane].w)) };
+            let omega = Eight::vector(each_eight!(lane => spins[lane].omega));
+            let (to, changes) = precess(q, moments, omega, Eight::new([h; TOGETHER]));
+            for &lane in &own[..coarse] {
+                let own = Quaternion { axis: Eight::of_lane(&to.axis, lane), w: to.w.get(lane) };
+                turn(lane, own, Eight::of_lane(&changes, lane));
+            }
         }
-        let matrix = |which: usize| {
-            let row =
-                |i: usize| Eight::vector(each_eight!(lane => spins[lane].moments[which].0[i]));
-            SymmetricMatrix([row(0), row(1), row(2)])
-        };
-        let moments = [matrix(0), matrix(1)];
-        let each = each_eight!(lane => quaternion(&spins[lane].pose));
-        let axis = Eight::vector(each_eight!(lane => each[lane].axis));
-        let q = Quaternion { axis, w: Eight::new(each_eight!(lane => each[lane].w)) };
-        let omega = Eight::vector(each_eight!(lane => spins[lane].omega));
-        let (to, changes) = precess(q, moments, omega, Eight::new([h; TOGETHER]));
-        for lane in 0..count {
-            let own = Quaternion { axis: Eight::of_lane(&to.axis, lane), w: to.w.get(lane) };
-            turn(lane, own, Eight::of_lane(&changes, lane));
+        if coarse < count {
+            for (index, spin) in spins[..count].iter().enumerate() {
+                if !is_coarse(spin, h) {
+                    let Spin { pose, moments: [moments, _], omega, remainder, precession } = spin;
+                    let (q, omega) = (quaternion(pose), [*omega, *remainder]);
+                    let (to, omega) = precess_finely(q, moments, omega, precession.rate, h);
+                    end(index, posed(index, to), omega);
+                }
+            }
         }
     }
 
@@ -638,6 +667,14 @@ impl Geometry<3, 3> for Rigid3 {
     }
 
     over_parry!(parry3d, solids, each_piece_3, ask_parry_3, Hull, form_3, 3, 3);
+}
+
+/// Whether a body turns so little in `h` \[s\], and is so compact, that eight at once are exact enough.
+#[inline(always)]
+fn is_coarse<P>(spin: &Spin<'_, P, 3>, h: f32) -> bool {
+    let Precession { rate, spread } = spin.precession;
+    let angle = spin.omega * (rate * h);
+    angle.dot(angle) <= COARSE * COARSE && spread <= COMPACT
 }
 
 fn quaternion(pose: &parry3d::math::Pose) -> Quaternion<f32> {

@@ -8,7 +8,7 @@ use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
 use super::World;
-use crate::bodies::Came;
+use crate::bodies::{Came, Turn};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Point, Record, Records};
 use crate::geometry::{
@@ -27,8 +27,8 @@ pub struct Checkpoint {
     poses: Vec<f32>,
     /// What rounding has left out of the positions. \[m\]
     remainders: Vec<f32>,
-    /// Rotation vectors that the poses have not followed yet. \[rad\]
-    turns: Vec<f32>,
+    /// What rounding has left out of the angular velocities of bodies that precess. \[rad/s\]
+    spins: Vec<f32>,
     /// Linear and angular. \[m/s, rad/s\]
     velocities: Vec<f32>,
     /// What contacts gave each body in the last substep. \[m/s, rad/s\]
@@ -108,7 +108,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Checkpoint {
             poses,
             remainders: flat(&bodies.remainders),
-            turns: flat(&bodies.turns),
+            spins: bodies.turns.iter().flat_map(|turn| turn.remainder.0).collect(),
             velocities: flat_velocities(&self.system.velocities),
             pushes: flat_velocities(&self.pushes),
             forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
@@ -183,7 +183,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         let bodies = &mut self.bodies;
         fill(&from.remainders, &mut bodies.remainders);
-        fill(&from.turns, &mut bodies.turns);
+        let mut numbers = from.spins.iter().copied();
+        for turn in &mut bodies.turns {
+            *turn = Turn { followed: Vector::ZERO, remainder: take(&mut numbers) };
+        }
         fill_velocities(&from.velocities, &mut self.system.velocities);
         fill_velocities(&from.pushes, &mut self.pushes);
         bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
@@ -211,7 +214,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         for (what, expected, found) in [
             ("poses", bodies * pose_numbers(L), from.poses.len()),
             ("remainders", bodies * L, from.remainders.len()),
-            ("turns", bodies * A, from.turns.len()),
+            ("spins", bodies * A, from.spins.len()),
             ("velocities", bodies * (L + A), from.velocities.len()),
             ("pushes", bodies * (L + A), from.pushes.len()),
             ("forces", bodies * (L + A), from.forces.len()),
@@ -236,7 +239,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         for (what, numbers) in [
             ("poses", &from.poses),
             ("remainders", &from.remainders),
-            ("turns", &from.turns),
+            ("spins", &from.spins),
             ("velocities", &from.velocities),
             ("pushes", &from.pushes),
             ("forces", &from.forces),

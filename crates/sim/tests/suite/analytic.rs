@@ -607,12 +607,11 @@ fn a_racket_tumbles_about_its_middle_axis() {
     assert_below("change of the angular momentum over 10 s", change, 1e-4);
 }
 
+/// However few the substeps: what is left is rounding.
 #[test]
-fn the_energy_of_free_rotation_is_exact_to_second_order_of_the_substep() {
-    let drifts = [2, 4, 8].map(|substeps| Racket::new(8.0, 0.5, substeps).energy_drift(2.0));
-    println!("energy drift with 2, 4 and 8 substeps: {drifts:?}");
-    for pair in drifts.windows(2) {
-        let ratio = (pair[0] / pair[1]) as f32;
-        assert_within("ratio of the drifts, the substep halved", ratio, 4.0, 0.25);
+fn the_energy_of_free_rotation_is_exact() {
+    for substeps in [1, 2, 4, 8] {
+        let drift = Racket::new(8.0, 0.5, substeps).energy_drift(2.0);
+        assert_below(&format!("energy drift with {substeps} substeps"), drift as f32, 1e-5);
     }
 }

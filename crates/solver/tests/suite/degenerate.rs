@@ -109,7 +109,7 @@ fn nothing_moves<const L: usize, const A: usize>() {
         let solved = solved_by("two walls", &scene.system);
         assert!(solved.contains(&"newton") && solved.contains(&"ladder"), "({L},{A}): {solved:?}");
         // There is nothing between walls that could jam.
-        assert_eq!(jam::find(&scene.system, &mut Islands::default(), 0.1), []);
+        assert_eq!(jam::find(&scene.system, &mut Islands::default(), 0.1, 0), []);
     }
 }
 
@@ -146,7 +146,7 @@ fn contradiction<const L: usize, const A: usize>(softness: f64) {
     }
     let mut own = scene.system.clone();
     pgs::solve(&mut own, &Goal { tolerance: 1e-9, budget: 100 });
-    let jams = jam::find(&own, &mut Islands::default(), 0.1);
+    let jams = jam::find(&own, &mut Islands::default(), 0.1, 0);
     assert_eq!(jams.len(), 1, "{name}");
     assert_eq!((&jams[0].contacts[..], &jams[0].bodies[..]), (&[0, 1][..], &[0, 1, 2][..]));
     // It has 1 m/s on either side, less what it moves.

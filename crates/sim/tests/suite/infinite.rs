@@ -1,0 +1,132 @@
+//! Masses and moments of inertia that are infinite: finite numbers, and the answer of large ones.
+
+use std::path::{Path, PathBuf};
+
+use crate::common::*;
+use drystone::geometry::{Geometry, Rigid3};
+use drystone::scene::read;
+use drystone::{Inertia, StepSettings, World3, build};
+use drystone_solver::{SymmetricMatrix, Vector};
+
+/// A plate of this mass \[kg\], free to turn about its y axis alone, or with these other moments, and a ball that falls
+/// onto it beside the middle: how fast it turns about the world's z axis afterwards. \[rad/s\]
+fn turned(settings: &StepSettings, mass: f32, others: f32, rotation: [f32; 4], gravity: bool) -> f32 {
+    let mut world: World3 = if gravity { world() } else { weightless() };
+    world.settings = settings.clone();
+    let mut plate = dynamic([0.0, 1.0, 0.0], Rigid3::cuboid([0.5, 0.1, 0.5]), &surface(0.5, 0.0));
+    plate.pose = Rigid3::pose(Vector([0.0, 1.0, 0.0]), &rotation);
+    plate.gravity_factor = 0.0;
+    let moments = |of: fn(f32) -> f32| SymmetricMatrix::diagonal(Vector([others, 1.0, others].map(of)));
+    plate.inertia = Some(Inertia {
+        mass,
+        center: Vector::ZERO,
+        moments: moments(|moment| if moment.is_finite() { moment } else { 0.0 }),
+        inverse_moments: moments(|moment| 1.0 / moment),
+    });
+    let plate = world.add(plate);
+    let ball = weighing(dynamic([0.3, 1.7, 0.0], Rigid3::ball(0.1), &surface(0.5, 0.0)), 1.0);
+    world.add(moving(ball, [0.0, if gravity { 0.0 } else { -1.5 }, 0.0]));
+    for _ in 0..40 {
+        let report = world.step(DT);
+        let measure = world.measure();
+        assert!(measure.finite && measure.kinetic_energy.is_finite(), "{mass} kg");
+        if let Some(certified) = report.certified {
+            assert!(certified.error.is_finite() && certified.failed == 0, "{certified:?}");
+        }
+    }
+    velocity(&world, plate).angular[2]
+}
+
+/// A wheel whose axis is level or askew; with a finite mass as well, and with finite moments that are large.
+#[test]
+fn infinite_masses_are_as_large_ones() {
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    for settings in [StepSettings::certified(), StepSettings::quality(), StepSettings::realtime()] {
+        for rotation in [[half, 0.0, 0.0, half], [0.6, 0.1, 0.05, 0.78]] {
+            for gravity in [true, false] {
+                let large = turned(&settings, 1e6, 1e6, rotation, gravity);
+                for (mass, others) in
+                    [(f32::INFINITY, f32::INFINITY), (1e6, f32::INFINITY), (f32::INFINITY, 1e6)]
+                {
+                    let infinite = turned(&settings, mass, others, rotation, gravity);
+                    assert_within("turning of the wheel [rad/s]", infinite, large, 0.01);
+                }
+            }
+        }
+    }
+}
+
+/// Wheels alone on the ground, whose islands have no mass at all, and locked bodies under a heap.
+#[test]
+fn islands_without_mass_are_finite() {
+    for settings in [StepSettings::certified(), StepSettings::realtime()] {
+        let mut world: World3 = world();
+        world.settings = StepSettings { certify: true, ..settings };
+        add_floor(&mut world, &surface(0.5, 0.0));
+        for (i, moments) in [[1.0, 1.0, 1.0], [0.0, 1.0, 0.0], [0.0; 3]].into_iter().enumerate() {
+            let shape = Rigid3::cuboid([0.5, 0.1, 0.3]);
+            let mut wheel = dynamic([3.0 * i as f32, 0.11, 0.0], shape, &surface(0.5, 0.2));
+            wheel.pose = Rigid3::pose(wheel_place(i), &[0.1, 0.0, 0.2, 0.97]);
+            wheel.velocity.angular = Vector([0.0, 0.0, -1.0]);
+            let moments = Vector(moments);
+            wheel.inertia = Some(Inertia {
+                mass: f32::INFINITY,
+                center: Vector::ZERO,
+                moments: SymmetricMatrix::diagonal(moments),
+                inverse_moments: SymmetricMatrix::diagonal(moments),
+            });
+            world.add(wheel);
+            let box_on_it = Rigid3::cuboid([0.1; 3]);
+            world.add(dynamic([3.0 * i as f32, 0.6, 0.0], box_on_it, &surface(0.5, 0.2)));
+        }
+        for step in 0..60 {
+            let report = world.step(DT);
+            assert!(world.measure().finite, "step {step}");
+            let error = report.certified.map_or(0.0, |certified| certified.error);
+            assert!(error.is_finite(), "step {step}: {error}");
+        }
+    }
+}
+
+fn wheel_place(i: usize) -> Vector<f32, 3> {
+    Vector([3.0 * i as f32, 0.2, 0.0])
+}
+
+fn scenes(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.unwrap().path();
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        if path.is_dir() {
+            scenes(&path, files);
+        } else if extension.is_some_and(|extension| ["gltf", "glb", "usda"].contains(&extension)) {
+            files.push(path);
+        }
+    }
+}
+
+/// All public samples and tests of physics in glTF and OpenUSD that can be read run at default settings.
+#[test]
+fn public_samples_bake_at_default_settings() {
+    let Some(root) = std::env::var_os("DRYSTONE_DATA") else {
+        eprintln!("skipped: DRYSTONE_DATA is not set");
+        return;
+    };
+    let mut files = Vec::new();
+    for folder in ["gltf/khr_physics/samples", "gltf/khr_physics/tests", "usd_physics"] {
+        scenes(&Path::new(&root).join(folder), &mut files);
+    }
+    let mut ran = 0;
+    for file in files {
+        let Ok(scene) = read(&file) else { continue };
+        let Ok(mut simulation) = build(&scene.scene, StepSettings::certified()) else { continue };
+        ran += 1;
+        for step in 0..40 {
+            simulation.step(f64::from(DT));
+            let measure = simulation.measure();
+            let finite = measure.finite && measure.kinetic_energy.is_finite();
+            assert!(finite, "{}: step {step}", file.display());
+        }
+    }
+    println!("{ran} samples");
+    assert!(ran >= 12, "{ran} samples");
+}

@@ -1,0 +1,237 @@
+//! Bodies that turn freely keep energy and angular momentum at any speed, and follow the exact solution.
+
+use crate::common::*;
+use drystone::geometry::{Frame, Geometry, Rigid3};
+use drystone::{BodyId, Inertia, StepSettings, World3};
+use drystone_solver::{SymmetricMatrix, Vector, Velocity};
+
+/// A body of these principal moments \[kg m^2\] that turns freely, and its exact motion.
+struct Top {
+    world: World3,
+    id: BodyId,
+    moments: [f64; 3],
+}
+
+impl Top {
+    fn new(settings: StepSettings, moments: [f32; 3], rotation: [f32; 4], omega: [f32; 3]) -> Self {
+        let mut world = World3::new(settings);
+        let mut top = dynamic([0.0; 3], Rigid3::cuboid([0.1; 3]), &surface(0.5, 0.0));
+        top.pose = Rigid3::pose(Vector::ZERO, &rotation);
+        top.velocity = Velocity { linear: Vector::ZERO, angular: Vector(omega) };
+        top.inertia = Some(Inertia {
+            mass: 1.0,
+            center: Vector::ZERO,
+            moments: SymmetricMatrix::diagonal(Vector(moments)),
+            inverse_moments: SymmetricMatrix::diagonal(Vector(moments.map(|moment| 1.0 / moment))),
+        });
+        let id = world.add(top);
+        Self { world, id, moments: moments.map(f64::from) }
+    }
+
+    /// The axes of the body, orthonormal to `f64`.
+    fn axes(&self) -> [[f64; 3]; 3] {
+        let Frame { axes, .. } = Rigid3::frame(&self.world.pose(self.id).unwrap());
+        let [x, y, _] = axes.map(|axis| axis.0.map(f64::from));
+        let x = scaled(x, 1.0 / dot(x, x).sqrt());
+        let y = sum(y, scaled(x, -dot(x, y)));
+        let y = scaled(y, 1.0 / dot(y, y).sqrt());
+        [x, y, cross(x, y)]
+    }
+
+    /// Its angular velocity along its own axes. \[rad/s\]
+    fn seen(&self) -> [f64; 3] {
+        let omega = velocity(&self.world, self.id).angular.0.map(f64::from);
+        self.axes().map(|axis| dot(axis, omega))
+    }
+
+    /// Energy, and angular momentum in the world.
+    fn invariants(&self) -> (f64, [f64; 3]) {
+        let (seen, axes) = (self.seen(), self.axes());
+        let mut momentum = [0.0; 3];
+        let mut energy = 0.0;
+        for i in 0..3 {
+            energy += 0.5 * self.moments[i] * seen[i] * seen[i];
+            momentum = sum(momentum, scaled(axes[i], self.moments[i] * seen[i]));
+        }
+        (energy, momentum)
+    }
+
+    /// The largest relative changes of energy and angular momentum in some steps.
+    fn drift(&mut self, steps: usize, dt: f32) -> [f64; 2] {
+        let (energy, momentum) = self.invariants();
+        let mut worst = [0.0f64; 2];
+        for _ in 0..steps {
+            self.world.step(dt);
+            let (now, turned) = self.invariants();
+            let apart = sum(turned, scaled(momentum, -1.0));
+            let changes =
+                [(now / energy - 1.0).abs(), (dot(apart, apart) / dot(momentum, momentum)).sqrt()];
+            worst = [0, 1].map(|i| worst[i].max(changes[i]));
+        }
+        worst
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+fn scaled(a: [f64; 3], by: f64) -> [f64; 3] {
+    a.map(|x| x * by)
+}
+
+/// Euler's equations for the angular velocity that the body sees, and its axes, by Runge and Kutta's method.
+fn exact(moments: [f64; 3], state: [[f64; 3]; 4], seconds: f64, steps: usize) -> [[f64; 3]; 4] {
+    let rate = |[omega, x, y, z]: [[f64; 3]; 4]| {
+        let turn = |i: usize| {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            (moments[j] - moments[k]) / moments[i] * omega[j] * omega[k]
+        };
+        // In the world.
+        let spin = sum(sum(scaled(x, omega[0]), scaled(y, omega[1])), scaled(z, omega[2]));
+        [[turn(0), turn(1), turn(2)], cross(spin, x), cross(spin, y), cross(spin, z)]
+    };
+    let h = seconds / steps as f64;
+    let ahead = |state: [[f64; 3]; 4], rate: [[f64; 3]; 4], by: f64| {
+        std::array::from_fn(|i| sum(state[i], scaled(rate[i], by)))
+    };
+    let mut state = state;
+    for _ in 0..steps {
+        let first = rate(state);
+        let second = rate(ahead(state, first, 0.5 * h));
+        let third = rate(ahead(state, second, 0.5 * h));
+        let fourth = rate(ahead(state, third, h));
+        for (by, part) in [(1.0, first), (2.0, second), (2.0, third), (1.0, fourth)] {
+            state = ahead(state, part, by * h / 6.0);
+        }
+    }
+    state
+}
+
+/// How far the body is turned from its exact motion \[rad\], and how far its angular velocity is off, as a part.
+fn error(top: &Top, start: [[f64; 3]; 4], seconds: f64) -> [f64; 2] {
+    let speed = dot(start[0], start[0]).sqrt();
+    let [omega, x, y, z] = exact(top.moments, start, seconds, (400.0 * speed * seconds) as usize);
+    let apart = sum(omega, scaled(top.seen(), -1.0));
+    let axes = top.axes();
+    let trace = dot(axes[0], x) + dot(axes[1], y) + dot(axes[2], z);
+    let angle = (0.5 * (trace - 1.0)).clamp(-1.0, 1.0).acos();
+    [angle, dot(apart, apart).sqrt() / speed]
+}
+
+fn start(top: &Top) -> [[f64; 3]; 4] {
+    let [x, y, z] = top.axes();
+    [top.seen(), x, y, z]
+}
+
+/// Moments of a solid ellipsoid, whose axes are up to 1 to 1000.
+fn ellipsoid(random: &mut Random, spread: f32) -> [f32; 3] {
+    let [a, b, c] = std::array::from_fn(|_| spread.powf(random.between(-1.0, 0.0)));
+    [b * b + c * c, a * a + c * c, a * a + b * b]
+}
+
+/// Needles, discs and all between, from 0.01 to 1000 rad/s, at 24 to 240 steps a second, in bakes and in real time.
+#[test]
+fn free_bodies_keep_energy_and_momentum() {
+    let mut random = Random(3);
+    let mut worst = [0.0f64; 2];
+    for case in 0..120 {
+        let moments = ellipsoid(&mut random, [3.0, 30.0, 1000.0][case % 3]);
+        let settings = [StepSettings::realtime(), StepSettings::quality()][case / 3 % 2].clone();
+        let rate = [24.0, 60.0, 240.0][case / 6 % 3];
+        let speed = 10.0f32.powf(random.between(-2.0, 3.0));
+        let omega = random.vector(speed);
+        let mut top = Top::new(settings, moments, random.quaternion(), omega);
+        let changes = top.drift((1.5 * rate) as usize, 1.0 / rate);
+        worst = [0, 1].map(|i| worst[i].max(changes[i]));
+        // A slender body's angular velocity, rounded for us to see, tells its energy no better.
+        let spread = moments.iter().fold(0.0f32, |all, own| all.max(*own))
+            / moments.iter().fold(f32::MAX, |all, own| all.min(*own));
+        let seen = f64::from(1e-4 + 3e-6 * spread.sqrt());
+        assert!(
+            changes[0] < seen && changes[1] < 1e-4,
+            "{moments:?} at {omega:?} rad/s, {rate} steps a second: {changes:?}"
+        );
+    }
+    println!("changes of energy and angular momentum: {worst:?}");
+}
+
+/// Over a minute neither drifts: of a tool at 120 rad/s, of a needle, and of a slow panel.
+#[test]
+fn a_minute_of_free_rotation_does_not_drift() {
+    for (moments, omega, settings, rate) in [
+        ([1.0, 10.0, 10.5], [12.0, 119.0, 12.0], StepSettings::realtime(), 60.0),
+        ([1.0, 10.0, 10.5], [6.0, 60.0, 6.0], StepSettings::realtime(), 24.0),
+        ([1e-6, 1.0, 1.0], [200.0, 0.1, 0.2], StepSettings::realtime(), 60.0),
+        ([0.3, 1.0, 1.2], [0.1, 0.05, 0.02], StepSettings::realtime(), 60.0),
+        ([0.3, 1.0, 1.2], [0.1, 0.05, 0.02], StepSettings::quality(), 60.0),
+        ([0.3, 1.0, 1.2], [0.01, 0.005, 0.002], StepSettings::quality(), 24.0),
+    ] {
+        let mut top = Top::new(settings, moments, [0.0, 0.6, 0.0, 0.8], omega);
+        let changes = top.drift((60.0 * rate) as usize, 1.0 / rate);
+        println!("{moments:?} at {omega:?} rad/s: {changes:?}");
+        assert!(changes.iter().all(|change| *change < 1e-3), "{moments:?}, {omega:?}: {changes:?}");
+    }
+}
+
+/// Ten turns of a tumble about the middle axis follow the exact solution.
+#[test]
+fn a_tumble_follows_the_exact_solution() {
+    for (settings, rate, speed) in [
+        (StepSettings::quality(), 60.0, 6.0),
+        (StepSettings::realtime(), 60.0, 6.0),
+        (StepSettings::realtime(), 60.0, 60.0),
+        (StepSettings::realtime(), 24.0, 200.0),
+    ] {
+        let omega = [0.02 * speed, speed, 0.01 * speed];
+        let mut top = Top::new(settings, [0.1, 0.26, 0.34], [0.0, 0.0, 0.0, 1.0], omega);
+        let start = start(&top);
+        let steps = (std::f32::consts::TAU * 10.0 / speed * rate).ceil() as usize;
+        (0..steps).for_each(|_| drop(top.world.step(1.0 / rate)));
+        let seconds = steps as f64 * f64::from(1.0 / rate);
+        let [angle, part] = error(&top, start, seconds);
+        println!("{speed} rad/s: {angle} rad, {part} of the angular velocity");
+        assert!(angle < 0.05 && part < 0.05, "{speed} rad/s: {angle} rad, {part}");
+    }
+}
+
+/// The error of the motion falls with the square of the substep.
+#[test]
+fn free_rotation_is_of_second_order() {
+    let errors = [2, 4, 8].map(|substeps| {
+        let settings = StepSettings { substeps, ..StepSettings::realtime() };
+        let mut top =
+            Top::new(settings, [0.1, 0.26, 0.34], [0.0, 0.6, 0.0, 0.8], [1.0, 4.0, 2.0]);
+        let start = start(&top);
+        (0..60).for_each(|_| drop(top.world.step(1.0 / 20.0)));
+        error(&top, start, 60.0 * f64::from(1.0f32 / 20.0))[0]
+    });
+    println!("errors with 2, 4 and 8 substeps: {errors:?} rad");
+    for pair in errors.windows(2) {
+        assert!((pair[0] / pair[1] - 4.0).abs() < 1.0, "{errors:?}");
+    }
+}
+
+/// A symmetric top precesses about its angular momentum at L / I, at any speed.
+#[test]
+fn a_symmetric_top_is_exact() {
+    for (speed, rate) in [(3.0f32, 60.0f32), (60.0, 60.0), (200.0, 24.0)] {
+        let omega = [0.8 * speed, 0.6 * speed, 0.0];
+        let settings = StepSettings::realtime();
+        let mut top = Top::new(settings, [0.3, 0.1, 0.3], [0.0, 0.0, 0.0, 1.0], omega);
+        let start = start(&top);
+        (0..60).for_each(|_| drop(top.world.step(1.0 / rate)));
+        let turned = speed * 60.0 / rate;
+        let [angle, part] = error(&top, start, 60.0 * f64::from(1.0 / rate));
+        println!("{speed} rad/s, turned by {turned} rad: {angle} rad, {part}");
+        assert!(angle < 1e-4 * f64::from(turned) + 1e-4 && part < 1e-3, "{speed}: {angle}, {part}");
+    }
+}
