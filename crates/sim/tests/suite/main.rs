@@ -7,6 +7,7 @@ mod checkpoint;
 mod common;
 mod determinism;
 mod energy;
+mod flush;
 mod fuzz;
 mod gltf;
 mod gltf_physics;
