@@ -78,6 +78,7 @@ mod report;
 mod rows;
 mod saved;
 pub mod scene;
+mod seams;
 mod settings;
 mod simulation;
 mod sleep;

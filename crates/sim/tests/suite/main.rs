@@ -9,6 +9,7 @@ mod determinism;
 mod energy;
 mod far;
 mod field;
+mod flush;
 mod fuzz;
 mod gltf;
 mod gltf_physics;
