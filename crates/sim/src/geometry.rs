@@ -2,6 +2,7 @@
 //! where two shapes touch. Everything else in a world is written once for all of them.
 
 mod convex;
+mod cylinders;
 mod hull;
 mod polyhedra;
 #[cfg(test)]
@@ -458,8 +459,11 @@ impl<const L: usize> Touch<L> {
         }
     }
 
-    /// Keeps at most as many points as the dimension needs (2D: 2, 3D: 4): the deepest, then
-    /// those that span the most. The deepest is never dropped.
+    /// Keeps at most as many points as the dimension needs (2D: 2, 3D: 4): the deepest, then those
+    /// that span the most area with it.
+    ///
+    /// Points that are equally deep to within [`FLAT`] do not count as the deepest. Then the choice
+    /// depends on places alone, and a patch at rest keeps its points from step to step.
     pub fn reduce(&mut self) {
         let most = if L == 2 { 2 } else { MAX_POINTS };
         let points = &mut self.points;
@@ -467,22 +471,51 @@ impl<const L: usize> Touch<L> {
         if points.len() <= most {
             return;
         }
-        let deepest = best(points, 0, |p| -p.gap);
-        points.swap(0, deepest);
+        let from = points[0].on_a;
+        let corner = best(points, 0, |p| squared(p.on_a - from));
+        let tolerance = FLAT * (points[corner].on_a - from).length();
+        let deeper = |best: usize, i: usize| {
+            if points[i].gap < points[best].gap - tolerance { i } else { best }
+        };
+        let first = (0..points.len()).fold(corner, deeper);
+        points.swap(0, first);
         let first = points[0].on_a;
         let farthest = best(points, 1, |p| squared(p.on_a - first));
         points.swap(1, farthest);
         if most > 2 {
-            let edge = points[1].on_a - first;
-            let side = |p: &TouchPoint<L>| across(edge, p.on_a - first, self.normal);
-            let left = best(points, 2, side);
-            points.swap(2, left);
-            let right = best(points, 3, |p| -side(p));
-            points.swap(3, right);
+            let normal = self.normal;
+            let second = points[1].on_a;
+            let side = |p: Vector<f32, L>| across(second - first, p - first, normal);
+            let third = best(points, 2, |p| side(p.on_a).abs());
+            points.swap(2, third);
+            let third = points[2].on_a;
+            let outward = if side(third) > 0.0 { -1.0 } else { 1.0 };
+            let edges = [[first, second], [second, third], [third, first]];
+            let added = |p: &TouchPoint<L>| {
+                let beyond = |[from, to]: [Vector<f32, L>; 2]| {
+                    outward * across(to - from, p.on_a - from, normal)
+                };
+                edges.map(beyond).into_iter().fold(f32::NEG_INFINITY, f32::max)
+            };
+            let fourth = best(points, 3, added);
+            points.swap(3, fourth);
         }
         points.truncate(most);
     }
 }
+
+/// Depths that differ by less than this part of a patch's extent count as equal. \[1\]
+const FLAT: f32 = 1e-5;
+
+/// Values that differ by less than this part count as equal when points are chosen. \[1\]
+const ALIKE: f32 = 1e-3;
+
+/// Points nearer than this part of a patch's extent are one: rounding has made two of it. A patch as
+/// slender as one to a thousand keeps its width. \[1\]
+const SAME: f32 = 1e-4;
+
+/// Coordinates are known to this part of themselves. \[1\]
+const ROUNDING: f32 = 3e-7;
 
 fn squared<const L: usize>(v: Vector<f32, L>) -> f32 {
     v.dot(v)
@@ -494,11 +527,13 @@ fn across<const L: usize>(edge: Vector<f32, L>, arm: Vector<f32, L>, n: Vector<f
     area.dot(n)
 }
 
+/// The point from `from` on with the largest value; the first of those that are [`ALIKE`].
 fn best<P>(points: &[P], from: usize, value: impl Fn(&P) -> f32) -> usize {
-    let mut index = from;
-    for i in from + 1..points.len() {
-        if value(&points[i]) > value(&points[index]) {
-            index = i;
+    let (mut index, mut most) = (from, value(&points[from]));
+    for (i, point) in points.iter().enumerate().skip(from + 1) {
+        let own = value(point);
+        if own > most.max(most * (1.0 + ALIKE)) {
+            (index, most) = (i, own);
         }
     }
     index
@@ -510,11 +545,12 @@ fn merge_duplicates<const L: usize>(points: &mut Vec<TouchPoint<L>>) {
     if points.len() < 2 {
         return;
     }
-    let extent = points.iter().map(|p| squared(p.on_a - points[0].on_a)).fold(0.0f32, Real::max);
-    let near = extent * 1e-3 + 1e-12;
+    let first = points[0].on_a;
+    let extent = points.iter().map(|p| squared(p.on_a - first)).fold(0.0f32, Real::max);
+    let near = extent * (SAME * SAME) + squared(first) * (ROUNDING * ROUNDING);
     let mut i = 1;
     while i < points.len() {
-        match (0..i).find(|&j| squared(points[i].on_a - points[j].on_a) < near) {
+        match (0..i).find(|&j| squared(points[i].on_a - points[j].on_a) <= near) {
             Some(j) => {
                 if points[i].gap < points[j].gap {
                     points[j].gap = points[i].gap;
@@ -527,3 +563,6 @@ fn merge_duplicates<const L: usize>(points: &mut Vec<TouchPoint<L>>) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

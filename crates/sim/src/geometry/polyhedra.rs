@@ -15,7 +15,7 @@ use super::{Carrier, Frame, Surfaces, Touch, TouchPoint};
 pub(super) struct Clipper<const L: usize> {
     /// For the corners of a reference face.
     pub(super) reference: Vec<Corner<L>>,
-    incident: Vec<Corner<L>>,
+    pub(super) incident: Vec<Corner<L>>,
     next: Vec<Corner<L>>,
 }
 

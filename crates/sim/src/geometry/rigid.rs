@@ -3,6 +3,7 @@
 use drystone_solver::{SymmetricMatrix, Vector};
 use parry2d::shape::ConvexPolygon;
 
+use super::cylinders::{self, Cylinder};
 use super::hull::{self, Hull};
 use super::polyhedra::{Clipper, Footing, Plane, collide, on_plane};
 use super::rotation::{Eight, Quaternion, each_eight, precess, precess_finely};
@@ -106,7 +107,7 @@ macro_rules! over_parry {
 
         fn rolls(collider: &Self::Collider) -> bool {
             match collider.form {
-                Form::Ball(_) | Form::Capsule(..) => true,
+                Form::Ball(_) | Form::Capsule(..) | Form::Cylinder(_) => true,
                 Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) | Form::Mesh => false,
                 Form::Other => true,
             }
@@ -225,6 +226,8 @@ enum Form<H, const L: usize> {
     /// The ends of its segment, and its radius. \[m\]
     Capsule([Vector<f32, L>; 2], f32),
     Cuboid(Cuboid<L>),
+    /// In space alone.
+    Cylinder(Cylinder),
     /// Boxed, since it is the largest: shapes are visited at random.
     Hull(Box<H>),
     /// By its outward normal.
@@ -341,7 +344,7 @@ fn footing<H, const L: usize>(form: &Form<H, L>) -> Option<Footing<'_, H, L>> {
         Form::Capsule(ends, radius) => Footing::Round(ends, *radius),
         Form::Cuboid(cuboid) => Footing::Cuboid(cuboid),
         Form::Hull(hull) => Footing::Hull(hull),
-        Form::Halfspace(_) | Form::Mesh | Form::Other => return None,
+        Form::Cylinder(_) | Form::Halfspace(_) | Form::Mesh | Form::Other => return None,
     })
 }
 
@@ -379,7 +382,50 @@ fn solids(
         (Cuboid(a), Hull(b)) => meet(a, &**b, query, nearest, clipper, touch),
         (Hull(a), Cuboid(b)) => meet(&**a, b, query, nearest, clipper, touch),
         (Hull(a), Hull(b)) => meet(&**a, &**b, query, nearest, clipper, touch),
+        (Form::Cylinder(cylinder), form) => {
+            let own = cylinder.placed(&Frame::IDENTITY.seen_from(query.from_b));
+            let gap = on_cylinder(&own, form, query, clipper, touch)?;
+            touch.place(query.from_b);
+            gap
+        }
+        (form, Form::Cylinder(cylinder)) => {
+            let own = cylinder.placed(query.from_b);
+            let gap = on_cylinder(&own, form, query, clipper, touch)?;
+            touch.exchange();
+            gap
+        }
         (a, b) => return round_or_plane([a, b], query, clipper, touch),
+    })
+}
+
+/// Contact of a cylinder, as a, with a shape, in that one's frame; returns how far they are apart at least.
+/// `None`: the shape is left to parry.
+fn on_cylinder(
+    cylinder: &cylinders::Placed,
+    form: &Form<Hull, 3>,
+    Query { prediction, before, .. }: Query<'_, 3>,
+    clipper: &mut Clipper<3>,
+    touch: &mut Touch<3>,
+) -> Option<f32> {
+    Some(match form {
+        Form::Ball(_) | Form::Capsule(..) => {
+            cylinders::on_round(cylinder, &form.round()?, prediction, touch)
+        }
+        Form::Cuboid(solid) => {
+            cylinders::on_solid(cylinder, solid, prediction, before, clipper, touch)
+        }
+        Form::Hull(solid) => {
+            cylinders::on_solid(cylinder, &**solid, prediction, before, clipper, touch)
+        }
+        Form::Cylinder(other) => {
+            let other = other.placed(&Frame::IDENTITY);
+            cylinders::between(cylinder, &other, prediction, before, touch)
+        }
+        Form::Halfspace(normal) => {
+            let plane = Plane { point: Vector::ZERO, normal: *normal };
+            cylinders::on_plane(cylinder, &plane, prediction, before, touch)
+        }
+        Form::Mesh | Form::Other => return None,
     })
 }
 
@@ -556,7 +602,7 @@ pieces!(each_piece_3, ask_parry_3, Piece3, parry3d, Hull, 3);
 
 /// Defines how contacts see a shape.
 macro_rules! form {
-    ($name:ident, $parry:ident, $hull:ident, $l:literal, $hulls:pat => $found:expr) => {
+    ($name:ident, $parry:ident, $hull:ident, $l:literal, $($hulls:pat => $found:expr),+) => {
         fn $name(shape: &$parry::shape::SharedShape) -> Form<$hull, $l> {
             use $parry::shape::TypedShape;
             match shape.as_typed_shape() {
@@ -569,7 +615,7 @@ macro_rules! form {
                     Form::Cuboid(Cuboid(cuboid.half_extents.to_array().into()))
                 }
                 TypedShape::HalfSpace(plane) => Form::Halfspace(plane.normal.to_array().into()),
-                $hulls => $found,
+                $($hulls => $found,)+
                 TypedShape::TriMesh(_) => Form::Mesh,
                 _ => Form::Other,
             }
@@ -580,7 +626,9 @@ macro_rules! form {
 form!(form_2, parry2d, ConvexPolygon, 2,
     TypedShape::ConvexPolygon(polygon) => Form::Hull(Box::new(polygon.clone())));
 form!(form_3, parry3d, Hull, 3,
-    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(Form::Other, |hull| Form::Hull(Box::new(hull))));
+    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(Form::Other, |hull| Form::Hull(Box::new(hull))),
+    TypedShape::Cylinder(of) =>
+        Form::Cylinder(Cylinder { radius: of.radius, half_height: of.half_height }));
 
 impl Geometry<2, 1> for Rigid2 {
     type Pose = Pose2;

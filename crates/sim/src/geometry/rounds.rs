@@ -39,7 +39,7 @@ impl<const L: usize> Round<L> {
     }
 
     /// A point of the core, from 0 to 1.
-    fn at(&self, part: f32) -> Vector<f32, L> {
+    pub(super) fn at(&self, part: f32) -> Vector<f32, L> {
         self.ends[0] + self.along() * part
     }
 
@@ -61,20 +61,27 @@ impl<const L: usize> Round<L> {
 }
 
 /// Which parts of two cores are nearest.
-fn nearest<const L: usize>(a: &Round<L>, b: &Round<L>) -> [f32; 2] {
+pub(super) fn nearest<const L: usize>(a: &Round<L>, b: &Round<L>) -> [f32; 2] {
     let (along_a, along_b, between) = (a.along(), b.along(), a.ends[0] - b.ends[0]);
     let (squared_a, squared_b) = (along_a.dot(along_a), along_b.dot(along_b));
     let both = along_a.dot(along_b);
-    // Of the line of a to that of b; where they are parallel any point will do.
+    // Of the line of a to that of b.
     let sine = squared_a * squared_b - both * both;
-    let mut s = 0.0;
+    let refined = |s: f32| {
+        let t = b.nearest(a.at(s));
+        [a.nearest(b.at(t)), t]
+    };
     if sine > 1e-7 * squared_a * squared_b {
         let line = both * along_b.dot(between) - squared_b * along_a.dot(between);
-        s = (line / sine).clamp(0.0, 1.0);
+        return refined((line / sine).clamp(0.0, 1.0));
     }
-    let t = b.nearest(a.at(s));
-    s = a.nearest(b.at(t));
-    [s, t]
+    // One end or the other is nearer by a little.
+    let apart = |&[s, t]: &[f32; 2]| {
+        let apart = a.at(s) - b.at(t);
+        apart.dot(apart)
+    };
+    let ends = [refined(0.0), refined(1.0)];
+    if apart(&ends[1]) < apart(&ends[0]) { ends[1] } else { ends[0] }
 }
 
 /// Fills `touch` with where two round shapes, given in one frame, overlap or are within `prediction` \[m\];

@@ -1,0 +1,234 @@
+use super::*;
+use crate::geometry::random::Random;
+use crate::geometry::solid::Cuboid;
+
+/// What an axis from b to a separates: how far a's support is beyond b's. \[m\]
+type Separates<'a> = &'a dyn Fn([f64; 3]) -> f64;
+
+fn wide(of: V) -> [f64; 3] {
+    of.0.map(f64::from)
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|i| a[i] * b[i]).sum()
+}
+
+/// How far a cylinder reaches along a unit vector, from the origin, in double precision.
+fn extent(of: &Placed, n: [f64; 3]) -> f64 {
+    let along = dot(wide(of.axis), n);
+    let across: [f64; 3] = std::array::from_fn(|i| n[i] - along * wide(of.axis)[i]);
+    let around = f64::from(of.half) * along.abs() + f64::from(of.radius) * dot(across, across).sqrt();
+    dot(wide(of.center), n) + around
+}
+
+/// The most that any axis separates, by search: where that is more than nothing there is one hill.
+fn most(separates: Separates<'_>) -> f64 {
+    let unit = |n: [f64; 3]| n.map(|x| x / dot(n, n).sqrt());
+    let mut best = (f64::NEG_INFINITY, [1.0, 0.0, 0.0]);
+    for i in 0..100 {
+        let z = (i as f64 + 0.5) / 50.0 - 1.0;
+        let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
+        let n = [(1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z];
+        if separates(n) > best.0 {
+            best = (separates(n), n);
+        }
+    }
+    // Ways at random find along ridges.
+    let (mut random, mut step) = (Random(1), 0.2);
+    while step > 1e-8 {
+        let start = best.0;
+        for _ in 0..20 {
+            let way = wide(random.vector());
+            let n = unit(std::array::from_fn(|i| best.1[i] + step * way[i]));
+            if separates(n) > best.0 {
+                best = (separates(n), n);
+            }
+        }
+        if best.0 == start {
+            step *= 0.7;
+        }
+    }
+    best.0
+}
+
+fn placed(random: &mut Random, sizes: [f32; 2], spread: f32) -> Placed {
+    let axes = loop {
+        let (x, y) = (random.vector(), random.vector());
+        let z: V = moment(x, y);
+        if z.length() > 0.1 {
+            let (x, z) = (x * (1.0 / x.length()), z * (1.0 / z.length()));
+            break [x, moment(z, x), z];
+        }
+    };
+    let frame = Frame { position: random.vector() * spread, axes };
+    Cylinder { radius: sizes[0], half_height: sizes[1] }.placed(&frame)
+}
+
+/// Along the axes of the world, with a little lean: what rests.
+fn settled(random: &mut Random, of: Placed) -> Placed {
+    let i = (random.number().abs() * 3.0) as usize % 3;
+    let lean = 10.0f32.powf(-3.5 + 3.0 * random.number());
+    let axis = Vector(std::array::from_fn(|j| f32::from(i == j))) + random.vector() * lean;
+    let axis = axis * (1.0 / axis.length());
+    let side = of.side - axis * axis.dot(of.side);
+    Placed { axis, side: side * (1.0 / side.length()), ..of }
+}
+
+/// Holds a contact to what its shapes are: points on both surfaces, none beyond the gap, the deepest
+/// as deep as the shapes are.
+fn check(
+    what: &str,
+    [a, b]: [Separates<'_>; 2],
+    (gap, touch): (f32, &Touch<3>),
+    size: f32,
+    prediction: f32,
+) -> [bool; 2] {
+    let exact = most(&|n| -a(n.map(|x| -x)) - b(n)) as f32;
+    let close = 1e-4 * size + 2e-3 * prediction;
+    let searched = 3e-3 * size;
+    for point in &touch.points {
+        let own = touch.normal.dot(point.on_a - point.on_b);
+        assert!((own - point.gap).abs() < 1e-5 * size, "{what}: {own} and {point:?}");
+        assert!(point.gap <= prediction, "{what}: {point:?}");
+        for (surface, on, sign) in [(a, point.on_a, -1.0), (b, point.on_b, 1.0)] {
+            let normal = wide(touch.normal).map(|x| x * sign);
+            let out = most(&|n| dot(n, wide(on)) - surface(n)) as f32;
+            let inside = -(dot(normal, wide(on)) - surface(normal)) as f32;
+            // What leans is farther behind than the deepest, but not outside.
+            assert!(out < 3e-4 * size + (-point.gap).max(0.0), "{what}: {out} outside, {inside} behind, {point:?} {touch:?}");
+        }
+    }
+    if touch.points.is_empty() {
+        assert!(exact > prediction - searched, "{what}: {exact} apart, and nothing touches");
+        return [false, false];
+    }
+    assert!((touch.normal.length() - 1.0).abs() < 1e-5, "{what}: {:?}", touch.normal);
+    // A point on each, no farther from each other than an axis separates all: none are nearer.
+    let deepest = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
+    let separated = -a(wide(-touch.normal)) - b(wide(touch.normal));
+    let far = (f64::from(deepest) - separated) as f32;
+    let overlap = (-exact).max(0.0);
+    let deep = overlap > 0.01 * size;
+    assert!(deep || far < close + 0.5 * overlap, "{what}: {deepest}, not {separated}; {touch:?}");
+    assert!(deep || gap <= deepest + close, "{what}: {gap} and {deepest}; {touch:?}");
+    // Another axis may be near to the least, not much deeper where that is shallow.
+    let most = if !deep { 1.5 * overlap + searched } else { f32::INFINITY };
+    assert!(deepest > -most, "{what}: {deepest} of {exact}");
+    [true, touch.points.len() > 1]
+}
+
+const SIZES: [[f32; 2]; 5] = [[0.3, 0.4], [0.5, 0.01], [0.02, 1.0], [0.4, 0.4], [1.0, 0.1]];
+
+fn count(turns: usize, mut one: impl FnMut(usize, &mut Random) -> [bool; 2]) {
+    let mut random = Random(9);
+    let (mut near, mut several) = (0, 0);
+    for turn in 0..turns {
+        let [touches, more] = one(turn, &mut random);
+        near += usize::from(touches);
+        several += usize::from(more);
+    }
+    assert!(near > turns / 10 && several > turns / 50, "{near} and {several} of {turns}");
+}
+
+#[test]
+fn contacts_with_boxes_are_exact() {
+    let mut clipper = Clipper::default();
+    count(800, |turn, random| {
+        let sizes = SIZES[turn % 5];
+        let mut cylinder = placed(random, sizes, 1.2);
+        if turn % 2 == 0 {
+            cylinder = settled(random, cylinder);
+        }
+        let half = [[0.4, 0.3, 0.5], [1.0, 0.02, 0.7]][turn / 5 % 2];
+        let cuboid = Cuboid(Vector(half));
+        let around = |n: [f64; 3]| (0..3).map(|i| f64::from(half[i]) * n[i].abs()).sum::<f64>();
+        let mut touch = Touch::default();
+        let gap = on_solid(&cylinder, &cuboid, 0.1, None, &mut clipper, &mut touch);
+        let size = cylinder.size() + 0.7;
+        let what = format!("{turn}: {cylinder:?}");
+        check(&what, [&|n| extent(&cylinder, n), &around], (gap, &touch), size, 0.1)
+    });
+}
+
+#[test]
+fn contacts_with_rounds_are_exact() {
+    count(800, |turn, random| {
+        let mut cylinder = placed(random, SIZES[turn % 5], 0.9);
+        if turn % 2 == 0 {
+            cylinder = settled(random, cylinder);
+        }
+        let half = if turn / 5 % 3 == 0 { 0.0 } else { 0.4 };
+        let ends = [Vector([0.0, -half, 0.0]), Vector([0.0, half, 0.0])];
+        let round = Round { ends, radius: 0.2 };
+        let around = |n: [f64; 3]| f64::from(half) * n[1].abs() + 0.2 * dot(n, n).sqrt();
+        let mut touch = Touch::default();
+        let gap = on_round(&cylinder, &round, 0.1, &mut touch);
+        let what = format!("{turn}: {cylinder:?} and {round:?}");
+        check(&what, [&|n| extent(&cylinder, n), &around], (gap, &touch), 1.0, 0.1)
+    });
+}
+
+#[test]
+fn contacts_between_cylinders_are_exact() {
+    count(800, |turn, random| {
+        let [mut a, mut b] = [turn % 5, turn / 5 % 5].map(|of| placed(random, SIZES[of], 0.9));
+        if turn % 2 == 0 {
+            a = settled(random, a);
+            b = settled(random, b);
+        }
+        let mut touch = Touch::default();
+        let gap = between(&a, &b, 0.1, None, &mut touch);
+        let what = format!("{turn}: {a:?} and {b:?}");
+        let size = a.size() + b.size();
+        check(&what, [&|n| extent(&a, n), &|n| extent(&b, n)], (gap, &touch), size, 0.1)
+    });
+}
+
+/// A coin that leans touches a plane where it is deepest, and keeps the name of that place all the
+/// way around; one that lies touches below its axis with both ends.
+#[test]
+fn the_deepest_place_is_exact_and_keeps_its_name() {
+    let plane = Plane { point: Vector::ZERO, normal: Vector([0.0, 1.0, 0.0]) };
+    let mut before = None;
+    for degree in 0..720 {
+        let (sin, cos) = (degree as f32).to_radians().sin_cos();
+        let (tilt, up) = 0.3f32.sin_cos();
+        // Leans towards (cos, sin); its own side does not turn with that.
+        let axis = Vector([tilt * cos, up, tilt * sin]);
+        let side = Vector([up, -tilt * cos, 0.0]);
+        let side = side * (1.0 / side.length());
+        let center = Vector([3.0, 0.01 * up + 0.1 * tilt, 1.0]);
+        let coin = Placed { center, axis, side, radius: 0.1, half: 0.01 };
+        let mut touch = Touch::default();
+        let gap = on_plane(&coin, &plane, 0.001, before, &mut touch);
+        assert!(gap.abs() < 1e-6 && touch.points.len() == 1, "{degree}: {gap} {touch:?}");
+        let name = touch.points[0].feature;
+        assert!(before.is_none_or(|before| before == name), "{degree}: {before:?} and {name}");
+        before = Some(name);
+        let lowest = center + axis * -0.01 + Vector([up * cos, -tilt, up * sin]) * 0.1;
+        assert!((touch.points[0].on_a - lowest).length() < 1e-6, "{degree}: {touch:?}");
+    }
+    for angle in [0.0f32, 0.7, 2.0] {
+        let (side, axis) = (Vector([angle.cos(), angle.sin(), 0.0]), Vector([0.0, 0.0, 1.0]));
+        let log = Placed { center: Vector([0.0, 0.1, 0.0]), axis, side, radius: 0.1, half: 0.5 };
+        let mut touch = Touch::default();
+        on_plane(&log, &plane, 0.001, None, &mut touch);
+        assert_eq!(touch.points.len(), 2);
+        assert!(touch.points.iter().all(|point| point.on_a[0] == 0.0 && point.gap == 0.0));
+    }
+}
+
+/// A cylinder that stands over the edge of a box keeps what of its cap is on the box.
+#[test]
+fn a_cap_over_an_edge_is_clipped() {
+    let (mut clipper, mut touch) = (Clipper::default(), Touch::default());
+    let frame = Frame { position: Vector([0.95, 0.6, 0.0]), ..Frame::IDENTITY };
+    let can = Cylinder { radius: 0.1, half_height: 0.1 }.placed(&frame);
+    on_solid(&can, &Cuboid(Vector([1.0, 0.5, 1.0])), 0.02, None, &mut clipper, &mut touch);
+    assert_eq!(touch.points.len(), 4);
+    let extent = |i: usize| {
+        let all = touch.points.iter().map(|point| point.on_a[i]);
+        all.clone().fold(f32::MIN, f32::max) - all.fold(f32::MAX, f32::min)
+    };
+    assert!(extent(0) > 0.14 && extent(2) > 0.17, "{:?}", touch.points);
+}
