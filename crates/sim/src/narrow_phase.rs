@@ -11,7 +11,7 @@ use drystone_solver::wide::{Past, Trace};
 use crate::bodies::Bodies;
 use crate::colliders::Colliders;
 use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
-use crate::geometry::{Frame, Geometry, Touch};
+use crate::geometry::{Ahead, Frame, Geometry, Touch};
 use crate::narrow_phase::places::Places;
 use crate::seams::Closing;
 use crate::travel::{Moving, Travel};
@@ -34,6 +34,8 @@ pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: u
     /// Whether a body moves or can be moved.
     pub(crate) active: &'a [bool],
     pub(crate) prediction_distance: f32,
+    /// How far bodies fall more than they do now in the time to the next search. \[m\]
+    pub(crate) fall: f32,
     pub(crate) reuse_distance: f32,
 }
 
@@ -55,15 +57,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
         self.reuse_distance.min(OFF * pair.thickness)
     }
 
-    /// How far ahead contacts of a pair are looked for; none if it has no records, and more room than that. \[m\]
+    /// How far ahead contacts of a pair are looked for; none if it has no records, and more room than that.
     #[inline(always)]
-    fn prediction(&self, pair: &Pair) -> Option<f32> {
+    fn ahead(&self, pair: &Pair) -> Option<Ahead<L>> {
         let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
         // Never through a thin body to what is behind it.
-        let near = self.prediction_distance.min(THIN * pair.thickness) + a.blow.max(b.blow);
+        let fall = if pair.sheet { self.fall } else { 0.0 };
+        let near = self.prediction_distance.min(THIN * pair.thickness + fall) + a.blow.max(b.blow);
         let room = if pair.count == 0 { pair.room - near } else { f32::NEG_INFINITY };
         let [_, turning] = self.moving.passed(self.travel, pair, || room)?;
-        (turning >= room).then_some(near + turning)
+        let motion = a.linear - b.linear;
+        (turning >= room).then_some(Ahead { prediction: near + turning, motion, turning })
     }
 
     /// Calls `found` with those of a pair's manifolds whose bodies come closer than the gap, counted from its first,
@@ -373,7 +377,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     }
     pair.room = pair.left(around.moving.came);
     let known = pair.count > 0;
-    let ahead = if known { None } else { around.prediction(pair) };
+    let ahead = if known { None } else { around.ahead(pair) };
     if !known && ahead.is_none() {
         return false;
     }
@@ -382,7 +386,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         return !rested;
     }
     // What has records did not have to be near before.
-    let Some(prediction) = ahead.or_else(|| around.prediction(pair)) else { return false };
+    let Some(ahead) = ahead.or_else(|| around.ahead(pair)) else { return false };
     let [a_shape, b_shape] = pair.colliders;
     let pose_a = G::advance(&around.poses[a_shape as usize], a.position, Vector::ZERO);
     let old = if rested { around.resting.view() } else { own.view() };
@@ -411,7 +415,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let shape_a = (&around.shapes[a_shape as usize], &pose_a);
     let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
-    let gap = G::collide(shape_a, shape_b, prediction, before, scratch, &mut report);
+    let gap = G::collide(shape_a, shape_b, ahead, before, scratch, &mut report);
     let (count, again) = places.finish(around.traced);
     pair.count = count;
     pair.room = known_to(if count > 0 { around.lasting(pair) } else { gap }, a.position);

@@ -17,6 +17,7 @@ mod guide;
 mod house;
 mod infinite;
 mod jam;
+mod meshes;
 mod scene;
 mod sleep;
 mod spin;
