@@ -198,8 +198,8 @@ impl<const L: usize, const A: usize> Books<L, A> {
             let turned = difference(&self.moved, body);
             self.ledger.integration += after.dot(&mass.momentum(&turned));
         }
-        for (manifold, before) in system.manifolds.iter().zip(&self.manifolds) {
-            self.ledger.integration -= self.lag(before, manifold, system);
+        for (number, manifold) in system.manifolds.iter().enumerate() {
+            self.ledger.integration -= self.lag(&self.manifolds[number], manifold, system);
             let pulls = manifold.bodies.map(|body| {
                 let at = body as usize;
                 let moves = self.masses[at].linear > 0.0;

@@ -26,6 +26,10 @@ use crate::{Contact, Manifold, Real, Vector, Velocity, moment};
 /// amplitude of 5e-4 rad.
 pub const LEAST_TURN: f32 = 1e-5;
 
+/// Contacts that have turned by more than this since they were found are left as they are: other
+/// corners touch by then. \[rad\]
+const MOST_TURN: f64 = 0.2;
+
 /// R(theta) r - r, by Cayley's map with its angle right to the fourth order.
 #[inline(always)]
 fn turn<T: Real, const L: usize, const A: usize>(
@@ -57,6 +61,23 @@ pub(crate) struct Moved<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> Manifold<T, L> {
+    /// A positive number while its arms and its normal have turned by less than [`MOST_TURN`] in all
+    /// that its bodies have moved since it was found. The arm of a ball to its center does not turn.
+    #[inline(always)]
+    pub(crate) fn holds<const A: usize>(&self, [a, b]: [&Velocity<T, L, A>; 2]) -> T {
+        let normal = self.normal();
+        let most = T::from_f64(MOST_TURN * MOST_TURN);
+        let left = |turn: Vector<T, A>, arm: Vector<T, L>| {
+            let moved = spin(turn, arm);
+            arm.dot(arm) * most - moved.dot(moved)
+        };
+        let cores = [self.arms[0] + normal * self.radii[0], self.arms[1] - normal * self.radii[1]];
+        let carried = a.angular * self.carries[0] + b.angular * self.carries[1];
+        let arms = left(a.angular, cores[0]).min(left(b.angular, cores[1]));
+        // A core in the center of mass has no arm.
+        (arms + T::from_f64(1e-12)).min(left(carried, normal))
+    }
+
     /// The manifold after its bodies have moved by `moved` \[m, rad\], where surfaces at its center
     /// were `gap` \[m\] apart. Its tangents follow the `twist` part of the spin of the body that has
     /// the points.
