@@ -304,12 +304,7 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
 
     /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Whether they have
     /// been `traced` since they were last measured.
-    pub(crate) fn measure(
-        &mut self,
-        numbers: Range<usize>,
-        [a, b]: [&Frame<L>; 2],
-        traced: bool,
-    ) {
+    pub(crate) fn measure(&mut self, numbers: Range<usize>, [a, b]: [&Frame<L>; 2], traced: bool) {
         let own = after(numbers.clone(), self.before[0]);
         self.change(numbers, traced);
         for record in &mut self.manifolds[own] {

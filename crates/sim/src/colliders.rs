@@ -85,10 +85,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         self.thickness.push(thickness::<G, L, A>(&collider.shape));
         self.shapes.push(G::collider(collider.shape));
         self.bounce |= collider.material.restitution > 0.0;
-        let resistance = [
-            collider.material.rolling_resistance,
-            collider.material.spinning_resistance,
-        ];
+        let resistance =
+            [collider.material.rolling_resistance, collider.material.spinning_resistance];
         self.resist |= A > 0 && resistance.iter().any(|of| *of > 0.0);
         if let Some(motion) = collider.surface_velocity {
             self.set_belt(self.body.len() - 1, Some(Belt { motion, frame: local, own: true }));
@@ -115,14 +113,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
 
     /// Has the surface of a body run, whose origin is at `frame` in that of its center of mass; but for shapes
     /// that have a motion of their own.
-    pub(crate) fn run(
-        &mut self,
-        body: usize,
-        motion: Option<SurfaceMotion<L, A>>,
-        frame: G::Pose,
-    ) {
+    pub(crate) fn run(&mut self, body: usize, motion: Option<SurfaceMotion<L, A>>, frame: G::Pose) {
         for id in 0..self.body.len() {
-            let own = self.belts.get(id).is_some_and(|belt| belt.as_ref().is_some_and(|belt| belt.own));
+            let own =
+                self.belts.get(id).is_some_and(|belt| belt.as_ref().is_some_and(|belt| belt.own));
             if self.body[id] == body as u32 && !self.removed[id] && !own {
                 self.set_belt(id, motion.map(|motion| Belt { motion, frame, own: false }));
             }

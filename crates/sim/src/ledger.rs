@@ -90,11 +90,8 @@ impl Ledger {
 
     /// The change of energy that no item explains: rounding. \[J\]
     pub fn unexplained(&self) -> f64 {
-        let explained = self.forces
-            + self.damping
-            + self.driven
-            + self.by_contacts()
-            + self.integration;
+        let explained =
+            self.forces + self.damping + self.driven + self.by_contacts() + self.integration;
         self.kinetic + self.potential - explained
     }
 
@@ -218,8 +215,8 @@ impl<const L: usize, const A: usize> Books<L, A> {
             self.ledger.integration += after.dot(&mass.momentum(&turned));
         }
         let mut surfaces = surfaces.iter();
-        for (manifold, before) in system.manifolds.iter().zip(&self.manifolds) {
-            self.ledger.integration -= self.lag(before, manifold, system);
+        for (number, manifold) in system.manifolds.iter().enumerate() {
+            self.ledger.integration -= self.lag(&self.manifolds[number], manifold, system);
             let surface = surfaces.next();
             let pulls = manifold.bodies.map(|body| {
                 let at = body as usize;

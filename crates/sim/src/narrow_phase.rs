@@ -9,8 +9,8 @@ use drystone_solver::team::{Team, chunks_with_parts};
 use drystone_solver::wide::{Past, Trace};
 
 use crate::bodies::Bodies;
-use crate::colliders::Colliders;
 use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
+use crate::colliders::Colliders;
 use crate::geometry::{Ahead, Frame, Geometry, Touch};
 use crate::narrow_phase::places::Places;
 use crate::seams::Closing;

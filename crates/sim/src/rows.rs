@@ -182,8 +182,7 @@ mod tests {
         let mut past = |h, [same, in_order]: [bool; 2]| {
             let stiffness = certifier.stiffness(records.pairs(), |_| 10.0, &settings, h);
             let (records, velocities): (_, &[Velocity<f32, 3, 3>]) = (&records, &[]);
-            let rows =
-                RowsOf { records, velocities, stiffness, same, together: true, in_order };
+            let rows = RowsOf { records, velocities, stiffness, same, together: true, in_order };
             rows.past(0)
         };
         let found = [

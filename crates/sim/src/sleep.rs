@@ -132,10 +132,11 @@ impl<const L: usize> Sleep<L> {
             }
         }
         for (number, bodies) in touching.enumerate() {
-            let carried = runs(number) || bodies.iter().any(|&body| {
-                of_body[body as usize] == island::NONE
-                    && system.velocities[body as usize] != Velocity::ZERO
-            });
+            let carried = runs(number)
+                || bodies.iter().any(|&body| {
+                    of_body[body as usize] == island::NONE
+                        && system.velocities[body as usize] != Velocity::ZERO
+                });
             if carried
                 && let Some(ready) = self.ready.get_mut(self.islands.of_pair(bodies) as usize)
             {

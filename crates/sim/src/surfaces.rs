@@ -101,7 +101,8 @@ impl<const L: usize, const A: usize> Surfaces<L, A> {
         }
         let rows = &self.rows;
         wide.take_surfaces(Some(|number: usize, manifold: &Manifold<f32, L>| {
-            let Row { belts: [a, b], runs, resistance: [rolling, spinning], torque } = &rows[number];
+            let Row { belts: [a, b], runs, resistance: [rolling, spinning], torque } =
+                &rows[number];
             let belt = if *runs { belt(manifold, [a, b], velocities, dt) } else { Velocity::ZERO };
             let torque = manifold.turning(*torque);
             Surface { belt, rolling: *rolling, spinning: *spinning, torque }

@@ -521,8 +521,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn course(&mut self) -> Course<'_, G, L, A> {
         let System { velocities, masses, .. } = &mut self.system;
         let contacts = self.wide.whole(&mut self.records.traces);
-        let states =
-            [velocities, &mut self.prospective, &mut self.displacements, &mut self.pushes];
+        let states = [velocities, &mut self.prospective, &mut self.displacements, &mut self.pushes];
         Course::new(&mut self.bodies, masses, states.map(Vec::as_mut_slice), contacts, &self.team)
     }
 

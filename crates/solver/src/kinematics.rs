@@ -26,6 +26,10 @@ use crate::{Contact, Manifold, Real, Vector, Velocity, moment};
 /// amplitude of 5e-4 rad.
 pub const LEAST_TURN: f32 = 1e-5;
 
+/// Contacts that have turned by more than this since they were found are left as they are: other
+/// corners touch by then. \[rad\]
+const MOST_TURN: f64 = 0.2;
+
 /// R(theta) r - r, by Cayley's map with its angle right to the fourth order.
 #[inline(always)]
 fn turn<T: Real, const L: usize, const A: usize>(
@@ -41,9 +45,7 @@ fn turn<T: Real, const L: usize, const A: usize>(
 
 /// A positive number if either body turns by more than [`LEAST_TURN`].
 #[inline(always)]
-pub(crate) fn turns<T: Real, const L: usize, const A: usize>(
-    [a, b]: [&Velocity<T, L, A>; 2],
-) -> T {
+pub(crate) fn turns<T: Real, const L: usize, const A: usize>([a, b]: [&Velocity<T, L, A>; 2]) -> T {
     let least = T::from_f64(f64::from(LEAST_TURN) * f64::from(LEAST_TURN));
     a.angular.dot(a.angular).max(b.angular.dot(b.angular)) - least
 }
@@ -57,6 +59,23 @@ pub(crate) struct Moved<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> Manifold<T, L> {
+    /// A positive number while its arms and its normal have turned by less than [`MOST_TURN`] in all
+    /// that its bodies have moved since it was found. The arm of a ball to its center does not turn.
+    #[inline(always)]
+    pub(crate) fn holds<const A: usize>(&self, [a, b]: [&Velocity<T, L, A>; 2]) -> T {
+        let normal = self.normal();
+        let most = T::from_f64(MOST_TURN * MOST_TURN);
+        let left = |turn: Vector<T, A>, arm: Vector<T, L>| {
+            let moved = spin(turn, arm);
+            arm.dot(arm) * most - moved.dot(moved)
+        };
+        let cores = [self.arms[0] + normal * self.radii[0], self.arms[1] - normal * self.radii[1]];
+        let carried = a.angular * self.carries[0] + b.angular * self.carries[1];
+        let arms = left(a.angular, cores[0]).min(left(b.angular, cores[1]));
+        // A core in the center of mass has no arm.
+        (arms + T::from_f64(1e-12)).min(left(carried, normal))
+    }
+
     /// The manifold after its bodies have moved by `moved` \[m, rad\], where surfaces at its center
     /// were `gap` \[m\] apart. Its tangents follow the `twist` part of the spin of the body that has
     /// the points.
@@ -154,13 +173,15 @@ mod tests {
     fn what_rolls_stays_on_the_floor() {
         let (radius, beside) = (0.5, Vector([0.2, 0.1]));
         let arm = Vector([0.0, -radius]) - beside;
-        let rolling = Manifold { arms: [arm, Vector([3.0, 0.0])], ..manifold([radius, 0.0], [0.0, 1.0]) };
+        let rolling =
+            Manifold { arms: [arm, Vector([3.0, 0.0])], ..manifold([radius, 0.0], [0.0, 1.0]) };
         for angle in [0.5, 0.1, 0.05] {
             // x = x_center + R(angle) beside.
             let center = Vector([-radius * angle, 0.0]);
             let linear = center + turn(Vector([angle]), beside);
             let of_a = moved(linear.0, angle);
-            let Moved { frame, arms, bend } = rolling.moved(0.0, [&of_a, &moved([0.0; 2], 0.0)], 0.0);
+            let Moved { frame, arms, bend } =
+                rolling.moved(0.0, [&of_a, &moved([0.0; 2], 0.0)], 0.0);
             assert_eq!(frame, rolling.frame);
             let below = Vector([0.0, -radius]) - (beside + turn(Vector([angle]), beside));
             assert!((arms[0] - below).length() < 1e-12, "{arms:?}");
@@ -181,7 +202,8 @@ mod tests {
                 rows.arms[0] + rows.frame[0] * (radii[0] + 0.5 * gap),
                 rows.arms[1] - rows.frame[0] * (radii[1] + 0.5 * gap),
             ];
-            let turned = [cores[0] + turn(a.angular, cores[0]), cores[1] + turn(b.angular, cores[1])];
+            let turned =
+                [cores[0] + turn(a.angular, cores[0]), cores[1] + turn(b.angular, cores[1])];
             let apart = rows.arms[1] - rows.arms[0] + a.linear - b.linear;
             let between = apart + turned[0] - turned[1];
             let now = if carries == [0.0, 0.0] { between.length() } else { between.dot(frame[0]) };

@@ -95,7 +95,8 @@ impl<const L: usize, const A: usize> Problem<L, A> {
             })
         });
         let place: Vec<Option<u32>> = place.collect();
-        let free = masses.iter().zip(&system.masses).map(|(mass, inverse)| projection(mass, inverse));
+        let free =
+            masses.iter().zip(&system.masses).map(|(mass, inverse)| projection(mass, inverse));
         let free = free.collect();
         let mut rows = Vec::with_capacity(system.contacts.len());
         for manifold in &system.manifolds {
@@ -349,9 +350,7 @@ fn projection<const L: usize, const A: usize>(
 
 /// Of rows with a projection.
 fn product<const N: usize>(free: &Projection, rows: &[[f64; MOST]; N]) -> [[f64; MOST]; N] {
-    rows.map(|row| {
-        std::array::from_fn(|j| (0..MOST).map(|k| row[k] * free[k][j]).sum())
-    })
+    rows.map(|row| std::array::from_fn(|j| (0..MOST).map(|k| row[k] * free[k][j]).sum()))
 }
 
 fn transposed(of: &[[f64; MOST]; MOST]) -> [[f64; MOST]; MOST] {

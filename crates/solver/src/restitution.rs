@@ -429,8 +429,7 @@ impl<const L: usize, const A: usize> Blow<L, A> {
     ) -> usize {
         let Self { part, times, struck, .. } = self;
         let mut taken = 0;
-        for ((own, &index), &time) in
-            part.system.manifolds.iter().zip(&part.manifolds).zip(&*times)
+        for ((own, &index), &time) in part.system.manifolds.iter().zip(&part.manifolds).zip(&*times)
         {
             let manifold = whole.manifolds[index as usize];
             let before = whole.velocities_of(&manifold);

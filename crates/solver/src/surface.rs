@@ -45,12 +45,8 @@ impl<T: Real, const L: usize, const A: usize> Default for Surface<T, L, A> {
 
 impl<T: Real, const L: usize, const A: usize> Surface<T, L, A> {
     /// Of surfaces that stand and resist nothing.
-    pub const NONE: Self = Self {
-        belt: Velocity::ZERO,
-        rolling: T::ZERO,
-        spinning: T::ZERO,
-        torque: Vector::ZERO,
-    };
+    pub const NONE: Self =
+        Self { belt: Velocity::ZERO, rolling: T::ZERO, spinning: T::ZERO, torque: Vector::ZERO };
 
     /// The belt of a manifold whose surfaces run at these velocities against their bodies, given at the centers of
     /// mass as those of bodies are.

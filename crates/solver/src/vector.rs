@@ -250,7 +250,8 @@ impl<const N: usize> SymmetricMatrix<f64, N> {
     pub fn pseudo_inverse(&self) -> Self {
         let mut a = *self;
         let mut vectors = Self::diagonal(Vector([1.0; N])).0;
-        for (p, q) in (0..SWEEPS).flat_map(|_| (0..N).flat_map(|p| (p + 1..N).map(move |q| (p, q)))) {
+        for (p, q) in (0..SWEEPS).flat_map(|_| (0..N).flat_map(|p| (p + 1..N).map(move |q| (p, q))))
+        {
             let across = a.0[p][q];
             if across == 0.0 {
                 continue;

@@ -109,7 +109,22 @@ struct Nearest {
     beside: bool,
 }
 
+/// The cosine between axis and normal above which a cylinder touches with a cap or a rim that does not
+/// roll. \[1\]
+const TILTED: f32 = 0.9;
+
 impl Placed {
+    /// The distance along a normal from its surface to its axis, about which it rolls; 0 where it stands. \[m\]
+    pub(super) fn roundness(&self, normal: V) -> f32 {
+        let cosine = self.axis.dot(normal);
+        if cosine.abs() < TILTED { self.radius / (1.0 - cosine * cosine).sqrt() } else { 0.0 }
+    }
+
+    /// Whether it stands on a cap along a normal.
+    pub(super) fn stands(&self, normal: V) -> bool {
+        self.axis.dot(normal).abs() > 1.0 - 1e-6
+    }
+
     /// The middle of what of the axis is in a solid.
     fn within(&self, solid: &impl Solid<3>) -> Option<V> {
         let core = self.core();
@@ -499,7 +514,8 @@ fn over_cap(
     let center = facing.center - normal * normal.dot(facing.center - middle);
     let between = middle - center;
     let distance = between.length();
-    let foot = (distance * distance + cylinder.radius * cylinder.radius - squared) / (2.0 * distance);
+    let foot =
+        (distance * distance + cylinder.radius * cylinder.radius - squared) / (2.0 * distance);
     let left = cylinder.radius * cylinder.radius - foot * foot;
     if distance > 0.0 && left > 0.0 {
         let along = between * (1.0 / distance);

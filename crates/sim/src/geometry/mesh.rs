@@ -14,10 +14,10 @@ mod surface;
 
 use drystone_solver::{Vector, moment};
 
-use self::surface::{Beyond, Face, Facet};
 pub(crate) use self::surface::Surface;
+use self::surface::{Beyond, Face, Facet};
 use super::solid::Corner;
-use super::{Frame, Touch, TouchPoint};
+use super::{Carrier, Frame, Surfaces, Touch, TouchPoint};
 
 pub(super) use self::rounds::round;
 pub(super) use self::solids::solid;
@@ -48,6 +48,17 @@ impl Part {
             Self::Under(face) => 3 << 30 | face,
         }
     }
+
+    /// How it and a shape of this radius, or a sharp one, are curved where they touch. \[m\]
+    fn surfaces(self, radius: f32) -> Surfaces {
+        let normal = match self {
+            Self::Facet { .. } => Carrier::FaceOfB,
+            Self::Under(_) => Carrier::FaceOfA,
+            Self::Edge(_) | Self::Vertex(_) if radius > 0.0 => Carrier::Centers,
+            Self::Edge(_) | Self::Vertex(_) => Carrier::Edges,
+        };
+        Surfaces { radii: [radius, 0.0], normal }
+    }
 }
 
 /// What is found on the way through a mesh: one manifold for each part. The normals point out of the mesh.
@@ -66,6 +77,8 @@ pub(super) struct Gathered {
     /// The piece of the mesh that it touches, and whether on both sides.
     faced: Option<Faced>,
     both: bool,
+    /// Of a round shape. \[m\]
+    radius: f32,
 }
 
 /// What a shape is to one side of a facet.
@@ -88,7 +101,7 @@ impl Gathered {
         self.facets.clear();
         self.polygon.clear();
         self.near.clear();
-        (self.faced, self.both) = (None, false);
+        (self.faced, self.both, self.radius) = (None, false, 0.0);
     }
 
     /// Notes that the shape touches a side of a facet, or of what is around it.
@@ -109,6 +122,7 @@ impl Gathered {
             let touch = &mut self.manifolds[self.count];
             touch.points.clear();
             (touch.part, touch.normal) = (number, normal);
+            touch.surfaces = part.surfaces(self.radius);
             self.count += 1;
             self.count - 1
         });
@@ -263,12 +277,7 @@ pub(super) fn on_plane(
         let gap = normal.dot(place - point);
         apart = apart.min(gap);
         if gap <= prediction {
-            touch.points.push(TouchPoint {
-                on_a: place,
-                on_b: place - normal * gap,
-                gap,
-                feature,
-            });
+            touch.points.push(TouchPoint { on_a: place, on_b: place - normal * gap, gap, feature });
         }
     }
     touch.reduce();

@@ -13,8 +13,8 @@ use super::separation::{Crossing, between, between_boxes};
 use super::solid::{Cuboid, Solid};
 use super::spheres::balls;
 use super::{
-    Ahead, Bounds, Frame, Geometry, MassProperties, Precession, Reach, Spin, Surfaces, TOGETHER,
-    Touch, TouchPoint, leading,
+    Ahead, Bounds, Carrier, Frame, Geometry, MassProperties, Precession, Reach, Spin, Surfaces,
+    TOGETHER, Touch, TouchPoint, leading,
 };
 
 /// Half of the size that stands for an unbounded shape. \[m\]
@@ -129,11 +129,7 @@ macro_rules! over_parry {
             }
         }
 
-        fn roundness(
-            collider: &Self::Collider,
-            pose: &Self::Pose,
-            axis: Vector<f32, $l>,
-        ) -> f32 {
+        fn roundness(collider: &Self::Collider, pose: &Self::Pose, axis: Vector<f32, $l>) -> f32 {
             match collider.form {
                 Form::Ball(radius) | Form::Capsule(_, radius) => radius,
                 Form::Cylinder(Cylinder { radius, .. }) => {
@@ -155,7 +151,8 @@ macro_rules! over_parry {
                 ((part as usize) < mesh.num_triangles()).then(|| mesh.triangle(part))
             });
             let whole = collider.shape.as_support_map();
-            let solid = triangle.as_ref().map(|of| of as &dyn $parry::shape::SupportMap).or(whole)?;
+            let solid =
+                triangle.as_ref().map(|of| of as &dyn $parry::shape::SupportMap).or(whole)?;
             let far = solid.support_point(&pose, direction.0.into());
             Some(Vector(far.to_array()))
         }
@@ -400,12 +397,14 @@ fn solids(
         (Form::Cylinder(cylinder), form) => {
             let own = cylinder.placed(&Frame::IDENTITY.seen_from(query.from_b));
             let gap = on_cylinder(&own, form, query, clipper, touch)?;
+            touch.surfaces = cylinder_on(&own, form, touch.normal);
             touch.place(query.from_b);
             gap
         }
         (form, Form::Cylinder(cylinder)) => {
             let own = cylinder.placed(query.from_b);
             let gap = on_cylinder(&own, form, query, clipper, touch)?;
+            touch.surfaces = cylinder_on(&own, form, touch.normal);
             touch.exchange();
             gap
         }
@@ -443,6 +442,42 @@ fn on_cylinder(
         Form::Mesh(_) | Form::Other => return None,
     })
 }
+
+/// How a cylinder, as a, and a shape are curved where they touch along a normal.
+fn cylinder_on(
+    cylinder: &cylinders::Placed,
+    form: &Form<Hull, 3>,
+    normal: Vector<f32, 3>,
+) -> Surfaces {
+    let radius = |of: &cylinders::Placed| of.roundness(normal);
+    let is = |other: Vector<f32, 3>| other.dot(normal) > SAME;
+    let has =
+        |solid: &dyn Fn(usize) -> Vector<f32, 3>, faces: usize| (0..faces).any(|f| is(solid(f)));
+    let (other, face) = match form {
+        Form::Ball(radius) | Form::Capsule(_, radius) => (*radius, false),
+        Form::Cylinder(other) => {
+            let other = other.placed(&Frame::IDENTITY);
+            (radius(&other), radius(&other) == 0.0 && other.stands(normal))
+        }
+        Form::Cuboid(solid) => (0.0, has(&|face| solid.face(face).0, solid.faces())),
+        Form::Hull(solid) => (0.0, has(&|face| solid.face(face).0, solid.faces())),
+        Form::Halfspace(_) | Form::Mesh(_) | Form::Other => (0.0, true),
+    };
+    let own = radius(cylinder);
+    let normal = if face {
+        Carrier::FaceOfB
+    } else if cylinder.stands(normal) {
+        Carrier::FaceOfA
+    } else if own + other > 0.0 {
+        Carrier::Centers
+    } else {
+        Carrier::Edges
+    };
+    Surfaces { radii: [own, other], normal }
+}
+
+/// The cosine of two directions that are one. \[1\]
+const SAME: f32 = 1.0 - 1e-6;
 
 /// There are none in the plane.
 fn no_meshes<S>(
@@ -571,7 +606,9 @@ fn closest(
     let sizes = [a, b].map(|shape| {
         use parry3d::math::Vector as V;
         [V::X, V::Y, V::Z]
-            .map(|axis| (shape.local_support_point(axis) - shape.local_support_point(-axis)).dot(axis))
+            .map(|axis| {
+                (shape.local_support_point(axis) - shape.local_support_point(-axis)).dot(axis)
+            })
             .into_iter()
             .fold(0.0, f32::max)
     });
@@ -762,7 +799,15 @@ impl Geometry<2, 1> for Rigid2 {
     }
 
     over_parry!(
-        parry2d, polygons, no_meshes, each_piece_2, ask_parry_2, ConvexPolygon, form_2, 2, 1
+        parry2d,
+        polygons,
+        no_meshes,
+        each_piece_2,
+        ask_parry_2,
+        ConvexPolygon,
+        form_2,
+        2,
+        1
     );
 }
 

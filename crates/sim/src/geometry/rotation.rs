@@ -132,9 +132,8 @@ pub(super) fn precess_finely(
     rate: f32,
     h: f32,
 ) -> Turned {
-    let exact = |q: Quaternion<f32>| {
-        Quaternion { axis: q.axis.cast(), w: f64::from(q.w) }.normalized()
-    };
+    let exact =
+        |q: Quaternion<f32>| Quaternion { axis: q.axis.cast(), w: f64::from(q.w) }.normalized();
     let (from, moments) = (exact(q), moments.cast::<f64>());
     let inverse_moments = moments.inverse().unwrap_or(SymmetricMatrix::ZERO);
     let mut seen = from.inverse().turned(omega[0].cast::<f64>() + omega[1].cast());

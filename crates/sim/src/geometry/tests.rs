@@ -73,9 +73,8 @@ fn the_deepest_point_and_the_area_are_kept() {
         let all = kept.points.clone();
         kept.reduce();
         assert_eq!(kept.points.len(), 4);
-        let deepest = |points: &[TouchPoint<3>]| {
-            points.iter().map(|p| p.gap).fold(f32::INFINITY, f32::min)
-        };
+        let deepest =
+            |points: &[TouchPoint<3>]| points.iter().map(|p| p.gap).fold(f32::INFINITY, f32::min);
         assert!(deepest(&kept.points) <= deepest(&all) + 5e-5);
         let first = kept.points[0];
         let mut most = 0.0f32;
@@ -92,7 +91,8 @@ fn the_deepest_point_and_the_area_are_kept() {
             let mut shaken = touch(corners);
             shaken.points.iter_mut().for_each(|point| point.gap += 1e-7 * random.number());
             shaken.reduce();
-            let names = |touch: &Touch<3>| touch.points.iter().map(|p| p.feature).collect::<Vec<_>>();
+            let names =
+                |touch: &Touch<3>| touch.points.iter().map(|p| p.feature).collect::<Vec<_>>();
             assert_eq!(names(&shaken), names(&kept));
         }
     }

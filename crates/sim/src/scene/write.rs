@@ -1,7 +1,8 @@
 //! Writing a scene in Drystone's own format; what equals its default is left out.
 
 use super::description::{
-    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, SurfaceVelocity, Track,
+    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, SurfaceVelocity,
+    Track,
 };
 use super::document::{
     BodyDocument, CollisionDocument, InertiaDocument, KeyDocument, RotationDocument, SceneDocument,
@@ -166,10 +167,7 @@ fn surface(material: &Material, default: &Material) -> SurfaceDocument {
     SurfaceDocument {
         friction: number_unless(material.friction, default.friction),
         restitution: number_unless(material.restitution, default.restitution),
-        rolling_resistance: number_unless(
-            material.rolling_resistance,
-            default.rolling_resistance,
-        ),
+        rolling_resistance: number_unless(material.rolling_resistance, default.rolling_resistance),
         spinning_resistance: number_unless(
             material.spinning_resistance,
             default.spinning_resistance,

@@ -11,9 +11,7 @@ use super::World;
 use crate::bodies::{Came, Turn};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Point, Record, Records};
-use crate::geometry::{
-    Bounds, Carrier, Frame, Geometry, MAX_POINTS, Surfaces, pose_numbers,
-};
+use crate::geometry::{Bounds, Carrier, Frame, Geometry, MAX_POINTS, Surfaces, pose_numbers};
 use crate::sleep::Sleep;
 use crate::surfaces::Held;
 
@@ -153,8 +151,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.pairs = pairs;
         self.surfaces.held.clear();
         let torques = from.torques.chunks_exact(A.max(1)).zip(&self.pairs);
-        self.surfaces.held.extend(torques.map(|(numbers, pair)| {
-            Held { colliders: pair.colliders, torque: take(&mut numbers.iter().copied()) }
+        self.surfaces.held.extend(torques.map(|(numbers, pair)| Held {
+            colliders: pair.colliders,
+            torque: take(&mut numbers.iter().copied()),
         }));
         self.records = records;
         self.sleep = Sleep::resumed(from.still.clone(), from.groups.clone());

@@ -7,7 +7,12 @@ use drystone::{StepSettings, World3};
 use drystone_solver::Vector;
 
 /// Boxes, balls and hulls that fall onto a floor, and as many bodies as there are places far away.
-fn falling(settings: &StepSettings, floor: parry3d::shape::SharedShape, tilt: f32, far: &[Far]) -> Vec<u32> {
+fn falling(
+    settings: &StepSettings,
+    floor: parry3d::shape::SharedShape,
+    tilt: f32,
+    far: &[Far],
+) -> Vec<u32> {
     let material = surface(0.5, 0.3);
     let mut world: World3 = world();
     world.settings = settings.clone();

@@ -47,9 +47,8 @@ impl Ride {
 
 /// The corners of a box.
 fn corners<const L: usize>(half: [f32; L]) -> Vec<[f32; L]> {
-    let corner = |bits: usize| {
-        std::array::from_fn(|i| if bits >> i & 1 == 1 { half[i] } else { -half[i] })
-    };
+    let corner =
+        |bits: usize| std::array::from_fn(|i| if bits >> i & 1 == 1 { half[i] } else { -half[i] });
     (0..1 << L).map(corner).collect()
 }
 

@@ -10,13 +10,20 @@ use drystone_solver::{SymmetricMatrix, Vector};
 
 /// A plate of this mass \[kg\], free to turn about its y axis alone, or with these other moments, and a ball that falls
 /// onto it beside the middle: how fast it turns about the world's z axis afterwards. \[rad/s\]
-fn turned(settings: &StepSettings, mass: f32, others: f32, rotation: [f32; 4], gravity: bool) -> f32 {
+fn turned(
+    settings: &StepSettings,
+    mass: f32,
+    others: f32,
+    rotation: [f32; 4],
+    gravity: bool,
+) -> f32 {
     let mut world: World3 = if gravity { world() } else { weightless() };
     world.settings = settings.clone();
     let mut plate = dynamic([0.0, 1.0, 0.0], Rigid3::cuboid([0.5, 0.1, 0.5]), &surface(0.5, 0.0));
     plate.pose = Rigid3::pose(Vector([0.0, 1.0, 0.0]), &rotation);
     plate.gravity_factor = 0.0;
-    let moments = |of: fn(f32) -> f32| SymmetricMatrix::diagonal(Vector([others, 1.0, others].map(of)));
+    let moments =
+        |of: fn(f32) -> f32| SymmetricMatrix::diagonal(Vector([others, 1.0, others].map(of)));
     plate.inertia = Some(Inertia {
         mass,
         center: Vector::ZERO,

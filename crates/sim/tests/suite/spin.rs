@@ -208,8 +208,7 @@ fn a_tumble_follows_the_exact_solution() {
 fn free_rotation_is_of_second_order() {
     let errors = [2, 4, 8].map(|substeps| {
         let settings = StepSettings { substeps, ..StepSettings::realtime() };
-        let mut top =
-            Top::new(settings, [0.1, 0.26, 0.34], [0.0, 0.6, 0.0, 0.8], [1.0, 4.0, 2.0]);
+        let mut top = Top::new(settings, [0.1, 0.26, 0.34], [0.0, 0.6, 0.0, 0.8], [1.0, 4.0, 2.0]);
         let start = start(&top);
         (0..60).for_each(|_| drop(top.world.step(1.0 / 20.0)));
         error(&top, start, 60.0 * f64::from(1.0f32 / 20.0))[0]

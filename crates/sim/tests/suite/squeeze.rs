@@ -83,7 +83,10 @@ fn no_deeper_than_inelastic<G: Rigid<L, A>, const L: usize, const A: usize>(
                     "{L}D {light:?} {aside} 1:{ratio} e {restitution}: {deepest} m, {lowest}; \
                      e 0: {inelastic} m, {low}"
                 );
-                assert!(most < 1.001, "{L}D {light:?} 1:{ratio} e {restitution}: {most} of the energy");
+                assert!(
+                    most < 1.001,
+                    "{L}D {light:?} 1:{ratio} e {restitution}: {most} of the energy"
+                );
             }
         }
     }
@@ -110,8 +113,7 @@ fn a_certified_squeeze_stays_shallow() {
 /// What lies on a floor that nothing else strikes does not move when a ball bounces elsewhere.
 #[test]
 fn a_blow_elsewhere_moves_nobody() {
-    let mut press =
-        Press::<Rigid3, 3, 3>::new(StepSettings::quality(), Light::Box, 0.5, 1.0, 1.0);
+    let mut press = Press::<Rigid3, 3, 3>::new(StepSettings::quality(), Light::Box, 0.5, 1.0, 1.0);
     press.deepest();
     let moved = place(&press.world, press.light) - Vector([0.0, 0.04, 0.0]);
     assert_below("the box beside it moves [m]", moved.length(), 1e-4);

@@ -105,11 +105,8 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
             1,
             #[inline(always)]
             |_, block, points| {
-                let moving = if targets.turning {
-                    Some(block.gather_from(first, velocities))
-                } else {
-                    None
-                };
+                let moving =
+                    if targets.turning { Some(block.gather_from(first, velocities)) } else { None };
                 targets.set(block, &mut points[..block.manifold.count as usize], moving);
             },
         );

@@ -62,12 +62,13 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
     ) {
         let [a, b] = block.gather_from(self.first, self.displacements);
         let mut moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
+        let total = [&a, &b];
         if A > 0
             && let Some([a, b]) = velocities
             && let [first, ..] = points
         {
             let ahead = [&(a * self.repair.dt), &(b * self.repair.dt)];
-            let turns = turns(ahead);
+            let turns = turns(ahead).min(block.manifold.holds(total));
             if any(turns) {
                 let gap = first.gap[0] + first.normal_velocity(&moved);
                 let bend = block.manifold.moved(gap, ahead, V::ZERO).bend;
@@ -122,6 +123,7 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
         return;
     }
     let [a, b] = block.gather_from(first, displacements);
+    let turns = turns.min(block.manifold.holds([&a, &b]));
     let mut wrench = Velocity::ZERO;
     for contact in &*points {
         contact.add_wrench(0..L, contact.impulse, &mut wrench);

@@ -17,7 +17,8 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 fn extent(of: &Placed, n: [f64; 3]) -> f64 {
     let along = dot(wide(of.axis), n);
     let across: [f64; 3] = std::array::from_fn(|i| n[i] - along * wide(of.axis)[i]);
-    let around = f64::from(of.half) * along.abs() + f64::from(of.radius) * dot(across, across).sqrt();
+    let around =
+        f64::from(of.half) * along.abs() + f64::from(of.radius) * dot(across, across).sqrt();
     dot(wide(of.center), n) + around
 }
 
@@ -95,7 +96,10 @@ fn check(
             let out = most(&|n| dot(n, wide(on)) - surface(n)) as f32;
             let inside = -(dot(normal, wide(on)) - surface(normal)) as f32;
             // What leans is farther behind than the deepest, but not outside.
-            assert!(out < 3e-4 * size + (-point.gap).max(0.0), "{what}: {out} outside, {inside} behind, {point:?} {touch:?}");
+            assert!(
+                out < 3e-4 * size + (-point.gap).max(0.0),
+                "{what}: {out} outside, {inside} behind, {point:?} {touch:?}"
+            );
         }
     }
     if touch.points.is_empty() {

@@ -23,6 +23,7 @@ pub(crate) fn round(
     gathered: &mut Gathered,
 ) -> f32 {
     gathered.clear();
+    gathered.radius = round.radius;
     let [a, b] = round.ends;
     let reach = round.radius + ahead.prediction;
     let corner = |pick: fn(f32, f32) -> f32, reach: f32| {
@@ -156,7 +157,13 @@ impl Meeting<'_> {
             let ends = surface.ends(face.edges[k]);
             let edge = Round { ends, radius: 0.0 };
             let [along, t] = nearest(self.round, &edge);
-            let vertex = if t < END { Some(0) } else if t > 1.0 - END { Some(1) } else { None };
+            let vertex = if t < END {
+                Some(0)
+            } else if t > 1.0 - END {
+                Some(1)
+            } else {
+                None
+            };
             let part = match vertex {
                 Some(end) => {
                     let vertex = surface.edges[face.edges[k] as usize].ends[end];

@@ -4,8 +4,8 @@ use drystone_solver::{Vector, moment};
 
 use super::surface::{Beyond, Face, UPRIGHT};
 use super::{Above, Ahead, Corner, Frame, Gathered, Part, TouchPoint, V, add};
-use crate::geometry::solid::Polyhedron;
 use crate::geometry::separation::{PREFERENCE, edge_beyond};
+use crate::geometry::solid::Polyhedron;
 
 /// Points over a face count for the whole shape if they have at least this part of its overlap. \[1\]
 const MOST: f32 = 0.5;
@@ -141,14 +141,8 @@ impl<P: Polyhedron> Meeting<'_, P> {
         let normal = plane.normal * side;
         let heights = gathered.vertices.iter().map(|vertex| normal.dot(*vertex));
         let low = heights.fold(f32::INFINITY, f32::min) - side * plane.offset;
-        let mut above = Above {
-            facet,
-            behind,
-            low,
-            face: u32::MAX,
-            corners: 0..0,
-            over: [1.0, 0.0],
-        };
+        let mut above =
+            Above { facet, behind, low, face: u32::MAX, corners: 0..0, over: [1.0, 0.0] };
         if low <= self.ahead.prediction {
             let own = self.shape.facing(self.frame.local_direction(-normal));
             above.face = own as u32;
@@ -281,14 +275,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
     }
 
     /// Gathers what touches along an axis that is not the face's own.
-    fn on_axis(
-        &self,
-        face: &Face,
-        side: f32,
-        above: usize,
-        axis: Axis,
-        gathered: &mut Gathered,
-    ) {
+    fn on_axis(&self, face: &Face, side: f32, above: usize, axis: Axis, gathered: &mut Gathered) {
         let surface = self.ahead.surface;
         let direction = match axis {
             Axis::Face(own, _) => -gathered.faces[own].0,
@@ -540,7 +527,7 @@ fn is_within(polygon: &[Corner<3>], direction: V, place: V) -> bool {
 
 /// 1 if a polygon is counter-clockwise as seen from where a direction points to, else -1.
 fn winding(polygon: &[Corner<3>], direction: V) -> f32 {
-    let [first, .., ] = polygon else { return 1.0 };
+    let [first, ..] = polygon else { return 1.0 };
     let mut area: V = Vector::ZERO;
     for pair in polygon.windows(2) {
         area += moment(pair[0].position - first.position, pair[1].position - first.position);

@@ -419,7 +419,8 @@ impl Builder {
         let Self { points, triangles, at_edge, of_triangle, solid, .. } = self;
         let size = points.iter().flat_map(|p| p.0).fold(0.0f64, |size, x| size.max(x.abs()));
         let count = triangles.len();
-        let (mut facets, mut of, mut turned) = (Vec::new(), vec![u32::MAX; count], vec![false; count]);
+        let (mut facets, mut of, mut turned) =
+            (Vec::new(), vec![u32::MAX; count], vec![false; count]);
         // From the largest on: slivers, whose own planes mean nothing, join what they lie on.
         let mut order: Vec<usize> = (0..count).filter(|&t| triangles[t].is_some()).collect();
         order.sort_by(|&a, &b| areas[b].length().total_cmp(&areas[a].length()));
@@ -443,7 +444,8 @@ impl Builder {
                     let flat = theirs.iter().all(|&corner| out(corner).abs() <= FLAT * size);
                     // One that is folded back lies in the plane, too, and is wound the other way.
                     let shared = self.edges[edge as usize];
-                    let apex = |of: [u32; 3]| of.into_iter().find(|corner| !shared.contains(corner));
+                    let apex =
+                        |of: [u32; 3]| of.into_iter().find(|corner| !shared.contains(corner));
                     let folded = match (triangles[triangle].and_then(apex), apex(theirs)) {
                         (Some(own), Some(other)) => self.same_side(shared, [own, other], normal),
                         _ => true,
@@ -555,9 +557,8 @@ impl Surface {
         }
         for face in self.faces.iter_mut().flatten() {
             let vertex = face.corners.iter().any(|&corner| sharp[corner as usize]);
-            face.sharp = [1.0, -1.0].map(|side| {
-                vertex || (0..3).any(|k| face.beyond(k, side) == Beyond::Sharp)
-            });
+            face.sharp = [1.0, -1.0]
+                .map(|side| vertex || (0..3).any(|k| face.beyond(k, side) == Beyond::Sharp));
         }
     }
 }

@@ -63,10 +63,9 @@ fn prim(place: usize, material: &Material) -> Prim {
     prim.set("float physics:dynamicFriction", material.friction);
     prim.set("float physics:restitution", material.restitution);
     prim.set("float physics:staticFriction", material.friction);
-    for (key, of) in [
-        ("rolling", material.rolling_resistance),
-        ("spinning", material.spinning_resistance),
-    ] {
+    for (key, of) in
+        [("rolling", material.rolling_resistance), ("spinning", material.spinning_resistance)]
+    {
         if of != 0.0 {
             prim.set(format!("custom double drystone:{key}Resistance"), of);
         }

@@ -7,9 +7,7 @@ use super::shape::read_shape;
 use super::surface::{Surface, read_filter, read_surface, read_surface_velocity};
 use super::tree::one_line;
 use super::walk::{Field, Number, Range, SPIN, Table, VELOCITY, nearest_known};
-use crate::scene::description::{
-    Body, Mass, Motion, Rotation, Shape, SurfaceVelocity, Track,
-};
+use crate::scene::description::{Body, Mass, Motion, Rotation, Shape, SurfaceVelocity, Track};
 use crate::scene::error::SceneError;
 
 pub(in crate::scene) const BODY_KEYS: &[&str] = &[

@@ -9,14 +9,14 @@ use crate::scene::description::{Combine, Filter, Material, SurfaceVelocity};
 use crate::scene::error::SceneError;
 
 pub(in crate::scene) const MATERIAL_KEYS: &[&str] = &[
-        "density",
-        "friction",
-        "restitution",
-        "rolling_resistance",
-        "spinning_resistance",
-        "friction_combine",
-        "restitution_combine",
-    ];
+    "density",
+    "friction",
+    "restitution",
+    "rolling_resistance",
+    "spinning_resistance",
+    "friction_combine",
+    "restitution_combine",
+];
 pub(in crate::scene) const SURFACE_VELOCITY_KEYS: &[&str] = &["linear", "angular", "local"];
 pub(in crate::scene) const COLLISION_KEYS: &[&str] =
     &["systems", "collides_with", "not_collides_with"];

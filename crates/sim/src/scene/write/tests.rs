@@ -44,16 +44,15 @@ fn combine() -> impl Strategy<Value = Combine> {
 fn material() -> impl Strategy<Value = Material> {
     let resistance = || prop_oneof![Just(0.0), 0.0..10.0];
     let numbers = (0.0..1e6, 0.0..=1.0, resistance(), resistance());
-    let made = (numbers, combine(), combine()).prop_map(|((f, r, rolling, spinning), fc, rc)| {
-        Material {
+    let made =
+        (numbers, combine(), combine()).prop_map(|((f, r, rolling, spinning), fc, rc)| Material {
             friction: f,
             restitution: r,
             rolling_resistance: rolling,
             spinning_resistance: spinning,
             friction_combine: fc,
             restitution_combine: rc,
-        }
-    });
+        });
     prop_oneof![Just(Material::default()), made]
 }
 
@@ -182,20 +181,22 @@ fn body(dimension: usize) -> impl Strategy<Value = Body> {
             track(dimension, motion),
         )
             .prop_map(
-                move |(position, rotation, linear_velocity, spin, mass, rest, shapes, track)| Body {
-                    name: None,
-                    motion,
-                    position,
-                    rotation,
-                    linear_velocity,
-                    angular_velocity: spin,
-                    mass,
-                    gravity_factor: rest.0,
-                    linear_damping: rest.1,
-                    angular_damping: rest.2,
-                    surface_velocity: rest.3,
-                    shapes,
-                    track,
+                move |(position, rotation, linear_velocity, spin, mass, rest, shapes, track)| {
+                    Body {
+                        name: None,
+                        motion,
+                        position,
+                        rotation,
+                        linear_velocity,
+                        angular_velocity: spin,
+                        mass,
+                        gravity_factor: rest.0,
+                        linear_damping: rest.1,
+                        angular_damping: rest.2,
+                        surface_velocity: rest.3,
+                        shapes,
+                        track,
+                    }
                 },
             )
     })
