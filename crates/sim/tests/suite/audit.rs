@@ -63,7 +63,7 @@ fn what_rests_is_clean() {
 
 #[test]
 fn what_sinks_in_slowly_stands_inside_and_then_went_through() {
-    let sinking: Vec<_> = (0..200).map(|i| [0.3, 0.1 - 0.002 * i as f32, 0.1]).collect();
+    let sinking: Vec<_> = (0..300).map(|i| [0.3, 0.1 - 0.002 * i as f32, 0.1]).collect();
     let found = bake(&scene(SHEET), &sinking);
     assert_eq!(found.passed.len(), 1, "{found:?}");
     // Its center is below after 51 frames.
