@@ -336,7 +336,10 @@ impl Summary {
             None => "no overlap".to_owned(),
             Some(deepest) => format!("deepest overlap {}", self.overlap(scene, deepest)),
         };
-        let frames = if of.frames == 1 { "1 frame" } else { &format!("{} frames", of.frames) };
+        let frames = match of.frames {
+            1 => "1 frame".to_owned(),
+            many => format!("{many} frames"),
+        };
         let found = if of.is_clean() { "" } else { "; contacts were missed, see the notes" };
         format!("{overlap} in {frames} measured by shapes alone{found}")
     }
@@ -356,7 +359,7 @@ impl Summary {
         };
         let mut lines = Vec::new();
         if !of.passed.is_empty() {
-            let through: Vec<_> = of.passed.iter().take(NAMED).map(|passage| {
+            let through = of.passed.iter().take(NAMED).map(|passage| {
                 let [a, b] = passage.bodies.map(|body| scene.name_of(body));
                 format!("{a} through {b} at {:.3} s", passage.frame as f64 * scene.time_step)
             });

@@ -3,6 +3,7 @@
 mod allocation;
 mod analytic;
 mod apart;
+mod audit;
 mod checkpoint;
 mod common;
 mod determinism;
