@@ -36,6 +36,8 @@ BAKED = "drystone_baked"
 SUBSTEP = 1 / 480
 # What is thinner is a surface, which gets a body below it. [m]
 FLAT = 1e-4
+# Largest rate of decay that Drystone takes: what is damped wholly. [1/s]
+STRONGEST = 1e6
 # A bake whose samples are this near to whole frames is not mixed. [frame]
 WHOLE = 1e-3
 
@@ -57,6 +59,11 @@ def pose_of(matrix):
 def rigid(thing):
     """Where an object is and how it is turned, without its scale."""
     return Matrix.LocRotScale(*thing.matrix_world.decompose()[:2], None)
+
+
+def decay(damping):
+    """Damping of Blender, the part of a velocity that is lost in a second, as a rate of decay [1/s]."""
+    return min(-math.log1p(-damping), STRONGEST) if damping < 1 else STRONGEST
 
 
 def frames_per_second(scene):
@@ -130,8 +137,8 @@ class Exporter:
         body["collision"] = {"systems": layers, "collides_with": layers}
         if motion == "dynamic":
             body["mass"] = of.mass
-            if of.linear_damping > 0.05 or of.angular_damping > 0.11:
-                self.notes.append(f"'{thing.name}': damping is left out")
+            body["linear_damping"] = decay(of.linear_damping)
+            body["angular_damping"] = decay(of.angular_damping)
         return body
 
     def shapes(self, thing, motion):

@@ -130,6 +130,9 @@ def shapes(command, folder):
     assert by_name["scaled box"]["shapes"][0]["half_extents"] == [0.1, 0.55, 0.2] or np.allclose(
         by_name["scaled box"]["shapes"][0]["half_extents"], [0.1, 0.55, 0.2])
     assert len(by_name["pusher"]["track"]) == 60 and by_name["ground"]["motion"] == "static"
+    # In a second a body keeps 0.96 of its velocity and 0.9 of its turning, as Blender has it by default.
+    damped = [math.exp(-by_name["box"][key]) for key in ("linear_damping", "angular_damping")]
+    assert np.allclose(damped, [0.96, 0.9], atol=1e-6), damped
     assert len(numbers) == 60
     count, missing = drystone.apply(bpy.context, folder / "a.npz")
     assert (count, missing) == (11, []), (count, missing)

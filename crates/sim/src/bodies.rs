@@ -34,6 +34,10 @@ pub struct Body<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub inertia: Option<Inertia<L, A>>,
     /// Part of the world's gravity that acts on it. \[1\]
     pub gravity_factor: f32,
+    /// Rates at which its linear and angular velocity decay: dv/dt = -d v. \[1/s\]
+    pub damping: [f32; 2],
+    /// How its surface runs, in its frame; colliders may have it run otherwise.
+    pub surface_velocity: Option<SurfaceMotion<L, A>>,
     /// Its shapes.
     pub colliders: Vec<Collider<G, L, A>>,
 }
@@ -47,6 +51,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Body<G, L, A> {
             velocity: Velocity::ZERO,
             inertia: None,
             gravity_factor: 1.0,
+            damping: [0.0; 2],
+            surface_velocity: None,
             colliders: vec![Collider::new(shape)],
         }
     }
@@ -63,6 +69,8 @@ pub struct Collider<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub density: f32,
     /// Its surface.
     pub material: Material,
+    /// How its surface runs, in the frame of the shape; absent: as that of the body.
+    pub surface_velocity: Option<SurfaceMotion<L, A>>,
     /// What it collides with.
     pub filter: Filter,
 }
@@ -75,8 +83,46 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Collider<G, L, A> {
             pose: G::pose(Vector::ZERO, &[]),
             density: 1000.0,
             material: Material::default(),
+            surface_velocity: None,
             filter: Filter::default(),
         }
+    }
+}
+
+/// How a surface runs against its body, as a belt or a turntable does: v = linear + angular x r, with r from
+/// the origin of the body or shape.
+///
+/// Contacts see what of it lies along them: friction drives the other body to it. It neither lifts nor
+/// presses, and without friction does nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceMotion<const L: usize, const A: usize> {
+    /// \[m/s\]
+    pub linear: Vector<f32, L>,
+    /// \[rad/s\]
+    pub angular: Vector<f32, A>,
+    /// Whether its axes are those of the body or shape, and turn with it; else those of the world.
+    pub local: bool,
+}
+
+impl<const L: usize, const A: usize> SurfaceMotion<L, A> {
+    /// A belt that runs at this velocity \[m/s\] in the frame of its body.
+    pub fn linear(linear: Vector<f32, L>) -> Self {
+        Self { linear, angular: Vector::ZERO, local: true }
+    }
+
+    /// A surface that turns like this \[rad/s\] about the origin of its body, in its frame.
+    pub fn angular(angular: Vector<f32, A>) -> Self {
+        Self { linear: Vector::ZERO, angular, local: true }
+    }
+
+    /// As a velocity at the place from which `frame` is seen.
+    pub(crate) fn seen_from(&self, frame: &Frame<L>) -> Velocity<f32, L, A> {
+        let Self { mut linear, mut angular, local } = *self;
+        if local {
+            (linear, angular) = (frame.direction(linear), frame.turning(angular));
+        }
+        let at = Velocity { linear, angular };
+        Velocity { linear: at.at(-frame.position), angular }
     }
 }
 
@@ -205,6 +251,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Rotation vectors that the poses have followed before the end of the step. \[rad\]
     pub(crate) turns: Vec<Vector<f32, A>>,
     pub(crate) gravity_factor: Vec<f32>,
+    /// Linear and angular; of none where there are no more. \[1/s\]
+    pub(crate) damping: Vec<[f32; 2]>,
     /// Of its shapes from the center of mass.
     pub(crate) reach: Vec<Reach>,
     /// Force and torque until the end of the next step; of none where there are no more. \[N, N m\]
@@ -216,6 +264,7 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
 pub(crate) struct Given<'a, const L: usize, const A: usize> {
     motion: &'a [Option<Motion>],
     gravity_factor: &'a [f32],
+    pub(crate) damping: &'a [[f32; 2]],
     forces: &'a [Velocity<f32, L, A>],
     pub(crate) inertia: &'a [Inertia<L, A>],
     pub(crate) gyroscopic: &'a [bool],
@@ -237,6 +286,29 @@ impl<const L: usize, const A: usize> Given<'_, L, A> {
     }
 }
 
+/// What damping \[1/s\] takes from a velocity that gains `change` within `h` \[s\].
+///
+/// Exact for dv/dt = a - d v: v (exp(-d h) - 1) + a h ((1 - exp(-d h)) / (d h) - 1).
+pub(crate) fn damped<const L: usize, const A: usize>(
+    [linear, angular]: [f32; 2],
+    velocity: &Velocity<f32, L, A>,
+    change: &Velocity<f32, L, A>,
+    h: f32,
+) -> Velocity<f32, L, A> {
+    let parts = |damping: f32| {
+        let passed = damping * h;
+        let decay = libm::expm1f(-passed);
+        // As a series, where the quotient is rounding.
+        let late = if passed > 1e-3 { -decay / passed - 1.0 } else { passed * -0.5 };
+        [decay, late]
+    };
+    let ([decay, late], [unwinding, later]) = (parts(linear), parts(angular));
+    Velocity {
+        linear: velocity.linear * decay + change.linear * late,
+        angular: velocity.angular * unwinding + change.angular * later,
+    }
+}
+
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     pub(crate) fn new() -> Self {
         Self {
@@ -254,6 +326,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             gyroscopic: Vec::new(),
             turns: Vec::new(),
             gravity_factor: Vec::new(),
+            damping: Vec::new(),
             reach: Vec::new(),
             forces: Vec::new(),
         }
@@ -280,13 +353,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     /// What does not change in motion, and what does: poses and turns.
     pub(crate) fn in_motion(&mut self) -> (Given<'_, L, A>, &mut [G::Pose], &mut [Vector<f32, A>]) {
-        let Self { motion, gravity_factor, forces, inertia, gyroscopic, poses, turns, .. } = self;
-        (Given { motion, gravity_factor, forces, inertia, gyroscopic }, poses, turns)
+        let Self { motion, gravity_factor, damping, forces, inertia, gyroscopic, .. } = self;
+        let given = Given { motion, gravity_factor, damping, forces, inertia, gyroscopic };
+        (given, &mut self.poses, &mut self.turns)
     }
 
     fn given(&self) -> Given<'_, L, A> {
-        let Self { motion, gravity_factor, forces, inertia, gyroscopic, .. } = self;
-        Given { motion, gravity_factor, forces, inertia, gyroscopic }
+        let Self { motion, gravity_factor, damping, forces, inertia, gyroscopic, .. } = self;
+        Given { motion, gravity_factor, damping, forces, inertia, gyroscopic }
+    }
+
+    /// Sets the damping of a body: linear and angular. \[1/s\]
+    pub(crate) fn set_damping(&mut self, body: usize, damping: [f32; 2]) {
+        if self.damping.len() <= body && damping != [0.0; 2] {
+            self.damping.resize(body + 1, [0.0; 2]);
+        }
+        if let Some(own) = self.damping.get_mut(body) {
+            *own = damping;
+        }
     }
 
     pub(crate) fn is_dynamic(&self, body: usize) -> bool {

@@ -1,9 +1,9 @@
 //! The shapes of the bodies: where they are, what is near them, and what they make of a pair.
 
-use drystone_solver::Vector;
 use drystone_solver::team::Team;
+use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Bodies, Collider, PIECE};
+use crate::bodies::{Bodies, Collider, PIECE, SurfaceMotion};
 use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
 use crate::geometry::{Bounds, Frame, Geometry};
@@ -29,12 +29,25 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     surface: Vec<u32>,
     /// Whether any of them has ever bounced.
     pub(crate) bounce: bool,
+    /// Whether any of them has ever resisted rolling or spinning.
+    pub(crate) resist: bool,
+    /// How surfaces run; of none where there are no more.
+    belts: Vec<Option<Belt<G, L, A>>>,
     pub(crate) removed: Vec<bool>,
     /// By chunk: shapes that have outgrown their boxes in the broad phase, and the room that they need.
     outgrown: Vec<Vec<(u32, Bounds<L>)>>,
     /// As long as the path of its body, its way ahead and what is looked beyond add up to less, a shape
     /// has room in its box. \[m\]
     room_until: Vec<f64>,
+}
+
+/// How the surface of a shape runs.
+struct Belt<G: Geometry<L, A>, const L: usize, const A: usize> {
+    motion: SurfaceMotion<L, A>,
+    /// What it is given in, in the frame of the body's center of mass.
+    frame: G::Pose,
+    /// Whether it is that of the shape, not of its body.
+    own: bool,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
@@ -48,6 +61,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             surfaces: Vec::new(),
             surface: Vec::new(),
             bounce: false,
+            resist: false,
+            belts: Vec::new(),
             removed: Vec::new(),
             outgrown: Vec::new(),
             room_until: Vec::new(),
@@ -70,6 +85,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         self.thickness.push(thickness::<G, L, A>(&collider.shape));
         self.shapes.push(G::collider(collider.shape));
         self.bounce |= collider.material.restitution > 0.0;
+        let resistance = [
+            collider.material.rolling_resistance,
+            collider.material.spinning_resistance,
+        ];
+        self.resist |= A > 0 && resistance.iter().any(|of| *of > 0.0);
+        if let Some(motion) = collider.surface_velocity {
+            self.set_belt(self.body.len() - 1, Some(Belt { motion, frame: local, own: true }));
+        }
         self.local.push(local);
         self.poses.push(turned);
         let surface = (collider.material, collider.filter);
@@ -79,6 +102,56 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         self.surface.push(self.surfaces.len() as u32 - 1);
         self.removed.push(false);
         self.room_until.push(0.0);
+    }
+
+    fn set_belt(&mut self, id: usize, belt: Option<Belt<G, L, A>>) {
+        if self.belts.len() <= id && belt.is_some() {
+            self.belts.resize_with(id + 1, || None);
+        }
+        if let Some(own) = self.belts.get_mut(id) {
+            *own = belt;
+        }
+    }
+
+    /// Has the surface of a body run, whose origin is at `frame` in that of its center of mass; but for shapes
+    /// that have a motion of their own.
+    pub(crate) fn run(
+        &mut self,
+        body: usize,
+        motion: Option<SurfaceMotion<L, A>>,
+        frame: G::Pose,
+    ) {
+        for id in 0..self.body.len() {
+            let own = self.belts.get(id).is_some_and(|belt| belt.as_ref().is_some_and(|belt| belt.own));
+            if self.body[id] == body as u32 && !self.removed[id] && !own {
+                self.set_belt(id, motion.map(|motion| Belt { motion, frame, own: false }));
+            }
+        }
+    }
+
+    /// Whether a surface may run or resist rolling.
+    pub(crate) fn has_surfaces(&self) -> bool {
+        self.resist || !self.belts.is_empty()
+    }
+
+    /// How the surface of a shape runs, as a velocity at the center of mass of its body. World axes.
+    pub(crate) fn belt(&self, bodies: &Bodies<G, L, A>, id: usize) -> Velocity<f32, L, A> {
+        let Some(Some(belt)) = self.belts.get(id) else { return Velocity::ZERO };
+        let body = self.body[id] as usize;
+        let turned = turn::<G, L, A>(&belt.frame, &bodies.poses[body], &bodies.frames[body]);
+        belt.motion.seen_from(&G::frame(&turned))
+    }
+
+    /// How two shapes resist rolling and spinning: as the one does that does so more. \[m\]
+    pub(crate) fn resistance(&self, pair: [u32; 2]) -> [f32; 2] {
+        if !self.resist {
+            return [0.0; 2];
+        }
+        let [p, q] = pair.map(|id| &self.surfaces[self.surface[id as usize] as usize].0);
+        [
+            p.rolling_resistance.max(q.rolling_resistance) as f32,
+            p.spinning_resistance.max(q.spinning_resistance) as f32,
+        ]
     }
 
     /// Removes the shapes of a body.

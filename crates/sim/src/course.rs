@@ -62,9 +62,13 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
         self.contacts.bodies()
     }
 
-    /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps.
+    /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps. To v* belong the torques of resistance.
     pub(crate) fn warm_start(&mut self, substep: u32) {
-        if substep.is_multiple_of(ASK_AGAIN) {
+        let resists = self.contacts.has_surfaces();
+        if resists {
+            self.contacts.apply_resistance(self.velocities);
+        }
+        if resists || substep.is_multiple_of(ASK_AGAIN) {
             self.prospective.copy_from_slice(self.velocities);
             self.contacts.apply_impulses(self.velocities);
         } else {
@@ -73,21 +77,35 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
     }
 
     /// Sweeps towards the targets.
-    pub(crate) fn solve(&mut self, terms: &Terms<L>) {
+    pub(crate) fn solve(&mut self, terms: &Terms<L>, substep: u32) {
         let Self { contacts, velocities, displacements, .. } = self;
         contacts.sweep_normals_to_targets(velocities, displacements, &terms.repair);
         for _ in 1..terms.iterations {
             contacts.sweep_normals(velocities);
+        }
+        self.run_belts(terms, substep);
+    }
+
+    /// Adds belts to targets that have just been set.
+    pub(crate) fn run_belts(&mut self, terms: &Terms<L>, substep: u32) {
+        if self.contacts.has_surfaces() {
+            self.contacts.run_belts(terms.h * substep as f32, terms.repair.hold);
         }
     }
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again.
     pub(crate) fn relax(&mut self) {
         self.contacts.relax(self.velocities);
+        if self.contacts.has_surfaces() {
+            self.contacts.resist(self.velocities);
+        }
     }
 
     /// What contacts hand to the next step.
     pub(crate) fn trace(&mut self, terms: &Terms<L>) {
+        if self.contacts.has_surfaces() {
+            self.contacts.carry_belts(terms.h * terms.substeps as f32);
+        }
         self.contacts.trace(self.displacements, terms.repair.hold);
     }
 
@@ -98,7 +116,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
             clock.lap(Stage::Predict);
             self.warm_start(substep);
             clock.lap(Stage::WarmStart);
-            self.solve(terms);
+            self.solve(terms, substep);
             clock.lap(Stage::Solve);
             self.advance(terms);
             clock.lap(Stage::Advance);

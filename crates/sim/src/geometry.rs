@@ -197,6 +197,20 @@ impl<const L: usize> Frame<L> {
         }
     }
 
+    /// A rotation vector of the local frame in world axes (in 2D a number, in particles nothing).
+    pub fn turning<const A: usize>(&self, local: Vector<f32, A>) -> Vector<f32, A> {
+        if A != L {
+            return local;
+        }
+        let mut world = Vector::ZERO;
+        for (axis, component) in self.axes.iter().zip(local.0) {
+            for i in 0..A {
+                world[i] += axis[i] * component;
+            }
+        }
+        world
+    }
+
     /// A tensor of the local frame in world axes: R D R^T (in 2D a number, in particles nothing).
     pub fn tensor<const A: usize>(
         &self,

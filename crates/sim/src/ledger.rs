@@ -18,15 +18,15 @@
 //! Precession, and inertia that turns with its body, count as integration, as does the difference
 //! between what gravity worked on and how far the bodies came down.
 
-use drystone_solver::{InverseMass, Manifold, Mass, System, Vector, Velocity};
+use drystone_solver::{InverseMass, Manifold, Mass, Surface, System, Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
-use crate::bodies::Bodies;
+use crate::bodies::{Bodies, damped};
 use crate::geometry::Geometry;
 
 /// The energy of a step, item by item. Work that adds energy is positive. \[J\]
 ///
-/// To rounding, kinetic + potential = forces + driven + impacts + contacts + friction + repair +
+/// To rounding, kinetic + potential = forces + damping + driven + impacts + contacts + friction + repair +
 /// relaxed + integration. Gravity is on the left already.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
@@ -38,13 +38,15 @@ pub struct Ledger {
     pub gravity: f64,
     /// Work of the forces and torques that were asked for.
     pub forces: f64,
-    /// Work of the bodies that nothing moves but themselves, through their contacts.
+    /// Work of damping; never positive.
+    pub damping: f64,
+    /// Work of the bodies that nothing moves but themselves, and of surfaces that run, through their contacts.
     pub driven: f64,
     /// Work of collisions that bounce; never positive.
     pub impacts: f64,
     /// Work of normal impulses besides.
     pub contacts: f64,
-    /// Work of friction; positive only as far as sweeps have not converged.
+    /// Work of friction and of resistance to rolling; positive only as far as sweeps have not converged.
     pub friction: f64,
     /// Overlap repair: the velocity it gives, and the height it lifts bodies by.
     pub repair: f64,
@@ -57,12 +59,13 @@ pub struct Ledger {
 
 impl Ledger {
     /// The names of the items and the items, in order.
-    pub fn items(&self) -> [(&'static str, f64); 11] {
+    pub fn items(&self) -> [(&'static str, f64); 12] {
         [
             ("kinetic", self.kinetic),
             ("potential", self.potential),
             ("gravity", self.gravity),
             ("forces", self.forces),
+            ("damping", self.damping),
             ("driven", self.driven),
             ("impacts", self.impacts),
             ("contacts", self.contacts),
@@ -87,7 +90,11 @@ impl Ledger {
 
     /// The change of energy that no item explains: rounding. \[J\]
     pub fn unexplained(&self) -> f64 {
-        let explained = self.forces + self.driven + self.by_contacts() + self.integration;
+        let explained = self.forces
+            + self.damping
+            + self.driven
+            + self.by_contacts()
+            + self.integration;
         self.kinetic + self.potential - explained
     }
 
@@ -97,6 +104,7 @@ impl Ledger {
         self.potential += other.potential;
         self.gravity += other.gravity;
         self.forces += other.forces;
+        self.damping += other.damping;
         self.driven += other.driven;
         self.impacts += other.impacts;
         self.contacts += other.contacts;
@@ -170,14 +178,16 @@ impl<const L: usize, const A: usize> Books<L, A> {
         copy(velocities, &mut self.moved[1]);
     }
 
-    /// At the end of a substep of length `h` \[s\]; `system` holds its impulses.
+    /// At the end of a substep of length `h` \[s\]; `system` holds its impulses, `surfaces` what those of its manifolds
+    /// do, if any.
     pub(crate) fn end<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,
         gravity: Vector<f32, L>,
-        system: &System<f32, L, A>,
+        (system, surfaces): (&System<f32, L, A>, &[Surface<f32, L, A>]),
         h: f32,
     ) {
+        let substep = h;
         let h = f64::from(h);
         self.take_means(&system.velocities);
         for (body, mass) in self.masses.iter().enumerate() {
@@ -193,10 +203,21 @@ impl<const L: usize, const A: usize> Books<L, A> {
             self.ledger.forces += h * mean.dot(&mass.momentum(&pushed));
             let pull = bodies.pull(body, gravity).cast::<f64>();
             self.ledger.gravity += h * mass.linear * mean.linear.dot(pull);
+            let change = Velocity {
+                linear: pushed.linear.cast() + bodies.pull(body, gravity),
+                angular: pushed.angular.cast(),
+            };
+            let change = change * substep;
+            if let Some(damping) = bodies.damping.get(body) {
+                let lost = damped(*damping, &self.start[body], &change, substep);
+                self.ledger.damping += mean.dot(&mass.momentum(&lost.cast()));
+            }
             let turned = difference(&self.moved, body);
             self.ledger.integration += after.dot(&mass.momentum(&turned));
         }
+        let mut surfaces = surfaces.iter();
         for manifold in &system.manifolds {
+            let surface = surfaces.next();
             let pulls = manifold.bodies.map(|body| {
                 let at = body as usize;
                 let moves = self.masses[at].linear > 0.0;
@@ -204,7 +225,10 @@ impl<const L: usize, const A: usize> Books<L, A> {
             });
             let lift = h * manifold.normal().cast::<f64>().dot(pulls[0] - pulls[1]);
             for index in manifold.points() {
-                self.contact(system, manifold, index, lift);
+                self.contact(system, manifold, (index, surface), lift);
+            }
+            if let Some(surface) = surface {
+                self.resist(system, manifold, surface);
             }
         }
     }
@@ -227,7 +251,7 @@ impl<const L: usize, const A: usize> Books<L, A> {
         &mut self,
         system: &System<f32, L, A>,
         manifold: &Manifold<f32, L>,
-        index: usize,
+        (index, surface): (usize, Option<&Surface<f32, L, A>>),
         lift: f64,
     ) {
         let contact = &system.contacts[index];
@@ -243,6 +267,13 @@ impl<const L: usize, const A: usize> Books<L, A> {
         for i in 1..L {
             push += frame[i] * gamma[i];
             self.ledger.friction += gamma[i] * frame[i].dot(u);
+        }
+        if let Some(surface) = surface {
+            // Friction works on the slip against the belt; what it gives besides, the belt brings.
+            let belt = contact.relative_velocity(&surface.belt).cast::<f64>();
+            let work: f64 = (1..L).map(|i| gamma[i] * belt[i]).sum();
+            self.ledger.friction += work;
+            self.ledger.driven -= work;
         }
 
         let taken = gamma[0] - f64::from(self.pressed[index]);
@@ -266,6 +297,25 @@ impl<const L: usize, const A: usize> Books<L, A> {
 
         self.ledger.driven += self.absorbed(system, a, anchors[0], push);
         self.ledger.driven += self.absorbed(system, b, anchors[1], -push);
+    }
+
+    /// The items of the resistance to rolling of a manifold.
+    fn resist(
+        &mut self,
+        system: &System<f32, L, A>,
+        manifold: &Manifold<f32, L>,
+        surface: &Surface<f32, L, A>,
+    ) {
+        let [a, b] = manifold.bodies.map(|body| body as usize);
+        let torque = manifold.turning_in_world(surface.torque).cast::<f64>();
+        let turning = self.mean[1][a].angular - self.mean[1][b].angular;
+        self.ledger.friction += torque.dot(turning);
+        for (body, torque) in [(a, torque), (b, -torque)] {
+            let (mass, mean) = (&self.masses[body], &self.mean[1][body]);
+            let inverse: InverseMass<f64, L, A> = system.masses[body].cast();
+            let kept = mass.angular * (inverse.angular * torque);
+            self.ledger.driven += mean.angular.dot(kept) - torque.dot(mean.angular);
+        }
     }
 
     /// The part of an impulse's work on a body that does not become kinetic energy, since the body,

@@ -80,10 +80,11 @@ pub mod scene;
 mod settings;
 mod simulation;
 mod sleep;
+mod surfaces;
 mod travel;
 mod world;
 
-pub use bodies::{Body, BodyId, Collider, Inertia};
+pub use bodies::{Body, BodyId, Collider, Inertia, SurfaceMotion};
 pub use drystone_solver::jam::Jam;
 pub use drystone_solver::ladder::{Outcome, Rung};
 pub use drystone_solver::restitution::ImpactLaw;

@@ -3,7 +3,7 @@
 use drystone_solver::team::Team;
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Bodies, Came, PIECE};
+use crate::bodies::{Bodies, Came, PIECE, damped};
 use crate::course::{Course, Terms};
 use crate::geometry::{Geometry, Spin, TOGETHER};
 
@@ -30,12 +30,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                     continue;
                 }
                 let (mass, force) = (&masses[body], given.force(body));
+                let before = *velocity;
                 if mass.linear > 0.0 {
                     let fall = given.pull(body, gravity);
                     velocity.linear += (fall + force.linear * mass.linear) * h;
                 }
                 if force.angular != Vector::ZERO {
                     velocity.angular += (mass.angular * force.angular) * h;
+                }
+                if let Some(damping) = given.damping.get(body) {
+                    *velocity += damped(*damping, &before, &(*velocity - before), h);
                 }
             }
         });

@@ -23,7 +23,7 @@ use std::path::Path;
 
 pub use description::{
     BodiesAs, Body, Combine, Filter, Mass, Material, Motion, Rotation, Scene, Shape, ShapeKind,
-    Track,
+    SurfaceVelocity, Track,
 };
 pub use error::{Place, SceneError, Warning};
 pub use file::open;

@@ -5,7 +5,7 @@ use std::array::from_fn;
 use drystone_solver::{Manifold, SymmetricMatrix, Vector, Velocity};
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::bodies::{Body, BodyId, Collider, Inertia};
+use crate::bodies::{Body, BodyId, Collider, Inertia, SurfaceMotion};
 use crate::forms::{FromScene, floats, place};
 use crate::geometry::{Frame, Geometry, MassProperties, Rigid2, Rigid3, Spheres};
 use crate::report::{Measure, Nearby, StepReport};
@@ -218,6 +218,7 @@ fn convert<G: FromScene<L, A>, const L: usize, const A: usize>(
             pose: place::<G, L, A>(&shape.position, &shape.rotation),
             density,
             material: shape.material.clone(),
+            surface_velocity: shape.surface_velocity.as_ref().map(surface_motion),
             filter: shape.filter,
         });
     }
@@ -230,8 +231,20 @@ fn convert<G: FromScene<L, A>, const L: usize, const A: usize>(
         },
         inertia: (body.motion == Motion::Dynamic).then(|| inertia::<G, L, A>(body, &colliders)),
         gravity_factor: body.gravity_factor as f32,
+        damping: [body.linear_damping as f32, body.angular_damping as f32],
+        surface_velocity: body.surface_velocity.as_ref().map(surface_motion),
         colliders,
     })
+}
+
+fn surface_motion<const L: usize, const A: usize>(
+    motion: &scene::SurfaceVelocity,
+) -> SurfaceMotion<L, A> {
+    SurfaceMotion {
+        linear: Vector(floats(&motion.linear)),
+        angular: Vector(floats(&motion.angular)),
+        local: motion.local,
+    }
 }
 
 /// Mass, center and moments of a body: its own where it states them, else those of its shapes,

@@ -101,12 +101,13 @@ impl<const L: usize> Sleep<L> {
     }
 
     /// Counts how long bodies have held still, `dt` \[s\] longer now, and puts islands to sleep all of
-    /// whose bodies have for `delay` \[s\]; `touching` are the pairs that do. Returns whether any were.
+    /// whose bodies have for `delay` \[s\]; `touching` are the pairs that do, and of
+    /// which number the surface `runs`: what is driven does not sleep. Returns whether any were.
     pub(crate) fn fall_asleep<G: Geometry<L, A>, const A: usize>(
         &mut self,
         bodies: &Bodies<G, L, A>,
         system: &mut System<f32, L, A>,
-        touching: impl Iterator<Item = [u32; 2]> + Clone,
+        (touching, runs): (impl Iterator<Item = [u32; 2]> + Clone, impl Fn(usize) -> bool),
         dt: f32,
         delay: f32,
     ) -> bool {
@@ -130,8 +131,8 @@ impl<const L: usize> Sleep<L> {
                 *ready &= self.still[body] >= delay;
             }
         }
-        for bodies in touching {
-            let carried = bodies.iter().any(|&body| {
+        for (number, bodies) in touching.enumerate() {
+            let carried = runs(number) || bodies.iter().any(|&body| {
                 of_body[body as usize] == island::NONE
                     && system.velocities[body as usize] != Velocity::ZERO
             });

@@ -11,7 +11,7 @@ use drystone_solver::team::Team;
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, System, Vector, Velocity};
 
-use crate::bodies::{Bodies, Body, BodyId, Came, Inertia, PIECE};
+use crate::bodies::{Bodies, Body, BodyId, Came, Inertia, PIECE, SurfaceMotion};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Records};
 use crate::certifier::Certifier;
@@ -28,6 +28,7 @@ use crate::saved::SavedSystem;
 use crate::scene::Motion;
 use crate::settings::StepSettings;
 use crate::sleep::Sleep;
+use crate::surfaces::Surfaces;
 use crate::travel::{Moving, Travels};
 
 /// Rounds of collisions within a substep: a blow passes through this many contacts against the
@@ -68,6 +69,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     wide: Wide<L, A>,
     /// The velocities of a substep without the impulses of its contacts.
     prospective: Vec<Velocity<f32, L, A>>,
+    surfaces: Surfaces<L, A>,
     certifier: Certifier<L, A>,
     blow: Blow<L, A>,
     books: Books<L, A>,
@@ -134,6 +136,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             system: System::new(),
             wide: Wide::new(),
             prospective: Vec::new(),
+            surfaces: Surfaces::default(),
             certifier: Certifier::default(),
             blow: Blow::default(),
             books: Books::default(),
@@ -187,6 +190,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.gyroscopic[index] = body.motion == Motion::Dynamic && inertia.gyroscopic();
         bodies.inertia[index] = inertia;
         bodies.gravity_factor[index] = body.gravity_factor;
+        bodies.set_damping(index, body.damping);
         bodies.reach[index] = reach;
         bodies.strayed[index] = f32::INFINITY;
         if let Some(force) = bodies.forces.get_mut(index) {
@@ -200,6 +204,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let local = G::compose(&to_center, &collider.pose);
             self.colliders.add(index, collider, local, &self.bodies, &mut self.broad_phase);
         }
+        self.colliders.run(index, body.surface_velocity, to_center);
         BodyId { index: index as u32, generation: self.bodies.generation[index] }
     }
 
@@ -235,13 +240,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Removes a body; returns whether it was there.
     pub fn remove(&mut self, id: BodyId) -> bool {
         let Some(index) = self.index(id) else { return false };
-        for pair in 0..self.pairs.len() {
-            let [a, b] = self.pairs[pair].bodies.map(|body| body as usize);
-            if a == index || b == index {
-                self.rouse(a);
-                self.rouse(b);
-            }
-        }
+        self.rouse_around(index);
         self.bodies.motion[index] = None;
         self.bodies.vacant += 1;
         self.bodies.inertia[index] = Inertia::FIXED;
@@ -318,6 +317,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             linear: apart * (1.0 / dt),
             angular: G::turn_between(&from, target) * (1.0 / dt),
         };
+    }
+
+    /// Has the surface of a body run, or stand, and wakes what is near it; but for shapes that have a motion of
+    /// their own.
+    pub fn set_surface_velocity(&mut self, id: BodyId, motion: Option<SurfaceMotion<L, A>>) {
+        if let Some(index) = self.index(id) {
+            self.rouse_around(index);
+            let to_center = G::pose(-self.bodies.inertia[index].center, &[]);
+            self.colliders.run(index, motion, to_center);
+        }
+    }
+
+    /// Sets the rates at which the linear and angular velocity of a body decay, and wakes it. \[1/s\]
+    pub fn set_damping(&mut self, id: BodyId, damping: [f32; 2]) {
+        if let Some(index) = self.index(id) {
+            self.rouse(index);
+            self.bodies.set_damping(index, damping);
+        }
     }
 
     /// Adds a force \[N\] and torque \[N m\] that act through the next step, and wakes the body.
@@ -414,7 +431,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if delay > 0.0 {
             let (sleep, system, touching) =
                 (&mut self.sleep, &mut self.system, self.records.pairs());
-            if sleep.fall_asleep(&self.bodies, system, touching, dt, delay) {
+            let runs = |manifold: usize| self.surfaces.runs(manifold);
+            if sleep.fall_asleep(&self.bodies, system, (touching, runs), dt, delay) {
                 self.update_masses();
                 self.colliders.place(&self.bodies);
             }
@@ -462,6 +480,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         } else {
             self.course().run_by_batch(&plan.terms, clock);
         }
+        self.surfaces.take_back(&self.colliders, &self.pairs, &self.wide);
         let sweeps = if plan.solving { 1 } else { 1 + plan.terms.iterations };
         report.sweeps += (substeps * sweeps) as usize;
         self.arrive(&plan, clock, report);
@@ -527,6 +546,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let in_order = plan.solving || self.settings.certify;
         let rows = RowsOf { records, velocities, stiffness, dt, same, together, in_order };
         wide.pack(&rows, &system.masses, softness);
+        let of = (&self.colliders, &self.bodies);
+        let moving = (system.velocities.as_slice(), dt);
+        self.surfaces.give(of, &self.pairs, records.manifolds.len(), moving, wide);
         if certifying {
             certifier.start(system, wide);
         }
@@ -561,6 +583,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let saving = self.saving && substep + 1 == terms.substeps;
         if plan.solving || saving {
             self.wide.set_targets(&self.displacements, &terms.repair);
+            self.course().run_belts(terms, substep);
         }
         if saving {
             self.save(terms.h);
@@ -574,7 +597,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             report.sweeps += outcome.iterations;
             Some(outcome)
         } else {
-            self.course().solve(terms);
+            self.course().solve(terms, substep);
             clock.lap(Stage::Solve);
             let velocities = &self.system.velocities;
             let examine = || self.certifier.examine(velocities, &self.wide, &self.prospective);
@@ -595,7 +618,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.course().relax();
         if plan.ledger {
             self.wide.unpack(&mut self.system);
-            self.books.end(&self.bodies, self.gravity, &self.system, terms.h);
+            self.surfaces.note(&self.wide);
+            let surfaces = &self.surfaces.done;
+            self.books.end(&self.bodies, self.gravity, (&self.system, surfaces), terms.h);
         }
         clock.lap(Stage::Relax);
         if examined {
@@ -661,6 +686,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.update_masses();
         }
         slept
+    }
+
+    /// Wakes a body and all that is near it.
+    fn rouse_around(&mut self, body: usize) {
+        for pair in 0..self.pairs.len() {
+            let [a, b] = self.pairs[pair].bodies.map(|body| body as usize);
+            if a == body || b == body {
+                self.rouse(a);
+                self.rouse(b);
+            }
+        }
     }
 
     fn rouse_all(&mut self) {

@@ -30,6 +30,7 @@
 //! | r x n, omega x r | [`moment`], [`spin`] | vector |
 //! | t: overlap and gap | [`System::set_targets`] | system |
 //! | t: restitution | [`restitution::set_targets`] | [`restitution`] |
+//! | belts, resistance to rolling | [`Surface`] | surface |
 //! | collisions, isolated as in (1) or together | [`restitution::collide`] | [`restitution`] |
 //! | one Gauss-Seidel sweep, step 6 | [`pgs::sweep`] | [`pgs`] |
 //! | v += M^-1 J^T gamma | [`System::apply_impulses`] | system |
@@ -111,6 +112,7 @@ pub mod psor;
 mod real;
 pub mod restitution;
 pub mod solution;
+mod surface;
 pub mod symmetric;
 mod system;
 pub mod team;
@@ -122,5 +124,6 @@ pub use contact::Contact;
 pub use manifold::{Manifold, contact_frame};
 pub use mobility::Mobility;
 pub use real::{Cast, Real, Scalar};
+pub use surface::Surface;
 pub use system::{Repair, System};
 pub use vector::{SymmetricMatrix, Vector, moment, spin};

@@ -120,6 +120,34 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         world
     }
 
+    /// A rotation vector or a moment, given in world axes, in those of the frame.
+    pub fn turning<const A: usize>(&self, world: Vector<T, A>) -> Vector<T, A> {
+        if A != L {
+            return world;
+        }
+        let mut out = Vector::ZERO;
+        for i in 0..A {
+            for j in 0..A {
+                out[i] += self.frame[i][j] * world[j];
+            }
+        }
+        out
+    }
+
+    /// The same the other way round.
+    pub fn turning_in_world<const A: usize>(&self, own: Vector<T, A>) -> Vector<T, A> {
+        if A != L {
+            return own;
+        }
+        let mut out = Vector::ZERO;
+        for i in 0..A {
+            for j in 0..A {
+                out[i] += self.frame[j][i] * own[j];
+            }
+        }
+        out
+    }
+
     /// An inverse inertia \[1/(kg m^2)\], given in world axes, in those of the frame.
     #[inline(always)]
     pub(crate) fn tensor<const A: usize>(

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use drystone::recording::journal::Step;
-use drystone::scene::{Motion, Scene};
+use drystone::scene::{Body, Motion, Scene, SurfaceVelocity};
 use drystone::{Ledger, Measure, StepSettings};
 use serde::Serialize;
 
@@ -29,6 +29,8 @@ pub(super) struct Summary {
     dynamic: usize,
     r#static: usize,
     kinematic: usize,
+    /// Bodies whose surface runs, as belts do.
+    running: usize,
     /// \[s\]
     simulated: f64,
     contacts_mean: f64,
@@ -51,8 +53,8 @@ pub(super) struct Summary {
     energy_rise: f64,
     /// Rise that passes for rounding. \[J\]
     energy_tolerance: f64,
-    /// Whether energy came from nowhere; absent where kinematic bodies may bring some and no ledger
-    /// tells them apart.
+    /// Whether energy came from nowhere; absent where kinematic bodies or running surfaces may bring some and
+    /// no ledger tells them apart.
     energy_created: Option<bool>,
     /// What the ledgers of the steps come to; absent without them.
     ledger: Option<Books>,
@@ -118,6 +120,13 @@ pub(super) struct Head<'a> {
     pub(super) threads: usize,
 }
 
+/// Whether the surface of a body, or of one of its shapes, runs.
+fn runs(body: &Body) -> bool {
+    let mut motions = body.shapes.iter().map(|of| of.surface_velocity.as_ref());
+    let own = body.surface_velocity.as_ref();
+    motions.any(|of| of.or(own).is_some_and(SurfaceVelocity::runs))
+}
+
 fn energy(measure: &Measure) -> f64 {
     measure.kinetic_energy + measure.potential_energy
 }
@@ -138,10 +147,11 @@ impl Summary {
         let energy_rise = largest(&mut steps.iter().map(|step| energy(&step.measure) - start));
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
         let kinematic = count(Motion::Kinematic);
+        let running = scene.bodies.iter().filter(|body| runs(body)).count();
         let ledger = books(bake);
         let energy_created = match &ledger {
             Some(books) => Some(books.created > energy_tolerance),
-            None => (kinematic == 0).then_some(energy_rise > energy_tolerance),
+            None => (kinematic == 0 && running == 0).then_some(energy_rise > energy_tolerance),
         };
         let mut times: Vec<f64> = steps.iter().map(|step| step.time.as_secs_f64() * 1e3).collect();
         times.sort_unstable_by(f64::total_cmp);
@@ -149,6 +159,7 @@ impl Summary {
             dynamic: count(Motion::Dynamic),
             r#static: count(Motion::Static),
             kinematic,
+            running,
             simulated: steps.len() as f64 * scene.time_step,
             contacts_mean: contacts().sum::<usize>() as f64 / steps.len().max(1) as f64,
             contacts_max: contacts().max().unwrap_or(0),
@@ -257,7 +268,9 @@ impl Summary {
         let (start, end) = (joule(self.energy_start), joule(self.energy_end));
         let (rise, tolerance) = (joule(self.energy_rise), joule(self.energy_tolerance));
         let verdict = match (self.energy_created, &self.ledger) {
-            (None, _) => "; kinematic bodies may add to it".to_owned(),
+            (None, _) if self.running == 0 => "; kinematic bodies may add to it".to_owned(),
+            (None, _) if self.kinematic == 0 => "; running surfaces may add to it".to_owned(),
+            (None, _) => "; kinematic bodies and running surfaces may add to it".to_owned(),
             (Some(false), _) => format!("; none was created (tolerance {tolerance})"),
             (Some(true), Some(books)) => format!(
                 "; contacts created {}, most of it, {}, in step {} (tolerance {tolerance})",

@@ -4,7 +4,7 @@
 //! What these extensions have no word for goes into `extras.drystone`, where the reader finds it and
 //! other programs leave it alone: gravity, time step and settings of the scene; the density of a body,
 //! as long as its mass is the one that was written; that friction combines as the geometric mean; that
-//! a compound body does not move.
+//! a compound body does not move; damping, surfaces that run, and resistance to rolling.
 
 use std::collections::HashMap;
 use std::io;
@@ -17,8 +17,11 @@ use super::file::write_whole;
 use super::glb::{Nodes, is_centered, place};
 use super::mesh::hull_triangles;
 use crate::scene::graph::math::{self, Quat};
+use crate::scene::graph::seen_from;
 use crate::scene::write::own_words;
-use crate::scene::{Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind};
+use crate::scene::{
+    Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind, SurfaceVelocity,
+};
 
 /// A scene as a glTF document and its buffer.
 #[derive(Clone, Debug, PartialEq)]
@@ -193,6 +196,9 @@ impl Writer<'_> {
         if body.motion != Motion::Static || physics.get("collider").is_none() {
             physics["motion"] = motion(body, mass, &mut own);
         }
+        if let Some(motion) = &body.surface_velocity {
+            own.insert("surfaceVelocity".to_owned(), surface(motion));
+        }
         node["extensions"] = json!({ "KHR_physics_rigid_bodies": physics });
         if !own.is_empty() {
             node["extras"] = json!({ "drystone": own });
@@ -257,6 +263,15 @@ impl Writer<'_> {
         if shape.filter != Filter::default() {
             collider["collisionFilter"] = json!(self.tables.filters.place(filter(&shape.filter)));
         }
+        if let Some(motion) = &shape.surface_velocity {
+            let own = rotation(shape.rotation);
+            let motion = if turn == math::NO_TURN {
+                motion.clone()
+            } else {
+                seen_from(motion.clone(), own, math::quat_mul(own, turn))
+            };
+            collider["extras"] = json!({ "drystone": { "surfaceVelocity": surface(&motion) } });
+        }
         Ok((collider, turn))
     }
 
@@ -290,6 +305,10 @@ impl Writer<'_> {
         self.meshes.insert(key, mesh);
         Ok(mesh)
     }
+}
+
+fn surface(motion: &SurfaceVelocity) -> Value {
+    json!({ "linear": motion.linear, "angular": motion.angular, "local": motion.local })
 }
 
 fn rotation(rotation: Rotation) -> Quat {
@@ -333,6 +352,13 @@ fn motion(body: &Body, mass: f64, own: &mut Map<String, Value>) -> Value {
     }
     if let Some(turn) = body.mass.inertia_rotation {
         out["inertiaOrientation"] = json!(turn);
+    }
+    for (key, rate) in
+        [("linearDamping", body.linear_damping), ("angularDamping", body.angular_damping)]
+    {
+        if rate != 0.0 {
+            own.insert(key.to_owned(), json!(rate));
+        }
     }
     if body.gravity_factor != 1.0 {
         out["gravityFactor"] = json!(body.gravity_factor);
@@ -378,6 +404,14 @@ fn material(material: &Material) -> Value {
     ] {
         if of == Combine::GeometricMean {
             own.insert(key.to_owned(), json!("geometric_mean"));
+        }
+    }
+    for (key, of) in [
+        ("rollingResistance", material.rolling_resistance),
+        ("spinningResistance", material.spinning_resistance),
+    ] {
+        if of != 0.0 {
+            own.insert(key.to_owned(), json!(of));
         }
     }
     if !own.is_empty() {

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::pose::{dot, lerp, normalized, pose_at, slerp};
 use super::sampling::{Track, sample_rate, sample_times, tracks};
 use super::{Recording, Sampling, write_whole};
-use crate::scene::{Body, Mass, Motion, Scene};
+use crate::scene::{Body, Mass, Motion, Scene, SurfaceVelocity};
 use materials::Materials;
 use prim::{Prim, quoted, tuple};
 pub use scene::Stage;
@@ -143,11 +143,22 @@ fn body_prim(
             prim.set("bool physics:kinematicEnabled", 1);
         }
     }
+    if body.linear_damping != 0.0 || body.angular_damping != 0.0 {
+        prim.schemas.push("PhysxRigidBodyAPI");
+        prim.set("float physxRigidBody:angularDamping", body.angular_damping);
+        prim.set("float physxRigidBody:linearDamping", body.linear_damping);
+    }
+    if let Some(motion) = &body.surface_velocity {
+        run(&mut prim, motion);
+    }
     prim.place(space(&body.position), shape::quaternion(body.rotation), [1.0; 3]);
     let dimension = scene.dimension;
     let shapes = body.shapes.iter().enumerate().map(|(number, of)| {
         let mut prim = shape::prim(of, dimension, number, index, body.motion);
         materials.bind(&mut prim, &of.material);
+        if let Some(motion) = &of.surface_velocity {
+            run(&mut prim, &shape::seen_from_prim(motion, of));
+        }
         prim
     });
     prim.children = shapes.collect();
@@ -180,12 +191,28 @@ fn mass(prim: &mut Prim, dimension: usize, mass: &Mass) {
 }
 
 fn velocity(prim: &mut Prim, body: &Body) {
-    let angular = match body.angular_velocity.as_slice() {
-        [about_z] => [0.0, 0.0, *about_z],
-        vector => space(vector),
-    };
+    let angular = turning(&body.angular_velocity);
     prim.set("vector3f physics:angularVelocity", tuple(&angular.map(degrees)));
     prim.set("vector3f physics:velocity", tuple(&space(&body.linear_velocity)));
+}
+
+/// An angular velocity, in space.
+fn turning(angular: &[f64]) -> [f64; 3] {
+    match angular {
+        [about_z] => [0.0, 0.0, *about_z],
+        vector => space(vector),
+    }
+}
+
+/// Has the surface of a prim run, in the words of PhysX's schema.
+fn run(prim: &mut Prim, motion: &SurfaceVelocity) {
+    prim.schemas.push("PhysxSurfaceVelocityAPI");
+    let angular = turning(&motion.angular).map(degrees);
+    prim.set("vector3f physxSurfaceVelocity:surfaceAngularVelocity", tuple(&angular));
+    prim.set("vector3f physxSurfaceVelocity:surfaceVelocity", tuple(&space(&motion.linear)));
+    prim.set("bool physxSurfaceVelocity:surfaceVelocityEnabled", 1);
+    let local = i32::from(motion.local);
+    prim.set("bool physxSurfaceVelocity:surfaceVelocityLocalSpace", local);
 }
 
 /// An angle in degrees which, back in radians, is the same in single precision.

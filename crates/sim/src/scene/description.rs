@@ -72,6 +72,12 @@ pub struct Body {
     pub mass: Mass,
     /// Part of the scene's gravity that acts on it. \[1\]
     pub gravity_factor: f64,
+    /// Rate d at which its velocity decays: dv/dt = -d v. \[1/s\]
+    pub linear_damping: f64,
+    /// The same of its angular velocity. \[1/s\]
+    pub angular_damping: f64,
+    /// How its surface runs, about its origin; shapes may have it run otherwise.
+    pub surface_velocity: Option<SurfaceVelocity>,
     /// One shape, or several that make a compound.
     pub shapes: Vec<Shape>,
     /// Prescribed poses of a kinematic body; empty: it moves at its velocities.
@@ -156,6 +162,8 @@ pub struct Shape {
     pub rotation: Rotation,
     /// What its surface is like.
     pub material: Material,
+    /// How its surface runs, in the frame of the shape and about its origin; absent: as that of the body.
+    pub surface_velocity: Option<SurfaceVelocity>,
     /// What it collides with.
     pub filter: Filter,
 }
@@ -207,6 +215,27 @@ pub enum ShapeKind {
     },
 }
 
+/// How a surface runs against its body, as a belt or a turntable does: v = linear + angular x r.
+///
+/// Contacts see what of it lies along them: friction drives the other body to it. It neither lifts nor
+/// presses, and without friction does nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceVelocity {
+    /// \[m/s\]
+    pub linear: Vec<f64>,
+    /// 3D: three numbers; 2D: one. \[rad/s\]
+    pub angular: Vec<f64>,
+    /// Whether its axes are those of the body or shape, and turn with it; else those of the world.
+    pub local: bool,
+}
+
+impl SurfaceVelocity {
+    /// Whether it runs at all.
+    pub fn runs(&self) -> bool {
+        self.linear.iter().chain(&self.angular).any(|x| *x != 0.0)
+    }
+}
+
 /// A surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -214,6 +243,12 @@ pub struct Material {
     pub friction: f64,
     /// Restitution, 0..1. \[1\]
     pub restitution: f64,
+    /// Resistance to rolling: how far ahead of the contact the supporting force may act. It slows a ball of radius
+    /// r as a slope of this over r would. Of two surfaces the larger counts. \[m\]
+    pub rolling_resistance: f64,
+    /// Resistance to spinning about the normal: the largest moment, over the normal force. Of two surfaces the
+    /// larger counts. \[m\]
+    pub spinning_resistance: f64,
     /// How the frictions of two surfaces combine.
     pub friction_combine: Combine,
     /// How the restitutions of two surfaces combine.
@@ -225,6 +260,8 @@ impl Default for Material {
         Self {
             friction: 0.5,
             restitution: 0.0,
+            rolling_resistance: 0.0,
+            spinning_resistance: 0.0,
             friction_combine: Combine::GeometricMean,
             restitution_combine: Combine::Maximum,
         }

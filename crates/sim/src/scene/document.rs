@@ -86,6 +86,16 @@ pub(super) struct SurfaceDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(super) restitution: Option<f64>,
+    /// How far ahead of a contact the supporting force may act [m]: it slows what rolls; 0 if absent. Of two surfaces
+    /// the larger counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub(super) rolling_resistance: Option<f64>,
+    /// The largest moment against spinning about the normal, over the normal force [m]; 0 if absent. Of two
+    /// surfaces the larger counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub(super) spinning_resistance: Option<f64>,
     /// How the frictions of two surfaces combine; "geometric_mean" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) friction_combine: Option<Combine>,
@@ -122,6 +132,17 @@ pub(super) struct BodyDocument {
     /// Part of gravity that acts on it; 1 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) gravity_factor: Option<f64>,
+    /// Rate at which its velocity decays [1/s]; 0 if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub(super) linear_damping: Option<f64>,
+    /// Rate at which its angular velocity decays [1/s]; 0 if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub(super) angular_damping: Option<f64>,
+    /// How its surface runs, as a belt does, in the body's frame and about its origin; it stands if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) surface_velocity: Option<SurfaceVelocityDocument>,
     /// Density [kg/m^3], in 2D [kg/m^2]; 1000 if there is no mass either.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) density: Option<f64>,
@@ -176,6 +197,33 @@ pub(super) enum RotationDocument {
 pub(super) enum SpinDocument {
     Number(f64),
     Vector(Vec<f64>),
+}
+
+/// A linear velocity [m/s], or a table.
+#[derive(Serialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(rename = "SurfaceVelocity")]
+pub(super) enum SurfaceVelocityDocument {
+    Linear(Vec<f64>),
+    Table(SurfaceMotionDocument),
+}
+
+/// How a surface runs: linear + angular x r, with r from the origin of the body or shape.
+#[derive(Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "SurfaceMotion")]
+pub(super) struct SurfaceMotionDocument {
+    /// [m/s]; 0 if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 2, max = 3))]
+    pub(super) linear: Option<Vec<f64>>,
+    /// [rad/s], in 2D a number; 0 if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) angular: Option<SpinDocument>,
+    /// Whether its axes are those of the body or shape, and turn with it; else those of the world. true if
+    /// absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) local: Option<bool>,
 }
 
 /// 3D: three principal moments [kg m^2]. 2D: one number [kg m^2].
@@ -259,6 +307,9 @@ pub(super) struct ShapeDocument {
     pub(super) rotation: Option<RotationDocument>,
     #[serde(flatten)]
     pub(super) surface: SurfaceDocument,
+    /// How its surface runs, in the frame of the shape and about its origin, instead of what the body says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) surface_velocity: Option<SurfaceVelocityDocument>,
     /// What it collides with, instead of what the body says.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) collision: Option<CollisionDocument>,

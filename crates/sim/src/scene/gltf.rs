@@ -97,6 +97,7 @@ pub fn read(file: &Path) -> Result<Read, SceneError> {
                 .into(),
         });
     }
+    tables::count_strangers(&mut warnings);
     let scene = Scene { name: scene_name(&root)?, bodies, ..own(&root)? };
     let source = Source { document, buffers, folder, bodies: body_nodes };
     Ok(Read { scene, warnings, source: Some(source) })
@@ -129,7 +130,8 @@ fn check_head(root: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), Scen
     }
     for extension in root.list("extensionsUsed")? {
         let name = extension.text()?;
-        if matches!(name, "OMI_physics_gravity" | "OMI_physics_joint" | "EXT_mesh_gpu_instancing") {
+        let physical = name.contains("physics") || name.contains("vehicle");
+        if physical && !harmless(name) || name == "EXT_mesh_gpu_instancing" {
             warnings.push(Warning {
                 place: extension.place(),
                 message: format!("{name} is not simulated"),

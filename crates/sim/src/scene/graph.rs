@@ -18,7 +18,8 @@ pub(super) mod triangles;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::description::Scene;
+use self::math::{Quat, Vec3};
+use super::description::{Scene, SurfaceVelocity};
 use super::format;
 
 /// Largest coordinate, size and scale. \[m\]
@@ -41,6 +42,19 @@ pub(super) fn unique(name: &str, place: &str, names: &mut BTreeSet<String>) -> S
         unique = format!("{unique} ({place})");
     }
     unique
+}
+
+/// How a surface runs, in axes that are turned by `other` where its own are by `turn`.
+pub(crate) fn seen_from(mut motion: SurfaceVelocity, turn: Quat, other: Quat) -> SurfaceVelocity {
+    if motion.local && turn != other {
+        let back = math::quat_mul(math::conjugate(other), turn);
+        for vector in [&mut motion.linear, &mut motion.angular] {
+            if let Ok(own) = Vec3::try_from(vector.as_slice()) {
+                *vector = math::turn(back, own).into();
+            }
+        }
+    }
+    motion
 }
 
 /// A scene without bodies from JSON of the own format: gravity, times and settings, which other

@@ -58,7 +58,9 @@ mod tests {
     use crate::scene::format::SCENE_KEYS;
     use crate::scene::format::body::{BODY_KEYS, KEY_KEYS};
     use crate::scene::format::shape::SHAPE_KEYS;
-    use crate::scene::format::surface::{COLLISION_KEYS, COMBINE, MATERIAL_KEYS};
+    use crate::scene::format::surface::{
+        COLLISION_KEYS, COMBINE, MATERIAL_KEYS, SURFACE_VELOCITY_KEYS,
+    };
 
     fn keys_of(schema: &Value) -> BTreeSet<&str> {
         let properties = schema.get("properties").and_then(Value::as_object);
@@ -78,6 +80,7 @@ mod tests {
         assert_eq!(of("Key"), set(KEY_KEYS));
         assert_eq!(of("Material"), set(MATERIAL_KEYS));
         assert_eq!(of("Collision"), set(COLLISION_KEYS));
+        assert_eq!(of("SurfaceMotion"), set(SURFACE_VELOCITY_KEYS));
     }
 
     #[test]

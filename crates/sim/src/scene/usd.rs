@@ -26,6 +26,7 @@ mod parser;
 mod prims;
 mod shapes;
 mod stage;
+mod strangers;
 mod surfaces;
 mod value;
 mod xform;

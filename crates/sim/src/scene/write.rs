@@ -1,11 +1,12 @@
 //! Writing a scene in Drystone's own format; what equals its default is left out.
 
 use super::description::{
-    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, Track,
+    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, SurfaceVelocity, Track,
 };
 use super::document::{
     BodyDocument, CollisionDocument, InertiaDocument, KeyDocument, RotationDocument, SceneDocument,
-    ShapeDocument, SpinDocument, SurfaceDocument, Unbounded,
+    ShapeDocument, SpinDocument, SurfaceDocument, SurfaceMotionDocument, SurfaceVelocityDocument,
+    Unbounded,
 };
 use super::format::surface::default_material;
 use super::format::{GRAVITY, TIME_STEP};
@@ -58,6 +59,9 @@ fn body_document(body: &Body, scene: &Scene) -> BodyDocument {
         linear_velocity: unless(&body.linear_velocity, &zero),
         angular_velocity: spin(&body.angular_velocity),
         gravity_factor: (body.gravity_factor != 1.0).then_some(body.gravity_factor),
+        linear_damping: number_unless(body.linear_damping, 0.0),
+        angular_damping: number_unless(body.angular_damping, 0.0),
+        surface_velocity: body.surface_velocity.as_ref().map(surface_velocity),
         density: body.mass.density,
         mass: body.mass.mass.map(Unbounded::Number),
         center_of_mass: body.mass.center.clone(),
@@ -93,6 +97,7 @@ fn shape_document(
         position: unless(&shape.position, &vec![0.0; dimension]),
         rotation: rotation_unless(shape.rotation, Rotation::identity(dimension)),
         surface: surface(&shape.material, material),
+        surface_velocity: shape.surface_velocity.as_ref().map(surface_velocity),
         collision: collision(shape.filter, filter),
         extras: None,
     }
@@ -105,6 +110,24 @@ fn same(a: &[f64], b: &[f64]) -> bool {
 
 fn unless(vector: &[f64], default: &[f64]) -> Option<Vec<f64>> {
     (!same(vector, default)).then(|| vector.to_vec())
+}
+
+fn number_unless(x: f64, default: f64) -> Option<f64> {
+    (x.to_bits() != default.to_bits()).then_some(x)
+}
+
+/// A belt as its velocity, all else as a table.
+fn surface_velocity(motion: &SurfaceVelocity) -> SurfaceVelocityDocument {
+    let SurfaceVelocity { linear, angular, local } = motion;
+    let turning = spin(angular);
+    if turning.is_none() && *local {
+        return SurfaceVelocityDocument::Linear(linear.clone());
+    }
+    SurfaceVelocityDocument::Table(SurfaceMotionDocument {
+        linear: unless(linear, &vec![0.0; linear.len()]),
+        angular: turning,
+        local: (!local).then_some(false),
+    })
 }
 
 fn rotation_document(rotation: Rotation) -> RotationDocument {
@@ -139,11 +162,18 @@ fn inertia(moments: &[f64]) -> InertiaDocument {
 }
 
 fn surface(material: &Material, default: &Material) -> SurfaceDocument {
-    let number = |x: f64, y: f64| (x.to_bits() != y.to_bits()).then_some(x);
     let combine = |x: Combine, y: Combine| (x != y).then_some(x);
     SurfaceDocument {
-        friction: number(material.friction, default.friction),
-        restitution: number(material.restitution, default.restitution),
+        friction: number_unless(material.friction, default.friction),
+        restitution: number_unless(material.restitution, default.restitution),
+        rolling_resistance: number_unless(
+            material.rolling_resistance,
+            default.rolling_resistance,
+        ),
+        spinning_resistance: number_unless(
+            material.spinning_resistance,
+            default.spinning_resistance,
+        ),
         friction_combine: combine(material.friction_combine, default.friction_combine),
         restitution_combine: combine(material.restitution_combine, default.restitution_combine),
     }

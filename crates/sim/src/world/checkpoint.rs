@@ -13,6 +13,7 @@ use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Point, Record, Records};
 use crate::geometry::{Bounds, Frame, Geometry, MAX_POINTS, pose_numbers};
 use crate::sleep::Sleep;
+use crate::surfaces::Held;
 
 /// What the next step of a world depends on and its bodies as they were added do not tell.
 ///
@@ -43,6 +44,8 @@ pub struct Checkpoint {
     /// How far each can still come towards each other before they touch, if it has none: what has more room than it
     /// passes strikes nothing. \[m\]
     rooms: Vec<f32>,
+    /// Of each pair the torque against rolling and spinning; none where nothing resists. \[N m s\]
+    torques: Vec<f32>,
     /// Part and number of points of each record.
     records: Vec<[u32; 2]>,
     /// Of each record: the normal, the way from b to a, the normal in the frame of b, and a's frame as seen
@@ -110,6 +113,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
             rooms: pairs.iter().map(|of| if of.count > 0 { 0.0 } else { of.room }).collect(),
+            torques: self.torques(),
             records: records.manifolds.iter().map(|of| [of.part, of.count]).collect(),
             frames: records.manifolds.iter().flat_map(flat_record).collect(),
             points: records.points.iter().zip(&records.traces).flat_map(flat_point).collect(),
@@ -121,6 +125,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
+    fn torques(&self) -> Vec<f32> {
+        if !self.colliders.resist {
+            return Vec::new();
+        }
+        let held = &self.surfaces.held;
+        let of = |pair: &Pair| {
+            let found = held.binary_search_by_key(&pair.colliders, |held| held.colliders);
+            found.map_or(Vector::ZERO, |at| held[at].torque).0
+        };
+        self.pairs.iter().flat_map(of).collect()
+    }
+
     /// Takes on the state of a world with the same bodies, which were added and removed in the same
     /// order, and the same settings: from here on both take the same steps, bit by bit.
     ///
@@ -130,6 +146,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.check(from)?;
         let (pairs, records) = self.contacts_of(from)?;
         self.pairs = pairs;
+        self.surfaces.held.clear();
+        let torques = from.torques.chunks_exact(A.max(1)).zip(&self.pairs);
+        self.surfaces.held.extend(torques.map(|(numbers, pair)| {
+            Held { colliders: pair.colliders, torque: take(&mut numbers.iter().copied()) }
+        }));
         self.records = records;
         self.sleep = Sleep::resumed(from.still.clone(), from.groups.clone());
         self.last_gravity = take(&mut from.gravity.iter().copied());
@@ -178,6 +199,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// That sizes are those of this world, and numbers numbers.
     fn check(&self, from: &Checkpoint) -> Result<(), CheckpointError> {
         let (bodies, shapes) = (self.len(), self.colliders.body.len());
+        let resist = self.colliders.resist;
         let records = from.pairs.iter().map(|[_, _, count]| *count as usize).sum();
         let points: usize = from.records.iter().map(|[_, count]| *count as usize).sum();
         for (what, expected, found) in [
@@ -191,6 +213,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("ways of late", bodies * (L + 1), from.came.len()),
             ("boxes", shapes * 2 * L, from.boxes.len()),
             ("rooms", from.pairs.len(), from.rooms.len()),
+            ("torques", if resist { from.pairs.len() * A } else { 0 }, from.torques.len()),
             ("records", records, from.records.len()),
             ("frames", from.records.len() * record_numbers(L), from.frames.len()),
             ("points", points * point_numbers(L), from.points.len()),
@@ -213,6 +236,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("ways of late", &from.came),
             ("boxes", &from.boxes),
             ("rooms", &from.rooms),
+            ("torques", &from.torques),
             ("frames", &from.frames),
             ("points", &from.points),
             ("times at rest", &from.still),

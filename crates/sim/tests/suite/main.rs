@@ -16,5 +16,6 @@ mod house;
 mod jam;
 mod scene;
 mod sleep;
+mod surfaces;
 mod usd;
 mod world;

@@ -13,7 +13,7 @@ use crate::color::{Color, Coloring};
 use crate::island::Islands;
 use crate::lanes::Lanes;
 use crate::team::{Divide, Shared, Team};
-use crate::{Contact, Repair, Velocity};
+use crate::{Contact, Repair, Surface, Velocity};
 
 /// Bodies that follow each other and that no manifold joins to others, with their manifolds, in their
 /// [`Packed`](super::Packed) system. It can be taken through all substeps before the next one is, or while
@@ -34,6 +34,8 @@ pub struct Batch<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) coloring: &'a Coloring,
     /// Where those of all points of the system go, if anywhere.
     pub(super) traces: Shared<'a, Trace<L>>,
+    /// Of all blocks of the system, if any.
+    pub(super) surfaces: Shared<'a, Surface<V, L, A>>,
     pub(super) team: &'a Team,
     pub(super) passes: &'static dyn Passes<V, L, A>,
 }
@@ -44,7 +46,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         extents: &'a [Extent],
         blocks: &'a mut [Block<V, L, A>],
         contacts: &'a mut [Contact<V, L>],
-        (coloring, traces): (&'a Coloring, Shared<'a, Trace<L>>),
+        (coloring, traces, surfaces): Of<'a, V, L, A>,
         (team, passes): (&'a Team, &'static dyn Passes<V, L, A>),
     ) -> Self {
         let none = Extent::default();
@@ -62,6 +64,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
             contacts,
             coloring,
             traces,
+            surfaces,
             team,
             passes,
         }
@@ -119,6 +122,34 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         self.passes.relax(self, velocities);
     }
 
+    /// Whether any surface of the system runs or resists rolling ([`Packed::take_surfaces`]).
+    ///
+    /// [`Packed::take_surfaces`]: super::Packed::take_surfaces
+    pub fn has_surfaces(&self) -> bool {
+        self.surfaces.len() > 0
+    }
+
+    /// Adds belts to targets that have just been set, when they have run for `elapsed` \[s\] since gaps were
+    /// measured: `hold` is that of [`Repair`].
+    pub fn run_belts(&mut self, elapsed: f32, hold: f32) {
+        self.passes.run_belts(self, [1.0 + hold * elapsed, 0.0]);
+    }
+
+    /// Moves slips on by belts that have run for `elapsed` \[s\], before they are [traced](Batch::trace).
+    pub fn carry_belts(&mut self, elapsed: f32) {
+        self.passes.run_belts(self, [0.0, elapsed]);
+    }
+
+    /// Adds the torques of resistance that are held to the velocities.
+    pub fn apply_resistance(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.apply_resistance(self, velocities);
+    }
+
+    /// [`Surface::resist`] of all manifolds.
+    pub fn resist(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.passes.resist(self, velocities);
+    }
+
     /// Moves gaps and slips on, once bodies have moved by `displacements`, and gives what the points hand to
     /// the next step, one manifold's after the other's, to where the system was told to
     /// ([`Packed::whole`](super::Packed::whole)): `hold` is that of [`Repair`].
@@ -126,6 +157,10 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         self.passes.trace(self, displacements, hold);
     }
 }
+
+/// What a system has besides blocks and points: who is where, traces of all points, surfaces of all blocks.
+type Of<'a, V, const L: usize, const A: usize> =
+    (&'a Coloring, Shared<'a, Trace<L>>, Shared<'a, Surface<V, L, A>>);
 
 /// Into the batches it is made of.
 impl<V: Lanes, const L: usize, const A: usize> Divide for Batch<'_, V, L, A> {
@@ -139,7 +174,8 @@ impl<V: Lanes, const L: usize, const A: usize> Divide for Batch<'_, V, L, A> {
         let points = first.iter().map(|extent| extent.points.len()).sum();
         let (blocks, later_blocks) = self.blocks.split_at_mut(blocks);
         let (contacts, later_contacts) = self.contacts.split_at_mut(points);
-        let (of, by) = ((self.coloring, self.traces), (self.team, self.passes));
+        let of = (self.coloring, self.traces, self.surfaces);
+        let by = (self.team, self.passes);
         let first = Self::new(first, blocks, contacts, of, by);
         (first, Self::new(others, later_blocks, later_contacts, of, by))
     }
@@ -174,6 +210,13 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
     fn relax(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
+
+    /// Target and time of [`Surface::run`].
+    fn run_belts(&self, batch: &mut Batch<'_, V, L, A>, parts: [f32; 2]);
+
+    fn apply_resistance(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn resist(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
     fn conjugate(
         &self,

@@ -12,7 +12,7 @@ use crate::lanes::Portable;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, avx2_available};
 use crate::team::{Divide, Team};
-use crate::{InverseMass, Repair, System, Velocity};
+use crate::{InverseMass, Manifold, Repair, Surface, System, Velocity};
 
 /// A system of `f32` contacts, packed, on the best lanes of this machine.
 #[derive(Clone, Debug)]
@@ -73,6 +73,19 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     /// [`Packed::unpack`].
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
         on_lanes!(self, packed => packed.unpack(system));
+    }
+
+    /// [`Packed::take_surfaces`].
+    pub fn take_surfaces(
+        &mut self,
+        surfaces: Option<impl FnMut(usize, &Manifold<f32, L>) -> Surface<f32, L, A>>,
+    ) {
+        on_lanes!(self, packed => packed.take_surfaces(surfaces));
+    }
+
+    /// [`Packed::give_surfaces`].
+    pub fn give_surfaces(&self, to: impl FnMut(&Manifold<f32, L>, &Surface<f32, L, A>)) {
+        on_lanes!(self, packed => packed.give_surfaces(to));
     }
 
     /// [`Packed::take_impacts`].
@@ -188,6 +201,31 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
     /// [`Batch::relax`].
     pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         on_lanes!(self, batch => batch.relax(velocities));
+    }
+
+    /// [`Batch::has_surfaces`].
+    pub fn has_surfaces(&self) -> bool {
+        on_lanes!(self, batch => batch.has_surfaces())
+    }
+
+    /// [`Batch::run_belts`].
+    pub fn run_belts(&mut self, elapsed: f32, hold: f32) {
+        on_lanes!(self, batch => batch.run_belts(elapsed, hold));
+    }
+
+    /// [`Batch::carry_belts`].
+    pub fn carry_belts(&mut self, elapsed: f32) {
+        on_lanes!(self, batch => batch.carry_belts(elapsed));
+    }
+
+    /// [`Batch::apply_resistance`].
+    pub fn apply_resistance(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, batch => batch.apply_resistance(velocities));
+    }
+
+    /// [`Batch::resist`].
+    pub fn resist(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        on_lanes!(self, batch => batch.resist(velocities));
     }
 
     /// [`Batch::trace`].

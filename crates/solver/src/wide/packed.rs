@@ -15,7 +15,7 @@ use crate::color::{Coloring, Past, Placed};
 use crate::island::Islands;
 use crate::lanes::{Lanes, WIDTH};
 use crate::team::{Divide, Shared, Team, chunks_with_parts};
-use crate::{Contact, InverseMass, Manifold, Repair, System, Velocity};
+use crate::{Contact, InverseMass, Manifold, Repair, Surface, System, Velocity};
 
 /// Blocks of a strip that are taken in one after the other, at least, and one of each color: what is read for
 /// them stays in the first cache.
@@ -26,6 +26,8 @@ const STRIP: usize = 32;
 pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     blocks: Vec<Block<V, L, A>>,
     contacts: Vec<Contact<V, L>>,
+    /// Of each block; none where no surface runs or resists rolling.
+    surfaces: Vec<Surface<V, L, A>>,
     coloring: Coloring,
     extents: Vec<Extent>,
     conjugate: Conjugate<V, L, A>,
@@ -47,6 +49,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         Self {
             blocks: Vec::new(),
             contacts: Vec::new(),
+            surfaces: Vec::new(),
             coloring: Coloring::default(),
             extents: Vec::new(),
             conjugate: Conjugate::default(),
@@ -124,9 +127,33 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// the other ([`Rows::stands`]). [`Batch::trace`] writes to `traces`, as many as there are points; without
     /// it they can be none.
     pub fn whole<'a>(&'a mut self, traces: &'a mut [Trace<L>]) -> Batch<'a, V, L, A> {
-        let Self { extents, blocks, contacts, coloring, team, passes, .. } = self;
-        let traces = Shared::new(0, traces);
-        Batch::new(extents, blocks, contacts, (coloring, traces), (team, *passes))
+        let Self { extents, blocks, contacts, surfaces, coloring, team, passes, .. } = self;
+        let (traces, surfaces) = (Shared::new(0, traces), Shared::new(0, surfaces));
+        Batch::new(extents, blocks, contacts, (coloring, traces, surfaces), (team, *passes))
+    }
+
+    /// Takes in what the surfaces of each manifold do, by its number and itself without its points. Nothing, until
+    /// this is called again, where there are none.
+    pub fn take_surfaces(
+        &mut self,
+        surfaces: Option<impl FnMut(usize, &Manifold<f32, L>) -> Surface<f32, L, A>>,
+    ) {
+        let Self { blocks, surfaces: all, coloring, .. } = self;
+        all.clear();
+        let Some(mut surface) = surfaces else { return };
+        all.resize(blocks.len(), Surface::NONE);
+        for (index, ([block, lane], manifold)) in seats(coloring, blocks).enumerate() {
+            all[block].set(lane, &surface(index, &manifold));
+        }
+    }
+
+    /// Gives each manifold without its points, and what its surfaces have come to; nothing where none do anything.
+    pub fn give_surfaces(&self, mut to: impl FnMut(&Manifold<f32, L>, &Surface<f32, L, A>)) {
+        if !self.surfaces.is_empty() {
+            for ([block, lane], manifold) in seats(&self.coloring, &self.blocks) {
+                to(&manifold, &self.surfaces[block].get(lane));
+            }
+        }
     }
 
     /// Gives `system` the manifolds and contacts as they are now.
@@ -257,4 +284,16 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             block.islands = block.pairs().map(|bodies| islands.of_pair(bodies));
         }
     }
+}
+
+/// Block and lane of each manifold, and itself without its points.
+fn seats<'a, V: Lanes, const L: usize, const A: usize>(
+    coloring: &'a Coloring,
+    blocks: &'a [Block<V, L, A>],
+) -> impl Iterator<Item = ([usize; 2], Manifold<f32, L>)> + 'a {
+    coloring.places.iter().enumerate().map(|(index, &place)| {
+        let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+        let bodies = coloring.outline(index as u32).bodies;
+        ([block, lane], blocks[block].manifold_in(lane, bodies))
+    })
 }

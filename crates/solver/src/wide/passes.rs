@@ -17,7 +17,7 @@ use crate::island::Islands;
 use crate::lanes::Avx2;
 use crate::lanes::{Lanes, PART, Portable, WIDTH, lanes_of};
 use crate::team::Shared;
-use crate::{Contact, Velocity, nncg};
+use crate::{Contact, Surface, Velocity, nncg};
 
 /// Bodies that are worth as much as the least that is shared, in a certificate.
 const CERTIFIED: usize = 16;
@@ -119,6 +119,55 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn relax(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
         visit_all::<V, L, A, true, true>(batch, velocities, None);
+    }
+
+    fn run_belts(&self, batch: &mut Batch<'_, V, L, A>, [target, time]: [f32; 2]) {
+        let field = Field::new(batch);
+        field.each(
+            1,
+            #[inline(always)]
+            |index, block, points| {
+                if block.used == 0 {
+                    return;
+                }
+                let surface = field.surface(index);
+                for contact in &mut points[..block.manifold.count as usize] {
+                    surface.run(contact, splat(target), splat(time));
+                }
+            },
+        );
+    }
+
+    fn apply_resistance(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
+        let surfaces = batch.surfaces;
+        Ground::new(batch, velocities).each(
+            #[inline(always)]
+            |at| {
+                let wrench = Surface::wrench(at.of_block(&surfaces)[0].torque);
+                let [mut a, mut b] = at.gather();
+                at.between();
+                at.block.manifold.apply(&wrench, &at.block.masses, &mut a, &mut b);
+                at.scatter([a, b]);
+            },
+        );
+    }
+
+    fn resist(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
+        let surfaces = batch.surfaces;
+        Ground::new(batch, velocities).each(
+            #[inline(always)]
+            |mut at| {
+                let mut pressed = V::ZERO;
+                for contact in at.points() {
+                    pressed += contact.impulse[0];
+                }
+                let [mut a, mut b] = at.gather();
+                at.between();
+                let (surface, block) = (&mut at.of_block(&surfaces)[0], at.block);
+                surface.resist(&block.manifold, &block.masses, pressed, [&mut a, &mut b]);
+                at.scatter([a, b]);
+            },
+        );
     }
 
     fn conjugate(

@@ -18,7 +18,7 @@ use crate::color::{BINS, Color, Coloring};
 use crate::lanes::{Columns, HALF, Lanes, Row, WIDTH, gather, halved, halved_mut, scatter};
 use crate::pgs::{Parts, visit};
 use crate::team::{Member, Shared, Team};
-use crate::{Contact, Velocity, each_lane};
+use crate::{Contact, Surface, Velocity, each_lane};
 
 /// Bytes of blocks from which on what comes next is asked for ahead: by far more than the second cache holds.
 /// With less, asking takes longer than it saves.
@@ -380,6 +380,7 @@ pub(super) struct Field<'a, V: Lanes, const L: usize, const A: usize> {
     blocks: Shared<'a, Block<V, L, A>>,
     contacts: Shared<'a, Contact<V, L>>,
     traces: Shared<'a, Trace<L>>,
+    surfaces: Shared<'a, Surface<V, L, A>>,
     coloring: &'a Coloring,
     colors: &'a [Color],
     team: &'a Team,
@@ -387,10 +388,10 @@ pub(super) struct Field<'a, V: Lanes, const L: usize, const A: usize> {
 
 impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
     pub(super) fn new(batch: &'a mut Batch<'_, V, L, A>) -> Self {
-        let Batch { traces, coloring, colors, team, .. } = *batch;
+        let Batch { traces, surfaces, coloring, colors, team, .. } = *batch;
         let blocks = Shared::new(batch.first_block, &mut *batch.blocks);
         let contacts = Shared::new(batch.first_point, batch.contacts);
-        Self { blocks, contacts, traces, coloring, colors, team }
+        Self { blocks, contacts, traces, surfaces, coloring, colors, team }
     }
 
     /// Has the team do some `work` on each block and the points that it has room for, if they are worth it: on a
@@ -438,6 +439,13 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
                 }
             }
         }
+    }
+
+    /// What the surfaces of a block do; there must be some.
+    #[inline(always)]
+    pub(super) fn surface(&self, index: usize) -> &Surface<V, L, A> {
+        // SAFETY: nobody changes them on the way over a field.
+        unsafe { &self.surfaces.get_mut(index..index + 1)[0] }
     }
 
     /// Puts the traces of one point of each manifold of a block where they belong.

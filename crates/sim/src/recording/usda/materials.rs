@@ -9,8 +9,8 @@ use crate::scene::{Combine, Material, Scene};
 /// What the materials lie under, in the world.
 pub(super) const SCOPE: &str = "Materials";
 
-/// Friction and restitution, to the bit, and how they combine.
-type Key = ([u64; 2], [Combine; 2]);
+/// Friction, restitution and resistances, to the bit, and how they combine.
+type Key = ([u64; 4], [Combine; 2]);
 
 /// The surfaces of a scene, each once.
 pub(super) struct Materials<'a> {
@@ -48,7 +48,9 @@ impl<'a> Materials<'a> {
 
 fn key(material: &Material) -> Key {
     let combine = [material.friction_combine, material.restitution_combine];
-    ([material.friction, material.restitution].map(f64::to_bits), combine)
+    let Material { friction, restitution, rolling_resistance, spinning_resistance, .. } = *material;
+    let numbers = [friction, restitution, rolling_resistance, spinning_resistance];
+    (numbers.map(f64::to_bits), combine)
 }
 
 fn name(place: usize) -> String {
@@ -61,6 +63,14 @@ fn prim(place: usize, material: &Material) -> Prim {
     prim.set("float physics:dynamicFriction", material.friction);
     prim.set("float physics:restitution", material.restitution);
     prim.set("float physics:staticFriction", material.friction);
+    for (key, of) in [
+        ("rolling", material.rolling_resistance),
+        ("spinning", material.spinning_resistance),
+    ] {
+        if of != 0.0 {
+            prim.set(format!("custom double drystone:{key}Resistance"), of);
+        }
+    }
     let default = Material::default();
     for (key, of, usual) in [
         ("friction", material.friction_combine, default.friction_combine),

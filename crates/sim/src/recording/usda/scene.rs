@@ -2,7 +2,8 @@
 //!
 //! What UsdPhysics has no word for goes into attributes of the namespace `drystone:`, where the reader finds
 //! it and other programs leave it alone: times and settings of the scene; how surfaces combine; masses and
-//! moments that are infinite; part of gravity; normals of half-spaces that lie askew.
+//! moments that are infinite; part of gravity; normals of half-spaces that lie askew; resistance to rolling. Damping
+//! and surfaces that run are in the words of PhysX's schemas.
 
 use std::io;
 use std::path::Path;

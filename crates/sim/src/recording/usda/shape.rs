@@ -6,7 +6,8 @@ use super::super::pose::pose_2d;
 use super::prim::{Prim, list, tuple};
 use super::space;
 use crate::scene::graph::math::{from_up, quat_mul};
-use crate::scene::{Motion, Rotation, Shape, ShapeKind};
+use crate::scene::graph::seen_from;
+use crate::scene::{Motion, Rotation, Shape, ShapeKind, SurfaceVelocity};
 
 /// Of what is flat. \[m\]
 pub(super) const THICKNESS: f64 = 2.0 * mesh::HALF_DEPTH;
@@ -74,6 +75,17 @@ pub(super) fn prim(
     );
     prim.place(position, rotation, scale);
     prim
+}
+
+/// How a surface runs in the frame of its prim, which is that of the shape but for planes.
+pub(super) fn seen_from_prim(motion: &SurfaceVelocity, shape: &Shape) -> SurfaceVelocity {
+    let own = quaternion(shape.rotation);
+    match (&shape.kind, shape.rotation) {
+        (ShapeKind::Halfspace { normal }, Rotation::Quaternion(_)) => {
+            seen_from(motion.clone(), own, quat_mul(own, from_up(space(normal))))
+        }
+        _ => motion.clone(),
+    }
 }
 
 /// A capsule or a cylinder along y.

@@ -4,10 +4,12 @@ use std::collections::HashMap;
 
 use super::setup::{POSITION, Setup};
 use super::shape::read_shape;
-use super::surface::{Surface, read_filter, read_surface};
+use super::surface::{Surface, read_filter, read_surface, read_surface_velocity};
 use super::tree::one_line;
-use super::walk::{Field, Number, Range, Table, nearest_known};
-use crate::scene::description::{Body, Mass, Motion, Rotation, Shape, Track};
+use super::walk::{Field, Number, Range, SPIN, Table, VELOCITY, nearest_known};
+use crate::scene::description::{
+    Body, Mass, Motion, Rotation, Shape, SurfaceVelocity, Track,
+};
 use crate::scene::error::SceneError;
 
 pub(in crate::scene) const BODY_KEYS: &[&str] = &[
@@ -18,6 +20,9 @@ pub(in crate::scene) const BODY_KEYS: &[&str] = &[
     "linear_velocity",
     "angular_velocity",
     "gravity_factor",
+    "linear_damping",
+    "angular_damping",
+    "surface_velocity",
     "density",
     "mass",
     "center_of_mass",
@@ -26,6 +31,8 @@ pub(in crate::scene) const BODY_KEYS: &[&str] = &[
     "material",
     "friction",
     "restitution",
+    "rolling_resistance",
+    "spinning_resistance",
     "friction_combine",
     "restitution_combine",
     "collision",
@@ -35,8 +42,7 @@ pub(in crate::scene) const BODY_KEYS: &[&str] = &[
 ];
 pub(in crate::scene) const KEY_KEYS: &[&str] = &["time", "position", "rotation"];
 
-const VELOCITY: Range = Range::new(-1e6, 1e6, "m/s");
-const SPIN: Range = Range::new(-1e6, 1e6, "rad/s");
+const DAMPING: Range = Range::new(0.0, 1e6, "1/s");
 const MASS: Range = Range::new(1e-12, 1e15, "kg").or_infinite();
 const INERTIA: Range = Range::new(1e-20, 1e20, "kg m^2").or_infinite();
 
@@ -81,6 +87,9 @@ pub(super) fn read_body(
         angular_velocity: read_spin(table, dimension)?,
         mass: read_mass(table, motion, dimension, own.density.or(named.density))?,
         gravity_factor: table.real_or("gravity_factor", &Range::new(-1e6, 1e6, ""), 1.0)?,
+        linear_damping: table.real_or("linear_damping", &DAMPING, 0.0)?,
+        angular_damping: table.real_or("angular_damping", &DAMPING, 0.0)?,
+        surface_velocity: read_surface_velocity(table, dimension)?,
         shapes: read_shapes(table, motion, setup, &own.over(&named))?,
         track: read_track(table, motion, dimension, &position, rotation)?,
         position,
@@ -256,9 +265,15 @@ fn warn_of_idle_values(table: &Table<'_>, body: &Body) {
         }
     }
     if body.motion != Motion::Dynamic {
-        for key in ["mass", "density", "center_of_mass", "inertia", "inertia_rotation"] {
+        let mass = ["mass", "density", "center_of_mass", "inertia", "inertia_rotation"];
+        for key in mass.into_iter().chain(["linear_damping", "angular_damping"]) {
             warn(key, "does not act: the body is not dynamic");
         }
+    }
+    let runs = body.surface_velocity.as_ref().is_some_and(SurfaceVelocity::runs);
+    let mut shapes = body.shapes.iter();
+    if runs && shapes.all(|of| of.surface_velocity.is_some() || of.material.friction == 0.0) {
+        warn("surface_velocity", "does not act: no shape of the body has it and friction");
     }
     if body.position.iter().any(|x| x.abs() > FAR) {
         warn(

@@ -1,7 +1,7 @@
 //! Shapes.
 
 use super::setup::{POSITION, Setup};
-use super::surface::{Surface, read_filter, read_surface};
+use super::surface::{Surface, read_filter, read_surface, read_surface_velocity};
 use super::walk::{Field, Range, Table};
 use crate::scene::description::{Filter, Motion, Rotation, Shape, ShapeKind};
 use crate::scene::error::SceneError;
@@ -15,8 +15,11 @@ macro_rules! keys {
             "rotation",
             "friction",
             "restitution",
+            "rolling_resistance",
+            "spinning_resistance",
             "friction_combine",
             "restitution_combine",
+            "surface_velocity",
             "collision",
             "extras",
             $($key),*
@@ -76,6 +79,7 @@ pub(super) fn read_shape(
             .get("rotation")
             .map_or(Ok(Rotation::identity(dimension)), |field| field.rotation(dimension))?,
         material: read_surface(table)?.over(surface).material(setup.particles),
+        surface_velocity: read_surface_velocity(table, dimension)?,
         filter: table
             .get("collision")
             .map_or(Ok(filter), |field| read_filter(&field, table, &setup.systems))?,

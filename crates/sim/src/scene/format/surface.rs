@@ -4,12 +4,20 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use super::tree::one_line;
-use super::walk::{Field, Range, Table};
-use crate::scene::description::{Combine, Filter, Material};
+use super::walk::{Field, Range, SPIN, Table, VELOCITY};
+use crate::scene::description::{Combine, Filter, Material, SurfaceVelocity};
 use crate::scene::error::SceneError;
 
-pub(in crate::scene) const MATERIAL_KEYS: &[&str] =
-    &["density", "friction", "restitution", "friction_combine", "restitution_combine"];
+pub(in crate::scene) const MATERIAL_KEYS: &[&str] = &[
+        "density",
+        "friction",
+        "restitution",
+        "rolling_resistance",
+        "spinning_resistance",
+        "friction_combine",
+        "restitution_combine",
+    ];
+pub(in crate::scene) const SURFACE_VELOCITY_KEYS: &[&str] = &["linear", "angular", "local"];
 pub(in crate::scene) const COLLISION_KEYS: &[&str] =
     &["systems", "collides_with", "not_collides_with"];
 
@@ -29,6 +37,8 @@ pub(super) struct Surface {
     pub(super) density: Option<f64>,
     friction: Option<f64>,
     restitution: Option<f64>,
+    rolling: Option<f64>,
+    spinning: Option<f64>,
     friction_combine: Option<Combine>,
     restitution_combine: Option<Combine>,
 }
@@ -40,6 +50,8 @@ impl Surface {
             density: self.density.or(other.density),
             friction: self.friction.or(other.friction),
             restitution: self.restitution.or(other.restitution),
+            rolling: self.rolling.or(other.rolling),
+            spinning: self.spinning.or(other.spinning),
             friction_combine: self.friction_combine.or(other.friction_combine),
             restitution_combine: self.restitution_combine.or(other.restitution_combine),
         }
@@ -50,6 +62,8 @@ impl Surface {
         Material {
             friction: self.friction.unwrap_or(default.friction),
             restitution: self.restitution.unwrap_or(default.restitution),
+            rolling_resistance: self.rolling.unwrap_or(default.rolling_resistance),
+            spinning_resistance: self.spinning.unwrap_or(default.spinning_resistance),
             friction_combine: self.friction_combine.unwrap_or(default.friction_combine),
             restitution_combine: self.restitution_combine.unwrap_or(default.restitution_combine),
         }
@@ -67,13 +81,41 @@ pub(super) fn read_surface(table: &Table<'_>) -> Result<Surface, SceneError> {
     let combine = |key| table.get(key).map(|field| field.choice(&COMBINE)).transpose();
     let number =
         |key, max| table.get(key).map(|field| field.real(&Range::new(0.0, max, ""))).transpose();
+    let length =
+        |key| table.get(key).map(|field| field.real(&Range::new(0.0, 1e6, "m"))).transpose();
     Ok(Surface {
         density: density.map(|field| field.real(&DENSITY)).transpose()?,
         friction: number("friction", 1e6)?,
         restitution: number("restitution", 1.0)?,
+        rolling: length("rolling_resistance")?,
+        spinning: length("spinning_resistance")?,
         friction_combine: combine("friction_combine")?,
         restitution_combine: combine("restitution_combine")?,
     })
+}
+
+/// How the surface of a body or shape runs: a linear velocity, or a table.
+pub(super) fn read_surface_velocity(
+    owner: &Table<'_>,
+    dimension: usize,
+) -> Result<Option<SurfaceVelocity>, SceneError> {
+    let Some(field) = owner.get("surface_velocity") else { return Ok(None) };
+    let still = vec![0.0; if dimension == 3 { 3 } else { 1 }];
+    if !field.is_table() {
+        let linear = field.vector(dimension, &VELOCITY)?;
+        return Ok(Some(SurfaceVelocity { linear, angular: still, local: true }));
+    }
+    let name = owner.nested("surface_velocity".to_owned());
+    let table = field.table(SURFACE_VELOCITY_KEYS, &name)?;
+    let angular = match table.get("angular") {
+        Some(field) if dimension == 2 => vec![field.real(&SPIN)?],
+        _ => table.vector_or("angular", &SPIN, still)?,
+    };
+    Ok(Some(SurfaceVelocity {
+        linear: table.vector_or("linear", &VELOCITY, vec![0.0; dimension])?,
+        angular,
+        local: table.get("local").map_or(Ok(true), |field| field.boolean())?,
+    }))
 }
 
 /// Collision systems by name. They are numbered as they appear; a scene that calls them "0" to

@@ -57,6 +57,9 @@ pub(super) struct Range {
     pub(super) unit: &'static str,
 }
 
+pub(super) const VELOCITY: Range = Range::new(-1e6, 1e6, "m/s");
+pub(super) const SPIN: Range = Range::new(-1e6, 1e6, "rad/s");
+
 impl Range {
     pub(super) const fn new(min: f64, max: f64, unit: &'static str) -> Self {
         Self { min, max, infinite: false, unit }
@@ -303,6 +306,17 @@ impl<'a> Field<'a> {
         };
         let (walk, start, path) = (self.walk, self.node.start, self.path);
         Ok(Table { walk, start, entries, path, owner, keys })
+    }
+
+    pub(super) fn is_table(&self) -> bool {
+        matches!(self.node.value, Tree::Table(_))
+    }
+
+    pub(super) fn boolean(&self) -> Result<bool, SceneError> {
+        match self.node.value {
+            Tree::Bool(value) => Ok(value),
+            _ => Err(self.refuse("true or false")),
+        }
     }
 
     pub(super) fn is_empty(&self) -> bool {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::description::{
-    Body, Filter, Mass, Material, Motion, Rotation, Shape, ShapeKind, Track,
+    Body, Filter, Mass, Material, Motion, Rotation, Shape, ShapeKind, SurfaceVelocity, Track,
 };
 use super::super::error::{SceneError, Warning};
 use super::super::graph::implicit::{self, Implicit, Placed};
@@ -19,6 +19,8 @@ use super::source::BodyNode;
 use super::tables::{self, Dialect, Tables};
 /// Largest factor on gravity, either way.
 const MOST_GRAVITY: f64 = 1e6;
+/// Largest damping. \[1/s\]
+const STRONGEST: f64 = 1e6;
 
 /// How a node with a motion moves.
 struct Moving {
@@ -27,6 +29,8 @@ struct Moving {
     linear: Vec3,
     angular: Vec3,
     gravity: f64,
+    /// Linear and angular. \[1/s\]
+    damping: [f64; 2],
 }
 
 /// Where a collider takes its form from.
@@ -42,6 +46,7 @@ struct Collider<'a> {
     geometry: Geometry,
     convex: bool,
     material: Material,
+    runs: Option<SurfaceVelocity>,
     filter: Filter,
 }
 
@@ -186,6 +191,9 @@ impl Builder<'_> {
             angular_velocity: vec![0.0; 3],
             mass: Mass::default(),
             gravity_factor: 1.0,
+            linear_damping: 0.0,
+            angular_damping: 0.0,
+            surface_velocity: surface(node.cursor.own()?.as_ref())?,
             shapes,
             track,
         };
@@ -197,6 +205,7 @@ impl Builder<'_> {
                 *center = math::apply(rest, c).into();
             }
             body.gravity_factor = moving.gravity;
+            [body.linear_damping, body.angular_damping] = moving.damping;
             if !driven && motion != Motion::Static {
                 body.linear_velocity = math::turn(turn, moving.linear).into();
                 body.angular_velocity = math::turn(turn, moving.angular).into();
@@ -321,6 +330,7 @@ impl Builder<'_> {
             position: position.into(),
             rotation: Rotation::Quaternion(turn),
             material: collider.material.clone(),
+            surface_velocity: collider.runs.clone(),
             filter: collider.filter,
         }))
     }
@@ -347,6 +357,7 @@ impl Builder<'_> {
             if node.cursor.extension("OMI_physics_joint")?.is_some() && node.present {
                 self.warn(index, "its OMI_physics_joint is not simulated", warnings);
             }
+            self.other_physics(node, warnings)?;
             let Some(physics) = node.cursor.extension(self.dialect.bodies())? else { continue };
             tables::strangers(&physics, &["motion", "collider", "trigger", "joint"], warnings);
             if let Some(motion) = physics.get("motion")? {
@@ -376,6 +387,24 @@ impl Builder<'_> {
             }
         }
         Ok(properties)
+    }
+
+    /// Warns of other physics of a node than this dialect's.
+    fn other_physics(
+        &self,
+        node: &Node<'_>,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<(), SceneError> {
+        let Some(all) = node.cursor.get("extensions")? else { return Ok(()) };
+        let read = [self.dialect.bodies(), "OMI_physics_joint"];
+        for name in all.object()?.keys() {
+            let physical = name.contains("physics") || name.contains("vehicle");
+            if physical && !read.contains(&name.as_str()) && node.present {
+                let message = format!("the extension {name} of nodes{}", tables::IGNORED);
+                warnings.push(Warning { place: node.cursor.place(), message });
+            }
+        }
+        Ok(())
     }
 
     fn motion(
@@ -460,6 +489,7 @@ impl Builder<'_> {
             linear: velocity("linearVelocity")?,
             angular: velocity("angularVelocity")?,
             gravity: motion.get("gravityFactor")?.map_or(Ok(1.0), |g| g.number(MOST_GRAVITY))?,
+            damping: [damping(own, "linearDamping")?, damping(own, "angularDamping")?],
         })
     }
 
@@ -502,6 +532,7 @@ impl Builder<'_> {
             geometry: form,
             at: geometry,
             material: material.unwrap_or(tables::PLAIN),
+            runs: surface(collider.own()?.as_ref())?,
             filter: filter.unwrap_or_default(),
         }))
     }
@@ -556,6 +587,24 @@ impl Builder<'_> {
         }
         Ok(())
     }
+}
+
+/// How a surface runs, which no extension has a word for.
+fn surface(own: Option<&Cursor<'_>>) -> Result<Option<SurfaceVelocity>, SceneError> {
+    let Some(of) = own.map(|own| own.get("surfaceVelocity")).transpose()?.flatten() else {
+        return Ok(None);
+    };
+    let vector = |key: &str| -> Result<Vec<f64>, SceneError> {
+        Ok(of.get(key)?.map_or(Ok([0.0; 3]), |v| v.numbers(FAST))?.into())
+    };
+    let local = of.get("local")?.map_or(Ok(true), |local| local.boolean())?;
+    Ok(Some(SurfaceVelocity { linear: vector("linear")?, angular: vector("angular")?, local }))
+}
+
+/// A rate at which velocities decay, which no extension has a word for.
+fn damping(own: Option<&Cursor<'_>>, key: &str) -> Result<f64, SceneError> {
+    let of = own.map(|own| own.get(key)).transpose()?.flatten();
+    of.map_or(Ok(0.0), |of| of.within(0.0, STRONGEST))
 }
 
 /// Whether a member of an object is this text.

@@ -65,6 +65,8 @@ pub(super) struct Tables {
 pub(super) const PLAIN: Material = Material {
     friction: 0.6,
     restitution: 0.0,
+    rolling_resistance: 0.0,
+    spinning_resistance: 0.0,
     friction_combine: Combine::Average,
     restitution_combine: Combine::Average,
 };
@@ -78,9 +80,11 @@ pub(super) fn read(
     let mut tables =
         Tables { shapes: Vec::new(), materials: Vec::new(), filters: Vec::new(), joints: 0 };
     if let Some(extension) = root.extension(dialect.shapes())? {
+        strangers(&extension, &["shapes"], warnings);
         let defaults = if dialect == Dialect::Omi { shapes::OMI } else { shapes::KHRONOS };
         for shape in extension.list("shapes")? {
             tables.shapes.push(shapes::read(&shape, defaults, meshes)?);
+            shape_strangers(&shape, warnings)?;
         }
     }
     let Some(extension) = root.extension(dialect.bodies())? else { return Ok(tables) };
@@ -104,9 +108,60 @@ pub(super) fn strangers(cursor: &Cursor<'_>, known: &[&str], warnings: &mut Vec<
     for key in cursor.unknown(known) {
         warnings.push(Warning {
             place: cursor.place(),
-            message: format!("'{key}' is not a property of {}: it is ignored", cursor.name()),
+            message: format!("'{key}' is not a property of {}{IGNORED}", kind_of(cursor)),
         });
     }
+    // Extensions of an extension.
+    if let Some(inner) = cursor.value.get("extensions").and_then(|inner| inner.as_object()) {
+        for name in inner.keys() {
+            let message = format!("the extension {name} of {}{IGNORED}", kind_of(cursor));
+            warnings.push(Warning { place: cursor.place(), message });
+        }
+    }
+}
+
+/// How warnings of what means nothing here end.
+pub(super) const IGNORED: &str = " here: it is ignored";
+
+/// What an object is called, without its number in a list.
+fn kind_of(cursor: &Cursor<'_>) -> String {
+    let name = cursor.name();
+    name.split_once('[').map_or(name.clone(), |(list, _)| list.to_owned())
+}
+
+/// Says each warning of what means nothing here once, and how often it holds.
+pub(super) fn count_strangers(warnings: &mut Vec<Warning>) {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    warnings.retain(|warning| {
+        if !warning.message.ends_with(IGNORED) {
+            return true;
+        }
+        let count = counts.entry(warning.message.clone()).or_insert(0);
+        *count = count.saturating_add(1);
+        *count == 1
+    });
+    for warning in warnings {
+        if let Some(count) = counts.get(&warning.message).filter(|count| **count > 1) {
+            warning.message.push_str(&format!(" ({count} times)"));
+        }
+    }
+}
+
+/// Warns of members of a shape that mean nothing here.
+fn shape_strangers(shape: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
+    let kind = shape.require("type")?.text()?;
+    strangers(shape, &["name", "type", kind], warnings);
+    let known: &[&str] = match kind {
+        "sphere" => &["radius"],
+        "box" => &["size"],
+        "capsule" | "cylinder" => &["height", "radiusTop", "radiusBottom"],
+        "plane" => &["sizeX", "sizeZ", "doubleSided"],
+        _ => &["mesh"],
+    };
+    if let Some(own) = shape.get(kind)? {
+        strangers(&own, known, warnings);
+    }
+    Ok(())
 }
 
 fn read_material(
@@ -171,9 +226,15 @@ fn read_material(
             }
         })
     };
+    let resistance = |key: &str| -> Result<f64, SceneError> {
+        let of = own.as_ref().map(|own| own.get(key)).transpose()?.flatten();
+        of.map_or(Ok(0.0), |of| of.within(0.0, FAR))
+    };
     Ok(Material {
         friction: sliding.or(fixed).unwrap_or(PLAIN.friction),
         restitution,
+        rolling_resistance: resistance("rollingResistance")?,
+        spinning_resistance: resistance("spinningResistance")?,
         friction_combine: combine("frictionCombine")?,
         restitution_combine: combine("restitutionCombine")?,
     })

@@ -7,17 +7,17 @@ use super::super::description::{
 };
 use super::super::error::{SceneError, Warning};
 use super::super::graph::math::{self, Mat3, Quat, Vec3};
-use super::super::graph::unique;
+use super::super::graph::{seen_from, unique};
 use super::mass::{self, Part};
 use super::motion::{self, Moving, Transforms};
 use super::prims::Prim;
 use super::stage::Stage;
 use super::xform::Pose;
-use super::{filters, shapes, surfaces};
+use super::{filters, shapes, strangers, surfaces};
 
 /// The bodies of a stage, in the order of their prims.
 pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<Body>, SceneError> {
-    strangers(stage, warnings);
+    strangers::name(stage, warnings);
     let transforms = Transforms::read(stage)?;
     let is_body = |prim: &Prim| prim.schemas.contains("PhysicsRigidBodyAPI");
     let mut colliders = Vec::new();
@@ -43,22 +43,6 @@ pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<
         bodies.extend(builder.body(*prim, colliders, &mut names, warnings)?);
     }
     Ok(bodies)
-}
-
-/// Warns of what is not simulated.
-fn strangers(stage: &Stage<'_>, warnings: &mut Vec<Warning>) {
-    for prim in &stage.prims {
-        if prim.kind.starts_with("Physics") && prim.kind.ends_with("Joint") {
-            let what = "the joint is not simulated: nothing holds the bodies together";
-            stage.warn(prim, what, warnings);
-        }
-        if prim.schemas.contains("PhysicsArticulationRootAPI") {
-            stage.warn(prim, "its articulation is not simulated", warnings);
-        }
-        if prim.kind == "PointInstancer" {
-            stage.warn(prim, "its instances are not simulated", warnings);
-        }
-    }
 }
 
 struct Builder<'s> {
@@ -89,7 +73,7 @@ impl Builder<'_> {
             }
             motion::of(stage, prim, above, warnings)?
         } else {
-            Moving { motion: Motion::Static, linear: [0.0; 3], angular: [0.0; 3], gravity: 1.0 }
+            Moving::AT_REST
         };
         let driven = self.transforms.driven(stage, index);
         let motion = match moving.motion {
@@ -146,6 +130,9 @@ impl Builder<'_> {
             angular_velocity: angular.into(),
             mass,
             gravity_factor: moving.gravity,
+            linear_damping: moving.damping[0],
+            angular_damping: moving.damping[1],
+            surface_velocity: motion::surface(stage, prim, warnings)?,
             shapes,
             track,
         }))
@@ -185,6 +172,7 @@ impl Builder<'_> {
             None => self.beside(body, index),
         };
         let place = if rest == math::IDENTITY { place } else { math::apply(rest, place) };
+        let own = turn;
         let turn = match (turn, axis) {
             (turn, math::NO_TURN) => turn,
             (math::NO_TURN, axis) => axis,
@@ -192,12 +180,15 @@ impl Builder<'_> {
         };
         let surface = surfaces::of(stage, index, warnings)?;
         let density = surface.as_ref().and_then(|surface| surface.density);
+        let runs = if index == body { None } else { motion::surface(stage, prim, warnings)? };
         let (kind, turn) = self.tilted(prim, kind, turn)?;
+        let runs = runs.map(|runs| seen_from(runs, own, turn));
         let shape = Shape {
             kind,
             position: place.into(),
             rotation: Rotation::Quaternion(turn),
             material: surface.map_or_else(Material::default, |surface| surface.material),
+            surface_velocity: runs,
             filter: self.filters.get(&index).copied().unwrap_or_default(),
         };
         Ok(Some((shape, density)))

@@ -1,6 +1,6 @@
 //! How bodies move: what UsdPhysics says, and the animation of their prims.
 
-use super::super::description::{Motion, Track};
+use super::super::description::{Motion, SurfaceVelocity, Track};
 use super::super::error::{SceneError, Warning};
 use super::super::graph::track;
 use super::super::graph::{FAR, FAST};
@@ -11,6 +11,8 @@ use crate::scene::graph::math::{self, Vec3};
 
 /// Largest factor on gravity, either way.
 const MOST_GRAVITY: f64 = 1e6;
+/// Largest damping. \[1/s\]
+const STRONGEST: f64 = 1e6;
 
 /// The transforms of all prims.
 pub(super) struct Transforms {
@@ -116,6 +118,18 @@ pub(super) struct Moving {
     pub(super) linear: Vec3,
     pub(super) angular: Vec3,
     pub(super) gravity: f64,
+    /// Linear and angular. \[1/s\]
+    pub(super) damping: [f64; 2],
+}
+
+impl Moving {
+    pub(super) const AT_REST: Self = Self {
+        motion: Motion::Static,
+        linear: [0.0; 3],
+        angular: [0.0; 3],
+        gravity: 1.0,
+        damping: [0.0; 2],
+    };
 }
 
 /// What UsdPhysics says of the motion of a prim, with what is above it at `above`.
@@ -150,6 +164,62 @@ pub(super) fn of(
         motion,
         linear: stage.units.length(linear),
         angular: stage.units.direction(angular),
-        gravity: gravity.unwrap_or(1.0),
+        gravity: if flag("physxRigidBody:disableGravity")? == Some(true) {
+            0.0
+        } else {
+            gravity.unwrap_or(1.0)
+        },
+        damping: damping(stage, prim)?,
     })
+}
+
+/// Linear and angular damping, as PhysX's schema has it: 0 and 0.05 where it is applied and says nothing. \[1/s\]
+fn damping(stage: &Stage<'_>, prim: &Prim) -> Result<[f64; 2], SceneError> {
+    let number = |name: &str| stage.number(prim, name, 0.0, STRONGEST);
+    let applied = prim.schemas.contains("PhysxRigidBodyAPI");
+    let usual = if applied { 0.05 } else { 0.0 };
+    Ok([
+        number("physxRigidBody:linearDamping")?.unwrap_or(0.0),
+        number("physxRigidBody:angularDamping")?.unwrap_or(usual),
+    ])
+}
+
+/// How the surface of a prim runs, as PhysX's schema has it; in the frame of the prim.
+pub(super) fn surface(
+    stage: &Stage<'_>,
+    prim: &Prim,
+    warnings: &mut Vec<Warning>,
+) -> Result<Option<SurfaceVelocity>, SceneError> {
+    const LINEAR: &str = "physxSurfaceVelocity:surfaceVelocity";
+    const ANGULAR: &str = "physxSurfaceVelocity:surfaceAngularVelocity";
+    let flag = |name: &str| stage.flag(prim, name);
+    let linear = stage.vector::<3>(prim, LINEAR, FAST)?;
+    let degrees = stage.vector::<3>(prim, ANGULAR, FAST)?;
+    if !prim.schemas.contains("PhysxSurfaceVelocityAPI") {
+        if linear.is_some() || degrees.is_some() {
+            let what = "its surface velocity does not act without PhysxSurfaceVelocityAPI";
+            stage.warn(prim, what, warnings);
+        }
+        return Ok(None);
+    }
+    let sampled = |name: &&&str| {
+        let samples = prim.properties.get(**name).and_then(|of| of.samples.as_ref());
+        samples.is_some_and(|samples| samples.len() > 1)
+    };
+    if let Some(name) = [LINEAR, ANGULAR].iter().find(sampled) {
+        stage.warn(prim, format!("{name} changes with time: its first value acts"), warnings);
+    }
+    if flag("physxSurfaceVelocity:surfaceVelocityEnabled")? == Some(false) {
+        return Ok(None);
+    }
+    let local = flag("physxSurfaceVelocity:surfaceVelocityLocalSpace")? != Some(false);
+    let (units, meters) = (stage.units, stage.units.meters);
+    let (linear, degrees) = (linear.unwrap_or_default(), degrees.unwrap_or_default());
+    let angular = degrees.map(f64::to_radians);
+    let (linear, angular) = if local {
+        (if meters == 1.0 { linear } else { math::scale(linear, meters) }, angular)
+    } else {
+        (units.length(linear), units.direction(angular))
+    };
+    Ok(Some(SurfaceVelocity { linear: linear.into(), angular: angular.into(), local }))
 }

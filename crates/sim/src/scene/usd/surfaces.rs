@@ -9,6 +9,8 @@ use crate::scene::graph::HEAVY;
 
 /// Largest coefficient of friction.
 const ROUGHEST: f64 = 1e6;
+/// Largest resistance to rolling. \[m\]
+const LONGEST: f64 = 1e6;
 
 /// What a material says.
 pub(super) struct Surface {
@@ -71,6 +73,8 @@ fn read(
         // What a material does not say is 0, as its schema has it.
         friction: sliding.or(fixed).unwrap_or(0.0),
         restitution,
+        rolling_resistance: number("drystone:rollingResistance", LONGEST)?.unwrap_or(0.0),
+        spinning_resistance: number("drystone:spinningResistance", LONGEST)?.unwrap_or(0.0),
         friction_combine: combine("drystone:frictionCombine", default.friction_combine)?,
         restitution_combine: combine("drystone:restitutionCombine", default.restitution_combine)?,
     };

@@ -42,13 +42,31 @@ fn combine() -> impl Strategy<Value = Combine> {
 }
 
 fn material() -> impl Strategy<Value = Material> {
-    let made = (0.0..1e6, 0.0..=1.0, combine(), combine()).prop_map(|(f, r, fc, rc)| Material {
-        friction: f,
-        restitution: r,
-        friction_combine: fc,
-        restitution_combine: rc,
+    let resistance = || prop_oneof![Just(0.0), 0.0..10.0];
+    let numbers = (0.0..1e6, 0.0..=1.0, resistance(), resistance());
+    let made = (numbers, combine(), combine()).prop_map(|((f, r, rolling, spinning), fc, rc)| {
+        Material {
+            friction: f,
+            restitution: r,
+            rolling_resistance: rolling,
+            spinning_resistance: spinning,
+            friction_combine: fc,
+            restitution_combine: rc,
+        }
     });
     prop_oneof![Just(Material::default()), made]
+}
+
+fn damping() -> impl Strategy<Value = f64> {
+    prop_oneof![Just(0.0), 0.0..10.0]
+}
+
+fn surface_velocity(dimension: usize) -> impl Strategy<Value = Option<SurfaceVelocity>> {
+    let turns = if dimension == 3 { 3 } else { 1 };
+    let angular = prop_oneof![Just(vec![0.0; turns]), vector(turns)];
+    let made = (vector(dimension), angular, any::<bool>())
+        .prop_map(|(linear, angular, local)| SurfaceVelocity { linear, angular, local });
+    option::of(made)
 }
 
 fn filter() -> impl Strategy<Value = Filter> {
@@ -96,13 +114,15 @@ fn kind(dimension: usize, motion: Motion) -> BoxedStrategy<ShapeKind> {
 }
 
 fn shape(dimension: usize, motion: Motion) -> impl Strategy<Value = Shape> {
-    let parts =
-        (kind(dimension, motion), vector(dimension), rotation(dimension), material(), filter());
-    parts.prop_map(|(kind, position, rotation, material, filter)| Shape {
+    let place = (vector(dimension), rotation(dimension));
+    let surface = (material(), surface_velocity(dimension));
+    let parts = (kind(dimension, motion), place, surface, filter());
+    parts.prop_map(|(kind, (position, rotation), (material, surface_velocity), filter)| Shape {
         kind,
         position,
         rotation,
         material,
+        surface_velocity,
         filter,
     })
 }
@@ -157,12 +177,12 @@ fn body(dimension: usize) -> impl Strategy<Value = Body> {
             vector(dimension),
             vector(moments),
             mass(dimension, motion),
-            prop_oneof![Just(1.0), -2.0..2.0],
+            (prop_oneof![Just(1.0), -2.0..2.0], damping(), damping(), surface_velocity(dimension)),
             vec(shape(dimension, motion), least..4),
             track(dimension, motion),
         )
             .prop_map(
-                move |(position, rotation, linear_velocity, spin, mass, g, shapes, track)| Body {
+                move |(position, rotation, linear_velocity, spin, mass, rest, shapes, track)| Body {
                     name: None,
                     motion,
                     position,
@@ -170,7 +190,10 @@ fn body(dimension: usize) -> impl Strategy<Value = Body> {
                     linear_velocity,
                     angular_velocity: spin,
                     mass,
-                    gravity_factor: g,
+                    gravity_factor: rest.0,
+                    linear_damping: rest.1,
+                    angular_damping: rest.2,
+                    surface_velocity: rest.3,
                     shapes,
                     track,
                 },

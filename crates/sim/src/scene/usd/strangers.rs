@@ -1,0 +1,181 @@
+//! What a stage says of motion that nothing here reads: each named once, with how many prims say it.
+
+use std::collections::BTreeMap;
+
+use super::super::error::Warning;
+use super::prims::Prim;
+use super::stage::Stage;
+
+/// API schemas that are read, or told of elsewhere.
+const SCHEMAS: [&str; 9] = [
+    "PhysicsArticulationRootAPI",
+    "PhysicsCollisionAPI",
+    "PhysicsFilteredPairsAPI",
+    "PhysicsMassAPI",
+    "PhysicsMaterialAPI",
+    "PhysicsMeshCollisionAPI",
+    "PhysicsRigidBodyAPI",
+    "PhysxRigidBodyAPI",
+    "PhysxSurfaceVelocityAPI",
+];
+
+/// Properties that are read, or mean nothing where there is one scene.
+const PROPERTIES: [&str; 29] = [
+    "physics:angularVelocity",
+    "physics:approximation",
+    "physics:centerOfMass",
+    "physics:collisionEnabled",
+    "physics:density",
+    "physics:diagonalInertia",
+    "physics:dynamicFriction",
+    "physics:filteredGroups",
+    "physics:filteredPairs",
+    "physics:gravityDirection",
+    "physics:gravityMagnitude",
+    "physics:invertFilteredGroups",
+    "physics:kinematicEnabled",
+    "physics:mass",
+    "physics:mergeGroup",
+    "physics:principalAxes",
+    "physics:restitution",
+    "physics:rigidBodyEnabled",
+    "physics:simulationOwner",
+    "physics:startsAsleep",
+    "physics:staticFriction",
+    "physics:velocity",
+    "physxRigidBody:angularDamping",
+    "physxRigidBody:disableGravity",
+    "physxRigidBody:linearDamping",
+    "physxSurfaceVelocity:surfaceAngularVelocity",
+    "physxSurfaceVelocity:surfaceVelocity",
+    "physxSurfaceVelocity:surfaceVelocityEnabled",
+    "physxSurfaceVelocity:surfaceVelocityLocalSpace",
+];
+
+/// Types that are read.
+const TYPES: [&str; 2] = ["PhysicsScene", "PhysicsCollisionGroup"];
+
+/// The joints of UsdPhysics.
+const JOINTS: [&str; 6] = [
+    "PhysicsJoint",
+    "PhysicsDistanceJoint",
+    "PhysicsFixedJoint",
+    "PhysicsPrismaticJoint",
+    "PhysicsRevoluteJoint",
+    "PhysicsSphericalJoint",
+];
+
+/// Whether a prim is a joint, by whatever name.
+fn is_joint(prim: &Prim) -> bool {
+    prim.kind.ends_with("Joint")
+}
+
+/// Whether a name is that of some physics: of UsdPhysics, or of an engine.
+fn is_physical(name: &str) -> bool {
+    let lower = name.to_ascii_lowercase();
+    ["physics", "physx", "mjc", "newton"].iter().any(|of| lower.starts_with(of))
+}
+
+/// What steers how another engine computes, not what is asked for.
+fn is_tuning(name: &str) -> bool {
+    const OF_BODIES: [&str; 11] = [
+        "contactSlopCoefficient",
+        "enableCCD",
+        "enableSpeculativeCCD",
+        "maxDepenetrationVelocity",
+        "cfmScale",
+        "retainAccelerations",
+        "sleepThreshold",
+        "solveContact",
+        "solverPositionIterationCount",
+        "solverVelocityIterationCount",
+        "stabilizationThreshold",
+    ];
+    const OF_COLLIDERS: [&str; 2] = ["contactOffset", "autoMeshSimplification"];
+    match name.split_once(':') {
+        Some(("physxScene", _)) | None => name.starts_with("physxScene"),
+        Some(("physxRigidBody", of)) => OF_BODIES.contains(&of),
+        Some(("physxCollision", of)) => OF_COLLIDERS.contains(&of),
+        Some((cooking, _)) => {
+            cooking.starts_with("physx")
+                && (cooking.ends_with("Collision") && cooking != "physxCollision")
+        }
+    }
+}
+
+/// Something that is not read: how often, and by which prim first.
+type Count = (usize, usize);
+
+/// Warns of what is not simulated, and of what is not read.
+pub(super) fn name(stage: &Stage<'_>, warnings: &mut Vec<Warning>) {
+    let mut strange: BTreeMap<String, Count> = BTreeMap::new();
+    let mut tuning: BTreeMap<String, Count> = BTreeMap::new();
+    for (index, prim) in stage.prims.iter().enumerate() {
+        if is_joint(prim) {
+            joint(stage, prim, warnings);
+            continue;
+        }
+        if prim.schemas.contains("PhysicsArticulationRootAPI") {
+            stage.warn(prim, "its articulation is not simulated", warnings);
+        }
+        let has = |schema: &str| prim.schemas.contains(schema);
+        if has("PhysxSurfaceVelocityAPI")
+            && !has("PhysicsRigidBodyAPI")
+            && !has("PhysicsCollisionAPI")
+        {
+            let what = "its surface velocity does not act: it is neither a body nor a collider";
+            stage.warn(prim, what, warnings);
+        }
+        if prim.kind == "PointInstancer" {
+            stage.warn(prim, "its instances are not simulated", warnings);
+        }
+        let count = |to: &mut BTreeMap<String, Count>, what: String| {
+            let of = to.entry(what).or_insert((0, index));
+            of.0 = of.0.saturating_add(1);
+        };
+        let kind = prim.kind.as_str();
+        let is_type = |name: &str| is_physical(name) || name.contains("Physics");
+        if is_type(kind) && !TYPES.contains(&kind) {
+            count(&mut strange, format!("the type {kind}"));
+        }
+        for schema in &prim.schemas {
+            let base = schema.split(':').next().unwrap_or(schema);
+            if is_physical(base) && !SCHEMAS.contains(&base) {
+                count(&mut strange, base.to_owned());
+            }
+        }
+        for (name, property) in &prim.properties {
+            let says = property.value().is_some() || !property.targets.is_empty();
+            if !says || !is_physical(name) || PROPERTIES.contains(&name.as_str()) {
+                continue;
+            }
+            count(if is_tuning(name) { &mut tuning } else { &mut strange }, name.clone());
+        }
+    }
+    for (what, (count, first)) in &strange {
+        if let Some(prim) = stage.prim(*first) {
+            let of = prims(*count);
+            stage.warn(prim, format!("{what} is not read, and does not act ({of})"), warnings);
+        }
+    }
+    let first = tuning.values().map(|(_, first)| *first).min();
+    if let Some(prim) = first.and_then(|first| stage.prim(first)) {
+        let named: Vec<_> =
+            tuning.iter().map(|(name, (count, _))| format!("{name} ({})", prims(*count))).collect();
+        let what = "settings of another engine's solver are not read";
+        stage.warn(prim, format!("{what}: {}", named.join(", ")), warnings);
+    }
+}
+
+fn prims(count: usize) -> String {
+    if count == 1 { "1 prim".to_owned() } else { format!("{count} prims") }
+}
+
+fn joint(stage: &Stage<'_>, prim: &Prim, warnings: &mut Vec<Warning>) {
+    let kind = &prim.kind;
+    let known = JOINTS.contains(&kind.as_str());
+    let odd = if known { String::new() } else { format!(" {kind} is no type of UsdPhysics.") };
+    let what = "the joint is not simulated: nothing holds the bodies together";
+    let what = if known { what.to_owned() } else { format!("{what}.{odd}") };
+    stage.warn(prim, what, warnings);
+}

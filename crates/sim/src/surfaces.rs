@@ -1,0 +1,148 @@
+//! [`Surfaces`]: belts and resistance to rolling, from the colliders of a pair to its manifolds.
+//!
+//! A scene without either has none of this: the table is empty, and no step looks further.
+
+use drystone_solver::wide::Wide;
+use drystone_solver::{Manifold, Surface, Vector, Velocity};
+
+use crate::bodies::Bodies;
+use crate::cache::Pair;
+use crate::colliders::Colliders;
+use crate::geometry::Geometry;
+
+/// What the surfaces of the manifolds of a part do, and the torques that pairs hand on.
+#[derive(Default)]
+pub(crate) struct Surfaces<const L: usize, const A: usize> {
+    /// By manifold; none where nothing runs or resists.
+    rows: Vec<Row<L, A>>,
+    /// Angular impulses of the pairs that resist, in the order of pairs. World axes. \[N m s\]
+    pub(crate) held: Vec<Held<A>>,
+    before: Vec<Held<A>>,
+    /// As the lanes left them, where ledgers ask.
+    pub(crate) done: Vec<Surface<f32, L, A>>,
+}
+
+/// The belt where the manifold is at half the time: that of the start would throw outward what goes round.
+fn belt<const L: usize, const A: usize>(
+    manifold: &Manifold<f32, L>,
+    belts: [&Velocity<f32, L, A>; 2],
+    velocities: &[Velocity<f32, L, A>],
+    dt: f32,
+) -> Velocity<f32, L, A> {
+    let [a, b] = manifold.bodies.map(|body| velocities[body as usize].linear);
+    let [arm_a, arm_b] = manifold.arms;
+    let ahead = (b - a) * (0.5 * dt);
+    Surface::belt(&Manifold { arms: [arm_a + ahead, arm_b - ahead], ..*manifold }, belts)
+}
+
+/// What a pair hands on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Held<const A: usize> {
+    pub(crate) colliders: [u32; 2],
+    pub(crate) torque: Vector<f32, A>,
+}
+
+/// The surfaces of a manifold.
+#[derive(Clone, Copy)]
+struct Row<const L: usize, const A: usize> {
+    /// How those of a and b run, as a velocity at the center of mass of each. World axes. \[m/s, rad/s\]
+    belts: [Velocity<f32, L, A>; 2],
+    runs: bool,
+    /// Of rolling and of spinning. \[m\]
+    resistance: [f32; 2],
+    /// World axes. \[N m s\]
+    torque: Vector<f32, A>,
+}
+
+impl<const L: usize, const A: usize> Row<L, A> {
+    const NONE: Self = Self {
+        belts: [Velocity::ZERO; 2],
+        runs: false,
+        resistance: [0.0; 2],
+        torque: Vector::ZERO,
+    };
+}
+
+impl<const L: usize, const A: usize> Surfaces<L, A> {
+    /// Whether the surfaces of a manifold run against each other.
+    pub(crate) fn runs(&self, manifold: usize) -> bool {
+        self.rows.get(manifold).is_some_and(|row| row.runs)
+    }
+
+    /// Gives the lanes what the surfaces of so many manifolds do between bodies of these velocities for `dt` \[s\].
+    pub(crate) fn give<G: Geometry<L, A>>(
+        &mut self,
+        (colliders, bodies): (&Colliders<G, L, A>, &Bodies<G, L, A>),
+        pairs: &[Pair],
+        manifolds: usize,
+        (velocities, dt): (&[Velocity<f32, L, A>], f32),
+        wide: &mut Wide<L, A>,
+    ) {
+        self.rows.clear();
+        self.done.clear();
+        if !colliders.has_surfaces() {
+            self.held.clear();
+            wide.take_surfaces(None::<fn(usize, &Manifold<f32, L>) -> Surface<f32, L, A>>);
+            return;
+        }
+        self.rows.resize(manifolds, Row::NONE);
+        let mut held = self.held.iter().peekable();
+        for pair in pairs.iter().filter(|pair| !pair.rests && pair.count > 0) {
+            while held.next_if(|of| of.colliders < pair.colliders).is_some() {}
+            let belts = pair.colliders.map(|id| colliders.belt(bodies, id as usize));
+            let resistance = colliders.resistance(pair.colliders);
+            let runs = belts.iter().any(|belt| *belt != Velocity::ZERO);
+            if !runs && resistance == [0.0; 2] {
+                continue;
+            }
+            let torque = held.next_if(|of| of.colliders == pair.colliders);
+            let torque = torque.map_or(Vector::ZERO, |of| of.torque * (1.0 / pair.count as f32));
+            self.rows[pair.records()].fill(Row { belts, runs, resistance, torque });
+        }
+        let rows = &self.rows;
+        wide.take_surfaces(Some(|number: usize, manifold: &Manifold<f32, L>| {
+            let Row { belts: [a, b], runs, resistance: [rolling, spinning], torque } = &rows[number];
+            let belt = if *runs { belt(manifold, [a, b], velocities, dt) } else { Velocity::ZERO };
+            let torque = manifold.turning(*torque);
+            Surface { belt, rolling: *rolling, spinning: *spinning, torque }
+        }));
+    }
+
+    /// Takes torques back from the lanes at the end of a part.
+    pub(crate) fn take_back<G: Geometry<L, A>>(
+        &mut self,
+        colliders: &Colliders<G, L, A>,
+        pairs: &[Pair],
+        wide: &Wide<L, A>,
+    ) {
+        if !colliders.resist {
+            return;
+        }
+        let mut rows = self.rows.iter_mut();
+        wide.give_surfaces(|manifold, surface| {
+            if let Some(row) = rows.next() {
+                row.torque = manifold.turning_in_world(surface.torque);
+            }
+        });
+        std::mem::swap(&mut self.held, &mut self.before);
+        self.held.clear();
+        let mut before = self.before.iter().peekable();
+        for pair in pairs.iter().filter(|pair| pair.count > 0) {
+            while before.next_if(|of| of.colliders < pair.colliders).is_some() {}
+            let torque = if pair.rests {
+                before.next_if(|of| of.colliders == pair.colliders).map(|of| of.torque)
+            } else {
+                let rows = &self.rows[pair.records()];
+                let sum = rows.iter().fold(Vector::ZERO, |sum, row| sum + row.torque);
+                rows.first().is_some_and(|row| row.resistance != [0.0; 2]).then_some(sum)
+            };
+            self.held.extend(torque.map(|torque| Held { colliders: pair.colliders, torque }));
+        }
+    }
+
+    /// Keeps what the lanes have, for a ledger.
+    pub(crate) fn note(&mut self, wide: &Wide<L, A>) {
+        self.done.clear();
+        wide.give_surfaces(|_, surface| self.done.push(*surface));
+    }
+}

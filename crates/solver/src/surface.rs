@@ -1,0 +1,159 @@
+//! [`Surface`]: what two surfaces do besides holding each other. They run like belts, and they resist rolling.
+//!
+//! A belt adds its velocity to the slip that friction sees:
+//!
+//! ```text
+//! t_T = -hold slip - c      c: how the surface of a runs against that of b, along the tangents
+//! ```
+//!
+//! It is a part of the target, so every method and the certificate see it as they see any target. The
+//! slip of a sticking point is measured against the belt, and so does not grow with it.
+//!
+//! Resistance is an angular impulse tau between the two bodies, with omega their relative angular velocity:
+//!
+//! ```text
+//! rolling   |tau_T| <= rho P      tau_T <- onto disc (tau_T - omega_T / w)
+//! spinning  |tau_n| <= sigma P    P: sum of the normal impulses of the manifold's points
+//! ```
+//!
+//! That is what a support gives whose force acts up to rho ahead of the contact. A solid ball of radius r slows at
+//! rho g / (1.4 r), and rests on slopes up to atan(rho / r). While a substep is solved tau is a given torque, that
+//! of the substep before; it is brought up to date after it. The certificate is of the problem with that torque.
+
+use crate::lanes::Lanes;
+use crate::{Contact, InverseMass, Manifold, Real, Vector, Velocity};
+
+/// How the surfaces of a manifold's two bodies run, and how they resist turning against each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface<T: Real, const L: usize, const A: usize> {
+    /// How the surface of a runs against that of b, besides their bodies: seen from the manifold's center, in its
+    /// frame, along the tangents and about the normal alone. \[m/s, rad/s\]
+    pub belt: Velocity<T, L, A>,
+    /// rho, of rolling. \[m\]
+    pub rolling: T,
+    /// sigma, of spinning about the normal. \[m\]
+    pub spinning: T,
+    /// tau: the accumulated angular impulse on a, in the frame. \[N m s\]
+    pub torque: Vector<T, A>,
+}
+
+impl<T: Real, const L: usize, const A: usize> Default for Surface<T, L, A> {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl<T: Real, const L: usize, const A: usize> Surface<T, L, A> {
+    /// Of surfaces that stand and resist nothing.
+    pub const NONE: Self = Self {
+        belt: Velocity::ZERO,
+        rolling: T::ZERO,
+        spinning: T::ZERO,
+        torque: Vector::ZERO,
+    };
+
+    /// The belt of a manifold whose surfaces run at these velocities against their bodies, given at the centers of
+    /// mass as those of bodies are.
+    pub fn belt(manifold: &Manifold<T, L>, [a, b]: [&Velocity<T, L, A>; 2]) -> Velocity<T, L, A> {
+        let mut belt = manifold.twist(a, b);
+        belt.linear[0] = T::ZERO;
+        // Of turning what is not about the normal would lift; in the plane there is no other.
+        for axis in A / 3..A {
+            belt.angular[axis] = T::ZERO;
+        }
+        belt
+    }
+
+    /// Takes the belt into the target of a contact, as often as `target` says \[1\], and into its slip, for
+    /// `time` \[s\].
+    #[inline(always)]
+    pub(crate) fn run(&self, contact: &mut Contact<T, L>, target: T, time: T) {
+        let velocity = contact.relative_velocity(&self.belt);
+        for i in 1..L {
+            contact.target[i] -= velocity[i] * target;
+            contact.gap[i] += velocity[i] * time;
+        }
+    }
+
+    /// The wrench of tau.
+    #[inline(always)]
+    pub(crate) fn wrench(torque: Vector<T, A>) -> Velocity<T, L, A> {
+        Velocity { linear: Vector::ZERO, angular: torque }
+    }
+
+    /// Changes tau so that the bodies stop turning against each other, as far as the normal impulses `pressed`
+    /// \[N s\] allow, and passes the change on to them.
+    #[inline(always)]
+    pub fn resist(
+        &mut self,
+        manifold: &Manifold<T, L>,
+        masses: &[InverseMass<T, L, A>; 2],
+        pressed: T,
+        [a, b]: [&mut Velocity<T, L, A>; 2],
+    ) {
+        if A == 0 {
+            return;
+        }
+        let mut turning = manifold.twist(a, b).angular;
+        let [own, other] = masses.each_ref().map(|mass| manifold.tensor(mass.angular));
+        let entry = |i, j| own.entry(i, j) + other.entry(i, j);
+        let before = self.torque;
+        let one = |wanted: T, most: T| wanted.max(-most).min(most);
+        let share = |w: T| w.choose(T::ONE / w, T::ZERO);
+        if A == 1 {
+            let wanted = before[0] - turning[0] * share(entry(0, 0));
+            self.torque[0] = one(wanted, self.rolling * pressed);
+        } else {
+            let wanted = before[0] - turning[0] * share(entry(0, 0));
+            self.torque[0] = one(wanted, self.spinning * pressed);
+            let spun = self.torque[0] - before[0];
+            // One over the largest eigenvalue of the tangents' block, so that no direction turns back.
+            let half = T::from_f64(0.5);
+            let (p, q, r) = (entry(1, 1), entry(1, 2), entry(2, 2));
+            let (mean, half_difference) = ((p + r) * half, (p - r) * half);
+            let mass = share(mean + (half_difference * half_difference + q * q).sqrt());
+            let mut squared = T::NOTHING;
+            for i in 1..A {
+                turning[i] += entry(i, 0) * spun;
+                self.torque[i] -= turning[i] * mass;
+                squared += self.torque[i] * self.torque[i];
+            }
+            let (length, radius) = (squared.sqrt(), self.rolling * pressed);
+            let scale = (length - radius).choose(radius / length, T::ONE);
+            for i in 1..A {
+                self.torque[i] = self.torque[i] * scale;
+            }
+        }
+        manifold.apply(&Self::wrench(self.torque - before), masses, a, b);
+    }
+}
+
+impl<V: Lanes, const L: usize, const A: usize> Surface<V, L, A> {
+    /// Puts one into a lane.
+    pub(crate) fn set(&mut self, lane: usize, own: &Surface<f32, L, A>) {
+        for i in 0..L {
+            self.belt.linear[i].set(lane, own.belt.linear[i]);
+        }
+        for i in 0..A {
+            self.belt.angular[i].set(lane, own.belt.angular[i]);
+            self.torque[i].set(lane, own.torque[i]);
+        }
+        self.rolling.set(lane, own.rolling);
+        self.spinning.set(lane, own.spinning);
+    }
+
+    /// That of a lane.
+    pub(crate) fn get(&self, lane: usize) -> Surface<f32, L, A> {
+        let mut own = Surface::NONE;
+        for i in 0..L {
+            own.belt.linear[i] = self.belt.linear[i].get(lane);
+        }
+        for i in 0..A {
+            own.belt.angular[i] = self.belt.angular[i].get(lane);
+            own.torque[i] = self.torque[i].get(lane);
+        }
+        own.rolling = self.rolling.get(lane);
+        own.spinning = self.spinning.get(lane);
+        own
+    }
+}
