@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use drystone::geometry::{Geometry, Rigid2, Rigid3};
+use drystone::geometry::{Rigid2, Rigid3};
 use drystone::recording::physics::Physics;
 use drystone::recording::usda::Stage;
 use drystone::scene::{self, Material, Motion, Read, Scene};
@@ -11,7 +11,7 @@ use drystone::{Body, BodyId, StepSettings, SurfaceMotion, World, build};
 use drystone_solver::{Vector, Velocity};
 
 use crate::common::{
-    DT, GRAVITY, Rigid, add_floor, assert_above, assert_below, assert_within, dynamic, place, run,
+    DT, GRAVITY, Rigid, Round, add_floor, assert_above, assert_below, assert_within, dynamic, place, run,
     surface, v, velocity,
 };
 
@@ -20,9 +20,9 @@ fn presets() -> [StepSettings; 3] {
 }
 
 fn world_of<G: Geometry<L, A>, const L: usize, const A: usize>(
-    settings: StepSettings,
+    settings: &StepSettings,
 ) -> World<G, L, A> {
-    let mut world = World::new(settings);
+    let mut world = World::new(settings.clone());
     world.gravity = Vector(v(0.0, -GRAVITY, 0.0));
     world
 }
@@ -49,7 +49,7 @@ fn crate_on<G: Rigid<L, A>, const L: usize, const A: usize>(
 }
 
 /// After mu g t a crate has the speed of the belt, and keeps it: where it is then is known.
-fn rides<G: Rigid<L, A>, const L: usize, const A: usize>(size: f32, settings: StepSettings) {
+fn rides<G: Rigid<L, A>, const L: usize, const A: usize>(size: f32, settings: &StepSettings) {
     let mut world: World<G, L, A> = world_of(settings);
     // Up to speed after a third of a second.
     let speed = 0.5 * GRAVITY / 3.0;
@@ -69,12 +69,12 @@ fn rides<G: Rigid<L, A>, const L: usize, const A: usize>(size: f32, settings: St
 
 #[test]
 fn a_crate_gets_the_speed_of_the_belt() {
-    for settings in presets() {
+    for settings in &presets() {
         rides::<Rigid3, 3, 3>(0.5, settings);
         rides::<Rigid2, 2, 1>(0.5, settings);
     }
     for size in [0.01, 0.1, 5.0] {
-        rides::<Rigid3, 3, 3>(size, StepSettings::quality());
+        rides::<Rigid3, 3, 3>(size, &StepSettings::quality());
     }
 }
 
@@ -82,7 +82,7 @@ fn a_crate_gets_the_speed_of_the_belt() {
 #[test]
 fn a_belt_runs_in_the_frame_of_its_body_or_of_the_world() {
     let climbs = |local: bool| {
-        let mut world: World<Rigid3, 3, 3> = world_of(StepSettings::quality());
+        let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
         let angle = 0.2_f32;
         let shape = Rigid3::cuboid([20.0, 0.5, 5.0]);
         let mut belt = Body::new(Motion::Static, [0.0; 3], shape);
@@ -112,11 +112,10 @@ fn a_belt_runs_in_the_frame_of_its_body_or_of_the_world() {
 #[test]
 fn a_turntable_that_stands_carries_round() {
     for of_shape in [false, true] {
-        let mut world: World<Rigid3, 3, 3> = world_of(StepSettings::quality());
+        let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
         let omega = 1.5;
         let motion = SurfaceMotion::angular(Vector([0.0, omega, 0.0]));
-        let mut table =
-            Body::new(Motion::Static, [3.0, -0.5, 1.0], Rigid3::cuboid([4.0, 0.5, 4.0]));
+        let mut table = Body::new(Motion::Static, [3.0, -0.5, 1.0], Rigid3::cuboid([4.0, 0.5, 4.0]));
         if of_shape {
             table.colliders[0].surface_velocity = Some(motion);
         } else {
@@ -141,10 +140,9 @@ fn a_turntable_that_stands_carries_round() {
 #[test]
 fn both_surfaces_run() {
     for (belt, expected) in [(0.0, 1.0), (0.5, 1.5), (-1.0, 0.0)] {
-        let mut world: World<Rigid3, 3, 3> = world_of(StepSettings::quality());
+        let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
         add_belt(&mut world, 1.0, SurfaceMotion::linear(Vector([belt, 0.0, 0.0])));
-        let mut crawler =
-            dynamic([0.0, 0.25, 0.0], Rigid3::cuboid([0.5, 0.25, 0.5]), &surface(0.5, 0.0));
+        let mut crawler = dynamic([0.0, 0.25, 0.0], Rigid3::cuboid([0.5, 0.25, 0.5]), &surface(0.5, 0.0));
         crawler.surface_velocity = Some(SurfaceMotion::linear(Vector([-1.0, 0.0, 0.0])));
         let id = world.add(crawler);
         run(&mut world, 2.0);
@@ -157,7 +155,7 @@ fn both_surfaces_run() {
 #[test]
 fn a_belt_that_stands_changes_nothing() {
     let poses = |motion: Option<f32>| {
-        let mut world: World<Rigid3, 3, 3> = world_of(StepSettings::quality());
+        let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
         let belt = add_belt(&mut world, 1.0, SurfaceMotion::linear(Vector::ZERO));
         world.set_surface_velocity(
             belt,
@@ -179,7 +177,7 @@ fn a_belt_that_stands_changes_nothing() {
 fn slows<G: Rigid<L, A>, const L: usize, const A: usize>(
     radius: f32,
     share: f32,
-    settings: StepSettings,
+    settings: &StepSettings,
 ) {
     let mut world: World<G, L, A> = world_of(settings);
     add_floor(&mut world, &surface(0.5, 0.0));
@@ -210,23 +208,23 @@ fn slows<G: Rigid<L, A>, const L: usize, const A: usize>(
 
 #[test]
 fn rolling_resistance_slows_at_the_rate_on_paper() {
-    for settings in presets() {
+    for settings in &presets() {
         slows::<Rigid3, 3, 3>(0.1, 1.4, settings);
         slows::<Rigid2, 2, 1>(0.1, 1.5, settings);
     }
     for radius in [0.01, 1.0] {
-        slows::<Rigid3, 3, 3>(radius, 1.4, StepSettings::quality());
+        slows::<Rigid3, 3, 3>(radius, 1.4, &StepSettings::quality());
     }
 }
 
 /// On slopes below atan(rho / r) a ball stays; above, it rolls at what is left.
 #[test]
 fn a_ball_stays_on_a_slight_slope() {
-    for settings in presets() {
+    for settings in &presets() {
         for (slope, rolls) in [(0.03_f32, false), (0.1, true)] {
             let mut world: World<Rigid3, 3, 3> = world_of(settings);
             let normal = [slope.sin(), slope.cos(), 0.0];
-            let floor = Body::new(Motion::Static, [0.0; 3], parry3d_halfspace(normal));
+            let floor = Body::new(Motion::Static, [0.0; 3], Rigid3::halfspace(normal));
             world.add(floor);
             let (radius, rho) = (0.1, 0.005);
             let material = Material { rolling_resistance: f64::from(rho), ..surface(0.5, 0.0) };
@@ -244,15 +242,10 @@ fn a_ball_stays_on_a_slight_slope() {
     }
 }
 
-fn parry3d_halfspace(normal: [f32; 3]) -> <Rigid3 as Geometry<3, 3>>::Shape {
-    use crate::common::Round;
-    Rigid3::halfspace(normal)
-}
-
 /// A ball that spins about the vertical slows at sigma m g / I, and does not turn back.
 #[test]
 fn spinning_resistance_slows_at_the_rate_on_paper() {
-    let mut world: World<Rigid3, 3, 3> = world_of(StepSettings::quality());
+    let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
     add_floor(&mut world, &surface(0.5, 0.0));
     let (radius, sigma, spin) = (0.1, 0.001, 5.0);
     let material = Material { spinning_resistance: f64::from(sigma), ..surface(0.5, 0.0) };
@@ -272,12 +265,9 @@ fn resistance_takes_energy_only() {
     let left = |rolling: f64| {
         let mut settings = StepSettings::quality();
         settings.ledger = true;
-        let mut world: World<Rigid3, 3, 3> = world_of(settings);
-        let material = Material {
-            rolling_resistance: rolling,
-            spinning_resistance: rolling,
-            ..surface(0.5, 0.0)
-        };
+        let mut world: World<Rigid3, 3, 3> = world_of(&settings);
+        let material =
+            Material { rolling_resistance: rolling, spinning_resistance: rolling, ..surface(0.5, 0.0) };
         add_floor(&mut world, &material);
         for i in 0..20 {
             let at = [0.13 * (i % 3) as f32, 0.2 + 0.25 * (i / 3) as f32, 0.11 * (i % 2) as f32];
@@ -302,7 +292,7 @@ fn resistance_takes_energy_only() {
 fn ledgers_know_belts_and_damping() {
     let mut settings = StepSettings::certified();
     settings.ledger = true;
-    let mut world: World<Rigid3, 3, 3> = world_of(settings);
+    let mut world: World<Rigid3, 3, 3> = world_of(&settings);
     add_belt(&mut world, 1.0, SurfaceMotion::linear(Vector([1.0, 0.0, 0.0])));
     let mut load = dynamic([0.0, 0.25, 0.0], Rigid3::cuboid([0.25; 3]), &surface(0.5, 0.0));
     load.damping = [0.5, 0.5];
@@ -353,7 +343,7 @@ fn damping_is_exponential_at_any_step() {
 fn what_lies_on_a_running_belt_does_not_sleep() {
     let mut settings = StepSettings::realtime();
     settings.sleep = 0.5;
-    let mut world: World<Rigid3, 3, 3> = world_of(settings);
+    let mut world: World<Rigid3, 3, 3> = world_of(&settings);
     let belt = add_belt(&mut world, 1.0, SurfaceMotion::linear(Vector([1.0, 0.0, 0.0])));
     world.add(Body::new(Motion::Static, [1.0, 0.5, 0.0], Rigid3::cuboid([0.5, 0.5, 2.0])));
     let id = crate_on(&mut world, 0.5, &surface(0.5, 0.0));
@@ -386,11 +376,11 @@ shapes = [{ type = "box", half_extents = [5, 0.5, 5] }]
         );
     }
     let scene = own(&text).scene;
-    for settings in presets() {
-        let mut one = build(&scene, settings).unwrap();
-        let mut two = build(&scene, settings).unwrap();
+    for settings in &presets() {
+        let mut one = build(&scene, settings.clone()).unwrap();
+        let mut two = build(&scene, settings.clone()).unwrap();
         two.set_threads(2);
-        let mut resumed = build(&scene, settings).unwrap();
+        let mut resumed = build(&scene, settings.clone()).unwrap();
         for step in 0..60 {
             one.step(1.0 / 60.0);
             two.step(1.0 / 60.0);
@@ -629,24 +619,25 @@ fn surfaces_in_the_own_format() {
     assert!(refused("surface_velocity = { local = 1 }").contains("true or false"));
     assert!(refused("linear_damping = -1").contains("linear_damping"));
     assert!(refused("rolling_resistance = -1").contains("rolling_resistance"));
-    let idle = own("[[bodies]]\nmotion = \"static\"\nlinear_damping = 1\nfriction = 0\n\
-         surface_velocity = [1, 0, 0]\nshapes = [{ type = \"sphere\", radius = 1 }]\n");
+    let idle = own(
+        "[[bodies]]\nmotion = \"static\"\nlinear_damping = 1\nfriction = 0\n\
+         surface_velocity = [1, 0, 0]\nshapes = [{ type = \"sphere\", radius = 1 }]\n",
+    );
     assert!(warned(&idle, &["linear_damping", "does not act"]));
     assert!(warned(&idle, &["surface_velocity", "does not act"]));
-    let flat = own("dimension = 2\n[[bodies]]\nmotion = \"static\"\n\
-         surface_velocity = { angular = 2 }\nshapes = [{ type = \"sphere\", radius = 1 }]\n");
+    let flat = own(
+        "dimension = 2\n[[bodies]]\nmotion = \"static\"\n\
+         surface_velocity = { angular = 2 }\nshapes = [{ type = \"sphere\", radius = 1 }]\n",
+    );
     assert_eq!(flat.scene.bodies[0].surface_velocity.as_ref().unwrap().angular, [2.0]);
 }
 
 /// A disk in 2D whose rim runs, as a roller that stands, throws what lies on it.
 #[test]
 fn a_roller_that_stands_moves_what_lies_on_it() {
-    let mut world: World<Rigid2, 2, 1> = world_of(StepSettings::quality());
+    let mut world: World<Rigid2, 2, 1> = world_of(&StepSettings::quality());
     for x in [-1.0, 0.0, 1.0, 2.0, 3.0] {
-        let mut roller = Body::new(Motion::Static, [x, -0.2], {
-            use crate::common::Round;
-            Rigid2::ball(0.2)
-        });
+        let mut roller = Body::new(Motion::Static, [x, -0.2], Rigid2::ball(0.2));
         roller.surface_velocity = Some(SurfaceMotion::angular(Vector([-5.0])));
         world.add(roller);
     }
