@@ -20,7 +20,7 @@ pub(crate) fn floats<const L: usize>(of: &[f64]) -> [f32; L] {
 
 /// What reads the same for parry2d and parry3d.
 macro_rules! parry_shape {
-    ($parry:ident, $kind:expr, $l:literal, $box:expr, $rest:expr) => {{
+    ($parry:ident, $kind:expr, $l:literal, $box:expr, $hull:expr, $rest:expr) => {{
         use $parry::math::Vector as V;
         use $parry::shape::SharedShape;
         match $kind {
@@ -34,9 +34,7 @@ macro_rules! parry_shape {
             }
             ShapeKind::ConvexHull { points } => {
                 let points: Vec<V> = points.iter().map(|p| V::from(floats::<$l>(p))).collect();
-                SharedShape::convex_hull(&points)
-                    .filter(|hull| hull.mass_properties(1.0).mass() > 0.0)
-                    .ok_or("a hull of these points has no volume; give points that do not lie in one plane")
+                $hull(&points)
             }
             other => $rest(other),
         }
@@ -50,6 +48,9 @@ impl FromScene<2, 1> for Rigid2 {
             kind,
             2,
             |[x, y]: [f32; 2]| SharedShape::cuboid(x, y),
+            |points: &[V]| SharedShape::convex_hull(points)
+                .filter(|hull| hull.mass_properties(1.0).mass() > 0.0)
+                .ok_or("a hull of these points has no area; give points that do not lie on one line"),
             |_: &ShapeKind| Err(
                 "is not a shape of 2D; use sphere, box, capsule, convex_hull or halfspace"
             )
@@ -64,6 +65,7 @@ impl FromScene<3, 3> for Rigid3 {
             kind,
             3,
             |[x, y, z]: [f32; 3]| SharedShape::cuboid(x, y, z),
+            crate::geometry::convex_shape,
             |other: &ShapeKind| match other {
                 ShapeKind::Cylinder { radius, half_height } => {
                     Ok(SharedShape::cylinder(*half_height as f32, *radius as f32))

@@ -1,6 +1,7 @@
 //! What a dimension must supply: poses that advance, shapes with bounds and mass, and the points
 //! where two shapes touch. Everything else in a world is written once for all of them.
 
+mod convex;
 mod hull;
 mod polyhedra;
 #[cfg(test)]
@@ -16,6 +17,7 @@ use std::fmt::Debug;
 
 use drystone_solver::{Real, SymmetricMatrix, Vector};
 
+pub(crate) use hull::shape as convex_shape;
 pub use rigid::{Rigid2, Rigid3};
 pub use spheres::Spheres;
 
@@ -85,6 +87,36 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
 
     /// Whether it is curved: where it rolls, other points of it touch.
     fn rolls(collider: &Self::Collider) -> bool;
+
+    /// Whether it has edges that another shape may meet from the side.
+    fn has_corners(_: &Self::Collider) -> bool {
+        false
+    }
+
+    /// The radius by which a shape is round about its core, where its surface looks along `axis`; 0 of corners. \[m\]
+    fn roundness(_: &Self::Collider, _: &Self::Pose, _axis: Vector<f32, L>) -> f32 {
+        0.0
+    }
+
+    /// The point of a shape, or of this part of a mesh, that is farthest along a direction; none of what has no end.
+    fn farthest(
+        _: &Self::Collider,
+        _: &Self::Pose,
+        _part: u32,
+        _direction: Vector<f32, L>,
+    ) -> Option<Vector<f32, L>> {
+        None
+    }
+
+    /// Calls `face` with the outward normal of each flat face of a shape whose plane is within `near` \[m\] of a point.
+    fn faces_at(
+        _: &Self::Collider,
+        _: &Self::Pose,
+        _point: Vector<f32, L>,
+        _near: f32,
+        _face: &mut dyn FnMut(Vector<f32, L>),
+    ) {
+    }
 
     /// Reports each manifold of points at which two shapes overlap or are within `prediction` \[m\].
     /// Returns how far they are apart at least. \[m\] `before` is the feature of a point at which they

@@ -77,6 +77,7 @@ mod report;
 mod rows;
 mod saved;
 pub mod scene;
+mod seams;
 mod settings;
 mod simulation;
 mod sleep;

@@ -12,6 +12,7 @@ use crate::bodies::Bodies;
 use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
 use crate::geometry::{Frame, Geometry, Touch};
 use crate::narrow_phase::places::Places;
+use crate::seams::Closing;
 use crate::travel::{Moving, Travel};
 
 /// What the narrow phase reads.
@@ -65,6 +66,29 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
         let [_, turning] = self.moving.passed(self.travel, pair, || room)?;
         (turning >= room).then_some(near + turning)
     }
+
+    /// Calls `found` with those of a pair's manifolds whose bodies come closer than the gap, counted from its first,
+    /// where corners may meet.
+    #[inline(always)]
+    fn closing(
+        &self,
+        pair: &Pair,
+        view: View<'_, L>,
+        numbers: Range<usize>,
+        mut found: impl FnMut(u32),
+    ) {
+        let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
+        let (ahead, turning) = (a.linear - b.linear, a.angular + b.angular);
+        for (record, number) in view.of(numbers).iter().zip(0..) {
+            let gap = view.traces_of(record)[0].gap[0].max(0.0);
+            if turning - record.normal.dot(ahead) > gap + NOWHERE * pair.thickness {
+                let corners = |&shape: &u32| G::has_corners(&self.shapes[shape as usize]);
+                if pair.colliders.iter().any(corners) {
+                    found(number);
+                }
+            }
+        }
+    }
 }
 
 /// The prediction distance is at most this part of the thinner shape. \[1\]
@@ -76,6 +100,9 @@ const OFF: f32 = 1.0 / 32.0;
 
 /// Gaps are known to this part of themselves and of the distance between the bodies. \[1\]
 const ROUNDING: f32 = 1e-5;
+
+/// A way shorter than this part of the thinner shape leads nowhere. \[1\]
+const NOWHERE: f32 = 1e-6;
 
 /// Pairs that are worth as much as the least that is shared.
 const PIECE: usize = 16;
@@ -91,6 +118,8 @@ pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
     runs: Vec<Run>,
     /// How many manifolds and points they have.
     counts: [usize; 2],
+    /// Those whose bodies come closer than their gap, pairs counted from its first.
+    closing: Vec<Closing>,
 }
 
 /// Records of pairs that follow each other.
@@ -113,7 +142,8 @@ impl Run {
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L, A> {
     fn default() -> Self {
         let (scratch, records) = (G::Scratch::default(), Records::default());
-        Self { scratch, known: 0..0, records, runs: Vec::new(), counts: [0; 2] }
+        let (runs, closing) = (Vec::new(), Vec::new());
+        Self { scratch, known: 0..0, records, runs, counts: [0; 2], closing }
     }
 }
 
@@ -125,11 +155,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
         pairs: &mut [Pair],
         mut own: RecordsMut<'_, L>,
     ) {
-        let Self { scratch, records, runs, counts, .. } = self;
+        let Self { scratch, records, runs, counts, closing, .. } = self;
         records.clear();
         runs.clear();
+        closing.clear();
         *counts = [0; 2];
-        for pair in pairs {
+        for (pair, number) in pairs.iter_mut().zip(0..) {
             let (rested, known) = (pair.rests, pair.records());
             let first = records.manifolds.len();
             let stirred = || pair.bodies.iter().any(|&body| around.bodies.stirred[body as usize]);
@@ -144,6 +175,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
                 continue;
             }
             let manifolds = if old { known } else { first..records.manifolds.len() };
+            if !kept {
+                let found = if old { own.view() } else { records.view() };
+                around.closing(pair, found, manifolds.clone(), |record| {
+                    closing.push(Closing { pair: number, record });
+                });
+            }
             pair.first = counts[0] as u32;
             counts[0] += manifolds.len();
             match runs.last_mut() {
@@ -187,6 +224,20 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
             first = to.end;
         }
     }
+}
+
+/// The manifolds that the last search found to be closing, in the order of their pairs.
+pub(crate) fn closing<G: Geometry<L, A>, const L: usize, const A: usize>(
+    workers: &[Worker<G, L, A>],
+    pairs: usize,
+    team: &Team,
+) -> impl Iterator<Item = Closing> {
+    let (_, share) = team.share(pairs, PIECE);
+    let workers = workers[..pairs.div_ceil(share)].iter().enumerate();
+    workers.flat_map(move |(chunk, worker)| {
+        let first = (chunk * share) as u32;
+        worker.closing.iter().map(move |own| Closing { pair: first + own.pair, ..*own })
+    })
 }
 
 /// Finds the manifolds of all pairs, in the order of the pairs whatever the number of threads, and gives

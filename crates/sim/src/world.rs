@@ -20,12 +20,13 @@ use crate::course::{Course, Terms};
 use crate::geometry::{Geometry, MassProperties, Reach};
 use crate::ledger::Books;
 use crate::motion;
-use crate::narrow_phase::{Surroundings, Worker, manifolds};
+use crate::narrow_phase::{Surroundings, Worker, closing, manifolds};
 use crate::pace::Pace;
 use crate::report::{Clock, Measure, Stage, StepReport};
 use crate::rows::RowsOf;
 use crate::saved::SavedSystem;
 use crate::scene::Motion;
+use crate::seams::{Meeting, Seams};
 use crate::settings::StepSettings;
 use crate::sleep::Sleep;
 use crate::travel::{Moving, Travels};
@@ -75,6 +76,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     displacements: Vec<Velocity<f32, L, A>>,
     travel: Travels<L>,
     workers: Vec<Worker<G, L, A>>,
+    seams: Seams<L>,
     team: Arc<Team>,
     pace: Pace,
     /// Whether steps time their stages.
@@ -140,6 +142,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             displacements: Vec::new(),
             travel: Travels::default(),
             workers: Vec::new(),
+            seams: Seams::default(),
             team: Arc::default(),
             pace: Pace::default(),
             timing: false,
@@ -711,6 +714,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             traced = false;
             // What is touched wakes, and may wake what it touches.
             if !self.rouse_touched() {
+                self.settle_seams(dt);
                 return same;
             }
             self.note_active();
@@ -759,6 +763,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
         let records = (&mut self.old_records, &mut self.records);
         manifolds(&around, &mut self.pairs, &mut self.workers, &self.team, records)
+    }
+
+    /// Turns manifolds at seams and corners to the axes along which their bodies are held apart.
+    fn settle_seams(&mut self, dt: f32) {
+        let meeting = Meeting::<G, L, A> {
+            shapes: &self.colliders.shapes,
+            poses: &self.colliders.poses,
+            bodies: &self.bodies,
+            velocities: &self.system.velocities,
+            dt,
+        };
+        let closing = closing(&self.workers, self.pairs.len(), &self.team);
+        self.seams.settle(&meeting, closing, &mut self.pairs, &mut self.records);
     }
 
     /// Energies, deepest overlap and residual as the last step left them.

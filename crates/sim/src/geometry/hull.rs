@@ -5,12 +5,15 @@ use std::ops::Range;
 
 use drystone_solver::{SymmetricMatrix, Vector, moment};
 
-use super::MassProperties;
+use super::{MassProperties, convex};
 use super::solid::{Corner, Solid};
 
 /// How far a corner may be from the plane of its face, as part of the hull's largest side: what
 /// rounding in a file leaves of a flat face. More, and what rests on the face would sink in.
 const FLAT: f32 = 1e-4;
+
+/// The same, as part of the hull's thickness: faces of a thin hull lie close to each other.
+const FLAT_OF_THICKNESS: f32 = 1e-2;
 
 /// Points that are looked at together when the farthest is sought.
 const BLOCK: usize = 8;
@@ -39,10 +42,9 @@ struct Face {
 }
 
 impl Hull {
-    /// The hull of points \[m\]; `None` where they span no volume.
+    /// The hull of points \[m\]; `None` where they span no volume, or less than single precision tells from none.
     pub(super) fn of(points: &[parry3d::math::Vector]) -> Option<Self> {
-        let (points, triangles) = parry3d::transformation::try_convex_hull(points).ok()?;
-        let points: Vec<Vector<f32, 3>> = points.iter().map(|p| Vector(p.to_array())).collect();
+        let Surface { points, triangles } = Surface::around(points)?;
         let block = |some: &[Vector<f32, 3>]| {
             std::array::from_fn(|axis| std::array::from_fn(|i| some[i.min(some.len() - 1)][axis]))
         };
@@ -51,7 +53,9 @@ impl Hull {
         let mut hull = Self { points, blocks, faces, corners, edges, sides };
         hull.join(&triangles);
         hull.find_sides();
-        Some(hull)
+        // No solid has fewer.
+        let flat = |face: &Face| !face.normal.dot(face.normal).is_finite();
+        (hull.faces.len() >= 4 && !hull.faces.iter().any(flat)).then_some(hull)
     }
 
     /// Makes faces of the triangles of the surface, joined where they lie in a plane.
@@ -59,7 +63,8 @@ impl Hull {
         let at = |corner: u32| self.points[corner as usize];
         let axes = [0, 1, 2].map(|axis| Vector(std::array::from_fn(|i| (i == axis) as u8 as f32)));
         let sides = axes.map(|axis| axis.dot(self.support(axis) - self.support(-axis)));
-        let near = FLAT * sides.into_iter().fold(0.0, f32::max);
+        let size = sides.into_iter().fold(0.0, f32::max);
+        let near = (FLAT * size).min(FLAT_OF_THICKNESS * thickness(&self.points, triangles));
         let areas: Vec<_> = triangles.iter().map(|t| area(&t.map(at))).collect();
         let mut of_edge = HashMap::new();
         for (index, &[a, b, c]) in triangles.iter().enumerate() {
@@ -121,50 +126,129 @@ impl Hull {
     }
 }
 
-/// Mass, center and inertia of what a closed surface of triangles, counter-clockwise seen from outside,
-/// encloses: the sum over the tetrahedra from a point to each triangle. (parry turns the inertia into
-/// principal axes and back, with sines that are not the same on every machine.)
-pub(super) fn mass(
-    points: &[parry3d::math::Vector],
-    triangles: &[[u32; 3]],
-    density: f32,
-) -> MassProperties<3, 3> {
-    let at = |corner: u32| -> Vector<f64, 3> {
-        let arm = points[corner as usize] - points[0];
-        Vector(arm.to_array().map(f64::from))
-    };
-    let (mut volume, mut first, mut second) = (0.0, Vector::ZERO, [[0.0; 3]; 3]);
-    for corners in triangles {
-        let [a, b, c] = corners.map(at);
-        let area: Vector<f64, 3> = moment(b, c);
-        let (own, sum) = (a.dot(area) / 6.0, a + b + c);
-        volume += own;
-        first += sum * (own / 4.0);
-        for i in 0..3 {
-            for j in 0..3 {
-                let squares = a[i] * a[j] + b[i] * b[j] + c[i] * c[j];
-                second[i][j] += own / 20.0 * (squares + sum[i] * sum[j]);
+/// Why a hull is refused.
+pub(crate) const NO_VOLUME: &str =
+    "a hull of these points has no volume; give points that do not lie in one plane";
+/// The same.
+pub(crate) const TOO_THIN: &str = "a hull of these points is more than 10000 times as long as thick, which single \
+     precision cannot place; check for a point that is far off, or use a box or capsule";
+
+/// A hull thinner than this part of its size is refused. \[1\]
+const THINNEST: f32 = 1e-4;
+
+/// Triangles that close a surface around a convex solid.
+pub(crate) struct Surface {
+    /// \[m\]
+    points: Vec<Vector<f32, 3>>,
+    /// Counter-clockwise seen from outside.
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Surface {
+    /// Around points \[m\]; `None` where they span no volume.
+    fn around(points: &[parry3d::math::Vector]) -> Option<Self> {
+        let all: Vec<Vector<f32, 3>> = points.iter().map(|p| Vector(p.to_array())).collect();
+        let mut triangles = convex::hull(&all)?;
+        // Only those that are corners, in their order.
+        let mut numbers = vec![u32::MAX; all.len()];
+        triangles.iter().flatten().for_each(|&corner| numbers[corner as usize] = 0);
+        let mut points = Vec::new();
+        for (number, point) in numbers.iter_mut().zip(all).filter(|(number, _)| **number == 0) {
+            *number = points.len() as u32;
+            points.push(point);
+        }
+        triangles.iter_mut().flatten().for_each(|corner| *corner = numbers[*corner as usize]);
+        Some(Self { points, triangles })
+    }
+
+    /// Mass, center and inertia of what it encloses: the sum over the tetrahedra from a point to each triangle.
+    /// (parry turns the inertia into principal axes and back, with sines that are not the same on every machine.)
+    fn mass(&self, density: f32) -> MassProperties<3, 3> {
+        let Self { points, triangles } = self;
+        let at = |corner: u32| -> Vector<f64, 3> {
+            Vector((points[corner as usize].0).map(f64::from))
+        };
+        let origin = at(0);
+        let (mut volume, mut first, mut second) = (0.0, Vector::ZERO, [[0.0; 3]; 3]);
+        for corners in triangles {
+            let [a, b, c] = corners.map(|corner| at(corner) - origin);
+            let area: Vector<f64, 3> = moment(b, c);
+            let (own, sum) = (a.dot(area) / 6.0, a + b + c);
+            volume += own;
+            first += sum * (own / 4.0);
+            for i in 0..3 {
+                for j in 0..3 {
+                    let squares = a[i] * a[j] + b[i] * b[j] + c[i] * c[j];
+                    second[i][j] += own / 20.0 * (squares + sum[i] * sum[j]);
+                }
             }
         }
-    }
-    if volume <= 0.0 {
-        return MassProperties::ZERO;
-    }
-    let (center, density) = (first * (1.0 / volume), f64::from(density));
-    let about = |i: usize, j: usize| second[i][j] - volume * center[i] * center[j];
-    let trace = about(0, 0) + about(1, 1) + about(2, 2);
-    let mut inertia = SymmetricMatrix::ZERO;
-    for i in 0..3 {
-        for j in 0..3 {
-            let diagonal = if i == j { trace } else { 0.0 };
-            inertia.0[i][j] = (density * (diagonal - about(i, j))) as f32;
+        if volume <= 0.0 {
+            return MassProperties::ZERO;
+        }
+        let (center, density) = (first * (1.0 / volume), f64::from(density));
+        let about = |i: usize, j: usize| second[i][j] - volume * center[i] * center[j];
+        let trace = about(0, 0) + about(1, 1) + about(2, 2);
+        let mut inertia = SymmetricMatrix::ZERO;
+        for i in 0..3 {
+            for j in 0..3 {
+                let diagonal = if i == j { trace } else { 0.0 };
+                inertia.0[i][j] = (density * (diagonal - about(i, j))) as f32;
+            }
+        }
+        MassProperties {
+            mass: (density * volume) as f32,
+            center: Vector((origin + center).0.map(|x| x as f32)),
+            inertia,
         }
     }
-    MassProperties {
-        mass: (density * volume) as f32,
-        center: Vector(points[0].to_array()) + Vector(center.0.map(|x| x as f32)),
-        inertia,
+}
+
+/// The convex hull of points \[m\] as a shape.
+///
+/// # Errors
+/// It has no volume, or is too thin.
+pub(crate) fn shape(
+    points: &[parry3d::math::Vector],
+) -> Result<parry3d::shape::SharedShape, &'static str> {
+    use parry3d::shape::SharedShape;
+    let surface = Surface::around(points).ok_or(NO_VOLUME)?;
+    let bounds = surface.points.iter().fold([surface.points[0]; 2], |[low, high], point| {
+        let both = |of: Vector<f32, 3>, choose: fn(f32, f32) -> f32| {
+            Vector(std::array::from_fn(|i| choose(of[i], point[i])))
+        };
+        [both(low, f32::min), both(high, f32::max)]
+    });
+    if thickness(&surface.points, &surface.triangles) < THINNEST * (bounds[1] - bounds[0]).length() {
+        return Err(TOO_THIN);
     }
+    let corners: Vec<parry3d::math::Vector> =
+        surface.points.iter().map(|point| point.0.into()).collect();
+    SharedShape::convex_mesh(corners.clone(), &surface.triangles)
+        .or_else(|| SharedShape::convex_hull(&corners))
+        .filter(|_| surface.mass(1.0).mass > 0.0)
+        .ok_or(NO_VOLUME)
+}
+
+/// Three times the volume over the surface: half of the thickness of a ball or cube, 1.5 times that of a plate. \[m\]
+fn thickness(points: &[Vector<f32, 3>], triangles: &[[u32; 3]]) -> f32 {
+    let at = |corner: u32| -> Vector<f64, 3> {
+        let arm = points[corner as usize] - points[0];
+        Vector(arm.0.map(f64::from))
+    };
+    let (mut volume, mut surface) = (0.0, 0.0);
+    for corners in triangles {
+        let [a, b, c] = corners.map(at);
+        let area: Vector<f64, 3> = moment(b - a, c - a);
+        volume += a.dot(area) / 6.0;
+        surface += 0.5 * area.length();
+    }
+    if surface > 0.0 { (3.0 * volume / surface) as f32 } else { 0.0 }
+}
+
+/// Mass, center and inertia of the hull of points \[m\].
+pub(super) fn mass(points: &[parry3d::math::Vector], density: f32) -> MassProperties<3, 3> {
+    Surface::around(points).map_or(MassProperties::ZERO, |surface| surface.mass(density))
 }
 
 /// Twice the area of a polygon, along its normal.

@@ -17,6 +17,9 @@ use super::{
 /// Half of the size that stands for an unbounded shape. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
 
+/// The cosine of a cylinder's axis and the normal of its contact below which it lies on its side. \[1\]
+const LYING: f32 = 0.1;
+
 /// So few bodies turn faster one after the other than side by side.
 const ALONE: usize = 2;
 
@@ -55,7 +58,10 @@ impl From<Pose2> for parry2d::math::Pose {
 
 /// The part of [`Geometry`] that reads the same over parry2d and parry3d.
 macro_rules! over_parry {
-    ($parry:ident, $polyhedra:ident, $each:ident, $ask:ident, $hull:ident, $form:ident, $l:literal, $a:literal) => {
+    (
+        $parry:ident, $polyhedra:ident, $each:ident, $ask:ident, $hull:ident, $form:ident,
+        $side:expr, $l:literal, $a:literal
+    ) => {
         type Shape = $parry::shape::SharedShape;
         type Collider = Collider<Self::Shape, $hull, $l>;
         type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $parry::query::epa::EPA, $l>;
@@ -95,6 +101,59 @@ macro_rules! over_parry {
                 Form::Ball(_) | Form::Capsule(..) => true,
                 Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) | Form::Mesh => false,
                 Form::Other => true,
+            }
+        }
+
+        fn has_corners(collider: &Self::Collider) -> bool {
+            match collider.form {
+                Form::Cuboid(_) | Form::Hull(_) | Form::Mesh | Form::Other => true,
+                Form::Ball(_) | Form::Capsule(..) | Form::Halfspace(_) => false,
+            }
+        }
+
+        fn roundness(
+            collider: &Self::Collider,
+            pose: &Self::Pose,
+            axis: Vector<f32, $l>,
+        ) -> f32 {
+            match collider.form {
+                Form::Ball(radius) | Form::Capsule(_, radius) => radius,
+                Form::Other => {
+                    let up = <Self as Geometry<$l, $a>>::frame(pose).axes[1];
+                    $side(&*collider.shape.0).filter(|_| up.dot(axis).abs() < LYING).unwrap_or(0.0)
+                }
+                _ => 0.0,
+            }
+        }
+
+        fn farthest(
+            collider: &Self::Collider,
+            pose: &Self::Pose,
+            part: u32,
+            direction: Vector<f32, $l>,
+        ) -> Option<Vector<f32, $l>> {
+            let pose = $parry::math::Pose::from(*pose);
+            let triangle = collider.shape.as_trimesh().and_then(|mesh| {
+                ((part as usize) < mesh.num_triangles()).then(|| mesh.triangle(part))
+            });
+            let whole = collider.shape.as_support_map();
+            let solid = triangle.as_ref().map(|of| of as &dyn $parry::shape::SupportMap).or(whole)?;
+            let far = solid.support_point(&pose, direction.0.into());
+            Some(Vector(far.to_array()))
+        }
+
+        fn faces_at(
+            collider: &Self::Collider,
+            pose: &Self::Pose,
+            point: Vector<f32, $l>,
+            near: f32,
+            face: &mut dyn FnMut(Vector<f32, $l>),
+        ) {
+            let frame = <Self as Geometry<$l, $a>>::frame(pose);
+            match &collider.form {
+                Form::Cuboid(solid) => faces_at(solid, &frame, point, near, face),
+                Form::Hull(solid) => faces_at(&**solid, &frame, point, near, face),
+                _ => {}
             }
         }
 
@@ -200,6 +259,23 @@ impl<H, const L: usize> Form<H, L> {
             Form::Ball(radius) => Some(Round { ends: [Vector::ZERO; 2], radius: *radius }),
             Form::Capsule(ends, radius) => Some(Round { ends: *ends, radius: *radius }),
             _ => None,
+        }
+    }
+}
+
+/// Calls `found` with the outward normal of each face of a solid whose plane is within `near` \[m\] of a point.
+fn faces_at<const L: usize>(
+    solid: &impl Solid<L>,
+    frame: &Frame<L>,
+    point: Vector<f32, L>,
+    near: f32,
+    found: &mut dyn FnMut(Vector<f32, L>),
+) {
+    let point = frame.local_point(point);
+    for face in 0..solid.faces() {
+        let (normal, vertex) = solid.face(face);
+        if normal.dot(point - vertex).abs() <= near {
+            found(frame.direction(normal));
         }
     }
 }
@@ -331,8 +407,27 @@ fn meet<const L: usize>(
     collide(a, b, from_b, prediction, separation, clipper, touch)
 }
 
+/// A shape that is enlarged.
+struct Enlarged<'a> {
+    shape: &'a dyn parry3d::shape::SupportMap,
+    factor: f32,
+}
+
+impl parry3d::shape::SupportMap for Enlarged<'_> {
+    fn local_support_point(&self, direction: parry3d::math::Vector) -> parry3d::math::Vector {
+        self.shape.local_support_point(direction) * self.factor
+    }
+}
+
+/// The power of two that takes a length \[m\] to about 1: so numbers keep their bits.
+fn to_unit(length: f32) -> f32 {
+    let exponent = (length.to_bits() >> 23 & 0xff).clamp(64, 190);
+    f32::from_bits((254 - exponent) << 23)
+}
+
 /// The nearest points of two solids (GJK), or of their least overlap (EPA). Close to touching its
-/// axis may be wrong, so it only counts for what it separates.
+/// axis may be wrong, so it only counts for what it separates. Its tolerances are lengths, so both are
+/// enlarged to a size of about 1.
 fn closest(
     from_b: &parry3d::math::Pose,
     a: &dyn parry3d::shape::Shape,
@@ -342,20 +437,34 @@ fn closest(
 ) -> Option<Crossing<3>> {
     use parry3d::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
     let (a, b) = (a.as_support_map()?, b.as_support_map()?);
+    // About as large as the smaller one.
+    let sizes = [a, b].map(|shape| {
+        use parry3d::math::Vector as V;
+        [V::X, V::Y, V::Z]
+            .map(|axis| (shape.local_support_point(axis) - shape.local_support_point(-axis)).dot(axis))
+            .into_iter()
+            .fold(0.0, f32::max)
+    });
+    let factor = to_unit(sizes[0].min(sizes[1]));
+    let [a, b] = [a, b].map(|shape| Enlarged { shape, factor });
+    let from_b = &parry3d::math::Pose { translation: from_b.translation * factor, ..*from_b };
     let start = from_b.translation.try_normalize().unwrap_or(parry3d::math::Vector::X);
     let mut simplex = VoronoiSimplex::new();
-    simplex.reset(CsoPoint::from_shapes(from_b, a, b, start));
-    let (on_a, on_b, axis) = match closest_points(from_b, a, b, prediction, true, &mut simplex) {
+    simplex.reset(CsoPoint::from_shapes(from_b, &a, &b, start));
+    let most = prediction * factor;
+    let found = match closest_points(from_b, &a, &b, most, true, &mut simplex) {
         GJKResult::ClosestPoints(on_a, on_b, axis) => (on_a, on_b, axis),
         GJKResult::NoIntersection(axis) => {
+            use parry3d::shape::SupportMap;
             let back = from_b.rotation.inverse() * -axis;
             (a.local_support_point(axis), from_b * b.local_support_point(back), axis)
         }
-        GJKResult::Intersection => expansion.closest_points(from_b, a, b, &simplex)?,
+        GJKResult::Intersection => expansion.closest_points(from_b, &a, &b, &simplex)?,
         GJKResult::Proximity(_) => return None,
     };
-    let [axis, on_a, on_b] = [axis, on_a, on_b].map(|v| Vector(v.to_array()));
-    Some(Crossing { axis, on_a, on_b, feature: 0 })
+    let (on_a, on_b, axis) = found;
+    let [on_a, on_b] = [on_a, on_b].map(|v| Vector((v * (1.0 / factor)).to_array()));
+    Some(Crossing { axis: Vector(axis.to_array()), on_a, on_b, feature: 0 })
 }
 
 /// Defines how two shapes are gone through piece by piece, and what is made of pieces that parry is left.
@@ -521,7 +630,8 @@ impl Geometry<2, 1> for Rigid2 {
         }
     }
 
-    over_parry!(parry2d, polygons, each_piece_2, ask_parry_2, ConvexPolygon, form_2, 2, 1);
+    over_parry!(parry2d, polygons, each_piece_2, ask_parry_2, ConvexPolygon, form_2,
+        |_: &dyn parry2d::shape::Shape| None, 2, 1);
 }
 
 impl Geometry<3, 3> for Rigid3 {
@@ -623,8 +733,7 @@ impl Geometry<3, 3> for Rigid3 {
             return MassProperties::ZERO;
         }
         if let Some(polyhedron) = shape.as_convex_polyhedron() {
-            let (points, triangles) = polyhedron.to_trimesh();
-            return hull::mass(&points, &triangles, density);
+            return hull::mass(polyhedron.points(), density);
         }
         let of = shape.mass_properties(density);
         let inertia = of.reconstruct_inertia_matrix().to_cols_array_2d();
@@ -635,7 +744,8 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, solids, each_piece_3, ask_parry_3, Hull, form_3, 3, 3);
+    over_parry!(parry3d, solids, each_piece_3, ask_parry_3, Hull, form_3,
+        |shape: &dyn parry3d::shape::Shape| shape.as_cylinder().map(|of| of.radius), 3, 3);
 }
 
 fn quaternion(pose: &parry3d::math::Pose) -> Quaternion<f32> {

@@ -8,6 +8,7 @@ mod common;
 mod determinism;
 mod energy;
 mod field;
+mod flush;
 mod fuzz;
 mod gltf;
 mod gltf_physics;

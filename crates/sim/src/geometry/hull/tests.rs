@@ -1,4 +1,5 @@
 use super::*;
+use crate::geometry::random::Random;
 use crate::geometry::solid::Cuboid;
 
 /// Points on a sphere, spread evenly (a spiral).
@@ -123,8 +124,7 @@ fn the_farthest_point_is_that_of_a_plain_search() {
 fn mass_is_that_of_the_solid() {
     let solid = |corners: &[[f32; 3]]| {
         let points: Vec<_> = corners.iter().map(|&p| parry3d::math::Vector::from(p)).collect();
-        let (points, triangles) = parry3d::transformation::try_convex_hull(&points).unwrap();
-        mass(&points, &triangles, 2.0)
+        mass(&points, 2.0)
     };
     let near = |x: f32, expected: f32| assert!((x - expected).abs() < 1e-5, "{x}, not {expected}");
     let half = [0.7, 0.2, 0.4];
@@ -150,4 +150,130 @@ fn mass_is_that_of_the_solid() {
             near(of.inertia.0[i][j], 2.0 * if i == j { 2.0 * square } else { -product });
         }
     }
+}
+
+/// Volume, first moments and the trace of the second about the first point, of the tetrahedra over every three
+/// points that all others are below of.
+fn by_all_triples(points: &[Vector<f32, 3>]) -> [f64; 5] {
+    let at = |i: usize| Vector(points[i].0.map(f64::from));
+    let place = |i: usize| {
+        let [x, y, z] = points[i].0;
+        robust::Coord3D { x, y, z }
+    };
+    let mut sums = [0.0; 5];
+    let count = points.len();
+    for i in 0..count {
+        for j in i + 1..count {
+            for k in j + 1..count {
+                let side = |p: usize| robust::orient3d(place(i), place(j), place(k), place(p));
+                let others = || (0..count).filter(|p| ![i, j, k].contains(p)).map(side);
+                let [below, above] = [others().all(|x| x > 0.0), others().all(|x| x < 0.0)];
+                if !(below || above) {
+                    continue;
+                }
+                let sign = if below { 1.0 } else { -1.0 };
+                let [a, b, c] = [i, j, k].map(|p| at(p) - at(0));
+                let area: Vector<f64, 3> = moment(b, c);
+                let (own, sum) = (sign * a.dot(area) / 6.0, a + b + c);
+                sums[0] += own;
+                (0..3).for_each(|axis| sums[1 + axis] += own * sum[axis] / 4.0);
+                let squares = a.dot(a) + b.dot(b) + c.dot(c) + sum.dot(sum);
+                sums[4] += own / 20.0 * squares;
+            }
+        }
+    }
+    sums
+}
+
+/// Of random points, also such that nearly lie in planes, on edges, and on a ball: to a part in a million.
+#[test]
+fn hulls_have_their_exact_mass() {
+    let mut random = Random(4);
+    for round in 0..400 {
+        let size = [1e-3, 0.05, 1.0, 30.0][round % 4];
+        let near = [0.0, 1e-6, 1e-4, 1e-2][round / 4 % 4];
+        let points: Vec<Vector<f32, 3>> = (0..14)
+            .map(|i| {
+                let mut point = random.vector();
+                match round % 3 {
+                    0 => point = point * (1.0 / point.length()),
+                    1 => point[i % 3] = if point[i % 3] > 0.0 { 1.0 } else { -1.0 },
+                    _ => {}
+                }
+                (point + random.vector() * near + Vector([0.3, 0.2, 0.1])) * size
+            })
+            .collect();
+        let exact = by_all_triples(&points);
+        let parry: Vec<_> = points.iter().map(|p| parry3d::math::Vector::from(p.0)).collect();
+        let found = mass(&parry, 1.0);
+        // Of points that do lie in a plane, no three are alone above all others.
+        if near == 0.0 && round % 3 == 1 {
+            continue;
+        }
+        let off = (f64::from(found.mass) / exact[0] - 1.0).abs();
+        assert!(off < 1e-6, "{round}: {off} of the mass");
+        let mut squared = 0.0;
+        for axis in 0..3 {
+            let arm = exact[1 + axis] / exact[0];
+            squared += arm * arm;
+            let expected = arm + f64::from(points[0][axis]);
+            let off = (f64::from(found.center[axis]) - expected).abs() / f64::from(size);
+            assert!(off < 1e-6, "{round}: {off} of the center");
+        }
+        let trace: f32 = (0..3).map(|axis| found.inertia.0[axis][axis]).sum();
+        let expected = 2.0 * (exact[4] - exact[0] * squared);
+        let off = (f64::from(trace) / expected - 1.0).abs();
+        assert!(off < 1e-6, "{round}: {off} of the inertia");
+    }
+}
+
+/// Points on the edges and faces of a box, and within, add nothing.
+#[test]
+fn a_grid_of_points_is_a_box() {
+    let at = |i: u32| i as f32 * 0.25 - 0.5;
+    let points: Vec<_> = (0..125)
+        .map(|i| parry3d::math::Vector::from([at(i % 5), at(i / 5 % 5), 2.0 * at(i / 25)]))
+        .collect();
+    let of = mass(&points, 1.0);
+    assert!((of.mass - 2.0).abs() < 1e-6 && of.center.length() < 1e-6, "{of:?}");
+    let hull = Hull::of(&points).unwrap();
+    assert_eq!((hull.faces(), hull.points.len(), hull.edges()), (6, 8, 12));
+}
+
+/// A needle or a plate of any ratio is a solid whose faces close, or is refused.
+#[test]
+fn hulls_of_any_ratio_are_right_or_refused() {
+    let mut random = Random(5);
+    let (mut refused, mut taken) = (0, 0);
+    for ratio in [1.0, 1e2, 1e3, 5e3, 2e4, 5e4, 1e6, 1e9, 1e30] {
+        for round in 0..40 {
+            let mut points: Vec<_> = (0..12).map(|_| random.vector() * 0.15).collect();
+            match round % 3 {
+                0 => points[7][0] = 0.15 * ratio,
+                1 => points.iter_mut().for_each(|point| point[1] *= 1.0 / ratio),
+                _ => points.iter_mut().for_each(|point| point[round % 2] *= ratio),
+            }
+            let parry: Vec<_> = points.iter().map(|p| parry3d::math::Vector::from(p.0)).collect();
+            match shape(&parry) {
+                Err(reason) => {
+                    assert!(ratio > 1e3 && [NO_VOLUME, TOO_THIN].contains(&reason), "{ratio}");
+                    refused += 1;
+                }
+                Ok(_) => {
+                    let hull = Hull::of(&parry).unwrap();
+                    assert!(ratio < 1e5 && hull.faces() >= 4, "{ratio}");
+                    for face in 0..hull.faces() {
+                        let (normal, plane) = hull.face(face);
+                        assert!((normal.length() - 1.0).abs() < 1e-5, "{ratio}: {normal:?}");
+                        let out = hull.points.iter().map(|p| normal.dot(*p - plane));
+                        assert!(out.fold(0.0, f32::max) < 1e-6 * 0.3 * ratio.max(1.0), "{ratio}");
+                    }
+                    taken += 1;
+                }
+            }
+            // Never a panic, whoever made the shape.
+            let _ = Hull::of(&parry);
+        }
+    }
+    assert!(refused > 100 && taken > 100, "{refused} refused, {taken} taken");
 }

@@ -1,0 +1,340 @@
+//! Which way bodies are held apart where they meet at a corner.
+//!
+//! Two solids that are apart along several axes are parted by each of them, and the axis with the most gap
+//! (the one that [`Geometry::collide`] reports) may be the wrong one: a box that slides over the seam
+//! between two flush boxes has room ahead of the next one's side, and none above its top. Two rules decide:
+//!
+//! 1. An axis holds bodies apart if they have a gap along it. An overlap counts as none that is no more than
+//!    what a contact of one of them sags, where that contact holds it above a plane and the other does not
+//!    stick out of that plane by more.
+//! 2. Of these axes the one counts along which the bodies overlap least after the motion that lies ahead of
+//!    them, what holds them taken into account.
+//!
+//! So nothing runs into the side of what does not stick out of the floor, and a step that does stops it.
+
+use drystone_solver::{Vector, Velocity};
+
+use crate::bodies::Bodies;
+use crate::cache::{Pair, Records, deepest_first};
+use crate::geometry::{Frame, Geometry};
+
+/// A neighbor that sticks out of a plane by less than this part of the thinner shape is flush with it. \[1\]
+const FLUSH: f32 = 5e-4;
+
+/// Neighbors may differ by what they sag, too, and by what that adds to the one below: so many times the
+/// overlap with the plane is allowed for. \[1\]
+const SAGS: f32 = 3.0;
+
+/// No more of an overlap than this part of the thinner shape is taken for sag. \[1\]
+const MOST_SAG: f32 = 0.05;
+
+/// The cosine of two axes that are one. \[1\]
+const SAME: f32 = 1.0 - 1e-6;
+
+/// A plane whose normal has a cosine of less than this with an axis holds nothing along that. \[1\]
+const ACROSS: f32 = 0.7;
+
+/// Planes that are compared for one manifold, at most.
+const PLANES: usize = 32;
+
+/// Where the points of turned manifolds are said to have been found: so far away that they are found again
+/// in the next step. \[m\]
+const NOWHERE: f32 = 1e9;
+
+/// A manifold whose bodies come closer than its gap: the number of its pair, and which of its records it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Closing {
+    pub(crate) pair: u32,
+    pub(crate) record: u32,
+}
+
+/// What decides how bodies meet.
+pub(crate) struct Meeting<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) shapes: &'a [G::Collider],
+    /// Poses of the shapes, turned with their bodies but seen from their centers of mass.
+    pub(crate) poses: &'a [G::Pose],
+    pub(crate) bodies: &'a Bodies<G, L, A>,
+    pub(crate) velocities: &'a [Velocity<f32, L, A>],
+    /// The time to the next search. \[s\]
+    pub(crate) dt: f32,
+}
+
+/// Memory for [`settle`](Self::settle).
+#[derive(Default)]
+pub(crate) struct Seams<const L: usize> {
+    /// By body: the first of its records, twice its number and 1 more for b's side.
+    first: Vec<u32>,
+    /// By record and side: the next one of the same body.
+    next: Vec<u32>,
+    turns: Vec<Turn<L>>,
+}
+
+/// No further record.
+const END: u32 = u32::MAX;
+
+/// A manifold that is turned to another axis.
+#[derive(Clone, Copy)]
+struct Turn<const L: usize> {
+    closing: Closing,
+    record: u32,
+    /// The record of the plane that allows it; [`END`]: none.
+    plane: u32,
+    /// Whose points it keeps: of a body that is held, or else that another's face passes.
+    side: usize,
+    way: Way<L>,
+}
+
+/// An axis between two bodies.
+#[derive(Clone, Copy)]
+struct Way<const L: usize> {
+    /// From b to a.
+    axis: Vector<f32, L>,
+    /// \[m\]
+    gap: f32,
+    /// How far b reaches along the axis, from the center of mass of b. \[m\]
+    height: f32,
+}
+
+/// A contact that holds one of two bodies above a plane.
+#[derive(Clone, Copy)]
+struct Plane<const L: usize> {
+    record: u32,
+    /// Whether a (0) or b (1) is held.
+    side: usize,
+    /// From b to a, whichever of them is held.
+    axis: Vector<f32, L>,
+    /// An overlap along the axis that is none. \[m\]
+    allowed: f32,
+}
+
+/// A manifold with the frames and poses of its bodies, from the center of mass of b.
+struct Corner<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    shapes: [&'a G::Collider; 2],
+    poses: [G::Pose; 2],
+    frames: [Frame<L>; 2],
+    part: u32,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Corner<'_, G, L, A> {
+    /// How far the bodies are apart along an axis from b to a; `None` of what has no end.
+    fn along(&self, axis: Vector<f32, L>) -> Option<Way<L>> {
+        let farthest = |side: usize, direction: Vector<f32, L>| {
+            let far = G::farthest(self.shapes[side], &self.poses[side], self.part, direction)?;
+            Some(direction.dot(far))
+        };
+        let height = farthest(1, axis)?;
+        Some(Way { axis, gap: -farthest(0, -axis)? - height, height })
+    }
+
+    /// By how much both are round about their cores where they face each other. \[m\]
+    fn roundness(&self, normal: Vector<f32, L>) -> [f32; 2] {
+        [0, 1].map(|side| G::roundness(self.shapes[side], &self.poses[side], normal))
+    }
+}
+
+impl<const L: usize> Seams<L> {
+    /// Turns manifolds to the axes along which their bodies are held apart. They are decided one by one, by
+    /// the manifolds as they were found, so their order does not matter.
+    pub(crate) fn settle<G: Geometry<L, A>, const A: usize>(
+        &mut self,
+        meeting: &Meeting<'_, G, L, A>,
+        closing: impl Iterator<Item = Closing>,
+        pairs: &mut [Pair],
+        records: &mut Records<L>,
+    ) {
+        self.turns.clear();
+        let mut linked = false;
+        for closing in closing {
+            if !std::mem::replace(&mut linked, true) {
+                self.link(meeting.bodies, records);
+            }
+            let pair = &pairs[closing.pair as usize];
+            let record = pair.first + closing.record;
+            let Some(turn) = self.decide(meeting, (pair, closing), record, records) else {
+                continue;
+            };
+            // Two do not stand aside for each other.
+            let mutual = self.turns.binary_search_by_key(&turn.plane, |other| other.record);
+            if !mutual.is_ok_and(|at| self.turns[at].plane == record) {
+                self.turns.push(turn);
+            }
+        }
+        for turn in &self.turns {
+            let pair = &mut pairs[turn.closing.pair as usize];
+            meeting.turn(pair, turn, records);
+        }
+    }
+
+    /// Links the records of each body that can be moved.
+    fn link<G: Geometry<L, A>, const A: usize>(
+        &mut self,
+        bodies: &Bodies<G, L, A>,
+        records: &Records<L>,
+    ) {
+        self.first.clear();
+        self.first.resize(bodies.poses.len(), END);
+        self.next.clear();
+        self.next.resize(2 * records.manifolds.len(), END);
+        for (number, record) in records.manifolds.iter().enumerate().rev() {
+            for (side, &body) in record.bodies.iter().enumerate() {
+                if bodies.is_dynamic(body as usize) {
+                    let own = 2 * number + side;
+                    self.next[own] =
+                        std::mem::replace(&mut self.first[body as usize], own as u32);
+                }
+            }
+        }
+    }
+
+    /// The records of a body, and whether it is their b.
+    fn of(&self, body: u32) -> impl Iterator<Item = (u32, bool)> {
+        let start = Some(self.first[body as usize]).filter(|&at| at != END);
+        let after = |at: &u32| Some(self.next[*at as usize]).filter(|&at| at != END);
+        std::iter::successors(start, after).map(|at| (at / 2, at % 2 == 1))
+    }
+
+    /// How to turn a manifold, if it is to be turned.
+    fn decide<G: Geometry<L, A>, const A: usize>(
+        &self,
+        meeting: &Meeting<'_, G, L, A>,
+        (pair, closing): (&Pair, Closing),
+        number: u32,
+        records: &Records<L>,
+    ) -> Option<Turn<L>> {
+        let (view, bodies) = (records.view(), meeting.bodies);
+        let record = &records.manifolds[number as usize];
+        let corner = meeting.corner(pair, record.part);
+        let (normal, gap) = (record.normal, view.traces_of(record)[0].gap[0]);
+        // Along its own normal a half-space has an end, but no other axis could count.
+        corner.along(normal)?;
+        let point = &view.points_of(record)[0];
+        let places = [corner.frames[0].point(point.on_a), corner.frames[1].point(point.on_b)];
+        let middle = (places[0] + places[1]) * 0.5;
+        let velocity = |body: u32, place: Vector<f32, L>| {
+            let center = bodies.apart([body, record.bodies[1]]);
+            meeting.velocities[body as usize].at(place - center)
+        };
+        // What is round goes where its core goes, however it turns.
+        let round = corner.roundness(normal);
+        let cores = [middle + normal * round[0], middle - normal * round[1]];
+        let mut velocities = [0, 1].map(|side| velocity(record.bodies[side], cores[side]));
+        let flush = FLUSH * pair.thickness;
+        let mut planes = [Plane { record: END, side: 0, axis: Vector::ZERO, allowed: 0.0 }; PLANES];
+        let mut count = 0;
+        for side in 0..2 {
+            let others = self.of(record.bodies[side]).filter(|(other, _)| *other != number);
+            for (other, is_b) in others.take(PLANES) {
+                let holding = &records.manifolds[other as usize];
+                let outward = holding.normal * if is_b { -1.0 } else { 1.0 };
+                let axis = outward * if side == 0 { 1.0 } else { -1.0 };
+                if axis.dot(normal) > SAME || count == PLANES {
+                    continue;
+                }
+                let held_gap = view.traces_of(holding)[0].gap[0];
+                let place = view.points_of(holding)[0].middle
+                    + bodies.apart([holding.bodies[1], record.bodies[1]]);
+                let sag = (-held_gap).max(0.0);
+                let allowed = (SAGS * sag + flush).min(MOST_SAG * pair.thickness);
+                if outward.dot(places[1 - side] - place) > allowed {
+                    continue;
+                }
+                planes[count] = Plane { record: other, side, axis, allowed };
+                count += 1;
+                // What holds the body leaves it no more than this gap to move by.
+                if outward.dot(normal).abs() < ACROSS {
+                    let by = velocity(holding.bodies[usize::from(!is_b)], middle);
+                    let towards = outward.dot(velocities[side] - by);
+                    let least = -held_gap.max(0.0) / meeting.dt;
+                    velocities[side] += outward * (least - towards).max(0.0);
+                }
+            }
+        }
+        let planes = &planes[..count];
+        let ahead = (velocities[0] - velocities[1]) * meeting.dt;
+        let mut most = gap + normal.dot(ahead);
+        if most >= gap.max(0.0) {
+            return None;
+        }
+        let mut best = None;
+        let mut ask = |axis: Vector<f32, L>, allowed: f32, plane: u32, side: usize| {
+            let Some(way) = corner.along(axis).filter(|way| way.gap >= -allowed) else { return };
+            let then = way.gap.max(0.0) + axis.dot(ahead);
+            // Where nothing holds it, it must pass.
+            if then > most && (plane != END || then >= 0.0) {
+                most = then;
+                best = Some(Turn { closing, record: number, plane, side, way });
+            }
+        };
+        for plane in planes {
+            ask(plane.axis, plane.allowed, plane.record, plane.side);
+        }
+        for side in 0..2 {
+            let mut face = |outward: Vector<f32, L>| {
+                let axis = outward * if side == 0 { -1.0 } else { 1.0 };
+                if axis.dot(normal) > SAME {
+                    return;
+                }
+                let alike = |plane: &&Plane<L>| plane.axis.dot(axis) >= 0.0;
+                let held = planes.iter().filter(alike).max_by(|p, q| {
+                    p.allowed.total_cmp(&q.allowed).then(q.record.cmp(&p.record))
+                });
+                match held {
+                    Some(held) => ask(axis, held.allowed, held.record, held.side),
+                    None => ask(axis, 0.0, END, 1 - side),
+                }
+            };
+            let (shape, pose) = (corner.shapes[side], &corner.poses[side]);
+            G::faces_at(shape, pose, places[side], flush, &mut face);
+        }
+        best
+    }
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
+    fn corner(&self, pair: &Pair, part: u32) -> Corner<'_, G, L, A> {
+        let [a, b] = pair.bodies.map(|body| body as usize);
+        let [shape_a, shape_b] = pair.colliders.map(|shape| shape as usize);
+        let apart = self.bodies.apart(pair.bodies);
+        let frames = &self.bodies.frames;
+        Corner {
+            shapes: [&self.shapes[shape_a], &self.shapes[shape_b]],
+            poses: [
+                G::advance(&self.poses[shape_a], apart, Vector::ZERO),
+                self.poses[shape_b],
+            ],
+            frames: [
+                Frame { position: apart, ..frames[a] },
+                Frame { position: Vector::ZERO, ..frames[b] },
+            ],
+            part,
+        }
+    }
+
+    /// Turns a manifold. Its points stay where they are on one of the bodies; one that is round is touched where it
+    /// is nearest along the new axis.
+    fn turn(&self, pair: &mut Pair, turn: &Turn<L>, records: &mut Records<L>) {
+        let Way { axis, gap, height } = turn.way;
+        let mut all = records.view_mut();
+        let (record, points, traces) = all.place(turn.record as usize);
+        let corner = self.corner(pair, record.part);
+        let [a, b] = &corner.frames;
+        let of_a = turn.side == 0;
+        let around = corner.roundness(record.normal)[turn.side];
+        let moved = (record.normal - axis) * if of_a { around } else { -around };
+        for (point, trace) in points.iter_mut().zip(&mut *traces) {
+            let own = if of_a { a.point(point.on_a) } else { b.point(point.on_b) } + moved;
+            let along = axis.dot(own);
+            let gap = if of_a { along - height } else { gap + height - along };
+            let [on_a, on_b] =
+                if of_a { [own, own - axis * gap] } else { [own + axis * gap, own] };
+            (point.on_a, point.on_b) = (a.local_point(on_a), b.local_point(on_b));
+            point.middle = (on_a + on_b) * 0.5;
+            trace.gap[0] = gap;
+        }
+        deepest_first(points, traces);
+        record.normal = axis;
+        record.local_normal = b.local_direction(axis);
+        record.found_at.position = Vector([NOWHERE; L]);
+        pair.room = 0.0;
+    }
+}

@@ -1,0 +1,256 @@
+//! Flush neighbors are one floor: what slides or rolls over a seam feels nothing of it, and a step stops it.
+
+use crate::common::*;
+use drystone::geometry::{Rigid2, Rigid3};
+use drystone::scene::Motion;
+use drystone::{Body, Collider, StepSettings, World};
+use drystone_solver::Vector;
+
+/// How slabs are put together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Floor {
+    /// Bodies of one box each.
+    Boxes,
+    /// Bodies of one hull each.
+    Hulls,
+    /// One body of all boxes.
+    Parts,
+}
+
+/// A ride over seams.
+#[derive(Clone, Copy, Debug)]
+struct Ride {
+    floor: Floor,
+    supports: Motion,
+    /// Half of the slider's size. \[m\]
+    size: f32,
+    /// \[m/s\]
+    speed: f32,
+    /// Steps per second.
+    rate: f32,
+    realtime: bool,
+    /// How much higher the slabs from the first seam on are. \[m\]
+    step: f32,
+}
+
+impl Ride {
+    const PLAIN: Self = Self {
+        floor: Floor::Boxes,
+        supports: Motion::Static,
+        size: 0.2,
+        speed: 4.0,
+        rate: 60.0,
+        realtime: false,
+        step: 0.0,
+    };
+}
+
+/// The corners of a box.
+fn corners<const L: usize>(half: [f32; L]) -> Vec<[f32; L]> {
+    let corner = |bits: usize| {
+        std::array::from_fn(|i| if bits >> i & 1 == 1 { half[i] } else { -half[i] })
+    };
+    (0..1 << L).map(corner).collect()
+}
+
+/// Speed lost at most, as part of all of it, and how much the slider has risen at most \[m\].
+fn ride<G: Rigid<L, A>, const L: usize, const A: usize>(
+    ride: Ride,
+    shape: G::Shape,
+    rolls: bool,
+) -> [f32; 2] {
+    let Ride { floor, supports, size, speed, rate, realtime, step } = ride;
+    let settings = if realtime { StepSettings::realtime() } else { StepSettings::certified() };
+    let mut world = World::<G, L, A>::new(settings);
+    world.gravity = Vector(v(0.0, -GRAVITY, 0.0));
+    let material = surface(if rolls { 0.5 } else { 0.0 }, 0.0);
+    let slab = 4.0 * size;
+    let half = v(0.5 * slab, size, 4.0 * size);
+    let shape_of = || if floor == Floor::Hulls { G::hull(&corners(half)) } else { G::cuboid(half) };
+    let place = |at: i32| v(slab * (at as f32 + 0.5), if at >= 0 { step } else { 0.0 } - size, 0.0);
+    let mut parts = Vec::new();
+    for at in -2..3 {
+        let collider = Collider { material: material.clone(), ..Collider::new(shape_of()) };
+        parts.push(Collider { pose: G::turned(place(at), 0.0), ..collider });
+    }
+    if floor == Floor::Parts {
+        let whole = Body { colliders: parts, ..Body::new(supports, [0.0; L], shape_of()) };
+        world.add(whole);
+    } else {
+        for at in -2..3 {
+            world.add(body(supports, place(at), shape_of(), &material));
+        }
+    }
+    if supports == Motion::Dynamic {
+        let below = G::halfspace(v(0.0, 1.0, 0.0));
+        let place = v(0.0, -2.0 * size, 0.0);
+        world.add(body(Motion::Static, place, below, &surface(1.0, 0.0)));
+    }
+    let start = -1.6 * slab;
+    let mut slider = moving(dynamic(v(start, size, 0.0), shape, &material), v(speed, 0.0, 0.0));
+    if rolls {
+        slider.velocity.angular[A - 1] = -speed / size;
+    }
+    let slider = world.add(slider);
+    let (mut slowest, mut highest) = (speed, 0.0f32);
+    let dt = 1.0 / rate;
+    let steps = ((3.4 * slab / speed * rate) as usize).min(400);
+    for _ in 0..steps {
+        world.step(dt);
+        slowest = slowest.min(velocity(&world, slider).linear[0]);
+        highest = highest.max(G::frame(&world.pose(slider).unwrap()).position[1] - size);
+    }
+    [1.0 - slowest / speed, highest]
+}
+
+fn check<G: Rigid<L, A>, const L: usize, const A: usize>(
+    of: Ride,
+    name: &str,
+    shape: G::Shape,
+    rolls: bool,
+) {
+    let [lost, rise] = ride::<G, L, A>(of, shape, rolls);
+    // Of small bodies a part of their size.
+    let most = 1e-3f32.min(0.05 * of.size.max(0.02));
+    assert!(lost < 0.01 && rise < most, "{L}D {name}: {lost} lost, {rise} m up: {of:?}");
+}
+
+/// A box, a hull and what is round, over seams of these supports.
+fn all<G: Rigid<L, A>, const L: usize, const A: usize>(of: Ride) {
+    let Ride { size, .. } = of;
+    check::<G, L, A>(of, "box", G::cuboid([size; L]), false);
+    check::<G, L, A>(of, "hull", G::hull(&corners([size; L])), false);
+    check::<G, L, A>(of, "ball", G::ball(size), true);
+    check::<G, L, A>(of, "sliding ball", G::ball(size), false);
+    check::<G, L, A>(of, "capsule", G::capsule(0.5 * size, 0.5 * size), false);
+}
+
+#[test]
+fn seams_of_all_supports_are_not_felt() {
+    for floor in [Floor::Boxes, Floor::Hulls, Floor::Parts] {
+        for supports in [Motion::Static, Motion::Kinematic] {
+            for realtime in [false, true] {
+                let of = Ride { floor, supports, realtime, ..Ride::PLAIN };
+                all::<Rigid2, 2, 1>(of);
+                all::<Rigid3, 3, 3>(of);
+            }
+        }
+    }
+}
+
+#[test]
+fn seams_of_dynamic_planks_are_not_felt() {
+    for (realtime, speed) in [(false, 1.0), (false, 4.0), (true, 4.0), (true, 16.0)] {
+        let of = Ride { supports: Motion::Dynamic, realtime, speed, ..Ride::PLAIN };
+        for floor in [Floor::Boxes, Floor::Hulls] {
+            all::<Rigid3, 3, 3>(Ride { floor, ..of });
+            all::<Rigid2, 2, 1>(Ride { floor, ..of });
+        }
+    }
+}
+
+#[test]
+fn seams_are_not_felt_at_any_speed_and_rate() {
+    for speed in [0.1, 1.0, 16.0] {
+        for rate in [24.0, 60.0, 240.0] {
+            for realtime in [false, true] {
+                let of = Ride { speed, rate, realtime, ..Ride::PLAIN };
+                all::<Rigid3, 3, 3>(of);
+            }
+        }
+    }
+}
+
+#[test]
+fn seams_are_not_felt_at_any_size() {
+    for size in [0.02, 0.05, 1.0, 4.0] {
+        for realtime in [false, true] {
+            let of = Ride { size, realtime, speed: 2.0, ..Ride::PLAIN };
+            all::<Rigid3, 3, 3>(of);
+            all::<Rigid2, 2, 1>(of);
+        }
+    }
+}
+
+/// Half a meter or five centimeters: 5 mm stop the box that runs against them.
+#[test]
+fn a_step_stops_what_runs_against_it() {
+    for size in [0.05, 0.5] {
+        for realtime in [false, true] {
+            for floor in [Floor::Boxes, Floor::Hulls, Floor::Parts] {
+                let of = Ride { size, speed: 2.0, realtime, floor, step: 0.005, ..Ride::PLAIN };
+                let [lost, _] = ride::<Rigid3, 3, 3>(of, Rigid3::cuboid([size; 3]), false);
+                assert!(lost > 0.5, "{lost} lost: {of:?}");
+                let [lost, _] = ride::<Rigid2, 2, 1>(of, Rigid2::cuboid([size; 2]), false);
+                assert!(lost > 0.5, "2D: {lost} lost: {of:?}");
+            }
+        }
+    }
+}
+
+/// A floor of polygons that turns by an angle at each seam: what slides there follows it, and loses at a hollow
+/// no more than the part of its speed that points into the next one.
+#[test]
+fn a_chain_of_polygons_does_not_catch() {
+    for angle in [-0.02f32, -0.002, 0.0, 0.002, 0.02, 0.05] {
+        for round in [false, true] {
+            for realtime in [false, true] {
+                let mut world = World::<Rigid2, 2, 1>::new(if realtime {
+                    StepSettings::realtime()
+                } else {
+                    StepSettings::certified()
+                });
+                world.gravity = Vector([0.0, -GRAVITY]);
+                let smooth = surface(0.0, 0.0);
+                let (mut at, mut slope) = ([-2.0f32, 0.0f32], -2.0 * angle);
+                for _ in 0..8 {
+                    let end = [at[0] + slope.cos(), at[1] + slope.sin()];
+                    let points = [at, end, [end[0], -2.0], [at[0], -2.0]];
+                    world.add(body(Motion::Static, [0.0; 2], Rigid2::hull(&points), &smooth));
+                    (at, slope) = (end, slope + angle);
+                }
+                let (size, speed) = (0.1, 3.0);
+                let shape = if round { Rigid2::ball(size) } else { Rigid2::cuboid([size; 2]) };
+                let start = [-1.5, 0.5 * (-2.0 * angle).sin() + size / angle.cos()];
+                let mut slider = moving(dynamic(start, shape, &smooth), [speed, 0.0]);
+                slider.pose = Rigid2::turned(start, -2.0 * angle);
+                let slope = -2.0 * angle;
+                slider.velocity.linear = Vector([speed * slope.cos(), speed * slope.sin()]);
+                let slider = world.add(slider);
+                let start = energy(&world);
+                for _ in 0..100 {
+                    world.step(DT);
+                }
+                let weight = f64::from(0.5 * speed * speed) * 1000.0 * f64::from(size * size);
+                let lost = (start - energy(&world)) / (weight * if round { 3.14 } else { 4.0 });
+                assert!(lost < 0.03, "{angle} rad, {realtime}, {round}: {lost} of the energy lost");
+                let x = Rigid2::frame(&world.pose(slider).unwrap()).position[0];
+                assert!(x > 3.0, "{angle} rad: stopped at {x} m");
+            }
+        }
+    }
+}
+
+/// What lands at a seam, with or without a bounce, keeps its way.
+#[test]
+fn what_lands_at_a_seam_keeps_its_way() {
+    for restitution in [0.0, 0.5] {
+        for tenth in 0..10 {
+            for ball in [false, true] {
+                let mut world = world::<Rigid3, 3, 3>();
+                let smooth = surface(0.0, restitution);
+                for at in [-1.0, 1.0] {
+                    let slab = Rigid3::cuboid([1.0, 0.25, 1.0]);
+                    world.add(body(Motion::Static, [at, -0.25, 0.0], slab, &smooth));
+                }
+                let shape = if ball { Rigid3::ball(0.2) } else { Rigid3::cuboid([0.2; 3]) };
+                let start = [-0.35 + 0.03 * tenth as f32 - 0.4, 0.35, 0.0];
+                let falling = moving(dynamic(start, shape, &smooth), [4.0, -2.0, 0.0]);
+                let slider = world.add(falling);
+                run(&mut world, 0.3);
+                let speed = velocity(&world, slider).linear[0];
+                assert!((speed - 4.0).abs() < 0.04, "{restitution}, {tenth}, {ball}: {speed} m/s");
+            }
+        }
+    }
+}
