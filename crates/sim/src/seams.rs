@@ -209,14 +209,13 @@ impl<const L: usize> Seams<L> {
         corner.along(normal)?;
         let point = &view.points_of(record)[0];
         let places = [corner.frames[0].point(point.on_a), corner.frames[1].point(point.on_b)];
-        let middle = (places[0] + places[1]) * 0.5;
         let velocity = |body: u32, place: Vector<f32, L>| {
             let center = bodies.apart([body, record.bodies[1]]);
             meeting.velocities[body as usize].at(place - center)
         };
         // What is round goes where its core goes, however it turns.
         let round = corner.roundness(normal);
-        let cores = [middle + normal * round[0], middle - normal * round[1]];
+        let cores = [places[0] + normal * round[0], places[1] - normal * round[1]];
         let mut velocities = [0, 1].map(|side| velocity(record.bodies[side], cores[side]));
         let flush = FLUSH * pair.thickness;
         let mut planes = [Plane { record: END, side: 0, axis: Vector::ZERO, allowed: 0.0 }; PLANES];
@@ -242,7 +241,7 @@ impl<const L: usize> Seams<L> {
                 count += 1;
                 // What holds the body leaves it no more than this gap to move by.
                 if outward.dot(normal).abs() < ACROSS {
-                    let by = velocity(holding.bodies[usize::from(!is_b)], middle);
+                    let by = velocity(holding.bodies[usize::from(!is_b)], cores[side]);
                     let towards = outward.dot(velocities[side] - by);
                     let least = -held_gap.max(0.0) / meeting.dt;
                     velocities[side] += outward * (least - towards).max(0.0);
