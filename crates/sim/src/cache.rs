@@ -24,6 +24,8 @@ pub(crate) struct Pair {
     pub(crate) thickness: f32,
     /// Whether one of them may roll: points that touched before do not tell where they do now.
     pub(crate) rolls: bool,
+    /// Whether one of them may be passed through without a trace.
+    pub(crate) sheet: bool,
     /// Whether it rests: neither body moves or can be moved.
     pub(crate) rests: bool,
     /// A turn that moves the surface of one of its bodies by 1 moves a against b, as seen from it, by at most so
@@ -67,6 +69,7 @@ impl Pair {
         restitution: 0.0,
         thickness: 1.0,
         rolls: false,
+        sheet: false,
         rests: false,
         lever: 1.0,
         room: 0.0,

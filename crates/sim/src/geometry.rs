@@ -2,6 +2,7 @@
 //! where two shapes touch. Everything else in a world is written once for all of them.
 
 mod hull;
+mod mesh;
 mod polyhedra;
 #[cfg(test)]
 pub(crate) mod random;
@@ -83,20 +84,39 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// The shape it is made of.
     fn shape_of(collider: &Self::Collider) -> &Self::Shape;
 
+    /// Whether it may have no inside: what has passed it is lost.
+    fn is_sheet(collider: &Self::Collider) -> bool;
+
     /// Whether it is curved: where it rolls, other points of it touch.
     fn rolls(collider: &Self::Collider) -> bool;
 
-    /// Reports each manifold of points at which two shapes overlap or are within `prediction` \[m\].
+    /// Reports each manifold of points at which two shapes overlap or are as near as contacts are looked for.
     /// Returns how far they are apart at least. \[m\] `before` is the feature of a point at which they
     /// touched a step ago: what is asked first.
     fn collide(
         a: (&Self::Collider, &Self::Pose),
         b: (&Self::Collider, &Self::Pose),
-        prediction: f32,
+        ahead: impl Into<Ahead<L>>,
         before: Option<u64>,
         scratch: &mut Self::Scratch,
         report: &mut dyn FnMut(&Touch<L>),
     ) -> f32;
+}
+
+/// How far ahead contacts are looked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ahead<const L: usize> {
+    /// Shapes that are no farther apart touch. \[m\]
+    pub prediction: f32,
+    /// How a moves against b until contacts are searched again: no more than that. \[m\]
+    pub motion: Vector<f32, L>,
+}
+
+impl<const L: usize> From<f32> for Ahead<L> {
+    /// Of shapes that hold still.
+    fn from(prediction: f32) -> Self {
+        Self { prediction, motion: Vector::ZERO }
+    }
 }
 
 /// How far shapes come from the center that they turn about.

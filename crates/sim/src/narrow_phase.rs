@@ -10,7 +10,7 @@ use drystone_solver::wide::{Past, Trace};
 
 use crate::bodies::Bodies;
 use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
-use crate::geometry::{Frame, Geometry, Touch};
+use crate::geometry::{Ahead, Frame, Geometry, Touch};
 use crate::narrow_phase::places::Places;
 use crate::travel::{Moving, Travel};
 
@@ -32,6 +32,8 @@ pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: u
     /// Whether a body moves or can be moved.
     pub(crate) active: &'a [bool],
     pub(crate) prediction_distance: f32,
+    /// How far bodies fall more than they do now in the time to the next search. \[m\]
+    pub(crate) fall: f32,
     pub(crate) reuse_distance: f32,
 }
 
@@ -60,7 +62,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
     fn prediction(&self, pair: &Pair) -> Option<f32> {
         let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
         // Never through a thin body to what is behind it.
-        let near = self.prediction_distance.min(THIN * pair.thickness) + a.blow.max(b.blow);
+        let fall = if pair.sheet { self.fall } else { 0.0 };
+        let near = self.prediction_distance.min(THIN * pair.thickness + fall) + a.blow.max(b.blow);
         let room = if pair.count == 0 { pair.room - near } else { f32::NEG_INFINITY };
         let [_, turning] = self.moving.passed(self.travel, pair, || room)?;
         (turning >= room).then_some(near + turning)
@@ -328,7 +331,9 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let shape_a = (&around.shapes[a_shape as usize], &pose_a);
     let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
-    let gap = G::collide(shape_a, shape_b, prediction, before, scratch, &mut report);
+    let [linear_a, linear_b] = pair.bodies.map(|body| around.travel[body as usize].linear);
+    let ahead = Ahead { prediction, motion: linear_a - linear_b };
+    let gap = G::collide(shape_a, shape_b, ahead, before, scratch, &mut report);
     let (count, again) = places.finish(around.traced);
     pair.count = count;
     pair.room = known_to(if count > 0 { around.lasting(pair) } else { gap }, a.position);

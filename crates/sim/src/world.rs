@@ -755,6 +755,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             resting: &self.sleep.records,
             active: &self.active,
             prediction_distance: self.settings.prediction_distance,
+            fall: self.gravity.length() * dt * dt,
             reuse_distance,
         };
         let records = (&mut self.old_records, &mut self.records);

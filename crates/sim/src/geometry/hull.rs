@@ -6,7 +6,7 @@ use std::ops::Range;
 use drystone_solver::{SymmetricMatrix, Vector, moment};
 
 use super::MassProperties;
-use super::solid::{Corner, Solid};
+use super::solid::{Corner, Polyhedron, Solid};
 
 /// How far a corner may be from the plane of its face, as part of the hull's largest side: what
 /// rounding in a file leaves of a flat face. More, and what rests on the face would sink in.
@@ -27,6 +27,8 @@ pub struct Hull {
     edges: Vec<[u32; 2]>,
     /// Those around all faces, one face after the other.
     sides: Vec<u32>,
+    /// The faces on both sides of each edge.
+    flanks: Vec<[u32; 2]>,
 }
 
 #[derive(Clone, Debug)]
@@ -48,7 +50,8 @@ impl Hull {
         };
         let blocks = points.chunks(BLOCK).map(block).collect();
         let (faces, corners, edges, sides) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let mut hull = Self { points, blocks, faces, corners, edges, sides };
+        let flanks = Vec::new();
+        let mut hull = Self { points, blocks, faces, corners, edges, sides, flanks };
         hull.join(&triangles);
         hull.find_sides();
         Some(hull)
@@ -108,15 +111,21 @@ impl Hull {
         }
     }
 
-    /// Finds the edges around each face.
+    /// Finds the edges around each face, and the faces at each edge.
     fn find_sides(&mut self) {
         let numbers: HashMap<_, _> = self.edges.iter().copied().zip(0..).collect();
-        for face in &mut self.faces {
+        self.flanks = vec![[u32::MAX; 2]; self.edges.len()];
+        for (number, face) in self.faces.iter_mut().enumerate() {
             let around = &self.corners[face.corners.clone()];
             let ends = around.iter().zip(around.iter().cycle().skip(1));
             let start = self.sides.len();
             self.sides.extend(ends.filter_map(|(a, b)| numbers.get(&[*a.min(b), *a.max(b)])));
             face.sides = start..self.sides.len();
+            for &side in &self.sides[face.sides.clone()] {
+                let [first, second] = &mut self.flanks[side as usize];
+                *second = number as u32;
+                *first = (*first).min(number as u32);
+            }
         }
     }
 }
@@ -237,6 +246,20 @@ impl Solid<3> for Hull {
         for &corner in &self.corners[self.faces[face].corners.clone()] {
             out.push(Corner::new(self.points[corner as usize], corner));
         }
+    }
+}
+
+impl Polyhedron for Hull {
+    fn vertices(&self, out: &mut Vec<Vector<f32, 3>>) {
+        out.extend_from_slice(&self.points);
+    }
+
+    fn ends(&self, edge: usize) -> [usize; 2] {
+        self.edges[edge].map(|end| end as usize)
+    }
+
+    fn flanks(&self, edge: usize) -> [usize; 2] {
+        self.flanks[edge].map(|face| face as usize)
     }
 }
 

@@ -4,6 +4,7 @@ use drystone_solver::{SymmetricMatrix, Vector};
 use parry2d::shape::ConvexPolygon;
 
 use super::hull::{self, Hull};
+use super::mesh::{self, Gathered, Surface};
 use super::polyhedra::{Clipper, Footing, Plane, collide, on_plane};
 use super::rotation::{Eight, Quaternion, each_eight, precess};
 use super::rounds::{Round, between_rounds, on_solid};
@@ -11,7 +12,7 @@ use super::separation::{Crossing, between, between_boxes};
 use super::solid::{Cuboid, Solid};
 use super::spheres::balls;
 use super::{
-    Bounds, Frame, Geometry, MassProperties, Reach, Spin, TOGETHER, Touch, TouchPoint, leading,
+    Ahead, Bounds, Frame, Geometry, MassProperties, Reach, Spin, TOGETHER, Touch, TouchPoint, leading,
 };
 
 /// Half of the size that stands for an unbounded shape. \[m\]
@@ -55,7 +56,7 @@ impl From<Pose2> for parry2d::math::Pose {
 
 /// The part of [`Geometry`] that reads the same over parry2d and parry3d.
 macro_rules! over_parry {
-    ($parry:ident, $polyhedra:ident, $each:ident, $ask:ident, $hull:ident, $form:ident, $l:literal, $a:literal) => {
+    ($parry:ident, $polyhedra:ident, $meshes:ident, $each:ident, $ask:ident, $hull:ident, $form:ident, $l:literal, $a:literal) => {
         type Shape = $parry::shape::SharedShape;
         type Collider = Collider<Self::Shape, $hull, $l>;
         type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $parry::query::epa::EPA, $l>;
@@ -90,10 +91,14 @@ macro_rules! over_parry {
             &collider.shape
         }
 
+        fn is_sheet(collider: &Self::Collider) -> bool {
+            matches!(collider.form, Form::Mesh(_))
+        }
+
         fn rolls(collider: &Self::Collider) -> bool {
             match collider.form {
                 Form::Ball(_) | Form::Capsule(..) => true,
-                Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) | Form::Mesh => false,
+                Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) | Form::Mesh(_) => false,
                 Form::Other => true,
             }
         }
@@ -101,11 +106,13 @@ macro_rules! over_parry {
         fn collide(
             a: (&Self::Collider, &Self::Pose),
             b: (&Self::Collider, &Self::Pose),
-            prediction: f32,
+            ahead: impl Into<Ahead<$l>>,
             before: Option<u64>,
             scratch: &mut Self::Scratch,
             report: &mut dyn FnMut(&Touch<$l>),
         ) -> f32 {
+            let ahead = ahead.into();
+            let prediction = ahead.prediction;
             // As what is round below, but most of a heap of balls.
             if let (Form::Ball(radius_a), Form::Ball(radius_b)) = (&a.0.form, &b.0.form) {
                 let center = |pose| <Self as Geometry<$l, $a>>::frame(pose).position;
@@ -113,6 +120,9 @@ macro_rules! over_parry {
                 return balls(centers, [*radius_a, *radius_b], prediction, touch, report);
             }
             let frames = [a.1, b.1].map(|pose| <Self as Geometry<$l, $a>>::frame(pose));
+            if let Some(apart) = $meshes([a.0, b.0], &frames, (ahead, before), scratch, report) {
+                return apart;
+            }
             let query = Query { from_b: &frames[1].seen_from(&frames[0]), prediction, before };
             // What parry is asked with.
             let poses = || [a.1, b.1].map(|pose| $parry::math::Pose::from(*pose));
@@ -120,7 +130,7 @@ macro_rules! over_parry {
                 let [pose_a, pose_b] = poses();
                 pose_a.inv_mul(&pose_b)
             };
-            let Scratch { manifold, expansion, touch, clipper } = scratch;
+            let Scratch { manifold, expansion, touch, clipper, .. } = scratch;
             let mut apart = f32::INFINITY;
             let all = $each([a.0, b.0], posed, prediction, |pieces, cones, part| {
                 touch.points.clear();
@@ -161,8 +171,8 @@ enum Form<H, const L: usize> {
     Hull(Box<H>),
     /// By its outward normal.
     Halfspace(Vector<f32, L>),
-    /// Of triangles, each of which is left to parry.
-    Mesh,
+    /// Of triangles; boxed as hulls are.
+    Mesh(Box<Surface>),
     /// Left to parry.
     Other,
 }
@@ -192,6 +202,7 @@ pub struct Scratch<M, E, const L: usize> {
     expansion: E,
     touch: Touch<L>,
     clipper: Clipper<L>,
+    gathered: Gathered,
 }
 
 impl<H, const L: usize> Form<H, L> {
@@ -256,7 +267,7 @@ fn footing<H, const L: usize>(form: &Form<H, L>) -> Option<Footing<'_, H, L>> {
         Form::Capsule(ends, radius) => Footing::Round(ends, *radius),
         Form::Cuboid(cuboid) => Footing::Cuboid(cuboid),
         Form::Hull(hull) => Footing::Hull(hull),
-        Form::Halfspace(_) | Form::Mesh | Form::Other => return None,
+        Form::Halfspace(_) | Form::Mesh(_) | Form::Other => return None,
     })
 }
 
@@ -296,6 +307,65 @@ fn solids(
         (Hull(a), Hull(b)) => meet(&**a, &**b, query, nearest, clipper, touch),
         (a, b) => return round_or_plane([a, b], query, clipper, touch),
     })
+}
+
+/// There are none in the plane.
+fn no_meshes<S>(
+    _: [&Collider<S, ConvexPolygon, 2>; 2],
+    _: &[Frame<2>; 2],
+    _: (Ahead<2>, Option<u64>),
+    _: &mut Scratch<impl Sized, impl Sized, 2>,
+    _: &mut dyn FnMut(&Touch<2>),
+) -> Option<f32> {
+    None
+}
+
+/// Contact of a mesh with a shape other than a cylinder; returns how far they are apart at least. `None`: they are
+/// something else.
+fn on_meshes(
+    both: [&Collider<parry3d::shape::SharedShape, Hull, 3>; 2],
+    frames: &[Frame<3>; 2],
+    (ahead, before): (Ahead<3>, Option<u64>),
+    scratch: &mut Scratch<impl Sized, impl Sized, 3>,
+    report: &mut dyn FnMut(&Touch<3>),
+) -> Option<f32> {
+    let forms = both.map(|of| &of.form);
+    let (side, surface) = match forms {
+        [Form::Mesh(surface), _] => (0, surface),
+        [_, Form::Mesh(surface)] => (1, surface),
+        _ => return None,
+    };
+    let tree = both[side].shape.as_trimesh()?.bvh();
+    let (own, other) = (&frames[side], forms[1 - side]);
+    let seen = &frames[1 - side].seen_from(own);
+    let motion = own.local_direction(ahead.motion) * if side == 1 { 1.0 } else { -1.0 };
+    let faced = before.and_then(mesh::Faced::of);
+    let ahead = mesh::Ahead { surface, prediction: ahead.prediction, motion, faced };
+    let gathered = &mut scratch.gathered;
+    let apart = match other {
+        Form::Cuboid(cuboid) => mesh::solid(ahead, cuboid, seen, tree, gathered),
+        Form::Hull(hull) => mesh::solid(ahead, &**hull, seen, tree, gathered),
+        Form::Ball(_) | Form::Capsule(..) => {
+            mesh::round(ahead, &other.round()?.placed(seen), tree, gathered)
+        }
+        Form::Halfspace(normal) => {
+            let plane = (seen.position, seen.direction(*normal));
+            let touch = &mut scratch.touch;
+            let apart = mesh::on_plane(surface, plane, ahead.prediction, touch);
+            touch.place(own);
+            if side == 1 {
+                touch.exchange();
+            }
+            if !touch.points.is_empty() {
+                report(touch);
+            }
+            return Some(apart);
+        }
+        Form::Mesh(_) => return Some(ahead.prediction),
+        Form::Other => return None,
+    };
+    gathered.report((surface, own), side == 0, report);
+    Some(apart)
 }
 
 /// What is asked about two shapes: the frame of b as seen from a, how far apart they may be \[m\], and the
@@ -376,10 +446,9 @@ macro_rules! pieces {
         ) -> bool {
             use $parry::bounding_volume::BoundingVolume;
             let whole = both.map(|of| Piece { shape: &*of.shape.0, form: &of.form });
-            let is_mesh = |side: &usize| matches!(both[*side].form, Form::Mesh);
-            let mesh = [0, 1].into_iter().find(is_mesh).map(|side| (side, &both[side].shape));
-            let Some((side, Some(mesh))) = mesh.map(|(side, shape)| (side, shape.as_trimesh()))
-            else {
+            let is_mesh = |side: &usize| matches!(both[*side].form, Form::Mesh(_) | Form::Other);
+            let mesh = |side: usize| Some((side, both[side].shape.as_trimesh()?));
+            let Some((side, mesh)) = [0, 1].into_iter().filter(is_mesh).find_map(mesh) else {
                 pair(whole, [None, None], 0);
                 return true;
             };
@@ -438,7 +507,7 @@ pieces!(each_piece_3, ask_parry_3, Piece3, parry3d, Hull, 3);
 
 /// Defines how contacts see a shape.
 macro_rules! form {
-    ($name:ident, $parry:ident, $hull:ident, $l:literal, $hulls:pat => $found:expr) => {
+    ($name:ident, $parry:ident, $hull:ident, $l:literal, $($hulls:pat => $found:expr),+) => {
         fn $name(shape: &$parry::shape::SharedShape) -> Form<$hull, $l> {
             use $parry::shape::TypedShape;
             match shape.as_typed_shape() {
@@ -451,8 +520,7 @@ macro_rules! form {
                     Form::Cuboid(Cuboid(cuboid.half_extents.to_array().into()))
                 }
                 TypedShape::HalfSpace(plane) => Form::Halfspace(plane.normal.to_array().into()),
-                $hulls => $found,
-                TypedShape::TriMesh(_) => Form::Mesh,
+                $($hulls => $found,)+
                 _ => Form::Other,
             }
         }
@@ -462,7 +530,8 @@ macro_rules! form {
 form!(form_2, parry2d, ConvexPolygon, 2,
     TypedShape::ConvexPolygon(polygon) => Form::Hull(Box::new(polygon.clone())));
 form!(form_3, parry3d, Hull, 3,
-    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(Form::Other, |hull| Form::Hull(Box::new(hull))));
+    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(Form::Other, |hull| Form::Hull(Box::new(hull))),
+    TypedShape::TriMesh(mesh) => Form::Mesh(Box::new(Surface::of(mesh))));
 
 impl Geometry<2, 1> for Rigid2 {
     type Pose = Pose2;
@@ -521,7 +590,7 @@ impl Geometry<2, 1> for Rigid2 {
         }
     }
 
-    over_parry!(parry2d, polygons, each_piece_2, ask_parry_2, ConvexPolygon, form_2, 2, 1);
+    over_parry!(parry2d, polygons, no_meshes, each_piece_2, ask_parry_2, ConvexPolygon, form_2, 2, 1);
 }
 
 impl Geometry<3, 3> for Rigid3 {
@@ -635,7 +704,7 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, solids, each_piece_3, ask_parry_3, Hull, form_3, 3, 3);
+    over_parry!(parry3d, solids, on_meshes, each_piece_3, ask_parry_3, Hull, form_3, 3, 3);
 }
 
 fn quaternion(pose: &parry3d::math::Pose) -> Quaternion<f32> {

@@ -39,7 +39,7 @@ impl<const L: usize> Round<L> {
     }
 
     /// A point of the core, from 0 to 1.
-    fn at(&self, part: f32) -> Vector<f32, L> {
+    pub(super) fn at(&self, part: f32) -> Vector<f32, L> {
         self.ends[0] + self.along() * part
     }
 
@@ -61,7 +61,7 @@ impl<const L: usize> Round<L> {
 }
 
 /// Which parts of two cores are nearest.
-fn nearest<const L: usize>(a: &Round<L>, b: &Round<L>) -> [f32; 2] {
+pub(super) fn nearest<const L: usize>(a: &Round<L>, b: &Round<L>) -> [f32; 2] {
     let (along_a, along_b, between) = (a.along(), b.along(), a.ends[0] - b.ends[0]);
     let (squared_a, squared_b) = (along_a.dot(along_a), along_b.dot(along_b));
     let both = along_a.dot(along_b);

@@ -12,13 +12,13 @@ use super::Frame;
 use super::solid::{Cuboid, Solid};
 
 /// By how much an axis must win, as part of the prediction distance.
-const PREFERENCE: f32 = 0.01;
+pub(super) const PREFERENCE: f32 = 0.01;
 
 /// By how much of the overlap an edge must win. \[1\]
 const FAVOR: f32 = 0.25;
 
 /// The gap that an edge must have more of than a face with this one. \[m\]
-fn edge_beyond(face: f32, prediction: f32) -> f32 {
+pub(super) fn edge_beyond(face: f32, prediction: f32) -> f32 {
     prediction.min(face + PREFERENCE * prediction + FAVOR * (-face).max(0.0))
 }
 

@@ -65,6 +65,18 @@ pub(super) trait Solid<const L: usize> {
     }
 }
 
+/// A solid whose vertices and edges are known by number.
+pub(super) trait Polyhedron: Solid<3> {
+    /// Appends the vertices, in the order of the features of corners.
+    fn vertices(&self, out: &mut Vec<Vector<f32, 3>>);
+
+    /// The numbers of the vertices at the ends of an edge.
+    fn ends(&self, edge: usize) -> [usize; 2];
+
+    /// The faces on both sides of an edge.
+    fn flanks(&self, edge: usize) -> [usize; 2];
+}
+
 /// A vertex of a polygon that is being clipped.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corner<const L: usize> {
@@ -174,6 +186,33 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
             out.push(Corner::new(position, bits.iter().sum()));
         }
     }
+}
+
+impl Polyhedron for Cuboid<3> {
+    fn vertices(&self, out: &mut Vec<Vector<f32, 3>>) {
+        let half = self.0;
+        let side = |vertex: usize, axis: usize| {
+            if vertex >> axis & 1 == 1 { half[axis] } else { -half[axis] }
+        };
+        out.extend((0..8).map(|vertex| Vector(from_fn(|axis| side(vertex, axis)))));
+    }
+
+    fn ends(&self, edge: usize) -> [usize; 2] {
+        let (axis, [j, k]) = across(edge);
+        let from = (edge & 1) << j | (edge >> 1 & 1) << k;
+        [from, from | 1 << axis]
+    }
+
+    fn flanks(&self, edge: usize) -> [usize; 2] {
+        let (_, axes) = across(edge);
+        from_fn(|other| if edge >> other & 1 == 1 { axes[other] } else { axes[other] + 3 })
+    }
+}
+
+/// The axis that an edge of a box runs along, and the others.
+fn across(edge: usize) -> (usize, [usize; 2]) {
+    let axis = edge >> 2;
+    (axis, [(axis + 1) % 3, (axis + 2) % 3])
 }
 
 /// A vector along an axis. Chosen number by number, as corners are: memory that is written in part and read as a

@@ -2,7 +2,7 @@
 
 use drystone_solver::{SymmetricMatrix, Vector};
 
-use super::{Bounds, Frame, Geometry, MassProperties, Reach, Touch, TouchPoint, leading};
+use super::{Ahead, Bounds, Frame, Geometry, MassProperties, Reach, Touch, TouchPoint, leading};
 
 /// Particles: (L, A) = (2, 0) or (3, 0).
 #[derive(Clone, Copy, Debug)]
@@ -100,6 +100,10 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         shape
     }
 
+    fn is_sheet(_: &Self::Collider) -> bool {
+        false
+    }
+
     fn rolls(_: &Self::Collider) -> bool {
         // It does not turn.
         false
@@ -112,12 +116,13 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
     fn collide(
         a: (&Self::Collider, &Self::Pose),
         b: (&Self::Collider, &Self::Pose),
-        prediction: f32,
+        ahead: impl Into<Ahead<L>>,
         _: Option<u64>,
         touch: &mut Touch<L>,
         report: &mut dyn FnMut(&Touch<L>),
     ) -> f32 {
         use SphereShape::{Halfspace, Sphere};
+        let prediction = ahead.into().prediction;
         let between = *a.1 - *b.1;
         // The sphere's center and radius give its own surface point, the gap the plane's.
         match (a.0, b.0) {
