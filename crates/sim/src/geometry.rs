@@ -108,14 +108,16 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
 pub struct Ahead<const L: usize> {
     /// Shapes that are no farther apart touch. \[m\]
     pub prediction: f32,
-    /// How a moves against b until contacts are searched again: no more than that. \[m\]
+    /// How a moves against b until contacts are searched again. \[m\]
     pub motion: Vector<f32, L>,
+    /// How far their surfaces come by turning until then. \[m\]
+    pub turning: f32,
 }
 
 impl<const L: usize> From<f32> for Ahead<L> {
     /// Of shapes that hold still.
     fn from(prediction: f32) -> Self {
-        Self { prediction, motion: Vector::ZERO }
+        Self { prediction, motion: Vector::ZERO, turning: 0.0 }
     }
 }
 

@@ -57,16 +57,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
         self.reuse_distance.min(OFF * pair.thickness)
     }
 
-    /// How far ahead contacts of a pair are looked for; none if it has no records, and more room than that. \[m\]
+    /// How far ahead contacts of a pair are looked for; none if it has no records, and more room than that.
     #[inline(always)]
-    fn prediction(&self, pair: &Pair) -> Option<f32> {
+    fn ahead(&self, pair: &Pair) -> Option<Ahead<L>> {
         let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
         // Never through a thin body to what is behind it.
         let fall = if pair.sheet { self.fall } else { 0.0 };
         let near = self.prediction_distance.min(THIN * pair.thickness + fall) + a.blow.max(b.blow);
         let room = if pair.count == 0 { pair.room - near } else { f32::NEG_INFINITY };
         let [_, turning] = self.moving.passed(self.travel, pair, || room)?;
-        (turning >= room).then_some(near + turning)
+        let motion = a.linear - b.linear;
+        (turning >= room).then_some(Ahead { prediction: near + turning, motion, turning })
     }
 }
 
@@ -294,7 +295,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     }
     pair.room = pair.left(around.moving.came);
     let known = pair.count > 0;
-    let ahead = if known { None } else { around.prediction(pair) };
+    let ahead = if known { None } else { around.ahead(pair) };
     if !known && ahead.is_none() {
         return false;
     }
@@ -303,7 +304,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
         return !rested;
     }
     // What has records did not have to be near before.
-    let Some(prediction) = ahead.or_else(|| around.prediction(pair)) else { return false };
+    let Some(ahead) = ahead.or_else(|| around.ahead(pair)) else { return false };
     let [a_shape, b_shape] = pair.colliders;
     let pose_a = G::advance(&around.poses[a_shape as usize], a.position, Vector::ZERO);
     let old = if rested { around.resting.view() } else { own.view() };
@@ -331,8 +332,6 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let shape_a = (&around.shapes[a_shape as usize], &pose_a);
     let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
-    let [linear_a, linear_b] = pair.bodies.map(|body| around.travel[body as usize].linear);
-    let ahead = Ahead { prediction, motion: linear_a - linear_b };
     let gap = G::collide(shape_a, shape_b, ahead, before, scratch, &mut report);
     let (count, again) = places.finish(around.traced);
     pair.count = count;

@@ -63,6 +63,9 @@ pub(super) struct Gathered {
     vertices: Vec<V>,
     faces: Vec<(V, f32)>,
     memory: Vec<Corner<3>>,
+    /// The piece of the mesh that it touches, and whether on both sides.
+    faced: Option<Faced>,
+    both: bool,
 }
 
 /// What a shape is to one side of a facet.
@@ -85,6 +88,14 @@ impl Gathered {
         self.facets.clear();
         self.polygon.clear();
         self.near.clear();
+        (self.faced, self.both) = (None, false);
+    }
+
+    /// Notes that the shape touches a side of a facet, or of what is around it.
+    fn face(&mut self, facet: &Facet, side: f32) {
+        let own = Faced { sheet: facet.sheet % SHEETS, side };
+        self.both |= self.faced.is_some_and(|known| known.sheet == own.sheet && known != own);
+        self.faced = Some(own);
     }
 
     /// The manifold of a part.
@@ -112,17 +123,12 @@ impl Gathered {
     /// Reports the manifolds, reduced, with the shape as a and in the coordinates around the mesh's `frame`.
     pub(super) fn report(
         &mut self,
-        (surface, frame): (&Surface, &Frame<3>),
+        frame: &Frame<3>,
         mesh_is_a: bool,
         report: &mut dyn FnMut(&Touch<3>),
     ) {
         // Where the shape is told from a point's name in the next step.
-        let faced = self.manifolds[..self.count].iter().filter(|touch| !touch.points.is_empty());
-        let faced = faced.filter(|touch| touch.part >> 30 == 0).map(|touch| {
-            let facet = &surface.facets[(touch.part >> 1) as usize];
-            Faced { sheet: facet.sheet % SHEETS, side: if touch.part & 1 == 1 { -1.0 } else { 1.0 } }
-        });
-        let name = faced.last().map_or(0, Faced::name);
+        let name = if self.both { 0 } else { self.faced.map_or(0, Faced::name) };
         for touch in &mut self.manifolds[..self.count] {
             if touch.points.is_empty() {
                 continue;
@@ -180,6 +186,8 @@ pub(super) struct Ahead<'a> {
     pub(super) prediction: f32,
     /// How the shape moves against the mesh until contacts are searched again. \[m\]
     pub(super) motion: V,
+    /// How far it comes by turning until then. \[m\]
+    pub(super) turning: f32,
     /// What the shape has touched a step ago.
     pub(super) faced: Option<Faced>,
 }

@@ -340,7 +340,8 @@ fn on_meshes(
     let seen = &frames[1 - side].seen_from(own);
     let motion = own.local_direction(ahead.motion) * if side == 1 { 1.0 } else { -1.0 };
     let faced = before.and_then(mesh::Faced::of);
-    let ahead = mesh::Ahead { surface, prediction: ahead.prediction, motion, faced };
+    let Ahead { prediction, turning, .. } = ahead;
+    let ahead = mesh::Ahead { surface, prediction, motion, turning, faced };
     let gathered = &mut scratch.gathered;
     let apart = match other {
         Form::Cuboid(cuboid) => mesh::solid(ahead, cuboid, seen, tree, gathered),
@@ -364,7 +365,7 @@ fn on_meshes(
         Form::Mesh(_) => return Some(ahead.prediction),
         Form::Other => return None,
     };
-    gathered.report((surface, own), side == 0, report);
+    gathered.report(own, side == 0, report);
     Some(apart)
 }
 

@@ -94,6 +94,9 @@ impl Meeting<'_> {
                         let range = [first.min(rim.along), last.max(rim.along)];
                         self.is_over(face.facet, side, range, gathered);
                     } else {
+                        if matches!(rim.part, Part::Edge(edge) if surface.wings(edge).len() > 1) {
+                            gathered.face(facet, side);
+                        }
                         self.on_rim(&rim, gathered);
                     }
                 }
@@ -214,6 +217,7 @@ impl Meeting<'_> {
 
     /// Notes that part of the core is over a side of a facet.
     fn is_over(&self, facet: u32, side: f32, [first, last]: [f32; 2], gathered: &mut Gathered) {
+        gathered.face(&self.ahead.surface.facets[facet as usize], side);
         let behind = side < 0.0;
         let same = |above: &&mut Above| above.facet == facet && above.behind == behind;
         if let Some(known) = gathered.facets.iter_mut().find(same) {
@@ -254,6 +258,7 @@ impl Meeting<'_> {
         gathered.count = 0;
         let facet = &self.ahead.surface.facets[face.facet as usize];
         let (side, _) = self.ahead.side(facet, self.center);
+        gathered.face(facet, side);
         let part = Part::Facet { facet: face.facet, behind: side < 0.0 };
         let touch = gathered.of(part, facet.normal * side);
         self.lay(facet, side, [0.0, 1.0], f32::INFINITY, touch);

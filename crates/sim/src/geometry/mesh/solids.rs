@@ -101,7 +101,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
             return low;
         }
         self.see_faces(gathered);
-        let (most, best) = self.farthest(face, side, own, gathered);
+        let ((most, outermost), best) = self.farthest(face, side, own, gathered);
         let apart = low.max(most);
         if most > prediction {
             return apart;
@@ -117,6 +117,9 @@ impl<P: Polyhedron> Meeting<'_, P> {
             Some((_, axis)) if !elsewhere => self.on_axis(face, side, above, axis, gathered),
             _ if hidden => {}
             _ => self.on_facet(face, above, !elsewhere, gathered),
+        }
+        if elsewhere && 0.0 < most && most <= self.ahead.turning {
+            self.under(face, outermost, None, gathered);
         }
         apart
     }
@@ -180,17 +183,19 @@ impl<P: Polyhedron> Meeting<'_, P> {
         side: f32,
         least: f32,
         gathered: &Gathered,
-    ) -> (f32, Option<(f32, Axis)>) {
+    ) -> ((f32, usize), Option<(f32, Axis)>) {
         let Ahead { surface, prediction, .. } = self.ahead;
         let corners = surface.corners(face);
-        let (mut most, mut best) = (f32::NEG_INFINITY, None);
+        let (mut most, mut best) = ((f32::NEG_INFINITY, 0), None);
         let mut beat = least;
         for (own, &(normal, offset)) in gathered.faces.iter().enumerate() {
             let heights = corners.map(|corner| normal.dot(corner));
             let lowest = (1..3).fold(0, |low, k| if heights[k] < heights[low] { k } else { low });
             let gap = heights[lowest] - offset;
-            most = most.max(gap);
-            if most > prediction {
+            if gap > most.0 {
+                most = (gap, own);
+            }
+            if gap > prediction {
                 return (most, None);
             }
             let vertex = face.corners[lowest];
@@ -293,12 +298,16 @@ impl<P: Polyhedron> Meeting<'_, P> {
         match axis {
             Axis::Face(own, vertex) => {
                 if !surface.vertex_is_flush(vertex, direction) {
+                    gathered.face(facet, side);
                     self.under(face, own, Some(vertex), gathered);
                 }
             }
             Axis::Edges { edge, own, direction, on_mesh, on_shape } => {
                 if surface.edge_is_flush(edge, direction) {
                     return;
+                }
+                if surface.wings(edge).len() > 1 {
+                    gathered.face(facet, side);
                 }
                 let flanks = self.shape.flanks(own);
                 let flat = |&own: &usize| -gathered.faces[own].0.dot(direction) > UPRIGHT;
@@ -347,6 +356,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
         let wanted = |corner: &Corner<3>| genuine || corner.height > 0.0;
         if gathered.memory[found.clone()].iter().any(wanted) {
             let memory = std::mem::take(&mut gathered.memory);
+            gathered.face(facet, side);
             let touch = gathered.of(Part::Facet { facet: number, behind }, normal);
             for corner in memory[found].iter().filter(|corner| wanted(corner)) {
                 let (on_a, gap) = (corner.position, corner.height);
@@ -401,7 +411,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
     /// Gathers what of a triangle is under a face of the shape: sharp vertices and edges that nothing around is above;
     /// else the vertex that is deepest.
     fn under(&self, face: &Face, own: usize, deepest: Option<u32>, gathered: &mut Gathered) {
-        let Ahead { surface, prediction, motion, .. } = self.ahead;
+        let Ahead { surface, prediction, motion, turning, .. } = self.ahead;
         let (normal, offset) = gathered.faces[own];
         let direction = -normal;
         let corners = self.corners(own, gathered);
@@ -437,8 +447,9 @@ impl<P: Polyhedron> Meeting<'_, P> {
                     || comes && is_within(polygon, normal, place - motion * (gap / approach))
                     || gap < 0.0 && deepest == Some(vertex)
             };
+            // What is not the nearest comes to be by turning only.
             if surface.vertices[vertex as usize].sharp
-                && surface.vertex_gives(vertex, direction)
+                && (0.0 < gap && gap <= turning || surface.vertex_gives(vertex, direction))
                 && is_under()
             {
                 found[6 + k] = Some((place, feature(1, u64::from(vertex))));
@@ -463,6 +474,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
         let (side, _) = self.ahead.side(facet, self.center);
         let above = self.above(face.facet, side, gathered);
         let corners = gathered.facets[above].corners.clone();
+        gathered.face(facet, side);
         let (part, normal) =
             (Part::Facet { facet: face.facet, behind: side < 0.0 }, facet.normal * side);
         for at in corners {
