@@ -38,10 +38,9 @@ pub enum Kind {
     NegativeScale,
     /// A shape is scaled unevenly: the largest factor over the smallest. \[1\]
     UnevenScale,
-    /// A mesh that should enclose a volume has holes: the number of open edges.
+    /// A mesh that should enclose a volume has holes: the number of edges that are not between two triangles.
     OpenMesh,
-    /// A mesh looks the wrong way: the volume of a closed one (m^3), the number of edges where it
-    /// turns, or the part of its area that looks up (1).
+    /// A closed mesh looks inward, as a room does: its volume. \[m^3\]
     InsideOutMesh,
     /// A mesh passes through itself: the number of pairs of triangles.
     CrossingMesh,

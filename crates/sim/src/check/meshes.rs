@@ -1,6 +1,6 @@
-//! Findings about triangle meshes.
+//! Findings about triangle meshes: where they collide in another way than they look.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use parry3d::math::{Pose, Vector};
 use parry3d::query::intersection_test;
@@ -12,18 +12,14 @@ use crate::scene::{Scene, ShapeKind};
 /// A mesh whose triangles, as vectors of their areas, leave less than this part of their sum over is
 /// meant to enclose something. \[1\]
 const ENCLOSES: f64 = 0.1;
-/// A surface of which more than this part looks down, on balance, is upside down. \[1\]
-const DOWN: f64 = -0.5;
 /// Triangles are shrunk by this part, so that those that only touch do not cross. \[1\]
 const SHRINK: f32 = 1e-3;
 
 type Point = [f64; 3];
 
-/// Holes, triangles that look the wrong way and triangles that cross, one finding of each kind per
-/// shape.
+/// Holes, rooms that may be meant as solids and triangles that cross, one finding of each kind per shape.
 pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
     let mut findings = Vec::new();
-    let up = super::up(scene);
     for (index, body) in scene.bodies.iter().enumerate() {
         for shape in &body.shapes {
             let ShapeKind::Trimesh { vertices, triangles } = &shape.kind else { continue };
@@ -32,36 +28,21 @@ pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
                 let what = format!("the mesh of {} {what}", scene.name_of(index));
                 findings.push(Finding::of_body(index, kind, [value, limit], what, advice));
             };
-            let (open, turned) = mesh.edges();
-            let leftover = mesh.leftover();
-            let looks_up = super::dot(&leftover, &up);
-            if open > 0 && norm(leftover) < ENCLOSES {
-                let what = format!("has holes: {open} edges have one triangle; accepted: none");
-                let advice = "what gets in stays in: close it, or use its convex hull";
-                found(Kind::OpenMesh, open as f64, 0.0, what, advice);
-            }
-            if turned > 0 {
+            let [open, turned] = mesh.edges();
+            if open > 0 && norm(mesh.leftover()) < ENCLOSES {
                 let what = format!(
-                    "looks both ways: at {turned} edges two neighbors face opposite sides; \
-                     accepted: none"
+                    "has holes: {open} edges are not between two triangles; accepted: none"
                 );
-                let advice = "contacts there push the wrong way: recalculate its normals outside";
-                found(Kind::InsideOutMesh, turned as f64, 0.0, what, advice);
-            } else if open == 0 && mesh.volume() < 0.0 {
+                let advice = "it collides from both sides, and holds in what gets in: close it, \
+                              or use its convex hull";
+                found(Kind::OpenMesh, open as f64, 0.0, what, advice);
+            } else if open == 0 && turned == 0 && mesh.volume() < 0.0 {
                 let volume = mesh.volume();
                 let what =
                     format!("is inside out: its volume is {volume:.3e} m^3; accepted: above 0");
-                found(Kind::InsideOutMesh, volume, 0.0, what, "flip its triangles");
-            }
-            if open > 0 && looks_up < DOWN {
-                let what = format!(
-                    "looks down: {:.0} % of its area, where -100 % is all of it; accepted: from {:.0} %",
-                    looks_up * 100.0,
-                    DOWN * 100.0
-                );
-                let advice =
-                    "what lies on it falls through: flip its triangles, unless it is a ceiling";
-                found(Kind::InsideOutMesh, looks_up, DOWN, what, advice);
+                let advice = "it is a room that holds in what is inside; flip its triangles to \
+                              make it a solid that pushes out";
+                found(Kind::InsideOutMesh, volume, 0.0, what, advice);
             }
             let crossing = mesh.crossings();
             if crossing > 0 {
@@ -88,7 +69,8 @@ struct Mesh {
 }
 
 impl Mesh {
-    /// Vertices at one place become one; triangles that lose a side thereby are left out.
+    /// Vertices at one place become one; triangles that lose a side thereby are left out, and copies of others, as
+    /// double-sided meshes have.
     fn new(vertices: &[Point], triangles: &[[u32; 3]]) -> Self {
         let mut places = HashMap::new();
         let mut points = Vec::new();
@@ -104,7 +86,13 @@ impl Mesh {
         let corner = |i: u32| merged.get(i as usize).copied();
         let whole = |&[a, b, c]: &[u32; 3]| Some([corner(a)?, corner(b)?, corner(c)?]);
         let triangles = triangles.iter().filter_map(whole);
-        let triangles = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        let mut seen = HashSet::new();
+        let fresh = |corners: &[u32; 3]| {
+            let mut set = *corners;
+            set.sort_unstable();
+            set[0] != set[1] && set[1] != set[2] && seen.insert(set)
+        };
+        let triangles = triangles.filter(fresh).collect();
         Self { points, triangles }
     }
 
@@ -112,9 +100,9 @@ impl Mesh {
         triangle.map(|i| self.points[i as usize])
     }
 
-    /// How many edges have a triangle on one side only, and at how many the triangles on both sides
-    /// look different ways.
-    fn edges(&self) -> (usize, usize) {
+    /// How many edges are not between two triangles, and at how many the triangles on both sides look different
+    /// ways.
+    fn edges(&self) -> [usize; 2] {
         // By edge: how often it is passed forwards and backwards.
         let mut passed: BTreeMap<[u32; 2], [usize; 2]> = BTreeMap::new();
         for &[a, b, c] in &self.triangles {
@@ -123,9 +111,9 @@ impl Mesh {
                 passed.entry([from.min(to), from.max(to)]).or_default()[backwards] += 1;
             }
         }
-        let open = passed.values().filter(|of| of[0] + of[1] == 1).count();
-        let turned = passed.values().filter(|of| of[0] + of[1] > 1 && of[0] != of[1]).count();
-        (open, turned)
+        let open = passed.values().filter(|of| of[0] + of[1] != 2).count();
+        let turned = passed.values().filter(|of| of[0] + of[1] == 2 && of[0] != of[1]).count();
+        [open, turned]
     }
 
     /// What areas, as vectors, leave over as a part of their sum: nothing where the surface is closed,

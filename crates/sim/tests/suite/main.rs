@@ -14,6 +14,7 @@ mod gltf_physics;
 mod guide;
 mod house;
 mod jam;
+mod meshes;
 mod scene;
 mod sleep;
 mod usd;

@@ -111,8 +111,12 @@ impl<P: Polyhedron> Meeting<'_, P> {
             Axis::Face(..) => gap > own + margin,
             Axis::Edges { .. } => gap > edge_beyond(own, prediction),
         });
-        // What another direction parts more, which the mesh does not admit, is nearer elsewhere.
-        let elsewhere = most > wins.map_or(own, |(gap, _)| gap) + margin;
+        // What another direction parts, which the mesh does not admit, is nearer elsewhere. Where all overlap, that may
+        // be a side of the shape that something sharp has just come by.
+        let elsewhere = match wins {
+            Some((gap, _)) => most > gap.max(0.0) + margin,
+            None => most > own + margin,
+        };
         match wins {
             Some((_, axis)) if !elsewhere => self.on_axis(face, side, above, axis, gathered),
             _ if hidden => {}
