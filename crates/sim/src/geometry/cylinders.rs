@@ -16,7 +16,7 @@ use drystone_solver::{Vector, moment};
 use super::polyhedra::{Clipper, Plane};
 use super::rounds::{Round, between_rounds, nearest};
 use super::separation::{PREFERENCE, best_face, edge_beyond};
-use super::solid::Solid;
+use super::solid::{Corner, Solid};
 use super::{Frame, Touch, TouchPoint};
 
 /// A vector in space.
@@ -631,6 +631,84 @@ pub(super) fn on_solid(
     gap
 }
 
+/// A triangle of a mesh, with both of its sides as faces.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facet {
+    corners: [V; 3],
+    normal: V,
+}
+
+impl Facet {
+    /// `None` where the corners lie on a line.
+    pub(super) fn of(corners: [V; 3]) -> Option<Self> {
+        let area: V = moment(corners[1] - corners[0], corners[2] - corners[0]);
+        let length = area.length();
+        (length > 0.0).then(|| Self { corners, normal: area * (1.0 / length) })
+    }
+}
+
+impl Solid<3> for Facet {
+    fn support(&self, direction: V) -> V {
+        let [a, b, c] = self.corners;
+        let farther = |p: V, q: V| if direction.dot(q) > direction.dot(p) { q } else { p };
+        farther(farther(a, b), c)
+    }
+
+    fn faces(&self) -> usize {
+        2
+    }
+
+    fn face(&self, index: usize) -> (V, V) {
+        (if index == 0 { self.normal } else { -self.normal }, self.corners[0])
+    }
+
+    fn edges(&self) -> usize {
+        3
+    }
+
+    fn edge(&self, index: usize) -> [V; 2] {
+        [self.corners[index], self.corners[(index + 1) % 3]]
+    }
+
+    fn corners(&self, face: usize, out: &mut Vec<Corner<3>>) {
+        for i in 0..3 {
+            let corner = if face == 0 { i } else { 2 - i };
+            out.push(Corner::new(self.corners[corner], corner as u32));
+        }
+    }
+}
+
+/// As [`on_solid`], for a triangle of a mesh. `allowed` turns a direction into one in which the
+/// triangle may push, or refuses it: an edge between two that lie in a plane pushes as they do.
+pub(super) fn on_facet(
+    cylinder: &Placed,
+    facet: &Facet,
+    prediction: f32,
+    before: Option<u64>,
+    allowed: impl Fn(V) -> Option<V>,
+    clipper: &mut Clipper<3>,
+    touch: &mut Touch<3>,
+) -> f32 {
+    let gap = on_solid(cylinder, facet, prediction, before, clipper, touch);
+    if touch.points.is_empty() {
+        return gap;
+    }
+    let Some(normal) = allowed(touch.normal) else {
+        touch.points.clear();
+        return gap.min(prediction);
+    };
+    if (normal - touch.normal).length() > ROUNDING {
+        touch.normal = normal;
+        for point in &mut touch.points {
+            point.gap = normal.dot(point.on_a - point.on_b);
+            point.on_a = point.on_b + normal * point.gap;
+        }
+        // What is beyond an edge is on the neighbor: that one has it.
+        touch.points.retain(|point| point.gap <= prediction);
+    }
+    gap.min(prediction)
+}
+
 /// Fills `touch` with where a cylinder touches an edge, along an axis that has this gap.
 fn on_edge(
     cylinder: &Placed,
@@ -653,8 +731,7 @@ fn on_edge(
         for (part, end) in parts.into_iter().zip(1..) {
             let on_b = from + along * part;
             let at = cylinder.center + cylinder.axis * (start + rise * part) + flank;
-            let gap = normal.dot(at - on_b);
-            touch.points.push(point(on_b + normal * gap, on_b, gap, name(end)));
+            touch.points.push(point(at, on_b, normal.dot(at - on_b), name(end)));
         }
         if parts[0] != parts[1] && is_supported(touch, found.gap, cylinder.size(), prediction) {
             return;
@@ -710,8 +787,7 @@ pub(super) fn on_round(
         if over[0] < over[1] {
             touch.normal = normal;
             let cap = cylinder.center - normal * cylinder.half;
-            let ends = [over[0].min(found.part), over[1].max(found.part)];
-            for (part, name) in ends.into_iter().zip(1..) {
+            for (part, name) in over.into_iter().zip(1..) {
                 let on_b = round.at(part) + normal * round.radius;
                 let gap = normal.dot(cap - on_b);
                 if gap <= prediction {
