@@ -16,6 +16,7 @@ use std::fmt::Debug;
 
 use drystone_solver::{Real, SymmetricMatrix, Vector};
 
+pub(crate) use hull::mass as mass_within;
 pub use rigid::{Rigid2, Rigid3};
 pub use spheres::Spheres;
 

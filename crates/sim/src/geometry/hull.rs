@@ -124,7 +124,7 @@ impl Hull {
 /// Mass, center and inertia of what a closed surface of triangles, counter-clockwise seen from outside,
 /// encloses: the sum over the tetrahedra from a point to each triangle. (parry turns the inertia into
 /// principal axes and back, with sines that are not the same on every machine.)
-pub(super) fn mass(
+pub(crate) fn mass(
     points: &[parry3d::math::Vector],
     triangles: &[[u32; 3]],
     density: f32,

@@ -57,7 +57,7 @@ mod tests {
     use super::*;
     use crate::scene::format::SCENE_KEYS;
     use crate::scene::format::body::{BODY_KEYS, KEY_KEYS};
-    use crate::scene::format::shape::SHAPE_KEYS;
+    use crate::scene::format::shape::{DECOMPOSITION_KEYS, SHAPE_KEYS};
     use crate::scene::format::surface::{COLLISION_KEYS, COMBINE, MATERIAL_KEYS};
 
     fn keys_of(schema: &Value) -> BTreeSet<&str> {
@@ -78,6 +78,7 @@ mod tests {
         assert_eq!(of("Key"), set(KEY_KEYS));
         assert_eq!(of("Material"), set(MATERIAL_KEYS));
         assert_eq!(of("Collision"), set(COLLISION_KEYS));
+        assert_eq!(of("Decomposition"), set(DECOMPOSITION_KEYS));
     }
 
     #[test]
