@@ -156,8 +156,8 @@ class Exporter:
         kind = thing.rigid_body.collision_shape
         if motion != "dynamic" and half[2] < FLAT and (kind != "MESH" or len(points) <= 4):
             return self.slab(points, kind, place)
-        if kind == "MESH" and motion == "dynamic":
-            self.notes.append(f"'{thing.name}': a mesh that moves collides as its convex hull")
+        if kind == "MESH" and motion == "dynamic" and not self.closed(thing):
+            self.notes.append(f"'{thing.name}': its mesh is open and moves: it collides as its convex hull")
             kind = "CONVEX_HULL"
         shape = {
             "BOX": lambda: {"type": "box", "half_extents": [half[0], half[2], half[1]]},
@@ -222,6 +222,20 @@ class Exporter:
             triangles = triangles[:, ::-1]
         return {"type": "trimesh", "vertices": [turned(p) for p in points],
                 "triangles": triangles.tolist()}
+
+    def closed(self, thing):
+        """Whether a mesh encloses a volume: each edge is passed once each way; places count, not vertices."""
+        mesh = self.mesh(thing)
+        points = np.array(mesh["vertices"])
+        size = np.ptp(points, axis=0).max()
+        _, places = np.unique((points / max(size, 1e-12) * 2**20).round(), axis=0, return_inverse=True)
+        places = places.reshape(-1)
+        corners = places[np.array(mesh["triangles"], np.int64).reshape(-1, 3)]
+        edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+        edges = edges[edges[:, 0] != edges[:, 1]]
+        count = len(points)
+        there, back = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
+        return len(edges) > 0 and np.array_equal(np.sort(there), np.sort(back))
 
     def tracks(self):
         """Poses of animated bodies, one per frame."""

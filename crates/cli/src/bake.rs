@@ -12,10 +12,10 @@ use std::collections::BTreeSet;
 use std::num::NonZero;
 use std::{fmt, thread};
 
-use drystone::check::jumps;
+use drystone::check::{decompositions, jumps};
 use drystone::recording::journal::Header;
 use drystone::scene::{self, Read, Scene};
-use drystone::{Simulation, StepSettings};
+use drystone::{Decompositions, Simulation, StepSettings};
 
 use crate::failure::Failure;
 use crate::print;
@@ -87,7 +87,15 @@ fn prepare(arguments: &Arguments, scene: &Scene) -> Result<Box<dyn Simulation>, 
     let in_file = |error: &dyn fmt::Display| {
         Failure::Input(format!("{}: {error}", arguments.scene.display()))
     };
-    drystone::build(scene, settings(arguments, scene)?).map_err(|error| in_file(&error))
+    let mut known = Decompositions::of_user();
+    let simulation = drystone::build_with(scene, settings(arguments, scene)?, &mut known)
+        .map_err(|error| in_file(&error))?;
+    if !arguments.quiet {
+        for finding in decompositions(scene, &mut known) {
+            eprintln!("drystone: note: {}", finding.what);
+        }
+    }
+    Ok(simulation)
 }
 
 fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failure> {

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use drystone::StepSettings;
-use drystone::check::{Finding, Kind, check};
+use drystone::check::{Finding, Kind, check_with};
+use drystone::{Decompositions, StepSettings};
 use drystone::scene::{self, Scene};
 use serde_json::{Value, json};
 
@@ -18,7 +18,7 @@ const LISTED: usize = 10;
 /// Find what will hurt in a scene before it does.
 ///
 /// Overlaps, wedged bodies, heavy on light, stacks without friction, what may pass through, sizes,
-/// mirrored and uneven scales, meshes with holes or inside out, surfaces that never rest, and what the reader left out.
+/// mirrored and uneven scales, meshes with holes or inside out, meshes that their convex pieces miss, surfaces that never rest, and what the reader left out.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
@@ -51,7 +51,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let settings = read.scene.settings(preset)?;
     let file = arguments.scene.display();
     let findings =
-        check(&read, &settings).map_err(|error| Failure::Input(format!("{file}: {error}")))?;
+        check_with(&read, &settings, &mut Decompositions::of_user()).map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     if arguments.json {
         let list: Vec<_> = findings.iter().map(|finding| value(&read.scene, finding)).collect();
         let version = env!("CARGO_PKG_VERSION");

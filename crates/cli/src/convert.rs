@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use drystone::StepSettings;
 use drystone::recording::physics::Physics;
 use drystone::recording::usda::Stage;
 use drystone::recording::write_whole;
 use drystone::scene::{self, Scene, to_json, to_toml};
+use drystone::{Decompositions, StepSettings};
 
 use crate::bake::Format;
 use crate::cut::Cut;
@@ -124,7 +124,8 @@ fn scene(arguments: &Arguments) -> Result<(), Failure> {
 fn physics(file: &Path, scene: &Scene) -> Result<Physics, Failure> {
     let wrong = |why: String| Failure::Input(format!("{}: {why}", file.display()));
     let settings = scene.settings(StepSettings::certified())?;
-    let simulation = drystone::build(scene, settings).map_err(|error| wrong(error.to_string()))?;
+    let simulation = drystone::build_with(scene, settings, &mut Decompositions::of_user())
+        .map_err(|error| wrong(error.to_string()))?;
     Physics::new(scene, &simulation.masses()).map_err(wrong)
 }
 

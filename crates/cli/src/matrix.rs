@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use drystone::recording::write_whole;
 use drystone::scene::{self, Motion, Scene};
-use drystone::{SavedProblem, StepSettings, build};
+use drystone::{Decompositions, SavedProblem, StepSettings, build_with};
 
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
@@ -77,7 +77,7 @@ fn simulate(arguments: &Arguments, scene: &Scene) -> Result<(SavedProblem, Vec<f
     let file = arguments.scene.display();
     let settings = scene.settings(StepSettings::certified())?;
     let mut simulation =
-        build(scene, settings).map_err(|error| Failure::Input(format!("{file}: {error}")))?;
+        build_with(scene, settings, &mut Decompositions::of_user()).map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     for step in 1..=arguments.step {
         simulation.save_systems(step == arguments.step);
         simulation.step(scene.time_step);

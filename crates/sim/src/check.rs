@@ -1,6 +1,7 @@
 //! What will hurt in a scene, found before it is simulated.
 
 mod contacts;
+mod decompositions;
 mod meshes;
 mod motion;
 mod scales;
@@ -10,9 +11,12 @@ mod surfaces;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+pub use decompositions::decompositions;
+
+use crate::decomposition::Decompositions;
 use crate::scene::{Read, Scene};
 use crate::settings::StepSettings;
-use crate::simulation::{BuildError, build};
+use crate::simulation::{BuildError, build_with};
 
 /// What a finding is about. Ordered as findings are listed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
@@ -46,6 +50,8 @@ pub enum Kind {
     InsideOutMesh,
     /// A mesh passes through itself: the number of pairs of triangles.
     CrossingMesh,
+    /// The convex pieces of a mesh are farther from it than they should be. \[m\]
+    Decomposition,
     /// Two surfaces bounce without loss. \[1\]
     LosslessBounce,
     /// A surface has a restitution that never acts. \[1\]
@@ -93,13 +99,25 @@ impl Finding {
 /// # Errors
 /// No world can be made of the scene.
 pub fn check(read: &Read, settings: &StepSettings) -> Result<Vec<Finding>, BuildError> {
+    check_with(read, settings, &mut Decompositions::default())
+}
+
+/// The same with decompositions that may be known already.
+///
+/// # Errors
+/// Those of [`check`].
+pub fn check_with(
+    read: &Read,
+    settings: &StepSettings,
+    known: &mut Decompositions,
+) -> Result<Vec<Finding>, BuildError> {
     let scene = &read.scene;
-    let mut simulation = build(scene, contacts::at_the_start(settings))?;
+    let mut simulation = build_with(scene, contacts::at_the_start(settings), known)?;
     simulation.step(contacts::INSTANT);
     let (near, masses) = (simulation.nearby(), simulation.masses());
     // Jams are looked for only where certificates are.
     let certifying = StepSettings { certify: true, ..settings.clone() };
-    let wedged = build(scene, certifying)?.step(scene.time_step).jams;
+    let wedged = build_with(scene, certifying, known)?.step(scene.time_step).jams;
 
     let mut findings = contacts::overlaps(scene, &near);
     findings.extend(contacts::wedged(scene, &wedged));
@@ -110,6 +128,8 @@ pub fn check(read: &Read, settings: &StepSettings) -> Result<Vec<Finding>, Build
     findings.extend(sizes::sizes(scene));
     findings.extend(scales::scales(read));
     findings.extend(meshes::meshes(scene));
+    let missed = |of: &Finding| of.value > of.limit;
+    findings.extend(decompositions(scene, known).into_iter().filter(missed));
     findings.extend(surfaces::bounces(scene));
     findings.extend(read.warnings.iter().map(|warning| Finding {
         kind: Kind::LeftOut,

@@ -5,12 +5,34 @@ use std::array::from_fn;
 use drystone_solver::Vector;
 
 use crate::geometry::spheres::SphereShape;
-use crate::geometry::{Geometry, MassProperties, Rigid2, Rigid3, Spheres};
+use crate::decomposition::Decompositions;
+use crate::geometry::{Geometry, MassProperties, Rigid2, Rigid3, Spheres, mass_within};
 use crate::scene::description::{Rotation, Shape, ShapeKind};
 
 /// What a scene's shape becomes in a dimension.
 pub(crate) trait FromScene<const L: usize, const A: usize>: Geometry<L, A> {
     fn shape(kind: &ShapeKind) -> Result<Self::Shape, &'static str>;
+
+    /// What stands for a shape on a dynamic body, if it cannot be that body's own.
+    fn pieces(
+        _kind: &ShapeKind,
+        _known: &mut Decompositions,
+    ) -> Result<Option<Pieces<Self, L, A>>, &'static str>
+    where
+        Self: Sized,
+    {
+        Ok(None)
+    }
+}
+
+/// Convex pieces of a mesh.
+pub(crate) struct Pieces<G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// About their middle.
+    pub(crate) shapes: Vec<G::Shape>,
+    /// Their middle in the frame of the mesh. \[m\]
+    pub(crate) center: Vec<f64>,
+    /// Of the mesh, at density 1: pieces overlap.
+    pub(crate) solid: MassProperties<L, A>,
 }
 
 /// As many numbers as a vector has; what is not there is 0.
@@ -72,7 +94,7 @@ impl FromScene<3, 3> for Rigid3 {
                 ShapeKind::Cylinder { radius, half_height } => {
                     Ok(SharedShape::cylinder(*half_height as f32, *radius as f32))
                 }
-                ShapeKind::Trimesh { vertices, triangles } => {
+                ShapeKind::Trimesh { vertices, triangles, .. } => {
                     use parry3d::shape::TriMeshFlags;
                     let vertices = vertices.iter().map(|v| V::from(floats::<3>(v))).collect();
                     // Without it, a body sliding over a flat mesh stumbles at inner edges.
@@ -85,6 +107,33 @@ impl FromScene<3, 3> for Rigid3 {
                 _ => Err("is not a shape of 3D"),
             }
         )
+    }
+
+    fn pieces(
+        kind: &ShapeKind,
+        known: &mut Decompositions,
+    ) -> Result<Option<Pieces<Self, 3, 3>>, &'static str> {
+        use parry3d::math::Vector as V;
+        let ShapeKind::Trimesh { vertices, triangles, decomposition } = kind else {
+            return Ok(None);
+        };
+        const OPEN: &str =
+            "a mesh that is not closed has no volume to move; close it, or use its convex hull";
+        // As contacts see them: the same from files of single precision.
+        let single: Vec<_> = vertices.iter().map(|p| floats::<3>(p).map(f64::from)).collect();
+        let found = known.of(&single, triangles, &decomposition.unwrap_or_default());
+        let found = found.map_err(|_| OPEN)?;
+        let hull = |piece: &crate::decomposition::Piece| {
+            let from = |p: &[f64; 3]| from_fn::<f32, 3, _>(|i| (p[i] - found.center[i]) as f32);
+            let points: Vec<V> = piece.points.iter().map(|p| V::from(from(p))).collect();
+            parry3d::shape::SharedShape::convex_hull(&points)
+        };
+        let shapes: Vec<_> = found.pieces.iter().filter_map(hull).collect();
+        if shapes.is_empty() {
+            return Err(OPEN);
+        }
+        let solid = solid(vertices, triangles);
+        Ok(Some(Pieces { shapes, center: found.center.to_vec(), solid }))
     }
 }
 
@@ -99,6 +148,17 @@ impl<const L: usize> FromScene<L, 0> for Spheres {
             _ => Err("is not a particle; use sphere or halfspace"),
         }
     }
+}
+
+/// What a closed mesh encloses, whichever side its triangles face, at density 1.
+fn solid(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> MassProperties<3, 3> {
+    let points: Vec<_> = vertices.iter().map(|p| floats::<3>(p).into()).collect();
+    let outwards = mass_within(&points, triangles, 1.0);
+    if outwards.mass > 0.0 {
+        return outwards;
+    }
+    let turned: Vec<_> = triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    mass_within(&points, &turned, 1.0)
 }
 
 /// A pose as a scene has it.
@@ -129,18 +189,29 @@ pub(crate) struct Solid {
     pub(crate) inertia: [[f64; 3]; 3],
 }
 
+/// The same, `factor` times as dense.
+pub(crate) fn times<const L: usize, const A: usize>(
+    mut solid: MassProperties<L, A>,
+    factor: f32,
+) -> MassProperties<L, A> {
+    solid.mass *= factor;
+    solid.inertia.0 = solid.inertia.0.map(|row| row * factor);
+    solid
+}
+
 /// A body in 3D of shapes that are not equally dense; none where they have no volume.
 pub(crate) fn compound<'s>(parts: impl Iterator<Item = (&'s Shape, Weight)>) -> Option<Solid> {
     let mut solid = MassProperties::<3, 3>::ZERO;
     for (shape, weight) in parts {
-        let form = <Rigid3 as FromScene<3, 3>>::shape(&shape.kind).ok()?;
-        let mut own = Rigid3::mass(&form, 1.0);
+        let mut own = match &shape.kind {
+            ShapeKind::Trimesh { vertices, triangles, .. } => self::solid(vertices, triangles),
+            kind => Rigid3::mass(&<Rigid3 as FromScene<3, 3>>::shape(kind).ok()?, 1.0),
+        };
         let factor = match weight {
             Weight::Density(density) => density as f32,
             Weight::Mass(mass) => mass as f32 / own.mass,
         };
-        own.mass *= factor;
-        own.inertia.0 = own.inertia.0.map(|row| row * factor);
+        own = times(own, factor);
         let pose = place::<Rigid3, 3, 3>(&shape.position, &shape.rotation);
         solid = solid.joined(&own.placed(&Rigid3::frame(&pose)));
     }

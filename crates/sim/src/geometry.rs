@@ -19,7 +19,7 @@ use std::fmt::Debug;
 
 use drystone_solver::{Real, SymmetricMatrix, Vector};
 
-pub(crate) use hull::shape as convex_shape;
+pub(crate) use hull::{mass_within, shape as convex_shape};
 pub use rigid::{Rigid2, Rigid3};
 pub use spheres::Spheres;
 

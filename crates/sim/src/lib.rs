@@ -56,6 +56,7 @@
 //! | how a step is taken | [`StepSettings`] |
 //! | what a step did | [`StepReport`], [`Measure`], [`Ledger`] |
 //! | scenes from files, checked and run | [`scene::read`], [`check::check`], [`build`], [`Simulation`] |
+//! | concave meshes as convex pieces | [`decompose`], [`Decompositions`] |
 //! | motion to files | [`recording`] |
 //! | contacts by hand | [`World::system`] |
 
@@ -67,6 +68,7 @@ mod certifier;
 pub mod check;
 mod colliders;
 mod course;
+pub mod decomposition;
 mod forms;
 pub mod geometry;
 mod ledger;
@@ -87,6 +89,9 @@ mod travel;
 mod world;
 
 pub use bodies::{Body, BodyId, Collider, Inertia, SurfaceMotion};
+pub use decomposition::{
+    Decomposition, DecompositionOptions, Decompositions, Deviation, NotSolid, decompose,
+};
 pub use drystone_solver::jam::Jam;
 pub use drystone_solver::ladder::{Outcome, Rung};
 pub use drystone_solver::restitution::ImpactLaw;
@@ -97,7 +102,7 @@ pub use saved::SavedSystem;
 #[cfg(feature = "assembled")]
 pub use saved::{SavedContact, SavedProblem};
 pub use settings::StepSettings;
-pub use simulation::{BuildError, Simulation, build};
+pub use simulation::{BuildError, Simulation, build, build_with};
 pub use world::{Checkpoint, CheckpointError, World};
 
 /// Rigid bodies in the plane.

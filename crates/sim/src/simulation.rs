@@ -6,7 +6,8 @@ use drystone_solver::{Manifold, SymmetricMatrix, Vector, Velocity};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::bodies::{Body, BodyId, Collider, Inertia, SurfaceMotion};
-use crate::forms::{FromScene, floats, place};
+use crate::decomposition::Decompositions;
+use crate::forms::{FromScene, Pieces, floats, place, times};
 use crate::geometry::{Frame, Geometry, MassProperties, Rigid2, Rigid3, Spheres};
 use crate::report::{Measure, Nearby, StepReport};
 use crate::scene::{self, BodiesAs, Motion, Rotation, Scene, Track};
@@ -80,16 +81,28 @@ pub struct BuildError {
     pub reason: &'static str,
 }
 
-/// Makes a world of a scene.
+/// Makes a world of a scene. Concave meshes of dynamic bodies are decomposed, equal ones once.
 ///
 /// # Errors
 /// A shape that its dimension cannot have, or that has no volume.
 pub fn build(scene: &Scene, settings: StepSettings) -> Result<Box<dyn Simulation>, BuildError> {
+    build_with(scene, settings, &mut Decompositions::default())
+}
+
+/// The same with decompositions that may be known already.
+///
+/// # Errors
+/// Those of [`build`].
+pub fn build_with(
+    scene: &Scene,
+    settings: StepSettings,
+    known: &mut Decompositions,
+) -> Result<Box<dyn Simulation>, BuildError> {
     Ok(match (scene.dimension, scene.bodies_as) {
-        (2, BodiesAs::Rigid) => Box::new(Run::<Rigid2, 2, 1>::new(scene, settings)?),
-        (2, BodiesAs::Particles) => Box::new(Run::<Spheres, 2, 0>::new(scene, settings)?),
-        (_, BodiesAs::Rigid) => Box::new(Run::<Rigid3, 3, 3>::new(scene, settings)?),
-        (_, BodiesAs::Particles) => Box::new(Run::<Spheres, 3, 0>::new(scene, settings)?),
+        (2, BodiesAs::Rigid) => Box::new(Run::<Rigid2, 2, 1>::new(scene, settings, known)?),
+        (2, BodiesAs::Particles) => Box::new(Run::<Spheres, 2, 0>::new(scene, settings, known)?),
+        (_, BodiesAs::Rigid) => Box::new(Run::<Rigid3, 3, 3>::new(scene, settings, known)?),
+        (_, BodiesAs::Particles) => Box::new(Run::<Spheres, 3, 0>::new(scene, settings, known)?),
     })
 }
 
@@ -101,12 +114,16 @@ struct Run<G: Geometry<L, A>, const L: usize, const A: usize> {
 }
 
 impl<G: FromScene<L, A>, const L: usize, const A: usize> Run<G, L, A> {
-    fn new(scene: &Scene, settings: StepSettings) -> Result<Self, BuildError> {
+    fn new(
+        scene: &Scene,
+        settings: StepSettings,
+        known: &mut Decompositions,
+    ) -> Result<Self, BuildError> {
         let mut world = World::new(settings);
         world.gravity = Vector(floats(&scene.gravity));
         let mut tracks = Vec::new();
         for (index, body) in scene.bodies.iter().enumerate() {
-            let id = world.add(convert::<G, L, A>(body, index)?);
+            let id = world.add(convert::<G, L, A>(body, index, known)?);
             if !body.track.times.is_empty() {
                 tracks.push((id, body.track.clone()));
             }
@@ -204,23 +221,41 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
 fn convert<G: FromScene<L, A>, const L: usize, const A: usize>(
     body: &scene::Body,
     index: usize,
+    known: &mut Decompositions,
 ) -> Result<Body<G, L, A>, BuildError> {
     let density = body.mass.density.unwrap_or(1000.0) as f32;
     let mut colliders = Vec::with_capacity(body.shapes.len());
+    let mut solid = MassProperties::ZERO;
     for (number, shape) in body.shapes.iter().enumerate() {
-        let form = G::shape(&shape.kind).map_err(|reason| BuildError {
+        let wrong = |reason| BuildError {
             body: body.name.clone().unwrap_or_else(|| format!("body {index}")),
             shape: number,
             reason,
-        })?;
-        colliders.push(Collider {
+        };
+        let pose = place::<G, L, A>(&shape.position, &shape.rotation);
+        let dynamic = body.motion == Motion::Dynamic;
+        let pieces = if dynamic { G::pieces(&shape.kind, known).map_err(wrong)? } else { None };
+        let (forms, pose, own) = match pieces {
+            Some(Pieces { shapes, center, solid }) => {
+                let middle = G::pose(Vector(floats(&center)), &[]);
+                let own = times(solid, density).placed(&G::frame(&pose));
+                (shapes, G::compose(&pose, &middle), own)
+            }
+            None => {
+                let form = G::shape(&shape.kind).map_err(wrong)?;
+                let own = G::mass(&form, density).placed(&G::frame(&pose));
+                (vec![form], pose, own)
+            }
+        };
+        solid = solid.joined(&own);
+        colliders.extend(forms.into_iter().map(|form| Collider {
             shape: form,
-            pose: place::<G, L, A>(&shape.position, &shape.rotation),
+            pose,
             density,
             material: shape.material.clone(),
             surface_velocity: shape.surface_velocity.as_ref().map(surface_motion),
             filter: shape.filter,
-        });
+        }));
     }
     Ok(Body {
         motion: body.motion,
@@ -229,7 +264,7 @@ fn convert<G: FromScene<L, A>, const L: usize, const A: usize>(
             linear: Vector(floats(&body.linear_velocity)),
             angular: Vector(floats(&body.angular_velocity)),
         },
-        inertia: (body.motion == Motion::Dynamic).then(|| inertia::<G, L, A>(body, &colliders)),
+        inertia: (body.motion == Motion::Dynamic).then(|| inertia::<G, L, A>(body, solid)),
         gravity_factor: body.gravity_factor as f32,
         damping: [body.linear_damping as f32, body.angular_damping as f32],
         surface_velocity: body.surface_velocity.as_ref().map(surface_motion),
@@ -251,12 +286,8 @@ fn surface_motion<const L: usize, const A: usize>(
 /// scaled to its mass.
 fn inertia<G: Geometry<L, A>, const L: usize, const A: usize>(
     body: &scene::Body,
-    colliders: &[Collider<G, L, A>],
+    mut solid: MassProperties<L, A>,
 ) -> Inertia<L, A> {
-    let mut solid = colliders.iter().fold(MassProperties::ZERO, |sum, collider| {
-        let own = G::mass(&collider.shape, collider.density);
-        sum.joined(&own.placed(&G::frame(&collider.pose)))
-    });
     if let Some(mass) = body.mass.mass.filter(|mass| mass.is_finite()) {
         let scale = if solid.mass > 0.0 { mass as f32 / solid.mass } else { 0.0 };
         solid.mass = mass as f32;

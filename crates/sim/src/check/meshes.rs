@@ -22,7 +22,7 @@ pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
         for shape in &body.shapes {
-            let ShapeKind::Trimesh { vertices, triangles } = &shape.kind else { continue };
+            let ShapeKind::Trimesh { vertices, triangles, .. } = &shape.kind else { continue };
             let mesh = Mesh::new(vertices, triangles);
             let mut found = |kind, value: f64, limit: f64, what: String, advice: &str| {
                 let what = format!("the mesh of {} {what}", scene.name_of(index));

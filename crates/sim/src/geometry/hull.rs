@@ -260,6 +260,17 @@ pub(super) fn mass(points: &[parry3d::math::Vector], density: f32) -> MassProper
     Surface::around(points).map_or(MassProperties::ZERO, |surface| surface.mass(density))
 }
 
+/// Mass, center and inertia of what a closed surface of triangles, counter-clockwise seen from outside,
+/// encloses.
+pub(crate) fn mass_within(
+    points: &[parry3d::math::Vector],
+    triangles: &[[u32; 3]],
+    density: f32,
+) -> MassProperties<3, 3> {
+    let points = points.iter().map(|point| Vector(point.to_array())).collect();
+    Surface { points, triangles: triangles.to_vec() }.mass(density)
+}
+
 /// Twice the area of a polygon, along its normal.
 fn area(corners: &[Vector<f32, 3>]) -> Vector<f32, 3> {
     let mut area = Vector::ZERO;

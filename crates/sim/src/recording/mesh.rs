@@ -71,7 +71,7 @@ pub(super) fn mesh_of(kind: &ShapeKind, dimension: usize) -> Mesh {
         ]),
         ShapeKind::ConvexHull { points } => hull(points),
         ShapeKind::Halfspace { normal } => plane([normal[0], normal[1], normal[2]]),
-        ShapeKind::Trimesh { vertices, triangles } => Mesh {
+        ShapeKind::Trimesh { vertices, triangles, .. } => Mesh {
             positions: vertices.iter().map(|v| v.map(|x| x as f32)).collect(),
             indices: triangles.as_flattened().to_vec(),
             ..Mesh::default()
@@ -99,7 +99,7 @@ pub(super) fn key_of(kind: &ShapeKind) -> Vec<u64> {
         ShapeKind::Cylinder { radius, half_height } => (3, bits(&[*radius, *half_height])),
         ShapeKind::ConvexHull { points } => (4, points.iter().flat_map(|p| bits(p)).collect()),
         ShapeKind::Halfspace { normal } => (5, bits(normal)),
-        ShapeKind::Trimesh { vertices, triangles } => {
+        ShapeKind::Trimesh { vertices, triangles, .. } => {
             let corners = triangles.as_flattened().iter().map(|i| u64::from(*i));
             (6, bits(vertices.as_flattened()).into_iter().chain(corners).collect())
         }

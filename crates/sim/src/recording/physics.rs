@@ -252,7 +252,11 @@ impl Writer<'_> {
         };
         let geometry = if implicit.is_null() {
             let hull = matches!(shape.kind, ShapeKind::ConvexHull { .. });
-            json!({ "mesh": self.mesh(index, &shape.kind)?, "convexHull": hull })
+            let mut geometry = json!({"mesh": self.mesh(index, &shape.kind)?, "convexHull": hull});
+            if let ShapeKind::Trimesh { decomposition: Some(options), .. } = &shape.kind {
+                geometry["extras"] = json!({ "drystone": { "decomposition": options } });
+            }
+            geometry
         } else {
             json!({ "shape": self.tables.shapes.place(implicit) })
         };
@@ -281,7 +285,7 @@ impl Writer<'_> {
             std::array::from_fn(|i| point.get(i).copied().unwrap_or(0.0) as f32)
         };
         let (points, triangles): (Vec<[f32; 3]>, Vec<u32>) = match kind {
-            ShapeKind::Trimesh { vertices, triangles } => {
+            ShapeKind::Trimesh { vertices, triangles, .. } => {
                 let points = vertices.iter().map(|vertex| single(vertex)).collect();
                 (points, triangles.as_flattened().to_vec())
             }

@@ -6,6 +6,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::decomposition::DecompositionOptions;
+
 /// A scene: what is there, how it starts, how long it runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
@@ -218,12 +220,16 @@ pub enum ShapeKind {
         /// Outward unit normal.
         normal: Vec<f64>,
     },
-    /// Triangles, counter-clockwise seen from outside (3D); not on dynamic bodies.
+    /// Triangles, counter-clockwise seen from outside (3D). On a dynamic body the mesh is closed, and collides as
+    /// convex pieces.
     Trimesh {
         /// Points. \[m\]
         vertices: Vec<[f64; 3]>,
         /// Indices of three vertices each.
         triangles: Vec<[u32; 3]>,
+        /// How closely the pieces follow the mesh, on a dynamic body; the default if absent.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        decomposition: Option<DecompositionOptions>,
     },
 }
 

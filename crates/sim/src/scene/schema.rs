@@ -57,7 +57,7 @@ mod tests {
     use super::*;
     use crate::scene::format::SCENE_KEYS;
     use crate::scene::format::body::{BODY_KEYS, KEY_KEYS};
-    use crate::scene::format::shape::SHAPE_KEYS;
+    use crate::scene::format::shape::{DECOMPOSITION_KEYS, SHAPE_KEYS};
     use crate::scene::format::surface::{
         COLLISION_KEYS, COMBINE, MATERIAL_KEYS, SURFACE_VELOCITY_KEYS,
     };
@@ -81,6 +81,7 @@ mod tests {
         assert_eq!(of("Material"), set(MATERIAL_KEYS));
         assert_eq!(of("Collision"), set(COLLISION_KEYS));
         assert_eq!(of("SurfaceMotion"), set(SURFACE_VELOCITY_KEYS));
+        assert_eq!(of("Decomposition"), set(DECOMPOSITION_KEYS));
     }
 
     #[test]

@@ -164,7 +164,7 @@ fn shapes_and_their_defaults() {
     let ShapeKind::ConvexHull { points } = kinds[4] else { panic!("{:?}", kinds[4]) };
     assert_eq!(points.len(), 25, "an apex and a ring");
     assert_eq!(*kinds[5], ShapeKind::Halfspace { normal: vec![0.0, 1.0, 0.0] });
-    let ShapeKind::Trimesh { vertices, triangles } = kinds[6] else { panic!("{:?}", kinds[6]) };
+    let ShapeKind::Trimesh { vertices, triangles, .. } = kinds[6] else { panic!("{:?}", kinds[6]) };
     assert_eq!((vertices.len(), triangles.len()), (4, 4));
     let [a, b, c] = triangles[0].map(|i| vertices[i as usize]);
     assert!((b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2]) > 0.0, "faces up");
@@ -376,7 +376,7 @@ fn meshes_as_colliders() {
     let read = read("meshes", &document(nodes, ball(), extra)).unwrap();
     let kinds: Vec<&ShapeKind> = read.scene.bodies.iter().map(|b| &b.shapes[0].kind).collect();
     let volume = |kind: &ShapeKind| {
-        let ShapeKind::Trimesh { vertices, triangles } = kind else { panic!("{kind:?}") };
+        let ShapeKind::Trimesh { vertices, triangles, .. } = kind else { panic!("{kind:?}") };
         let corner = |i: u32| vertices[i as usize];
         triangles.iter().fold(0.0, |sum, t| {
             let [a, b, c] = t.map(corner);

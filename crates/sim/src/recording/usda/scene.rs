@@ -122,7 +122,7 @@ fn follow(prim: &mut Prim, track: &Track) {
 /// Points as they are and in their order; what a half-space is without its turn.
 fn exact(prim: &mut Prim, shape: &Shape, motion: Motion) -> Result<(), String> {
     let (points, triangles): (Vec<Vec<f64>>, Vec<u32>) = match &shape.kind {
-        ShapeKind::Trimesh { vertices, triangles } => {
+        ShapeKind::Trimesh { vertices, triangles, .. } => {
             let points = vertices.iter().map(|vertex| vertex.to_vec()).collect();
             (points, triangles.as_flattened().to_vec())
         }

@@ -68,6 +68,13 @@ pub(super) fn prim(
         }
         kind => faces(&name, kind, dimension),
     };
+    if let (ShapeKind::Trimesh { decomposition, .. }, Motion::Dynamic) = (&shape.kind, motion) {
+        prim.set("uniform token physics:approximation", "\"convexDecomposition\"");
+        if let Some(options) = decomposition {
+            prim.set("custom double drystone:accuracy", options.accuracy);
+            prim.set("custom int drystone:pieces", options.pieces);
+        }
+    }
     prim.schemas.insert(0, "PhysicsCollisionAPI");
     prim.set(
         "color3f[] primvars:displayColor",

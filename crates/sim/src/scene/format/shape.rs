@@ -3,6 +3,7 @@
 use super::setup::{POSITION, Setup};
 use super::surface::{Surface, read_filter, read_surface, read_surface_velocity};
 use super::walk::{Field, Range, Table};
+use crate::decomposition::{DecompositionOptions, is_solid};
 use crate::scene::description::{Filter, Motion, Rotation, Shape, ShapeKind};
 use crate::scene::error::SceneError;
 
@@ -34,12 +35,14 @@ pub(in crate::scene) const SHAPE_KEYS: [(&str, &[&str]); 7] = [
     ("cylinder", keys!("radius", "half_height")),
     ("convex_hull", keys!("points")),
     ("halfspace", keys!("normal")),
-    ("trimesh", keys!("vertices", "triangles")),
+    ("trimesh", keys!("vertices", "triangles", "decomposition")),
 ];
 const TYPES: &str =
     "\"sphere\", \"box\", \"capsule\", \"cylinder\", \"convex_hull\", \"halfspace\", \"trimesh\"";
 const ANY_KEYS: &[&str] =
-    keys!("radius", "half_extents", "half_height", "points", "normal", "vertices", "triangles");
+    keys!("radius", "half_extents", "half_height", "points", "normal", "vertices", "triangles", "decomposition");
+
+pub(in crate::scene) const DECOMPOSITION_KEYS: &[&str] = &["accuracy", "pieces"];
 
 /// The name under which a file has it.
 pub(super) fn type_name(kind: &ShapeKind) -> &'static str {
@@ -97,7 +100,7 @@ fn read_kind(
     if dimension == 2 && matches!(name, "cylinder" | "trimesh") {
         return Err(kind.refuse(format_args!("\"{name}\" in 3D only")));
     }
-    if motion == Motion::Dynamic && matches!(name, "halfspace" | "trimesh") {
+    if motion == Motion::Dynamic && name == "halfspace" {
         return Err(kind.refuse(format_args!("\"{name}\" on static and kinematic bodies only")));
     }
     match name {
@@ -120,7 +123,7 @@ fn read_kind(
             let field = table.require("normal", "the outward unit normal")?;
             Ok(ShapeKind::Halfspace { normal: field.unit(dimension)? })
         }
-        _ => read_trimesh(table),
+        _ => read_trimesh(table, motion),
     }
 }
 
@@ -172,7 +175,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn read_trimesh(table: &Table<'_>) -> Result<ShapeKind, SceneError> {
+fn read_trimesh(table: &Table<'_>, motion: Motion) -> Result<ShapeKind, SceneError> {
     let field = table.require("vertices", "a list of points")?;
     let vertices = field
         .items("a list of points")?
@@ -191,7 +194,43 @@ fn read_trimesh(table: &Table<'_>) -> Result<ShapeKind, SceneError> {
     if flat > 0 {
         field.warn(format_args!("include {flat} without area, which touch nothing"));
     }
-    Ok(ShapeKind::Trimesh { vertices, triangles })
+    if motion == Motion::Dynamic
+        && let Err(why) = is_solid(&vertices, &triangles)
+    {
+        let closed = "those of a closed mesh, as a dynamic body needs a volume";
+        let value = format!("a list of {}", triangles.len());
+        return Err(field.refuse_value(
+            value,
+            format_args!("{closed} ({why}), or \"convex_hull\" as type"),
+        ));
+    }
+    let decomposition = table.get("decomposition");
+    let decomposition = decomposition.map(|field| read_decomposition(&field, table, motion));
+    Ok(ShapeKind::Trimesh { vertices, triangles, decomposition: decomposition.transpose()? })
+}
+
+fn read_decomposition(
+    field: &Field<'_>,
+    shape: &Table<'_>,
+    motion: Motion,
+) -> Result<DecompositionOptions, SceneError> {
+    let owner = shape.nested("the decomposition".to_owned());
+    let table = field.table(DECOMPOSITION_KEYS, &owner)?;
+    let default = DecompositionOptions::default();
+    let [low, high] = DecompositionOptions::ACCURACY;
+    let [fewest, most] = DecompositionOptions::PIECES;
+    let pieces = table.get("pieces").map_or(Ok(default.pieces), |field| match field.whole(most) {
+        Ok(pieces) if pieces >= fewest => Ok(pieces),
+        _ => Err(field.refuse(format_args!("a whole number {fewest}..{most}"))),
+    })?;
+    if motion != Motion::Dynamic {
+        field.warn("does not act: the body is not dynamic, and collides with the mesh itself");
+    }
+    let accuracy = Range::new(low, high, "");
+    Ok(DecompositionOptions {
+        accuracy: table.real_or("accuracy", &accuracy, default.accuracy)?,
+        pieces,
+    })
 }
 
 fn read_triangle(field: &Field<'_>, vertices: usize) -> Result<[u32; 3], SceneError> {

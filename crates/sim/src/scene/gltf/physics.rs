@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::description::{
-    Body, Filter, Mass, Material, Motion, Rotation, Shape, ShapeKind, SurfaceVelocity, Track,
+    Body, Filter, Mass, Material, Motion, Rotation, Shape, SurfaceVelocity, Track,
 };
 use super::super::error::{SceneError, Warning};
 use super::super::graph::implicit::{self, Implicit, Placed};
-use super::super::graph::math::{self, Mat3, Quat, Vec3};
+use super::super::graph::math::{self, Quat, Vec3};
 use super::super::graph::transform::Affine;
 use super::super::graph::triangles::Triangles;
 use super::super::graph::{FAR, FAST, HEAVY, LIGHT, unique};
@@ -17,6 +17,8 @@ use super::meshes::Meshes;
 use super::nodes::{self, Node};
 use super::source::BodyNode;
 use super::tables::{self, Dialect, Tables};
+use crate::decomposition::DecompositionOptions;
+
 /// Largest factor on gravity, either way.
 const MOST_GRAVITY: f64 = 1e6;
 /// Largest damping. \[1/s\]
@@ -45,6 +47,7 @@ struct Collider<'a> {
     at: Cursor<'a>,
     geometry: Geometry,
     convex: bool,
+    decomposition: Option<DecompositionOptions>,
     material: Material,
     runs: Option<SurfaceVelocity>,
     filter: Filter,
@@ -287,8 +290,11 @@ impl Builder<'_> {
     ) -> Result<Option<Shape>, SceneError> {
         let map = node.scale();
 
+        let decomposition = collider.decomposition;
         let mut solid = |triangles: Triangles, convex: bool| {
-            self.mesh(index, &triangles, map, convex, motion, warnings)
+            let solid = triangles.solid(map, convex, decomposition, motion);
+            solid.notes.into_iter().for_each(|note| self.warn(index, note, warnings));
+            solid.kind
         };
         let kind = match collider.geometry {
             Geometry::Shape(shape) => match self.tables.shapes.get(shape) {
@@ -333,21 +339,6 @@ impl Builder<'_> {
             surface_velocity: collider.runs.clone(),
             filter: collider.filter,
         }))
-    }
-
-    /// The shape of triangles under the scale of their node.
-    fn mesh(
-        &self,
-        index: usize,
-        triangles: &Triangles,
-        map: Mat3,
-        convex: bool,
-        motion: Motion,
-        warnings: &mut Vec<Warning>,
-    ) -> Option<ShapeKind> {
-        let solid = triangles.solid(map, convex, motion);
-        solid.notes.into_iter().for_each(|note| self.warn(index, note, warnings));
-        solid.kind
     }
 
     /// Reads what every node says, whether or not it is part of the scene.
@@ -530,6 +521,7 @@ impl Builder<'_> {
         Ok(Some(Collider {
             convex: geometry.get("convexHull")?.map_or(Ok(false), |c| c.boolean())?,
             geometry: form,
+            decomposition: decomposition(&geometry)?,
             at: geometry,
             material: material.unwrap_or(tables::PLAIN),
             runs: surface(collider.own()?.as_ref())?,
@@ -605,6 +597,22 @@ fn surface(own: Option<&Cursor<'_>>) -> Result<Option<SurfaceVelocity>, SceneErr
 fn damping(own: Option<&Cursor<'_>>, key: &str) -> Result<f64, SceneError> {
     let of = own.map(|own| own.get(key)).transpose()?.flatten();
     of.map_or(Ok(0.0), |of| of.within(0.0, STRONGEST))
+}
+
+/// How closely pieces follow a mesh, in the extras of its geometry.
+fn decomposition(geometry: &Cursor<'_>) -> Result<Option<DecompositionOptions>, SceneError> {
+    let own = geometry.own()?;
+    let own = own.as_ref().map(|own| own.get("decomposition")).transpose()?.flatten();
+    let Some(own) = own else { return Ok(None) };
+    let default = DecompositionOptions::default();
+    let [low, high] = DecompositionOptions::ACCURACY;
+    let [fewest, most] = DecompositionOptions::PIECES.map(f64::from);
+    let accuracy = own.get("accuracy")?.map(|number| number.within(low, high)).transpose()?;
+    let pieces = own.get("pieces")?.map(|number| number.within(fewest, most)).transpose()?;
+    Ok(Some(DecompositionOptions {
+        accuracy: accuracy.unwrap_or(default.accuracy),
+        pieces: pieces.map_or(default.pieces, |count| count as u32),
+    }))
 }
 
 /// Whether a member of an object is this text.

@@ -206,7 +206,7 @@ fn sheet([hx, hz]: [f64; 2], double: bool) -> ShapeKind {
     if double {
         triangles.extend([[0, 2, 1], [0, 3, 2]]);
     }
-    ShapeKind::Trimesh { vertices, triangles }
+    ShapeKind::Trimesh { vertices, triangles, decomposition: None }
 }
 
 /// What stands for such a plane on a body that moves, which needs a volume.

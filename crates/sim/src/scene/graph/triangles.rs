@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use super::super::description::{Motion, ShapeKind};
 use super::math::{self, Mat3, Vec3};
 use super::transform::Affine;
+use crate::decomposition::{DecompositionOptions, is_solid};
 
 /// Triangles, counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default)]
@@ -48,14 +49,20 @@ pub(in crate::scene) struct Solid {
     /// None where nothing acts.
     pub(in crate::scene) kind: Option<ShapeKind>,
     /// What is not as the file says.
-    pub(in crate::scene) notes: Vec<&'static str>,
+    pub(in crate::scene) notes: Vec<String>,
 }
 
 impl Triangles {
-    /// The shape of triangles under the scale of their node; of a dynamic body, which needs a volume,
-    /// it is their hull.
-    pub(in crate::scene) fn solid(&self, map: Mat3, convex: bool, motion: Motion) -> Solid {
-        let nothing = |why| Solid { kind: None, notes: vec![why] };
+    /// The shape of triangles under the scale of their node. A dynamic body needs a volume: where the mesh
+    /// encloses none, it is the hull.
+    pub(in crate::scene) fn solid(
+        &self,
+        map: Mat3,
+        convex: bool,
+        decomposition: Option<DecompositionOptions>,
+        motion: Motion,
+    ) -> Solid {
+        let nothing = |why: &str| Solid { kind: None, notes: vec![why.to_owned()] };
         if map.iter().flatten().all(|x| *x == 0.0) {
             return nothing("no collider acts: its node has scale 0, which disables it");
         }
@@ -65,15 +72,19 @@ impl Triangles {
         }
         let mut notes = Vec::new();
         let dynamic = motion == Motion::Dynamic;
-        if dynamic || convex {
+        let unsolid = is_solid(&moved.vertices, &moved.triangles).err().filter(|_| dynamic && !convex);
+        if convex || unsolid.is_some() {
             let flat = flat(&moved.vertices);
             if dynamic && flat {
                 return nothing(
                     "no collider acts: its mesh is flat, and a moving body needs a volume",
                 );
             }
-            if !convex {
-                notes.push("collider: a convex hull stands for the mesh of a moving body");
+            if let Some(why) = unsolid {
+                notes.push(format!(
+                    "collider: a convex hull stands for the mesh of a moving body, whose hollows are \
+                     filled: {why}"
+                ));
             }
             if !flat {
                 return Solid {
@@ -81,9 +92,10 @@ impl Triangles {
                     notes,
                 };
             }
-            notes.push("collider: its mesh is flat and stays a mesh");
+            notes.push("collider: its mesh is flat and stays a mesh".to_owned());
         }
-        let kind = ShapeKind::Trimesh { vertices: moved.vertices, triangles: moved.triangles };
+        let Triangles { vertices, triangles } = moved;
+        let kind = ShapeKind::Trimesh { vertices, triangles, decomposition };
         Solid { kind: Some(kind), notes }
     }
 }

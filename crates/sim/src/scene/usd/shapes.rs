@@ -8,6 +8,7 @@ use super::super::graph::triangles::Triangles;
 use super::super::graph::{FAR, NEAR};
 use super::prims::Prim;
 use super::stage::Stage;
+use crate::decomposition::DecompositionOptions;
 
 /// A shape, and how it is turned on its prim.
 pub(super) type Turned = (ShapeKind, Quat);
@@ -118,13 +119,9 @@ fn mesh(
         Placed::Nothing(_) => None,
     };
     let convex = match form {
-        "none" | "meshSimplification" => false,
+        // What moves is decomposed; what does not collides as it is.
+        "none" | "meshSimplification" | "convexDecomposition" => false,
         "convexHull" => true,
-        "convexDecomposition" => {
-            let what = "collider: one convex hull stands for a decomposition into several";
-            stage.warn(prim, what, warnings);
-            true
-        }
         // Their middle is moved to where they are, as points of a hull.
         "boundingCube" | "boundingSphere" => {
             let Some((low, high)) = bounds(&triangles.vertices) else {
@@ -155,7 +152,7 @@ fn mesh(
                     .collect()
             };
             let around = Triangles { vertices: points, triangles: vec![[0, 1, 2]] };
-            let solid = around.solid(map, true, motion);
+            let solid = around.solid(map, true, None, motion);
             solid.notes.into_iter().for_each(|note| stage.warn(prim, note, warnings));
             return Ok(solid.kind);
         }
@@ -165,9 +162,30 @@ fn mesh(
             false
         }
     };
-    let solid = triangles.solid(map, convex, motion);
+    let decomposition = decomposition(stage, prim)?;
+    let solid = triangles.solid(map, convex, decomposition, motion);
     solid.notes.into_iter().for_each(|note| stage.warn(prim, note, warnings));
     Ok(solid.kind)
+}
+
+/// How closely pieces follow the mesh, if the prim says so.
+fn decomposition(
+    stage: &Stage<'_>,
+    prim: &Prim,
+) -> Result<Option<DecompositionOptions>, SceneError> {
+    let [low, high] = DecompositionOptions::ACCURACY;
+    let [fewest, most] = DecompositionOptions::PIECES.map(f64::from);
+    let accuracy = stage.number(prim, "drystone:accuracy", low, high)?;
+    let mut pieces = stage.number(prim, "drystone:pieces", fewest, most)?;
+    if pieces.is_none() {
+        const PHYSX: &str = "physxConvexDecompositionCollision:maxConvexHulls";
+        pieces = stage.number(prim, PHYSX, 0.0, 1e9)?.map(|count| count.clamp(fewest, most));
+    }
+    let default = DecompositionOptions::default();
+    Ok((accuracy.is_some() || pieces.is_some()).then(|| DecompositionOptions {
+        accuracy: accuracy.unwrap_or(default.accuracy),
+        pieces: pieces.map_or(default.pieces, |count| count as u32),
+    }))
 }
 
 fn bounds(points: &[Vec3]) -> Option<(Vec3, Vec3)> {

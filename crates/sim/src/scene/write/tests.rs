@@ -104,6 +104,7 @@ fn kind(dimension: usize, motion: Motion) -> BoxedStrategy<ShapeKind> {
     }
     if motion != Motion::Dynamic && dimension == 3 {
         let mesh = ShapeKind::Trimesh {
+            decomposition: None,
             vertices: vec![[0.1, 0.2, 0.3], [1.0, 0.0, -0.0], [0.0, 1e-3, 7.0]],
             triangles: vec![[0, 1, 2], [2, 1, 0]],
         };

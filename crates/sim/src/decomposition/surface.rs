@@ -1,0 +1,131 @@
+//! [`Surface`]: a closed mesh at unit size, on a grid.
+
+use std::collections::HashMap;
+
+use super::NotSolid;
+
+/// Corners are at multiples of 2^-`GRID` of the size of the mesh.
+pub(super) const GRID: u32 = 20;
+
+/// A corner, in steps of the grid from the middle of the mesh.
+pub(super) type Corner = [i32; 3];
+
+/// A closed mesh whose triangles face outwards, at unit size.
+pub(super) struct Surface {
+    pub(super) corners: Vec<Corner>,
+    /// Those with an area.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// Middle of the box around it. \[m\]
+    pub(super) center: [f64; 3],
+    /// Largest extent. \[m\]
+    pub(super) size: f64,
+}
+
+impl Surface {
+    pub(super) fn new(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self, NotSolid> {
+        let known = |index: &u32| (*index as usize) < vertices.len();
+        let finite = vertices.iter().flatten().all(|x| x.is_finite());
+        if !finite || !triangles.iter().flatten().all(known) {
+            return Err(NotSolid::Invalid);
+        }
+        // Only what triangles use has a place in the box.
+        let used = || triangles.iter().flatten().map(|index| vertices[*index as usize]);
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for vertex in used() {
+            for i in 0..3 {
+                (low[i], high[i]) = (low[i].min(vertex[i]), high[i].max(vertex[i]));
+            }
+        }
+        let size = (0..3).map(|i| high[i] - low[i]).fold(0.0, f64::max);
+        if size <= 0.0 || !size.is_finite() {
+            return Err(NotSolid::Flat);
+        }
+        let center: [f64; 3] = std::array::from_fn(|i| 0.5 * (low[i] + high[i]));
+        let (corners, mut triangles) = on_grid(vertices, triangles, center, size);
+        closed(&triangles)?;
+        let whole = volume(&corners, &triangles);
+        // Less than 1e-10 of the cube around it.
+        if whole.abs() < f64::from(1 << 30) {
+            return Err(NotSolid::Flat);
+        }
+        if whole < 0.0 {
+            triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
+        triangles.retain(|triangle| {
+            normal(triangle.map(|corner| corners[corner as usize])) != [0; 3]
+        });
+        Ok(Self { corners, triangles, center, size })
+    }
+
+    /// The corners of a triangle, in steps of the grid.
+    pub(super) fn corners_of(&self, triangle: usize) -> [Corner; 3] {
+        self.triangles[triangle].map(|corner| self.corners[corner as usize])
+    }
+}
+
+/// Steps of the grid at unit size.
+pub(super) fn unit(corner: Corner) -> [f64; 3] {
+    corner.map(|x| f64::from(x) / f64::from(1 << GRID))
+}
+
+/// Twice the area of a triangle along its normal, exactly.
+pub(super) fn normal([a, b, c]: [Corner; 3]) -> [i64; 3] {
+    let [u, v]: [[i64; 3]; 2] =
+        [b, c].map(|p| std::array::from_fn(|i| i64::from(p[i]) - i64::from(a[i])));
+    [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+}
+
+/// Corners that fall together become one; triangles that lose a side thereby are left out.
+fn on_grid(
+    vertices: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    center: [f64; 3],
+    size: f64,
+) -> (Vec<Corner>, Vec<[u32; 3]>) {
+    let mut places = HashMap::new();
+    let mut corners: Vec<Corner> = Vec::new();
+    let mut corner_of = |index: u32| {
+        let vertex = vertices[index as usize];
+        let corner: Corner = std::array::from_fn(|i| {
+            ((vertex[i] - center[i]) / size * f64::from(1 << GRID)).round() as i32
+        });
+        *places.entry(corner).or_insert_with(|| {
+            corners.push(corner);
+            corners.len() as u32 - 1
+        })
+    };
+    let placed: Vec<[u32; 3]> = triangles.iter().map(|of| of.map(&mut corner_of)).collect();
+    let whole = placed.into_iter().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    (corners, whole)
+}
+
+/// Whether each edge is passed as often forwards as backwards.
+fn closed(triangles: &[[u32; 3]]) -> Result<(), NotSolid> {
+    // By edge: how often it is passed, and how much more often forwards.
+    let mut passed: HashMap<[u32; 2], (u32, i32)> = HashMap::new();
+    for &[a, b, c] in triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            let of = passed.entry([from.min(to), from.max(to)]).or_default();
+            of.0 += 1;
+            of.1 += if from < to { 1 } else { -1 };
+        }
+    }
+    let open = passed.values().filter(|of| of.0 % 2 == 1).count();
+    let turned = passed.values().filter(|of| of.0 % 2 == 0 && of.1 != 0).count();
+    match (open, turned) {
+        _ if passed.is_empty() => Err(NotSolid::Flat),
+        (0, 0) => Ok(()),
+        (0, edges) => Err(NotSolid::Turned { edges }),
+        (edges, _) => Err(NotSolid::Open { edges }),
+    }
+}
+
+/// Six times the volume, in cubes of the grid.
+fn volume(corners: &[Corner], triangles: &[[u32; 3]]) -> f64 {
+    let part = |triangle: &[u32; 3]| {
+        let of = triangle.map(|corner| corners[corner as usize]);
+        let area = normal(of);
+        (0..3).map(|i| area[i] as f64 * f64::from(of[0][i])).sum::<f64>()
+    };
+    triangles.iter().map(part).sum()
+}
