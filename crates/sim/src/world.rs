@@ -73,6 +73,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     surfaces: Surfaces<L, A>,
     certifier: Certifier<L, A>,
     blow: Blow<L, A>,
+    /// What forces give each body in a substep in which things may bounce. \[m/s, rad/s\]
+    forced: Vec<Velocity<f32, L, A>>,
     books: Books<L, A>,
     /// What each body has moved since the step began.
     displacements: Vec<Velocity<f32, L, A>>,
@@ -143,6 +145,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             surfaces: Surfaces::default(),
             certifier: Certifier::default(),
             blow: Blow::default(),
+            forced: Vec::new(),
             books: Books::default(),
             displacements: Vec::new(),
             pushes: Vec::new(),
@@ -605,11 +608,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if plan.ledger {
             self.books.start(&self.system.velocities);
         }
+        if plan.collisions.is_some() {
+            self.forced.clone_from(&self.system.velocities);
+        }
         self.course().predict(terms);
         clock.lap(Stage::Predict);
         if let Some(collisions) = &plan.collisions {
             if *renewed {
                 self.wide.unpack(&mut self.system);
+            }
+            for (forced, velocity) in self.forced.iter_mut().zip(&self.system.velocities) {
+                *forced = *velocity - *forced;
             }
             report.collisions += self.bounce(plan, collisions);
             clock.lap(Stage::Bounce);
@@ -676,7 +685,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             books.strike(0, &system.velocities);
         }
         system.set_targets(moved, &plan.terms.repair);
-        let count = restitution::collide(system, moved, collisions, &mut self.blow);
+        let count = restitution::collide(system, moved, &self.forced, collisions, &mut self.blow);
         self.wide.take_impacts(system);
         if plan.ledger {
             books.strike(1, &system.velocities);

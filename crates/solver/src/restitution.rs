@@ -89,20 +89,22 @@ pub struct Collisions<T> {
 /// A light body between a heavy one and the floor is struck again and again, each time for less. What still approaches
 /// after all rounds is solved together: u+ >= -e u- where it approaches, and what that drives together stops.
 ///
-/// A blow comes at a time tau within the step of length h, which then moves the bodies all of h
-/// with the velocity after it; `displacements` are put back by tau times the change of velocity.
-/// tau = (1 - c_r) gap / approach + c_r h / 2: the time of contact for c_r = 0, half the step for
-/// c_r = 1. For a ball that falls by steps v' = v - g h, x' = x + v' h, which keep
-/// v^2 / 2 + g x - g v h / 2, that is the one tau by which each bounce takes this energy to c_r^2
-/// of itself.
+/// A blow falls at the time tau within the step of length h at which the point comes down, on the
+/// parabola of its motion. Forces give the bodies `forced` velocity in the step, of which the part
+/// 1 - tau / h after the blow: what bounces is u - (1 - tau / h) J forced. The step then moves the bodies
+/// all of h with the velocity after it, and `displacements`, which start at -h/2 `forced`, are put back by
+/// tau times the change of velocity. So a ball in free fall follows both parabolas exactly.
 pub fn collide<T: Scalar, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     displacements: &mut [Velocity<T, L, A>],
+    forced: &[Velocity<T, L, A>],
     how: &Collisions<T>,
     blow: &mut Blow<L, A>,
 ) -> usize {
     let all = 0..system.manifolds.len();
     let mut collisions = 0;
+    blow.forced.clear();
+    blow.forced.extend(forced.iter().map(|own| own.cast()));
     blow.struck.clear();
     blow.struck.resize(system.velocities.len(), NEVER);
     for _ in 0..how.rounds {
@@ -154,6 +156,11 @@ pub struct Blow<const L: usize, const A: usize> {
     struck: Vec<f64>,
     /// Of each contact: whether it closes.
     closing: Vec<bool>,
+    /// Of each body of the whole system: the velocity that forces give it in the step.
+    forced: Vec<Velocity<f64, L, A>>,
+    /// Of each contact: the relative velocity that forces give it after the blow; 0 if it does not
+    /// close. \[m/s\]
+    regained: Vec<f64>,
     /// Of each contact: what it gets in any case. \[N s\]
     held: Vec<f64>,
     sweeps: usize,
@@ -192,6 +199,7 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         self.part.clear(system);
         self.times.clear();
         self.closing.clear();
+        self.regained.clear();
         self.approach = 0.0;
         self.sweeps = how.sweeps;
         self.accuracy = ACCURACY.max(8.0 * T::EPSILON);
@@ -273,27 +281,37 @@ impl<const L: usize, const A: usize> Blow<L, A> {
             let [a, b] = manifold.bodies.map(|body| self.part.velocity(system, body));
             let twist = manifold.twist(&a, &b);
             let (points, known) = (&system.contacts[manifold.points()], self.closing.len());
+            let [a, b] = manifold.bodies.map(|body| &self.forced[body as usize]);
+            let forced = manifold.cast::<f64>().twist(a, b);
             // In steps.
-            let mut time = T::ONE;
-            let mut fastest = T::ZERO;
+            let mut time = 1.0f64;
+            let mut fastest = 0.0f64;
             for contact in points {
                 let u = contact.normal_velocity(&twist);
                 let open = contact.target[0].min(T::ZERO);
                 let closes = u < open;
+                let gained = contact.cast::<f64>().normal_velocity(&forced);
                 if closes {
-                    time = time.min(open / u);
-                    fastest = fastest.max(-u);
+                    let own = comes_down(open.to_f64(), u.to_f64(), gained);
+                    time = time.min(own);
+                    fastest = fastest.max((1.0 - own) * gained - u.to_f64());
                 }
                 self.closing.push(closes);
+                self.regained.push(gained);
             }
-            if fastest <= threshold {
+            if fastest <= threshold.to_f64() {
                 self.closing.truncate(known);
+                self.regained.truncate(known);
                 continue;
+            }
+            time = time.max(struck);
+            for (gained, closes) in self.regained[known..].iter_mut().zip(&self.closing[known..]) {
+                *gained *= if *closes { 1.0 - time } else { 0.0 };
             }
             self.part.add(system, index);
             make_rigid(&mut self.part.system);
-            self.times.push(time.to_f64().max(struck));
-            self.approach = self.approach.max(fastest.to_f64());
+            self.times.push(time);
+            self.approach = self.approach.max(fastest);
         }
         self.times.len() > before
     }
@@ -349,19 +367,20 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         }
     }
 
-    /// Sets the targets from this manifold on, of whether a point closes, its open target, u and e. \[m/s\]
+    /// Sets the targets from this manifold on, of whether a point closes, its open target, u at the time
+    /// of the blow, and e. \[m/s\]
     fn aim(&mut self, from: usize, target: impl Fn(bool, f64, f64, f64) -> f64) {
         let system = &mut self.part.system;
         let first = system.manifolds[from].first as usize;
-        let mut closing = self.closing[first..].iter();
+        let mut closing = self.closing[first..].iter().zip(&self.regained[first..]);
         for manifold in &system.manifolds[from..] {
             let twist = system.twist_of(manifold);
-            for (contact, &closes) in
+            for (contact, (&closes, &regained)) in
                 system.contacts[manifold.points()].iter_mut().zip(&mut closing)
             {
-                let u = contact.normal_velocity(&twist);
+                let u = contact.normal_velocity(&twist) - regained;
                 let open = contact.target[0].min(0.0);
-                contact.target[0] = target(closes, open, u, manifold.restitution);
+                contact.target[0] = target(closes, open, u, manifold.restitution) + regained;
             }
         }
     }
@@ -399,14 +418,15 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         self.work.resize(self.islands.count, [0.0; 2]);
         system.velocities.clone_from(&self.part.start);
         system.apply_impulses();
+        let mut regained = self.regained.iter();
         for manifold in &system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &self.part.start[body as usize]);
             let (start, end) = (manifold.twist(a, b), system.twist_of(manifold));
             let work = &mut self.work[self.islands.of_pair(manifold.bodies) as usize];
-            for contact in &system.contacts[manifold.points()] {
+            for (contact, regained) in system.contacts[manifold.points()].iter().zip(&mut regained) {
                 let gamma = contact.impulse[0];
                 let u = contact.normal_velocity(&start);
-                work[0] += gamma * u;
+                work[0] += gamma * (u - regained);
                 work[1] += gamma * (contact.normal_velocity(&end) - u);
             }
         }
@@ -442,15 +462,14 @@ impl<const L: usize, const A: usize> Blow<L, A> {
                 blow
             });
             let after = whole.velocities_of(&manifold);
-            let tau = (1.0 - own.restitution) * time + 0.5 * own.restitution;
             let is_struck = solved.iter().any(|contact| contact.impulse[0] > 0.0);
             for (body, mass) in manifold.bodies.into_iter().zip(whole.masses_of(&manifold)) {
                 if is_struck && mass != InverseMass::FIXED {
                     let own = &mut struck[body as usize];
-                    *own = own.max(tau);
+                    *own = own.max(time);
                 }
             }
-            let tau = T::from_f64(tau) * dt;
+            let tau = T::from_f64(time) * dt;
             for (body, (before, after)) in
                 manifold.bodies.into_iter().zip(before.into_iter().zip(after))
             {
@@ -460,6 +479,21 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         }
         taken
     }
+}
+
+/// When a point comes down, 0..1 of the step: the root s of -open + s u + (1 - s)^2 a / 2 by Newton's
+/// method, with u the velocity at the end of the step and a what forces add to it in the step.
+fn comes_down(open: f64, u: f64, gained: f64) -> f64 {
+    let mut time = open / u;
+    for _ in 0..3 {
+        let left = 1.0 - time;
+        let slope = u - gained * left;
+        if slope >= 0.0 {
+            break;
+        }
+        time -= (time * u - open + 0.5 * gained * left * left) / slope;
+    }
+    time.clamp(0.0, 1.0)
 }
 
 /// Lets the last manifold be rigid, without friction or impulses.

@@ -27,7 +27,8 @@ fn sweeping<const L: usize, const A: usize>(
 ) -> usize {
     let mut moved = vec![Velocity::ZERO; system.velocities.len()];
     let how = Collisions { law, dt: 0.0, threshold, rounds, sweeps };
-    collide(system, &mut moved, &how, &mut Blow::default())
+    let forced = moved.clone();
+    collide(system, &mut moved, &forced, &how, &mut Blow::default())
 }
 
 fn along<const L: usize>(x: f64) -> Vector<f64, L> {

@@ -58,7 +58,8 @@ fn collide<const L: usize, const A: usize>(
 ) -> usize {
     let mut moved = vec![Velocity::ZERO; system.velocities.len()];
     let how = Collisions { law: ImpactLaw::Newton, dt: 0.0, threshold, rounds, sweeps: 400 };
-    restitution::collide(system, &mut moved, &how, &mut Blow::default())
+    let forced = moved.clone();
+    restitution::collide(system, &mut moved, &forced, &how, &mut Blow::default())
 }
 
 /// A ball of 1 kg that touches fixed walls, the normals (towards it) at these angles.
