@@ -104,11 +104,11 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
         0.0
     }
 
-    /// The point of a shape, or of this part of a mesh, that is farthest along a direction; none of what has no end.
+    /// The point of a shape that is farthest along a direction; none of what has no end, and of meshes,
+    /// whose neighbors are flush by their own topology.
     fn farthest(
         _: &Self::Collider,
         _: &Self::Pose,
-        _part: u32,
         _direction: Vector<f32, L>,
     ) -> Option<Vector<f32, L>> {
         None

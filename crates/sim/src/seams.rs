@@ -112,14 +112,13 @@ struct Corner<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     shapes: [&'a G::Collider; 2],
     poses: [G::Pose; 2],
     frames: [Frame<L>; 2],
-    part: u32,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Corner<'_, G, L, A> {
     /// How far the bodies are apart along an axis from b to a; `None` of what has no end.
     fn along(&self, axis: Vector<f32, L>) -> Option<Way<L>> {
         let farthest = |side: usize, direction: Vector<f32, L>| {
-            let far = G::farthest(self.shapes[side], &self.poses[side], self.part, direction)?;
+            let far = G::farthest(self.shapes[side], &self.poses[side], direction)?;
             Some(direction.dot(far))
         };
         let height = farthest(1, axis)?;
@@ -202,7 +201,7 @@ impl<const L: usize> Seams<L> {
     ) -> Option<Turn<L>> {
         let (view, bodies) = (records.view(), meeting.bodies);
         let record = &records.manifolds[number as usize];
-        let corner = meeting.corner(pair, record.part);
+        let corner = meeting.corner(pair);
         let (normal, gap) = (record.normal, view.traces_of(record)[0].gap[0]);
         // Along its own normal a half-space has an end, but no other axis could count.
         corner.along(normal)?;
@@ -290,7 +289,7 @@ impl<const L: usize> Seams<L> {
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
-    fn corner(&self, pair: &Pair, part: u32) -> Corner<'_, G, L, A> {
+    fn corner(&self, pair: &Pair) -> Corner<'_, G, L, A> {
         let [a, b] = pair.bodies.map(|body| body as usize);
         let [shape_a, shape_b] = pair.colliders.map(|shape| shape as usize);
         let apart = self.bodies.apart(pair.bodies);
@@ -302,7 +301,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
                 Frame { position: apart, ..frames[a] },
                 Frame { position: Vector::ZERO, ..frames[b] },
             ],
-            part,
         }
     }
 
@@ -312,7 +310,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
         let Way { axis, gap, height } = turn.way;
         let mut all = records.view_mut();
         let (record, points, traces) = all.place(turn.record as usize);
-        let corner = self.corner(pair, record.part);
+        let corner = self.corner(pair);
         let [a, b] = &corner.frames;
         let of_a = turn.side == 0;
         let around = corner.roundness(record.normal)[turn.side];

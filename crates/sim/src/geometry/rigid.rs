@@ -143,17 +143,10 @@ macro_rules! over_parry {
         fn farthest(
             collider: &Self::Collider,
             pose: &Self::Pose,
-            part: u32,
             direction: Vector<f32, $l>,
         ) -> Option<Vector<f32, $l>> {
             let pose = $parry::math::Pose::from(*pose);
-            let triangle = collider.shape.as_trimesh().and_then(|mesh| {
-                ((part as usize) < mesh.num_triangles()).then(|| mesh.triangle(part))
-            });
-            let whole = collider.shape.as_support_map();
-            let solid =
-                triangle.as_ref().map(|of| of as &dyn $parry::shape::SupportMap).or(whole)?;
-            let far = solid.support_point(&pose, direction.0.into());
+            let far = collider.shape.as_support_map()?.support_point(&pose, direction.0.into());
             Some(Vector(far.to_array()))
         }
 

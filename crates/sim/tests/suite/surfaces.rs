@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use drystone::geometry::{Rigid2, Rigid3};
+use drystone::geometry::{Geometry, Rigid2, Rigid3};
 use drystone::recording::physics::Physics;
 use drystone::recording::usda::Stage;
 use drystone::scene::{self, Material, Motion, Read, Scene};
