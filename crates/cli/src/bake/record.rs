@@ -201,7 +201,7 @@ impl Bake {
             return format!("It starts at {speed:.3e} m/s: velocities are in m/s and rad/s");
         }
         let first = self.recording.piece(0..=0);
-        let overlap = audit(scene, &first, &self.settings).start;
+        let overlap = audit(scene, &first, &self.settings, &[]).start;
         if let Some(of) = overlap.filter(|of| of.depth > of.accepted - of.depth) {
             let [a, b] = of.bodies.map(|body| scene.name_of(body));
             let depth = of.depth * 1e3;

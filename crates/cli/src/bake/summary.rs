@@ -151,7 +151,10 @@ fn energy(measure: &Measure) -> f64 {
 impl Summary {
     /// Sums a run up.
     pub(super) fn new(scene: &Scene, bake: &Bake, masses: &[f64]) -> Self {
-        let audit = audit(scene, &bake.recording, &bake.settings);
+        // Of the start, no contact knows.
+        let known = bake.steps.iter().map(|step| step.measure.deepest_penetration);
+        let known: Vec<f64> = std::iter::once(0.0).chain(known).collect();
+        let audit = audit(scene, &bake.recording, &bake.settings, &known);
         let count = |motion| scene.bodies.iter().filter(|body| body.motion == motion).count();
         let steps = &bake.steps;
         let last_second = ((1.0 / scene.time_step).round() as usize).clamp(1, steps.len().max(1));
@@ -340,7 +343,8 @@ impl Summary {
             1 => "1 frame".to_owned(),
             many => format!("{many} frames"),
         };
-        let found = if of.is_clean() { "" } else { "; contacts were missed, see the notes" };
+        let found =
+            if of.is_clean() { "" } else { "; bodies are where they cannot be, see the notes" };
         format!("{overlap} in {frames} measured by shapes alone{found}")
     }
 
@@ -419,7 +423,7 @@ impl Summary {
         if !self.audit.is_clean() {
             return format!(
                 "all {all} steps within {within} of the exact solution of the contacts that were found; \
-                 others were not"
+                 bodies are where they cannot be"
             );
         }
         format!(

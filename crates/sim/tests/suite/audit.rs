@@ -31,7 +31,7 @@ fn bake(scene: &Scene, places: &[[f32; 3]]) -> Audit {
         }
         recording.poses.extend(place.iter().chain(&[0.0, 0.0, 0.0, 1.0]));
     }
-    audit(scene, &recording, &StepSettings::certified())
+    audit(scene, &recording, &StepSettings::certified(), &[])
 }
 
 /// A square mesh of four by four meters, and a cube of 0.2 m over it.
@@ -93,5 +93,5 @@ fn nothing_is_found_in_nothing() {
     let empty = scene("bodies = []");
     let recording =
         Recording { dimension: 3, bodies: 0, frame_time: 0.1, start: 0, poses: Vec::new() };
-    assert_eq!(audit(&empty, &recording, &StepSettings::certified()), Audit::default());
+    assert_eq!(audit(&empty, &recording, &StepSettings::certified(), &[]), Audit::default());
 }
