@@ -13,6 +13,7 @@ mod gltf_physics;
 mod guide;
 mod house;
 mod jam;
+mod patches;
 mod scene;
 mod sleep;
 mod usd;
