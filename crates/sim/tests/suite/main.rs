@@ -19,6 +19,7 @@ mod house;
 mod infinite;
 mod jam;
 mod meshes;
+mod patches;
 mod scene;
 mod sleep;
 mod spin;

@@ -137,7 +137,7 @@ fn count(turns: usize, mut one: impl FnMut(usize, &mut Random) -> [bool; 2]) {
 #[test]
 fn contacts_with_boxes_are_exact() {
     let mut clipper = Clipper::default();
-    count(800, |turn, random| {
+    count(300, |turn, random| {
         let sizes = SIZES[turn % 5];
         let mut cylinder = placed(random, sizes, 1.2);
         if turn % 2 == 0 {
@@ -156,7 +156,7 @@ fn contacts_with_boxes_are_exact() {
 
 #[test]
 fn contacts_with_rounds_are_exact() {
-    count(800, |turn, random| {
+    count(300, |turn, random| {
         let mut cylinder = placed(random, SIZES[turn % 5], 0.9);
         if turn % 2 == 0 {
             cylinder = settled(random, cylinder);
@@ -174,7 +174,7 @@ fn contacts_with_rounds_are_exact() {
 
 #[test]
 fn contacts_between_cylinders_are_exact() {
-    count(800, |turn, random| {
+    count(300, |turn, random| {
         let [mut a, mut b] = [turn % 5, turn / 5 % 5].map(|of| placed(random, SIZES[of], 0.9));
         if turn % 2 == 0 {
             a = settled(random, a);
