@@ -50,7 +50,9 @@ impl FromScene<2, 1> for Rigid2 {
             |[x, y]: [f32; 2]| SharedShape::cuboid(x, y),
             |points: &[V]| SharedShape::convex_hull(points)
                 .filter(|hull| hull.mass_properties(1.0).mass() > 0.0)
-                .ok_or("a hull of these points has no area; give points that do not lie on one line"),
+                .ok_or(
+                    "a hull of these points has no area; give points that do not lie on one line"
+                ),
             |_: &ShapeKind| Err(
                 "is not a shape of 2D; use sphere, box, capsule, convex_hull or halfspace"
             )

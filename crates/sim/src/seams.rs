@@ -179,8 +179,7 @@ impl<const L: usize> Seams<L> {
             for (side, &body) in record.bodies.iter().enumerate() {
                 if bodies.is_dynamic(body as usize) {
                     let own = 2 * number + side;
-                    self.next[own] =
-                        std::mem::replace(&mut self.first[body as usize], own as u32);
+                    self.next[own] = std::mem::replace(&mut self.first[body as usize], own as u32);
                 }
             }
         }
@@ -274,9 +273,10 @@ impl<const L: usize> Seams<L> {
                     return;
                 }
                 let alike = |plane: &&Plane<L>| plane.axis.dot(axis) >= 0.0;
-                let held = planes.iter().filter(alike).max_by(|p, q| {
-                    p.allowed.total_cmp(&q.allowed).then(q.record.cmp(&p.record))
-                });
+                let held = planes
+                    .iter()
+                    .filter(alike)
+                    .max_by(|p, q| p.allowed.total_cmp(&q.allowed).then(q.record.cmp(&p.record)));
                 match held {
                     Some(held) => ask(axis, held.allowed, held.record, held.side),
                     None => ask(axis, 0.0, END, 1 - side),
@@ -297,10 +297,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
         let frames = &self.bodies.frames;
         Corner {
             shapes: [&self.shapes[shape_a], &self.shapes[shape_b]],
-            poses: [
-                G::advance(&self.poses[shape_a], apart, Vector::ZERO),
-                self.poses[shape_b],
-            ],
+            poses: [G::advance(&self.poses[shape_a], apart, Vector::ZERO), self.poses[shape_b]],
             frames: [
                 Frame { position: apart, ..frames[a] },
                 Frame { position: Vector::ZERO, ..frames[b] },
@@ -324,8 +321,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
             let own = if of_a { a.point(point.on_a) } else { b.point(point.on_b) } + moved;
             let along = axis.dot(own);
             let gap = if of_a { along - height } else { gap + height - along };
-            let [on_a, on_b] =
-                if of_a { [own, own - axis * gap] } else { [own + axis * gap, own] };
+            let [on_a, on_b] = if of_a { [own, own - axis * gap] } else { [own + axis * gap, own] };
             (point.on_a, point.on_b) = (a.local_point(on_a), b.local_point(on_b));
             point.middle = (on_a + on_b) * 0.5;
             trace.gap[0] = gap;

@@ -76,7 +76,8 @@ impl Hull<'_> {
     /// Four points that span a volume, far from each other.
     fn simplex(&self) -> Option<[u32; 4]> {
         let all = || 0..self.points.len() as u32;
-        let most = |value: &dyn Fn(u32) -> f64| all().max_by(|&p, &q| value(p).total_cmp(&value(q)));
+        let most =
+            |value: &dyn Fn(u32) -> f64| all().max_by(|&p, &q| value(p).total_cmp(&value(q)));
         let squared = |v: Vector<f64, 3>| v.dot(v);
         let a = most(&|p| -self.at(p)[0])?;
         let b = most(&|p| squared(self.at(p) - self.at(a)))?;

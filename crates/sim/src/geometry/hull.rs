@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use drystone_solver::{SymmetricMatrix, Vector, moment};
 
-use super::{MassProperties, convex};
 use super::solid::{Corner, Solid};
+use super::{MassProperties, convex};
 
 /// How far a corner may be from the plane of its face, as part of the hull's largest side: what
 /// rounding in a file leaves of a flat face. More, and what rests on the face would sink in.
@@ -165,9 +165,8 @@ impl Surface {
     /// (parry turns the inertia into principal axes and back, with sines that are not the same on every machine.)
     fn mass(&self, density: f32) -> MassProperties<3, 3> {
         let Self { points, triangles } = self;
-        let at = |corner: u32| -> Vector<f64, 3> {
-            Vector((points[corner as usize].0).map(f64::from))
-        };
+        let at =
+            |corner: u32| -> Vector<f64, 3> { Vector((points[corner as usize].0).map(f64::from)) };
         let origin = at(0);
         let (mut volume, mut first, mut second) = (0.0, Vector::ZERO, [[0.0; 3]; 3]);
         for corners in triangles {
@@ -219,7 +218,8 @@ pub(crate) fn shape(
         };
         [both(low, f32::min), both(high, f32::max)]
     });
-    if thickness(&surface.points, &surface.triangles) < THINNEST * (bounds[1] - bounds[0]).length() {
+    if thickness(&surface.points, &surface.triangles) < THINNEST * (bounds[1] - bounds[0]).length()
+    {
         return Err(TOO_THIN);
     }
     let corners: Vec<parry3d::math::Vector> =

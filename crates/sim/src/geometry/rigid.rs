@@ -111,11 +111,7 @@ macro_rules! over_parry {
             }
         }
 
-        fn roundness(
-            collider: &Self::Collider,
-            pose: &Self::Pose,
-            axis: Vector<f32, $l>,
-        ) -> f32 {
+        fn roundness(collider: &Self::Collider, pose: &Self::Pose, axis: Vector<f32, $l>) -> f32 {
             match collider.form {
                 Form::Ball(radius) | Form::Capsule(_, radius) => radius,
                 Form::Other => {
@@ -137,7 +133,8 @@ macro_rules! over_parry {
                 ((part as usize) < mesh.num_triangles()).then(|| mesh.triangle(part))
             });
             let whole = collider.shape.as_support_map();
-            let solid = triangle.as_ref().map(|of| of as &dyn $parry::shape::SupportMap).or(whole)?;
+            let solid =
+                triangle.as_ref().map(|of| of as &dyn $parry::shape::SupportMap).or(whole)?;
             let far = solid.support_point(&pose, direction.0.into());
             Some(Vector(far.to_array()))
         }
@@ -441,7 +438,9 @@ fn closest(
     let sizes = [a, b].map(|shape| {
         use parry3d::math::Vector as V;
         [V::X, V::Y, V::Z]
-            .map(|axis| (shape.local_support_point(axis) - shape.local_support_point(-axis)).dot(axis))
+            .map(|axis| {
+                (shape.local_support_point(axis) - shape.local_support_point(-axis)).dot(axis)
+            })
             .into_iter()
             .fold(0.0, f32::max)
     });
@@ -630,8 +629,17 @@ impl Geometry<2, 1> for Rigid2 {
         }
     }
 
-    over_parry!(parry2d, polygons, each_piece_2, ask_parry_2, ConvexPolygon, form_2,
-        |_: &dyn parry2d::shape::Shape| None, 2, 1);
+    over_parry!(
+        parry2d,
+        polygons,
+        each_piece_2,
+        ask_parry_2,
+        ConvexPolygon,
+        form_2,
+        |_: &dyn parry2d::shape::Shape| None,
+        2,
+        1
+    );
 }
 
 impl Geometry<3, 3> for Rigid3 {
@@ -744,8 +752,17 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, solids, each_piece_3, ask_parry_3, Hull, form_3,
-        |shape: &dyn parry3d::shape::Shape| shape.as_cylinder().map(|of| of.radius), 3, 3);
+    over_parry!(
+        parry3d,
+        solids,
+        each_piece_3,
+        ask_parry_3,
+        Hull,
+        form_3,
+        |shape: &dyn parry3d::shape::Shape| shape.as_cylinder().map(|of| of.radius),
+        3,
+        3
+    );
 }
 
 fn quaternion(pose: &parry3d::math::Pose) -> Quaternion<f32> {
