@@ -1,7 +1,7 @@
 //! Flush neighbors are one floor: what slides or rolls over a seam feels nothing of it, and a step stops it.
 
 use crate::common::*;
-use drystone::geometry::{Rigid2, Rigid3};
+use drystone::geometry::{Geometry, Rigid2, Rigid3};
 use drystone::scene::Motion;
 use drystone::{Body, Collider, StepSettings, World};
 use drystone_solver::Vector;
@@ -64,16 +64,20 @@ fn ride<G: Rigid<L, A>, const L: usize, const A: usize>(
     world.gravity = Vector(v(0.0, -GRAVITY, 0.0));
     let material = surface(if rolls { 0.5 } else { 0.0 }, 0.0);
     let slab = 4.0 * size;
-    let half = v(0.5 * slab, size, 4.0 * size);
+    let half: [f32; L] = v(0.5 * slab, size, 4.0 * size);
     let shape_of = || if floor == Floor::Hulls { G::hull(&corners(half)) } else { G::cuboid(half) };
-    let place = |at: i32| v(slab * (at as f32 + 0.5), if at >= 0 { step } else { 0.0 } - size, 0.0);
-    let mut parts = Vec::new();
+    let place = |at: i32| -> [f32; L] {
+        v(slab * (at as f32 + 0.5), if at >= 0 { step } else { 0.0 } - size, 0.0)
+    };
+    let mut parts: Vec<Collider<G, L, A>> = Vec::new();
     for at in -2..3 {
-        let collider = Collider { material: material.clone(), ..Collider::new(shape_of()) };
-        parts.push(Collider { pose: G::turned(place(at), 0.0), ..collider });
+        let mut part: Collider<G, L, A> = Collider::new(shape_of());
+        (part.material, part.pose) = (material.clone(), G::turned(place(at), 0.0));
+        parts.push(part);
     }
     if floor == Floor::Parts {
-        let whole = Body { colliders: parts, ..Body::new(supports, [0.0; L], shape_of()) };
+        let mut whole: Body<G, L, A> = Body::new(supports, [0.0; L], shape_of());
+        whole.colliders = parts;
         world.add(whole);
     } else {
         for at in -2..3 {
@@ -210,7 +214,7 @@ fn a_chain_of_polygons_does_not_catch() {
                 }
                 let (size, speed) = (0.1, 3.0);
                 let shape = if round { Rigid2::ball(size) } else { Rigid2::cuboid([size; 2]) };
-                let start = [-1.5, 0.5 * (-2.0 * angle).sin() + size / angle.cos()];
+                let start = [-1.5, 0.5 * (-2.0 * angle).sin() + size / (2.0 * angle).cos()];
                 let mut slider = moving(dynamic(start, shape, &smooth), [speed, 0.0]);
                 slider.pose = Rigid2::turned(start, -2.0 * angle);
                 let slope = -2.0 * angle;
@@ -221,7 +225,8 @@ fn a_chain_of_polygons_does_not_catch() {
                     world.step(DT);
                 }
                 let weight = f64::from(0.5 * speed * speed) * 1000.0 * f64::from(size * size);
-                let lost = (start - energy(&world)) / (weight * if round { 3.14 } else { 4.0 });
+                let lost = (start - energy(&world))
+                    / (weight * if round { std::f64::consts::PI } else { 4.0 });
                 assert!(lost < 0.03, "{angle} rad, {realtime}, {round}: {lost} of the energy lost");
                 let x = Rigid2::frame(&world.pose(slider).unwrap()).position[0];
                 assert!(x > 3.0, "{angle} rad: stopped at {x} m");
