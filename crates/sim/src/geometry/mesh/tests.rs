@@ -53,7 +53,7 @@ fn gaps_are_those_of_the_nearest_points() {
         };
         let (own, other) = (place(&mut random, 0.9), place(&mut random, 0.1));
         let (a, b) = (&shapes[kind], mesh);
-        let distance = query::distance(&own, &*a.0, &other, &*b.0).unwrap();
+        let distance = query::distance(&own, &*a.0, &other, &*b.0).unwrap().distance;
         let sides = [a, b].map(|shape| Rigid3::collider(shape.clone()));
         let prediction = 0.1;
         let mut touches = [Vec::new(), Vec::new()];
