@@ -32,7 +32,7 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
 struct Wait {
     left: u32,
     whole: u32,
-    /// Searches in vain so far.
+    /// Searches so far: each begins with another island.
     searches: usize,
 }
 
@@ -46,7 +46,7 @@ impl Wait {
 
     /// Begins after a search.
     fn begin(&mut self, in_vain: bool) {
-        self.searches += usize::from(in_vain);
+        self.searches += 1;
         self.whole = if in_vain { (2 * self.whole).clamp(1, LONGEST_WAIT) } else { 0 };
         self.left = self.whole;
     }

@@ -34,10 +34,12 @@ const SUSPECT: f64 = 3.0;
 const STIFF: f64 = 1e-7;
 /// Newton steps at most.
 const BUDGET: usize = 40;
-/// Manifolds that a call looks at closely, at most: so it costs no more than a step, whatever the size of the islands.
-/// Of a larger island those are looked at which are nearest to what misses its target by most. Forces that nearly
-/// balance there are proof for the whole.
-const MOST: usize = 48;
+/// Manifolds of an island that are looked at closely, at most: so a search costs no more than a step, whatever the size
+/// of the island. Of a larger one those are looked at which are nearest to what misses its target by most. Forces that
+/// nearly balance there are proof for the whole.
+const MOST: usize = 16;
+/// The same of all islands in a call.
+const ALL: usize = 64;
 
 /// Contacts that jam.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,7 +89,7 @@ pub fn find<T: Scalar, const L: usize, const A: usize>(
     seen.dedup();
     let turn = turn % seen.len();
     seen.rotate_left(turn);
-    let (mut left, mut jams) = (MOST, Vec::new());
+    let (mut left, mut jams) = (ALL, Vec::new());
     for island in seen {
         let suspect = Suspect::new(system, islands, island, missing);
         left = left.saturating_sub(suspect.system.manifolds.len());

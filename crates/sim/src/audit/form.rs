@@ -472,6 +472,7 @@ mod tests {
             position: vec![0.0; dimension],
             rotation: Rotation::identity(dimension),
             material: Material::default(),
+            surface_velocity: None,
             filter: Filter::default(),
         };
         Form::new(&shape, dimension).unwrap()
@@ -488,7 +489,7 @@ mod tests {
     }
 
     fn hull(half: f64) -> Form {
-        let corner = |i: u32| (0..3).map(|axis| if i >> axis & 1 == 1 { half } else { -half });
+        let corner = |i: u32| (0..3).map(move |axis| if i >> axis & 1 == 1 { half } else { -half });
         form(ShapeKind::ConvexHull { points: (0..8).map(|i| corner(i).collect()).collect() }, 3)
     }
 

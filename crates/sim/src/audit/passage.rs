@@ -90,6 +90,7 @@ mod tests {
             position: vec![0.0; 3],
             rotation: Rotation::identity(3),
             material: Material::default(),
+            surface_velocity: None,
             filter: Filter::default(),
         };
         Form::new(&shape, 3).unwrap()

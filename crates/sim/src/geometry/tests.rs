@@ -8,7 +8,7 @@ fn touch(points: impl IntoIterator<Item = ([f32; 2], f32)>) -> Touch<3> {
         TouchPoint { on_a, on_b, gap, feature: number as u64 }
     };
     let points = points.into_iter().enumerate().map(point).collect();
-    Touch { part: 0, normal: Vector([0.0, 1.0, 0.0]), points }
+    Touch { normal: Vector([0.0, 1.0, 0.0]), points, ..Touch::default() }
 }
 
 /// Twice the area of the convex hull of four points: that of three of them, or of both diagonals.

@@ -6,6 +6,7 @@ mod apart;
 mod audit;
 mod checkpoint;
 mod common;
+mod decomposition;
 mod determinism;
 mod energy;
 mod far;
