@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use drystone::check::{Finding, Kind, check_with};
-use drystone::{Decompositions, StepSettings};
 use drystone::scene::{self, Scene};
+use drystone::{Decompositions, StepSettings};
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
@@ -50,8 +50,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         if arguments.realtime { StepSettings::realtime() } else { StepSettings::certified() };
     let settings = read.scene.settings(preset)?;
     let file = arguments.scene.display();
-    let findings =
-        check_with(&read, &settings, &mut Decompositions::of_user()).map_err(|error| Failure::Input(format!("{file}: {error}")))?;
+    let findings = check_with(&read, &settings, &mut Decompositions::of_user())
+        .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     if arguments.json {
         let list: Vec<_> = findings.iter().map(|finding| value(&read.scene, finding)).collect();
         let version = env!("CARGO_PKG_VERSION");

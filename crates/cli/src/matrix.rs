@@ -76,8 +76,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn simulate(arguments: &Arguments, scene: &Scene) -> Result<(SavedProblem, Vec<f32>), Failure> {
     let file = arguments.scene.display();
     let settings = scene.settings(StepSettings::certified())?;
-    let mut simulation =
-        build_with(scene, settings, &mut Decompositions::of_user()).map_err(|error| Failure::Input(format!("{file}: {error}")))?;
+    let mut simulation = build_with(scene, settings, &mut Decompositions::of_user())
+        .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     for step in 1..=arguments.step {
         simulation.save_systems(step == arguments.step);
         simulation.step(scene.time_step);

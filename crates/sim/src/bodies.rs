@@ -376,13 +376,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         let parts = stirred.chunks_mut(share).zip(strayed.chunks_mut(share));
         let parts = parts.zip(turned.chunks_mut(share)).enumerate();
         team.for_each(useful, parts, |(part, ((stirred, strayed), turned))| {
-            let own = stirred.iter_mut().zip(strayed).zip(turned);
+            let own = stirred.iter_mut().zip(strayed).zip(&*turned);
             for (body, ((stirred, strayed), turned)) in (share * part..).zip(own) {
                 let leads = inertia[body].inverse_mass() == 0.0;
                 *stirred = leads && velocities[body] != Velocity::ZERO
                     || *strayed > limit.min(STRAY * reach[body].all)
                     // Its contacts have been renewed in the lanes, and not in the records.
-                    || std::mem::take(turned);
+                    || *turned;
                 if *stirred {
                     *strayed = 0.0;
                 }

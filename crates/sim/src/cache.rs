@@ -138,7 +138,8 @@ pub(crate) struct Point<const L: usize> {
     pub(crate) on_a: Vector<f32, L>,
     /// On the surface of b, in the frame of b. \[m\]
     pub(crate) on_b: Vector<f32, L>,
-    /// Where both bodies are pushed, midway between the surfaces: so the pair keeps its angular momentum.
+    /// Where both bodies are pushed, one place for both: so the pair keeps its angular momentum
+    /// ([`Carrier::place`]).
     /// World, from the center of mass of b. \[m\]
     pub(crate) middle: Vector<f32, L>,
     pub(crate) feature: u64,
@@ -302,28 +303,41 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
         (record, &mut self.points[points.clone()], &mut self.traces[points])
     }
 
-    /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Whether they have
-    /// been `traced` since they were last measured.
-    pub(crate) fn measure(&mut self, numbers: Range<usize>, [a, b]: [&Frame<L>; 2], traced: bool) {
+    /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Bodies that have not
+    /// turned are pushed where they were, until that has moved against one of them by `most` \[m\]: so a
+    /// tower that leans in its sag stands. Whether they have been `traced` since they were last measured.
+    pub(crate) fn measure(
+        &mut self,
+        numbers: Range<usize>,
+        [a, b]: [&Frame<L>; 2],
+        (most, turned): (f32, bool),
+        traced: bool,
+    ) {
         let own = after(numbers.clone(), self.before[0]);
         self.change(numbers, traced);
         for record in &mut self.manifolds[own] {
             let normal = record.carrier(a, b).direction(record.local_normal);
             let points = after(record.points(), self.before[1]);
             let (points, traces) = (&mut self.points[points.clone()], &mut self.traces[points]);
-            for (point, trace) in points.iter_mut().zip(&mut *traces) {
-                let [on_a, on_b] = [a.point(point.on_a), b.point(point.on_b)];
-                trace.gap[0] = normal.dot(on_a - on_b);
-                point.middle = match record.surfaces.normal {
-                    // Corners carry the place along a face.
-                    Carrier::FaceOfA => on_b + normal * (0.5 * trace.gap[0]),
-                    Carrier::FaceOfB => on_a - normal * (0.5 * trace.gap[0]),
-                    Carrier::Edges | Carrier::Centers => (on_a + on_b) * 0.5,
-                };
+            let passed = a.position - record.apart;
+            let mut moved = 0.0f32;
+            for (point, trace) in points.iter().zip(&mut *traces) {
+                trace.gap[0] = normal.dot(a.point(point.on_a) - b.point(point.on_b));
+                let places = [a.point(point.on_a), b.point(point.on_b)];
+                let from_b = record.surfaces.normal.place(places) - point.middle;
+                let from_a = from_b - passed;
+                moved = moved.max(from_b.dot(from_b)).max(from_a.dot(from_a));
             }
-            deepest_first(points, traces);
             if traced {
                 record.traced = record.normal;
+            }
+            if !turned && moved <= most * most {
+                continue;
+            }
+            deepest_first(points, traces);
+            for point in points {
+                let places = [a.point(point.on_a), b.point(point.on_b)];
+                point.middle = record.surfaces.normal.place(places);
             }
             (record.normal, record.apart) = (normal, a.position);
         }
@@ -422,11 +436,11 @@ impl<const L: usize> Point<L> {
     pub(crate) const OPEN: Self =
         Self { on_a: Vector::ZERO, on_b: Vector::ZERO, middle: Vector::ZERO, feature: 0 };
 
-    pub(crate) fn new(touch: &TouchPoint<L>, a: &Frame<L>, b: &Frame<L>) -> Self {
+    pub(crate) fn new(touch: &TouchPoint<L>, normal: Carrier, a: &Frame<L>, b: &Frame<L>) -> Self {
         Self {
             on_a: a.local_point(touch.on_a),
             on_b: b.local_point(touch.on_b),
-            middle: (touch.on_a + touch.on_b) * 0.5,
+            middle: normal.place([touch.on_a, touch.on_b]),
             feature: touch.feature,
         }
     }

@@ -20,8 +20,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use cache::Decompositions;
-use pieces::Hull;
-use surface::Surface;
 
 /// Raised whenever the same mesh gets other pieces, so that stored ones are not taken for them.
 const ALGORITHM: u32 = 1;
@@ -171,21 +169,21 @@ pub fn decompose(
 /// # Errors
 /// The mesh encloses no volume: [`NotSolid`].
 pub fn is_solid(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<(), NotSolid> {
-    Surface::new(vertices, triangles).map(drop)
+    surface::Surface::new(vertices, triangles).map(drop)
 }
 
 /// The pieces of a mesh at unit size.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Unit {
-    pieces: Vec<Hull>,
+    pieces: Vec<pieces::Hull>,
     /// As fractions of the size.
     deviation: Deviation,
 }
 
 impl Unit {
-    fn of(surface: &Surface, options: &DecompositionOptions) -> Result<Self, NotSolid> {
+    fn of(surface: &surface::Surface, options: &DecompositionOptions) -> Result<Self, NotSolid> {
         let interior = interior::Interior::new(surface);
-        let measured = |pieces: Vec<Hull>| {
+        let measured = |pieces: Vec<pieces::Hull>| {
             let deviation = deviation::measure(surface, &interior, &pieces);
             Self { pieces, deviation }
         };
@@ -199,7 +197,7 @@ impl Unit {
     /// The same at the place and size of a mesh.
     fn at(self: Arc<Self>, center: [f64; 3], size: f64) -> Decomposition {
         let place = |p: &[f32; 3]| std::array::from_fn(|i| center[i] + size * f64::from(p[i]));
-        let piece = |hull: &Hull| Piece {
+        let piece = |hull: &pieces::Hull| Piece {
             points: hull.points.iter().map(place).collect(),
             triangles: hull.triangles.clone(),
         };

@@ -4,8 +4,8 @@ use std::array::from_fn;
 
 use drystone_solver::Vector;
 
-use crate::geometry::spheres::SphereShape;
 use crate::decomposition::Decompositions;
+use crate::geometry::spheres::SphereShape;
 use crate::geometry::{Geometry, MassProperties, Rigid2, Rigid3, Spheres, mass_within};
 use crate::scene::description::{Rotation, Shape, ShapeKind};
 

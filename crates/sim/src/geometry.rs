@@ -438,6 +438,16 @@ impl Carrier {
         all.into_iter().find(|carrier| carrier.shares() == shares).unwrap_or(Self::Edges)
     }
 
+    /// Where bodies are pushed, of a point on the surface of each: on the one that moves with the points
+    /// ([`drystone_solver::kinematics`]).
+    pub(crate) fn place<const L: usize>(self, [on_a, on_b]: [Vector<f32, L>; 2]) -> Vector<f32, L> {
+        match self {
+            Self::FaceOfA => on_b,
+            Self::FaceOfB | Self::Centers => on_a,
+            Self::Edges => (on_a + on_b) * 0.5,
+        }
+    }
+
     /// The same with a and b exchanged.
     fn exchanged(self) -> Self {
         match self {

@@ -233,8 +233,8 @@ impl<const L: usize, const A: usize> Books<L, A> {
         }
     }
 
-    /// Work of the half of its impulses that a manifold gave before J was renewed, as far as J has
-    /// changed since. \[J\]
+    /// Work of the blows and of the half of its impulses that a manifold gave before J was renewed, as far
+    /// as J has changed since. \[J\]
     fn lag(
         &self,
         before: &Manifold<f32, L>,
@@ -244,15 +244,28 @@ impl<const L: usize, const A: usize> Books<L, A> {
         if (before.frame, before.arms) == (after.frame, after.arms) {
             return 0.0;
         }
-        let mut wrench = Velocity::ZERO;
+        let (mut wrench, mut blow) = (Velocity::ZERO, Velocity::ZERO);
         for index in after.points() {
             let contact: Contact<f64, L> = system.contacts[index].cast();
             contact.add_wrench(0..L, self.pressed[index].cast(), &mut wrench);
+            let mut impact = Vector::ZERO;
+            impact[0] = contact.impact - f64::from(self.impacts[index]);
+            contact.add_wrench(0..1, impact, &mut blow);
         }
         let [then, now]: [Manifold<f64, L>; 2] = [before.cast(), after.cast()];
-        let [a, b] = after.bodies.map(|body| &self.mean[1][body as usize]);
-        let [then, now] = [then, now].map(|of| of.momenta(&wrench));
-        0.5 * (a.dot(&(now[0] - then[0])) - b.dot(&(now[1] - then[1])))
+        let work = |wrench: &Velocity<f64, L, A>, [a, b]: [Velocity<f64, L, A>; 2]| {
+            let [then, now] = [&then, &now].map(|of| of.momenta(wrench));
+            a.dot(&(now[0] - then[0])) - b.dot(&(now[1] - then[1]))
+        };
+        let bodies = after.bodies.map(|body| body as usize);
+        let mut changed = 0.5 * work(&wrench, bodies.map(|body| self.mean[1][body]));
+        if !self.struck[0].is_empty() {
+            let mean = |body: usize| {
+                (self.struck[0][body].cast::<f64>() + self.struck[1][body].cast()) * 0.5
+            };
+            changed += work(&blow, bodies.map(mean));
+        }
+        changed
     }
 
     /// The means of the velocities at the start and the end of the substep.

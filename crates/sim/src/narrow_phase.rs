@@ -445,13 +445,14 @@ fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
         }
         pair.room = known_to(left, a.position);
     }
+    let turned = pair.bodies.iter().any(|&body| around.bodies.turned[body as usize]);
     if rested {
         records.take_pair(pair, around.resting);
         let mut woken = records.view_mut();
         // They were not in the step before, and come as they were traced.
-        woken.measure(pair.records(), [a, b], false);
+        woken.measure(pair.records(), [a, b], (most, turned), false);
     } else {
-        own.measure(pair.records(), [a, b], around.traced);
+        own.measure(pair.records(), [a, b], (most, turned), around.traced);
     }
     true
 }

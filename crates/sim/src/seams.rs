@@ -321,7 +321,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
             let gap = if of_a { along - height } else { gap + height - along };
             let [on_a, on_b] = if of_a { [own, own - axis * gap] } else { [own + axis * gap, own] };
             (point.on_a, point.on_b) = (a.local_point(on_a), b.local_point(on_b));
-            point.middle = (on_a + on_b) * 0.5;
+            point.middle = if of_a { on_a } else { on_b };
             trace.gap[0] = gap;
         }
         deepest_first(points, traces);

@@ -562,6 +562,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// `same` manifolds as before, with as many points.
     fn pack(&mut self, plan: &Plan<L>, dt: f32, same: bool) {
         self.displacements.fill(Velocity::ZERO);
+        self.bodies.turned.fill(false);
         // The first substep asks the contacts, and sets them.
         self.prospective.resize(self.len(), Velocity::ZERO);
         let (system, wide, certifier) = (&mut self.system, &mut self.wide, &mut self.certifier);

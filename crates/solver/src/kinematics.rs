@@ -77,7 +77,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     }
 
     /// The manifold after its bodies have moved by `moved` \[m, rad\], where surfaces at its center
-    /// were `gap` \[m\] apart. Its tangents follow the `twist` part of the spin of the body that has
+    /// are `gap` \[m\] apart. Its tangents follow the `twist` part of the spin of the body that has
     /// the points.
     #[inline(always)]
     pub(crate) fn moved<const A: usize>(
@@ -89,9 +89,9 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         let normal = self.normal();
         let [of_a, of_b] = self.carries;
         let along_centers = T::ONE - of_a - of_b;
-        // The center of the manifold is midway between the surfaces.
-        let half = gap * T::from_f64(0.5);
-        let radii = [self.radii[0] + half, self.radii[1] + half];
+        // The center of the manifold is on the surface that moves with the points: where a face of a
+        // carries the normal on that of b, else on that of a, across edges midway.
+        let radii = [self.radii[0] + gap * of_a, self.radii[1] + gap * (T::ONE - of_a)];
         let cores = [self.arms[0] + normal * radii[0], self.arms[1] - normal * radii[1]];
         let changes = [turn(a.angular, cores[0]), turn(b.angular, cores[1])];
         let linear = a.linear - b.linear;
@@ -117,10 +117,9 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         let turned = frame[0] - normal;
 
         let apart = self.arms[1] - self.arms[0] + linear;
-        let share = along_centers * T::from_f64(0.5);
         let from_a = apart + cores[0] + changes[0] - frame[0] * radii[0];
         let from_b = cores[1] + changes[1] + frame[0] * radii[1];
-        let center = from_a * (of_b + share) + from_b * (of_a + share);
+        let center = from_a * (T::ONE - of_a) + from_b * of_a;
 
         let first_order = spin(a.angular, self.arms[0]) - spin(b.angular, self.arms[1]);
         let bend = turned.dot(normal) * distance
@@ -199,8 +198,8 @@ mod tests {
             let (gap, a, b) = (0.02, moved([0.03, -0.01], 0.08), moved([-0.02, 0.02], -0.05));
             let Moved { frame, arms, bend } = rows.moved(gap, [&a, &b], 0.0);
             let cores = [
-                rows.arms[0] + rows.frame[0] * (radii[0] + 0.5 * gap),
-                rows.arms[1] - rows.frame[0] * (radii[1] + 0.5 * gap),
+                rows.arms[0] + rows.frame[0] * (radii[0] + carries[0] * gap),
+                rows.arms[1] - rows.frame[0] * (radii[1] + (1.0 - carries[0]) * gap),
             ];
             let turned =
                 [cores[0] + turn(a.angular, cores[0]), cores[1] + turn(b.angular, cores[1])];

@@ -423,7 +423,8 @@ impl<const L: usize, const A: usize> Blow<L, A> {
             let [a, b] = manifold.bodies.map(|body| &self.part.start[body as usize]);
             let (start, end) = (manifold.twist(a, b), system.twist_of(manifold));
             let work = &mut self.work[self.islands.of_pair(manifold.bodies) as usize];
-            for (contact, regained) in system.contacts[manifold.points()].iter().zip(&mut regained) {
+            for (contact, regained) in system.contacts[manifold.points()].iter().zip(&mut regained)
+            {
                 let gamma = contact.impulse[0];
                 let u = contact.normal_velocity(&start);
                 work[0] += gamma * (u - regained);

@@ -72,7 +72,8 @@ impl Decompositions {
         let unit = match self.known.get(&key) {
             Some(unit) => unit.clone(),
             None => {
-                let file = self.folder.as_ref().map(|folder| folder.join(format!("{key:032x}.pieces")));
+                let file =
+                    self.folder.as_ref().map(|folder| folder.join(format!("{key:032x}.pieces")));
                 let stored = file.as_deref().and_then(read);
                 let unit = match stored {
                     Some(unit) => unit,

@@ -72,7 +72,10 @@ pub(super) fn leaves(
         let volume = |part: &Part| part.hull.as_ref().map_or(0.0, Hull::volume);
         let worst = (0..parts.len()).max_by(|a, b| {
             let (a, b) = (&parts[*a], &parts[*b]);
-            a.excess.min(limit).total_cmp(&b.excess.min(limit)).then(volume(a).total_cmp(&volume(b)))
+            a.excess
+                .min(limit)
+                .total_cmp(&b.excess.min(limit))
+                .then(volume(a).total_cmp(&volume(b)))
         });
         let Some(worst) = worst.filter(|part| parts[*part].excess > NEARER * options.accuracy)
         else {
@@ -121,7 +124,8 @@ impl Part {
     /// Both sides of a plane across an axis.
     fn cut(&self, axis: usize, at: f64) -> [Self; 2] {
         let side = |upper: bool| {
-            let faces = self.faces.iter().filter_map(|face| face.clipped(axis, at, upper)).collect();
+            let faces =
+                self.faces.iter().filter_map(|face| face.clipped(axis, at, upper)).collect();
             let (mut low, mut high) = (self.low, self.high);
             if upper {
                 low[axis] = at;
@@ -148,8 +152,7 @@ impl Part {
             let planes = self.planes(axis);
             let near = |at: &f64| (at - deepest[axis]).abs();
             let corner = planes.iter().copied().min_by(|a, b| near(a).total_cmp(&near(b)));
-            let through =
-                corner.filter(|at| near(at) < 0.05 * extent).unwrap_or(deepest[axis]);
+            let through = corner.filter(|at| near(at) < 0.05 * extent).unwrap_or(deepest[axis]);
             let mut cuts: Vec<(f64, f64, [Option<Hull>; 2])> = Vec::new();
             for at in planes.into_iter().chain([through]) {
                 if at <= self.low[axis] + THINNEST || at >= self.high[axis] - THINNEST {
@@ -229,11 +232,8 @@ impl Face {
             }
             if a * b < 0.0 {
                 // From below, so that both sides have the same point.
-                let [low, high, d, e] = if from[axis] < to[axis] {
-                    [from, to, from, to]
-                } else {
-                    [to, from, to, from]
-                };
+                let [low, high, d, e] =
+                    if from[axis] < to[axis] { [from, to, from, to] } else { [to, from, to, from] };
                 let part = (at - d[axis]) / (e[axis] - d[axis]);
                 let mut between: Point =
                     std::array::from_fn(|i| low[i] + (high[i] - low[i]) * part);

@@ -43,9 +43,9 @@ impl Part<'_> {
 
     /// At most the distance of a point; at most 0 inside.
     fn at_least(&self, at: [f64; 3]) -> f64 {
-        self.planes.iter().fold(f64::NEG_INFINITY, |most, (normal, offset)| {
-            most.max(dot(*normal, at) - offset)
-        })
+        self.planes
+            .iter()
+            .fold(f64::NEG_INFINITY, |most, (normal, offset)| most.max(dot(*normal, at) - offset))
     }
 
     /// Distance of a point that is outside.

@@ -38,7 +38,8 @@ pub(super) struct Hull {
 impl Hull {
     /// None where the points span no volume.
     pub(super) fn of(points: &[Vector]) -> Option<Self> {
-        let mut points: Vec<[f32; 3]> = points.iter().map(|p| p.to_array().map(|x| x + 0.0)).collect();
+        let mut points: Vec<[f32; 3]> =
+            points.iter().map(|p| p.to_array().map(|x| x + 0.0)).collect();
         // Points that are nearly the same or in a plane may fail: then on coarser grids.
         for grid in [1 << 22, 1 << 16, 1 << 13, 1 << 11] {
             let round = |x: f32| (x * grid as f32).round() / grid as f32;
@@ -158,9 +159,8 @@ impl Hull {
                 for column in 0..across as usize {
                     let s = (column as f64 + 0.5) / across * (1.0 - t);
                     let [from, top] = [corners[first], corners[(first + 2) % 3]];
-                    let at: [f64; 3] = std::array::from_fn(|k| {
-                        from[k] * (1.0 - t) + top[k] * t + base[k] * s
-                    });
+                    let at: [f64; 3] =
+                        std::array::from_fn(|k| from[k] * (1.0 - t) + top[k] * t + base[k] * s);
                     let between = std::array::from_fn(|k| 0.5 * (at[k] + middle[k]));
                     if look(at) || (row + column) % 2 == 0 && look(between) {
                         return most;
@@ -190,9 +190,8 @@ impl Hull {
             for (normal, offset) in hull.planes() {
                 let height = |i: usize| dot(normal, all[i].to_array().map(f64::from)) - offset;
                 let heights = (0..all.len()).map(|i| (height(i), i));
-                let farthest = heights.fold((near, usize::MAX), |best, of| {
-                    if of.0 > best.0 { of } else { best }
-                });
+                let farthest = heights
+                    .fold((near, usize::MAX), |best, of| if of.0 > best.0 { of } else { best });
                 if farthest.1 != usize::MAX {
                     beyond.push(farthest);
                 }
@@ -258,7 +257,8 @@ fn join(leaves: Vec<Hull>, interior: &Interior<'_>, accuracy: f64, most: usize) 
     }
     loop {
         let count = parts.iter().flatten().count();
-        let best = costs.iter().min_by(|a, b| a.1.total_cmp(b.1)).map(|(pair, cost)| (*pair, *cost));
+        let best =
+            costs.iter().min_by(|a, b| a.1.total_cmp(b.1)).map(|(pair, cost)| (*pair, *cost));
         let Some(([i, j], least)) = best else {
             if count <= most {
                 break;

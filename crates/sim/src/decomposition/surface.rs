@@ -51,9 +51,8 @@ impl Surface {
         if whole < 0.0 {
             triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         }
-        triangles.retain(|triangle| {
-            normal(triangle.map(|corner| corners[corner as usize])) != [0; 3]
-        });
+        triangles
+            .retain(|triangle| normal(triangle.map(|corner| corners[corner as usize])) != [0; 3]);
         Ok(Self { corners, triangles, center, size })
     }
 

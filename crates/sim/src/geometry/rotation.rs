@@ -302,7 +302,8 @@ mod tests {
     #[test]
     fn eight_turn_as_one_does() {
         let mut random = Random(7);
-        for speed in [1e-3, 1.0, 60.0, 3000.0] {
+        // Faster ones are turned one by one, in parts.
+        for speed in [1e-3, 1.0, 7.0] {
             let bodies: [_; 8] = std::array::from_fn(|_| {
                 let q = Quaternion::versor(random.vector() * 2.0);
                 let [x, y, z] = random.vector().0.map(|x| 1.5 + x);

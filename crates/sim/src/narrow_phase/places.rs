@@ -74,7 +74,8 @@ impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
                 self.records.add(touch.points.len())
             };
         for ((found, point), trace) in touch.points.iter().zip(&mut *points).zip(&mut *traces) {
-            (*point, *trace) = (Point::new(found, a, b), cache::open(found.gap));
+            let normal = touch.surfaces.normal;
+            (*point, *trace) = (Point::new(found, normal, a, b), cache::open(found.gap));
         }
         inherit(points, traces, (&old_points[..count], &old_traces[..count]), MATCH_DISTANCE);
         cache::deepest_first(points, traces);

@@ -111,7 +111,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             pushes: flat_velocities(&self.pushes),
             forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
             masses: self.system.masses.iter().flat_map(flat_mass).collect(),
-            strayed: bodies.strayed.clone(),
+            strayed: bodies.strayed.iter().zip(&bodies.turned).map(strayed).collect(),
             came: bodies.came.iter().flat_map(flat_came).collect(),
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
@@ -191,6 +191,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
         fill_velocities(&from.forces, &mut bodies.forces);
         bodies.strayed.clone_from(&from.strayed);
+        // What has turned has strayed as far as can be.
+        for (turned, strayed) in bodies.turned.iter_mut().zip(&bodies.strayed) {
+            *turned = strayed.is_infinite();
+        }
         let mut numbers = from.came.iter().copied();
         for came in &mut bodies.came {
             let (linear, Vector([turned])) = (take(&mut numbers), take(&mut numbers));
@@ -292,6 +296,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         Ok((pairs, records))
     }
+}
+
+/// How far a body has strayed; one that has turned, as far as can be.
+fn strayed((strayed, turned): (&f32, &bool)) -> f32 {
+    if *turned { f32::INFINITY } else { *strayed }
 }
 
 /// Numbers of a record: two normals and a way, the position and axes of a frame, and four of the

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
 
-use drystone::check::{decompositions, Kind, check};
+use drystone::check::{Kind, check, decompositions};
 use drystone::scene::{Body, Motion, Scene, Shape, ShapeKind, format, to_json};
 use drystone::{
     Decomposition, DecompositionOptions, Decompositions, NotSolid, StepSettings, build, decompose,
@@ -70,8 +70,7 @@ fn is_inside(found: &Decomposition, at: [f64; 3]) -> bool {
     found.pieces.iter().any(|piece| {
         piece.triangles.iter().all(|corners| {
             let [a, b, c] = corners.map(|corner| piece.points[corner as usize]);
-            let [u, v, w]: [[f64; 3]; 3] =
-                [b, c, at].map(|p| std::array::from_fn(|i| p[i] - a[i]));
+            let [u, v, w]: [[f64; 3]; 3] = [b, c, at].map(|p| std::array::from_fn(|i| p[i] - a[i]));
             let normal =
                 [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
             (0..3).map(|i| normal[i] * w[i]).sum::<f64>() <= 0.0
@@ -135,7 +134,8 @@ fn a_cup_and_a_ring_are_hollow_within_the_accuracy() {
 fn the_deviation_is_the_true_one() {
     // An L of 1 m, whose hull fills a triangle of 0.5 x 0.5 m over the notch.
     let outline = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.5, 0.5], [0.5, 1.0], [0.0, 1.0]];
-    let vertices: Vec<_> = [0.0, 1.0].iter().flat_map(|z| outline.map(|[x, y]| [x, y, *z])).collect();
+    let vertices: Vec<_> =
+        [0.0, 1.0].iter().flat_map(|z| outline.map(|[x, y]| [x, y, *z])).collect();
     let mut triangles = vec![[0, 3, 2], [0, 2, 1], [0, 4, 3], [0, 5, 4]];
     triangles.extend([[6, 8, 9], [6, 7, 8], [6, 9, 10], [6, 10, 11]]);
     for i in 0..6 {
@@ -157,7 +157,9 @@ fn equal_meshes_of_all_sizes_and_places_have_equal_pieces() {
     let cup = cup();
     let one = pieces(&cup);
     let moved: Vec<_> = cup.0.iter().map(|p| [p[0] + 0.5, p[1] - 0.25, p[2] + 2.0]).collect();
-    for (mesh, scale) in [(scaled(&cup, 0.0125), 0.0125), (scaled(&cup, 110.0), 110.0), ((moved, cup.1), 1.0)] {
+    for (mesh, scale) in
+        [(scaled(&cup, 0.0125), 0.0125), (scaled(&cup, 110.0), 110.0), ((moved, cup.1), 1.0)]
+    {
         let other = pieces(&mesh);
         assert_eq!(other.pieces.len(), one.pieces.len());
         assert!((other.deviation.outward / scale - one.deviation.outward).abs() < 1e-9);
@@ -239,7 +241,8 @@ fn a_body_weighs_what_its_mesh_does() {
         let corner = |i: u32| ring.0[i as usize];
         let part = |t: &[u32; 3]| {
             let [a, b, c] = t.map(corner);
-            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2])
+            a[0] * (b[1] * c[2] - b[2] * c[1])
+                + a[1] * (b[2] * c[0] - b[0] * c[2])
                 + a[2] * (b[0] * c[1] - b[1] * c[0])
         };
         ring.1.iter().map(part).sum::<f64>() / 6.0
@@ -263,9 +266,11 @@ fn hollows_hold_and_let_through() {
         "motion = \"static\"\nposition = [0, 1, 0]\n\
          shapes = [{ type = \"box\", half_extents = [0.2, 1, 0.2] }]",
     );
-    let floor = body("motion = \"static\"\nshapes = [{ type = \"halfspace\", normal = [0, 1, 0] }]");
+    let floor =
+        body("motion = \"static\"\nshapes = [{ type = \"halfspace\", normal = [0, 1, 0] }]");
     let ring = meshed(&torus(1.0, 0.3, 24, 12), Motion::Dynamic, [0.0, 1.5, 0.0]);
-    let mut simulation = build(&scene(vec![floor.clone(), rod, ring]), StepSettings::realtime()).unwrap();
+    let mut simulation =
+        build(&scene(vec![floor.clone(), rod, ring]), StepSettings::realtime()).unwrap();
     for _ in 0..90 {
         simulation.step(1.0 / 60.0);
     }

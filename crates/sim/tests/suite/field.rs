@@ -29,6 +29,10 @@ fn case(name: &str, bound: f64, unit: &str, measured: impl FnOnce() -> f64) {
     if AWAITING.contains(&name) {
         assert!(!holds, "{name} holds now, with {value} {unit}: take it off the list AWAITING");
     } else {
+        if !holds && std::env::var_os("FIELD_LIST").is_some() {
+            eprintln!("MISS {name}: {value} {unit}; {bound}");
+            return;
+        }
         assert!(holds, "{name}: {value} {unit}; accepted: up to {bound} {unit}");
     }
 }

@@ -41,7 +41,8 @@ fn wound(triangles: &[[u32; 3]], winding: Winding) -> Vec<[u32; 3]> {
         Winding::Turned => true,
         Winding::Mixed => index % 3 == 0,
     };
-    let own = |(index, &[a, b, c])| if turn(index) { [a, c, b] } else { [a, b, c] };
+    let own =
+        |(index, &[a, b, c]): (usize, &[u32; 3])| if turn(index) { [a, c, b] } else { [a, b, c] };
     triangles.iter().enumerate().map(own).collect()
 }
 
@@ -406,7 +407,7 @@ fn small_marbles_do_not_pass() {
                     let x = -0.2 + 0.2 * (i % 3) as f32;
                     let place = [x, 0.1 + random.between(0.0, 0.3), -0.2 + 0.2 * (i / 3) as f32];
                     let marble = dynamic(place, Rigid3::ball(radius), &rough);
-                    let aside = random.vector(6.0);
+                    let aside: [f32; 3] = random.vector(6.0);
                     world.add(moving(marble, [aside[0], -20.0, aside[2]]))
                 })
                 .collect();

@@ -8,7 +8,8 @@ use drystone_solver::Vector;
 use parry3d::shape::SharedShape;
 
 /// Turns the y axis onto z.
-const LYING: [f32; 4] = [std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2];
+const LYING: [f32; 4] =
+    [std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2];
 
 fn with_gravity(settings: StepSettings) -> World3 {
     let mut world: World3 = World::new(settings);

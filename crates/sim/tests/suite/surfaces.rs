@@ -11,8 +11,8 @@ use drystone::{Body, BodyId, StepSettings, SurfaceMotion, World, build};
 use drystone_solver::{Vector, Velocity};
 
 use crate::common::{
-    DT, GRAVITY, Rigid, Round, add_floor, assert_above, assert_below, assert_within, dynamic, place, run,
-    surface, v, velocity,
+    DT, GRAVITY, Rigid, Round, add_floor, assert_above, assert_below, assert_within, dynamic,
+    place, run, surface, v, velocity,
 };
 
 fn presets() -> [StepSettings; 3] {
@@ -115,7 +115,8 @@ fn a_turntable_that_stands_carries_round() {
         let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
         let omega = 1.5;
         let motion = SurfaceMotion::angular(Vector([0.0, omega, 0.0]));
-        let mut table = Body::new(Motion::Static, [3.0, -0.5, 1.0], Rigid3::cuboid([4.0, 0.5, 4.0]));
+        let mut table =
+            Body::new(Motion::Static, [3.0, -0.5, 1.0], Rigid3::cuboid([4.0, 0.5, 4.0]));
         if of_shape {
             table.colliders[0].surface_velocity = Some(motion);
         } else {
@@ -142,7 +143,8 @@ fn both_surfaces_run() {
     for (belt, expected) in [(0.0, 1.0), (0.5, 1.5), (-1.0, 0.0)] {
         let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
         add_belt(&mut world, 1.0, SurfaceMotion::linear(Vector([belt, 0.0, 0.0])));
-        let mut crawler = dynamic([0.0, 0.25, 0.0], Rigid3::cuboid([0.5, 0.25, 0.5]), &surface(0.5, 0.0));
+        let mut crawler =
+            dynamic([0.0, 0.25, 0.0], Rigid3::cuboid([0.5, 0.25, 0.5]), &surface(0.5, 0.0));
         crawler.surface_velocity = Some(SurfaceMotion::linear(Vector([-1.0, 0.0, 0.0])));
         let id = world.add(crawler);
         run(&mut world, 2.0);
@@ -266,8 +268,11 @@ fn resistance_takes_energy_only() {
         let mut settings = StepSettings::quality();
         settings.ledger = true;
         let mut world: World<Rigid3, 3, 3> = world_of(&settings);
-        let material =
-            Material { rolling_resistance: rolling, spinning_resistance: rolling, ..surface(0.5, 0.0) };
+        let material = Material {
+            rolling_resistance: rolling,
+            spinning_resistance: rolling,
+            ..surface(0.5, 0.0)
+        };
         add_floor(&mut world, &material);
         for i in 0..20 {
             let at = [0.13 * (i % 3) as f32, 0.2 + 0.25 * (i / 3) as f32, 0.11 * (i % 2) as f32];
@@ -619,16 +624,12 @@ fn surfaces_in_the_own_format() {
     assert!(refused("surface_velocity = { local = 1 }").contains("true or false"));
     assert!(refused("linear_damping = -1").contains("linear_damping"));
     assert!(refused("rolling_resistance = -1").contains("rolling_resistance"));
-    let idle = own(
-        "[[bodies]]\nmotion = \"static\"\nlinear_damping = 1\nfriction = 0\n\
-         surface_velocity = [1, 0, 0]\nshapes = [{ type = \"sphere\", radius = 1 }]\n",
-    );
+    let idle = own("[[bodies]]\nmotion = \"static\"\nlinear_damping = 1\nfriction = 0\n\
+         surface_velocity = [1, 0, 0]\nshapes = [{ type = \"sphere\", radius = 1 }]\n");
     assert!(warned(&idle, &["linear_damping", "does not act"]));
     assert!(warned(&idle, &["surface_velocity", "does not act"]));
-    let flat = own(
-        "dimension = 2\n[[bodies]]\nmotion = \"static\"\n\
-         surface_velocity = { angular = 2 }\nshapes = [{ type = \"sphere\", radius = 1 }]\n",
-    );
+    let flat = own("dimension = 2\n[[bodies]]\nmotion = \"static\"\n\
+         surface_velocity = { angular = 2 }\nshapes = [{ type = \"sphere\", radius = 1 }]\n");
     assert_eq!(flat.scene.bodies[0].surface_velocity.as_ref().unwrap().angular, [2.0]);
 }
 

@@ -278,11 +278,13 @@ fn meshes_collide_as_their_approximation_says() {
     assert_eq!(told, "");
     assert!(matches!(mesh("meshSimplification", false).0, ShapeKind::Trimesh { .. }));
     let (hull, told) = mesh("none", true);
-    assert!(matches!(&hull, ShapeKind::ConvexHull { points } if points.len() == 4));
-    assert!(told.contains("a convex hull stands for the mesh"), "{told}");
+    assert!(
+        matches!(&hull, ShapeKind::Trimesh { triangles, .. } if triangles.len() == 4),
+        "{told}"
+    );
     let hull = mesh("convexHull", true);
     assert!(matches!(hull.0, ShapeKind::ConvexHull { .. }) && hull.1.is_empty());
-    assert!(mesh("convexDecomposition", true).1.contains("one convex hull stands for"));
+    assert!(matches!(mesh("convexDecomposition", true).0, ShapeKind::Trimesh { .. }));
     let (cube, _) = mesh("boundingCube", true);
     assert!(matches!(&cube, ShapeKind::ConvexHull { points } if points.len() == 8
         && points.contains(&vec![2.0, 2.0, 4.0])));

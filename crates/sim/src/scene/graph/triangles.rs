@@ -72,7 +72,8 @@ impl Triangles {
         }
         let mut notes = Vec::new();
         let dynamic = motion == Motion::Dynamic;
-        let unsolid = is_solid(&moved.vertices, &moved.triangles).err().filter(|_| dynamic && !convex);
+        let unsolid =
+            is_solid(&moved.vertices, &moved.triangles).err().filter(|_| dynamic && !convex);
         if convex || unsolid.is_some() {
             let flat = flat(&moved.vertices);
             if dynamic && flat {
