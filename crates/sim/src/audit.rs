@@ -178,15 +178,22 @@ impl<'a> Stage<'a> {
         far.fold(0.0, f64::max)
     }
 
-    /// v^2 / 2 + (2/5) (r omega)^2 / 2 - g . x of a body, per mass, as it came to a frame. \[m^2/s^2\]
+    /// v^2 / 2 + (2/5) (r omega)^2 / 2 - g . x of a body, per mass, as it came to a frame, or as it starts.
+    /// \[m^2/s^2\]
     fn energy(&self, frame: usize, body: usize, reach: f64) -> f64 {
         let [from, to] = [frame.saturating_sub(1), frame].map(|frame| self.body(frame, body));
         let rate = 1.0 / self.recording.frame_time;
-        let speed = norm(minus(to.position, from.position)) * rate;
+        let start = &self.scene.bodies[body];
+        let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let mut speed = norm(minus(to.position, from.position)) * rate;
         // Of small turns, the changes of the axes make 2 angle^2.
         let turned: f64 = (0..3).map(|i| minus(to.axes[i], from.axes[i])).map(|d| dot(d, d)).sum();
-        let spin = reach * rate * (turned / 2.0).sqrt();
-        let factor = self.scene.bodies[body].gravity_factor;
+        let mut spin = reach * rate * (turned / 2.0).sqrt();
+        if frame == 0 {
+            speed = length(&start.linear_velocity);
+            spin = reach * length(&start.angular_velocity);
+        }
+        let factor = start.gravity_factor;
         let height: f64 =
             self.scene.gravity.iter().zip(to.position).map(|(g, x)| -g * factor * x).sum();
         0.5 * speed * speed + 0.2 * spin * spin + height

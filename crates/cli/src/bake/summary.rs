@@ -577,7 +577,7 @@ fn risen(scene: &Scene, bake: &Bake, masses: &[f64], limit: f64) -> Option<Risen
     let energies = || bake.steps.iter().map(|step| energy(&step.measure)).enumerate();
     let (first, _) = energies().find(|(_, energy)| *energy > limit)?;
     let (highest, _) = energies().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let (body, gain) = gained_most(scene, &bake.recording, masses, [1, highest + 1])?;
+    let (body, gain) = gained_most(scene, &bake.recording, masses, [0, highest + 1])?;
     Some(Risen { step: first + 1, body, gain })
 }
 
