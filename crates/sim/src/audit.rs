@@ -52,6 +52,8 @@ pub struct Audit {
     pub passed: Vec<Passage>,
     /// Dynamic bodies that ended wholly below everything that could have carried them.
     pub left: Vec<usize>,
+    /// Those of them with a mesh, whose way was not followed: they may have gone through something.
+    pub astray: Vec<usize>,
 }
 
 /// Two bodies that overlap.
@@ -77,9 +79,10 @@ pub struct Passage {
 }
 
 impl Audit {
-    /// Whether nothing was found that contacts should have prevented.
+    /// Whether nothing was found that contacts should have prevented. A body that was followed all the way and
+    /// went through nothing may fall off an edge.
     pub fn is_clean(&self) -> bool {
-        self.inside.is_empty() && self.passed.is_empty() && self.left.is_empty()
+        self.inside.is_empty() && self.passed.is_empty() && self.astray.is_empty()
     }
 }
 
@@ -423,5 +426,10 @@ impl<'a> Stage<'a> {
         };
         let left = highest.into_iter().filter(|(body, ends)| below(*ends) && began(*body));
         audit.left = left.map(|(body, _)| body).collect();
+        let has_mesh = |body: usize| {
+            let mut shapes = self.actors.iter().filter(|of| of.body == body);
+            shapes.any(|of| matches!(of.form.core, Core::Mesh(_)))
+        };
+        audit.astray = audit.left.iter().copied().filter(|body| has_mesh(*body)).collect();
     }
 }
