@@ -12,7 +12,7 @@ use crate::island::Islands;
 use crate::part::Part;
 use crate::solution::{Goal, Solution, Status};
 use crate::wide::Wide;
-use crate::{System, Velocity, newton, nncg, pgs};
+use crate::{InverseMass, System, Velocity, newton, nncg, pgs};
 
 /// A method of the ladder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -458,6 +458,22 @@ fn is_hopeless(
     rate >= 0.0 && made > stuck || rate < 0.0 && missing / rate > limit as f64
 }
 
+/// Contacts on one body, at most, of a system that is written as matrices: each two of them make a block of W, so
+/// the factor costs the cube of their number. Of a step of 28 s, with a body of 95 m in a heap, it was most.
+const CROWD: usize = 128;
+
+/// Whether a body that can be moved has more contacts than that.
+fn is_crowded<const L: usize, const A: usize>(system: &System<f64, L, A>) -> bool {
+    let mut counts = vec![0; system.velocities.len()];
+    for manifold in &system.manifolds {
+        for body in manifold.bodies {
+            counts[body as usize] += manifold.points().len();
+        }
+    }
+    let bodies = counts.iter().zip(&system.masses);
+    bodies.into_iter().any(|(count, mass)| *count > CROWD && *mass != InverseMass::FIXED)
+}
+
 /// Solves an island by the last rungs, apart and in `f64`, and puts its velocities and impulses back.
 fn replace<const L: usize, const A: usize>(
     system: &mut System<f32, L, A>,
@@ -472,7 +488,9 @@ fn replace<const L: usize, const A: usize>(
     for (velocity, &body) in part.system.velocities.iter_mut().zip(&part.bodies) {
         *velocity = prospective[body as usize].cast();
     }
-    let (solution, _) = solve_by(Rung::IN_MATRICES, &mut part.system, goal);
+    let rungs = Rung::IN_MATRICES;
+    let rungs = if is_crowded(&part.system) { &rungs[..1] } else { rungs };
+    let (solution, _) = solve_by(rungs, &mut part.system, goal);
     if solution.status == Status::BadInput {
         return;
     }
