@@ -257,7 +257,7 @@ impl<'a> Stage<'a> {
         let mut intervals = (FRAMES - 1).min(last);
         let mut sample = 0;
         while sample <= intervals && audit.pairs < PAIRS {
-            let frame = if intervals == 0 { 0 } else { sample * last / intervals };
+            let frame = (sample * last).checked_div(intervals).unwrap_or(0);
             let shot = self.shot(frame);
             let pairs = self.pairs(&shot, PAIRS - audit.pairs);
             if sample == 0 {

@@ -123,7 +123,7 @@ pub(super) enum Core {
     /// Everything behind a plane through the center.
     Plane(Point),
     /// Triangles.
-    Mesh(Mesh),
+    Mesh(Box<Mesh>),
 }
 
 /// Triangles in `f64`, and the tree that finds them.
@@ -212,7 +212,8 @@ impl Form {
                     return None;
                 }
                 let tree = TriMesh::new(single, triangles.clone()).ok()?;
-                (Core::Mesh(Mesh { points, triangles: triangles.clone(), tree }), 0.0)
+                let mesh = Mesh { points, triangles: triangles.clone(), tree };
+                (Core::Mesh(Box::new(mesh)), 0.0)
             }
         };
         let mut form =

@@ -185,7 +185,7 @@ impl Placed {
     }
 
     /// From the surface to a point.
-    fn to_point(&self, point: V, part: f32) -> Nearest {
+    fn to_point(self, point: V, part: f32) -> Nearest {
         let arm = point - self.center;
         let along = self.axis.dot(arm);
         let across = arm - self.axis * along;
@@ -210,7 +210,7 @@ impl Placed {
     /// about each end: its cap. With x along the segment, the ellipse has the half axes r |e . u| and r. Of
     /// the direction n = (x, y) the gap is X x + Y y - r sqrt(y^2 + (e . u)^2 x^2), with (X, Y)
     /// from the end of the segment to the point; where its derivative is zero it is largest.
-    fn to_line(&self, point: V, e: V) -> Nearest {
+    fn to_line(self, point: V, e: V) -> Nearest {
         let arm = point - self.center;
         let arm = arm - e * e.dot(arm);
         let up = self.axis - e * e.dot(self.axis);
@@ -248,7 +248,7 @@ impl Placed {
     }
 
     /// From the surface to a segment.
-    fn to_segment(&self, [from, to]: [V; 2]) -> Nearest {
+    fn to_segment(self, [from, to]: [V; 2]) -> Nearest {
         let length = (to - from).length();
         if length == 0.0 {
             return self.to_point(from, 0.0);
@@ -331,7 +331,7 @@ impl Facing {
     /// Each point with its name.
     fn points(&self) -> impl Iterator<Item = (V, u32)> {
         let [first, second] = self.arms;
-        let name = |of: u32, cap: u32| cap + (self.quarter + of & 3);
+        let name = |of: u32, cap: u32| cap + ((self.quarter + of) & 3);
         let rim = [first, second, -first, -second].into_iter().zip(0..);
         let (center, cap) = (self.center, self.cap);
         let above = self.above.map(|above| (above, name(0, 4 - cap)));
@@ -436,7 +436,7 @@ fn over_polygon(
             }
         }
         for (which, at) in crossings(&facing, on_side, outward).into_iter().flatten().enumerate() {
-            touch.points.push(dropped(at, CROSSING | 2 * number | which as u32));
+            touch.points.push(dropped(at, CROSSING | (2 * number) | which as u32));
         }
         number += 1;
     });
@@ -449,7 +449,7 @@ fn over_polygon(
     solid.sides(face, memory, |on_side, outward| {
         let border = BORDER * outward.dot(outward);
         touch.points.retain(|point| {
-            point.feature as u32 >> 1 == (CROSSING | 2 * number) >> 1
+            point.feature as u32 >> 1 == (CROSSING | (2 * number)) >> 1
                 || outward.dot(point.on_b - on_side) <= border
         });
         number += 1;

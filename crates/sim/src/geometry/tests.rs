@@ -64,7 +64,8 @@ fn the_deepest_point_and_the_area_are_kept() {
         let leans = turn % 2 == 0;
         let corners: Vec<_> = (0..count)
             .map(|i| {
-                let angle = (i as f32 + 0.4 * random.number()) / count as f32 * 6.283;
+                let angle =
+                    (i as f32 + 0.4 * random.number()) / count as f32 * std::f32::consts::TAU;
                 let at = [angle.cos(), slender * angle.sin()];
                 (at, if leans { lean[0] * at[0] + lean[1] * at[1] } else { -1e-6 })
             })
