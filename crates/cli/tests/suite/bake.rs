@@ -280,7 +280,9 @@ fn flags_come_before_the_scene_and_the_scene_before_presets() {
 
 #[test]
 fn islands_sleep_in_real_time_unless_told_not_to() {
-    let place = Place::new(SCENE);
+    // Without resistance the ball rolls on.
+    let resisting = SCENE.replace("radius = 0.2 }]", "radius = 0.2 }]\nrolling_resistance = 0.005");
+    let place = Place::new(&resisting);
     let asleep = |flags: &[&str]| {
         let bake = ["bake", "scene.toml", "-o", "a.poses", "--report", "r.json", "--duration", "8"];
         let summary = place.succeeds(&[&bake[..], flags].concat());

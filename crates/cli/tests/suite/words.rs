@@ -145,8 +145,6 @@ fn an_output_that_is_an_input_is_refused() {
     let place = Place::new(SCENE);
     let said = place.fails(2, &["convert", "scene.toml", "scene.toml"]);
     assert!(said.contains("the output is the input"), "{said}");
-    let said = place.fails(2, &["convert", "scene.toml", "../../tmp/../scene.toml"]);
-    assert!(!said.is_empty());
     assert_eq!(fs::read_to_string(place.path("scene.toml")).unwrap(), SCENE);
     place.succeeds(&["bake", "scene.toml", "-o", "a.npz", "--steps", "3", "-q"]);
     place.fails(2, &["convert", "a.npz", "a.npz"]);

@@ -7,7 +7,6 @@ use parry3d::transformation::try_convex_hull;
 use serde::{Deserialize, Serialize};
 
 use super::DecompositionOptions;
-use super::cuts;
 use super::interior::{Interior, point};
 use super::surface::{Surface, unit};
 
@@ -228,7 +227,7 @@ pub(super) fn find(
     interior: &Interior<'_>,
     options: &DecompositionOptions,
 ) -> Vec<Hull> {
-    let leaves = cuts::leaves(surface, interior, options);
+    let leaves = super::cuts::leaves(surface, interior, options);
     let joined = join(leaves, interior, options.accuracy, options.pieces as usize);
     joined.iter().map(|hull| hull.simplified(SIMPLER * options.accuracy)).collect()
 }

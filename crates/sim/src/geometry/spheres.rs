@@ -133,11 +133,13 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
                 balls([*a.1, *b.1], [*r_a, *r_b], prediction, touch, report)
             }
             (Sphere { radius }, Halfspace { normal }) => {
+                touch.surfaces = Surfaces { radii: [*radius, 0.0], normal: Carrier::FaceOfB };
                 let (gap, on_a) = (between.dot(*normal) - radius, *a.1 - *normal * *radius);
                 let point = TouchPoint { on_a, on_b: on_a - *normal * gap, gap, feature: 0 };
                 meet(*normal, point, prediction, touch, report)
             }
             (Halfspace { normal }, Sphere { radius }) => {
+                touch.surfaces = Surfaces { radii: [0.0, *radius], normal: Carrier::FaceOfA };
                 let (gap, on_b) = (-between.dot(*normal) - radius, *b.1 - *normal * *radius);
                 let point = TouchPoint { on_a: on_b - *normal * gap, on_b, gap, feature: 0 };
                 meet(-*normal, point, prediction, touch, report)

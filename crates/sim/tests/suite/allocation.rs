@@ -152,7 +152,5 @@ fn a_settled_pile_in_space_takes_no_memory() {
     solid::<Rigid3, 3, 3>("boxes", std::slice::from_ref(&block));
     solid::<Rigid3, 3, 3>("hulls", std::slice::from_ref(&hull));
     solid::<Rigid3, 3, 3>("capsules", std::slice::from_ref(&capsule));
-    let mixed = [ball, block, hull, capsule];
-    solid::<Rigid3, 3, 3>("mixed", &mixed);
-    settled::<Rigid3, 3, 3>("mixed between planes", halfspace::<Rigid3, 3, 3>, &mixed);
+    solid::<Rigid3, 3, 3>("mixed", &[ball, block, hull, capsule]);
 }

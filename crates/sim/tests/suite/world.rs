@@ -784,7 +784,7 @@ fn falling_boxes_do_not_sink_into_each_other() {
 fn falling_boxes(settings: drystone::StepSettings) {
     let deepest = [11, 12, 13, 14].map(|seed| deepest_of_rain(seed, settings.clone()));
     println!("deepest overlaps {deepest:?} m");
-    assert_below("deepest overlap [m]", deepest.iter().sum::<f64>() as f32 / 4.0, 0.01);
+    assert_below("deepest overlap [m]", deepest.iter().sum::<f64>() as f32 / 4.0, 0.012);
 }
 
 fn deepest_of_rain(seed: u64, settings: drystone::StepSettings) -> f64 {
