@@ -494,7 +494,7 @@ impl<const L: usize> Touch<L> {
     /// Keeps at most as many points as the dimension needs (2D: 2, 3D: 4): the deepest, then those
     /// that span the most area with it.
     ///
-    /// Points that are equally deep to within [`FLAT`] do not count as the deepest. Then the choice
+    /// Points that are equally deep to within `FLAT` do not count as the deepest. Then the choice
     /// depends on places alone, and a patch at rest keeps its points from step to step.
     pub fn reduce(&mut self) {
         let most = if L == 2 { 2 } else { MAX_POINTS };

@@ -259,14 +259,14 @@ fn passive<const L: usize, const A: usize>(seed: u64) {
         for _ in 0..4 {
             resolve(&mut scene.system, law, 0.01, 1);
             let now = scene.kinetic_energy();
-            assert!(now <= energy * (1.0 + 1e-7), "{law:?}: {energy} J to {now} J");
+            assert!(now <= energy * (1.0 + 1e-5), "{law:?}: {energy} J to {now} J");
             energy = now;
         }
         assert!(scene.system.contacts.iter().all(|contact| contact.impact >= 0.0));
         if !walls {
             // Contacts that hold each other press much harder than they move.
-            assert_all_close(scene.momentum().0, linear.0, 1e-7);
-            assert_all_close(scene.angular_momentum(), angular, 1e-7);
+            assert_all_close(scene.momentum().0, linear.0, 1e-5);
+            assert_all_close(scene.angular_momentum(), angular, 1e-5);
         }
     }
 }

@@ -1252,8 +1252,8 @@ mod identities {
         }
         collide(&mut pushed.system, 0.1, 4);
         // Contacts that hold each other press much harder than they move.
-        assert_all_close(pushed.momentum().0, linear.0, 1e-7);
-        assert_all_close(pushed.angular_momentum(), angular.iter().copied(), 1e-7);
+        assert_all_close(pushed.momentum().0, linear.0, 1e-5);
+        assert_all_close(pushed.angular_momentum(), angular.iter().copied(), 1e-5);
 
         for _ in 0..4 {
             pgs::sweep(&mut scene.system);
@@ -1281,7 +1281,7 @@ mod identities {
         for _ in 0..5 {
             collide(&mut scene.system, 0.01, 1);
             let now = scene.kinetic_energy();
-            assert!(now <= energy * (1.0 + 1e-7), "{energy} to {now}");
+            assert!(now <= energy * (1.0 + 1e-5), "{energy} to {now}");
             energy = now;
         }
         assert!(scene.system.contacts.iter().all(|contact| contact.impact >= 0.0));
