@@ -180,7 +180,7 @@ def thousand(command, folder):
     drystone.export(bpy.context, folder / "many.json")
     exported = time.perf_counter()
     document, numbers = bake(command, folder / "many.json", folder / "b.npz", folder / "b.poses",
-                             "--tolerance", "0mm/s")
+                             "--realtime")
     baked = time.perf_counter()
     count, missing = drystone.apply(bpy.context, folder / "b.npz")
     applied = time.perf_counter()

@@ -26,6 +26,8 @@ pub(crate) struct Terms<const L: usize> {
     /// \[m/s^2\]
     pub(crate) gravity: Vector<f32, L>,
     pub(crate) repair: Repair<f32>,
+    /// Of contacts. \[1\]
+    pub(crate) softness: f32,
 }
 
 /// The bodies of a batch, and their contacts.
@@ -112,7 +114,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
 
     /// Renews J where bodies have turned.
     pub(crate) fn renew(&mut self, terms: &Terms<L>) {
-        self.contacts.renew(self.velocities, self.displacements, terms.h);
+        self.contacts.renew(self.velocities, self.displacements, terms.h, terms.softness);
     }
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again.

@@ -541,6 +541,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             iterations: settings.iterations.max(1),
             gravity: self.gravity,
             repair: settings.repair_in(h),
+            softness: settings.softness,
         };
         Plan {
             terms,

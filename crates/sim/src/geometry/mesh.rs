@@ -93,6 +93,8 @@ struct Above {
     corners: std::ops::Range<usize>,
     /// Of a round shape: which part of its core is over the facet.
     over: [f32; 2],
+    /// Of a solid: whether it counts for the whole shape, not only for what has come by.
+    genuine: bool,
 }
 
 impl Gathered {

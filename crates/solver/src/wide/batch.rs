@@ -119,14 +119,15 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
     }
 
     /// Renews J where bodies turn, after they have moved at `velocities` for `dt` \[s\]
-    /// ([`kinematics`](crate::kinematics)).
+    /// ([`kinematics`](crate::kinematics)): effective masses are those of this `softness`.
     pub fn renew(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
         displacements: &[Velocity<f32, L, A>],
         dt: f32,
+        softness: f32,
     ) {
-        self.passes.renew(self, [velocities, displacements], dt);
+        self.passes.renew(self, [velocities, displacements], [dt, softness]);
     }
 
     /// [`pgs::relax`](crate::pgs::relax); whether J has been [renewed](Self::renew) before.
@@ -226,7 +227,13 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
-    fn renew(&self, batch: &mut Batch<'_, V, L, A>, moved: [&Velocities<L, A>; 2], dt: f32);
+    /// Length of the substep and softness.
+    fn renew(
+        &self,
+        batch: &mut Batch<'_, V, L, A>,
+        moved: [&Velocities<L, A>; 2],
+        terms: [f32; 2],
+    );
 
     fn relax(
         &self,

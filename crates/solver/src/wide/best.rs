@@ -212,8 +212,9 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
         velocities: &[Velocity<f32, L, A>],
         displacements: &[Velocity<f32, L, A>],
         dt: f32,
+        softness: f32,
     ) {
-        on_lanes!(self, batch => batch.renew(velocities, displacements, dt));
+        on_lanes!(self, batch => batch.renew(velocities, displacements, dt, softness));
     }
 
     /// [`Batch::relax`].

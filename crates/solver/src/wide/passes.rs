@@ -134,14 +134,19 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         visit_all::<V, L, A, true, true>(batch, velocities, None, renewed);
     }
 
-    fn renew(&self, batch: &mut Batch<'_, V, L, A>, moved: [&Velocities<L, A>; 2], dt: f32) {
+    fn renew(
+        &self,
+        batch: &mut Batch<'_, V, L, A>,
+        moved: [&Velocities<L, A>; 2],
+        terms: [f32; 2],
+    ) {
         let first = batch.bodies.start;
         Field::new(batch).each(
             1,
             #[inline(always)]
             |_, block, points| {
                 let count = block.manifold.count as usize;
-                renew(block, &mut points[..count], first, moved, splat(dt));
+                renew(block, &mut points[..count], first, moved, terms.map(splat));
             },
         );
     }

@@ -3,7 +3,14 @@
 use super::block::{Block, splat};
 use crate::kinematics::{Moved, turns};
 use crate::lanes::{Lanes, WIDTH};
-use crate::{Contact, Repair, Vector, Velocity};
+use crate::{Contact, InverseMass, Manifold, Repair, Vector, Velocity};
+
+/// J is renewed where that changes velocities by less than this part of what the bodies turn with: under weights,
+/// not in blows. \[1\]
+const MOST_LAG: f64 = 0.05;
+
+/// What turns faster gets new effective masses, too. \[rad per substep\]
+const FAST: f64 = 5e-3;
 
 /// What targets are set from ([`System::set_targets`](crate::System::set_targets)).
 #[derive(Clone, Copy)]
@@ -68,7 +75,8 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
             && let [first, ..] = points
         {
             let ahead = [&(a * self.repair.dt), &(b * self.repair.dt)];
-            let turns = turns(ahead).min(block.manifold.holds(total));
+            let then = [&(*total[0] + *ahead[0]), &(*total[1] + *ahead[1])];
+            let turns = turns(ahead).min(block.manifold.holds(then));
             if any(turns) {
                 let gap = first.gap[0] + first.normal_velocity(&moved);
                 let bend = block.manifold.moved(gap, ahead, V::ZERO).bend;
@@ -87,20 +95,40 @@ fn any<V: Lanes>(of: V) -> bool {
     (0..WIDTH).fold(false, |any, lane| any | (of.get(lane) > 0.0))
 }
 
+/// Positive where a lag \[N s, N m s\] changes velocities by less than [`MOST_LAG`] of what the bodies turn with
+/// at these spins \[rad/s\].
+#[inline(always)]
+fn settles<V: Lanes, const L: usize, const A: usize>(
+    arms: &[Vector<V, L>; 2],
+    masses: &[InverseMass<V, L, A>; 2],
+    lag: &[Velocity<V, L, A>; 2],
+    spins: [Vector<V, A>; 2],
+) -> V {
+    let (mut turned, mut changed) = (V::ZERO, V::ZERO);
+    for side in 0..2 {
+        let squared = arms[side].dot(arms[side]);
+        let change = masses[side].velocity(&lag[side]);
+        turned += spins[side].dot(spins[side]) * squared;
+        changed += change.linear.dot(change.linear) + change.angular.dot(change.angular) * squared;
+    }
+    turned * V::from_f64(MOST_LAG * MOST_LAG) - changed
+}
+
 /// Renews J of the manifolds of a block whose bodies turn, after they have moved at `velocities` for a
-/// substep, to the `displacements` that their gaps are measured with ([`kinematics`](crate::kinematics)).
+/// substep, to the `displacements` that their gaps are measured with ([`kinematics`](crate::kinematics)): `terms`
+/// are its length \[s\] and the softness of contacts.
 #[inline(always)]
 pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
     block: &mut Block<V, L, A>,
     points: &mut [Contact<V, L>],
     first: usize,
     [velocities, displacements]: [&[Velocity<f32, L, A>]; 2],
-    dt: V,
+    terms: [V; 2],
 ) {
     if block.center {
-        renew_felt::<V, L, A, 0>(block, points, first, [velocities, displacements], dt);
+        renew_felt::<V, L, A, 0>(block, points, first, [velocities, displacements], terms);
     } else {
-        renew_felt::<V, L, A, A>(block, points, first, [velocities, displacements], dt);
+        renew_felt::<V, L, A, A>(block, points, first, [velocities, displacements], terms);
     }
 }
 
@@ -113,9 +141,10 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     points: &mut [Contact<V, L>],
     first: usize,
     [velocities, displacements]: [&[Velocity<f32, L, A>]; 2],
-    dt: V,
+    [dt, softness]: [V; 2],
 ) {
     let [a, b] = block.gather_from(first, velocities);
+    let spins = [a.angular, b.angular];
     let moved = [&(a * dt), &(b * dt)];
     let turns = turns(moved);
     block.renewed = any(turns);
@@ -123,19 +152,26 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
         return;
     }
     let [a, b] = block.gather_from(first, displacements);
-    let turns = turns.min(block.manifold.holds([&a, &b]));
+    let manifold = &mut block.manifold;
+    let turns = turns.min(manifold.holds([&a, &b]));
     let mut wrench = Velocity::ZERO;
     for contact in &*points {
         contact.add_wrench(0..L, contact.impulse, &mut wrench);
     }
-    let manifold = &mut block.manifold;
-    let given = manifold.momenta(&wrench);
     let mut before: Velocity<V, L, B> = manifold.twist_felt(&a, &b);
     let [deepest, ..] = &points else { return };
     let gap = deepest.gap[0] + deepest.normal_velocity(&before);
     let twist = if B == 0 { V::ZERO } else { V::ONE };
     let Moved { frame, arms, bend } = manifold.moved(gap, moved, twist);
-    let keep = |new: Vector<V, L>, old: Vector<V, L>| {
+    // Half of the impulse acts by J before the motion, half by J after it.
+    let half = V::from_f64(0.5);
+    let [to_a, from_b] = manifold.momenta(&wrench);
+    let next = Manifold { frame, arms, ..manifold.clone() };
+    let [to_a_next, from_b_next] = next.momenta(&wrench);
+    let lag = [(to_a_next - to_a) * half, (from_b_next - from_b) * half];
+    // What is struck turns at once: that its arms lag behind would feed itself.
+    let turns = turns.min(settles(&arms, &block.masses, &lag, spins));
+    let choose = |new: Vector<V, L>, old: Vector<V, L>| {
         let mut out = old;
         for i in 0..L {
             out[i] = turns.choose(new[i], old[i]);
@@ -143,23 +179,22 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
         out
     };
     for i in 0..L {
-        manifold.frame[i] = keep(frame[i], manifold.frame[i]);
+        manifold.frame[i] = choose(frame[i], manifold.frame[i]);
     }
     for side in 0..2 {
-        manifold.arms[side] = keep(arms[side], manifold.arms[side]);
+        manifold.arms[side] = choose(arms[side], manifold.arms[side]);
     }
-    // Half of the impulse acts by J before the motion, half by J after it.
-    for (lag, (now, then)) in
-        block.lag.iter_mut().zip(manifold.momenta(&wrench).into_iter().zip(given))
-    {
-        *lag = (now - then) * (turns.choose(V::from_f64(0.5), V::ZERO));
-    }
+    block.lag = lag.map(|own| own * turns.choose(V::ONE, V::ZERO));
     before.linear[0] += bend;
     let after: Velocity<V, L, B> = manifold.twist_felt(&a, &b);
-    for contact in points {
+    for contact in &mut *points {
         let mut own = *contact;
         own.renew(&before, &after, dt);
-        contact.gap = keep(own.gap, contact.gap);
+        contact.gap = choose(own.gap, contact.gap);
         contact.target[0] = turns.choose(own.target[0], contact.target[0]);
+    }
+    let [a, b] = moved;
+    if any(a.angular.dot(a.angular).max(b.angular.dot(b.angular)) - V::from_f64(FAST * FAST)) {
+        block.prepare(points, softness);
     }
 }

@@ -232,7 +232,7 @@ impl Meeting<'_> {
             return;
         }
         let (low, face, corners, over) = (0.0, u32::MAX, 0..0, [first, last]);
-        gathered.facets.push(Above { facet, behind, low, face, corners, over });
+        gathered.facets.push(Above { facet, behind, low, face, corners, over, genuine: true });
     }
 
     /// Gathers the ends of what is over each facet.

@@ -74,6 +74,7 @@ pub(crate) fn solid<P: Polyhedron>(
             apart = apart.min(meeting.meet(face, gathered, &mut inside));
         }
     }
+    meeting.keep_genuine(gathered);
     if inside {
         meeting.push_out(gathered);
     }
@@ -141,8 +142,9 @@ impl<P: Polyhedron> Meeting<'_, P> {
         let normal = plane.normal * side;
         let heights = gathered.vertices.iter().map(|vertex| normal.dot(*vertex));
         let low = heights.fold(f32::INFINITY, f32::min) - side * plane.offset;
+        let over = [1.0, 0.0];
         let mut above =
-            Above { facet, behind, low, face: u32::MAX, corners: 0..0, over: [1.0, 0.0] };
+            Above { facet, behind, low, face: u32::MAX, corners: 0..0, over, genuine: false };
         if low <= self.ahead.prediction {
             let own = self.shape.facing(self.frame.local_direction(-normal));
             above.face = own as u32;
@@ -317,7 +319,8 @@ impl<P: Polyhedron> Meeting<'_, P> {
     }
 
     /// Gathers what of the shape is over a triangle: corners of its face that looks there, and what of that face is
-    /// over the sides of the facet. If not `all`, only what is near the deepest point of the shape, or still apart.
+    /// over the sides of the facet. If not `all`, the facet may still be found to be another's
+    /// ([`Self::keep_genuine`]).
     fn on_facet(&self, face: &Face, above: usize, all: bool, gathered: &mut Gathered) {
         let Ahead { surface, prediction, .. } = self.ahead;
         let Above { facet: number, behind, low, face: own, corners, .. } =
@@ -342,14 +345,12 @@ impl<P: Polyhedron> Meeting<'_, P> {
         if all {
             self.over_sides(face, (number, own), normal, corners, gathered);
         }
-        let genuine = all || low <= 0.0 && deepest <= MOST * low;
+        gathered.facets[above].genuine |= all || low <= 0.0 && deepest <= MOST * low;
         let found = start..gathered.memory.len();
-        let wanted = |corner: &Corner<3>| genuine || corner.height > 0.0;
-        if gathered.memory[found.clone()].iter().any(wanted) {
+        if !found.is_empty() {
             let memory = std::mem::take(&mut gathered.memory);
-            gathered.face(facet, side);
             let touch = gathered.of(Part::Facet { facet: number, behind }, normal);
-            for corner in memory[found].iter().filter(|corner| wanted(corner)) {
+            for corner in &memory[found] {
                 let (on_a, gap) = (corner.position, corner.height);
                 let feature = u64::from(corner.feature);
                 add(touch, TouchPoint { on_a, on_b: on_a - normal * gap, gap, feature });
@@ -357,6 +358,25 @@ impl<P: Polyhedron> Meeting<'_, P> {
             gathered.memory = memory;
         }
         gathered.memory.truncate(start);
+    }
+
+    /// Keeps of facets only what is near the deepest point of the shape, or still apart, unless a triangle of it is what
+    /// the shape is farthest from.
+    fn keep_genuine(&self, gathered: &mut Gathered) {
+        for at in 0..gathered.facets.len() {
+            let Above { facet: number, behind, genuine, .. } = gathered.facets[at];
+            let part = Part::Facet { facet: number, behind };
+            if !gathered.has(part) {
+                continue;
+            }
+            let facet = &self.ahead.surface.facets[number as usize];
+            let side = if behind { -1.0 } else { 1.0 };
+            let touch = gathered.of(part, facet.normal * side);
+            touch.points.retain(|point| genuine || point.gap > 0.0);
+            if !touch.points.is_empty() {
+                gathered.face(facet, side);
+            }
+        }
     }
 
     /// Remembers what of a face of the shape is over the sides of a triangle at which its facet ends.

@@ -37,6 +37,22 @@ fn shapes(random: &mut Random) -> Vec<SharedShape> {
     ]
 }
 
+/// How far a mesh is from a core of this half length and radius, along y: by its points, which are exact where the
+/// iterations for whole shapes are not. \[m\]
+fn from_core(
+    (half, radius): (f32, f32),
+    own: &<Rigid3 as Geometry<3, 3>>::Pose,
+    mesh: &SharedShape,
+    other: &<Rigid3 as Geometry<3, 3>>::Pose,
+) -> f32 {
+    let parts = if half > 0.0 { 400 } else { 0 };
+    let places = (0..=parts).map(|k| half * (2.0 * k as f32 / parts.max(1) as f32 - 1.0));
+    let distances = places.map(|y| {
+        mesh.distance_to_point(other, own * parry3d::math::Vector::new(0.0, y, 0.0), false)
+    });
+    distances.fold(f32::INFINITY, f32::min) - radius
+}
+
 /// What is said of how far shapes are apart is never more than that; balls and capsules that do not touch are told
 /// exactly, along the direction of the nearest points. Both orders say the same.
 #[test]
@@ -78,6 +94,7 @@ fn gaps_are_those_of_the_nearest_points() {
         // Of what is within the lump, its surface is not the nearest.
         let inside = round / 4 % 2 == 1 && (own.translation - other.translation).length() < 0.65;
         if kind < 2 && !inside && distance < prediction {
+            let distance = from_core([(0.0, 0.15), (0.15, 0.08)][kind], &own, mesh, &other);
             assert!((least - distance).abs() < 2e-3 * prediction, "{round}: {least} of {distance}");
             found[kind] += 1;
         }
