@@ -44,16 +44,17 @@ pub(crate) struct Course<'a, G: Geometry<L, A>, const L: usize, const A: usize> 
     pub(crate) poses: &'a mut [G::Pose],
     pub(crate) turns: &'a mut [Turn<A>],
     pub(crate) turned: &'a mut [bool],
-    /// Of all bodies, as M^-1.
+    /// M^-1.
+    pub(crate) masses: &'a mut [InverseMass<f32, L, A>],
+    /// Of all bodies.
     pub(crate) given: Given<'a, L, A>,
-    pub(crate) masses: &'a [InverseMass<f32, L, A>],
     pub(crate) team: &'a Team,
 }
 
 impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> {
     pub(crate) fn new(
         bodies: &'a mut Bodies<G, L, A>,
-        masses: &'a [InverseMass<f32, L, A>],
+        masses: &'a mut [InverseMass<f32, L, A>],
         [velocities, prospective, displacements, pushes]: [&'a mut [Velocity<f32, L, A>]; 4],
         contacts: WideBatch<'a, L, A>,
         team: &'a Team,
@@ -68,8 +69,8 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
             poses,
             turns,
             turned,
-            given,
             masses,
+            given,
             team,
         }
     }
@@ -114,7 +115,8 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
 
     /// Renews J where bodies have turned.
     pub(crate) fn renew(&mut self, terms: &Terms<L>) {
-        self.contacts.renew(self.velocities, self.displacements, terms.h, terms.softness);
+        let Self { contacts, velocities, displacements, masses, .. } = self;
+        contacts.renew(velocities, displacements, masses, [terms.h, terms.softness]);
     }
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again.
@@ -184,6 +186,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for Course<'_, G,
         let (turns, later_turns) = self.turns.split_at_mut(count);
         let (turned, later_turned) = self.turned.split_at_mut(count);
         let (pushes, later_pushes) = self.pushes.split_at_mut(count);
+        let (masses, later_masses) = self.masses.split_at_mut(count);
         let first = Self {
             contacts,
             velocities,
@@ -193,6 +196,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for Course<'_, G,
             poses,
             turns,
             turned,
+            masses,
             ..self
         };
         let others = Self {
@@ -204,6 +208,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for Course<'_, G,
             turns: later_turns,
             turned: later_turned,
             pushes: later_pushes,
+            masses: later_masses,
             ..self
         };
         (first, others)

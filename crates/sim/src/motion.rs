@@ -29,19 +29,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
     /// contacts see where it comes.
     pub(crate) fn predict(&mut self, terms: &Terms<L>) {
         let Terms { gravity, h, .. } = *terms;
-        let (first, (given, masses)) = (self.bodies().start, (self.given, self.masses));
+        let (first, given) = (self.bodies().start, self.given);
         let (useful, share) = self.team.share(self.velocities.len(), PIECE);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
-        let parts = parts.zip(self.displacements.chunks_mut(share));
-        self.team.for_each(useful, parts.enumerate(), |(part, ((velocities, push), moved))| {
+        let parts = parts.zip(self.displacements.chunks_mut(share).zip(self.masses.chunks(share)));
+        self.team.for_each(useful, parts.enumerate(), |(part, ((velocities, push), others))| {
             let numbers = first + share * part..;
-            let own = velocities.iter_mut().zip(push).zip(moved);
-            for (body, ((velocity, push), moved)) in numbers.zip(own) {
+            let own = velocities.iter_mut().zip(push).zip(others.0.iter_mut().zip(others.1));
+            for (body, ((velocity, push), (moved, mass))) in numbers.zip(own) {
                 *push = *velocity - *push;
                 if !given.is_dynamic(body) {
                     continue;
                 }
-                let (mass, force) = (&masses[body], given.force(body));
+                let force = given.force(body);
                 let before = *velocity;
                 if mass.linear > 0.0 {
                     let fall = given.pull(body, gravity);
@@ -60,7 +60,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
 
     /// v = v* + M^-1 J^T gamma of the substep before, which `predict` has kept; it keeps v* for it.
     ///
-    /// J and M stay through all substeps, so bodies know what their contacts will give them.
+    /// J and M stay where nothing turns, so bodies know what their contacts will give them.
     pub(crate) fn push(&mut self) {
         let (useful, share) = self.team.share(self.velocities.len(), PIECE);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
@@ -110,11 +110,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
         let moved = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
         let placed = self.poses.chunks_mut(share).zip(self.turns.chunks_mut(share));
-        let placed = placed.zip(self.turned.chunks_mut(share));
+        let placed = placed.zip(self.turned.chunks_mut(share).zip(self.masses.chunks_mut(share)));
         let any = AtomicBool::new(false);
         self.team.for_each(useful, moved.zip(placed).enumerate(), |(part, (moved, placed))| {
             let ((velocities, prospective), displacements) = moved;
-            let ((poses, turned_by), turned) = placed;
+            let ((poses, turned_by), (turned, masses)) = placed;
             let first = first + share * part;
             let mut own_turned = false;
             for start in (0..velocities.len()).step_by(CHUNK) {
@@ -160,6 +160,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                         velocities[own].angular = omega;
                         turned_by[own].remainder = remainder;
                         poses[own] = pose;
+                        let of_body = &given.inertia[first + own];
+                        masses[own].angular = G::frame(&pose).tensor(of_body.inverse_moments);
                     });
                 }
             }

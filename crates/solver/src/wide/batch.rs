@@ -6,14 +6,14 @@ use std::ops::Range;
 use super::block::Block;
 use super::conjugate::Conjugate;
 use super::rows::Trace;
-use super::targets::Targets;
+use super::targets::{Renewing, Targets};
 use crate::batch::Extent;
 use crate::certificate::{Certificate, Tally};
 use crate::color::{Color, Coloring};
 use crate::island::Islands;
 use crate::lanes::Lanes;
 use crate::team::{Divide, Shared, Team};
-use crate::{Contact, Repair, Surface, Velocity};
+use crate::{Contact, InverseMass, Repair, Surface, Velocity};
 
 /// Bodies that follow each other and that no manifold joins to others, with their manifolds, in their
 /// [`Packed`](super::Packed) system. It can be taken through all substeps before the next one is, or while
@@ -119,15 +119,17 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
     }
 
     /// Renews J where bodies turn, after they have moved at `velocities` for `dt` \[s\]
-    /// ([`kinematics`](crate::kinematics)): effective masses are those of this `softness`.
+    /// ([`kinematics`](crate::kinematics)), with the `masses` of where they are: effective masses are those of
+    /// this `softness`.
     pub fn renew(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
         displacements: &[Velocity<f32, L, A>],
-        dt: f32,
-        softness: f32,
+        masses: &[InverseMass<f32, L, A>],
+        [dt, softness]: [f32; 2],
     ) {
-        self.passes.renew(self, [velocities, displacements], [dt, softness]);
+        let bodies = Renewing { velocities, displacements, masses };
+        self.passes.renew(self, bodies, [dt, softness]);
     }
 
     /// [`pgs::relax`](crate::pgs::relax); whether J has been [renewed](Self::renew) before.
@@ -231,7 +233,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
     fn renew(
         &self,
         batch: &mut Batch<'_, V, L, A>,
-        moved: [&Velocities<L, A>; 2],
+        bodies: Renewing<'_, L, A>,
         terms: [f32; 2],
     );
 

@@ -211,10 +211,10 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
         &mut self,
         velocities: &[Velocity<f32, L, A>],
         displacements: &[Velocity<f32, L, A>],
-        dt: f32,
-        softness: f32,
+        masses: &[InverseMass<f32, L, A>],
+        terms: [f32; 2],
     ) {
-        on_lanes!(self, batch => batch.renew(velocities, displacements, dt, softness));
+        on_lanes!(self, batch => batch.renew(velocities, displacements, masses, terms));
     }
 
     /// [`Batch::relax`].

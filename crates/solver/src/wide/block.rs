@@ -145,6 +145,22 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
+    /// Takes W of its bodies anew, where they have turned: the masses of the bodies from number `first` on.
+    #[inline(always)]
+    pub(super) fn take_turned(&mut self, first: usize, masses: &[InverseMass<f32, L, A>]) {
+        let still = InverseMass::FIXED;
+        for side in 0..2 {
+            let of = V::each(|lane| match self.away[side] >> lane & 1 {
+                0 => &masses[self.bodies[side][lane] as usize - first],
+                _ => &still,
+            });
+            for i in 0..A {
+                let row = V::each(|lane| &of[lane].angular.0[i]);
+                self.masses[side].angular.0[i] = V::gathered_vector(row);
+            }
+        }
+    }
+
     /// Finds the effective masses of its points ([`Contact::prepare`]).
     #[inline(always)]
     pub(super) fn prepare(&mut self, points: &mut [Contact<V, L>], softness: V) {

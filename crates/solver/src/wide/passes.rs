@@ -9,7 +9,7 @@ use std::any::Any;
 use super::batch::{Batch, Passes, Velocities, View};
 use super::block::{Block, splat};
 use super::conjugate::{Conjugate, of};
-use super::targets::{Targets, renew};
+use super::targets::{Renewing, Targets, renew};
 use super::walk::{Field, Ground, Reading};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
@@ -137,7 +137,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     fn renew(
         &self,
         batch: &mut Batch<'_, V, L, A>,
-        moved: [&Velocities<L, A>; 2],
+        bodies: Renewing<'_, L, A>,
         terms: [f32; 2],
     ) {
         let first = batch.bodies.start;
@@ -146,7 +146,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
             #[inline(always)]
             |_, block, points| {
                 let count = block.manifold.count as usize;
-                renew(block, &mut points[..count], first, moved, terms.map(splat));
+                renew(block, &mut points[..count], first, bodies, terms.map(splat));
             },
         );
     }

@@ -7,9 +7,9 @@ use crate::{Contact, InverseMass, Manifold, Repair, Vector, Velocity};
 
 /// J is renewed where that changes velocities by less than this part of what the bodies turn with: under weights,
 /// not in blows. \[1\]
-const MOST_LAG: f64 = 0.05;
+const MOST_LAG: f64 = 0.2;
 
-/// What turns faster gets new effective masses, too. \[rad per substep\]
+/// What turns faster gets W and the effective masses anew, too. \[rad per substep\]
 const FAST: f64 = 5e-3;
 
 /// What targets are set from ([`System::set_targets`](crate::System::set_targets)).
@@ -114,21 +114,32 @@ fn settles<V: Lanes, const L: usize, const A: usize>(
     turned * V::from_f64(MOST_LAG * MOST_LAG) - changed
 }
 
-/// Renews J of the manifolds of a block whose bodies turn, after they have moved at `velocities` for a
-/// substep, to the `displacements` that their gaps are measured with ([`kinematics`](crate::kinematics)): `terms`
-/// are its length \[s\] and the softness of contacts.
+/// Bodies that have moved for a substep.
+#[derive(Clone, Copy)]
+pub(crate) struct Renewing<'a, const L: usize, const A: usize> {
+    /// What they have moved at.
+    pub(crate) velocities: &'a [Velocity<f32, L, A>],
+    /// All that they have moved since gaps were measured.
+    pub(crate) displacements: &'a [Velocity<f32, L, A>],
+    /// M^-1 where they are now.
+    pub(crate) masses: &'a [InverseMass<f32, L, A>],
+}
+
+/// Renews J of the manifolds of a block whose bodies turn ([`kinematics`](crate::kinematics)), and M^-1 where they turn
+/// fast: an impulse by W of a slender body as it lay before makes it spin about another axis than its own. `terms`
+/// are the length of the substep \[s\] and the softness of contacts.
 #[inline(always)]
 pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
     block: &mut Block<V, L, A>,
     points: &mut [Contact<V, L>],
     first: usize,
-    [velocities, displacements]: [&[Velocity<f32, L, A>]; 2],
+    bodies: Renewing<'_, L, A>,
     terms: [V; 2],
 ) {
     if block.center {
-        renew_felt::<V, L, A, 0>(block, points, first, [velocities, displacements], terms);
+        renew_felt::<V, L, A, 0>(block, points, first, bodies, terms);
     } else {
-        renew_felt::<V, L, A, A>(block, points, first, [velocities, displacements], terms);
+        renew_felt::<V, L, A, A>(block, points, first, bodies, terms);
     }
 }
 
@@ -140,10 +151,10 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     block: &mut Block<V, L, A>,
     points: &mut [Contact<V, L>],
     first: usize,
-    [velocities, displacements]: [&[Velocity<f32, L, A>]; 2],
+    bodies: Renewing<'_, L, A>,
     [dt, softness]: [V; 2],
 ) {
-    let [a, b] = block.gather_from(first, velocities);
+    let [a, b] = block.gather_from(first, bodies.velocities);
     let spins = [a.angular, b.angular];
     let moved = [&(a * dt), &(b * dt)];
     let turns = turns(moved);
@@ -151,7 +162,7 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     if !block.renewed {
         return;
     }
-    let [a, b] = block.gather_from(first, displacements);
+    let [a, b] = block.gather_from(first, bodies.displacements);
     let manifold = &mut block.manifold;
     let turns = turns.min(manifold.holds([&a, &b]));
     let mut wrench = Velocity::ZERO;
@@ -195,6 +206,7 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     }
     let [a, b] = moved;
     if any(a.angular.dot(a.angular).max(b.angular.dot(b.angular)) - V::from_f64(FAST * FAST)) {
+        block.take_turned(first, bodies.masses);
         block.prepare(points, softness);
     }
 }
