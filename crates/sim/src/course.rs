@@ -120,8 +120,9 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
     }
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again.
-    pub(crate) fn relax(&mut self, renewed: bool) {
-        self.contacts.relax(self.velocities, renewed);
+    pub(crate) fn relax(&mut self, renewed: bool, terms: &Terms<L>) {
+        let moved = Some((&*self.displacements, terms.h));
+        self.contacts.relax(self.velocities, renewed, moved);
         if self.contacts.has_surfaces() {
             self.contacts.resist(self.velocities);
         }
@@ -150,7 +151,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
             if renewed {
                 self.renew(terms);
             }
-            self.relax(renewed);
+            self.relax(renewed, terms);
             clock.lap(Stage::Relax);
         }
         self.trace(terms);

@@ -114,6 +114,12 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
         None
     }
 
+    /// A ball that is within a convex shape, and where its center is: however fast the shape turns, there is always
+    /// something of it. None of balls, and of what has no end or no inside.
+    fn core(_: &Self::Collider) -> Option<(Vector<f32, L>, Self::Collider)> {
+        None
+    }
+
     /// Calls `face` with the outward normal of each flat face of a shape whose plane is within `near` \[m\] of a point.
     fn faces_at(
         _: &Self::Collider,

@@ -124,6 +124,7 @@ const PIECE: usize = 16;
 /// What one worker finds for its pairs.
 pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
     scratch: G::Scratch,
+    core: Option<Core<G, L, A>>,
     /// Those of the step before that its pairs have.
     known: Range<usize>,
     /// Found anew.
@@ -135,6 +136,19 @@ pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Those whose bodies come closer than their gap, pairs counted from its first.
     closing: Vec<Closing>,
 }
+
+/// What is within a shape that comes through more than it is thick: the ball that cannot turn out of the way
+/// ([`Geometry::core`]). A slender thing that is struck turns by so much in a substep that contacts of its corners,
+/// which see straight ahead, let it pass.
+struct Core<G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// The number of the shape.
+    shape: u32,
+    center: Vector<f32, L>,
+    ball: G::Collider,
+}
+
+/// Tells the parts of what cores touch from those of shapes, by which one is a core.
+const CORES: [u32; 2] = [1 << 29, 1 << 28];
 
 /// Records of pairs that follow each other.
 struct Run {
@@ -157,7 +171,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L,
     fn default() -> Self {
         let (scratch, records) = (G::Scratch::default(), Records::default());
         let (runs, closing) = (Vec::new(), Vec::new());
-        Self { scratch, known: 0..0, records, runs, counts: [0; 2], closing }
+        Self { scratch, core: None, known: 0..0, records, runs, counts: [0; 2], closing }
     }
 }
 
@@ -190,7 +204,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
         pairs: &mut [Pair],
         mut own: RecordsMut<'_, L>,
     ) {
-        let Self { scratch, records, runs, counts, closing, .. } = self;
+        let Self { scratch, core, records, runs, counts, closing, .. } = self;
         records.clear();
         runs.clear();
         closing.clear();
@@ -205,7 +219,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
                 // How far its bodies go in the meantime is not noted.
                 pair.room = 0.0;
             }
-            let old = kept || collide(around, pair, &mut own, scratch, records);
+            let old = kept || collide(around, pair, &mut own, (scratch, core), records);
             if pair.rests {
                 continue;
             }
@@ -365,7 +379,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &Surroundings<'_, G, L, A>,
     pair: &mut Pair,
     own: &mut RecordsMut<'_, L>,
-    scratch: &mut G::Scratch,
+    (scratch, core): (&mut G::Scratch, &mut Option<Core<G, L, A>>),
     records: &mut Records<L>,
 ) -> bool {
     if pair.rests && !pair.bodies.iter().any(|&body| around.active[body as usize]) {
@@ -392,15 +406,15 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let old = if rested { around.resting.view() } else { own.view() };
     let before = old.of(pair.records()).first().map(|record| old.points_of(record)[0].feature);
     let mut places = Places::new(own, pair.records(), rested.then_some(around.resting), records);
-    let mut report = |touch: &Touch<L>| {
-        let before = places.before(touch.part);
+    let mut keep = |touch: &Touch<L>, part: u32| {
+        let before = places.before(part);
         let traced = before.map_or(touch.normal, |before| around.seen_from(before));
-        let (record, points) = places.next(touch, a, b);
+        let (record, points) = places.next(touch, part, a, b);
         *record = Record {
             bodies: pair.bodies,
             friction: pair.friction,
             restitution: pair.restitution,
-            part: touch.part,
+            part,
             surfaces: touch.surfaces,
             normal: touch.normal,
             traced,
@@ -415,7 +429,29 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let shape_a = (&around.shapes[a_shape as usize], &pose_a);
     let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
-    let gap = G::collide(shape_a, shape_b, ahead, before, scratch, &mut report);
+    let mut all = |touch: &Touch<L>| keep(touch, touch.part);
+    let gap = G::collide(shape_a, shape_b, ahead, before, scratch, &mut all);
+    if ahead.motion.length() > pair.thickness {
+        for side in 0..2 {
+            let (shape, pose) = [shape_a, shape_b][side];
+            let number = pair.colliders[side];
+            if core.as_ref().is_none_or(|of| of.shape != number) {
+                *core = G::core(shape).map(|(center, ball)| Core { shape: number, center, ball });
+            }
+            let Some(Core { center, ball, .. }) = &*core else { continue };
+            let pose = G::pose(G::frame(pose).point(*center), &[]);
+            let mut pair = [shape_a, shape_b];
+            pair[side] = (ball, &pose);
+            let mut passing = |touch: &Touch<L>| {
+                let gaps = touch.points.iter().map(|point| point.gap);
+                let gap = gaps.fold(f32::INFINITY, f32::min);
+                if gap + touch.normal.dot(ahead.motion) < 0.0 {
+                    keep(touch, touch.part ^ CORES[side]);
+                }
+            };
+            G::collide(pair[0], pair[1], ahead, before, scratch, &mut passing);
+        }
+    }
     let (count, again) = places.finish(around.traced);
     pair.count = count;
     pair.room = known_to(if count > 0 { around.lasting(pair) } else { gap }, a.position);

@@ -150,6 +150,17 @@ macro_rules! over_parry {
             Some(Vector(far.to_array()))
         }
 
+        fn core(collider: &Self::Collider) -> Option<(Vector<f32, $l>, Self::Collider)> {
+            let (center, radius) = match &collider.form {
+                Form::Capsule([from, to], radius) => ((*from + *to) * 0.5, *radius),
+                Form::Cuboid(solid) => ball_within(solid),
+                Form::Hull(solid) => ball_within(&**solid),
+                Form::Cylinder(of) => (Vector::ZERO, of.radius.min(of.half_height)),
+                Form::Ball(_) | Form::Halfspace(_) | Form::Mesh(_) | Form::Other => return None,
+            };
+            Some((center, Self::collider($parry::shape::SharedShape::ball(radius))))
+        }
+
         fn faces_at(
             collider: &Self::Collider,
             pose: &Self::Pose,
@@ -279,6 +290,21 @@ impl<H, const L: usize> Form<H, L> {
             _ => None,
         }
     }
+}
+
+/// A ball within a solid about the mean of its vertices: its center and radius. \[m\]
+fn ball_within<const L: usize>(solid: &impl Solid<L>) -> (Vector<f32, L>, f32) {
+    let mut sum = Vector::ZERO;
+    for edge in 0..solid.edges() {
+        let [from, to] = solid.edge(edge);
+        sum += from + to;
+    }
+    let center = sum * (0.5 / solid.edges() as f32);
+    let inside = |face| {
+        let (normal, vertex) = solid.face(face);
+        normal.dot(vertex - center)
+    };
+    (center, (0..solid.faces()).map(inside).fold(f32::INFINITY, f32::min))
 }
 
 /// Calls `found` with the outward normal of each face of a solid whose plane is within `near` \[m\] of a point.

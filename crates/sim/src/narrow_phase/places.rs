@@ -49,6 +49,7 @@ impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
     pub(super) fn next(
         &mut self,
         touch: &Touch<L>,
+        part: u32,
         a: &Frame<L>,
         b: &Frame<L>,
     ) -> (&mut Record<L>, &[Point<L>]) {
@@ -57,13 +58,13 @@ impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
             ([Point::OPEN; MAX_POINTS], [Trace::default(); MAX_POINTS]);
         let mut count = 0;
         let old = self.old();
-        if let Some(known) = self.before(touch.part) {
+        if let Some(known) = self.before(part) {
             count = known.count as usize;
             old_points[..count].copy_from_slice(old.points_of(known));
             old_traces[..count].copy_from_slice(old.traces_of(known));
         }
         let next = self.known.start + self.again;
-        let same = |next: &Record<L>| next.part == touch.part && count == touch.points.len();
+        let same = |next: &Record<L>| next.part == part && count == touch.points.len();
         let stays = self.resting.is_none() && self.records.manifolds.len() == self.first;
         let (record, points, traces) =
             if stays && next < self.known.end && old.of(next..next + 1).iter().all(same) {
@@ -166,7 +167,7 @@ mod tests {
     ) -> (u32, bool) {
         let mut places = Places::new(own, known, resting, records);
         for touch in touches {
-            let (record, _) = places.next(touch, &Frame::IDENTITY, &Frame::IDENTITY);
+            let (record, _) = places.next(touch, touch.part, &Frame::IDENTITY, &Frame::IDENTITY);
             record.part = touch.part;
         }
         places.finish(true)

@@ -89,6 +89,44 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
     }
 }
 
+/// Sets the targets of points that were apart to those of where they are after the motion: 0 where they touch now, so that
+/// what has come down stops. What bounces goes on: its blow is in the next substep. `rate` is -1 / h. \[1/s\]
+#[inline(always)]
+pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
+    block: &Block<V, L, A>,
+    points: &mut [Contact<V, L>],
+    moved: (usize, &[Velocity<f32, L, A>]),
+    rate: V,
+) {
+    let coming = points.iter().fold(V::ZERO, |most, point| most.max(-point.target[0]));
+    if !any(coming) {
+        return;
+    }
+    if block.center {
+        land_felt::<V, L, A, 0>(block, points, moved, rate);
+    } else {
+        land_felt::<V, L, A, A>(block, points, moved, rate);
+    }
+}
+
+/// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+#[inline(always)]
+fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
+    block: &Block<V, L, A>,
+    points: &mut [Contact<V, L>],
+    (first, displacements): (usize, &[Velocity<f32, L, A>]),
+    rate: V,
+) {
+    let [a, b] = block.gather_from(first, displacements);
+    let moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
+    for contact in points {
+        let gap = contact.gap[0] + contact.normal_velocity(&moved);
+        let target = gap.choose(gap * rate, V::ZERO);
+        let target = block.manifold.restitution.choose(contact.target[0], target);
+        contact.target[0] = (-contact.target[0]).choose(target, contact.target[0]);
+    }
+}
+
 /// Whether any lane is positive.
 #[inline(always)]
 fn any<V: Lanes>(of: V) -> bool {
