@@ -432,7 +432,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
         Mass {
             linear: if inertia.mass.is_finite() { f64::from(inertia.mass) } else { 0.0 },
-            angular: self.frames[body].tensor(inertia.moments).cast(),
+            angular: G::frame(&self.poses[body]).tensor(inertia.moments).cast(),
         }
     }
 

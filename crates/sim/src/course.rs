@@ -120,9 +120,8 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
     }
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again.
-    pub(crate) fn relax(&mut self, renewed: bool, terms: &Terms<L>) {
-        let moved = Some((&*self.displacements, terms.h));
-        self.contacts.relax(self.velocities, renewed, moved);
+    pub(crate) fn relax(&mut self, renewed: bool) {
+        self.contacts.relax(self.velocities, renewed);
         if self.contacts.has_surfaces() {
             self.contacts.resist(self.velocities);
         }
@@ -151,7 +150,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
             if renewed {
                 self.renew(terms);
             }
-            self.relax(renewed, terms);
+            self.relax(renewed);
             clock.lap(Stage::Relax);
         }
         self.trace(terms);

@@ -122,6 +122,8 @@ pub(crate) struct Books<const L: usize, const A: usize> {
     /// Kinetic and potential energy when the part began. \[J\]
     opening: [f64; 2],
     masses: Vec<Mass<L, A>>,
+    /// M^-1 of where bodies were when the masses were taken.
+    inverses: Vec<InverseMass<f32, L, A>>,
     /// At the start of the substep.
     start: Velocities<f32, L, A>,
     /// Before and after collisions; empty where nothing bounces.
@@ -148,6 +150,7 @@ impl<const L: usize, const A: usize> Books<L, A> {
         self.ledger = Ledger::default();
         self.masses.clear();
         self.masses.extend((0..system.velocities.len()).map(|body| bodies.mass(body)));
+        self.inverses.clone_from(&system.masses);
         self.opening = [self.kinetic_energy(&system.velocities), bodies.potential_energy(gravity)];
         self.impacts.clear();
         self.impacts.resize(system.contacts.len(), 0.0);
@@ -189,12 +192,13 @@ impl<const L: usize, const A: usize> Books<L, A> {
         let substep = h;
         let h = f64::from(h);
         self.take_means(&system.velocities);
-        for (body, mass) in self.masses.iter().enumerate() {
+        for (body, own) in self.masses.iter_mut().enumerate() {
             let [mean, after] = [&self.mean[0][body], &self.mean[1][body]];
-            if *mass == Mass::ZERO {
+            if *own == Mass::ZERO {
                 continue;
             }
-            let (push, inverse) = (bodies.force(body).cast::<f64>(), &system.masses[body]);
+            let mass = *own;
+            let (push, inverse) = (bodies.force(body).cast::<f64>(), &self.inverses[body]);
             let pushed = Velocity {
                 linear: push.linear * f64::from(inverse.linear),
                 angular: inverse.angular.cast() * push.angular,
@@ -213,6 +217,16 @@ impl<const L: usize, const A: usize> Books<L, A> {
             }
             let turned = difference(&self.moved, body);
             self.ledger.integration += after.dot(&mass.momentum(&turned));
+            if self.inverses[body] != system.masses[body] {
+                // It has turned: what relaxes it, meets another inertia than what has pushed it.
+                self.inverses[body] = system.masses[body];
+                *own = bodies.mass(body);
+                let end: Velocity<f64, L, A> = system.velocities[body].cast();
+                let relaxed = end - self.moved[1][body].cast();
+                let change = |of: &Velocity<f64, L, A>| own.momentum(of) - mass.momentum(of);
+                self.ledger.integration +=
+                    0.5 * end.dot(&change(&end)) - after.dot(&change(&relaxed));
+            }
         }
         let mut surfaces = surfaces.iter();
         for (number, manifold) in system.manifolds.iter().enumerate() {

@@ -160,8 +160,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                         velocities[own].angular = omega;
                         turned_by[own].remainder = remainder;
                         poses[own] = pose;
-                        let of_body = &given.inertia[first + own];
-                        masses[own].angular = G::frame(&pose).tensor(of_body.inverse_moments);
+                        let turn = omega * h;
+                        if turn.dot(turn) > kinematics::FAST_TURN * kinematics::FAST_TURN {
+                            let moments = given.inertia[first + own].inverse_moments;
+                            masses[own].angular = G::frame(&pose).tensor(moments);
+                        }
                     });
                 }
             }

@@ -147,6 +147,9 @@ struct Core<G: Geometry<L, A>, const L: usize, const A: usize> {
     ball: G::Collider,
 }
 
+/// A core stands in for what its shape touches where their normals are alike: the cosine between them. \[1\]
+const ALIKE: f32 = 0.99;
+
 /// Tells the parts of what cores touch from those of shapes, by which one is a core.
 const CORES: [u32; 2] = [1 << 29, 1 << 28];
 
@@ -429,9 +432,17 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let shape_a = (&around.shapes[a_shape as usize], &pose_a);
     let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
-    let mut all = |touch: &Touch<L>| keep(touch, touch.part);
+    // Along what it comes through.
+    let mut passed = None;
+    let approach = |normal: Vector<f32, L>| -normal.dot(ahead.motion);
+    let mut all = |touch: &Touch<L>| {
+        if approach(touch.normal) > pair.thickness {
+            passed = Some(touch.normal);
+        }
+        keep(touch, touch.part);
+    };
     let gap = G::collide(shape_a, shape_b, ahead, before, scratch, &mut all);
-    if ahead.motion.length() > pair.thickness {
+    if let Some(normal) = passed {
         for side in 0..2 {
             let (shape, pose) = [shape_a, shape_b][side];
             let number = pair.colliders[side];
@@ -445,7 +456,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             let mut passing = |touch: &Touch<L>| {
                 let gaps = touch.points.iter().map(|point| point.gap);
                 let gap = gaps.fold(f32::INFINITY, f32::min);
-                if gap + touch.normal.dot(ahead.motion) < 0.0 {
+                if touch.normal.dot(normal) > ALIKE && approach(touch.normal) > gap {
                     keep(touch, touch.part ^ CORES[side]);
                 }
             };

@@ -664,8 +664,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         if *renewed {
             self.course().renew(terms);
+            if plan.solving || plan.examined.is_some() {
+                self.certifier.climber.follow(&self.system);
+            }
         }
-        self.course().relax(*renewed, terms);
+        self.course().relax(*renewed);
         if plan.ledger {
             self.wide.unpack(&mut self.system);
             self.surfaces.note(&self.wide);

@@ -390,6 +390,16 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         self.masses.extend(system.masses.iter().map(|mass| (mass.mass(), mass.cast())));
     }
 
+    /// Takes the masses of bodies that have turned since.
+    pub fn retake_masses<T: Scalar>(&mut self, system: &System<T, L, A>) {
+        for (known, mass) in self.masses.iter_mut().zip(&system.masses) {
+            let inverse = mass.cast();
+            if known.1 != inverse {
+                *known = (mass.mass(), inverse);
+            }
+        }
+    }
+
     /// The mass of each island \[kg\], and how fast it is, root mean square by mass, in the measure of
     /// [`Certificate::error`] \[m/s\].
     pub(crate) fn find_speeds<T: Scalar>(

@@ -42,9 +42,6 @@ impl<T: Scalar, const L: usize> Contact<T, L> {
     }
 }
 
-/// How soft contacts that are still apart are, against those that touch. \[1\]
-const COMING: f64 = 0.01;
-
 impl<T: Real, const L: usize> Contact<T, L> {
     /// A part of it in another number.
     #[inline(always)]
@@ -183,8 +180,6 @@ impl<T: Real, const L: usize> Contact<T, L> {
         mobility: &Mobility<T, L, A>,
         softness: T,
     ) {
-        // What comes down is not to sag into what it comes upon.
-        let softness = self.gap[0].choose(softness * T::from_f64(COMING), softness);
         let stiff = T::ONE - softness;
         let entry = |i, j| self.entry::<A, B>(mobility, i, j);
         let a_ii = entry(0, 0);

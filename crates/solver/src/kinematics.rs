@@ -26,6 +26,9 @@ use crate::{Contact, Manifold, Real, Vector, Velocity, moment};
 /// amplitude of 5e-4 rad.
 pub const LEAST_TURN: f32 = 1e-5;
 
+/// Bodies that turn faster get M^-1 of where they are. \[rad per substep\]
+pub const FAST_TURN: f32 = 5e-3;
+
 /// Contacts that have turned by more than this since they were found are left as they are: other
 /// corners touch by then. \[rad\]
 const MOST_TURN: f64 = 0.2;

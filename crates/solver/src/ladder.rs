@@ -270,6 +270,11 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         self.limits.iter_mut().for_each(|limit| *limit = IN_LANES.max(FOR_A_BODY * *limit));
     }
 
+    /// Takes over the masses of bodies that have turned.
+    pub fn follow(&mut self, system: &System<f32, L, A>) {
+        self.tally.retake_masses(system);
+    }
+
     /// Brings every island within the tolerance: [`nncg`] in lanes for all, Newton's method in `f64`
     /// for those that it does not bring home. `wide` holds the contacts, with the impulses that
     /// `system.velocities` hold too; `prospective` are the velocities without them. `RESIDUALS`: as well

@@ -22,10 +22,7 @@ const AWAITING: &[&str] = &[
     "bricks",
     "dropped cone",
     "dropped cone in real time",
-    "hulls",
     "plate of infinite mass",
-    "stick on a table",
-    "rod",
     "rod in real time",
 ];
 
@@ -38,7 +35,6 @@ fn case(name: &str, bound: f64, unit: &str, measured: impl FnOnce() -> f64) {
     let value = catch_unwind(AssertUnwindSafe(measured)).unwrap_or(f64::NAN);
     println!("{name}: {value:.6} {unit}; accepted: up to {bound} {unit}");
     let holds = value <= bound;
-    if std::env::var_os("FA").is_some() { return; }
     if AWAITING.contains(&name) {
         assert!(!holds, "{name} holds now, with {value} {unit}: take it off the list AWAITING");
     } else {

@@ -132,15 +132,9 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         self.passes.renew(self, bodies, [dt, softness]);
     }
 
-    /// [`pgs::relax`](crate::pgs::relax); whether J has been [renewed](Self::renew) before. With the displacements
-    /// and the length of the substep \[s\] what has come down in it stops, if it does not bounce.
-    pub fn relax(
-        &mut self,
-        velocities: &mut [Velocity<f32, L, A>],
-        renewed: bool,
-        moved: Option<(&[Velocity<f32, L, A>], f32)>,
-    ) {
-        self.passes.relax(self, velocities, renewed, moved);
+    /// [`pgs::relax`](crate::pgs::relax); whether J has been [renewed](Self::renew) before.
+    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>], renewed: bool) {
+        self.passes.relax(self, velocities, renewed);
     }
 
     /// Whether any surface of the system runs or resists rolling ([`Packed::take_surfaces`]).
@@ -236,19 +230,13 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
     /// Length of the substep and softness.
-    fn renew(
-        &self,
-        batch: &mut Batch<'_, V, L, A>,
-        bodies: Renewing<'_, L, A>,
-        terms: [f32; 2],
-    );
+    fn renew(&self, batch: &mut Batch<'_, V, L, A>, bodies: Renewing<'_, L, A>, terms: [f32; 2]);
 
     fn relax(
         &self,
         batch: &mut Batch<'_, V, L, A>,
         velocities: &mut Velocities<L, A>,
         renewed: bool,
-        moved: Option<(&Velocities<L, A>, f32)>,
     );
 
     /// Target and time of [`Surface::run`].

@@ -9,9 +9,6 @@ use crate::{Contact, InverseMass, Manifold, Repair, Vector, Velocity};
 /// not in blows. \[1\]
 const MOST_LAG: f64 = 0.2;
 
-/// What turns faster gets W and the effective masses anew, too. \[rad per substep\]
-const FAST: f64 = 5e-3;
-
 /// What targets are set from ([`System::set_targets`](crate::System::set_targets)).
 #[derive(Clone, Copy)]
 pub(crate) struct Targets<'a, V: Lanes, const L: usize, const A: usize> {
@@ -89,44 +86,6 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
     }
 }
 
-/// Sets the targets of points that were apart to those of where they are after the motion: 0 where they touch now, so that
-/// what has come down stops. What bounces goes on: its blow is in the next substep. `rate` is -1 / h. \[1/s\]
-#[inline(always)]
-pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
-    block: &Block<V, L, A>,
-    points: &mut [Contact<V, L>],
-    moved: (usize, &[Velocity<f32, L, A>]),
-    rate: V,
-) {
-    let coming = points.iter().fold(V::ZERO, |most, point| most.max(-point.target[0]));
-    if !any(coming) {
-        return;
-    }
-    if block.center {
-        land_felt::<V, L, A, 0>(block, points, moved, rate);
-    } else {
-        land_felt::<V, L, A, A>(block, points, moved, rate);
-    }
-}
-
-/// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
-#[inline(always)]
-fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
-    block: &Block<V, L, A>,
-    points: &mut [Contact<V, L>],
-    (first, displacements): (usize, &[Velocity<f32, L, A>]),
-    rate: V,
-) {
-    let [a, b] = block.gather_from(first, displacements);
-    let moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
-    for contact in points {
-        let gap = contact.gap[0] + contact.normal_velocity(&moved);
-        let target = gap.choose(gap * rate, V::ZERO);
-        let target = block.manifold.restitution.choose(contact.target[0], target);
-        contact.target[0] = (-contact.target[0]).choose(target, contact.target[0]);
-    }
-}
-
 /// Whether any lane is positive.
 #[inline(always)]
 fn any<V: Lanes>(of: V) -> bool {
@@ -163,8 +122,7 @@ pub(crate) struct Renewing<'a, const L: usize, const A: usize> {
     pub(crate) masses: &'a [InverseMass<f32, L, A>],
 }
 
-/// Renews J of the manifolds of a block whose bodies turn ([`kinematics`](crate::kinematics)), and M^-1 where they turn
-/// fast: an impulse by W of a slender body as it lay before makes it spin about another axis than its own. `terms`
+/// Renews J of the manifolds of a block whose bodies turn ([`kinematics`](crate::kinematics)), and M^-1: an impulse by W of a slender body as it lay before makes it spin about another axis than its own. `terms`
 /// are the length of the substep \[s\] and the softness of contacts.
 #[inline(always)]
 pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
@@ -242,9 +200,7 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
         contact.gap = choose(own.gap, contact.gap);
         contact.target[0] = turns.choose(own.target[0], contact.target[0]);
     }
-    let [a, b] = moved;
-    if any(a.angular.dot(a.angular).max(b.angular.dot(b.angular)) - V::from_f64(FAST * FAST)) {
-        block.take_turned(first, bodies.masses);
-        block.prepare(points, softness);
-    }
+    // For all of them: what a lane gets must not depend on those beside it.
+    block.take_turned(first, bodies.masses);
+    block.prepare(points, softness);
 }
