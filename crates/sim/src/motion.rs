@@ -60,7 +60,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
 
     /// v = v* + M^-1 J^T gamma of the substep before, which `predict` has kept; it keeps v* for it.
     ///
-    /// J and M stay where nothing turns, so bodies know what their contacts will give them.
+    /// Where nothing turns, J and M stay, and bodies know what their contacts will give them.
     pub(crate) fn push(&mut self) {
         let (useful, share) = self.team.share(self.velocities.len(), PIECE);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));

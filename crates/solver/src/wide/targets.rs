@@ -173,7 +173,7 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     // Half of the impulse acts by J before the motion, half by J after it.
     let half = V::from_f64(0.5);
     let [to_a, from_b] = manifold.momenta(&wrench);
-    let next = Manifold { frame, arms, ..manifold.clone() };
+    let next = Manifold { frame, arms, ..*manifold };
     let [to_a_next, from_b_next] = next.momenta(&wrench);
     let lag = [(to_a_next - to_a) * half, (from_b_next - from_b) * half];
     // What is struck turns at once: that its arms lag behind would feed itself.
