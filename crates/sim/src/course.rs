@@ -26,7 +26,7 @@ pub(crate) struct Terms<const L: usize> {
     /// \[m/s^2\]
     pub(crate) gravity: Vector<f32, L>,
     pub(crate) repair: Repair<f32>,
-    /// Of contacts. \[1\]
+    /// epsilon over A_ii + epsilon of contacts. \[1\]
     pub(crate) softness: f32,
 }
 

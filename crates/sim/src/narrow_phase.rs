@@ -137,9 +137,8 @@ pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
     closing: Vec<Closing>,
 }
 
-/// What is within a shape that comes through more than it is thick: the ball that cannot turn out of the way
-/// ([`Geometry::core`]). A slender thing that is struck turns by so much in a substep that contacts of its corners,
-/// which see straight ahead, let it pass.
+/// The ball within a shape that comes through more than it is thick ([`Geometry::core`]): it cannot turn out of the
+/// way. A slender thing that is struck turns so far in a substep that the contacts of its corners let it pass.
 struct Core<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// The number of the shape.
     shape: u32,

@@ -93,7 +93,7 @@ struct Above {
     corners: std::ops::Range<usize>,
     /// Of a round shape: which part of its core is over the facet.
     over: [f32; 2],
-    /// Of a solid: whether it counts for the whole shape, not only for what has come by.
+    /// A solid is farthest from a triangle of it: all that is over it counts, not only what has come by.
     genuine: bool,
 }
 

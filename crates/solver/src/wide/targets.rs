@@ -122,8 +122,10 @@ pub(crate) struct Renewing<'a, const L: usize, const A: usize> {
     pub(crate) masses: &'a [InverseMass<f32, L, A>],
 }
 
-/// Renews J of the manifolds of a block whose bodies turn ([`kinematics`](crate::kinematics)), and M^-1: an impulse by W of a slender body as it lay before makes it spin about another axis than its own. `terms`
-/// are the length of the substep \[s\] and the softness of contacts.
+/// Renews J of the manifolds of a block whose bodies turn ([`kinematics`](crate::kinematics)), and M^-1.
+///
+/// An impulse by W of a slender body as it lay before would spin it about another axis than its own. `terms` are
+/// the length of the substep \[s\] and the softness of contacts.
 #[inline(always)]
 pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
     block: &mut Block<V, L, A>,

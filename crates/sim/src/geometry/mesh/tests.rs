@@ -37,8 +37,8 @@ fn shapes(random: &mut Random) -> Vec<SharedShape> {
     ]
 }
 
-/// How far a mesh is from a core of this half length and radius, along y: by its points, which are exact where the
-/// iterations for whole shapes are not. \[m\]
+/// The distance of a mesh from a round shape along y, by points of its core: they are exact where the iterations for
+/// whole shapes are not. \[m\]
 fn from_core(
     (half, radius): (f32, f32),
     own: &<Rigid3 as Geometry<3, 3>>::Pose,
