@@ -119,9 +119,9 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
         contacts.renew(velocities, displacements, masses, [terms.h, terms.softness]);
     }
 
-    /// A sweep of rigid contacts: takes the velocity of overlap repair out again.
-    pub(crate) fn relax(&mut self, renewed: bool) {
-        self.contacts.relax(self.velocities, renewed);
+    /// A sweep of rigid contacts: takes the velocity of overlap repair out again, and stops what has landed.
+    pub(crate) fn relax(&mut self, renewed: bool, terms: &Terms<L>) {
+        self.contacts.relax(self.velocities, renewed, Some((self.displacements, terms.h)));
         if self.contacts.has_surfaces() {
             self.contacts.resist(self.velocities);
         }
@@ -150,7 +150,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
             if renewed {
                 self.renew(terms);
             }
-            self.relax(renewed);
+            self.relax(renewed, terms);
             clock.lap(Stage::Relax);
         }
         self.trace(terms);

@@ -13,7 +13,7 @@ use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
 use crate::colliders::Colliders;
 use crate::geometry::{Ahead, Frame, Geometry, Touch};
 use crate::narrow_phase::places::Places;
-use crate::seams::Closing;
+use crate::seams::{AHEAD, Closing};
 use crate::travel::{Moving, Travel};
 
 /// What the narrow phase reads.
@@ -84,7 +84,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
         let (ahead, turning) = (a.linear - b.linear, a.angular + b.angular);
         for (record, number) in view.of(numbers).iter().zip(0..) {
             let gap = view.traces_of(record)[0].gap[0].max(0.0);
-            if turning - record.normal.dot(ahead) > gap + NOWHERE * pair.thickness {
+            if AHEAD * (turning - record.normal.dot(ahead)) > gap + NOWHERE * pair.thickness {
                 let corners = |&shape: &u32| G::has_corners(&self.shapes[shape as usize]);
                 if pair.colliders.iter().any(corners) {
                     found(number);

@@ -133,8 +133,15 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
     }
 
     /// [`pgs::relax`](crate::pgs::relax); whether J has been [renewed](Self::renew) before.
-    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>], renewed: bool) {
-        self.passes.relax(self, velocities, renewed);
+    /// With the displacements and the length of the substep \[s\], bodies that have landed in it stop, unless they
+    /// bounce.
+    pub fn relax(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        renewed: bool,
+        moved: Option<(&[Velocity<f32, L, A>], f32)>,
+    ) {
+        self.passes.relax(self, velocities, renewed, moved);
     }
 
     /// Whether any surface of the system runs or resists rolling ([`Packed::take_surfaces`]).
@@ -237,6 +244,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         batch: &mut Batch<'_, V, L, A>,
         velocities: &mut Velocities<L, A>,
         renewed: bool,
+        moved: Option<(&Velocities<L, A>, f32)>,
     );
 
     /// Target and time of [`Surface::run`].

@@ -218,8 +218,13 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
     }
 
     /// [`Batch::relax`].
-    pub fn relax(&mut self, velocities: &mut [Velocity<f32, L, A>], renewed: bool) {
-        on_lanes!(self, batch => batch.relax(velocities, renewed));
+    pub fn relax(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        renewed: bool,
+        moved: Option<(&[Velocity<f32, L, A>], f32)>,
+    ) {
+        on_lanes!(self, batch => batch.relax(velocities, renewed, moved));
     }
 
     /// [`Batch::has_surfaces`].

@@ -9,7 +9,7 @@ use std::any::Any;
 use super::batch::{Batch, Passes, Velocities, View};
 use super::block::{Block, splat};
 use super::conjugate::{Conjugate, of};
-use super::targets::{Renewing, Targets, renew};
+use super::targets::{Renewing, Targets, land, renew};
 use super::walk::{Field, Ground, Reading};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
@@ -118,11 +118,11 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         velocities: &mut Velocities<L, A>,
         targets: Option<&Targets<'_, V, L, A>>,
     ) {
-        visit_all::<V, L, A, false, false>(batch, velocities, targets, false);
+        visit_all::<V, L, A, false>(batch, velocities, targets);
     }
 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
-        visit_all::<V, L, A, false, true>(batch, velocities, None, false);
+        visit_all::<V, L, A, true>(batch, velocities, None);
     }
 
     fn relax(
@@ -130,8 +130,20 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         batch: &mut Batch<'_, V, L, A>,
         velocities: &mut Velocities<L, A>,
         renewed: bool,
+        moved: Option<(&Velocities<L, A>, f32)>,
     ) {
-        visit_all::<V, L, A, true, true>(batch, velocities, None, renewed);
+        let first = batch.bodies.start;
+        let moved = moved.map(|(displacements, dt)| (displacements, splat::<V>(dt)));
+        Ground::new(batch, velocities).each(
+            #[inline(always)]
+            |mut at| {
+                let points = at.points();
+                if let Some((displacements, dt)) = moved {
+                    land(at.block, points, first, displacements, dt);
+                }
+                at.visit::<true, true>(points, renewed);
+            },
+        );
     }
 
     fn renew(&self, batch: &mut Batch<'_, V, L, A>, bodies: Renewing<'_, L, A>, terms: [f32; 2]) {
@@ -292,11 +304,10 @@ fn worst<V: Lanes, const L: usize, const A: usize>(
     (0..WIDTH).map(|lane| worst.get(lane)).fold(0.0, f32::max)
 }
 
-fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
+fn visit_all<V: Lanes, const L: usize, const A: usize, const FRICTION: bool>(
     batch: &mut Batch<'_, V, L, A>,
     velocities: &mut Velocities<L, A>,
     targets: Option<&Targets<'_, V, L, A>>,
-    lagging: bool,
 ) {
     let ground = Ground::new(batch, velocities).and(targets.map(|targets| targets.displacements));
     ground.each(
@@ -307,7 +318,7 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const RIGID: bool, const 
                 let moving = if targets.turning { Some(at.gather()) } else { None };
                 targets.set(at.block, points, moving);
             }
-            at.visit::<RIGID, FRICTION>(points, lagging);
+            at.visit::<false, FRICTION>(points, false);
         },
     );
 }

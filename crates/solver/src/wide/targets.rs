@@ -86,6 +86,53 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
     }
 }
 
+/// A point has landed if less than this part of its gap is left. \[1\]
+const LANDED: f64 = 1e-3;
+
+/// Sets the targets of points that have landed in the substep to 0: the bodies stop there and do not arrive in the next
+/// substep at the speed of their approach. Bodies that bounce keep it: the impact is in the next substep.
+#[inline(always)]
+pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
+    block: &Block<V, L, A>,
+    points: &mut [Contact<V, L>],
+    first: usize,
+    displacements: &[Velocity<f32, L, A>],
+    dt: V,
+) {
+    let coming = points.iter().fold(V::ZERO, |most, point| most.max(-point.target[0]));
+    if !any(coming) {
+        return;
+    }
+    if block.center {
+        land_felt::<V, L, A, 0>(block, points, first, displacements, dt);
+    } else {
+        land_felt::<V, L, A, A>(block, points, first, displacements, dt);
+    }
+}
+
+/// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+///
+/// [`Manifold::twist_felt`]: crate::Manifold
+#[inline(always)]
+fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
+    block: &Block<V, L, A>,
+    points: &mut [Contact<V, L>],
+    first: usize,
+    displacements: &[Velocity<f32, L, A>],
+    dt: V,
+) {
+    let [a, b] = block.gather_from(first, displacements);
+    let moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
+    for contact in points {
+        let gap = contact.gap[0] + contact.normal_velocity(&moved);
+        // The target is -1 / dt of the gap that there was.
+        let left = gap + contact.target[0] * dt * V::from_f64(LANDED);
+        let target = left.choose(contact.target[0], V::ZERO);
+        let target = block.manifold.restitution.choose(contact.target[0], target);
+        contact.target[0] = (-contact.target[0]).choose(target, contact.target[0]);
+    }
+}
+
 /// Whether any lane is positive.
 #[inline(always)]
 fn any<V: Lanes>(of: V) -> bool {

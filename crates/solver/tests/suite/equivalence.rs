@@ -111,7 +111,7 @@ fn packed<V: Lanes, const L: usize, const A: usize>(
         packed.set_targets(displacements, None, &REPAIR);
         let mut whole = packed.whole(&mut []);
         whole.sweep_normals(v);
-        whole.relax(v, false);
+        whole.relax(v, false, None);
     }
     packed.unpack(&mut system);
     assert_eq!(f64::from(packed.residual(&system.velocities)), system.residual(true));
@@ -301,7 +301,7 @@ fn step_both<const L: usize, const A: usize>(
     let [after, kept] = [&mut anew, keeping].map(|packed| {
         let (mut velocities, mut whole) = (system.velocities.clone(), packed.whole(&mut traces));
         whole.sweep_normals_to_targets(&mut velocities, &displacements, false, &REPAIR);
-        whole.relax(&mut velocities, false);
+        whole.relax(&mut velocities, false, None);
         whole.trace(&displacements, REPAIR.hold);
         let mut after = System { velocities, ..system.clone() };
         packed.unpack(&mut after);
@@ -430,7 +430,7 @@ fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
             wide.set_targets(&still, None, &REPAIR);
             let mut whole = wide.whole(&mut []);
             whole.sweep_normals(&mut system.velocities);
-            whole.relax(&mut system.velocities, false);
+            whole.relax(&mut system.velocities, false, None);
         }
         wide.set_islands(&all_as_one(&system));
         wide.begin_conjugate();
@@ -573,7 +573,7 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
                     batch.sweep_normals_to_targets(v, moved, false, &REPAIR);
                     batch.sweep_normals(v);
                     batch.sweep(v);
-                    batch.relax(v, false);
+                    batch.relax(v, false, None);
                 }
                 batch.trace(moved, REPAIR.hold);
             });
