@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use drystone_solver::team::{Divide, Team};
-use drystone_solver::wide::WideBatch;
+use drystone_solver::wide::{Landing, WideBatch};
 use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 
 use crate::bodies::{Bodies, Given, InMotion, Turn};
@@ -121,7 +121,8 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again, and stops what has landed.
     pub(crate) fn relax(&mut self, renewed: bool, terms: &Terms<L>) {
-        self.contacts.relax(self.velocities, renewed, Some((self.displacements, terms.h)));
+        let landing = Landing { displacements: self.displacements, dt: terms.h };
+        self.contacts.relax(self.velocities, renewed, Some(landing));
         if self.contacts.has_surfaces() {
             self.contacts.resist(self.velocities);
         }

@@ -42,18 +42,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                     continue;
                 }
                 let force = given.force(body);
-                let before = *velocity;
+                let mut gain = Velocity::ZERO;
                 if mass.linear > 0.0 {
                     let fall = given.pull(body, gravity);
-                    velocity.linear += (fall + force.linear * mass.linear) * h;
+                    gain.linear = (fall + force.linear * mass.linear) * h;
                 }
                 if force.angular != Vector::ZERO {
-                    velocity.angular += (mass.angular * force.angular) * h;
+                    gain.angular = (mass.angular * force.angular) * h;
                 }
                 if let Some(damping) = given.damping.get(body) {
-                    *velocity += damped(*damping, &before, &(*velocity - before), h);
+                    gain += damped(*damping, velocity, &gain, h);
                 }
-                *moved -= (*velocity - before) * (0.5 * h);
+                *velocity += gain;
+                *moved -= gain * (0.5 * h);
             }
         });
     }

@@ -226,12 +226,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
                 continue;
             }
             let manifolds = if old { known } else { first..records.manifolds.len() };
-            if !kept {
-                let found = if old { own.view() } else { records.view() };
-                around.closing(pair, found, manifolds.clone(), |record| {
-                    closing.push(Closing { pair: number, record });
-                });
-            }
+            let found = if old { own.view() } else { records.view() };
+            around.closing(pair, found, manifolds.clone(), |record| {
+                closing.push(Closing { pair: number, record });
+            });
             pair.first = counts[0] as u32;
             counts[0] += manifolds.len();
             match runs.last_mut() {

@@ -12,6 +12,7 @@
 //!
 //! So nothing runs into the side of what does not stick out of the floor, and a step that does stops it.
 
+use drystone_solver::wide::Past;
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::Bodies;
@@ -269,6 +270,8 @@ impl<const L: usize> Seams<L> {
         for plane in planes {
             ask(plane.axis, plane.allowed, plane.record, plane.side);
         }
+        // What stands on a plane touches the other's side as far below its edge.
+        let near = planes.iter().fold(flush, |most, plane| most.max(plane.allowed));
         for side in 0..2 {
             let mut face = |outward: Vector<f32, L>| {
                 let axis = outward * if side == 0 { -1.0 } else { 1.0 };
@@ -286,7 +289,7 @@ impl<const L: usize> Seams<L> {
                 }
             };
             let (shape, pose) = (corner.shapes[side], &corner.poses[side]);
-            G::faces_at(shape, pose, places[side], flush, &mut face);
+            G::faces_at(shape, pose, places[side], near, &mut face);
         }
         best
     }
@@ -312,8 +315,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
     /// is nearest along the new axis.
     fn turn(&self, pair: &mut Pair, turn: &Turn<L>, records: &mut Records<L>) {
         let Way { axis, gap, height } = turn.way;
+        let past = &mut records.past[turn.record as usize];
+        let kept = matches!(past, Past::Kept(_));
+        *past = past.changed();
         let mut all = records.view_mut();
         let (record, points, traces) = all.place(turn.record as usize);
+        if kept {
+            record.traced = record.normal;
+        }
         let corner = self.corner(pair);
         let [a, b] = &corner.frames;
         let of_a = turn.side == 0;

@@ -668,7 +668,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 self.certifier.climber.follow(&self.system);
             }
         }
-        self.course().relax(*renewed, &terms);
+        self.course().relax(*renewed, terms);
         if plan.ledger {
             self.wide.unpack(&mut self.system);
             self.surfaces.note(&self.wide);

@@ -134,18 +134,15 @@ impl<T: Real, const L: usize> Manifold<T, L> {
 
 impl<T: Real, const L: usize> Contact<T, L> {
     /// Measures the gap from a renewed J: `before` and `after` are the twists of what the bodies have
-    /// moved since it was measured, by J before, with the bend, and by J after. The target becomes that
-    /// of the new gap, as rigid contacts have it ([`relax`](crate::pgs::relax)).
+    /// moved since it was measured, by J before, with the bend, and by J after.
     #[inline(always)]
     pub(crate) fn renew<const A: usize>(
         &mut self,
         before: &Velocity<T, L, A>,
         after: &Velocity<T, L, A>,
-        dt: T,
     ) {
         let gap = self.gap + self.relative_velocity(before);
         self.gap = gap - self.relative_velocity(after);
-        self.target[0] = gap[0].choose(gap[0] * (-T::ONE / dt), T::ZERO);
     }
 }
 

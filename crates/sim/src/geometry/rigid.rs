@@ -27,7 +27,7 @@ const LYING: f32 = 0.1;
 const ALONE: usize = 2;
 
 /// Larger turns in a substep are taken in parts. \[rad\]
-const COARSE: f32 = 1.0 / 32.0;
+const COARSE: f32 = 1.0 / 128.0;
 
 /// Above this ratio of its moments of inertia, the rounding of `f32` is seen in a body's energy: it grows with the root
 /// of the ratio. \[1\]

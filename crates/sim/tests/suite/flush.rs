@@ -115,7 +115,11 @@ fn check<G: Rigid<L, A>, const L: usize, const A: usize>(
     let [lost, rise] = ride::<G, L, A>(of, shape, rolls);
     // Of small bodies a part of their size.
     let most = 1e-3f32.min(0.05 * of.size.max(0.02));
-    assert!(lost < 0.01 && rise < most, "{L}D {name}: {lost} lost, {rise} m up: {of:?}");
+    // A slow box that sags over a seam leans by a milliradian: its weight costs it a few millimeters a second.
+    assert!(
+        lost < 0.01f32.max(0.006 / of.speed) && rise < most,
+        "{L}D {name}: {lost} lost, {rise} m up: {of:?}"
+    );
 }
 
 /// A box, a hull and what is round, over seams of these supports.
@@ -136,6 +140,100 @@ fn seams_of_all_supports_are_not_felt() {
                 let of = Ride { floor, supports, realtime, ..Ride::PLAIN };
                 all::<Rigid2, 2, 1>(of);
                 all::<Rigid3, 3, 3>(of);
+            }
+        }
+    }
+}
+
+#[test]
+fn seams_of_dynamic_planks_are_not_felt() {
+    for (realtime, speed) in [(false, 1.0), (false, 4.0), (true, 4.0), (true, 16.0)] {
+        let of = Ride { supports: Motion::Dynamic, realtime, speed, ..Ride::PLAIN };
+        for floor in [Floor::Boxes, Floor::Hulls] {
+            all::<Rigid3, 3, 3>(Ride { floor, ..of });
+            all::<Rigid2, 2, 1>(Ride { floor, ..of });
+        }
+    }
+}
+
+#[test]
+fn seams_are_not_felt_at_any_speed_and_rate() {
+    for speed in [0.1, 1.0, 16.0] {
+        for rate in [24.0, 60.0, 240.0] {
+            for realtime in [false, true] {
+                let of = Ride { speed, rate, realtime, ..Ride::PLAIN };
+                all::<Rigid3, 3, 3>(of);
+            }
+        }
+    }
+}
+
+#[test]
+fn seams_are_not_felt_at_any_size() {
+    for size in [0.02, 0.05, 1.0, 4.0] {
+        for realtime in [false, true] {
+            let of = Ride { size, realtime, speed: 2.0, ..Ride::PLAIN };
+            all::<Rigid3, 3, 3>(of);
+            all::<Rigid2, 2, 1>(of);
+        }
+    }
+}
+
+/// Half a meter or five centimeters: 5 mm stop the box that runs against them.
+#[test]
+fn a_step_stops_what_runs_against_it() {
+    for size in [0.05, 0.5] {
+        for realtime in [false, true] {
+            for floor in [Floor::Boxes, Floor::Hulls, Floor::Parts] {
+                let of = Ride { size, speed: 2.0, realtime, floor, step: 0.005, ..Ride::PLAIN };
+                let [lost, _] = ride::<Rigid3, 3, 3>(of, Rigid3::cuboid([size; 3]), false);
+                assert!(lost > 0.5, "{lost} lost: {of:?}");
+                let [lost, _] = ride::<Rigid2, 2, 1>(of, Rigid2::cuboid([size; 2]), false);
+                assert!(lost > 0.5, "2D: {lost} lost: {of:?}");
+            }
+        }
+    }
+}
+
+/// A floor of polygons that turns by an angle at each seam: what slides there follows it, and loses at a hollow
+/// no more than the part of its speed that points into the next one.
+#[test]
+fn a_chain_of_polygons_does_not_catch() {
+    for angle in [-0.02f32, -0.002, 0.0, 0.002, 0.02, 0.05] {
+        for round in [false, true] {
+            for realtime in [false, true] {
+                let mut world = World::<Rigid2, 2, 1>::new(if realtime {
+                    StepSettings::realtime()
+                } else {
+                    StepSettings::certified()
+                });
+                world.gravity = Vector([0.0, -GRAVITY]);
+                let smooth = surface(0.0, 0.0);
+                let (mut at, mut slope) = ([-2.0f32, 0.0f32], -2.0 * angle);
+                for _ in 0..8 {
+                    let end = [at[0] + slope.cos(), at[1] + slope.sin()];
+                    let points = [at, end, [end[0], -2.0], [at[0], -2.0]];
+                    world.add(body(Motion::Static, [0.0; 2], Rigid2::hull(&points), &smooth));
+                    (at, slope) = (end, slope + angle);
+                }
+                let (size, speed) = (0.1, 3.0);
+                let shape = if round { Rigid2::ball(size) } else { Rigid2::cuboid([size; 2]) };
+                let start = [-1.5, 0.5 * (-2.0 * angle).sin() + size / (2.0 * angle).cos()];
+                let mut slider = moving(dynamic(start, shape, &smooth), [speed, 0.0]);
+                slider.pose = Rigid2::turned(start, -2.0 * angle);
+                let slope = -2.0 * angle;
+                slider.velocity.linear = Vector([speed * slope.cos(), speed * slope.sin()]);
+                let slider = world.add(slider);
+                let start = energy(&world);
+                for _ in 0..100 {
+                    world.step(DT);
+                }
+                let weight = f64::from(0.5 * speed * speed) * 1000.0 * f64::from(size * size);
+                let lost = (start - energy(&world))
+                    / (weight * if round { std::f64::consts::PI } else { 4.0 });
+                assert!(lost < 0.03, "{angle} rad, {realtime}, {round}: {lost} of the energy lost");
+                let x = Rigid2::frame(&world.pose(slider).unwrap()).position[0];
+                assert!(x > 3.0, "{angle} rad: stopped at {x} m");
             }
         }
     }

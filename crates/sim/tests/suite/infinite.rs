@@ -63,6 +63,38 @@ fn infinite_masses_are_as_large_ones() {
     }
 }
 
+/// Wheels alone on the ground, whose islands have no mass at all, and locked bodies under a heap.
+#[test]
+fn islands_without_mass_are_finite() {
+    for settings in [StepSettings::certified(), StepSettings::realtime()] {
+        let mut world: World3 = world();
+        world.settings = StepSettings { certify: true, ..settings };
+        add_floor(&mut world, &surface(0.5, 0.0));
+        for (i, moments) in [[1.0, 1.0, 1.0], [0.0, 1.0, 0.0], [0.0; 3]].into_iter().enumerate() {
+            let shape = Rigid3::cuboid([0.5, 0.1, 0.3]);
+            let mut wheel = dynamic([3.0 * i as f32, 0.11, 0.0], shape, &surface(0.5, 0.2));
+            wheel.pose = Rigid3::pose(wheel_place(i), &[0.1, 0.0, 0.2, 0.97]);
+            wheel.velocity.angular = Vector([0.0, 0.0, -1.0]);
+            let moments = Vector(moments);
+            wheel.inertia = Some(Inertia {
+                mass: f32::INFINITY,
+                center: Vector::ZERO,
+                moments: SymmetricMatrix::diagonal(moments),
+                inverse_moments: SymmetricMatrix::diagonal(moments),
+            });
+            world.add(wheel);
+            let box_on_it = Rigid3::cuboid([0.1; 3]);
+            world.add(dynamic([3.0 * i as f32, 0.6, 0.0], box_on_it, &surface(0.5, 0.2)));
+        }
+        for step in 0..60 {
+            let report = world.step(DT);
+            assert!(world.measure().finite, "step {step}");
+            let error = report.certified.map_or(0.0, |certified| certified.error);
+            assert!(error.is_finite(), "step {step}: {error}");
+        }
+    }
+}
+
 fn wheel_place(i: usize) -> Vector<f32, 3> {
     Vector([3.0 * i as f32, 0.2, 0.0])
 }

@@ -11,27 +11,20 @@ mod determinism;
 mod energy;
 mod far;
 mod field;
-#[allow(unused)]
 mod flush;
 mod fuzz;
 mod gltf;
 mod gltf_physics;
 mod guide;
 mod house;
-#[allow(unused)]
 mod infinite;
 mod jam;
-#[allow(unused)]
 mod meshes;
-#[allow(unused)]
 mod patches;
 mod scene;
 mod sleep;
-#[allow(unused)]
 mod spin;
-#[allow(unused)]
 mod squeeze;
-#[allow(unused)]
 mod surfaces;
 mod usd;
 mod world;

@@ -391,6 +391,40 @@ fn inner_edges_do_not_slow() {
     }
 }
 
+/// Marbles of a few millimeters at 20 m/s do not pass a mesh of one layer.
+#[test]
+fn small_marbles_do_not_pass() {
+    let mut random = Random(5);
+    for (n, height) in [(1, FLAT), (40, FLAT), (20, BUMPY)] {
+        let ground = Ground { n, height };
+        for (name, settings, dt) in paces() {
+            let mut world = with(&settings);
+            let rough = surface(0.4, 0.0);
+            world.add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Given), &rough));
+            let ids: Vec<_> = (0..9)
+                .map(|i| {
+                    let radius = [0.001, 0.003, 0.01][i % 3];
+                    let x = -0.2 + 0.2 * (i % 3) as f32;
+                    let place = [x, 0.1 + random.between(0.0, 0.3), -0.2 + 0.2 * (i / 3) as f32];
+                    let marble = dynamic(place, Rigid3::ball(radius), &rough);
+                    let aside: [f32; 3] = random.vector(6.0);
+                    world.add(moving(marble, [aside[0], -20.0, aside[2]]))
+                })
+                .collect();
+            for _ in 0..(0.3 / dt) as usize {
+                world.step(dt);
+            }
+            for id in ids {
+                let place = place(&world, id);
+                if place[0].abs() < 0.95 && place[2].abs() < 0.95 {
+                    let deep = ground.below(place[0], place[2]) - place[1];
+                    assert_below(&format!("{n} squares, {name}: center below [m]"), deep, 2e-3);
+                }
+            }
+        }
+    }
+}
+
 /// A box that lies on a wavy mesh lies still.
 #[test]
 fn a_box_on_waves_does_not_creep() {
@@ -405,5 +439,48 @@ fn a_box_on_waves_does_not_creep() {
         run(&mut world, 3.0);
         let moved = (place(&world, id) - start).length();
         assert_below(&format!("{winding:?}: moved [m]"), moved, 2e-4);
+    }
+}
+
+/// Plates, sticks and capsules that come at 20 m/s in real time do not pass a floor of 2 cm, nor gain energy there.
+#[test]
+fn slender_things_do_not_pass_thin_floors() {
+    let mut random = Random(5);
+    let shapes = [
+        Rigid3::cuboid([0.06, 0.006, 0.048]),
+        Rigid3::cuboid([0.1, 0.004, 0.004]),
+        Rigid3::capsule(0.06, 0.01),
+    ];
+    for shape in shapes {
+        let mut world = with(&StepSettings::realtime());
+        let rough = surface(0.5, 0.0);
+        world.add(body(
+            Motion::Static,
+            [0.0, -0.01, 0.0],
+            Rigid3::cuboid([30.0, 0.01, 30.0]),
+            &rough,
+        ));
+        let mut things = Vec::new();
+        for i in 0..60 {
+            let (x, z) = (0.72 * (i % 8) as f32, 0.72 * (i / 8) as f32);
+            let at = [x, 0.12 + random.between(0.0, 0.8), z];
+            let mut thrown = dynamic(at, shape.clone(), &rough);
+            thrown.pose = Rigid3::advance(&thrown.pose, Vector::ZERO, Vector(random.vector(3.0)));
+            thrown.velocity.linear = Vector([0.0, -20.0, 0.0]);
+            things.push(world.add(thrown));
+        }
+        for _ in 0..60 {
+            let before = energy(&world);
+            world.step(1.0 / 60.0);
+            let after = energy(&world);
+            assert!(
+                after < before * (1.0 + 1e-3 * before.signum()) + 1e-3,
+                "{before} J to {after} J"
+            );
+        }
+        for id in things {
+            let place = place(&world, id);
+            assert!(place[1] > -0.01, "{place:?}");
+        }
     }
 }

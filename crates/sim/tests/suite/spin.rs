@@ -181,3 +181,58 @@ fn a_minute_of_free_rotation_does_not_drift() {
         assert!(changes.iter().all(|change| *change < 1e-3), "{moments:?}, {omega:?}: {changes:?}");
     }
 }
+
+/// Ten turns of a tumble about the middle axis follow the exact solution.
+#[test]
+fn a_tumble_follows_the_exact_solution() {
+    for (settings, rate, speed) in [
+        (StepSettings::quality(), 60.0, 6.0),
+        (StepSettings::realtime(), 60.0, 6.0),
+        (StepSettings::realtime(), 60.0, 60.0),
+        (StepSettings::realtime(), 24.0, 200.0),
+    ] {
+        let omega = [0.02 * speed, speed, 0.01 * speed];
+        let mut top = Top::new(settings, [0.1, 0.26, 0.34], [0.0, 0.0, 0.0, 1.0], omega);
+        let start = start(&top);
+        let steps = (std::f32::consts::TAU * 10.0 / speed * rate).ceil() as usize;
+        (0..steps).for_each(|_| drop(top.world.step(1.0 / rate)));
+        let seconds = steps as f64 * f64::from(1.0 / rate);
+        let [angle, part] = error(&top, start, seconds);
+        println!("{speed} rad/s: {angle} rad, {part} of the angular velocity");
+        assert!(angle < 0.05 && part < 0.05, "{speed} rad/s: {angle} rad, {part}");
+    }
+}
+
+/// The error of the motion is below the square of the turn in a substep.
+#[test]
+fn free_rotation_is_of_second_order() {
+    let errors = [2, 4, 8, 16, 32, 64].map(|substeps| {
+        let settings = StepSettings { substeps, ..StepSettings::realtime() };
+        let mut top = Top::new(settings, [0.1, 0.26, 0.34], [0.0, 0.6, 0.0, 0.8], [1.0, 4.0, 2.0]);
+        let start = start(&top);
+        (0..60).for_each(|_| drop(top.world.step(1.0 / 20.0)));
+        error(&top, start, 60.0 * f64::from(1.0f32 / 20.0))[0]
+    });
+    println!("errors with 2 to 64 substeps: {errors:?} rad");
+    for (error, doubled) in errors.into_iter().zip(0..) {
+        let turn = 21.0_f64.sqrt() / f64::from(20 << (doubled + 1));
+        // Rounding of the attitude is left.
+        assert!(error < turn * turn + 5e-5, "{errors:?}");
+    }
+}
+
+/// A symmetric top precesses about its angular momentum at L / I, at any speed.
+#[test]
+fn a_symmetric_top_is_exact() {
+    for (speed, rate) in [(3.0f32, 60.0f32), (60.0, 60.0), (200.0, 24.0)] {
+        let omega = [0.8 * speed, 0.6 * speed, 0.0];
+        let settings = StepSettings::realtime();
+        let mut top = Top::new(settings, [0.3, 0.1, 0.3], [0.0, 0.0, 0.0, 1.0], omega);
+        let start = start(&top);
+        (0..60).for_each(|_| drop(top.world.step(1.0 / rate)));
+        let turned = speed * 60.0 / rate;
+        let [angle, part] = error(&top, start, 60.0 * f64::from(1.0 / rate));
+        println!("{speed} rad/s, turned by {turned} rad: {angle} rad, {part}");
+        assert!(angle < 1e-4 * f64::from(turned) + 1e-4 && part < 1e-3, "{speed}: {angle}, {part}");
+    }
+}

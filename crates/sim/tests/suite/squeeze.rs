@@ -92,6 +92,12 @@ fn no_deeper_than_inelastic<G: Rigid<L, A>, const L: usize, const A: usize>(
     }
 }
 
+#[test]
+fn a_bounce_presses_no_deeper_than_an_inelastic_blow() {
+    no_deeper_than_inelastic::<Rigid3, 3, 3>(&StepSettings::quality());
+    no_deeper_than_inelastic::<Rigid2, 2, 1>(&StepSettings::quality());
+}
+
 /// Certified steps take the worst case that was seen: 30 times as dense, and off the middle.
 #[test]
 fn a_certified_squeeze_stays_shallow() {

@@ -108,6 +108,35 @@ fn a_belt_runs_in_the_frame_of_its_body_or_of_the_world() {
     assert_within("of the world's", x.hypot(y), angle.cos(), 2e-3);
 }
 
+/// A table that stands and whose surface turns carries a box round, on its shape or on its body.
+#[test]
+fn a_turntable_that_stands_carries_round() {
+    for of_shape in [false, true] {
+        let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
+        let omega = 1.5;
+        let motion = SurfaceMotion::angular(Vector([0.0, omega, 0.0]));
+        let mut table =
+            Body::new(Motion::Static, [3.0, -0.5, 1.0], Rigid3::cuboid([4.0, 0.5, 4.0]));
+        if of_shape {
+            table.colliders[0].surface_velocity = Some(motion);
+        } else {
+            table.surface_velocity = Some(motion);
+        }
+        world.add(table);
+        let material = surface(0.8, 0.0);
+        let mut load = dynamic([4.0, 0.1, 1.0], Rigid3::cuboid([0.1; 3]), &material);
+        load.velocity.linear = Vector([0.0, 0.0, -omega]);
+        load.velocity.angular = Vector([0.0, omega, 0.0]);
+        let id = world.add(load);
+        run(&mut world, 4.0);
+        let [x, _, z] = place(&world, id).0;
+        assert_within("radius", (x - 3.0).hypot(z - 1.0), 1.0, 0.01);
+        let angle = f32::atan2(-(z - 1.0), x - 3.0).rem_euclid(std::f32::consts::TAU);
+        assert_within("angle", angle, 4.0 * omega, 0.02);
+        assert_within("turning", velocity(&world, id).angular[1], omega, 0.01);
+    }
+}
+
 /// What has a running surface itself drives on a floor, and against a belt that runs.
 #[test]
 fn both_surfaces_run() {
@@ -190,6 +219,31 @@ fn rolling_resistance_slows_at_the_rate_on_paper() {
     }
 }
 
+/// On slopes below atan(rho / r) a ball stays; above, it rolls at what is left.
+#[test]
+fn a_ball_stays_on_a_slight_slope() {
+    for settings in &presets() {
+        for (slope, rolls) in [(0.03_f32, false), (0.1, true)] {
+            let mut world: World<Rigid3, 3, 3> = world_of(settings);
+            let normal = [slope.sin(), slope.cos(), 0.0];
+            let floor = Body::new(Motion::Static, [0.0; 3], Rigid3::halfspace(normal));
+            world.add(floor);
+            let (radius, rho) = (0.1, 0.005);
+            let material = Material { rolling_resistance: f64::from(rho), ..surface(0.5, 0.0) };
+            let at = normal.map(|x| x * radius);
+            let id = world.add(dynamic(at, Rigid3::ball(radius), &material));
+            run(&mut world, 3.0);
+            let gone = (place(&world, id) - Vector(at)).length();
+            if rolls {
+                let pull = GRAVITY * (slope.sin() - rho / radius * slope.cos()) / 1.4;
+                assert_within("how far it rolls", gone, 0.5 * pull * 9.0, 0.03);
+            } else {
+                assert_below("how far it creeps", gone, 1e-3 * radius);
+            }
+        }
+    }
+}
+
 /// A ball that spins about the vertical slows at sigma m g / I, and does not turn back.
 #[test]
 fn spinning_resistance_slows_at_the_rate_on_paper() {
@@ -263,6 +317,31 @@ fn ledgers_know_belts_and_damping() {
     assert_within("brought", sum.driven as f32, (gained + lost) as f32, 0.02);
     assert!(sum.damping < -0.4 * f64::from(mass) * 0.5 && sum.friction < 0.0, "{sum:?}");
     assert!(sum.unexplained().abs() < 1e-2, "{sum:?}");
+}
+
+/// v = v0 exp(-d t), whatever the step; and with gravity towards g / d.
+#[test]
+fn damping_is_exponential_at_any_step() {
+    for steps in [24, 60, 240] {
+        let mut world: World<Rigid3, 3, 3> = World::new(StepSettings::quality());
+        let mut ball = dynamic([0.0; 3], Rigid3::ball(0.1), &surface(0.5, 0.0));
+        ball.damping = [0.7, 1.3];
+        ball.velocity.linear = Vector([2.0, 0.0, 0.0]);
+        ball.velocity.angular = Vector([0.0, 3.0, 0.0]);
+        let id = world.add(ball);
+        for _ in 0..2 * steps {
+            world.step(1.0 / steps as f32);
+        }
+        let Velocity { linear, angular } = velocity(&world, id);
+        assert_within("velocity", linear[0], 2.0 * (-1.4_f32).exp(), 1e-4);
+        assert_within("spin", angular[1], 3.0 * (-2.6_f32).exp(), 1e-4);
+        world.gravity = Vector([0.0, -GRAVITY, 0.0]);
+        for _ in 0..30 * steps {
+            world.step(1.0 / steps as f32);
+        }
+        // Half of a rounding of the velocity is as much as damping still takes in a substep.
+        assert_within("falling", velocity(&world, id).linear[1], -GRAVITY / 0.7, 3e-4);
+    }
 }
 
 /// What stands between a belt and a wall is awake while the belt runs, and sleeps when it stands.

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::block::Block;
 use super::conjugate::Conjugate;
 use super::rows::Trace;
-use super::targets::{Renewing, Targets};
+use super::targets::{Landing, Renewing, Targets};
 use crate::batch::Extent;
 use crate::certificate::{Certificate, Tally};
 use crate::color::{Color, Coloring};
@@ -133,15 +133,14 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
     }
 
     /// [`pgs::relax`](crate::pgs::relax); whether J has been [renewed](Self::renew) before.
-    /// With the displacements and the length of the substep \[s\], bodies that have landed in it stop, unless they
-    /// bounce.
+    /// With a landing, bodies that have come down in the substep stop, unless they bounce.
     pub fn relax(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         renewed: bool,
-        moved: Option<(&[Velocity<f32, L, A>], f32)>,
+        landing: Option<Landing<'_, L, A>>,
     ) {
-        self.passes.relax(self, velocities, renewed, moved);
+        self.passes.relax(self, velocities, renewed, landing);
     }
 
     /// Whether any surface of the system runs or resists rolling ([`Packed::take_surfaces`]).
@@ -244,7 +243,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         batch: &mut Batch<'_, V, L, A>,
         velocities: &mut Velocities<L, A>,
         renewed: bool,
-        moved: Option<(&Velocities<L, A>, f32)>,
+        landing: Option<Landing<'_, L, A>>,
     );
 
     /// Target and time of [`Surface::run`].

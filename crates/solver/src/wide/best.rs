@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::Landing;
 use super::batch::Batch;
 use super::packed::Packed;
 use super::rows::{Rows, Trace};
@@ -222,9 +223,9 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         renewed: bool,
-        moved: Option<(&[Velocity<f32, L, A>], f32)>,
+        landing: Option<Landing<'_, L, A>>,
     ) {
-        on_lanes!(self, batch => batch.relax(velocities, renewed, moved));
+        on_lanes!(self, batch => batch.relax(velocities, renewed, landing));
     }
 
     /// [`Batch::has_surfaces`].

@@ -9,7 +9,7 @@ use std::any::Any;
 use super::batch::{Batch, Passes, Velocities, View};
 use super::block::{Block, splat};
 use super::conjugate::{Conjugate, of};
-use super::targets::{Renewing, Targets, land, renew};
+use super::targets::{Landing, Renewing, Targets, land, renew};
 use super::walk::{Field, Ground, Reading};
 use crate::certificate::{Certificate, Evidence, Tally};
 use crate::island::Islands;
@@ -130,16 +130,15 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         batch: &mut Batch<'_, V, L, A>,
         velocities: &mut Velocities<L, A>,
         renewed: bool,
-        moved: Option<(&Velocities<L, A>, f32)>,
+        landing: Option<Landing<'_, L, A>>,
     ) {
         let first = batch.bodies.start;
-        let moved = moved.map(|(displacements, dt)| (displacements, splat::<V>(dt)));
         Ground::new(batch, velocities).each(
             #[inline(always)]
             |mut at| {
                 let points = at.points();
-                if let Some((displacements, dt)) = moved {
-                    land(at.block, points, first, displacements, dt);
+                if let Some(landing) = &landing {
+                    land(at.block, points, first, landing);
                 }
                 at.visit::<true, true>(points, renewed);
             },

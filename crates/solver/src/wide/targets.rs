@@ -89,24 +89,34 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
 /// A point has landed if less than this part of its gap is left. \[1\]
 const LANDED: f64 = 1e-3;
 
-/// Sets the targets of points that have landed in the substep to 0: the bodies stop there and do not arrive in the next
-/// substep at the speed of their approach. Bodies that bounce keep it: the impact is in the next substep.
+/// Where bodies are after a substep.
+#[derive(Clone, Copy)]
+pub struct Landing<'a, const L: usize, const A: usize> {
+    /// All that they have moved since gaps were measured.
+    pub displacements: &'a [Velocity<f32, L, A>],
+    /// The length of the substep. \[s\]
+    pub dt: f32,
+}
+
+/// Sets the targets of points that have landed in the substep to 0: the bodies stop there, and do not arrive in the next
+/// substep at the speed of their approach.
+///
+/// Bodies that bounce go on: the impact is in the next substep. Of bodies that have turned far J knows nothing.
 #[inline(always)]
 pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     block: &Block<V, L, A>,
     points: &mut [Contact<V, L>],
     first: usize,
-    displacements: &[Velocity<f32, L, A>],
-    dt: V,
+    landing: &Landing<'_, L, A>,
 ) {
     let coming = points.iter().fold(V::ZERO, |most, point| most.max(-point.target[0]));
     if !any(coming) {
         return;
     }
     if block.center {
-        land_felt::<V, L, A, 0>(block, points, first, displacements, dt);
+        land_felt::<V, L, A, 0>(block, points, first, landing);
     } else {
-        land_felt::<V, L, A, A>(block, points, first, displacements, dt);
+        land_felt::<V, L, A, A>(block, points, first, landing);
     }
 }
 
@@ -118,18 +128,20 @@ fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     block: &Block<V, L, A>,
     points: &mut [Contact<V, L>],
     first: usize,
-    displacements: &[Velocity<f32, L, A>],
-    dt: V,
+    landing: &Landing<'_, L, A>,
 ) {
-    let [a, b] = block.gather_from(first, displacements);
+    let [a, b] = block.gather_from(first, landing.displacements);
     let moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
+    let holds = block.manifold.holds([&a, &b]);
+    let landed = splat::<V>(landing.dt) * V::from_f64(LANDED);
     for contact in points {
         let gap = contact.gap[0] + contact.normal_velocity(&moved);
-        // The target is -1 / dt of the gap that there was.
-        let left = gap + contact.target[0] * dt * V::from_f64(LANDED);
-        let target = left.choose(contact.target[0], V::ZERO);
-        let target = block.manifold.restitution.choose(contact.target[0], target);
-        contact.target[0] = (-contact.target[0]).choose(target, contact.target[0]);
+        let before = contact.target[0];
+        // The target was -1 / h of the gap that there was.
+        let target = (gap + before * landed).choose(before, V::ZERO);
+        let target = block.manifold.restitution.choose(before, target);
+        let target = holds.choose(target, before);
+        contact.target[0] = (-before).choose(target, before);
     }
 }
 
@@ -245,9 +257,8 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     let after: Velocity<V, L, B> = manifold.twist_felt(&a, &b);
     for contact in &mut *points {
         let mut own = *contact;
-        own.renew(&before, &after, dt);
+        own.renew(&before, &after);
         contact.gap = choose(own.gap, contact.gap);
-        contact.target[0] = turns.choose(own.target[0], contact.target[0]);
     }
     // For all of them: what a lane gets must not depend on those beside it.
     block.take_turned(first, bodies.masses);
