@@ -20,43 +20,60 @@ pub fn solve<const L: usize, const A: usize>(
     solution::iterate(system, goal, sweep)
 }
 
+/// The law of a visit, w = v_n - t + epsilon gamma.
+pub(crate) const SOFT: u8 = 0;
+
+/// The law without overlap repair and epsilon.
+pub(crate) const RIGID: u8 = 1;
+
+/// The law without epsilon for contacts that are apart.
+pub(crate) const COMING: u8 = 2;
+
 impl<T: Real, const L: usize> Contact<T, L> {
     /// gamma <- max(0, gamma - m_eff (v_n - t + epsilon gamma)): the accumulated impulse is
-    /// clamped, not its change, which is returned. A `RIGID` visit leaves out epsilon and overlap
-    /// repair. \[N s\]
+    /// clamped, not its change, which is returned. `LAW` is that of [`excess`](Self::excess). \[N s\]
     #[inline(always)]
-    fn visit_normal<const A: usize, const RIGID: bool>(
+    fn visit_normal<const A: usize, const LAW: u8>(
         &mut self,
         twist: &Velocity<T, L, A>,
     ) -> Vector<T, L> {
-        let w = self.excess::<RIGID>(self.normal_velocity(twist));
-        let impulse = (self.impulse[0] - self.effective_mass * w).max(T::ZERO);
+        let w = self.excess::<LAW>(self.normal_velocity(twist));
+        let mass = match LAW {
+            COMING => {
+                let rigid = self.effective_mass / (T::ONE - self.softness());
+                (-self.target[0]).choose(rigid, self.effective_mass)
+            }
+            _ => self.effective_mass,
+        };
+        let impulse = (self.impulse[0] - mass * w).max(T::ZERO);
         let mut change = Vector::ZERO;
         change[0] = impulse - self.impulse[0];
         self.impulse[0] = impulse;
         change
     }
 
-    /// w = v_n - t + epsilon gamma; of a `RIGID` contact without overlap repair and epsilon. \[m/s\]
+    /// w = v_n - t + epsilon gamma. A [`RIGID`] contact has neither overlap repair nor epsilon. One that is
+    /// [`COMING`] has no epsilon while it is apart: bodies do not sink into what they fall on. \[m/s\]
     #[inline(always)]
-    fn excess<const RIGID: bool>(&self, v_n: T) -> T {
-        if RIGID {
-            v_n - self.target[0].min(T::ZERO)
-        } else {
-            v_n - self.target[0] + self.compliance * self.impulse[0]
+    fn excess<const LAW: u8>(&self, v_n: T) -> T {
+        let target = self.target[0];
+        match LAW {
+            RIGID => v_n - target.min(T::ZERO),
+            COMING => v_n - target + (-target).choose(T::ZERO, self.compliance * self.impulse[0]),
+            _ => v_n - target + self.compliance * self.impulse[0],
         }
     }
 
     /// How far the contact is from its laws: the larger of |min(gamma / m_eff, w)| along the normal and of the
     /// projection of friction. \[m/s\]
     #[inline(always)]
-    pub(crate) fn residual<const A: usize, const RIGID: bool>(
+    pub(crate) fn residual<const A: usize, const LAW: u8>(
         &self,
         friction: T,
         twist: &Velocity<T, L, A>,
     ) -> T {
         let u = self.relative_velocity(twist);
-        let normal = (self.impulse[0] / self.effective_mass).min(self.excess::<RIGID>(u[0]));
+        let normal = (self.impulse[0] / self.effective_mass).min(self.excess::<LAW>(u[0]));
         let slip = (self.friction_step(friction, u) - self.impulse).length() / self.tangential_mass;
         let slip = self.tangential_mass.choose(slip, T::ZERO);
         self.effective_mass.choose(normal.max(-normal).max(slip), T::ZERO)
@@ -113,18 +130,23 @@ impl<T: Real, const L: usize> Contact<T, L> {
 
 /// One sweep towards the targets: every contact once, in order, its normal before its friction.
 pub fn sweep<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
-    visit_all::<T, L, A, false, true>(system);
+    visit_all::<T, L, A, SOFT, true>(system);
 }
 
 /// One sweep that takes the velocity of overlap repair and compliance out again, once they have
 /// moved the bodies: the same contacts, as rigid ones with no repair.
 pub fn relax<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
-    visit_all::<T, L, A, true, true>(system);
+    visit_all::<T, L, A, RIGID, true>(system);
 }
 
 /// [`sweep`] over the normals alone.
 pub fn sweep_normals<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
-    visit_all::<T, L, A, false, false>(system);
+    visit_all::<T, L, A, SOFT, false>(system);
+}
+
+/// [`sweep_normals`] with contacts that are apart as rigid ones.
+pub fn sweep_coming<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
+    visit_all::<T, L, A, COMING, false>(system);
 }
 
 /// One visit to the manifold of this index, towards the targets.
@@ -132,18 +154,18 @@ pub(crate) fn visit_manifold<T: Real, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     index: usize,
 ) {
-    visit_of::<T, L, A, false, true>(system, index);
+    visit_of::<T, L, A, SOFT, true>(system, index);
 }
 
-fn visit_all<T: Real, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
+fn visit_all<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICTION: bool>(
     system: &mut System<T, L, A>,
 ) {
     for index in 0..system.manifolds.len() {
-        visit_of::<T, L, A, RIGID, FRICTION>(system, index);
+        visit_of::<T, L, A, LAW, FRICTION>(system, index);
     }
 }
 
-fn visit_of<T: Real, const L: usize, const A: usize, const RIGID: bool, const FRICTION: bool>(
+fn visit_of<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICTION: bool>(
     system: &mut System<T, L, A>,
     index: usize,
 ) {
@@ -153,7 +175,7 @@ fn visit_of<T: Real, const L: usize, const A: usize, const RIGID: bool, const FR
     let points = &mut system.contacts[manifold.points()];
     let mobility = Mobility::of(&manifold, &masses);
     let (parts, center) = ((&manifold, &mobility, &masses), is_center(points));
-    visit::<T, L, A, RIGID, FRICTION>(parts, center, points, [&mut a, &mut b], || {});
+    visit::<T, L, A, LAW, FRICTION>(parts, center, points, [&mut a, &mut b], || {});
     system.set_velocities(&manifold, [a, b]);
 }
 
@@ -170,7 +192,7 @@ pub(crate) fn visit<
     T: Real,
     const L: usize,
     const A: usize,
-    const RIGID: bool,
+    const LAW: u8,
     const FRICTION: bool,
 >(
     parts: Parts<'_, T, L, A>,
@@ -180,9 +202,9 @@ pub(crate) fn visit<
     between: impl Fn(),
 ) {
     if center {
-        visit_felt::<T, L, A, 0, RIGID, FRICTION>(parts, points, velocities, between);
+        visit_felt::<T, L, A, 0, LAW, FRICTION>(parts, points, velocities, between);
     } else {
-        visit_felt::<T, L, A, A, RIGID, FRICTION>(parts, points, velocities, between);
+        visit_felt::<T, L, A, A, LAW, FRICTION>(parts, points, velocities, between);
     }
 }
 
@@ -193,7 +215,7 @@ fn visit_felt<
     const L: usize,
     const A: usize,
     const B: usize,
-    const RIGID: bool,
+    const LAW: u8,
     const FRICTION: bool,
 >(
     (manifold, mobility, masses): Parts<'_, T, L, A>,
@@ -205,7 +227,7 @@ fn visit_felt<
     let mut wrench = Velocity::ZERO;
     let (normals, all) = (&along_normals::<B>(), &all_axes::<L, B>());
     for contact in points.iter_mut() {
-        let change = contact.visit_normal::<B, RIGID>(&twist);
+        let change = contact.visit_normal::<B, LAW>(&twist);
         // The response to a unit is known before the change is: less to wait for.
         let mut response = Velocity::NOTHING;
         mobility.add(normals, &contact.unit_wrench(0), normals, &mut response);

@@ -1,6 +1,6 @@
 //! [`System`]: bodies and contacts of one step, as a plain value.
 
-use crate::{Contact, InverseMass, Manifold, Mobility, Real, Scalar, Vector, Velocity};
+use crate::{Contact, InverseMass, Manifold, Mobility, Real, Scalar, Vector, Velocity, pgs};
 
 /// The contact problem of a step:
 ///
@@ -160,15 +160,19 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
     /// Zero exactly at a solution. `rigid` leaves out compliance and overlap repair, as
     /// [`relax`](crate::pgs::relax) does.
     pub fn residual(&self, rigid: bool) -> f64 {
-        if rigid { self.residual_of::<true>() } else { self.residual_of::<false>() }
+        if rigid {
+            self.residual_of::<{ pgs::RIGID }>()
+        } else {
+            self.residual_of::<{ pgs::SOFT }>()
+        }
     }
 
-    fn residual_of<const RIGID: bool>(&self) -> f64 {
+    fn residual_of<const LAW: u8>(&self) -> f64 {
         let mut worst = T::ZERO;
         for manifold in &self.manifolds {
             let twist = self.twist_of(manifold);
             for contact in &self.contacts[manifold.points()] {
-                worst = contact.residual::<A, RIGID>(manifold.friction, &twist).max(worst);
+                worst = contact.residual::<A, LAW>(manifold.friction, &twist).max(worst);
             }
         }
         worst.to_f64()

@@ -16,6 +16,7 @@ use crate::island::Islands;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::Avx2;
 use crate::lanes::{Lanes, PART, Portable, WIDTH, lanes_of};
+use crate::pgs::{COMING, RIGID, SOFT};
 use crate::team::Shared;
 use crate::{Contact, Surface, Velocity, nncg};
 
@@ -118,11 +119,11 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         velocities: &mut Velocities<L, A>,
         targets: Option<&Targets<'_, V, L, A>>,
     ) {
-        visit_all::<V, L, A, false>(batch, velocities, targets);
+        visit_all::<V, L, A, COMING, false>(batch, velocities, targets);
     }
 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
-        visit_all::<V, L, A, true>(batch, velocities, None);
+        visit_all::<V, L, A, SOFT, true>(batch, velocities, None);
     }
 
     fn relax(
@@ -140,7 +141,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
                 if let Some(landing) = &landing {
                     land(at.block, points, first, landing);
                 }
-                at.visit::<true, true>(points, renewed);
+                at.visit::<RIGID, true>(points, renewed);
             },
         );
     }
@@ -241,7 +242,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
                 let twist = block.manifold.twist(&a, &b);
                 let own = points.iter().map(
                     #[inline(always)]
-                    |point| point.residual::<A, true>(block.manifold.friction, &twist),
+                    |point| point.residual::<A, RIGID>(block.manifold.friction, &twist),
                 );
                 own.fold(V::ZERO, |worst, own| own.max(worst))
             },
@@ -303,7 +304,7 @@ fn worst<V: Lanes, const L: usize, const A: usize>(
     (0..WIDTH).map(|lane| worst.get(lane)).fold(0.0, f32::max)
 }
 
-fn visit_all<V: Lanes, const L: usize, const A: usize, const FRICTION: bool>(
+fn visit_all<V: Lanes, const L: usize, const A: usize, const LAW: u8, const FRICTION: bool>(
     batch: &mut Batch<'_, V, L, A>,
     velocities: &mut Velocities<L, A>,
     targets: Option<&Targets<'_, V, L, A>>,
@@ -317,7 +318,7 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const FRICTION: bool>(
                 let moving = if targets.turning { Some(at.gather()) } else { None };
                 targets.set(at.block, points, moving);
             }
-            at.visit::<false, FRICTION>(points, false);
+            at.visit::<LAW, FRICTION>(points, false);
         },
     );
 }
@@ -377,7 +378,7 @@ fn iterate<V: Lanes, const L: usize, const A: usize>(
                 contact.impulse += *direction * beta;
                 *before = contact.impulse;
             }
-            at.visit::<false, true>(points, false);
+            at.visit::<SOFT, true>(points, false);
             let mut size = V::ZERO;
             for (contact, before) in points.iter().zip(before) {
                 size += nncg::size(contact, *before);

@@ -163,7 +163,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
     /// One visit to its manifolds ([`pgs`](crate::pgs)), in half of the lanes if they are all there; if
     /// `lagging`, after their impulses have followed a renewed J.
     #[inline(always)]
-    pub(super) fn visit<const RIGID: bool, const FRICTION: bool>(
+    pub(super) fn visit<const LAW: u8, const FRICTION: bool>(
         &self,
         points: &mut [Contact<V, L>],
         lagging: bool,
@@ -171,7 +171,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
         let Block { manifold, mobility, masses, .. } = self.block;
         let lag = if lagging && self.block.renewed { Some(&self.block.lag) } else { None };
         if self.block.used >> HALF != 0 {
-            return self.visit_in::<V, RIGID, FRICTION>((manifold, mobility, masses), points, lag);
+            return self.visit_in::<V, LAW, FRICTION>((manifold, mobility, masses), points, lag);
         }
         // SAFETY: of what is made of lanes the layout is laid down.
         unsafe {
@@ -180,12 +180,12 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
                 Some(lag) => Some(halved(lag)),
                 None => None,
             };
-            self.visit_in::<V::Half, RIGID, FRICTION>(parts, halved_mut(points), lag);
+            self.visit_in::<V::Half, LAW, FRICTION>(parts, halved_mut(points), lag);
         }
     }
 
     #[inline(always)]
-    fn visit_in<C: Columns, const RIGID: bool, const FRICTION: bool>(
+    fn visit_in<C: Columns, const LAW: u8, const FRICTION: bool>(
         &self,
         parts: Parts<'_, C, L, A>,
         points: &mut [Contact<C, L>],
@@ -196,7 +196,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
             a += parts.2[0].velocity(to_a);
             b -= parts.2[1].velocity(from_b);
         }
-        visit::<C, L, A, RIGID, FRICTION>(
+        visit::<C, L, A, LAW, FRICTION>(
             parts,
             self.block.center,
             points,

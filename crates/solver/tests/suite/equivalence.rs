@@ -171,8 +171,8 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
     for _ in 0..3 {
         scalar.set_targets(&displacements, &REPAIR);
         scalar.apply_impulses();
-        pgs::sweep_normals(&mut scalar);
-        pgs::sweep_normals(&mut scalar);
+        pgs::sweep_coming(&mut scalar);
+        pgs::sweep_coming(&mut scalar);
         pgs::relax(&mut scalar);
     }
 
@@ -211,7 +211,7 @@ fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
     for system in [&mut own, &mut shifted] {
         for _ in 0..3 {
             pgs::sweep(system);
-            pgs::sweep_normals(system);
+            pgs::sweep_coming(system);
             pgs::relax(system);
         }
     }
