@@ -23,8 +23,10 @@ mod infinite;
 mod jam;
 #[allow(unused)]
 mod meshes;
+mod motion_fuzz;
 #[allow(unused)]
 mod patches;
+mod relations;
 mod scene;
 mod sleep;
 #[allow(unused)]
