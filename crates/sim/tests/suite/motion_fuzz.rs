@@ -58,7 +58,7 @@ const KNOWN: [Known; 6] = [
         kinds: &["energy", "outside"],
         applies: |_, hardness| hardness.densities > 1e3,
     },
-    // One ball or box gains up to 0.4 J per J in its first impact: seeds 3725 and 3772 in 2D.
+    // Seeds 3725 and 3772 in 2D: an impact and its rebound within a step. The cause is not known.
     Known {
         name: "bodies below 40 mm at 24 steps per second",
         kinds: &["energy"],
