@@ -1,6 +1,7 @@
 //! Worlds, shapes, bodies and comparisons that the tests share.
 
 pub(crate) mod mutation;
+pub(crate) mod scenes;
 
 use drystone::geometry::spheres::SphereShape;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
