@@ -270,8 +270,14 @@ impl<const L: usize> Seams<L> {
         for plane in planes {
             ask(plane.axis, plane.allowed, plane.record, plane.side);
         }
-        // What stands on a plane touches the other's side as far below its edge.
-        let near = planes.iter().fold(flush, |most, plane| most.max(plane.allowed));
+        // A body on a plane touches the other's side below its edge: by what it sags, and by what it still climbs on its
+        // way there.
+        let until = gap.max(0.0) / -normal.dot(ahead).min(-f32::MIN_POSITIVE);
+        let near = planes.iter().fold(flush, |most, plane| {
+            let up = plane.axis - normal * plane.axis.dot(normal);
+            let climbs = up.dot(ahead).abs() / up.length() * until.min(1.0);
+            most.max(plane.allowed + climbs)
+        });
         for side in 0..2 {
             let mut face = |outward: Vector<f32, L>| {
                 let axis = outward * if side == 0 { -1.0 } else { 1.0 };
