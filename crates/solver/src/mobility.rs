@@ -30,6 +30,10 @@ impl<T: Real, const L: usize, const A: usize> Default for Crossed<T, L, A> {
     }
 }
 
+/// An impulse along the normal that moves its center by less than this part of what it could by turning the bodies
+/// moves nothing: the moment r x n of a ball of infinite mass is rounding. \[1\]
+const ROUNDING: f64 = 1e-11;
+
 /// Some components of a twist or a wrench.
 #[derive(Clone, Debug)]
 pub(crate) struct Axes {
@@ -73,10 +77,16 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
         if B > 0 {
             (self.cross, self.angular) = (Crossed::default(), SymmetricMatrix::default());
         }
+        let mut turning = T::ZERO;
         for (mass, arm) in masses.iter().zip(&manifold.arms) {
             let (tensor, arm) = (manifold.tensor(mass.angular), manifold.to_frame(*arm));
             self.add_body::<B>(mass.linear, tensor, arm);
+            for k in 0..A {
+                turning += tensor.entry(k, k) * arm.dot(arm);
+            }
         }
+        let normal = &mut self.linear.0[0][0];
+        *normal = (*normal - turning * T::from_f64(ROUNDING)).choose(*normal, T::ZERO);
     }
 
     /// A body of this inverse mass and inertia, seen in the frame from its center of mass.

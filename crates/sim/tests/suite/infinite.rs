@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use crate::common::*;
-use drystone::geometry::{Geometry, Rigid3};
-use drystone::scene::read;
-use drystone::{Inertia, StepSettings, World3, build};
+use drystone::geometry::{Geometry, Rigid2, Rigid3};
+use drystone::scene::{Motion, read};
+use drystone::{Inertia, StepSettings, World, World3, build};
 use drystone_solver::{SymmetricMatrix, Vector};
 
 /// A plate of this mass \[kg\], free to turn about its y axis alone, or with these other moments, and a ball that falls
@@ -136,4 +136,37 @@ fn public_samples_bake_at_default_settings() {
     }
     println!("{ran} samples");
     assert!(ran >= 12, "{ran} samples");
+}
+
+/// A body that nothing can stop and that can turn moves onto one that stands: all numbers stay finite.
+fn moves_on<G: Rigid<L, A>, const L: usize, const A: usize>(shape: G::Shape, inverse_moment: f32) {
+    for settings in [StepSettings::certified(), StepSettings::quality(), StepSettings::realtime()] {
+        let mut world = World::<G, L, A>::new(settings);
+        let rough = surface(0.5, 0.3);
+        world.add(body(Motion::Static, v(0.0, -2.16, 0.0), G::cuboid(v(3.2, 1.6, 3.2)), &rough));
+        let start = dynamic(v(0.013, 0.0, 0.007), shape.clone(), &rough);
+        let mut heavy = moving(start, v(-3.776, -1.3, 0.4));
+        heavy.velocity.angular[0] = -0.0085;
+        heavy.inertia = Some(Inertia {
+            mass: f32::INFINITY,
+            center: Vector::ZERO,
+            moments: SymmetricMatrix::diagonal(Vector([1.0 / inverse_moment; A])),
+            inverse_moments: SymmetricMatrix::diagonal(Vector([inverse_moment; A])),
+        });
+        world.add(heavy);
+        for step in 0..24 {
+            world.step(1.0 / 24.0);
+            assert!(world.measure().finite, "{L}D, step {step}");
+        }
+    }
+}
+
+#[test]
+fn unstoppable_bodies_that_turn_stay_finite() {
+    moves_on::<Rigid2, 2, 1>(Rigid2::ball(0.152), 1.19);
+    moves_on::<Rigid3, 3, 3>(Rigid3::ball(0.152), 1.19);
+    moves_on::<Rigid2, 2, 1>(Rigid2::capsule(0.2, 0.1), 3.0);
+    moves_on::<Rigid3, 3, 3>(Rigid3::capsule(0.2, 0.1), 3.0);
+    moves_on::<Rigid2, 2, 1>(Rigid2::cuboid([0.2; 2]), 3.0);
+    moves_on::<Rigid3, 3, 3>(Rigid3::cuboid([0.2; 3]), 3.0);
 }

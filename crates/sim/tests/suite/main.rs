@@ -21,6 +21,7 @@ mod infinite;
 mod jam;
 mod meshes;
 mod motion_fuzz;
+#[allow(unused)]
 mod patches;
 mod relations;
 mod scene;

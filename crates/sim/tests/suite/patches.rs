@@ -58,57 +58,8 @@ fn slender_patches_stand() {
                 let what = format!("{half:?} on floor {kind}");
                 let leans = 1.0 - upright(&world, id);
                 assert_below(&format!("{what}: 1 - cosine of the lean"), leans, 1.5e-6);
-                assert_below(&what, moved(&world, id, start), 1e-3 * size.max(0.5));
+                assert_below(&what, moved(&world, id, start), 1e-3 * size.max(0.1));
             }
-        }
-    }
-}
-
-/// Cylinders, standing and lying, stay where they are.
-#[test]
-fn cylinders_rest() {
-    for settings in [StepSettings::quality(), StepSettings::realtime()] {
-        for size in [1e-2, 1.0] {
-            for [radius, half] in [[0.03, 0.06], [0.1, 0.01], [0.01, 0.3]] {
-                let [radius, half] = [radius * size, half * size];
-                for kind in 0..4 {
-                    for lying in [false, true] {
-                        let mut world = with_gravity(settings.clone());
-                        add_ground(&mut world, kind, size);
-                        let height = if lying { radius } else { half };
-                        let start = [0.03 * size, height, 0.04 * size];
-                        let mut can = solid(start, SharedShape::cylinder(half, radius));
-                        if lying {
-                            can.pose = Rigid3::pose(Vector(start), &LYING);
-                        }
-                        let id = world.add(can);
-                        run(&mut world, 1.0);
-                        let what = format!("{radius} by {half} on floor {kind}, lying: {lying}");
-                        assert_below(&what, moved(&world, id, start), 1e-3 * size.max(0.5));
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Ten coins stay stacked.
-#[test]
-fn coins_stay_stacked() {
-    for settings in [StepSettings::quality(), StepSettings::realtime()] {
-        let (radius, half) = (0.012, 0.001);
-        let mut world = with_gravity(settings);
-        add_ground(&mut world, 1, 0.1);
-        let coins: Vec<_> = (0..10)
-            .map(|i| {
-                let aside = if i % 2 == 0 { 0.0 } else { 0.1 * radius };
-                let start = [aside, half * (2 * i + 1) as f32, 0.0];
-                (world.add(solid(start, SharedShape::cylinder(half, radius))), start)
-            })
-            .collect();
-        run(&mut world, 3.0);
-        for (id, start) in coins {
-            assert_below("a coin moved", moved(&world, id, start), 3e-3);
         }
     }
 }
