@@ -20,7 +20,7 @@ const GAIN: f64 = 0.02;
 /// Speed whose kinetic energy may appear. \[m/s\]
 const SPEED: f64 = 0.01;
 
-/// How far centers may be outside of a container, as a part of its largest half size. \[1\]
+/// Distance that centers may be outside of a container, as a part of its largest half size. \[1\]
 const OUTSIDE: f64 = 0.25;
 
 /// A kind of fault that is known, and the scenes in which it may appear.
@@ -79,11 +79,11 @@ fn known(trial: &Trial, kind: &str) -> Option<&'static str> {
     KNOWN.iter().find(applies).map(|known| known.name)
 }
 
-/// What went wrong in a scene.
+/// A property that did not hold in a scene.
 #[derive(Clone, Debug)]
 struct Fault {
     kind: &'static str,
-    /// How much, over what is allowed.
+    /// Its amount, over what is allowed.
     excess: f64,
     step: u32,
 }
@@ -131,7 +131,7 @@ fn gain(start: &Energy, now: &Energy) -> f64 {
     (now.kinetic - start.kinetic + now.potential - start.potential) / allowed
 }
 
-/// How far the center of a body is outside of the container, as a part of its largest half size.
+/// Distance of the farthest center outside of the container, as a part of its largest half size.
 fn outside<G: Forms<L, A>, const L: usize, const A: usize>(
     trial: &Trial,
     running: &Running<G, L, A>,
@@ -153,7 +153,7 @@ fn outside<G: Forms<L, A>, const L: usize, const A: usize>(
 /// A change that makes a body simpler.
 type Simpler = fn(&mut Body);
 
-/// What is tried on each body, one after the other.
+/// Simplifications that are tried on each body, one after the other.
 const SIMPLER: [Simpler; 7] = [
     |body| body.shapes.truncate(1),
     |body| body.angular_velocity.fill(0.0),

@@ -25,7 +25,7 @@ pub(crate) struct Trial {
     pub(crate) steps: u32,
     /// Half of the inner size of a closed container about the origin. \[m\]
     pub(crate) container: Option<Vec<f64>>,
-    /// Whether a body of infinite mass moves: it may do any work.
+    /// A body of infinite mass moves: it may do any work.
     pub(crate) driven: bool,
     /// Largest extent of a body. \[m\]
     pub(crate) size: f64,
@@ -54,12 +54,12 @@ impl Trial {
     }
 }
 
-/// What decides how hard a trial is.
+/// The features of a trial that make it hard.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hardness {
     /// Thinnest extent of the shape of a dynamic body. \[m\]
     pub(crate) thinnest: f64,
-    /// How far surfaces move in a step at the start, over the thinnest extent. \[1\]
+    /// Distance that surfaces move in a step at the start, over the thinnest extent. \[1\]
     pub(crate) travel: f64,
     /// Largest over smallest density. \[1\]
     pub(crate) densities: f64,
@@ -326,7 +326,7 @@ impl<G: Forms<L, A>, const L: usize, const A: usize> Running<G, L, A> {
         energy
     }
 
-    /// Whether all poses and velocities are finite.
+    /// All poses and velocities are finite.
     pub(crate) fn finite(&self) -> bool {
         let mut numbers = Vec::new();
         self.world.write_poses(&mut numbers);
@@ -464,7 +464,7 @@ fn bounds<G: Forms<L, A>, const L: usize, const A: usize>(body: &scene::Body) ->
     Some(all)
 }
 
-/// What the bodies of a scene have in common.
+/// Ranges that the bodies of a scene share.
 struct Range {
     size: f32,
     aspect: f32,
