@@ -1,4 +1,5 @@
-//! Contact of cylinders, with each other and with half-spaces, boxes, hulls, balls and capsules.
+//! Contact of cylinders, with each other and with half-spaces, boxes, hulls, balls and capsules; with meshes see
+//! `mesh`.
 //!
 //! A cylinder is a segment, its axis, with two discs, its caps. What of it looks against a face are
 //! always the same places ([`Facing`]): four on the rim of the cap that is nearer, the first where
@@ -16,7 +17,7 @@ use drystone_solver::{Vector, moment};
 use super::polyhedra::{Clipper, Plane};
 use super::rounds::{Round, between_rounds, nearest};
 use super::separation::{PREFERENCE, best_face, edge_beyond};
-use super::solid::{Corner, Solid};
+use super::solid::Solid;
 use super::{Frame, Touch, TouchPoint};
 
 /// A vector in space.
@@ -55,7 +56,7 @@ const BORDER: f32 = 1e-4;
 
 /// A face is looked at along an axis only if the cosine between that and its normal is more than
 /// this. \[1\]
-const STEEP: f32 = 0.1;
+pub(super) const STEEP: f32 = 0.1;
 
 /// A manifold stands for all of a contact if it is as deep to within this part of the prediction
 /// distance, ... \[1\]
@@ -98,13 +99,13 @@ impl Cylinder {
 
 /// Where something is nearest to a cylinder, or least deep in it.
 #[derive(Clone, Copy, Debug)]
-struct Nearest {
+pub(super) struct Nearest {
     /// From the cylinder to it, a unit vector.
-    normal: V,
+    pub(super) normal: V,
     /// \[m\]
-    gap: f32,
+    pub(super) gap: f32,
     /// Where on a segment, from 0 to 1.
-    part: f32,
+    pub(super) part: f32,
     /// Whether it is beside the cylinder, not over a rim or cap.
     beside: bool,
 }
@@ -148,6 +149,76 @@ impl Placed {
         self.radius + self.half
     }
 
+    pub(super) fn center(&self) -> V {
+        self.center
+    }
+
+    /// The outward normal and the middle of each cap.
+    pub(super) fn caps(&self) -> [(V, V); 2] {
+        [self.axis, -self.axis].map(|normal| (normal, self.center + normal * self.half))
+    }
+
+    /// The square of its radius. \[m^2\]
+    pub(super) fn disc(&self) -> f32 {
+        self.radius * self.radius
+    }
+
+    /// Where a point is, seen along the axis, from it. \[m\]
+    pub(super) fn seen_along(&self, point: V) -> [f32; 2] {
+        let arm = point - self.center;
+        let other: V = moment(self.axis, self.side);
+        [self.side.dot(arm), other.dot(arm)]
+    }
+
+    /// Whether a segment is surely farther away than `prediction`. \[m\]
+    pub(super) fn is_beyond(&self, ends: [V; 2], prediction: f32) -> bool {
+        let (core, own) = (self.core(), Round { ends, radius: 0.0 });
+        let [s, t] = nearest(&core, &own);
+        let apart = core.at(s) - own.at(t);
+        let reach = self.radius + prediction;
+        apart.dot(apart) > reach * reach
+    }
+
+    /// Ways from the surface to a segment: the nearest, and if that comes from within, the way round the axis that has
+    /// passed it.
+    pub(super) fn ways_to(&self, ends: [V; 2]) -> impl Iterator<Item = Nearest> {
+        let found = self.to_segment(ends);
+        let passed = found.beside && found.gap < 0.0;
+        let gap = -found.gap - 2.0 * self.radius;
+        let other = Nearest { normal: -found.normal, gap, ..found };
+        [Some(found), passed.then_some(other)].into_iter().flatten()
+    }
+
+    /// Where it touches an edge along a way: at both ends of what lies along it, else where they are nearest. Places on
+    /// the cylinder, then on the edge.
+    pub(super) fn places_on(
+        &self,
+        [from, to]: [V; 2],
+        found: &Nearest,
+        prediction: f32,
+    ) -> [Option<[V; 2]>; 2] {
+        let (normal, along) = (-found.normal, to - from);
+        let across: V = moment(along, self.axis);
+        let nearest = from + along * found.part;
+        let single = [Some([nearest + normal * found.gap, nearest]), None];
+        if !found.beside || across.dot(across) >= PARALLEL * PARALLEL * along.dot(along) {
+            return single;
+        }
+        let (rise, start) = (self.axis.dot(along), self.axis.dot(from - self.center));
+        let flank = self.flank(-normal);
+        let parts = [-self.half, self.half].map(|end| ((end - start) / rise).clamp(0.0, 1.0));
+        let both = parts.map(|part| {
+            let at = self.center + self.axis * (start + rise * part) + flank;
+            [at, from + along * part]
+        });
+        let gaps = both.map(|[on_a, on_b]| normal.dot(on_a - on_b));
+        let deepest = gaps[0].min(gaps[1]);
+        if parts[0] == parts[1] || deepest > deepest_allowed(found.gap, self.size(), prediction) {
+            return single;
+        }
+        both.map(Some)
+    }
+
     /// A direction as far as it is across the axis.
     fn across(&self, direction: V) -> V {
         direction - self.axis * self.axis.dot(direction)
@@ -160,7 +231,7 @@ impl Placed {
     }
 
     /// How far it reaches along a unit vector from its center. \[m\]
-    fn extent(&self, direction: V) -> f32 {
+    pub(super) fn extent(&self, direction: V) -> f32 {
         let along = self.axis.dot(direction);
         self.half * along.abs() + self.radius * self.across(direction).length()
     }
@@ -283,7 +354,7 @@ impl Placed {
 
     /// What looks against a face with this outward normal, aimed at where it is nearest. `before` is
     /// the feature of a point where they touched a step ago.
-    fn facing(&self, normal: V, before: Option<u64>) -> Facing {
+    pub(super) fn facing(&self, normal: V, before: Option<u64>) -> Facing {
         let along = self.axis.dot(normal);
         let lean = self.axis * along - normal;
         let sine = lean.length();
@@ -312,7 +383,7 @@ impl Placed {
 
 /// What of a cylinder looks against a face.
 #[derive(Clone, Copy, Debug)]
-struct Facing {
+pub(super) struct Facing {
     /// Of the cap that is nearer.
     center: V,
     /// Out of that cap.
@@ -329,7 +400,7 @@ struct Facing {
 
 impl Facing {
     /// Each point with its name.
-    fn points(&self) -> impl Iterator<Item = (V, u32)> {
+    pub(super) fn points(&self) -> impl Iterator<Item = (V, u32)> {
         let [first, second] = self.arms;
         let name = |of: u32, cap: u32| cap + ((self.quarter + of) & 3);
         let rim = [first, second, -first, -second].into_iter().zip(0..);
@@ -339,7 +410,7 @@ impl Facing {
     }
 
     /// The line on which it lies, from its start along it.
-    fn line(&self) -> Option<[V; 2]> {
+    pub(super) fn line(&self) -> Option<[V; 2]> {
         let start = self.center + self.arms[0];
         self.above.map(|above| [start, above - start])
     }
@@ -359,7 +430,7 @@ impl Facing {
 }
 
 /// Whether what this arm leads to is in a disc with a radius of this square.
-fn within(arm: V, squared: f32) -> bool {
+pub(super) fn within(arm: V, squared: f32) -> bool {
     arm.dot(arm) <= squared * (1.0 + 2.0 * BORDER)
 }
 
@@ -371,7 +442,12 @@ fn point(on_a: V, on_b: V, gap: f32, name: u32) -> TouchPoint<3> {
 fn is_supported(touch: &mut Touch<3>, gap: f32, size: f32, prediction: f32) -> bool {
     touch.points.retain(|point| point.gap <= prediction);
     let least = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
-    least <= gap + AS_DEEP * prediction + OF_OVERLAP * (-gap).max(0.0) + ROUNDING * size
+    least <= deepest_allowed(gap, size, prediction)
+}
+
+/// The gap of a point that stands for a contact with this gap, at most. \[m\]
+fn deepest_allowed(gap: f32, size: f32, prediction: f32) -> f32 {
+    gap + AS_DEEP * prediction + OF_OVERLAP * (-gap).max(0.0) + ROUNDING * size
 }
 
 /// Fills `touch` with where a cylinder, as a, overlaps a half-space or is within `prediction` \[m\]
@@ -535,7 +611,7 @@ fn over_cap(
 
 /// The part of a line, from where this arm leads to, that is in a disc with a radius of this square;
 /// the first is more than the second where there is none.
-fn in_disc(arm: V, along: V, squared: f32) -> [f32; 2] {
+pub(super) fn in_disc(arm: V, along: V, squared: f32) -> [f32; 2] {
     let (a, b, c) = (along.dot(along), arm.dot(along), arm.dot(arm) - squared);
     let left = b * b - a * c;
     if left <= 0.0 || a <= 0.0 {
@@ -589,31 +665,18 @@ pub(super) fn on_solid(
         return gap;
     }
     let beyond = if supported { edge_beyond(gap, prediction) } else { gap };
-    let core = cylinder.core();
     let mut best = (beyond, None);
     for edge in 0..solid.edges() {
         let ends = solid.edge(edge);
-        let own = Round { ends, radius: 0.0 };
-        let [s, t] = nearest(&core, &own);
-        let apart = core.at(s) - own.at(t);
-        let reach = cylinder.radius + prediction;
-        if apart.dot(apart) > reach * reach {
+        if cylinder.is_beyond(ends, prediction) {
             continue;
         }
-        let found = cylinder.to_segment(ends);
-        if found.gap > prediction {
-            continue;
-        }
-        // An axis that has passed the edge is on the other side of it.
-        let passed = if found.beside && found.gap < 0.0 { 2 } else { 1 };
-        let own = [found.gap, -found.gap - 2.0 * cylinder.radius];
-        let ways = [found.normal, -found.normal].into_iter().zip(own).take(passed);
-        for (normal, own) in ways {
-            let gap = separates(-normal);
+        for found in cylinder.ways_to(ends).filter(|found| found.gap <= prediction) {
+            let gap = separates(-found.normal);
             // Of edges with one axis, the one that is touched.
-            let value = gap - BEHIND * (own - gap).abs();
+            let value = gap - BEHIND * (found.gap - gap).abs();
             if value > best.0 {
-                best = (value, Some((edge, ends, Nearest { normal, gap, ..found })));
+                best = (value, Some((edge, ends, Nearest { gap, ..found })));
             }
         }
     }
@@ -631,115 +694,24 @@ pub(super) fn on_solid(
     gap
 }
 
-/// A triangle of a mesh, with both of its sides as faces.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Facet {
-    corners: [V; 3],
-    normal: V,
-}
-
-impl Facet {
-    /// `None` where the corners lie on a line.
-    pub(super) fn of(corners: [V; 3]) -> Option<Self> {
-        let area: V = moment(corners[1] - corners[0], corners[2] - corners[0]);
-        let length = area.length();
-        (length > 0.0).then(|| Self { corners, normal: area * (1.0 / length) })
-    }
-}
-
-impl Solid<3> for Facet {
-    fn support(&self, direction: V) -> V {
-        let [a, b, c] = self.corners;
-        let farther = |p: V, q: V| if direction.dot(q) > direction.dot(p) { q } else { p };
-        farther(farther(a, b), c)
-    }
-
-    fn faces(&self) -> usize {
-        2
-    }
-
-    fn face(&self, index: usize) -> (V, V) {
-        (if index == 0 { self.normal } else { -self.normal }, self.corners[0])
-    }
-
-    fn edges(&self) -> usize {
-        3
-    }
-
-    fn edge(&self, index: usize) -> [V; 2] {
-        [self.corners[index], self.corners[(index + 1) % 3]]
-    }
-
-    fn corners(&self, face: usize, out: &mut Vec<Corner<3>>) {
-        for i in 0..3 {
-            let corner = if face == 0 { i } else { 2 - i };
-            out.push(Corner::new(self.corners[corner], corner as u32));
-        }
-    }
-}
-
-/// As [`on_solid`], for a triangle of a mesh. `allowed` turns a direction into one in which the
-/// triangle may push, or refuses it: an edge between two that lie in a plane pushes as they do.
-pub(super) fn on_facet(
-    cylinder: &Placed,
-    facet: &Facet,
-    prediction: f32,
-    before: Option<u64>,
-    allowed: impl Fn(V) -> Option<V>,
-    clipper: &mut Clipper<3>,
-    touch: &mut Touch<3>,
-) -> f32 {
-    let gap = on_solid(cylinder, facet, prediction, before, clipper, touch);
-    if touch.points.is_empty() {
-        return gap;
-    }
-    let Some(normal) = allowed(touch.normal) else {
-        touch.points.clear();
-        return gap.min(prediction);
-    };
-    if (normal - touch.normal).length() > ROUNDING {
-        touch.normal = normal;
-        for point in &mut touch.points {
-            point.gap = normal.dot(point.on_a - point.on_b);
-            point.on_a = point.on_b + normal * point.gap;
-        }
-        // What is beyond an edge is on the neighbor: that one has it.
-        touch.points.retain(|point| point.gap <= prediction);
-    }
-    gap.min(prediction)
-}
-
 /// Fills `touch` with where a cylinder touches an edge, along an axis that has this gap.
 fn on_edge(
     cylinder: &Placed,
-    (edge, [from, to]): (usize, [V; 2]),
+    (edge, ends): (usize, [V; 2]),
     found: &Nearest,
     prediction: f32,
     touch: &mut Touch<3>,
 ) {
-    let normal = -found.normal;
-    touch.normal = normal;
-    let along = to - from;
-    let name = |end: u32| EDGE | end << 24 | edge as u32 & 0xff_ffff;
-    let across: V = moment(along, cylinder.axis);
-    if found.beside && across.dot(across) < PARALLEL * PARALLEL * along.dot(along) {
-        let rise = cylinder.axis.dot(along);
-        let start = cylinder.axis.dot(from - cylinder.center);
-        let ends = [-cylinder.half, cylinder.half];
-        let parts = ends.map(|end| ((end - start) / rise).clamp(0.0, 1.0));
-        let flank = cylinder.flank(-normal);
-        for (part, end) in parts.into_iter().zip(1..) {
-            let on_b = from + along * part;
-            let at = cylinder.center + cylinder.axis * (start + rise * part) + flank;
-            touch.points.push(point(at, on_b, normal.dot(at - on_b), name(end)));
+    touch.normal = -found.normal;
+    let places = cylinder.places_on(ends, found, prediction);
+    let both = u32::from(places[1].is_some());
+    for ([on_a, on_b], end) in places.into_iter().flatten().zip(both..) {
+        let gap = touch.normal.dot(on_a - on_b);
+        if gap <= prediction || both == 0 {
+            let name = EDGE | end << 24 | edge as u32 & 0xff_ffff;
+            touch.points.push(point(on_a, on_b, if both == 0 { found.gap } else { gap }, name));
         }
-        if parts[0] != parts[1] && is_supported(touch, found.gap, cylinder.size(), prediction) {
-            return;
-        }
-        touch.points.clear();
     }
-    let on_b = from + along * found.part;
-    touch.points.push(point(on_b + normal * found.gap, on_b, found.gap, name(0)));
 }
 
 /// Fills `touch` with where a cylinder, as a, overlaps a ball or capsule or is within `prediction`

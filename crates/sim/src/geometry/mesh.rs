@@ -8,6 +8,8 @@
 //! An open mesh has two sides: a shape touches it from where its center is. A closed one pushes out along its
 //! outward normals, also what has its center inside.
 
+mod cylinder;
+mod polyhedra;
 mod rounds;
 mod solids;
 mod surface;
@@ -19,8 +21,10 @@ use self::surface::{Beyond, Face, Facet};
 use super::solid::Corner;
 use super::{Carrier, Frame, Surfaces, Touch, TouchPoint};
 
+use super::cylinders;
+use super::solid::Polyhedron;
+
 pub(super) use self::rounds::round;
-pub(super) use self::solids::solid;
 
 type V = Vector<f32, 3>;
 
@@ -262,6 +266,30 @@ impl Ahead<'_> {
                 0.0,
             )
     }
+}
+
+/// Gathers where a box or a hull touches a mesh or is within `prediction` of it, in the frame of the mesh. Returns how
+/// far they are apart at least. \[m\]
+pub(super) fn polyhedron(
+    ahead: Ahead<'_>,
+    shape: &impl Polyhedron,
+    frame: &Frame<3>,
+    tree: &parry3d::partitioning::Bvh,
+    gathered: &mut Gathered,
+) -> f32 {
+    solids::gather(ahead, &polyhedra::Seen { shape, frame }, tree, gathered)
+}
+
+/// The same of a cylinder. `before` is the feature of a point where they touched a step ago.
+pub(super) fn cylinder(
+    ahead: Ahead<'_>,
+    cylinder: cylinders::Placed,
+    before: Option<u64>,
+    tree: &parry3d::partitioning::Bvh,
+    gathered: &mut Gathered,
+) -> f32 {
+    let before = before.map(|name| name & ((1 << FACED) - 1));
+    solids::gather(ahead, &cylinder::Seen { cylinder, before }, tree, gathered)
 }
 
 /// Where a mesh is near a half-space, in the frame of the mesh: its vertices. Returns how far they are apart.

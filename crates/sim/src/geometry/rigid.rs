@@ -209,7 +209,7 @@ macro_rules! over_parry {
                 touch.points.clear();
                 touch.part = part;
                 let memory = (&mut *clipper, &mut *expansion);
-                if let Some(gap) = $polyhedra(query, (pieces, cones), posed, memory, touch) {
+                if let Some(gap) = $polyhedra(query, pieces, posed, memory, touch) {
                     apart = apart.min(gap);
                     touch.place(&frames[0]);
                 } else {
@@ -384,7 +384,7 @@ fn footing<H, const L: usize>(form: &Form<H, L>) -> Option<Footing<'_, H, L>> {
 /// they are something else. `before` is the feature of a point where they touched a step ago.
 fn polygons(
     query: Query<'_, 2>,
-    ([a, b], _): ([Piece2<'_>; 2], [Option<&dyn parry2d::query::details::NormalConstraints>; 2]),
+    [a, b]: [Piece2<'_>; 2],
     _: impl Fn() -> parry2d::math::Pose,
     (clipper, _): (&mut Clipper<2>, &mut parry2d::query::epa::EPA),
     touch: &mut Touch<2>,
@@ -402,7 +402,7 @@ fn polygons(
 /// As [`polygons`], in space, where parry is asked for the nearest points: `posed` is b as seen from a.
 fn solids(
     query: Query<'_, 3>,
-    ([a, b], cones): ([Piece3<'_>; 2], [Option<Cone<'_>>; 2]),
+    [a, b]: [Piece3<'_>; 2],
     posed: impl Fn() -> parry3d::math::Pose,
     (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut Touch<3>,
@@ -416,14 +416,14 @@ fn solids(
         (Hull(a), Hull(b)) => meet(&**a, &**b, query, nearest, clipper, touch),
         (Form::Cylinder(cylinder), _) => {
             let own = cylinder.placed(&Frame::IDENTITY.seen_from(query.from_b));
-            let gap = on_cylinder(&own, (b, cones[1]), query, clipper, touch)?;
+            let gap = on_cylinder(&own, b.form, query, clipper, touch)?;
             touch.surfaces = cylinder_on(&own, b.form, touch.normal);
             touch.place(query.from_b);
             gap
         }
         (_, Form::Cylinder(cylinder)) => {
             let own = cylinder.placed(query.from_b);
-            let gap = on_cylinder(&own, (a, cones[0]), query, clipper, touch)?;
+            let gap = on_cylinder(&own, a.form, query, clipper, touch)?;
             touch.surfaces = cylinder_on(&own, a.form, touch.normal);
             touch.exchange();
             gap
@@ -432,21 +432,18 @@ fn solids(
     })
 }
 
-/// The directions in which a triangle of a mesh may push.
-type Cone<'a> = &'a dyn parry3d::query::details::NormalConstraints;
-
-/// Contact of a cylinder, as a, with a piece of a shape, in that one's frame; returns how far they are apart
-/// at least. `None`: the piece is left to parry.
+/// Contact of a cylinder, as a, with a shape, in that one's frame; returns how far they are apart at least. `None`: the
+/// shape is left to parry.
 fn on_cylinder(
     cylinder: &cylinders::Placed,
-    (piece, cone): (Piece3<'_>, Option<Cone<'_>>),
+    form: &Form<Hull, 3>,
     Query { prediction, before, .. }: Query<'_, 3>,
     clipper: &mut Clipper<3>,
     touch: &mut Touch<3>,
 ) -> Option<f32> {
-    Some(match piece.form {
+    Some(match form {
         Form::Ball(_) | Form::Capsule(..) => {
-            cylinders::on_round(cylinder, &piece.form.round()?, prediction, touch)
+            cylinders::on_round(cylinder, &form.round()?, prediction, touch)
         }
         Form::Cuboid(solid) => {
             cylinders::on_solid(cylinder, solid, prediction, before, clipper, touch)
@@ -462,16 +459,7 @@ fn on_cylinder(
             let plane = Plane { point: Vector::ZERO, normal: *normal };
             cylinders::on_plane(cylinder, &plane, prediction, before, touch)
         }
-        Form::Mesh(_) | Form::Other => {
-            let triangle = piece.shape.as_shape::<parry3d::shape::Triangle>()?;
-            let corners = [triangle.a, triangle.b, triangle.c].map(|at| Vector(at.to_array()));
-            let facet = cylinders::Facet::of(corners)?;
-            let allowed = |normal: Vector<f32, 3>| {
-                let Some(cone) = cone else { return Some(normal) };
-                Some(Vector(cone.project_local_normal(normal.0.into())?.to_array()))
-            };
-            cylinders::on_facet(cylinder, &facet, prediction, before, allowed, clipper, touch)
-        }
+        Form::Mesh(_) | Form::Other => return None,
     })
 }
 
@@ -522,7 +510,7 @@ fn no_meshes<S>(
     None
 }
 
-/// Contact of a mesh with a shape other than a cylinder; returns how far they are apart at least. `None`: they are
+/// Contact of a mesh with a shape; returns how far they are apart at least. `None`: they are
 /// something else.
 fn on_meshes(
     both: [&Collider<parry3d::shape::SharedShape, Hull, 3>; 2],
@@ -546,8 +534,8 @@ fn on_meshes(
     let ahead = mesh::Ahead { surface, prediction, motion, turning, faced };
     let gathered = &mut scratch.gathered;
     let apart = match other {
-        Form::Cuboid(cuboid) => mesh::solid(ahead, cuboid, seen, tree, gathered),
-        Form::Hull(hull) => mesh::solid(ahead, &**hull, seen, tree, gathered),
+        Form::Cuboid(cuboid) => mesh::polyhedron(ahead, cuboid, seen, tree, gathered),
+        Form::Hull(hull) => mesh::polyhedron(ahead, &**hull, seen, tree, gathered),
         Form::Ball(_) | Form::Capsule(..) => {
             mesh::round(ahead, &other.round()?.placed(seen), tree, gathered)
         }
@@ -564,8 +552,11 @@ fn on_meshes(
             }
             return Some(apart);
         }
+        Form::Cylinder(cylinder) => {
+            mesh::cylinder(ahead, cylinder.placed(seen), before, tree, gathered)
+        }
         Form::Mesh(_) => return Some(ahead.prediction),
-        Form::Cylinder(_) | Form::Other => return None,
+        Form::Other => return None,
     };
     gathered.report(own, side == 0, report);
     Some(apart)

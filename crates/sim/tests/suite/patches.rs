@@ -64,10 +64,38 @@ fn slender_patches_stand() {
     }
 }
 
+/// Cylinders, standing and lying, stay where they are on all floors.
+#[test]
+fn cylinders_rest() {
+    for settings in [StepSettings::certified(), StepSettings::realtime()] {
+        for size in [0.1, 1.0, 10.0] {
+            for [radius, half] in [[0.3, 0.6], [1.0, 0.1], [0.1, 3.0]] {
+                let [radius, half] = [radius * size, half * size];
+                for kind in 0..4 {
+                    for lying in [false, true] {
+                        let mut world = with_gravity(settings.clone());
+                        add_ground(&mut world, kind, 10.0 * size);
+                        let height = if lying { radius } else { half };
+                        let start = [0.3 * size, height, 0.4 * size];
+                        let mut can = solid(start, SharedShape::cylinder(half, radius));
+                        if lying {
+                            can.pose = Rigid3::pose(Vector(start), &LYING);
+                        }
+                        let id = world.add(can);
+                        run(&mut world, 1.0);
+                        let what = format!("{radius} by {half} on floor {kind}, lying: {lying}");
+                        assert_below(&what, moved(&world, id, start), 1e-3 * size.max(0.2));
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// A wheel rolls on at its speed.
 #[test]
 fn a_wheel_keeps_its_speed() {
-    for kind in 0..3 {
+    for kind in 0..4 {
         let radius = 0.3;
         let mut world = with_gravity(StepSettings::quality());
         add_ground(&mut world, kind, 20.0);

@@ -1,32 +1,116 @@
-//! Contact of boxes and hulls with triangle meshes.
+//! Contact of convex shapes with ends, faces or edges ([`Shape`]) with triangle meshes.
+
+use std::ops::Range;
 
 use drystone_solver::{Vector, moment};
 
 use super::surface::{Beyond, Face, UPRIGHT};
-use super::{Above, Ahead, Corner, Frame, Gathered, Part, TouchPoint, V, add};
+use super::{Above, Ahead, Corner, Gathered, Part, TouchPoint, V, add};
+use crate::geometry::Touch;
 use crate::geometry::separation::{PREFERENCE, edge_beyond};
-use crate::geometry::solid::Polyhedron;
 
 /// Points over a face count for the whole shape if they have at least this part of its overlap. \[1\]
 const MOST: f32 = 0.5;
 
-/// Edges at an angle whose sine is less than this are parallel. \[1\]
-const PARALLEL: f32 = 1e-2;
+/// Planes and lines at an angle whose sine is less than this are parallel. \[1\]
+pub(super) const PARALLEL: f32 = 1e-2;
 
 /// A mesh edge lies along a face if the sine of the angle between them is less than this. \[1\]
 const ALONG: f32 = 0.032;
 
 /// A name for a point: what made it, and its number.
-fn feature(kind: u64, number: u64) -> u64 {
+pub(super) fn feature(kind: u64, number: u64) -> u64 {
     kind << 40 | number
 }
 
-/// A solid near a mesh.
-struct Meeting<'a, P: Polyhedron> {
+/// A convex shape as it is asked about a mesh, in the frame of the mesh. Faces are flat: of a cylinder, its caps.
+pub(super) trait Shape {
+    /// Appends its vertices, if it has any.
+    fn vertices(&self, out: &mut Vec<V>);
+
+    /// Appends the outward normal of each face, and how far its plane is along that. \[1, m\]
+    fn planes(&self, out: &mut Vec<(V, f32)>);
+
+    /// The least and the greatest coordinates, and the center.
+    fn bounds(&self, vertices: &[V]) -> [V; 3];
+
+    /// How far its lowest point is along a direction. \[m\]
+    fn low(&self, direction: V, vertices: &[V]) -> f32;
+
+    /// The face that looks along a direction.
+    fn facing(&self, direction: V) -> usize;
+
+    /// Appends what of it looks against a plane with this normal, on the side of a face.
+    fn corners(&self, face: usize, normal: V, vertices: &[V], out: &mut Vec<Corner<3>>);
+
+    /// The line on which it lies on a plane with this normal, from its start along it: of what is round.
+    fn line(&self, normal: V) -> Option<[V; 2]> {
+        let _ = normal;
+        None
+    }
+
+    /// The part of a line, from a point along a way, that is within a face as seen along a direction.
+    fn within(&self, face: &Outline<'_>, direction: V, line: [V; 2]) -> Option<[f32; 2]>;
+
+    /// Whether a place is within a face as seen along a direction.
+    fn covers(&self, face: &Outline<'_>, direction: V, place: V) -> bool;
+
+    /// How far it is apart from a triangle across what of it is round; less than anything if that is none. \[m\]
+    fn beside(&self, corners: [V; 3]) -> f32 {
+        let _ = corners;
+        f32::NEG_INFINITY
+    }
+
+    /// How far it and an edge of the mesh are apart along a direction that both admit, if that is more than what it has
+    /// to beat. \[m\] It is given its own vertices and planes.
+    fn rim(&self, sharp: Sharp<'_>, seen: (&[V], &[(V, f32)])) -> Option<(f32, Rim)>;
+
+    /// Its radius of curvature where it touches along a normal. \[m\]
+    fn radius(&self, normal: V) -> f32 {
+        let _ = normal;
+        0.0
+    }
+}
+
+/// A face of a shape.
+pub(super) struct Outline<'a> {
+    /// Its number.
+    pub(super) face: usize,
+    /// Outward.
+    pub(super) normal: V,
+    /// Its corners, in order around it; of a cap, what looks against a plane.
+    pub(super) corners: &'a [Corner<3>],
+}
+
+/// A sharp edge of a mesh.
+#[derive(Clone, Copy)]
+pub(super) struct Sharp<'a> {
+    pub(super) ahead: Ahead<'a>,
+    pub(super) edge: u32,
+    /// Its ends, in the order of a triangle.
+    pub(super) line: [V; 2],
+    /// Of the shape.
+    pub(super) center: V,
+    /// How far apart they are along another direction. \[m\]
+    pub(super) beat: f32,
+}
+
+/// Where a shape and an edge or a vertex of a mesh are apart along a direction.
+#[derive(Clone, Copy)]
+pub(super) struct Rim {
+    pub(super) part: Part,
+    /// Out of the mesh, of unit length.
+    pub(super) direction: V,
+    /// The face of the shape that looks along it.
+    pub(super) flat: Option<usize>,
+    /// Places on the shape and on the mesh, with names.
+    pub(super) places: [Option<(V, V, u64)>; 2],
+}
+
+/// A shape near a mesh.
+struct Meeting<'a, S: Shape> {
     ahead: Ahead<'a>,
-    shape: &'a P,
-    /// Of the shape, seen from the mesh.
-    frame: &'a Frame<3>,
+    shape: &'a S,
     center: V,
 }
 
@@ -35,16 +119,14 @@ struct Meeting<'a, P: Polyhedron> {
 enum Axis {
     /// A face of the shape, and the vertex of the mesh that is deepest.
     Face(usize, u32),
-    /// An edge of the mesh and one of the shape, the direction and where they are nearest.
-    Edges { edge: u32, own: usize, direction: V, on_mesh: V, on_shape: V },
+    Rim(Rim),
 }
 
-/// Gathers where a box or a hull touches a mesh or is within `prediction` of it, in the frame of the mesh.
-/// Returns how far they are apart at least. \[m\]
-pub(crate) fn solid<P: Polyhedron>(
+/// Gathers where a shape touches a mesh or is within `prediction` of it, in the frame of the mesh. Returns how far they
+/// are apart at least. \[m\]
+pub(super) fn gather(
     ahead: Ahead<'_>,
-    shape: &P,
-    frame: &Frame<3>,
+    shape: &impl Shape,
     tree: &parry3d::partitioning::Bvh,
     gathered: &mut Gathered,
 ) -> f32 {
@@ -52,21 +134,11 @@ pub(crate) fn solid<P: Polyhedron>(
     gathered.vertices.clear();
     gathered.faces.clear();
     shape.vertices(&mut gathered.vertices);
-    let (mut min, mut max) = (Vector([f32::INFINITY; 3]), Vector([f32::NEG_INFINITY; 3]));
-    let mut center: V = Vector::ZERO;
-    for vertex in &mut gathered.vertices {
-        *vertex = frame.point(*vertex);
-        center += *vertex;
-        for i in 0..3 {
-            min[i] = min[i].min(vertex[i]);
-            max[i] = max[i].max(vertex[i]);
-        }
-    }
-    let center = center * (1.0 / gathered.vertices.len() as f32);
+    let [min, max, center] = shape.bounds(&gathered.vertices);
     let reach = Vector([ahead.prediction; 3]);
     let near = parry3d::bounding_volume::Aabb::new((min - reach).0.into(), (max + reach).0.into());
     gathered.near.extend(tree.intersect_aabb(&near));
-    let meeting = Meeting { ahead, shape, frame, center };
+    let meeting = Meeting { ahead, shape, center };
     let (mut apart, mut inside) = (ahead.prediction, false);
     for at in 0..gathered.near.len() {
         let index = gathered.near[at];
@@ -81,7 +153,7 @@ pub(crate) fn solid<P: Polyhedron>(
     apart
 }
 
-impl<P: Polyhedron> Meeting<'_, P> {
+impl<S: Shape> Meeting<'_, S> {
     /// Gathers where the shape touches a triangle; returns how far they are apart at least. \[m\] Sets `behind` if the
     /// center is behind a face that has one side.
     fn meet(&self, face: &Face, gathered: &mut Gathered, behind: &mut bool) -> f32 {
@@ -103,6 +175,8 @@ impl<P: Polyhedron> Meeting<'_, P> {
         }
         self.see_faces(gathered);
         let ((most, outermost), best) = self.farthest(face, side, own, gathered);
+        let turned = most;
+        let most = most.max(self.shape.beside(surface.corners(face)));
         let apart = low.max(most);
         if most > prediction {
             return apart;
@@ -110,7 +184,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
         let margin = PREFERENCE * prediction;
         let wins = best.filter(|&(gap, axis)| match axis {
             Axis::Face(..) => gap > own + margin,
-            Axis::Edges { .. } => gap > edge_beyond(own, prediction),
+            Axis::Rim(_) => gap > edge_beyond(own, prediction),
         });
         // What another direction parts, which the mesh does not admit, is nearer elsewhere. Where all overlap, that may
         // be a side of the shape that something sharp has just come by.
@@ -123,7 +197,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
             _ if hidden => {}
             _ => self.on_facet(face, above, !elsewhere, gathered),
         }
-        if elsewhere && 0.0 < most && most <= self.ahead.turning {
+        if elsewhere && 0.0 < turned && most <= self.ahead.turning {
             self.under(face, outermost, None, gathered);
         }
         apart
@@ -140,39 +214,37 @@ impl<P: Polyhedron> Meeting<'_, P> {
             }
         }
         let normal = plane.normal * side;
-        let heights = gathered.vertices.iter().map(|vertex| normal.dot(*vertex));
-        let low = heights.fold(f32::INFINITY, f32::min) - side * plane.offset;
+        let low = self.shape.low(normal, &gathered.vertices) - side * plane.offset;
         let over = [1.0, 0.0];
         let mut above =
             Above { facet, behind, low, face: u32::MAX, corners: 0..0, over, genuine: false };
         if low <= self.ahead.prediction {
-            let own = self.shape.facing(self.frame.local_direction(-normal));
+            let own = self.shape.facing(-normal);
             above.face = own as u32;
-            above.corners = self.corners(own, gathered);
+            above.corners = self.corners(own, normal, gathered);
         }
         gathered.facets.push(above);
         gathered.facets.len() - 1
     }
 
-    /// The corners of a face of the shape, seen from the mesh: where they are among the polygons.
-    fn corners(&self, own: usize, gathered: &mut Gathered) -> std::ops::Range<usize> {
+    /// What of the shape looks against a plane: where it is among the polygons.
+    fn corners(&self, own: usize, normal: V, gathered: &mut Gathered) -> Range<usize> {
         let start = gathered.polygon.len();
-        self.shape.corners(own, &mut gathered.polygon);
-        for corner in &mut gathered.polygon[start..] {
-            corner.position = gathered.vertices[corner.feature as usize];
-        }
+        self.shape.corners(own, normal, &gathered.vertices, &mut gathered.polygon);
         start..gathered.polygon.len()
     }
 
     /// Sees the planes of the shape's faces from the mesh.
     fn see_faces(&self, gathered: &mut Gathered) {
         if gathered.faces.is_empty() {
-            gathered.faces.extend((0..self.shape.faces()).map(|own| {
-                let (normal, vertex) = self.shape.face(own);
-                let normal = self.frame.direction(normal);
-                (normal, normal.dot(self.frame.point(vertex)))
-            }));
+            self.shape.planes(&mut gathered.faces);
         }
+    }
+
+    /// The manifold of a part.
+    fn manifold<'g>(&self, part: Part, normal: V, gathered: &'g mut Gathered) -> &'g mut Touch<3> {
+        gathered.radius = self.shape.radius(normal);
+        gathered.of(part, normal)
     }
 
     /// How far the shape and a triangle are apart along a face of the shape, the most; and the most along a direction
@@ -208,72 +280,15 @@ impl<P: Polyhedron> Meeting<'_, P> {
             }
         }
         for k in (0..3).filter(|&k| face.beyond(k, side) == Beyond::Sharp) {
-            let [from, to] = [corners[k], corners[(k + 1) % 3]];
-            for own in 0..self.shape.edges() {
-                if let Some((gap, axis)) =
-                    self.across(face.edges[k], [from, to], own, beat, gathered)
-                {
-                    beat = gap;
-                    best = Some((gap, axis));
-                }
+            let line = [corners[k], corners[(k + 1) % 3]];
+            let (ahead, center) = (self.ahead, self.center);
+            let sharp = Sharp { ahead, edge: face.edges[k], line, center, beat };
+            if let Some((gap, rim)) = self.shape.rim(sharp, (&gathered.vertices, &gathered.faces)) {
+                beat = gap;
+                best = Some((gap, Axis::Rim(rim)));
             }
         }
         (most, best)
-    }
-
-    /// How far an edge of the mesh and one of the shape are apart across both, if that is more than `beat` \[m\] and
-    /// neither the mesh nor the shape has anything between.
-    #[inline]
-    fn across(
-        &self,
-        edge: u32,
-        [from, to]: [V; 2],
-        own: usize,
-        beat: f32,
-        gathered: &Gathered,
-    ) -> Option<(f32, Axis)> {
-        let Ahead { surface, prediction, .. } = self.ahead;
-        let [start, end] = self.shape.ends(own).map(|end| gathered.vertices[end]);
-        let apart = (0..3).any(|i| {
-            start[i].min(end[i]) - prediction > from[i].max(to[i])
-                || from[i].min(to[i]) - prediction > start[i].max(end[i])
-        });
-        if apart {
-            return None;
-        }
-        let (along, other) = (to - from, end - start);
-        let across: V = moment(along, other);
-        let (squared, lengths) = (across.dot(across), along.dot(along) * other.dot(other));
-        if squared <= PARALLEL * PARALLEL * lengths {
-            return None;
-        }
-        // Away from the mesh: the opposite corners of its triangles are below.
-        let apex = surface.wings(edge).first()?[0];
-        let below = across.dot(surface.points[apex as usize] - from) <= 0.0;
-        let direction = across * (if below { 1.0 } else { -1.0 } / squared.sqrt());
-        let gap = direction.dot(start - from);
-        if gap <= beat || gap > prediction || !surface.edge_gives(edge, direction) {
-            return None;
-        }
-        // Of the shape, both faces at the edge rise along the direction: it looks between their normals.
-        let [one, two] = self.shape.flanks(own).map(|face| gathered.faces[face].0);
-        let (both, a, b) = (one.dot(two), -one.dot(direction), -two.dot(direction));
-        if a - both * b < 0.0 || b - both * a < 0.0 {
-            return None;
-        }
-        let between = start - from;
-        let (u, w) = (along.dot(along), other.dot(other));
-        let (skew, p, q) = (along.dot(other), between.dot(along), between.dot(other));
-        let s = (p * w - skew * q) / (u * w - skew * skew);
-        let t = (skew * s - q) / w;
-        let within = 0.0..=1.0;
-        if !within.contains(&s) || !within.contains(&t) {
-            return None;
-        }
-        let (on_mesh, on_shape) = (from + along * s, start + other * t);
-        let front = direction.dot(self.center - on_mesh) > 0.0;
-        let axis = Axis::Edges { edge, own, direction, on_mesh, on_shape };
-        front.then_some((gap, axis))
     }
 
     /// Gathers what touches along an axis that is not the face's own.
@@ -281,7 +296,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
         let surface = self.ahead.surface;
         let direction = match axis {
             Axis::Face(own, _) => -gathered.faces[own].0,
-            Axis::Edges { direction, .. } => direction,
+            Axis::Rim(rim) => rim.direction,
         };
         let facet = &surface.facets[face.facet as usize];
         if side * facet.normal.dot(direction) > UPRIGHT {
@@ -295,24 +310,23 @@ impl<P: Polyhedron> Meeting<'_, P> {
                     self.under(face, own, Some(vertex), gathered);
                 }
             }
-            Axis::Edges { edge, own, direction, on_mesh, on_shape } => {
-                if surface.edge_is_flush(edge, direction) {
-                    return;
+            Axis::Rim(rim) => {
+                match rim.part {
+                    Part::Edge(edge) if surface.edge_is_flush(edge, direction) => return,
+                    Part::Edge(edge) if surface.wings(edge).len() > 1 => gathered.face(facet, side),
+                    Part::Vertex(vertex) if surface.vertex_is_flush(vertex, direction) => return,
+                    Part::Vertex(_) => gathered.face(facet, side),
+                    _ => {}
                 }
-                if surface.wings(edge).len() > 1 {
-                    gathered.face(facet, side);
-                }
-                let flanks = self.shape.flanks(own);
-                let flat = |&own: &usize| -gathered.faces[own].0.dot(direction) > UPRIGHT;
-                if let Some(own) = flanks.into_iter().find(flat) {
+                if let Some(own) = rim.flat {
                     return self.under(face, own, None, gathered);
                 }
-                let part = Part::Edge(edge);
-                if !gathered.has(part) {
-                    let touch = gathered.of(part, direction);
-                    let gap = direction.dot(on_shape - on_mesh);
-                    let feature = feature(5, own as u64);
-                    add(touch, TouchPoint { on_a: on_shape, on_b: on_mesh, gap, feature });
+                if !gathered.has(rim.part) {
+                    let touch = self.manifold(rim.part, direction, gathered);
+                    for (on_a, on_b, feature) in rim.places.into_iter().flatten() {
+                        let gap = direction.dot(on_a - on_b);
+                        add(touch, TouchPoint { on_a, on_b, gap, feature });
+                    }
                 }
             }
         }
@@ -349,7 +363,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
         let found = start..gathered.memory.len();
         if !found.is_empty() {
             let memory = std::mem::take(&mut gathered.memory);
-            let touch = gathered.of(Part::Facet { facet: number, behind }, normal);
+            let touch = self.manifold(Part::Facet { facet: number, behind }, normal, gathered);
             for corner in &memory[found] {
                 let (on_a, gap) = (corner.position, corner.height);
                 let feature = u64::from(corner.feature);
@@ -371,7 +385,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
             }
             let facet = &self.ahead.surface.facets[number as usize];
             let side = if behind { -1.0 } else { 1.0 };
-            let touch = gathered.of(part, facet.normal * side);
+            let touch = self.manifold(part, facet.normal * side, gathered);
             touch.points.retain(|point| genuine || point.gap > 0.0);
             if !touch.points.is_empty() {
                 gathered.face(facet, side);
@@ -385,22 +399,30 @@ impl<P: Polyhedron> Meeting<'_, P> {
         face: &Face,
         (number, own): (u32, u32),
         normal: V,
-        corners: std::ops::Range<usize>,
+        corners: Range<usize>,
         gathered: &mut Gathered,
     ) {
         let Ahead { surface, prediction, .. } = self.ahead;
         let places = surface.corners(face);
+        let lying = self.shape.line(normal);
         for k in 0..3 {
             let inner = |&[_, other]: &[u32; 2]| other == number;
             if surface.wings(face.edges[k]).iter().filter(|wing| inner(wing)).count() > 1 {
                 continue;
             }
             let [from, along] = [places[k], places[(k + 1) % 3] - places[k]];
-            let polygon = &gathered.polygon[corners.clone()];
-            // Seen along the normal of the mesh.
-            let Some(range) = within(polygon, normal, [from, along]) else { continue };
+            if let Some(position) = lying.and_then(|line| cross(line, [from, along], normal)) {
+                let gap = normal.dot(position - from);
+                if gap <= prediction {
+                    let feature = 3 << 30 | face.edges[k];
+                    gathered.memory.push(Corner { position, feature, height: gap });
+                }
+            }
             self.see_faces(gathered);
             let (plane, offset) = gathered.faces[own as usize];
+            let own = outline(own as usize, plane, &gathered.polygon[corners.clone()]);
+            // Seen along the normal of the mesh.
+            let Some(range) = self.shape.within(&own, normal, [from, along]) else { continue };
             let slope = plane.dot(normal);
             for (end, part) in range.into_iter().enumerate() {
                 let place = from + along * part;
@@ -425,7 +447,8 @@ impl<P: Polyhedron> Meeting<'_, P> {
         let Ahead { surface, prediction, motion, turning, .. } = self.ahead;
         let (normal, offset) = gathered.faces[own];
         let direction = -normal;
-        let corners = self.corners(own, gathered);
+        let corners = self.corners(own, direction, gathered);
+        let outline = outline(own, normal, &gathered.polygon[corners.clone()]);
         let mut found: [Option<(V, u64)>; 9] = [None; 9];
         for k in 0..3 {
             let edge = face.edges[k];
@@ -434,8 +457,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
             let level = direction.dot(along);
             if level * level < ALONG * ALONG * along.dot(along)
                 && surface.edge_gives(edge, direction)
-                && let Some(range) =
-                    within(&gathered.polygon[corners.clone()], direction, [from, along])
+                && let Some(range) = self.shape.within(&outline, direction, [from, along])
             {
                 for (end, part) in range.into_iter().enumerate() {
                     let name = match part {
@@ -447,15 +469,15 @@ impl<P: Polyhedron> Meeting<'_, P> {
                 }
             }
         }
-        let polygon = &gathered.polygon[corners.clone()];
         for (k, &vertex) in face.corners.iter().enumerate() {
             let place = surface.points[vertex as usize];
             let gap = normal.dot(place) - offset;
             let approach = normal.dot(motion);
             let is_under = || {
                 let comes = gap > 0.0 && approach > gap;
-                is_within(polygon, normal, place)
-                    || comes && is_within(polygon, normal, place - motion * (gap / approach))
+                self.shape.covers(&outline, normal, place)
+                    || comes
+                        && self.shape.covers(&outline, normal, place - motion * (gap / approach))
                     || gap < 0.0 && deepest == Some(vertex)
             };
             // What is not the nearest comes to be by turning only.
@@ -470,7 +492,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
         for (place, feature) in found.into_iter().flatten() {
             let gap = normal.dot(place) - offset;
             if gap <= prediction {
-                let touch = gathered.of(Part::Under(own as u32), direction);
+                let touch = self.manifold(Part::Under(own as u32), direction, gathered);
                 add(touch, TouchPoint { on_a: place - normal * gap, on_b: place, gap, feature });
             }
         }
@@ -491,7 +513,7 @@ impl<P: Polyhedron> Meeting<'_, P> {
         for at in corners {
             let Corner { position, feature, .. } = gathered.polygon[at];
             let gap = normal.dot(position) - side * facet.offset;
-            let touch = gathered.of(part, normal);
+            let touch = self.manifold(part, normal, gathered);
             let on_b = position - normal * gap;
             let feature = u64::from(feature);
             add(touch, TouchPoint { on_a: position, on_b, gap, feature });
@@ -515,42 +537,15 @@ pub(super) fn nearest_inside<'a>(ahead: Ahead<'a>, center: V, near: &[u32]) -> O
     best.filter(|&(.., outside)| !outside).map(|(_, face, _)| face)
 }
 
-/// The part of a line, from a point along a way, that is within a convex polygon as seen along a direction.
-fn within(polygon: &[Corner<3>], direction: V, [from, along]: [V; 2]) -> Option<[f32; 2]> {
-    let [mut first, mut last] = [0.0f32, 1.0f32];
-    let turn = winding(polygon, direction);
-    for (i, corner) in polygon.iter().enumerate() {
-        let (start, end) = (corner.position, polygon[(i + 1) % polygon.len()].position);
-        let outward: V = moment(end - start, direction);
-        let outward = outward * turn;
-        let (height, rise) = (outward.dot(from - start), outward.dot(along));
-        if rise > 0.0 {
-            last = last.min(-height / rise);
-        } else if rise < 0.0 {
-            first = first.max(-height / rise);
-        } else if height > 0.0 {
-            return None;
-        }
-    }
-    (first < last).then_some([first, last])
+/// Where a line crosses another as both are seen along a direction: a place on the first, if that is within both.
+fn cross([start, way]: [V; 2], [from, along]: [V; 2], direction: V) -> Option<V> {
+    let outward: V = moment(along, direction);
+    let part = outward.dot(from - start) / outward.dot(way);
+    let place = start + way * part;
+    let at = along.dot(place - from) / along.dot(along);
+    ((0.0..=1.0).contains(&part) && (0.0..=1.0).contains(&at)).then_some(place)
 }
 
-/// Whether a place is within a convex polygon as seen along a direction.
-fn is_within(polygon: &[Corner<3>], direction: V, place: V) -> bool {
-    let turn = winding(polygon, direction);
-    (0..polygon.len()).all(|i| {
-        let (start, end) = (polygon[i].position, polygon[(i + 1) % polygon.len()].position);
-        let outward: V = moment(end - start, direction);
-        turn * outward.dot(place - start) <= super::ON_EDGE * outward.dot(outward)
-    })
-}
-
-/// 1 if a polygon is counter-clockwise as seen from where a direction points to, else -1.
-fn winding(polygon: &[Corner<3>], direction: V) -> f32 {
-    let [first, ..] = polygon else { return 1.0 };
-    let mut area: V = Vector::ZERO;
-    for pair in polygon.windows(2) {
-        area += moment(pair[0].position - first.position, pair[1].position - first.position);
-    }
-    if area.dot(direction) < 0.0 { -1.0 } else { 1.0 }
+fn outline(face: usize, normal: V, corners: &[Corner<3>]) -> Outline<'_> {
+    Outline { face, normal, corners }
 }

@@ -34,6 +34,8 @@ fn shapes(random: &mut Random) -> Vec<SharedShape> {
         SharedShape::capsule_y(0.15, 0.08),
         SharedShape::cuboid(0.2, 0.1, 0.15),
         SharedShape::convex_hull(&corners).unwrap(),
+        SharedShape::cylinder(0.15, 0.1),
+        SharedShape::cylinder(0.02, 0.2),
     ]
 }
 
@@ -60,9 +62,9 @@ fn gaps_are_those_of_the_nearest_points() {
     let mut random = Random(7);
     let (meshes, shapes) = (meshes(&mut random), shapes(&mut random));
     let mut memory = <Rigid3 as Geometry<3, 3>>::Scratch::default();
-    let mut found = [0; 4];
-    for round in 0..4000 {
-        let (kind, mesh) = (round % 4, &meshes[round / 4 % 2]);
+    let (kinds, mut found) = (shapes.len(), [0; 6]);
+    for round in 0..1500 * kinds {
+        let (kind, mesh) = (round % kinds, &meshes[round / kinds % 2]);
         let place = |random: &mut Random, far: f32| {
             let place = Rigid3::pose(random.vector() * far, &[]);
             Rigid3::advance(&place, Vector::ZERO, random.vector() * 3.0)
@@ -92,7 +94,8 @@ fn gaps_are_those_of_the_nearest_points() {
         let points = touches.iter().flat_map(|touch| &touch.points);
         let least = points.map(|point| point.gap).fold(f32::INFINITY, f32::min);
         // Of what is within the lump, its surface is not the nearest.
-        let inside = round / 4 % 2 == 1 && (own.translation - other.translation).length() < 0.65;
+        let inside =
+            round / kinds % 2 == 1 && (own.translation - other.translation).length() < 0.65;
         if kind < 2 && !inside && distance < prediction {
             let distance = from_core([(0.0, 0.15), (0.15, 0.08)][kind], &own, mesh, &other);
             assert!((least - distance).abs() < 2e-3 * prediction, "{round}: {least} of {distance}");
@@ -126,8 +129,8 @@ fn planes_are_one_facet() {
     let mut memory = <Rigid3 as Geometry<3, 3>>::Scratch::default();
     let planes = planes.map(Rigid3::collider);
     let ground = Rigid3::pose(Vector::ZERO, &[]);
-    for round in 0..400 {
-        let shape = Rigid3::collider(shapes[round % 4].clone());
+    for round in 0..100 * shapes.len() {
+        let shape = Rigid3::collider(shapes[round % shapes.len()].clone());
         let mut place = random.vector() * 0.4;
         place[1] *= 0.2;
         let pose = Rigid3::pose(place, &[]);
