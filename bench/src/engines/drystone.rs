@@ -38,7 +38,9 @@ impl Drystone {
 pub(super) fn settings(effort: Effort) -> StepSettings {
     match effort {
         Effort::Default => StepSettings::realtime(),
-        Effort::Substeps(substeps) => StepSettings { substeps, ..StepSettings::realtime() },
+        Effort::Substeps(substeps) => {
+            StepSettings { substeps, most_substeps: substeps, ..StepSettings::realtime() }
+        },
         Effort::Sag(sag) => StepSettings { sag: 1e-3 * sag, ..StepSettings::certified() },
     }
 }

@@ -105,7 +105,9 @@ fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failur
         (false, _) => StepSettings::certified(),
     };
     let mut settings = scene.settings(preset)?;
-    settings.substeps = arguments.substeps.unwrap_or(settings.substeps);
+    if let Some(substeps) = arguments.substeps {
+        (settings.substeps, settings.most_substeps) = (substeps, substeps);
+    }
     settings.iterations = arguments.iterations.unwrap_or(settings.iterations);
     settings.sleep = arguments.sleep.map_or(settings.sleep, |seconds| seconds as f32);
     settings.tolerance = arguments.tolerance.unwrap_or(settings.tolerance);

@@ -282,6 +282,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) damping: Vec<[f32; 2]>,
     /// Of its shapes from the center of mass.
     pub(crate) reach: Vec<Reach>,
+    /// The smallest extent of all its shapes together; unlimited of what cannot be moved. \[m\]
+    pub(crate) thickness: Vec<f32>,
     /// Force and torque until the end of the next step; of none where there are no more. \[N, N m\]
     pub(crate) forces: Vec<Velocity<f32, L, A>>,
 }
@@ -364,6 +366,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             gravity_factor: Vec::new(),
             damping: Vec::new(),
             reach: Vec::new(),
+            thickness: Vec::new(),
             forces: Vec::new(),
         }
     }

@@ -52,18 +52,27 @@ impl Wait {
     }
 }
 
+/// An island sinks by at most this part of the thinnest of its bodies. \[1\]
+const SHALLOW: f32 = 1.0 / 64.0;
+
 /// What holds an island up.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Load {
     /// \[N\]
     weight: f32,
+    /// Of its bodies, the least. \[m\]
+    thickness: f32,
     /// Manifolds with fixed bodies.
     supports: f32,
 }
 
+impl Load {
+    const NONE: Self = Self { weight: 0.0, thickness: f32::INFINITY, supports: 0.0 };
+}
+
 /// How much contacts give way at most.
 ///
-/// Those which carry an island sink by the sag: the island's weight W \[N\] on its n manifolds with
+/// Those which carry an island sink by the sag, or by a part of its thinnest body if that is less: the island's weight W \[N\] on its n manifolds with
 /// fixed bodies gives the stiffness k = W / (n sag), and a spring of implicit form that repairs the part
 /// c of its depth per substep h has epsilon = c / (h^2 k).
 #[derive(Clone, Copy, Default)]
@@ -101,21 +110,23 @@ const AS_THEY_COME: [f32; 2] = [f32::INFINITY; 2];
 
 impl<const L: usize, const A: usize> Certifier<L, A> {
     /// How stiff contacts are in substeps of `h` \[s\] between these `pairs`: by what their islands weigh, if they
-    /// are solved to a tolerance.
+    /// are solved to a tolerance. `of` is the weight \[N\] and the thickness \[m\] of a body.
     pub(crate) fn stiffness(
         &mut self,
         pairs: impl Iterator<Item = [u32; 2]>,
-        weight: impl Fn(usize) -> f32,
+        of: impl Fn(usize) -> [f32; 2],
         settings: &StepSettings,
         h: f32,
     ) -> Stiffness<'_> {
         let Self { islands, loads, compliances, .. } = self;
         let of_body = &islands.of_body;
         loads.clear();
-        loads.resize(islands.count, Load::default());
+        loads.resize(islands.count, Load::NONE);
         for (body, &island) in of_body.iter().enumerate() {
             if let Some(load) = loads.get_mut(island as usize) {
-                load.weight += weight(body);
+                let [weight, thickness] = of(body);
+                load.weight += weight;
+                load.thickness = load.thickness.min(thickness);
             }
         }
         for bodies in pairs {
@@ -125,12 +136,15 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
                 load.supports += 1.0;
             }
         }
-        // c sag / h^2.
-        let give = settings.repair * settings.sag / (h * h);
+        // c / h^2.
+        let give = settings.repair / (h * h);
         compliances.resize(of_body.len(), AS_THEY_COME);
         for (own, &island) in compliances.iter_mut().zip(of_body) {
             let load = loads.get(island as usize);
-            let now = load.map(|load| give / (load.weight / load.supports.max(1.0)));
+            let now = load.map(|load| {
+                let sag = settings.sag.min(SHALLOW * load.thickness);
+                give * sag / (load.weight / load.supports.max(1.0))
+            });
             *own = [now.unwrap_or(f32::INFINITY), own[0]];
         }
         Stiffness { compliances }

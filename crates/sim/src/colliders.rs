@@ -20,6 +20,9 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) shapes: Vec<G::Collider>,
     /// Smallest extent of a solid; unlimited for what has no volume. \[m\]
     thickness: Vec<f32>,
+    /// How many shapes each body has had, and the most of any.
+    counts: Vec<u32>,
+    most: u32,
     /// In the frame of the body's center of mass.
     local: Vec<G::Pose>,
     /// Turned with the body, seen from its center of mass.
@@ -56,6 +59,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             body: Vec::new(),
             shapes: Vec::new(),
             thickness: Vec::new(),
+            counts: Vec::new(),
+            most: 0,
             local: Vec::new(),
             poses: Vec::new(),
             surfaces: Vec::new(),
@@ -82,8 +87,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         let turned = turn::<G, L, A>(&local, &bodies.poses[body], frame);
         broad_phase.add(&bounds::<G, L, A>(&collider.shape, &turned, frame));
         self.body.push(body as u32);
-        self.thickness.push(thickness::<G, L, A>(&collider.shape));
+        self.thickness.push(smallest(&extent::<G, L, A>(&collider.shape, None)));
         self.shapes.push(G::collider(collider.shape));
+        self.counts.resize(self.counts.len().max(body + 1), 0);
+        self.counts[body] += 1;
+        self.most = self.most.max(self.counts[body]);
         self.bounce |= collider.material.restitution > 0.0;
         let resistance =
             [collider.material.rolling_resistance, collider.material.spinning_resistance];
@@ -121,6 +129,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
                 self.set_belt(id, motion.map(|motion| Belt { motion, frame, own: false }));
             }
         }
+    }
+
+    /// Whether a body may have several shapes.
+    pub(crate) fn is_compound(&self, body: u32) -> bool {
+        self.counts.get(body as usize).is_some_and(|&count| count > 1)
+    }
+
+    /// Whether any body may.
+    pub(crate) fn has_compounds(&self) -> bool {
+        self.most > 1
+    }
+
+    /// Whether neither of two surfaces runs, and they do not resist rolling.
+    pub(crate) fn is_plain(&self, pair: [u32; 2]) -> bool {
+        let runs = |id: &u32| self.belts.get(*id as usize).is_some_and(Option::is_some);
+        !pair.iter().any(runs) && self.resistance(pair) == [0.0; 2]
     }
 
     /// Whether a surface may run or resist rolling.
@@ -274,13 +298,33 @@ fn bounds<G: Geometry<L, A>, const L: usize, const A: usize>(
     Bounds { min: min + frame.position, max: max + frame.position }
 }
 
-/// The smallest extent of a solid; unlimited for what has no volume. \[m\]
-fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(shape: &G::Shape) -> f32 {
-    if G::mass(shape, 1.0).mass <= 0.0 {
-        return f32::INFINITY;
-    }
-    let bounds = G::bounds(shape, &G::pose(Vector::ZERO, &[]));
-    (bounds.max - bounds.min).0.into_iter().fold(f32::INFINITY, f32::min)
+/// The box around a solid in its own frame, or at a pose; none around what has no volume.
+fn extent<G: Geometry<L, A>, const L: usize, const A: usize>(
+    shape: &G::Shape,
+    pose: Option<&G::Pose>,
+) -> Option<Bounds<L>> {
+    let own = || G::pose(Vector::ZERO, &[]);
+    let has_volume = G::mass(shape, 1.0).mass > 0.0;
+    has_volume.then(|| G::bounds(shape, pose.unwrap_or(&own())))
+}
+
+/// The smallest extent of a box; unlimited of none. \[m\]
+fn smallest<const L: usize>(bounds: &Option<Bounds<L>>) -> f32 {
+    let extents = bounds.as_ref().map(|bounds| (bounds.max - bounds.min).0);
+    extents.into_iter().flatten().fold(f32::INFINITY, f32::min)
+}
+
+/// That of all shapes of a body together, if it is more than that of one that is alone. \[m\]
+pub(crate) fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(
+    colliders: &[Collider<G, L, A>],
+) -> f32 {
+    let pose = |collider: &Collider<G, L, A>| (colliders.len() > 1).then_some(collider.pose);
+    let each = colliders.iter();
+    let each = each.filter_map(|of| extent::<G, L, A>(&of.shape, pose(of).as_ref()));
+    smallest(&each.reduce(|all, own| Bounds {
+        min: Vector(std::array::from_fn(|i| all.min[i].min(own.min[i]))),
+        max: Vector(std::array::from_fn(|i| all.max[i].max(own.max[i]))),
+    }))
 }
 
 /// [`Pair::lever`]: when b turns, the points of a near it are farther out than its own, by the size of a; once

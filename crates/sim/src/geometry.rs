@@ -104,6 +104,11 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
         0.0
     }
 
+    /// Whether a point is inside of a box or a hull, or outside by no more than `near`. \[m\]
+    fn holds(_: &Self::Collider, _: &Self::Pose, _point: Vector<f32, L>, _near: f32) -> bool {
+        false
+    }
+
     /// The point of a shape that is farthest along a direction; none of what has no end, and of meshes,
     /// whose neighbors are flush by their own topology.
     fn farthest(

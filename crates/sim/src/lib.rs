@@ -75,6 +75,7 @@ mod ledger;
 mod motion;
 mod narrow_phase;
 mod pace;
+mod patches;
 pub mod recording;
 mod report;
 mod rows;

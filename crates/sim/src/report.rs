@@ -87,6 +87,8 @@ pub struct StepReport {
     /// Bodies, by slot, whose position or velocity is no longer a finite number. They touch nothing from then on;
     /// the others go on. Removing them and adding them again makes them sound.
     pub lost: Vec<u32>,
+    /// Substeps that it took.
+    pub substeps: u32,
     /// Passes over all contacts.
     pub sweeps: usize,
     /// Collisions that bounced.

@@ -180,7 +180,7 @@ mod tests {
         certifier.find_islands(&[InverseMass::FIXED, moves], records.pairs());
         let settings = StepSettings::certified();
         let mut past = |h, [same, in_order]: [bool; 2]| {
-            let stiffness = certifier.stiffness(records.pairs(), |_| 10.0, &settings, h);
+            let stiffness = certifier.stiffness(records.pairs(), |_| [10.0, 1.0], &settings, h);
             let (records, velocities): (_, &[Velocity<f32, 3, 3>]) = (&records, &[]);
             let rows = RowsOf { records, velocities, stiffness, same, together: true, in_order };
             rows.past(0)

@@ -14,6 +14,9 @@ use serde::{Deserialize, Serialize};
 pub struct StepSettings {
     /// Substeps per step: more make contacts stiffer and motion more exact. \[1\]
     pub substeps: u32,
+    /// Without a `tolerance`, a step takes more substeps where bodies are small, up to so many: none is longer than the
+    /// thinnest body that is awake takes to fall by 1/1024 of its thickness. \[1\]
+    pub most_substeps: u32,
     /// Sweeps over all contacts per substep. \[1\]
     pub iterations: u32,
     /// Part of an overlap that is repaired in one substep, 0..1; the rate c_d of the notes is
@@ -38,8 +41,8 @@ pub struct StepSettings {
     pub certify: bool,
     /// Iterations that the strongest of these methods may use on an island. \[1\]
     pub budget: u32,
-    /// How deep a contact may sink that carries the weight of its whole island; stiffer than
-    /// `softness` asks for where that must be. Only with a `tolerance`. \[m\]
+    /// How deep a contact may sink that carries the weight of its whole island, or 1/64 of the thinnest body of that
+    /// if it is less; stiffer than `softness` asks for where that must be. Only with a `tolerance`. \[m\]
     pub sag: f32,
     /// What contacts that collide at once do with each other: `reflections` (symmetric, a blow passes
     /// through a row of touching balls), `poisson` (compression together, then expansion) or
@@ -84,6 +87,7 @@ impl StepSettings {
     pub const fn quality() -> Self {
         Self {
             substeps: 32,
+            most_substeps: 128,
             iterations: 1,
             repair: 0.2,
             softness: 0.1,

@@ -37,7 +37,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=i64::from(MAX_STEPS)))]
     pub(super) steps: Option<u32>,
 
-    /// Substeps per step: more are stiffer and more exact [default: as the scene or the preset says]
+    /// Substeps per step: more are stiffer and more exact [default: as the scene or the preset says, and more where
+    /// bodies are small]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(super) substeps: Option<u32>,
 

@@ -43,6 +43,7 @@ struct StepNumbers {
     contacts: usize,
     manifolds: usize,
     asleep: usize,
+    substeps: u32,
     sweeps: usize,
     /// \[m\]
     deepest_penetration: f64,
@@ -90,6 +91,7 @@ fn numbers(step: &Step) -> StepNumbers {
         contacts: step.report.contacts,
         manifolds: step.report.manifolds,
         asleep: step.report.asleep,
+        substeps: step.report.substeps,
         sweeps: step.report.sweeps,
         deepest_penetration: step.measure.deepest_penetration,
         kinetic_energy: step.measure.kinetic_energy,

@@ -32,6 +32,8 @@ pub(super) struct Summary {
     running: usize,
     /// \[s\]
     simulated: f64,
+    /// Of the steps, the fewest and the most.
+    substeps: [u32; 2],
     contacts_mean: f64,
     contacts_max: usize,
     /// Bodies that sleep at the end.
@@ -148,6 +150,12 @@ fn energy(measure: &Measure) -> f64 {
     measure.kinetic_energy + measure.potential_energy
 }
 
+/// The fewest and the most substeps of any step.
+fn substeps(steps: &[Step]) -> [u32; 2] {
+    let each = || steps.iter().map(|step| step.report.substeps);
+    [each().min(), each().max()].map(Option::unwrap_or_default)
+}
+
 impl Summary {
     /// Sums a run up.
     pub(super) fn new(scene: &Scene, bake: &Bake, masses: &[f64]) -> Self {
@@ -182,6 +190,7 @@ impl Summary {
             kinematic,
             running,
             simulated: steps.len() as f64 * scene.time_step,
+            substeps: substeps(steps),
             contacts_mean: contacts().sum::<usize>() as f64 / steps.len().max(1) as f64,
             contacts_max: contacts().max().unwrap_or(0),
             asleep: steps.last().map_or(0, |step| step.report.asleep),
@@ -252,7 +261,11 @@ impl Summary {
     }
 
     fn length(&self, scene: &Scene, head: &Head<'_>) -> String {
-        let (substeps, iterations) = (head.settings.substeps, head.settings.iterations);
+        let iterations = head.settings.iterations;
+        let substeps = match self.substeps {
+            [fewest, most] if fewest < most => format!("{fewest} to {most}"),
+            [_, most] => most.to_string(),
+        };
         let tolerance = head.settings.tolerance * 1e3;
         let work = match (tolerance > 0.0, iterations) {
             (true, _) => format!("each solved to {tolerance} mm/s"),

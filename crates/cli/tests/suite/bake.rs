@@ -182,6 +182,7 @@ fn a_report_has_every_step() {
         "stage_ms",
         "state",
         "step_ms",
+        "substeps",
         "sweeps",
     ];
     assert_eq!(keys, expected);

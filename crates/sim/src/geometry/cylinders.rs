@@ -377,7 +377,8 @@ impl Placed {
         let cap = if along > 0.0 { 0 } else { 4 };
         let arms = [first * self.radius, second * self.radius];
         let above = aimed.then(|| center - toward * (2.0 * self.half) + arms[0]);
-        Facing { center, toward, arms, quarter, cap, above }
+        let rolls = self.roundness(normal) > 0.0;
+        Facing { center, toward, arms, quarter, cap, above, rolls }
     }
 }
 
@@ -396,6 +397,8 @@ pub(super) struct Facing {
     cap: u32,
     /// On the rim of the other cap, above the first; none where the cylinder stands flat.
     above: Option<V>,
+    /// Whether it rolls on the first of these places: others of the rim do not come down as that turns.
+    rolls: bool,
 }
 
 impl Facing {
@@ -406,6 +409,7 @@ impl Facing {
         let rim = [first, second, -first, -second].into_iter().zip(0..);
         let (center, cap) = (self.center, self.cap);
         let above = self.above.map(|above| (above, name(0, 4 - cap)));
+        let rim = rim.take(if self.rolls { 1 } else { 4 });
         rim.map(move |(arm, of)| (center + arm, name(of, cap))).chain(above)
     }
 

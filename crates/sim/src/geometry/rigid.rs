@@ -150,6 +150,20 @@ macro_rules! over_parry {
             Some(Vector(far.to_array()))
         }
 
+        fn holds(
+            collider: &Self::Collider,
+            pose: &Self::Pose,
+            point: Vector<f32, $l>,
+            near: f32,
+        ) -> bool {
+            let point = <Self as Geometry<$l, $a>>::frame(pose).local_point(point);
+            match &collider.form {
+                Form::Cuboid(solid) => holds(solid, point, near),
+                Form::Hull(solid) => holds(&**solid, point, near),
+                _ => false,
+            }
+        }
+
         fn core(collider: &Self::Collider) -> Option<(Vector<f32, $l>, Self::Collider)> {
             let (center, radius) = match &collider.form {
                 Form::Capsule([from, to], radius) => ((*from + *to) * 0.5, *radius),
@@ -305,6 +319,14 @@ fn ball_within<const L: usize>(solid: &impl Solid<L>) -> (Vector<f32, L>, f32) {
         normal.dot(vertex - center)
     };
     (center, (0..solid.faces()).map(inside).fold(f32::INFINITY, f32::min))
+}
+
+/// Whether a point is inside of a solid, or outside by no more than `near`. \[m\]
+fn holds<const L: usize>(solid: &impl Solid<L>, point: Vector<f32, L>, near: f32) -> bool {
+    (0..solid.faces()).all(|face| {
+        let (normal, vertex) = solid.face(face);
+        normal.dot(point - vertex) <= near
+    })
 }
 
 /// Calls `found` with the outward normal of each face of a solid whose plane is within `near` \[m\] of a point.

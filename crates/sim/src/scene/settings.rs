@@ -26,8 +26,9 @@ impl Fault {
 }
 
 /// Smallest and largest sensible values; a setting that is not here only has to fit its type.
-const RANGES: [(&str, f64, f64); 16] = [
+const RANGES: [(&str, f64, f64); 17] = [
     ("substeps", 1.0, 1000.0),
+    ("most_substeps", 1.0, 1000.0),
     ("iterations", 1.0, 10_000.0),
     ("repair", 0.0, 1.0),
     ("softness", 0.0, 0.999),
@@ -48,11 +49,14 @@ const RANGES: [(&str, f64, f64); 16] = [
 /// The names of [`ImpactLaw`](crate::ImpactLaw), the one setting that is a word.
 const IMPACT_LAWS: [&str; 3] = ["newton", "poisson", "reflections"];
 
-/// The settings with those of the table in place of theirs.
+/// The settings with those of the table in place of theirs. Who says how many substeps a step has gets so many.
 pub(super) fn merge(table: &Map<String, Value>, base: StepSettings) -> Result<StepSettings, Fault> {
     let mut merged = base;
     for (key, value) in table {
         merged = set(merged, key, value)?;
+    }
+    if table.contains_key("substeps") && !table.contains_key("most_substeps") {
+        merged.most_substeps = merged.substeps;
     }
     Ok(merged)
 }

@@ -3,7 +3,7 @@
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid3};
 use drystone::scene::Motion;
-use drystone::{Body, BodyId, StepSettings, World, World3};
+use drystone::{Body, BodyId, Collider, StepSettings, World, World3};
 use drystone_solver::Vector;
 use parry3d::shape::SharedShape;
 
@@ -41,6 +41,43 @@ fn add_ground(world: &mut World3, kind: usize, size: f32) {
 
 fn moved(world: &World3, id: BodyId, from: [f32; 3]) -> f32 {
     (place(world, id) - Vector(from)).length()
+}
+
+/// Both presets, at 24 and 60 steps a second.
+fn with_rates() -> [(StepSettings, f32); 4] {
+    let presets = [StepSettings::certified(), StepSettings::realtime()];
+    let [certified, realtime] = presets;
+    [(certified.clone(), 24.0), (certified, 60.0), (realtime.clone(), 24.0), (realtime, 60.0)]
+}
+
+fn run_at(world: &mut World3, seconds: f32, rate: f32) {
+    for _ in 0..(seconds * rate) as usize {
+        world.step(1.0 / rate);
+    }
+}
+
+/// A body of several shapes.
+fn compound(
+    position: [f32; 3],
+    parts: &[(SharedShape, <Rigid3 as Geometry<3, 3>>::Pose)],
+) -> Body<Rigid3, 3, 3> {
+    let mut body = solid(position, parts[0].0.clone());
+    let first = body.colliders.pop().expect("a solid has a shape");
+    body.colliders.extend(parts.iter().map(|(shape, pose)| Collider {
+        shape: shape.clone(),
+        pose: *pose,
+        ..first.clone()
+    }));
+    body
+}
+
+fn place_of(world: &World3, id: BodyId) -> [f32; 3] {
+    place(world, id).0
+}
+
+fn moved_aside(world: &World3, id: BodyId, from: [f32; 3]) -> f32 {
+    let [x, _, z] = (place(world, id) - Vector(from)).0;
+    x.hypot(z)
 }
 
 /// Panels, planks and cards on edge and lying, on all floors, of all sizes.
@@ -86,6 +123,68 @@ fn cylinders_rest() {
                         let what = format!("{radius} by {half} on floor {kind}, lying: {lying}");
                         assert_below(&what, moved(&world, id, start), 1e-3 * size.max(0.2));
                     }
+                }
+            }
+        }
+    }
+}
+
+/// Ten coins stay stacked, of any size, also where nothing is set by hand.
+#[test]
+fn coins_stay_stacked() {
+    for (settings, rate) in with_rates() {
+        for size in [0.1, 1.0, 10.0] {
+            let (radius, half) = (0.012 * size, 0.001 * size);
+            let mut world = with_gravity(settings.clone());
+            add_ground(&mut world, 1, 0.1 * size);
+            let coins: Vec<_> = (0..10)
+                .map(|i| {
+                    let aside = if i % 2 == 0 { 0.0 } else { 0.1 * radius };
+                    let start = [aside, half * (2 * i + 1) as f32, 0.0];
+                    (world.add(solid(start, SharedShape::cylinder(half, radius))), start)
+                })
+                .collect();
+            run_at(&mut world, 2.0, rate);
+            for (id, start) in coins {
+                let what = format!("a coin of {size} at {rate} moved");
+                assert_below(&what, moved(&world, id, start) / size, 1.5e-3);
+            }
+        }
+    }
+}
+
+/// Towers of bodies of several boxes each stand as those of one do: open bricks, tables, and boxes cut in four.
+#[test]
+fn towers_of_compounds_stand() {
+    let wall = |x: f32, z: f32| [0.3 - 0.25 * x.abs(), 0.15, 0.3 - 0.25 * z.abs()];
+    let walls = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(|[x, z]| {
+        let half = wall(x, z);
+        (half, [0.25 * x, -0.02, 0.25 * z])
+    });
+    let brick: Vec<_> = walls.into_iter().chain([([0.3, 0.02, 0.3], [0.0, 0.15, 0.0])]).collect();
+    let legs = [-0.2, 0.2].map(|x| ([0.1, 0.15, 0.3], [x, -0.02, 0.0]));
+    let table: Vec<_> = legs.into_iter().chain([([0.3, 0.02, 0.3], [0.0, 0.15, 0.0])]).collect();
+    let quarter = |x: f32, z: f32| ([0.15, 0.17, 0.15], [0.15 * x, 0.0, 0.15 * z]);
+    let quarters: Vec<_> =
+        [-1.0, 1.0].into_iter().flat_map(|x| [-1.0, 1.0].map(|z| quarter(x, z))).collect();
+    for (settings, rate) in with_rates() {
+        for size in [0.01, 0.1, 1.0, 10.0] {
+            for (kind, parts) in [&brick, &table, &quarters].into_iter().enumerate() {
+                let mut world = with_gravity(settings.clone());
+                add_ground(&mut world, 1, 4.0 * size);
+                let place = |i: usize| [0.0, 0.17 * size * (2 * i + 1) as f32, 0.0];
+                let parts = parts.iter().map(|(half, at)| {
+                    let pose = Rigid3::pose(Vector(at.map(|x: f32| x * size)), &[]);
+                    (Rigid3::cuboid(half.map(|x: f32| x * size)), pose)
+                });
+                let parts: Vec<_> = parts.collect();
+                let ids: Vec<_> = (0..6).map(|i| world.add(compound(place(i), &parts))).collect();
+                let starts: Vec<_> = ids.iter().map(|&id| place_of(&world, id)).collect();
+                run_at(&mut world, 2.0, rate);
+                for (id, start) in ids.into_iter().zip(starts) {
+                    let aside = moved_aside(&world, id, start);
+                    let what = format!("kind {kind} of {size} at {rate}: moved aside");
+                    assert_below(&what, aside / size, 0.02);
                 }
             }
         }
