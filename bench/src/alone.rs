@@ -3,9 +3,9 @@
 use drystone::{Stage, StepSettings};
 
 use crate::Options;
+use crate::case::Case;
 use crate::engines::{Drystone, Refusal};
 use crate::run::{mean, per_step, run, settled, undisturbed};
-use crate::case::Case;
 use crate::table::{Table, number};
 
 /// Wall time by stage: of the steps of the last quarter, all rounds together, the time that a

@@ -8,10 +8,10 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use serde::{Deserialize, Serialize};
 
+use crate::case::Case;
 use crate::engines::{Effort, Kind, build};
 use crate::judge::Judge;
 use crate::run::run;
-use crate::case::Case;
 
 /// What a child answers to a round.
 #[derive(Serialize, Deserialize)]

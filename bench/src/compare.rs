@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use crate::Options;
+use crate::case::Case;
 use crate::child::{Engine, Verdict};
 use crate::engines::{Effort, Kind};
 use crate::frontier::{self, Frontier};
 use crate::run::{mean, per_step, settled};
-use crate::case::Case;
 use crate::table::{Table, number};
 
 /// What an engine did with a scene.

@@ -60,6 +60,7 @@ impl Body {
             rotation: turn([0.0, 0.0, 0.0, 1.0]),
             material: Material { friction, ..Material::default() },
             filter: Filter::default(),
+            surface_velocity: None,
         };
         scene::Body {
             name: None,
@@ -70,6 +71,9 @@ impl Body {
             angular_velocity: vec![0.0; if dimension == 2 { 1 } else { 3 }],
             mass: Mass { density: Some(self.density.into()), ..Mass::default() },
             gravity_factor: 1.0,
+            linear_damping: 0.0,
+            angular_damping: 0.0,
+            surface_velocity: None,
             shapes: vec![shape],
             track: Track::default(),
         }

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 
-use crate::engines::{Engine, Refusal};
 use crate::case::Case;
+use crate::engines::{Engine, Refusal};
 
 /// Poses are looked at once in so many steps.
 const SAMPLE: usize = 20;

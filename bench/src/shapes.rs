@@ -75,7 +75,7 @@ macro_rules! space {
                 ShapeKind::Cylinder { radius, half_height } => {
                     Ok(SharedShape::cylinder(*half_height as $real, *radius as $real))
                 }
-                ShapeKind::Trimesh { vertices, triangles } => {
+                ShapeKind::Trimesh { vertices, triangles, .. } => {
                     let vertices = vertices.iter().map(|v| vector(v)).collect();
                     SharedShape::trimesh(vertices, triangles.clone())
                         .map_err(|_| "a mesh without a usable triangle")

@@ -40,7 +40,7 @@ pub(super) fn settings(effort: Effort) -> StepSettings {
         Effort::Default => StepSettings::realtime(),
         Effort::Substeps(substeps) => {
             StepSettings { substeps, most_substeps: substeps, ..StepSettings::realtime() }
-        },
+        }
         Effort::Sag(sag) => StepSettings { sag: 1e-3 * sag, ..StepSettings::certified() },
     }
 }

@@ -26,6 +26,8 @@ pub(crate) struct Pair {
     pub(crate) rolls: bool,
     /// Whether one of them may be passed through without a trace.
     pub(crate) sheet: bool,
+    /// Whether they may meet at a corner.
+    pub(crate) corners: bool,
     /// Whether it rests: neither body moves or can be moved.
     pub(crate) rests: bool,
     /// A turn that moves the surface of one of its bodies by 1 moves a against b, as seen from it, by at most so
@@ -70,6 +72,7 @@ impl Pair {
         thickness: 1.0,
         rolls: false,
         sheet: false,
+        corners: false,
         rests: false,
         lever: 1.0,
         room: 0.0,
@@ -129,6 +132,9 @@ pub(crate) struct Record<const L: usize> {
     pub(crate) found_at: Frame<L>,
     /// Largest distance of its points from the center of mass of a. \[m\]
     pub(crate) reach: f32,
+    /// Whether its part was not there in the search before, or was turned to another axis: so it may be turned now, also
+    /// at rest ([`Seams`](crate::seams::Seams)). Only until that is decided.
+    pub(crate) undecided: bool,
 }
 
 /// A point of a record.
@@ -360,6 +366,7 @@ impl<const L: usize> Record<L> {
         local_normal: Vector::ZERO,
         found_at: Frame::IDENTITY,
         reach: 0.0,
+        undecided: false,
     };
 
     pub(crate) fn points(&self) -> Range<usize> {

@@ -269,6 +269,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             restitution: bounce as f32,
             thickness: self.thickness[a].min(self.thickness[b]),
             lever: lever(owners.map(|body| bodies.reach[body as usize].core)),
+            corners: pair.iter().any(|&id| G::has_corners(&self.shapes[id as usize]))
+                && pair.iter().all(|&id| G::has_ends(&self.shapes[id as usize])),
             sheet: pair.iter().any(|&id| G::is_sheet(&self.shapes[id as usize])),
             rolls: pair.iter().any(|&id| G::rolls(&self.shapes[id as usize])),
             rests: false,

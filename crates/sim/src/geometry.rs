@@ -94,6 +94,11 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// Whether it is curved: where it rolls, other points of it touch.
     fn rolls(collider: &Self::Collider) -> bool;
 
+    /// Whether there is a farthest point of it in each direction ([`farthest`](Self::farthest)).
+    fn has_ends(_: &Self::Collider) -> bool {
+        false
+    }
+
     /// Whether it has edges that another shape may meet from the side.
     fn has_corners(_: &Self::Collider) -> bool {
         false

@@ -93,7 +93,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                 let before = std::mem::replace(push, now);
                 displacement.linear -= common(now.linear, before.linear) * (0.5 * h);
                 displacement.angular -= common(now.angular, before.angular) * (0.5 * h);
-                any |= turns(velocity.angular * h);
+                any |= turns(velocity.angular);
             }
             if any {
                 turning.store(true, Ordering::Relaxed);
@@ -130,7 +130,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
                     let step = *velocity * h;
                     *displacement += step;
                     let turn = step.angular;
-                    let turns = turns(turn);
+                    let turns = turns(velocity.angular);
                     *turned |= turns;
                     own_turned |= turns;
                     // In the plane nothing precesses.
@@ -177,9 +177,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
     }
 }
 
-/// Whether a rotation in a substep is worth a renewed J. \[rad\]
-fn turns<const A: usize>(by: Vector<f32, A>) -> bool {
-    by.dot(by) > kinematics::LEAST_TURN * kinematics::LEAST_TURN
+/// Whether an angular velocity is worth a renewed J. \[rad/s\]
+fn turns<const A: usize>(omega: Vector<f32, A>) -> bool {
+    omega.dot(omega) > kinematics::LEAST_SPIN * kinematics::LEAST_SPIN
 }
 
 /// The part of one vector that another has in common with it: 0 to 1 times the first.

@@ -13,7 +13,7 @@ use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
 use crate::colliders::Colliders;
 use crate::geometry::{Ahead, Frame, Geometry, Touch};
 use crate::narrow_phase::places::Places;
-use crate::seams::{AHEAD, Closing};
+use crate::seams::{self, AHEAD, Closing, STILL};
 use crate::travel::{Moving, Travel};
 
 /// What the narrow phase reads.
@@ -80,18 +80,48 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
         numbers: Range<usize>,
         mut found: impl FnMut(u32),
     ) {
+        if !pair.corners {
+            return;
+        }
         let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
         let (ahead, turning) = (a.linear - b.linear, a.angular + b.angular);
         for (record, number) in view.of(numbers).iter().zip(0..) {
-            let gap = view.traces_of(record)[0].gap[0].max(0.0);
-            if AHEAD * (turning - record.normal.dot(ahead)) > gap + NOWHERE * pair.thickness {
-                let corners = |&shape: &u32| G::has_corners(&self.shapes[shape as usize]);
-                if pair.colliders.iter().any(corners) {
-                    found(number);
-                }
+            let gap = view.traces_of(record)[0].gap[0];
+            let comes = AHEAD * (turning - record.normal.dot(ahead));
+            let least =
+                if gap > 0.0 { gap + NOWHERE * pair.thickness } else { STILL * pair.thickness };
+            if (comes > least || record.undecided)
+                && !is_broad(view.points_of(record), record.normal, BROAD * pair.thickness)
+            {
+                found(number);
             }
         }
     }
+}
+
+/// Whether points span a patch that is wider than `least` \[m\] in all directions. Both bodies are there, so along any
+/// axis across the normal they overlap by as much, and none but the normal can hold them apart.
+fn is_broad<const L: usize>(points: &[Point<L>], normal: Vector<f32, L>, least: f32) -> bool {
+    let [first, others @ ..] = points else { return false };
+    // In the plane the side of a polygon is as broad as its top.
+    if L == 2 || points.len() < L {
+        return false;
+    }
+    let level = |point: &Point<L>| {
+        let arm = point.middle - first.middle;
+        arm - normal * normal.dot(arm)
+    };
+    let longer = |most: Vector<f32, L>, own: Vector<f32, L>| {
+        if own.dot(own) > most.dot(most) { own } else { most }
+    };
+    let along = others.iter().map(level).fold(Vector::ZERO, longer);
+    let squared = along.dot(along);
+    let aside = |point: &Point<L>| {
+        let arm = level(point);
+        arm - along * (along.dot(arm) / squared.max(f32::MIN_POSITIVE))
+    };
+    let width = others.iter().map(aside).fold(Vector::ZERO, longer);
+    width.dot(width) > least * least
 }
 
 /// The frames of two bodies, from the center of mass of b.
@@ -117,6 +147,9 @@ const ROUNDING: f32 = 1e-5;
 
 /// A way shorter than this part of the thinner shape leads nowhere. \[1\]
 const NOWHERE: f32 = 1e-6;
+
+/// A patch that is wider than this part of the thinner shape is no corner. \[1\]
+const BROAD: f32 = 0.1;
 
 /// Pairs that are worth as much as the least that is shared.
 const PIECE: usize = 16;
@@ -409,6 +442,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let mut keep = |touch: &Touch<L>, part: u32| {
         let before = places.before(part);
         let traced = before.map_or(touch.normal, |before| around.seen_from(before));
+        let fresh = before.is_none_or(seams::is_turned);
         let (record, points) = places.next(touch, part, a, b);
         *record = Record {
             bodies: pair.bodies,
@@ -419,6 +453,8 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             normal: touch.normal,
             traced,
             apart: a.position,
+            undecided: fresh,
+            found_at: Frame::IDENTITY,
             ..*record
         };
         if !pair.rolls {

@@ -16,7 +16,7 @@ use drystone_solver::wide::Past;
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::Bodies;
-use crate::cache::{Pair, Records, deepest_first};
+use crate::cache::{Pair, Record, Records, deepest_first};
 use crate::geometry::{Carrier, Frame, Geometry, Surfaces};
 
 /// A neighbor that sticks out of a plane by less than this part of the thinner shape is flush with it. \[1\]
@@ -32,6 +32,10 @@ const MOST_SAG: f32 = 0.05;
 /// Bodies may come so many times as far as they do at the velocities at the start: contacts that they all but reach
 /// count, too. \[1\]
 pub(crate) const AHEAD: f32 = 1.1;
+
+/// Bodies that touch are at rest if they come closer by less than this part of the thinner shape until the next search.
+/// \[1\]
+pub(crate) const STILL: f32 = 2e-4;
 
 /// The cosine of two axes that are one. \[1\]
 const SAME: f32 = 1.0 - 1e-6;
@@ -74,6 +78,11 @@ pub(crate) struct Seams<const L: usize> {
     turns: Vec<Turn<L>>,
 }
 
+/// Whether a record has been turned to another axis than it was found with.
+pub(crate) fn is_turned<const L: usize>(record: &Record<L>) -> bool {
+    record.found_at.position[0] == NOWHERE
+}
+
 /// No further record.
 const END: u32 = u32::MAX;
 
@@ -110,6 +119,19 @@ struct Plane<const L: usize> {
     axis: Vector<f32, L>,
     /// An overlap along the axis that is none. \[m\]
     allowed: f32,
+    /// What holds it, and how far that is from it. \[m\]
+    holder: u32,
+    gap: f32,
+}
+
+impl<const L: usize> Plane<L> {
+    /// Towards the body that is held.
+    fn outward(&self) -> Vector<f32, L> {
+        self.axis * if self.side == 0 { 1.0 } else { -1.0 }
+    }
+
+    const NONE: Self =
+        Self { record: END, side: 0, axis: Vector::ZERO, allowed: 0.0, holder: 0, gap: 0.0 };
 }
 
 /// A manifold with the frames and poses of its bodies, from the center of mass of b.
@@ -154,15 +176,15 @@ impl<const L: usize> Seams<L> {
             }
             let pair = &pairs[closing.pair as usize];
             let record = pair.first + closing.record;
-            let Some(turn) = self.decide(meeting, (pair, closing), record, records) else {
-                continue;
-            };
+            let turn = self.decide(meeting, (pair, closing), record, records);
+            let Some(turn) = turn else { continue };
             // Two do not stand aside for each other.
             let mutual = self.turns.binary_search_by_key(&turn.plane, |other| other.record);
             if !mutual.is_ok_and(|at| self.turns[at].plane == record) {
                 self.turns.push(turn);
             }
         }
+        records.manifolds.iter_mut().for_each(|record| record.undecided = false);
         for turn in &self.turns {
             let pair = &mut pairs[turn.closing.pair as usize];
             meeting.turn(pair, turn, records);
@@ -196,6 +218,40 @@ impl<const L: usize> Seams<L> {
         std::iter::successors(start, after).map(|at| (at / 2, at % 2 == 1))
     }
 
+    /// The planes above which contacts hold one of the bodies of a manifold that touch at these `places`, if the
+    /// other does not stick out of them there; and how many they are.
+    fn planes<G: Geometry<L, A>, const A: usize>(
+        &self,
+        bodies: &Bodies<G, L, A>,
+        (pair, record): (&Pair, &Record<L>),
+        (number, places): (u32, &[Vector<f32, L>; 2]),
+        records: &Records<L>,
+    ) -> ([Plane<L>; PLANES], usize) {
+        let (view, mut planes, mut count) = (records.view(), [Plane::NONE; PLANES], 0);
+        for side in 0..2 {
+            let others = self.of(record.bodies[side]).filter(|(other, _)| *other != number);
+            for (other, is_b) in others.take(PLANES) {
+                let holding = &records.manifolds[other as usize];
+                let outward = holding.normal * if is_b { -1.0 } else { 1.0 };
+                let axis = outward * if side == 0 { 1.0 } else { -1.0 };
+                if axis.dot(record.normal) > SAME || count == PLANES {
+                    continue;
+                }
+                let gap = view.traces_of(holding)[0].gap[0];
+                let place = view.points_of(holding)[0].middle
+                    + bodies.apart([holding.bodies[1], record.bodies[1]]);
+                let sag = (-gap).max(0.0);
+                let allowed = (SAGS * sag + FLUSH * pair.thickness).min(MOST_SAG * pair.thickness);
+                if outward.dot(places[1 - side] - place) <= allowed {
+                    let holder = holding.bodies[usize::from(!is_b)];
+                    planes[count] = Plane { record: other, side, axis, allowed, holder, gap };
+                    count += 1;
+                }
+            }
+        }
+        (planes, count)
+    }
+
     /// How to turn a manifold, if it is to be turned.
     fn decide<G: Geometry<L, A>, const A: usize>(
         &self,
@@ -208,10 +264,14 @@ impl<const L: usize> Seams<L> {
         let record = &records.manifolds[number as usize];
         let corner = meeting.corner(pair);
         let (normal, gap) = (record.normal, view.traces_of(record)[0].gap[0]);
-        // Along its own normal a half-space has an end, but no other axis could count.
-        corner.along(normal)?;
         let point = &view.points_of(record)[0];
         let places = [corner.frames[0].point(point.on_a), corner.frames[1].point(point.on_b)];
+        let (planes, count) = self.planes(bodies, (pair, record), (number, &places), records);
+        let planes = &planes[..count];
+        // What touches, and no plane holds, is no side of a neighbor: of a heap at rest nearly all.
+        if gap <= 0.0 && planes.is_empty() {
+            return None;
+        }
         let velocity = |body: u32, place: Vector<f32, L>| {
             let center = bodies.apart([body, record.bodies[1]]);
             meeting.velocities[body as usize].at(place - center)
@@ -220,39 +280,24 @@ impl<const L: usize> Seams<L> {
         let round = corner.roundness(normal);
         let cores = [places[0] + normal * round[0], places[1] - normal * round[1]];
         let mut velocities = [0, 1].map(|side| velocity(record.bodies[side], cores[side]));
-        let flush = FLUSH * pair.thickness;
-        let mut planes = [Plane { record: END, side: 0, axis: Vector::ZERO, allowed: 0.0 }; PLANES];
-        let mut count = 0;
-        for side in 0..2 {
-            let others = self.of(record.bodies[side]).filter(|(other, _)| *other != number);
-            for (other, is_b) in others.take(PLANES) {
-                let holding = &records.manifolds[other as usize];
-                let outward = holding.normal * if is_b { -1.0 } else { 1.0 };
-                let axis = outward * if side == 0 { 1.0 } else { -1.0 };
-                if axis.dot(normal) > SAME || count == PLANES {
-                    continue;
-                }
-                let held_gap = view.traces_of(holding)[0].gap[0];
-                let place = view.points_of(holding)[0].middle
-                    + bodies.apart([holding.bodies[1], record.bodies[1]]);
-                let sag = (-held_gap).max(0.0);
-                let allowed = (SAGS * sag + flush).min(MOST_SAG * pair.thickness);
-                if outward.dot(places[1 - side] - place) > allowed {
-                    continue;
-                }
-                planes[count] = Plane { record: other, side, axis, allowed };
-                count += 1;
-                // What holds the body leaves it no more than this gap to move by.
-                if outward.dot(normal).abs() < ACROSS {
-                    let by = velocity(holding.bodies[usize::from(!is_b)], cores[side]);
-                    let towards = outward.dot(velocities[side] - by);
-                    let least = -held_gap.max(0.0) / meeting.dt;
-                    velocities[side] += outward * (least - towards).max(0.0);
-                }
+        for plane in planes {
+            // What holds the body leaves it no more than this gap to move by.
+            let outward = plane.outward();
+            if outward.dot(normal).abs() < ACROSS {
+                let by = velocity(plane.holder, cores[plane.side]);
+                let towards = outward.dot(velocities[plane.side] - by);
+                let least = -plane.gap.max(0.0) / meeting.dt;
+                velocities[plane.side] += outward * (least - towards).max(0.0);
             }
         }
-        let planes = &planes[..count];
-        let ahead = (velocities[0] - velocities[1]) * (AHEAD * meeting.dt);
+        let mut ahead = (velocities[0] - velocities[1]) * (AHEAD * meeting.dt);
+        // What touches and hardly moves stays as it was: else rest would tremble.
+        if gap <= 0.0 && normal.dot(ahead).abs() <= STILL * pair.thickness {
+            if !record.undecided {
+                return None;
+            }
+            ahead = Vector::ZERO;
+        }
         let mut most = gap + normal.dot(ahead);
         if most >= gap.max(0.0) {
             return None;
@@ -273,7 +318,7 @@ impl<const L: usize> Seams<L> {
         // A body on a plane touches the other's side below its edge: by what it sags, and by what it still climbs on its
         // way there.
         let until = gap.max(0.0) / -normal.dot(ahead).min(-f32::MIN_POSITIVE);
-        let near = planes.iter().fold(flush, |most, plane| {
+        let near = planes.iter().fold(FLUSH * pair.thickness, |most, plane| {
             let up = plane.axis - normal * plane.axis.dot(normal);
             let climbs = up.dot(ahead).abs() / up.length() * until.min(1.0);
             most.max(plane.allowed + climbs)
@@ -284,7 +329,7 @@ impl<const L: usize> Seams<L> {
                 if axis.dot(normal) > SAME {
                     return;
                 }
-                let alike = |plane: &&Plane<L>| plane.axis.dot(axis) >= 0.0;
+                let alike = |plane: &&Plane<L>| plane.axis.dot(axis) >= ACROSS;
                 let held = planes
                     .iter()
                     .filter(alike)

@@ -20,11 +20,11 @@
 use crate::vector::spin;
 use crate::{Contact, Manifold, Real, Vector, Velocity, moment};
 
-/// Rotations below this angle in a substep renew nothing. \[rad\]
+/// Slower rotations renew nothing. \[rad/s\]
 ///
-/// Below it an arm may lag behind its body by a step. A body that rocks this slowly at 10 rad/s has an
-/// amplitude of 5e-4 rad.
-pub const LEAST_TURN: f32 = 1e-5;
+/// Below it an arm may lag behind its body by a step. A body that rocks this slowly at 10 rad/s has an amplitude of
+/// 0.002 rad. A heap that is all but at rest turns more slowly.
+pub const LEAST_SPIN: f32 = 0.02;
 
 /// Bodies that turn faster get M^-1 of where they are. \[rad per substep\]
 pub const FAST_TURN: f32 = 5e-3;
@@ -46,13 +46,6 @@ fn turn<T: Real, const L: usize, const A: usize>(
     (across + spin(half, across)) * scale
 }
 
-/// A positive number if either body turns by more than [`LEAST_TURN`].
-#[inline(always)]
-pub(crate) fn turns<T: Real, const L: usize, const A: usize>([a, b]: [&Velocity<T, L, A>; 2]) -> T {
-    let least = T::from_f64(f64::from(LEAST_TURN) * f64::from(LEAST_TURN));
-    a.angular.dot(a.angular).max(b.angular.dot(b.angular)) - least
-}
-
 /// Where a manifold is after a displacement of its bodies.
 pub(crate) struct Moved<T: Real, const L: usize> {
     pub(crate) frame: [Vector<T, L>; L],
@@ -62,6 +55,23 @@ pub(crate) struct Moved<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> Manifold<T, L> {
+    /// A positive number if either body, which has moved for `dt` \[s\], turns faster than [`LEAST_SPIN`], and an arm or
+    /// the normal with it: those of a ball do not.
+    #[inline(always)]
+    pub(crate) fn turns<const A: usize>(&self, moved: [&Velocity<T, L, A>; 2], dt: T) -> T {
+        let normal = self.normal();
+        let least = dt * T::from_f64(f64::from(LEAST_SPIN));
+        let least = least * least;
+        let half = T::from_f64(0.5);
+        let by = |side: usize, toward: T| {
+            let (arm, turn) = (self.arms[side], moved[side].angular);
+            let core = arm + normal * (self.radii[side] * toward);
+            let has_arm = core.dot(core) - arm.dot(arm) * T::from_f64(1e-10);
+            has_arm.max(self.carries[side] - half).choose(turn.dot(turn), T::ZERO)
+        };
+        by(0, T::ONE).max(by(1, -T::ONE)) - least
+    }
+
     /// A positive number while its arms and its normal have turned by less than [`MOST_TURN`] in all
     /// that its bodies have moved since it was found. The arm of a ball to its center does not turn.
     #[inline(always)]

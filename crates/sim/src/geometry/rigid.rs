@@ -118,6 +118,14 @@ macro_rules! over_parry {
             }
         }
 
+        fn has_ends(collider: &Self::Collider) -> bool {
+            match collider.form {
+                Form::Halfspace(_) | Form::Mesh(_) => false,
+                Form::Other => collider.shape.as_support_map().is_some(),
+                _ => true,
+            }
+        }
+
         fn has_corners(collider: &Self::Collider) -> bool {
             match collider.form {
                 Form::Cuboid(_)
@@ -145,9 +153,18 @@ macro_rules! over_parry {
             pose: &Self::Pose,
             direction: Vector<f32, $l>,
         ) -> Option<Vector<f32, $l>> {
-            let pose = $parry::math::Pose::from(*pose);
-            let far = collider.shape.as_support_map()?.support_point(&pose, direction.0.into());
-            Some(Vector(far.to_array()))
+            let frame = <Self as Geometry<$l, $a>>::frame(pose);
+            let local = frame.local_direction(direction);
+            Some(match &collider.form {
+                Form::Cuboid(solid) => frame.point(solid.support(local)),
+                Form::Hull(solid) => frame.point(solid.support(local)),
+                Form::Halfspace(_) | Form::Mesh(_) => return None,
+                _ => {
+                    let pose = $parry::math::Pose::from(*pose);
+                    let shape = collider.shape.as_support_map()?;
+                    Vector(shape.support_point(&pose, direction.0.into()).to_array())
+                }
+            })
         }
 
         fn holds(

@@ -340,6 +340,7 @@ fn record<const L: usize>(
         traced: normal,
         apart,
         local_normal,
+        undecided: false,
         found_at: Frame { position, axes },
         reach,
     }

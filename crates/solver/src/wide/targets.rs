@@ -1,7 +1,7 @@
 //! [`Targets`]: what the contacts of blocks are to reach.
 
 use super::block::{Block, splat};
-use crate::kinematics::{Moved, turns};
+use crate::kinematics::Moved;
 use crate::lanes::{Lanes, WIDTH};
 use crate::{Contact, InverseMass, Manifold, Repair, Vector, Velocity};
 
@@ -73,7 +73,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
         {
             let ahead = [&(a * self.repair.dt), &(b * self.repair.dt)];
             let then = [&(*total[0] + *ahead[0]), &(*total[1] + *ahead[1])];
-            let turns = turns(ahead).min(block.manifold.holds(then));
+            let turns = block.manifold.turns(ahead, self.repair.dt).min(block.manifold.holds(then));
             if any(turns) {
                 let gap = first.gap[0] + first.normal_velocity(&moved);
                 let bend = block.manifold.moved(gap, ahead, V::ZERO).bend;
@@ -214,7 +214,7 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     let [a, b] = block.gather_from(first, bodies.velocities);
     let spins = [a.angular, b.angular];
     let moved = [&(a * dt), &(b * dt)];
-    let turns = turns(moved);
+    let turns = block.manifold.turns(moved, dt);
     block.renewed = any(turns);
     if !block.renewed {
         return;
