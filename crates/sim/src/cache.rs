@@ -26,7 +26,7 @@ pub(crate) struct Pair {
     pub(crate) rolls: bool,
     /// Whether one of them may be passed through without a trace.
     pub(crate) sheet: bool,
-    /// Whether they may meet at a corner.
+    /// The shapes may meet at a corner: one has edges, and both have ends.
     pub(crate) corners: bool,
     /// Whether it rests: neither body moves or can be moved.
     pub(crate) rests: bool,
@@ -132,8 +132,8 @@ pub(crate) struct Record<const L: usize> {
     pub(crate) found_at: Frame<L>,
     /// Largest distance of its points from the center of mass of a. \[m\]
     pub(crate) reach: f32,
-    /// Whether its part was not there in the search before, or was turned to another axis: so it may be turned now, also
-    /// at rest ([`Seams`](crate::seams::Seams)). Only until that is decided.
+    /// A manifold that is new, or was turned in the search before, may be turned at rest, too
+    /// ([`Seams`](crate::seams::Seams)). Seams take the mark off.
     pub(crate) undecided: bool,
 }
 

@@ -60,7 +60,7 @@ const SHALLOW: f32 = 1.0 / 64.0;
 struct Load {
     /// \[N\]
     weight: f32,
-    /// Of its bodies, the least. \[m\]
+    /// Thickness of its thinnest body. \[m\]
     thickness: f32,
     /// Manifolds with fixed bodies.
     supports: f32,
@@ -72,7 +72,7 @@ impl Load {
 
 /// How much contacts give way at most.
 ///
-/// Those which carry an island sink by the sag, or by a part of its thinnest body if that is less: the island's weight W \[N\] on its n manifolds with
+/// Contacts under an island sink by the sag, or by a part of its thinnest body if that is less. The island's weight W \[N\] on its n manifolds with
 /// fixed bodies gives the stiffness k = W / (n sag), and a spring of implicit form that repairs the part
 /// c of its depth per substep h has epsilon = c / (h^2 k).
 #[derive(Clone, Copy, Default)]

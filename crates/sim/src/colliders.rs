@@ -20,7 +20,7 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) shapes: Vec<G::Collider>,
     /// Smallest extent of a solid; unlimited for what has no volume. \[m\]
     thickness: Vec<f32>,
-    /// How many shapes each body has had, and the most of any.
+    /// Shapes that each body has had, and the most of any body.
     counts: Vec<u32>,
     most: u32,
     /// In the frame of the body's center of mass.
@@ -131,17 +131,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         }
     }
 
-    /// Whether a body may have several shapes.
+    /// A body may have several shapes.
     pub(crate) fn is_compound(&self, body: u32) -> bool {
         self.counts.get(body as usize).is_some_and(|&count| count > 1)
     }
 
-    /// Whether any body may.
+    /// Some body may have several shapes.
     pub(crate) fn has_compounds(&self) -> bool {
         self.most > 1
     }
 
-    /// Whether neither of two surfaces runs, and they do not resist rolling.
+    /// Neither of two surfaces runs or resists rolling.
     pub(crate) fn is_plain(&self, pair: [u32; 2]) -> bool {
         let runs = |id: &u32| self.belts.get(*id as usize).is_some_and(Option::is_some);
         !pair.iter().any(runs) && self.resistance(pair) == [0.0; 2]
@@ -316,7 +316,7 @@ fn smallest<const L: usize>(bounds: &Option<Bounds<L>>) -> f32 {
     extents.into_iter().flatten().fold(f32::INFINITY, f32::min)
 }
 
-/// That of all shapes of a body together, if it is more than that of one that is alone. \[m\]
+/// The smallest extent of all shapes of a body together, in its frame; of a single shape in its own. \[m\]
 pub(crate) fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(
     colliders: &[Collider<G, L, A>],
 ) -> f32 {

@@ -94,7 +94,7 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     /// Whether it is curved: where it rolls, other points of it touch.
     fn rolls(collider: &Self::Collider) -> bool;
 
-    /// Whether there is a farthest point of it in each direction ([`farthest`](Self::farthest)).
+    /// The shape has a farthest point in each direction ([`farthest`](Self::farthest)).
     fn has_ends(_: &Self::Collider) -> bool {
         false
     }
@@ -109,7 +109,7 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
         0.0
     }
 
-    /// Whether a point is inside of a box or a hull, or outside by no more than `near`. \[m\]
+    /// A point is inside of a box or a hull, or outside by no more than `near`. \[m\]
     fn holds(_: &Self::Collider, _: &Self::Pose, _point: Vector<f32, L>, _near: f32) -> bool {
         false
     }

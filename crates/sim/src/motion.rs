@@ -177,7 +177,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
     }
 }
 
-/// Whether an angular velocity is worth a renewed J. \[rad/s\]
+/// An angular velocity is worth a renewed J. \[rad/s\]
 fn turns<const A: usize>(omega: Vector<f32, A>) -> bool {
     omega.dot(omega) > kinematics::LEAST_SPIN * kinematics::LEAST_SPIN
 }

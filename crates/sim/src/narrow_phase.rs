@@ -99,8 +99,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
     }
 }
 
-/// Whether points span a patch that is wider than `least` \[m\] in all directions. Both bodies are there, so along any
-/// axis across the normal they overlap by as much, and none but the normal can hold them apart.
+/// Points span a patch that is wider than `least` \[m\] in all directions. Both bodies are there, and overlap by as much
+/// along any axis across the normal. So none but the normal can hold them apart.
 fn is_broad<const L: usize>(points: &[Point<L>], normal: Vector<f32, L>, least: f32) -> bool {
     let [first, others @ ..] = points else { return false };
     // In the plane the side of a polygon is as broad as its top.

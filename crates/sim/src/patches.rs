@@ -26,7 +26,7 @@ const FLAT: f32 = 1e-4;
 /// A part covers a side where it is no farther from it than this part of the thinner shape. \[1\]
 const FLUSH: f32 = 5e-4;
 
-/// What covers a side holds a place that is in front of it by so many times that. \[1\]
+/// A place is in front of a side by so many times that. \[1\]
 const AHEAD: f32 = 4.0;
 
 /// A patch has a width if that is more than this part of its length. \[1\]
@@ -52,18 +52,18 @@ struct Part {
     bodies: [u32; 2],
     record: u32,
     pair: u32,
-    /// Whether its surfaces are at rest and free to roll, as those of others.
+    /// Its surfaces do not run, and do not resist rolling.
     plain: bool,
 }
 
-/// Where the shapes of compounds are.
+/// Shapes and the places of their bodies.
 pub(crate) struct Shapes<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) colliders: &'a Colliders<G, L, A>,
     pub(crate) bodies: &'a Bodies<G, L, A>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Shapes<'_, G, L, A> {
-    /// Whether a shape of a pair holds a place, from the center of mass of b, or is within `near` of it. \[m\]
+    /// A shape of a pair holds a place, from the center of mass of b, or is within `near` of it. \[m\]
     fn hold(&self, pair: &Pair, side: usize, place: Vector<f32, L>, near: f32) -> bool {
         let shape = pair.colliders[side] as usize;
         let place = if side == 0 { place - self.bodies.apart(pair.bodies) } else { place };
@@ -120,7 +120,7 @@ impl<const L: usize> Patches<L> {
         self.parts = stirred;
     }
 
-    /// Of each plane in which two bodies touch.
+    /// Opens inner points of each plane in which two bodies touch.
     fn join_all(&mut self, parts: &[Part], records: &mut Records<L>) {
         for (at, first) in parts.iter().enumerate() {
             let record = records.manifolds[first.record as usize];
@@ -213,7 +213,7 @@ fn covered<G: Geometry<L, A>, const L: usize, const A: usize>(
     none.extend(parts.iter().filter(is_none).map(|part| part.record));
 }
 
-/// How deep two planes are in each other, by where: a linear function.
+/// Depth of two planes in each other: a linear function of the place.
 struct Depth<const L: usize> {
     from: Vector<f32, L>,
     gap: f32,
@@ -250,7 +250,7 @@ impl<const L: usize> Depth<L> {
         (length > 0.0).then_some(Self { from, gap, slope, tolerance })
     }
 
-    /// Whether a point is as deep as it should be where it is.
+    /// A point is as deep as it should be where it is.
     fn tells(&self, point: &TouchPoint<L>) -> bool {
         let gap = self.gap + self.slope.dot(point.on_a - self.from);
         (point.gap - gap).abs() <= self.tolerance

@@ -78,7 +78,7 @@ pub(crate) struct Seams<const L: usize> {
     turns: Vec<Turn<L>>,
 }
 
-/// Whether a record has been turned to another axis than it was found with.
+/// A record has been turned to another axis than it was found with.
 pub(crate) fn is_turned<const L: usize>(record: &Record<L>) -> bool {
     record.found_at.position[0] == NOWHERE
 }
@@ -119,7 +119,7 @@ struct Plane<const L: usize> {
     axis: Vector<f32, L>,
     /// An overlap along the axis that is none. \[m\]
     allowed: f32,
-    /// What holds it, and how far that is from it. \[m\]
+    /// The body that holds it, and the gap to that. \[m\]
     holder: u32,
     gap: f32,
 }
@@ -268,7 +268,7 @@ impl<const L: usize> Seams<L> {
         let places = [corner.frames[0].point(point.on_a), corner.frames[1].point(point.on_b)];
         let (planes, count) = self.planes(bodies, (pair, record), (number, &places), records);
         let planes = &planes[..count];
-        // What touches, and no plane holds, is no side of a neighbor: of a heap at rest nearly all.
+        // A contact that touches, and that no plane holds, is no side of a neighbor. So are nearly all of a heap.
         if gap <= 0.0 && planes.is_empty() {
             return None;
         }
@@ -281,7 +281,7 @@ impl<const L: usize> Seams<L> {
         let cores = [places[0] + normal * round[0], places[1] - normal * round[1]];
         let mut velocities = [0, 1].map(|side| velocity(record.bodies[side], cores[side]));
         for plane in planes {
-            // What holds the body leaves it no more than this gap to move by.
+            // The holder leaves the body no more than this gap to move by.
             let outward = plane.outward();
             if outward.dot(normal).abs() < ACROSS {
                 let by = velocity(plane.holder, cores[plane.side]);
@@ -291,7 +291,7 @@ impl<const L: usize> Seams<L> {
             }
         }
         let mut ahead = (velocities[0] - velocities[1]) * (AHEAD * meeting.dt);
-        // What touches and hardly moves stays as it was: else rest would tremble.
+        // Bodies that touch and hardly move stay as they were: else rest would tremble.
         if gap <= 0.0 && normal.dot(ahead).abs() <= STILL * pair.thickness {
             if !record.undecided {
                 return None;

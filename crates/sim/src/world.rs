@@ -847,7 +847,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if !self.rouse_touched() {
                 self.find_patches();
                 self.settle_seams(dt);
-                // What is solved to a tolerance shares a load as it should.
+                // A tolerance shares loads as it should.
                 if self.settings.tolerance == 0.0 {
                     self.patches.join(&mut self.records);
                 }

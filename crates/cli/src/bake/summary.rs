@@ -32,7 +32,7 @@ pub(super) struct Summary {
     running: usize,
     /// \[s\]
     simulated: f64,
-    /// Of the steps, the fewest and the most.
+    /// The fewest and the most of any step.
     substeps: [u32; 2],
     contacts_mean: f64,
     contacts_max: usize,

@@ -163,14 +163,14 @@ impl Placed {
         self.radius * self.radius
     }
 
-    /// Where a point is, seen along the axis, from it. \[m\]
+    /// Coordinates of a point across the axis, from it. \[m\]
     pub(super) fn seen_along(&self, point: V) -> [f32; 2] {
         let arm = point - self.center;
         let other: V = moment(self.axis, self.side);
         [self.side.dot(arm), other.dot(arm)]
     }
 
-    /// Whether a segment is surely farther away than `prediction`. \[m\]
+    /// A segment is surely farther away than `prediction`. \[m\]
     pub(super) fn is_beyond(&self, ends: [V; 2], prediction: f32) -> bool {
         let (core, own) = (self.core(), Round { ends, radius: 0.0 });
         let [s, t] = nearest(&core, &own);
@@ -189,8 +189,8 @@ impl Placed {
         [Some(found), passed.then_some(other)].into_iter().flatten()
     }
 
-    /// Where it touches an edge along a way: at both ends of what lies along it, else where they are nearest. Places on
-    /// the cylinder, then on the edge.
+    /// Places on the cylinder and on an edge where they touch along a way: at both ends if one lies along the other, else
+    /// where they are nearest.
     pub(super) fn places_on(
         &self,
         [from, to]: [V; 2],
@@ -397,7 +397,7 @@ pub(super) struct Facing {
     cap: u32,
     /// On the rim of the other cap, above the first; none where the cylinder stands flat.
     above: Option<V>,
-    /// Whether it rolls on the first of these places: others of the rim do not come down as that turns.
+    /// The cylinder rolls on the first of these places. Others of the rim do not come down as that turns.
     rolls: bool,
 }
 

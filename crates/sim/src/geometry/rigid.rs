@@ -338,7 +338,7 @@ fn ball_within<const L: usize>(solid: &impl Solid<L>) -> (Vector<f32, L>, f32) {
     (center, (0..solid.faces()).map(inside).fold(f32::INFINITY, f32::min))
 }
 
-/// Whether a point is inside of a solid, or outside by no more than `near`. \[m\]
+/// A point is inside of a solid, or outside by no more than `near`. \[m\]
 fn holds<const L: usize>(solid: &impl Solid<L>, point: Vector<f32, L>, near: f32) -> bool {
     (0..solid.faces()).all(|face| {
         let (normal, vertex) = solid.face(face);

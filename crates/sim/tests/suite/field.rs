@@ -534,7 +534,7 @@ fn needle_is_refused_or_falls() {
 
 #[test]
 fn box_rests_on_a_quad() {
-    // What has Z up is turned to have Y up.
+    // A scene with Z up is turned to have Y up.
     let up = 1;
     for (name, file) in
         [("quad", "quad_hull_double_sided"), ("quad with z up", "quad_z_up_looks_down")]

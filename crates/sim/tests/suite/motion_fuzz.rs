@@ -31,13 +31,7 @@ struct Known {
 }
 
 /// Faults of which the cause still stands. A panic is never known.
-const KNOWN: [Known; 6] = [
-    // The contact has no effective mass, and no impulse can satisfy it.
-    Known {
-        name: "a body of infinite mass moves onto a static one",
-        kinds: &["not finite"],
-        applies: |trial, _| trial.driven,
-    },
+const KNOWN: [Known; 5] = [
     // The searches of a step do not suffice, and pairs pass or overlap deeply before they are found.
     Known {
         name: "a surface passes half of its thickness in a step",
@@ -58,7 +52,7 @@ const KNOWN: [Known; 6] = [
         kinds: &["energy", "outside"],
         applies: |_, hardness| hardness.densities > 1e3,
     },
-    // Seeds 3725 and 3772 in 2D: an impact and its rebound within a step. The cause is not known.
+    // Seeds 3772 in 2D and 7090 in 3D: an impact and its rebound within a step. The cause is not known.
     Known {
         name: "bodies below 40 mm at 24 steps per second",
         kinds: &["energy"],

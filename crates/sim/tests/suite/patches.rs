@@ -129,6 +129,27 @@ fn cylinders_rest() {
     }
 }
 
+/// Needles lie still on meshes: places beside the line on which they roll do not turn them.
+#[test]
+fn needles_lie_on_meshes() {
+    for (settings, rate) in with_rates() {
+        for cells in [1, 20] {
+            let mut world = with_gravity(settings.clone());
+            let mesh = grid(cells, 0.03);
+            let material = surface(0.5, 0.0);
+            world.add(body::<Rigid3, 3, 3>(Motion::Static, [0.0; 3], mesh, &material));
+            let (radius, half) = (5e-5, 1.5e-3);
+            let start = [0.4 * radius, radius, 0.3 * radius];
+            let mut needle = solid(start, SharedShape::cylinder(half, radius));
+            needle.pose = Rigid3::pose(Vector(start), &LYING);
+            let id = world.add(needle);
+            run_at(&mut world, 2.0, rate);
+            let what = format!("a needle on {cells} cells at {rate} moved, of its length");
+            assert_below(&what, moved(&world, id, start) / (2.0 * half), 5e-3);
+        }
+    }
+}
+
 /// Ten coins stay stacked, of any size, also where nothing is set by hand.
 #[test]
 fn coins_stay_stacked() {
@@ -189,6 +210,38 @@ fn towers_of_compounds_stand() {
             }
         }
     }
+}
+
+/// A heap of boxes in a container comes to rest in real time: no contact of it changes its axis for ever.
+#[test]
+fn a_heap_comes_to_rest() {
+    let mut world = with_gravity(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
+    let material = surface(0.5, 0.0);
+    add_ground(&mut world, 1, 3.0);
+    for [x, z] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+        let half = [1.2 - 0.9 * f32::abs(x), 4.0, 1.2 - 0.9 * f32::abs(z)];
+        let at = [1.2 * x, 4.0, 1.2 * z];
+        world.add(body::<Rigid3, 3, 3>(Motion::Static, at, Rigid3::cuboid(half), &material));
+    }
+    let mut random = Random(5);
+    let boxes: Vec<_> = (0..150)
+        .map(|i| {
+            let at = |k: i32| 0.5 * (k as f32 - 1.0);
+            let start = [at(i % 3), 0.5 + 0.5 * (i / 9) as f32, at(i / 3 % 3)];
+            let half = [0.18, 0.22, 0.2].map(|x: f32| x + random.between(-0.03, 0.03));
+            let mut own = solid(start, Rigid3::cuboid(half));
+            let turn = Vector(random.vector(1.0));
+            own.pose = Rigid3::advance(&own.pose, Vector::ZERO, turn);
+            world.add(own)
+        })
+        .collect();
+    run_at(&mut world, 12.0, 60.0);
+    let speeds = boxes.iter().map(|&id| {
+        let linear = velocity(&world, id).linear;
+        linear.dot(linear)
+    });
+    let mean = (speeds.sum::<f32>() / boxes.len() as f32).sqrt();
+    assert_below("mean speed in a heap, m/s", mean, 5e-4);
 }
 
 /// A wheel rolls on at its speed.

@@ -34,7 +34,7 @@ pub(super) trait Shape {
     /// The least and the greatest coordinates, and the center.
     fn bounds(&self, vertices: &[V]) -> [V; 3];
 
-    /// How far its lowest point is along a direction. \[m\]
+    /// Height of its lowest point along a direction. \[m\]
     fn low(&self, direction: V, vertices: &[V]) -> f32;
 
     /// The face that looks along a direction.
@@ -52,17 +52,17 @@ pub(super) trait Shape {
     /// The part of a line, from a point along a way, that is within a face as seen along a direction.
     fn within(&self, face: &Outline<'_>, direction: V, line: [V; 2]) -> Option<[f32; 2]>;
 
-    /// Whether a place is within a face as seen along a direction.
+    /// A place is within a face as seen along a direction.
     fn covers(&self, face: &Outline<'_>, direction: V, place: V) -> bool;
 
-    /// How far it is apart from a triangle across what of it is round; less than anything if that is none. \[m\]
+    /// Distance of a triangle from its round side, across the axis; less than anything if it has none. \[m\]
     fn beside(&self, corners: [V; 3]) -> f32 {
         let _ = corners;
         f32::NEG_INFINITY
     }
 
-    /// How far it and an edge of the mesh are apart along a direction that both admit, if that is more than what it has
-    /// to beat. \[m\] It is given its own vertices and planes.
+    /// Gap to an edge of the mesh along a direction that both admit, if it beats that of another. \[m\] `seen` are the
+    /// shape's own vertices and planes.
     fn rim(&self, sharp: Sharp<'_>, seen: (&[V], &[(V, f32)])) -> Option<(f32, Rim)>;
 
     /// Its radius of curvature where it touches along a normal. \[m\]
@@ -89,13 +89,13 @@ pub(super) struct Sharp<'a> {
     pub(super) edge: u32,
     /// Its ends, in the order of a triangle.
     pub(super) line: [V; 2],
-    /// Of the shape.
+    /// Center of the shape.
     pub(super) center: V,
-    /// How far apart they are along another direction. \[m\]
+    /// Gap along another direction. \[m\]
     pub(super) beat: f32,
 }
 
-/// Where a shape and an edge or a vertex of a mesh are apart along a direction.
+/// Contact of a shape with an edge or a vertex of a mesh.
 #[derive(Clone, Copy)]
 pub(super) struct Rim {
     pub(super) part: Part,
@@ -227,7 +227,7 @@ impl<S: Shape> Meeting<'_, S> {
         gathered.facets.len() - 1
     }
 
-    /// What of the shape looks against a plane: where it is among the polygons.
+    /// Corners of the shape that look against a plane: their range among the polygons.
     fn corners(&self, own: usize, normal: V, gathered: &mut Gathered) -> Range<usize> {
         let start = gathered.polygon.len();
         self.shape.corners(own, normal, &gathered.vertices, &mut gathered.polygon);
@@ -537,7 +537,7 @@ pub(super) fn nearest_inside<'a>(ahead: Ahead<'a>, center: V, near: &[u32]) -> O
     best.filter(|&(.., outside)| !outside).map(|(_, face, _)| face)
 }
 
-/// Where a line crosses another as both are seen along a direction: a place on the first, if that is within both.
+/// Crossing of two segments as seen along a direction: a place on the first.
 fn cross([start, way]: [V; 2], [from, along]: [V; 2], direction: V) -> Option<V> {
     let outward: V = moment(along, direction);
     let part = outward.dot(from - start) / outward.dot(way);
