@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use drystone_solver::team::{Divide, Team};
-use drystone_solver::wide::{Landing, WideBatch};
+use drystone_solver::wide::{Landing, Renewing, WideBatch};
 use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 
 use crate::bodies::{Bodies, Given, InMotion, Turn};
@@ -113,10 +113,11 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
         }
     }
 
-    /// Renews J where bodies have turned.
-    pub(crate) fn renew(&mut self, terms: &Terms<L>) {
-        let Self { contacts, velocities, displacements, masses, .. } = self;
-        contacts.renew(velocities, displacements, masses, [terms.h, terms.softness]);
+    /// Renews J where bodies have turned; whether any is another.
+    pub(crate) fn renew(&mut self, terms: &Terms<L>) -> bool {
+        let Self { contacts, velocities, displacements, masses, turned, .. } = self;
+        let bodies = Renewing { velocities, displacements, masses, turned };
+        contacts.renew(bodies, [terms.h, terms.softness])
     }
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again, and stops what has landed.
@@ -146,11 +147,9 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
             clock.lap(Stage::WarmStart);
             self.solve(terms, substep, turning);
             clock.lap(Stage::Solve);
-            renewed = self.advance(terms);
+            let turned = self.advance(terms);
             clock.lap(Stage::Advance);
-            if renewed {
-                self.renew(terms);
-            }
+            renewed = turned && self.renew(terms);
             self.relax(renewed, terms);
             clock.lap(Stage::Relax);
         }

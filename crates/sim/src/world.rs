@@ -685,16 +685,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.wide.unpack(&mut self.system);
             self.books.depart(&self.system);
         }
-        *renewed = self.course().advance(terms);
+        let turned = self.course().advance(terms);
         clock.lap(Stage::Advance);
         if plan.ledger {
             self.books.arrive(&self.system.velocities);
         }
-        if *renewed {
-            self.course().renew(terms);
-            if plan.solving || plan.examined.is_some() {
-                self.certifier.climber.follow(&self.system);
-            }
+        *renewed = turned && self.course().renew(terms);
+        if turned && (plan.solving || plan.examined.is_some()) {
+            self.certifier.climber.follow(&self.system);
         }
         self.course().relax(*renewed, terms);
         if plan.ledger {

@@ -55,34 +55,50 @@ pub(crate) struct Moved<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> Manifold<T, L> {
-    /// A positive number if either body, which has moved for `dt` \[s\], turns faster than [`LEAST_SPIN`], and an arm or
-    /// the normal with it: those of a ball do not.
+    /// Radii from the centers of curvature to the center of the manifold, where surfaces are `gap` apart. It is on the
+    /// surface that moves with the points: where a face of a carries the normal on that of b, else on that of a, across
+    /// edges midway. \[m\]
     #[inline(always)]
-    pub(crate) fn turns<const A: usize>(&self, moved: [&Velocity<T, L, A>; 2], dt: T) -> T {
+    fn radii_across(&self, gap: T) -> [T; 2] {
+        let of_a = self.carries[0];
+        [self.radii[0] + gap * of_a, self.radii[1] + gap * (T::ONE - of_a)]
+    }
+
+    /// The arms of the centers of curvature. \[m\]
+    #[inline(always)]
+    fn cores(&self, [of_a, of_b]: [T; 2]) -> [Vector<T, L>; 2] {
         let normal = self.normal();
+        [self.arms[0] + normal * of_a, self.arms[1] - normal * of_b]
+    }
+
+    /// A positive number if either body, which has moved for `dt` \[s\], turns faster than [`LEAST_SPIN`], and an arm or
+    /// the normal with it: those of a ball do not. `gap` is that of its center, as J has it.
+    #[inline(always)]
+    pub(crate) fn turns<const A: usize>(&self, gap: T, moved: [&Velocity<T, L, A>; 2], dt: T) -> T {
+        let cores = self.cores(self.radii_across(gap));
         let least = dt * T::from_f64(f64::from(LEAST_SPIN));
         let least = least * least;
         let half = T::from_f64(0.5);
-        let by = |side: usize, toward: T| {
-            let (arm, turn) = (self.arms[side], moved[side].angular);
-            let core = arm + normal * (self.radii[side] * toward);
+        let by = |side: usize| {
+            let (arm, core, turn) = (self.arms[side], cores[side], moved[side].angular);
             let has_arm = core.dot(core) - arm.dot(arm) * T::from_f64(1e-10);
             has_arm.max(self.carries[side] - half).choose(turn.dot(turn), T::ZERO)
         };
-        by(0, T::ONE).max(by(1, -T::ONE)) - least
+        by(0).max(by(1)) - least
     }
 
     /// A positive number while its arms and its normal have turned by less than [`MOST_TURN`] in all
-    /// that its bodies have moved since it was found. The arm of a ball to its center does not turn.
+    /// that its bodies have moved since it was found. The arm of a ball to its center does not turn. `gap` is that of its
+    /// center, as J has it.
     #[inline(always)]
-    pub(crate) fn holds<const A: usize>(&self, [a, b]: [&Velocity<T, L, A>; 2]) -> T {
+    pub(crate) fn holds<const A: usize>(&self, gap: T, [a, b]: [&Velocity<T, L, A>; 2]) -> T {
         let normal = self.normal();
         let most = T::from_f64(MOST_TURN * MOST_TURN);
         let left = |turn: Vector<T, A>, arm: Vector<T, L>| {
             let moved = spin(turn, arm);
             arm.dot(arm) * most - moved.dot(moved)
         };
-        let cores = [self.arms[0] + normal * self.radii[0], self.arms[1] - normal * self.radii[1]];
+        let cores = self.cores(self.radii_across(gap));
         let carried = a.angular * self.carries[0] + b.angular * self.carries[1];
         let arms = left(a.angular, cores[0]).min(left(b.angular, cores[1]));
         // A core in the center of mass has no arm.
@@ -102,10 +118,8 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         let normal = self.normal();
         let [of_a, of_b] = self.carries;
         let along_centers = T::ONE - of_a - of_b;
-        // The center of the manifold is on the surface that moves with the points: where a face of a
-        // carries the normal on that of b, else on that of a, across edges midway.
-        let radii = [self.radii[0] + gap * of_a, self.radii[1] + gap * (T::ONE - of_a)];
-        let cores = [self.arms[0] + normal * radii[0], self.arms[1] - normal * radii[1]];
+        let radii = self.radii_across(gap);
+        let cores = self.cores(radii);
         let changes = [turn(a.angular, cores[0]), turn(b.angular, cores[1])];
         let linear = a.linear - b.linear;
         let parted = linear + changes[0] - changes[1];

@@ -18,6 +18,6 @@ pub use batch::Batch;
 pub use best::{Wide, WideBatch};
 pub use packed::Packed;
 pub use rows::{FAR, Rows, Seats, Trace};
-pub use targets::Landing;
+pub use targets::{Landing, Renewing};
 
 pub use crate::color::Past;

@@ -13,7 +13,7 @@ use crate::color::{Color, Coloring};
 use crate::island::Islands;
 use crate::lanes::Lanes;
 use crate::team::{Divide, Shared, Team};
-use crate::{Contact, InverseMass, Repair, Surface, Velocity};
+use crate::{Contact, Repair, Surface, Velocity};
 
 /// Bodies that follow each other and that no manifold joins to others, with their manifolds, in their
 /// [`Packed`](super::Packed) system. It can be taken through all substeps before the next one is, or while
@@ -118,18 +118,11 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         self.passes.sweep_normals(self, velocities, Some(&targets));
     }
 
-    /// Renews J where bodies turn, after they have moved at `velocities` for `dt` \[s\]
-    /// ([`kinematics`](crate::kinematics)), with the `masses` of where they are: effective masses are those of
-    /// this `softness`.
-    pub fn renew(
-        &mut self,
-        velocities: &[Velocity<f32, L, A>],
-        displacements: &[Velocity<f32, L, A>],
-        masses: &[InverseMass<f32, L, A>],
-        [dt, softness]: [f32; 2],
-    ) {
-        let bodies = Renewing { velocities, displacements, masses };
-        self.passes.renew(self, bodies, [dt, softness]);
+    /// Renews J where bodies turn, after they have moved for `dt` \[s\] ([`kinematics`](crate::kinematics)):
+    /// effective masses are those of this `softness`. Returns whether any J is another: that of a ball on a plane
+    /// stays, however fast it rolls.
+    pub fn renew(&mut self, bodies: Renewing<'_, L, A>, [dt, softness]: [f32; 2]) -> bool {
+        self.passes.renew(self, bodies, [dt, softness])
     }
 
     /// [`pgs::relax`](crate::pgs::relax); whether J has been [renewed](Self::renew) before.
@@ -236,7 +229,12 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
     /// Length of the substep and softness.
-    fn renew(&self, batch: &mut Batch<'_, V, L, A>, bodies: Renewing<'_, L, A>, terms: [f32; 2]);
+    fn renew(
+        &self,
+        batch: &mut Batch<'_, V, L, A>,
+        bodies: Renewing<'_, L, A>,
+        terms: [f32; 2],
+    ) -> bool;
 
     fn relax(
         &self,

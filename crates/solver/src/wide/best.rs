@@ -3,10 +3,10 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::Landing;
 use super::batch::Batch;
 use super::packed::Packed;
 use super::rows::{Rows, Trace};
+use super::{Landing, Renewing};
 use crate::certificate::{Certificate, Tally};
 use crate::island::Islands;
 use crate::lanes::Portable;
@@ -208,14 +208,8 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
     }
 
     /// [`Batch::renew`].
-    pub fn renew(
-        &mut self,
-        velocities: &[Velocity<f32, L, A>],
-        displacements: &[Velocity<f32, L, A>],
-        masses: &[InverseMass<f32, L, A>],
-        terms: [f32; 2],
-    ) {
-        on_lanes!(self, batch => batch.renew(velocities, displacements, masses, terms));
+    pub fn renew(&mut self, bodies: Renewing<'_, L, A>, terms: [f32; 2]) -> bool {
+        on_lanes!(self, batch => batch.renew(bodies, terms))
     }
 
     /// [`Batch::relax`].

@@ -5,6 +5,7 @@
 //! [`Passes`].
 
 use std::any::Any;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::{Batch, Passes, Velocities, View};
 use super::block::{Block, splat};
@@ -146,16 +147,26 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         );
     }
 
-    fn renew(&self, batch: &mut Batch<'_, V, L, A>, bodies: Renewing<'_, L, A>, terms: [f32; 2]) {
+    fn renew(
+        &self,
+        batch: &mut Batch<'_, V, L, A>,
+        bodies: Renewing<'_, L, A>,
+        terms: [f32; 2],
+    ) -> bool {
         let first = batch.bodies.start;
+        let any = AtomicBool::new(false);
         Field::new(batch).each(
             1,
             #[inline(always)]
             |_, block, points| {
                 let count = block.manifold.count as usize;
                 renew(block, &mut points[..count], first, bodies, terms.map(splat));
+                if block.renewed {
+                    any.store(true, Ordering::Relaxed);
+                }
             },
         );
+        any.into_inner()
     }
 
     fn run_belts(&self, batch: &mut Batch<'_, V, L, A>, [target, time]: [f32; 2]) {

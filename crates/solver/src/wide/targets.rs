@@ -73,8 +73,9 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
         {
             let ahead = [&(a * self.repair.dt), &(b * self.repair.dt)];
             let then = [&(*total[0] + *ahead[0]), &(*total[1] + *ahead[1])];
-            let turns = block.manifold.turns(ahead, self.repair.dt).min(block.manifold.holds(then));
-            if any(turns) {
+            let turns = block.manifold.turns(first.gap[0], ahead, self.repair.dt);
+            if any(turns, block.used) {
+                let turns = turns.min(block.manifold.holds(first.gap[0], then));
                 let gap = first.gap[0] + first.normal_velocity(&moved);
                 let bend = block.manifold.moved(gap, ahead, V::ZERO).bend;
                 moved.linear[0] += turns.choose(bend, V::ZERO);
@@ -101,7 +102,8 @@ pub struct Landing<'a, const L: usize, const A: usize> {
 /// Sets the targets of points that have landed in the substep to 0: the bodies stop there, and do not arrive in the next
 /// substep at the speed of their approach.
 ///
-/// Bodies that bounce go on: the impact is in the next substep. Of bodies that have turned far J knows nothing.
+/// Exceptions: a point without an impulse has stopped nothing, bodies that bounce have their impact in the
+/// next substep, and J is out of date for bodies that have turned far.
 #[inline(always)]
 pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     block: &Block<V, L, A>,
@@ -109,8 +111,9 @@ pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     first: usize,
     landing: &Landing<'_, L, A>,
 ) {
-    let coming = points.iter().fold(V::ZERO, |most, point| most.max(-point.target[0]));
-    if !any(coming) {
+    let coming = |point: &Contact<V, L>| (-point.target[0]).min(point.impulse[0]);
+    let coming = points.iter().fold(V::ZERO, |most, point| most.max(coming(point)));
+    if !any(coming, block.used) {
         return;
     }
     if block.center {
@@ -132,7 +135,8 @@ fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
 ) {
     let [a, b] = block.gather_from(first, landing.displacements);
     let moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
-    let holds = block.manifold.holds([&a, &b]);
+    let [deepest, ..] = &*points else { return };
+    let holds = block.manifold.holds(deepest.gap[0], [&a, &b]);
     let landed = splat::<V>(landing.dt) * V::from_f64(LANDED);
     for contact in points {
         let gap = contact.gap[0] + contact.normal_velocity(&moved);
@@ -141,14 +145,14 @@ fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
         let target = (gap + before * landed).choose(before, V::ZERO);
         let target = block.manifold.restitution.choose(before, target);
         let target = holds.choose(target, before);
-        contact.target[0] = (-before).choose(target, before);
+        contact.target[0] = (-before).min(contact.impulse[0]).choose(target, before);
     }
 }
 
-/// Whether any lane is positive.
+/// Whether any of the `used` lanes is positive.
 #[inline(always)]
-fn any<V: Lanes>(of: V) -> bool {
-    (0..WIDTH).fold(false, |any, lane| any | (of.get(lane) > 0.0))
+fn any<V: Lanes>(of: V, used: u16) -> bool {
+    (0..WIDTH).fold(false, |any, lane| any | (of.get(lane) > 0.0 && used >> lane & 1 != 0))
 }
 
 /// Positive where a lag \[N s, N m s\] changes velocities by less than [`MOST_LAG`] of what the bodies turn with
@@ -172,13 +176,15 @@ fn settles<V: Lanes, const L: usize, const A: usize>(
 
 /// Bodies that have moved for a substep.
 #[derive(Clone, Copy)]
-pub(crate) struct Renewing<'a, const L: usize, const A: usize> {
+pub struct Renewing<'a, const L: usize, const A: usize> {
     /// What they have moved at.
-    pub(crate) velocities: &'a [Velocity<f32, L, A>],
+    pub velocities: &'a [Velocity<f32, L, A>],
     /// All that they have moved since gaps were measured.
-    pub(crate) displacements: &'a [Velocity<f32, L, A>],
+    pub displacements: &'a [Velocity<f32, L, A>],
     /// M^-1 where they are now.
-    pub(crate) masses: &'a [InverseMass<f32, L, A>],
+    pub masses: &'a [InverseMass<f32, L, A>],
+    /// Whether they turn faster than [`LEAST_SPIN`](crate::kinematics::LEAST_SPIN), or have since gaps were measured.
+    pub turned: &'a [bool],
 }
 
 /// Renews J of the manifolds of a block whose bodies turn ([`kinematics`](crate::kinematics)), and M^-1.
@@ -193,6 +199,11 @@ pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
     bodies: Renewing<'_, L, A>,
     terms: [V; 2],
 ) {
+    let turned = |any, &body| any | bodies.turned[body as usize - first];
+    if block.used == 0 || !block.bodies.as_flattened().iter().fold(false, turned) {
+        block.renewed = false;
+        return;
+    }
     if block.center {
         renew_felt::<V, L, A, 0>(block, points, first, bodies, terms);
     } else {
@@ -214,20 +225,20 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     let [a, b] = block.gather_from(first, bodies.velocities);
     let spins = [a.angular, b.angular];
     let moved = [&(a * dt), &(b * dt)];
-    let turns = block.manifold.turns(moved, dt);
-    block.renewed = any(turns);
+    let [deepest, ..] = &*points else { return };
+    let turns = block.manifold.turns(deepest.gap[0], moved, dt);
+    block.renewed = any(turns, block.used);
     if !block.renewed {
         return;
     }
     let [a, b] = block.gather_from(first, bodies.displacements);
     let manifold = &mut block.manifold;
-    let turns = turns.min(manifold.holds([&a, &b]));
+    let turns = turns.min(manifold.holds(deepest.gap[0], [&a, &b]));
     let mut wrench = Velocity::ZERO;
     for contact in &*points {
         contact.add_wrench(0..L, contact.impulse, &mut wrench);
     }
     let mut before: Velocity<V, L, B> = manifold.twist_felt(&a, &b);
-    let [deepest, ..] = &points else { return };
     let gap = deepest.gap[0] + deepest.normal_velocity(&before);
     let twist = if B == 0 { V::ZERO } else { V::ONE };
     let Moved { frame, arms, bend } = manifold.moved(gap, moved, twist);
