@@ -1,104 +1,44 @@
 //! [`Course`]: bodies and their contacts on their way through the substeps of a part of a step.
 
-use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use drystone_solver::team::{Divide, Team};
+use drystone_solver::team::Divide;
 use drystone_solver::wide::{Landing, Renewing, WideBatch};
-use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 
-use crate::bodies::{Bodies, Given, InMotion, Turn};
 use crate::geometry::Geometry;
+use crate::motion::{MovingBodies, Terms};
 use crate::report::{Clock, Stage};
 
 /// After so many substeps contacts are asked again what they give to the velocities
-/// ([`Course::push`]): what rounding adds to it would add up.
+/// ([`MovingBodies::push`]): what rounding adds to it would add up.
 const ASK_AGAIN: u32 = 4;
-
-/// What it takes to go through substeps.
-#[derive(Clone, Copy)]
-pub(crate) struct Terms<const L: usize> {
-    /// Length of a substep. \[s\]
-    pub(crate) h: f32,
-    pub(crate) substeps: u32,
-    /// Sweeps over all contacts per substep.
-    pub(crate) iterations: u32,
-    /// \[m/s^2\]
-    pub(crate) gravity: Vector<f32, L>,
-    pub(crate) repair: Repair<f32>,
-    /// epsilon over A_ii + epsilon of contacts. \[1\]
-    pub(crate) softness: f32,
-}
 
 /// The bodies of a batch, and their contacts.
 pub(crate) struct Course<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) contacts: WideBatch<'a, L, A>,
-    /// Of these bodies, as what follows.
-    pub(crate) velocities: &'a mut [Velocity<f32, L, A>],
-    /// Those of the substep without the impulses of its contacts.
-    pub(crate) prospective: &'a mut [Velocity<f32, L, A>],
-    /// What each has moved since the part began.
-    pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
-    /// What contacts gave it in the last warm start.
-    pub(crate) pushes: &'a mut [Velocity<f32, L, A>],
-    pub(crate) poses: &'a mut [G::Pose],
-    pub(crate) turns: &'a mut [Turn<A>],
-    pub(crate) turned: &'a mut [bool],
-    /// M^-1.
-    pub(crate) masses: &'a mut [InverseMass<f32, L, A>],
-    /// Of all bodies.
-    pub(crate) given: Given<'a, L, A>,
-    pub(crate) team: &'a Team,
+    pub(crate) bodies: MovingBodies<'a, G, L, A>,
 }
 
-impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> {
-    pub(crate) fn new(
-        bodies: &'a mut Bodies<G, L, A>,
-        masses: &'a mut [InverseMass<f32, L, A>],
-        [velocities, prospective, displacements, pushes]: [&'a mut [Velocity<f32, L, A>]; 4],
-        contacts: WideBatch<'a, L, A>,
-        team: &'a Team,
-    ) -> Self {
-        let InMotion { given, poses, turns, turned } = bodies.in_motion();
-        Self {
-            contacts,
-            velocities,
-            prospective,
-            displacements,
-            pushes,
-            poses,
-            turns,
-            turned,
-            masses,
-            given,
-            team,
-        }
-    }
-
-    /// The bodies.
-    pub(crate) fn bodies(&self) -> Range<usize> {
-        self.contacts.bodies()
-    }
-
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
     /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps. Contacts are asked, too, if J
     /// has been `renewed` since. To v* belong the torques of resistance. Returns whether anything turns.
     pub(crate) fn warm_start(&mut self, substep: u32, renewed: bool, terms: &Terms<L>) -> bool {
         let resists = self.contacts.has_surfaces();
         if resists {
-            self.contacts.apply_resistance(self.velocities);
+            self.contacts.apply_resistance(self.bodies.velocities);
         }
         if renewed || resists || substep.is_multiple_of(ASK_AGAIN) {
-            self.prospective.copy_from_slice(self.velocities);
-            self.contacts.apply_impulses(self.velocities);
+            self.bodies.prospective.copy_from_slice(self.bodies.velocities);
+            self.contacts.apply_impulses(self.bodies.velocities);
         } else {
-            self.push();
+            self.bodies.push();
         }
-        self.lead(terms)
+        self.bodies.lead(terms)
     }
 
     /// Sweeps towards the targets; whether bodies turn.
     pub(crate) fn solve(&mut self, terms: &Terms<L>, substep: u32, turning: bool) {
-        let Self { contacts, velocities, displacements, .. } = self;
+        let Self { contacts, bodies: MovingBodies { velocities, displacements, .. } } = self;
         contacts.sweep_normals_to_targets(velocities, displacements, turning, &terms.repair);
         for _ in 1..terms.iterations {
             contacts.sweep_normals(velocities);
@@ -115,17 +55,19 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
 
     /// Renews J where bodies have turned; whether any is another.
     pub(crate) fn renew(&mut self, terms: &Terms<L>) -> bool {
-        let Self { contacts, velocities, displacements, masses, turned, .. } = self;
+        let Self { contacts, bodies } = self;
+        let MovingBodies { velocities, displacements, masses, turned, .. } = bodies;
         let bodies = Renewing { velocities, displacements, masses, turned };
         contacts.renew(bodies, [terms.h, terms.softness])
     }
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again, and stops what has landed.
     pub(crate) fn relax(&mut self, renewed: bool, terms: &Terms<L>) {
-        let landing = Landing { displacements: self.displacements, dt: terms.h };
-        self.contacts.relax(self.velocities, renewed, Some(landing));
+        let MovingBodies { velocities, displacements, .. } = &mut self.bodies;
+        let landing = Landing { displacements, dt: terms.h };
+        self.contacts.relax(velocities, renewed, Some(landing));
         if self.contacts.has_surfaces() {
-            self.contacts.resist(self.velocities);
+            self.contacts.resist(velocities);
         }
     }
 
@@ -134,20 +76,20 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
         if self.contacts.has_surfaces() {
             self.contacts.carry_belts(terms.h * terms.substeps as f32);
         }
-        self.contacts.trace(self.displacements, terms.repair.hold);
+        self.contacts.trace(self.bodies.displacements, terms.repair.hold);
     }
 
     /// Through all substeps.
     fn run(&mut self, terms: &Terms<L>, clock: &mut Clock) {
         let mut renewed = false;
         for substep in 0..terms.substeps {
-            self.predict(terms);
+            self.bodies.predict(terms);
             clock.lap(Stage::Predict);
             let turning = self.warm_start(substep, renewed, terms);
             clock.lap(Stage::WarmStart);
             self.solve(terms, substep, turning);
             clock.lap(Stage::Solve);
-            let turned = self.advance(terms);
+            let turned = self.bodies.advance(terms);
             clock.lap(Stage::Advance);
             renewed = turned && self.renew(terms);
             self.relax(renewed, terms);
@@ -159,7 +101,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> Course<'a, G, L, A> 
 
     /// Batch after batch through all substeps; each by one member of the team, if none is much of the whole.
     pub(crate) fn run_by_batch(self, terms: &Terms<L>, clock: &mut Clock) {
-        let (team, runs) = (self.team, self.contacts.runs());
+        let (team, runs) = (self.bodies.team, self.contacts.runs());
         let all = Mutex::new(clock.another());
         team.for_each(runs > 1, self.divide(runs), |run| {
             let (mut own, batches) = (clock.another(), run.count());
@@ -178,39 +120,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for Course<'_, G,
 
     fn split_at(self, count: usize) -> (Self, Self) {
         let (contacts, later_contacts) = self.contacts.split_at(count);
-        let count = contacts.bodies().len();
-        let (velocities, later_velocities) = self.velocities.split_at_mut(count);
-        let (prospective, later_prospective) = self.prospective.split_at_mut(count);
-        let (displacements, later_displacements) = self.displacements.split_at_mut(count);
-        let (poses, later_poses) = self.poses.split_at_mut(count);
-        let (turns, later_turns) = self.turns.split_at_mut(count);
-        let (turned, later_turned) = self.turned.split_at_mut(count);
-        let (pushes, later_pushes) = self.pushes.split_at_mut(count);
-        let (masses, later_masses) = self.masses.split_at_mut(count);
-        let first = Self {
-            contacts,
-            velocities,
-            prospective,
-            displacements,
-            pushes,
-            poses,
-            turns,
-            turned,
-            masses,
-            ..self
-        };
-        let others = Self {
-            contacts: later_contacts,
-            velocities: later_velocities,
-            prospective: later_prospective,
-            displacements: later_displacements,
-            poses: later_poses,
-            turns: later_turns,
-            turned: later_turned,
-            pushes: later_pushes,
-            masses: later_masses,
-            ..self
-        };
-        (first, others)
+        let (bodies, later_bodies) = self.bodies.split_at(contacts.bodies().len());
+        let first = Self { contacts, bodies };
+        (first, Self { contacts: later_contacts, bodies: later_bodies })
     }
 }

@@ -4,10 +4,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use drystone_solver::kinematics;
 use drystone_solver::team::Team;
-use drystone_solver::{Vector, Velocity};
+use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 
-use crate::bodies::{Bodies, Came, Inertia, PIECE, Turn, damped};
-use crate::course::{Course, Terms};
+use crate::bodies::{Bodies, Came, Given, InMotion, Inertia, PIECE, Turn, damped};
 use crate::geometry::{Geometry, Precession, Spin, TOGETHER};
 
 /// Bodies of which those that precess are found before they turn.
@@ -20,7 +19,102 @@ const SMALL_TURN: f32 = 1e-4;
 /// Below this angle \[rad\] it does not: its angular velocity would change by less than this part of itself.
 const LEAST_TURN: f32 = 1e-5;
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
+/// What it takes to go through substeps.
+#[derive(Clone, Copy)]
+pub(crate) struct Terms<const L: usize> {
+    /// Length of a substep. \[s\]
+    pub(crate) h: f32,
+    pub(crate) substeps: u32,
+    /// Sweeps over all contacts per substep.
+    pub(crate) iterations: u32,
+    /// \[m/s^2\]
+    pub(crate) gravity: Vector<f32, L>,
+    pub(crate) repair: Repair<f32>,
+    /// epsilon over A_ii + epsilon of contacts. \[1\]
+    pub(crate) softness: f32,
+}
+
+/// The bodies of a batch: slices of what they have, and what does not change.
+pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// The number of the first.
+    pub(crate) first: usize,
+    pub(crate) velocities: &'a mut [Velocity<f32, L, A>],
+    /// Those of the substep without the impulses of its contacts.
+    pub(crate) prospective: &'a mut [Velocity<f32, L, A>],
+    /// What each has moved since the part began.
+    pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
+    /// What contacts gave it in the last warm start.
+    pub(crate) pushes: &'a mut [Velocity<f32, L, A>],
+    pub(crate) poses: &'a mut [G::Pose],
+    pub(crate) turns: &'a mut [Turn<A>],
+    pub(crate) turned: &'a mut [bool],
+    /// M^-1.
+    pub(crate) masses: &'a mut [InverseMass<f32, L, A>],
+    /// Of all bodies.
+    pub(crate) given: Given<'a, L, A>,
+    pub(crate) team: &'a Team,
+}
+
+impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, L, A> {
+    /// All bodies.
+    pub(crate) fn new(
+        bodies: &'a mut Bodies<G, L, A>,
+        masses: &'a mut [InverseMass<f32, L, A>],
+        [velocities, prospective, displacements, pushes]: [&'a mut [Velocity<f32, L, A>]; 4],
+        team: &'a Team,
+    ) -> Self {
+        let InMotion { given, poses, turns, turned } = bodies.in_motion();
+        Self {
+            first: 0,
+            velocities,
+            prospective,
+            displacements,
+            pushes,
+            poses,
+            turns,
+            turned,
+            masses,
+            given,
+            team,
+        }
+    }
+
+    /// The first `count` bodies, and the others.
+    pub(crate) fn split_at(self, count: usize) -> (Self, Self) {
+        let (velocities, later_velocities) = self.velocities.split_at_mut(count);
+        let (prospective, later_prospective) = self.prospective.split_at_mut(count);
+        let (displacements, later_displacements) = self.displacements.split_at_mut(count);
+        let (pushes, later_pushes) = self.pushes.split_at_mut(count);
+        let (poses, later_poses) = self.poses.split_at_mut(count);
+        let (turns, later_turns) = self.turns.split_at_mut(count);
+        let (turned, later_turned) = self.turned.split_at_mut(count);
+        let (masses, later_masses) = self.masses.split_at_mut(count);
+        let first = Self {
+            velocities,
+            prospective,
+            displacements,
+            pushes,
+            poses,
+            turns,
+            turned,
+            masses,
+            ..self
+        };
+        let others = Self {
+            first: self.first + count,
+            velocities: later_velocities,
+            prospective: later_prospective,
+            displacements: later_displacements,
+            pushes: later_pushes,
+            poses: later_poses,
+            turns: later_turns,
+            turned: later_turned,
+            masses: later_masses,
+            ..self
+        };
+        (first, others)
+    }
+
     /// v* = v + h (g + M^-1 f): the prospective velocities. In their stead it keeps what contacts gave to the
     /// velocities in the substep before, M^-1 J^T gamma: how these differ from the prospective ones of then.
     ///
@@ -29,7 +123,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
     /// contacts see where it comes.
     pub(crate) fn predict(&mut self, terms: &Terms<L>) {
         let Terms { gravity, h, .. } = *terms;
-        let (first, given) = (self.bodies().start, self.given);
+        let (first, given) = (self.first, self.given);
         let (useful, share) = self.team.share(self.velocities.len(), PIECE);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
         let parts = parts.zip(self.displacements.chunks_mut(share).zip(self.masses.chunks(share)));
@@ -106,7 +200,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
     /// momentum and, to second order in h, the energy. The others turn at the end of the step. Returns
     /// whether any has turned ([`kinematics`](drystone_solver::kinematics)).
     pub(crate) fn advance(&mut self, terms: &Terms<L>) -> bool {
-        let (first, given, h) = (self.bodies().start, self.given, terms.h);
+        let (first, given, h) = (self.first, self.given, terms.h);
         let (useful, share) = self.team.share(self.velocities.len(), PIECE);
         let moved = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));

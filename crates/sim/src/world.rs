@@ -16,10 +16,10 @@ use crate::broad_phase::BroadPhase;
 use crate::cache::{self, Pair, Records};
 use crate::certifier::Certifier;
 use crate::colliders::{self, Colliders};
-use crate::course::{Course, Terms};
+use crate::course::Course;
 use crate::geometry::{Geometry, MassProperties, Precession, Reach};
 use crate::ledger::Books;
-use crate::motion;
+use crate::motion::{self, MovingBodies, Terms};
 use crate::narrow_phase::{Surroundings, Worker, closing, manifolds};
 use crate::pace::Pace;
 use crate::patches::{Patches, Shapes};
@@ -553,7 +553,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let System { velocities, masses, .. } = &mut self.system;
         let contacts = self.wide.whole(&mut self.records.traces);
         let states = [velocities, &mut self.prospective, &mut self.displacements, &mut self.pushes];
-        Course::new(&mut self.bodies, masses, states.map(Vec::as_mut_slice), contacts, &self.team)
+        let states = states.map(Vec::as_mut_slice);
+        Course { contacts, bodies: MovingBodies::new(&mut self.bodies, masses, states, &self.team) }
     }
 
     fn plan(&self, h: f32, substeps: u32, last: bool) -> Plan<L> {
@@ -641,7 +642,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if plan.collisions.is_some() {
             self.forced.clone_from(&self.system.velocities);
         }
-        self.course().predict(terms);
+        self.course().bodies.predict(terms);
         clock.lap(Stage::Predict);
         if let Some(collisions) = &plan.collisions {
             if *renewed {
@@ -685,7 +686,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.wide.unpack(&mut self.system);
             self.books.depart(&self.system);
         }
-        let turned = self.course().advance(terms);
+        let turned = self.course().bodies.advance(terms);
         clock.lap(Stage::Advance);
         if plan.ledger {
             self.books.arrive(&self.system.velocities);

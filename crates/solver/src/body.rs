@@ -1,6 +1,6 @@
 //! What the solver knows of a body: how fast it moves, and how hard it is to move.
 
-use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Mul, Range, Sub, SubAssign};
 
 use crate::vector::spin;
 use crate::{Cast, Real, Scalar, SymmetricMatrix, Vector, moment};
@@ -90,6 +90,28 @@ impl<T: Real, const L: usize, const A: usize> SubAssign for Velocity<T, L, A> {
     fn sub_assign(&mut self, other: Self) {
         *self = *self - other;
     }
+}
+
+/// Some components of a twist or a wrench.
+#[derive(Clone, Debug)]
+pub(crate) struct Axes {
+    pub(crate) linear: Range<usize>,
+    pub(crate) angular: Range<usize>,
+}
+
+/// All of them.
+pub(crate) const fn all_axes<const L: usize, const A: usize>() -> Axes {
+    Axes { linear: 0..L, angular: 0..A }
+}
+
+/// What impulses along normals do and feel: the velocity along the normal, and turning that tilts it.
+pub(crate) const fn along_normals<const A: usize>() -> Axes {
+    Axes { linear: 0..1, angular: A / 3..A }
+}
+
+/// What impulses of friction do and feel: the rest.
+pub(crate) const fn along_tangents<const L: usize, const A: usize>() -> Axes {
+    Axes { linear: 1..L, angular: 0..A / 3 }
 }
 
 /// One block of M: (m, I), the latter in world axes. Zero for what nothing can move, and along what is

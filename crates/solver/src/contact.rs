@@ -2,9 +2,18 @@
 
 use std::ops::Range;
 
-use crate::mobility::{Axes, all_axes};
+use crate::body::{Axes, all_axes};
 use crate::vector::add_moment;
-use crate::{Cast, Manifold, Mobility, Real, Repair, Scalar, Vector, Velocity};
+use crate::{Cast, Manifold, Mobility, Real, Scalar, Vector, Velocity};
+
+/// The law of a visit, w = v_n - t + epsilon gamma.
+pub(crate) const SOFT: u8 = 0;
+
+/// The law without overlap repair and epsilon.
+pub(crate) const RIGID: u8 = 1;
+
+/// The law without epsilon for contacts that are apart.
+pub(crate) const COMING: u8 = 2;
 
 /// One point of contact. Vectors are in the manifold's frame: component 0 along the normal, the others
 /// along the tangents.
@@ -32,6 +41,21 @@ pub struct Contact<T: Real, const L: usize> {
     pub compliance: T,
     /// epsilon_T: the same of friction, which the sweeps soften by the same part. \[1/kg\]
     pub tangential_compliance: T,
+}
+
+/// How overlaps and gaps become target velocities ([`System::set_targets`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Repair<T> {
+    /// The step h that the velocities will act for. \[s\]
+    pub dt: T,
+    /// c_d h, 0..1: the part of an overlap that one step repairs. \[1\]
+    pub rate: T,
+    /// Overlap left alone. \[m\]
+    pub slop: T,
+    /// Fastest repair. \[m/s\]
+    pub push_speed: T,
+    /// Part of its slip by which a sticking point returns per second. \[1/s\]
+    pub hold: T,
 }
 
 impl<T: Scalar, const L: usize> Contact<T, L> {
@@ -198,5 +222,67 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.tangential_mass = largest.choose(T::ONE / largest, T::ZERO);
         let softness = self.softness();
         self.tangential_compliance = largest * (softness / (T::ONE - softness));
+    }
+
+    /// w = v_n - t + epsilon gamma. A [`RIGID`] contact has neither overlap repair nor epsilon. One that is
+    /// [`COMING`] has no epsilon while it is apart: bodies do not sink into what they fall on. \[m/s\]
+    #[inline(always)]
+    pub(crate) fn excess<const LAW: u8>(&self, v_n: T) -> T {
+        let target = self.target[0];
+        match LAW {
+            RIGID => v_n - target.min(T::ZERO),
+            COMING => v_n - target + (-target).choose(T::ZERO, self.compliance * self.impulse[0]),
+            _ => v_n - target + self.compliance * self.impulse[0],
+        }
+    }
+
+    /// How far the contact is from its laws: the larger of |min(gamma / m_eff, w)| along the normal and of the
+    /// projection of friction. \[m/s\]
+    #[inline(always)]
+    pub(crate) fn residual<const A: usize, const LAW: u8>(
+        &self,
+        friction: T,
+        twist: &Velocity<T, L, A>,
+    ) -> T {
+        let u = self.relative_velocity(twist);
+        let normal = (self.impulse[0] / self.effective_mass).min(self.excess::<LAW>(u[0]));
+        let slip = (self.friction_step(friction, u) - self.impulse).length() / self.tangential_mass;
+        let slip = self.tangential_mass.choose(slip, T::ZERO);
+        self.effective_mass.choose(normal.max(-normal).max(slip), T::ZERO)
+    }
+
+    /// The impulse after a step against the slip velocity, drawn back onto Coulomb's disc of
+    /// radius mu gamma_n (in 2D: an interval). `u` is the relative velocity in the frame.
+    #[inline(always)]
+    pub(crate) fn friction_step(&self, friction: T, u: Vector<T, L>) -> Vector<T, L> {
+        let mut tangential = self.impulse;
+        for i in 1..L {
+            tangential[i] -= self.tangential_mass * (u[i] - self.target[i]);
+        }
+        let kept = T::ONE - self.softness();
+        for i in 1..L {
+            tangential[i] = tangential[i] * kept;
+        }
+        self.onto_disc(friction * (self.impulse[0] + self.impact), tangential)
+    }
+
+    /// Scales the tangents of `v` down to the disc of this radius.
+    #[inline(always)]
+    pub(crate) fn onto_disc(&self, radius: T, v: Vector<T, L>) -> Vector<T, L> {
+        let mut out = v;
+        if L == 2 {
+            out[1] = v[1].max(-radius).min(radius);
+            return out;
+        }
+        let mut squared = T::NOTHING;
+        for i in 1..L {
+            squared += v[i] * v[i];
+        }
+        let length = squared.sqrt();
+        let scale = (length - radius).choose(radius / length, T::ONE);
+        for i in 1..L {
+            out[i] = v[i] * scale;
+        }
+        out
     }
 }

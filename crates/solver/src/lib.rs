@@ -121,10 +121,10 @@ mod vector;
 pub mod wide;
 
 pub use body::{InverseMass, Mass, Velocity};
-pub use contact::Contact;
+pub use contact::{Contact, Repair};
 pub use manifold::{Manifold, contact_frame};
 pub use mobility::Mobility;
 pub use real::{Cast, Real, Scalar};
 pub use surface::Surface;
-pub use system::{Repair, System};
+pub use system::System;
 pub use vector::{SymmetricMatrix, Vector, moment, spin};

@@ -8,7 +8,7 @@
 
 use std::ops::Range;
 
-use crate::mobility::{Axes, all_axes};
+use crate::body::{Axes, all_axes};
 use crate::{Cast, InverseMass, Real, Scalar, SymmetricMatrix, Vector, Velocity, moment};
 
 /// What the points of a manifold share.

@@ -1,7 +1,6 @@
 //! [`Mobility`]: what impulses at a manifold do to the motion of its two bodies against each other.
 
-use std::ops::Range;
-
+use crate::body::{Axes, all_axes};
 use crate::vector::{add_moment, spin};
 use crate::{InverseMass, Manifold, Real, SymmetricMatrix, Vector, Velocity};
 
@@ -33,28 +32,6 @@ impl<T: Real, const L: usize, const A: usize> Default for Crossed<T, L, A> {
 /// An impulse along the normal that moves its center by less than this part of what it could by turning the bodies
 /// moves nothing: the moment r x n of a ball of infinite mass is rounding. \[1\]
 const ROUNDING: f64 = 1e-11;
-
-/// Some components of a twist or a wrench.
-#[derive(Clone, Debug)]
-pub(crate) struct Axes {
-    pub(crate) linear: Range<usize>,
-    pub(crate) angular: Range<usize>,
-}
-
-/// All of them.
-pub(crate) const fn all_axes<const L: usize, const A: usize>() -> Axes {
-    Axes { linear: 0..L, angular: 0..A }
-}
-
-/// What impulses along normals do and feel: the velocity along the normal, and turning that tilts it.
-pub(crate) const fn along_normals<const A: usize>() -> Axes {
-    Axes { linear: 0..1, angular: A / 3..A }
-}
-
-/// What impulses of friction do and feel: the rest.
-pub(crate) const fn along_tangents<const L: usize, const A: usize>() -> Axes {
-    Axes { linear: 1..L, angular: 0..A / 3 }
-}
 
 impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
     /// Of a manifold between bodies of these inverse masses.

@@ -6,7 +6,8 @@
 //! notes: "go ahead and let the impulse for collision i be included as an other collision", with
 //! the per-body sums kept as the velocities themselves. Cost: linear in the contacts.
 
-use crate::mobility::{all_axes, along_normals, along_tangents};
+use crate::body::{all_axes, along_normals, along_tangents};
+use crate::contact::{COMING, RIGID, SOFT};
 use crate::solution::{self, Goal, Solution};
 use crate::{Contact, InverseMass, Manifold, Mobility, Real, System, Vector, Velocity};
 
@@ -19,15 +20,6 @@ pub fn solve<const L: usize, const A: usize>(
 ) -> Solution {
     solution::iterate(system, goal, sweep)
 }
-
-/// The law of a visit, w = v_n - t + epsilon gamma.
-pub(crate) const SOFT: u8 = 0;
-
-/// The law without overlap repair and epsilon.
-pub(crate) const RIGID: u8 = 1;
-
-/// The law without epsilon for contacts that are apart.
-pub(crate) const COMING: u8 = 2;
 
 impl<T: Real, const L: usize> Contact<T, L> {
     /// gamma <- max(0, gamma - m_eff (v_n - t + epsilon gamma)): the accumulated impulse is
@@ -50,68 +42,6 @@ impl<T: Real, const L: usize> Contact<T, L> {
         change[0] = impulse - self.impulse[0];
         self.impulse[0] = impulse;
         change
-    }
-
-    /// w = v_n - t + epsilon gamma. A [`RIGID`] contact has neither overlap repair nor epsilon. One that is
-    /// [`COMING`] has no epsilon while it is apart: bodies do not sink into what they fall on. \[m/s\]
-    #[inline(always)]
-    fn excess<const LAW: u8>(&self, v_n: T) -> T {
-        let target = self.target[0];
-        match LAW {
-            RIGID => v_n - target.min(T::ZERO),
-            COMING => v_n - target + (-target).choose(T::ZERO, self.compliance * self.impulse[0]),
-            _ => v_n - target + self.compliance * self.impulse[0],
-        }
-    }
-
-    /// How far the contact is from its laws: the larger of |min(gamma / m_eff, w)| along the normal and of the
-    /// projection of friction. \[m/s\]
-    #[inline(always)]
-    pub(crate) fn residual<const A: usize, const LAW: u8>(
-        &self,
-        friction: T,
-        twist: &Velocity<T, L, A>,
-    ) -> T {
-        let u = self.relative_velocity(twist);
-        let normal = (self.impulse[0] / self.effective_mass).min(self.excess::<LAW>(u[0]));
-        let slip = (self.friction_step(friction, u) - self.impulse).length() / self.tangential_mass;
-        let slip = self.tangential_mass.choose(slip, T::ZERO);
-        self.effective_mass.choose(normal.max(-normal).max(slip), T::ZERO)
-    }
-
-    /// The impulse after a step against the slip velocity, drawn back onto Coulomb's disc of
-    /// radius mu gamma_n (in 2D: an interval). `u` is the relative velocity in the frame.
-    #[inline(always)]
-    pub(crate) fn friction_step(&self, friction: T, u: Vector<T, L>) -> Vector<T, L> {
-        let mut tangential = self.impulse;
-        for i in 1..L {
-            tangential[i] -= self.tangential_mass * (u[i] - self.target[i]);
-        }
-        let kept = T::ONE - self.softness();
-        for i in 1..L {
-            tangential[i] = tangential[i] * kept;
-        }
-        self.onto_disc(friction * (self.impulse[0] + self.impact), tangential)
-    }
-
-    /// Scales the tangents of `v` down to the disc of this radius.
-    #[inline(always)]
-    pub(crate) fn onto_disc(&self, radius: T, v: Vector<T, L>) -> Vector<T, L> {
-        let mut out = v;
-        if L == 2 {
-            out[1] = v[1].max(-radius).min(radius);
-            return out;
-        }
-        let mut squared = T::NOTHING;
-        for i in 1..L {
-            squared += v[i] * v[i];
-        }
-        let length = squared.sqrt();
-        let scale = (length - radius).choose(radius / length, T::ONE);
-        for i in 1..L {
-            out[i] = v[i] * scale;
-        }
-        out
     }
 
     /// Returns the change. \[N s\]

@@ -1,6 +1,7 @@
 //! [`System`]: bodies and contacts of one step, as a plain value.
 
-use crate::{Contact, InverseMass, Manifold, Mobility, Real, Scalar, Vector, Velocity, pgs};
+use crate::contact::{RIGID, SOFT};
+use crate::{Contact, InverseMass, Manifold, Mobility, Real, Repair, Scalar, Vector, Velocity};
 
 /// The contact problem of a step:
 ///
@@ -17,21 +18,6 @@ pub struct System<T: Real, const L: usize, const A: usize> {
     pub manifolds: Vec<Manifold<T, L>>,
     /// The points of the manifolds, one manifold after the other.
     pub contacts: Vec<Contact<T, L>>,
-}
-
-/// How overlaps and gaps become target velocities ([`System::set_targets`]).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Repair<T> {
-    /// The step h that the velocities will act for. \[s\]
-    pub dt: T,
-    /// c_d h, 0..1: the part of an overlap that one step repairs. \[1\]
-    pub rate: T,
-    /// Overlap left alone. \[m\]
-    pub slop: T,
-    /// Fastest repair. \[m/s\]
-    pub push_speed: T,
-    /// Part of its slip by which a sticking point returns per second. \[1/s\]
-    pub hold: T,
 }
 
 impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
@@ -161,9 +147,9 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
     /// [`relax`](crate::pgs::relax) does.
     pub fn residual(&self, rigid: bool) -> f64 {
         if rigid {
-            self.residual_of::<{ pgs::RIGID }>()
+            self.residual_of::<{ RIGID }>()
         } else {
-            self.residual_of::<{ pgs::SOFT }>()
+            self.residual_of::<SOFT>()
         }
     }
 

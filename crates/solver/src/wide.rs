@@ -8,6 +8,7 @@ mod batch;
 mod best;
 mod block;
 mod conjugate;
+mod gather;
 mod packed;
 mod passes;
 mod rows;

@@ -28,6 +28,7 @@ mod shapes;
 mod stage;
 mod strangers;
 mod surfaces;
+mod tokens;
 mod value;
 mod xform;
 

@@ -17,7 +17,7 @@ use crate::island::Islands;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::Avx2;
 use crate::lanes::{Lanes, PART, Portable, WIDTH, lanes_of};
-use crate::pgs::{COMING, RIGID, SOFT};
+use crate::contact::{COMING, RIGID, SOFT};
 use crate::team::Shared;
 use crate::{Contact, Surface, Velocity, nncg};
 

@@ -10,7 +10,7 @@ use super::super::error::SceneError;
 use super::files::{Files, Origin};
 use super::layer::{Edit, Entry, Spec, Target, Time, Value};
 use super::lexer::Fault;
-use super::parser::DEEPEST;
+use super::tokens::DEEPEST;
 
 /// Nodes for each prim that is written, and in any case. More only come of references in rings.
 const NODES_PER_PRIM: usize = 100;

@@ -7,7 +7,7 @@ use super::compose::{Composer, Node, Opinion, edit};
 use super::files::{Files, Origin};
 use super::layer::{Entry, Specifier, Time, Value};
 use super::lexer::Fault;
-use super::parser::DEEPEST;
+use super::tokens::DEEPEST;
 
 /// A prim.
 #[derive(Debug, Default)]

@@ -2,7 +2,7 @@
 
 use super::layer::{Target, Time, Value};
 use super::lexer::{Fault, Token, clipped};
-use super::parser::{Parser, expected};
+use super::tokens::{Parser, expected};
 
 /// What an attribute of a type holds.
 enum Kind {

@@ -1,0 +1,75 @@
+//! Gathers the velocities of a block's bodies into lanes.
+#![allow(unsafe_code)]
+
+use super::block::Block;
+use crate::lanes::{Columns, Lanes, Row, WIDTH, gather};
+use crate::team::Shared;
+use crate::{Velocity, each_lane};
+
+impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
+    /// The velocities, or whatever else, of the bodies in each lane, `from` that of body number `first` on.
+    #[inline(always)]
+    pub(super) fn gather_from(
+        &self,
+        first: usize,
+        from: &[Velocity<f32, L, A>],
+    ) -> [Velocity<V, L, A>; 2] {
+        // SAFETY: nobody changes what is borrowed.
+        unsafe { self.gather(&Shared::reading(first, from)) }
+    }
+
+    /// # Safety
+    /// Nobody changes the velocities of its bodies at the same time.
+    #[inline(always)]
+    pub(super) unsafe fn gather<C: Columns>(
+        &self,
+        from: &Shared<'_, Velocity<f32, L, A>>,
+    ) -> [Velocity<C, L, A>; 2] {
+        self.check(from);
+        // SAFETY: just checked, and as the caller promises.
+        unsafe { [self.gather_side(0, from), self.gather_side(1, from)] }
+    }
+
+    /// # Safety
+    /// As for `gather`, and checked.
+    #[inline(always)]
+    unsafe fn gather_side<C: Columns>(
+        &self,
+        side: usize,
+        from: &Shared<'_, Velocity<f32, L, A>>,
+    ) -> Velocity<C, L, A> {
+        let bodies = &self.bodies[side];
+        let mut numbers = [C::ZERO; 8];
+        let at = each_lane!(lane => from.place(bodies[lane]).cast::<f32>().cast_const());
+        // SAFETY: as the caller promises; a velocity takes up whole rows, as which they are read fastest.
+        unsafe { gather(at, &mut numbers[..(L + A).max(4)]) };
+        if self.away[side] != 0 {
+            self.stop(side, &mut numbers[..L + A]);
+        }
+        let mut out = Velocity::ZERO;
+        out.linear.0.copy_from_slice(&numbers[..L]);
+        out.angular.0.copy_from_slice(&numbers[L..L + A]);
+        out
+    }
+
+    /// Sets the numbers of bodies of other batches to zero, where those of their partners are.
+    #[inline(always)]
+    fn stop<C: Columns>(&self, side: usize, numbers: &mut [C]) {
+        let mut away = [0.0; WIDTH];
+        for (lane, own) in away.iter_mut().enumerate() {
+            *own = f32::from(self.away[side] >> lane & 1);
+        }
+        let away = C::from_array(away);
+        for number in numbers {
+            *number = away.choose(C::ZERO, *number);
+        }
+    }
+
+    /// Stops where a body of the block is not there: lanes are read and written without a look.
+    #[inline(always)]
+    pub(super) fn check(&self, of: &Shared<'_, Velocity<f32, L, A>>) {
+        const { assert!(size_of::<Velocity<f32, L, A>>() >= size_of::<Row>() * (L + A).div_ceil(4)) };
+        let [first, end] = self.reach.map(|body| body as usize);
+        of.check(first..end);
+    }
+}
