@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use drystone_solver::certificate::Tally;
+use drystone_solver::certificate::CertificateScratch;
 use drystone_solver::island::Islands;
 use drystone_solver::lanes::{Lanes, Portable, WIDTH};
 use drystone_solver::wide::Wide;
@@ -50,9 +50,10 @@ fn passes() -> [(&'static str, f64); 6] {
     let system = row::<f32, 3, 3>(count, 4);
     let still = vec![Velocity::ZERO; system.velocities.len()];
     let repair = Repair { dt: 2e-3, rate: 0.2, slop: 0.0, push_speed: 1.0, hold: 20.0 };
-    let (mut wide, mut islands, mut tally) = (Wide::new(), Islands::default(), Tally::default());
+    let (mut wide, mut islands, mut scratch) =
+        (Wide::new(), Islands::default(), CertificateScratch::default());
     islands.find(&system);
-    tally.set_masses(&system);
+    scratch.set_masses(&system);
     let mut velocities = system.velocities.clone();
     let before = velocities.clone();
     let mut out = [
@@ -83,10 +84,10 @@ fn passes() -> [(&'static str, f64); 6] {
         wide.conjugate(&mut velocities, &[false]);
         time(&mut || wide.conjugate(&mut velocities, &[false]));
         time(&mut || {
-            black_box(wide.certify::<false, false>(&velocities, &before, &islands, &mut tally));
+            black_box(wide.certify::<false, false>(&velocities, &before, &islands, &mut scratch));
         });
         time(&mut || {
-            black_box(wide.certify::<false, true>(&velocities, &before, &islands, &mut tally));
+            black_box(wide.certify::<false, true>(&velocities, &before, &islands, &mut scratch));
         });
     }
     out

@@ -1,6 +1,6 @@
 //! The bodies of a world: poses, inertia and what acts on them, one array per property.
 
-use drystone_solver::team::Team;
+use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, Vector, Velocity};
 
 use crate::geometry::{Frame, Geometry, MassProperties, Precession, Reach};
@@ -224,27 +224,27 @@ fn inverse<const A: usize>(matrix: &SymmetricMatrix<f32, A>) -> SymmetricMatrix<
 }
 
 /// Bodies that are worth as much as the least that threads share.
-pub(crate) const PIECE: usize = 32;
+pub(crate) const GRAIN: usize = 32;
 
-/// Contacts are kept as long as bodies have strayed by less than this part of their size. \[1\]
+/// Contacts are kept as long as bodies have moved by less than this part of their size. \[1\]
 const STRAY: f32 = 0.01;
 
 /// How far a body has come since contacts were last searched for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Came<const L: usize> {
+pub(crate) struct SearchMotion<const L: usize> {
     /// Its center. \[m\]
     pub(crate) linear: Vector<f32, L>,
     /// The surface of its shapes about it, by turning, at most ([`Reach::core`]). \[m\]
     pub(crate) turned: f32,
 }
 
-impl<const L: usize> Came<L> {
+impl<const L: usize> SearchMotion<L> {
     pub(crate) const NOWHERE: Self = Self { linear: Vector::ZERO, turned: 0.0 };
 }
 
 /// What a body that precesses keeps of its turning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Turn<const A: usize> {
+pub(crate) struct SpinState<const A: usize> {
     /// Rotation vector that the pose has followed before the end of the step. \[rad\]
     pub(crate) followed: Vector<f32, A>,
     /// What rounding has left out of the angular velocity. \[rad/s\]
@@ -266,14 +266,14 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) remainders: Vec<Vector<f32, L>>,
     /// How far the surface of its shapes can have come, step by step, since it was added ([`Reach::core`]). \[m\]
     pub(crate) paths: Vec<f64>,
-    pub(crate) came: Vec<Came<L>>,
+    pub(crate) since_search: Vec<SearchMotion<L>>,
     /// How much of it since its contacts and its M^-1 were last found anew. \[m\]
-    pub(crate) strayed: Vec<f32>,
+    pub(crate) moved_since_rebuild: Vec<f32>,
     /// Whether that was more than what they are kept for: they are found anew in this step.
-    pub(crate) stirred: Vec<bool>,
+    pub(crate) needs_rebuild: Vec<bool>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
     pub(crate) precession: Vec<Precession>,
-    pub(crate) turns: Vec<Turn<A>>,
+    pub(crate) turns: Vec<SpinState<A>>,
     /// Whether it has turned since contacts were last searched for
     /// ([`kinematics`](drystone_solver::kinematics)).
     pub(crate) turned: Vec<bool>,
@@ -290,7 +290,7 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
 
 /// What of the bodies does not change through the substeps of a step.
 #[derive(Clone, Copy)]
-pub(crate) struct Given<'a, const L: usize, const A: usize> {
+pub(crate) struct BodyParams<'a, const L: usize, const A: usize> {
     motion: &'a [Option<Motion>],
     gravity_factor: &'a [f32],
     pub(crate) damping: &'a [[f32; 2]],
@@ -299,7 +299,7 @@ pub(crate) struct Given<'a, const L: usize, const A: usize> {
     pub(crate) precession: &'a [Precession],
 }
 
-impl<const L: usize, const A: usize> Given<'_, L, A> {
+impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
     pub(crate) fn is_dynamic(&self, body: usize) -> bool {
         self.motion[body] == Some(Motion::Dynamic)
     }
@@ -316,10 +316,10 @@ impl<const L: usize, const A: usize> Given<'_, L, A> {
 }
 
 /// Bodies in motion.
-pub(crate) struct InMotion<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    pub(crate) given: Given<'a, L, A>,
+pub(crate) struct BodiesInMotion<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) given: BodyParams<'a, L, A>,
     pub(crate) poses: &'a mut [G::Pose],
-    pub(crate) turns: &'a mut [Turn<A>],
+    pub(crate) turns: &'a mut [SpinState<A>],
     pub(crate) turned: &'a mut [bool],
 }
 
@@ -356,9 +356,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             frames: Vec::new(),
             remainders: Vec::new(),
             paths: Vec::new(),
-            came: Vec::new(),
-            strayed: Vec::new(),
-            stirred: Vec::new(),
+            since_search: Vec::new(),
+            moved_since_rebuild: Vec::new(),
+            needs_rebuild: Vec::new(),
             inertia: Vec::new(),
             precession: Vec::new(),
             turns: Vec::new(),
@@ -371,38 +371,49 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
     }
 
-    /// Notes which bodies have strayed by more than `limit` \[m\], or than a small part of their size, have
+    /// Notes which bodies have moved by more than `limit` \[m\], or than a small part of their size, have
     /// turned, or move whatever they touch.
-    pub(crate) fn stir(&mut self, limit: f32, velocities: &[Velocity<f32, L, A>], team: &Team) {
-        let Self { stirred, strayed, turned, inertia, reach, .. } = self;
-        let (useful, share) = team.share(velocities.len(), PIECE);
-        let parts = stirred.chunks_mut(share).zip(strayed.chunks_mut(share));
+    pub(crate) fn mark_moved(
+        &mut self,
+        limit: f32,
+        velocities: &[Velocity<f32, L, A>],
+        pool: &ThreadPool,
+    ) {
+        let Self { needs_rebuild, moved_since_rebuild, turned, inertia, reach, .. } = self;
+        let (useful, share) = pool.share(velocities.len(), GRAIN);
+        let parts = needs_rebuild.chunks_mut(share).zip(moved_since_rebuild.chunks_mut(share));
         let parts = parts.zip(turned.chunks_mut(share)).enumerate();
-        team.for_each(useful, parts, |(part, ((stirred, strayed), turned))| {
-            let own = stirred.iter_mut().zip(strayed).zip(&*turned);
-            for (body, ((stirred, strayed), turned)) in (share * part..).zip(own) {
+        pool.for_each(useful, parts, |(part, ((needs_rebuild, moved_since_rebuild), turned))| {
+            let own = needs_rebuild.iter_mut().zip(moved_since_rebuild).zip(&*turned);
+            for (body, ((needs_rebuild, moved_since_rebuild), turned)) in (share * part..).zip(own)
+            {
                 let leads = inertia[body].inverse_mass() == 0.0;
-                *stirred = leads && velocities[body] != Velocity::ZERO
-                    || *strayed > limit.min(STRAY * reach[body].all)
+                *needs_rebuild = leads && velocities[body] != Velocity::ZERO
+                    || *moved_since_rebuild > limit.min(STRAY * reach[body].all)
                     // Its contacts have been renewed in the lanes, and not in the records.
                     || *turned;
-                if *stirred {
-                    *strayed = 0.0;
+                if *needs_rebuild {
+                    *moved_since_rebuild = 0.0;
                 }
             }
         });
     }
 
     /// What does not change in motion, and what does.
-    pub(crate) fn in_motion(&mut self) -> InMotion<'_, G, L, A> {
+    pub(crate) fn in_motion(&mut self) -> BodiesInMotion<'_, G, L, A> {
         let Self { motion, gravity_factor, damping, forces, inertia, precession, .. } = self;
-        let given = Given { motion, gravity_factor, damping, forces, inertia, precession };
-        InMotion { given, poses: &mut self.poses, turns: &mut self.turns, turned: &mut self.turned }
+        let given = BodyParams { motion, gravity_factor, damping, forces, inertia, precession };
+        BodiesInMotion {
+            given,
+            poses: &mut self.poses,
+            turns: &mut self.turns,
+            turned: &mut self.turned,
+        }
     }
 
-    fn given(&self) -> Given<'_, L, A> {
+    fn given(&self) -> BodyParams<'_, L, A> {
         let Self { motion, gravity_factor, damping, forces, inertia, precession, .. } = self;
-        Given { motion, gravity_factor, damping, forces, inertia, precession }
+        BodyParams { motion, gravity_factor, damping, forces, inertia, precession }
     }
 
     /// Sets the damping of a body: linear and angular. \[1/s\]

@@ -3,7 +3,7 @@
 mod tree;
 
 use drystone_solver::Vector;
-use drystone_solver::team::Team;
+use drystone_solver::thread_pool::ThreadPool;
 use tree::Tree;
 
 use crate::cache::Pair;
@@ -56,7 +56,7 @@ impl<const L: usize> BroadPhase<L> {
 
     /// The number of the next shape, which has no box yet.
     fn grow(&mut self) -> u32 {
-        self.boxes.push(Bounds::NOTHING);
+        self.boxes.push(Bounds::NEG_ZERO);
         self.moves.push(false);
         self.boxes.len() as u32 - 1
     }
@@ -95,7 +95,7 @@ impl<const L: usize> BroadPhase<L> {
 
     fn store(&mut self, shape: u32, stored: Option<&Bounds<L>>) {
         self.tree.set(shape, stored);
-        self.boxes[shape as usize] = stored.copied().unwrap_or(Bounds::NOTHING);
+        self.boxes[shape as usize] = stored.copied().unwrap_or(Bounds::NEG_ZERO);
         if !std::mem::replace(&mut self.moves[shape as usize], true) {
             self.moved.push(shape);
         }
@@ -111,7 +111,7 @@ impl<const L: usize> BroadPhase<L> {
     pub(crate) fn follow<'a>(
         &'a mut self,
         pairs: &'a mut Vec<Pair>,
-        team: &Team,
+        pool: &ThreadPool,
     ) -> Option<impl Iterator<Item = [u32; 2]> + use<'a, L>> {
         let Self { tree, boxes, moved, moves, goes_on } = self;
         if moved.is_empty() {
@@ -123,7 +123,7 @@ impl<const L: usize> BroadPhase<L> {
             !(moves[a] || moves[b]) || boxes[a].overlaps(&boxes[b])
         });
         moved.drain(..).for_each(|shape| moves[shape as usize] = false);
-        let found = tree.overlaps(team);
+        let found = tree.overlaps(pool);
         // To a tree that goes on all are new.
         let known = if std::mem::take(goes_on) { &pairs[..] } else { &[] };
         let is_new = |pair: &[u32; 2]| {
@@ -142,7 +142,7 @@ mod tests {
     }
 
     fn pairs(of: &mut BroadPhase<3>, known: &mut Vec<Pair>) -> Vec<[u32; 2]> {
-        of.follow(known, &Team::default()).map_or(Vec::new(), Iterator::collect)
+        of.follow(known, &ThreadPool::default()).map_or(Vec::new(), Iterator::collect)
     }
 
     #[test]

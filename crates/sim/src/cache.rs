@@ -4,10 +4,10 @@
 use std::ops::Range;
 
 use drystone_solver::Vector;
-use drystone_solver::wide::{Past, Trace};
+use drystone_solver::wide::{CachedImpulse, Reuse};
 
-use crate::bodies::Came;
-use crate::geometry::{Carrier, Frame, MAX_POINTS, Surfaces, TouchPoint};
+use crate::bodies::SearchMotion;
+use crate::geometry::{Curvature, Frame, MAX_POINTS, ManifoldPoint, NormalCarrier};
 
 /// What is left of the room of a pair when a way is taken off that is too short to count. \[1\]
 const ROUNDED: f32 = 1.0 - 2.0 * f32::EPSILON;
@@ -31,7 +31,7 @@ pub(crate) struct Pair {
     /// Whether it rests: neither body moves or can be moved.
     pub(crate) rests: bool,
     /// A turn that moves the surface of one of its bodies by 1 moves a against b, as seen from it, by at most so
-    /// much ([`Came`](crate::bodies::Came)). \[1\]
+    /// much ([`SearchMotion`](crate::bodies::SearchMotion)). \[1\]
     pub(crate) lever: f32,
     /// How far its bodies can still come towards each other before they touch, if it has no records; else
     /// against each other before its points are found anew. \[m\]
@@ -47,14 +47,14 @@ impl Pair {
     }
 
     /// How far apart they still are at least, if it has no records. \[m\]
-    pub(crate) fn gap<const L: usize>(&self, came: &[Came<L>]) -> f32 {
-        if self.count > 0 { 0.0 } else { self.left(came) }
+    pub(crate) fn gap<const L: usize>(&self, since_search: &[SearchMotion<L>]) -> f32 {
+        if self.count > 0 { 0.0 } else { self.left(since_search) }
     }
 
     /// Its room after its bodies have come so far. \[m\]
     #[inline(always)]
-    pub(crate) fn left<const L: usize>(&self, came: &[Came<L>]) -> f32 {
-        let [a, b] = self.bodies.map(|body| &came[body as usize]);
+    pub(crate) fn left<const L: usize>(&self, since_search: &[SearchMotion<L>]) -> f32 {
+        let [a, b] = self.bodies.map(|body| &since_search[body as usize]);
         let lever = if self.count > 0 { self.lever } else { 1.0 };
         let gone = (a.linear - b.linear).length() + (a.turned + b.turned) * lever;
         self.room * ROUNDED - gone
@@ -99,24 +99,24 @@ pub(crate) fn merge(pairs: &mut Vec<Pair>, fresh: &mut Vec<Pair>) {
 
 /// The manifolds of a step, and their points one manifold after the other, the deepest first.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Records<const L: usize> {
-    pub(crate) manifolds: Vec<Record<L>>,
-    pub(crate) points: Vec<Point<L>>,
+pub(crate) struct ManifoldCache<const L: usize> {
+    pub(crate) manifolds: Vec<CachedManifold<L>>,
+    pub(crate) points: Vec<CachedPoint<L>>,
     /// Of each point.
-    pub(crate) traces: Vec<Trace<L>>,
-    /// Of each manifold; kept is one of which neither body has stirred
-    /// ([`Bodies::stirred`](crate::bodies::Bodies::stirred)).
-    pub(crate) past: Vec<Past>,
+    pub(crate) traces: Vec<CachedImpulse<L>>,
+    /// Of each manifold; kept is one of which neither body has moved far enough for a rebuild
+    /// ([`Bodies::needs_rebuild`](crate::bodies::Bodies::needs_rebuild)).
+    pub(crate) reuse: Vec<Reuse>,
 }
 
 /// A manifold as it is kept from step to step: in the frames of its bodies.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Record<const L: usize> {
+pub(crate) struct CachedManifold<const L: usize> {
     pub(crate) bodies: [u32; 2],
     pub(crate) friction: f32,
     pub(crate) restitution: f32,
     pub(crate) part: u32,
-    pub(crate) surfaces: Surfaces,
+    pub(crate) surfaces: Curvature,
     /// Its points.
     pub(crate) first: u32,
     pub(crate) count: u32,
@@ -139,24 +139,24 @@ pub(crate) struct Record<const L: usize> {
 
 /// A point of a record.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Point<const L: usize> {
+pub(crate) struct CachedPoint<const L: usize> {
     /// On the surface of a, in the frame of a. \[m\]
     pub(crate) on_a: Vector<f32, L>,
     /// On the surface of b, in the frame of b. \[m\]
     pub(crate) on_b: Vector<f32, L>,
     /// Where both bodies are pushed, one place for both: so the pair keeps its angular momentum
-    /// ([`Carrier::place`]).
+    /// ([`NormalCarrier::place`]).
     /// World, from the center of mass of b. \[m\]
-    pub(crate) middle: Vector<f32, L>,
+    pub(crate) push_point: Vector<f32, L>,
     pub(crate) feature: u64,
 }
 
-impl<const L: usize> Records<L> {
+impl<const L: usize> ManifoldCache<L> {
     pub(crate) fn clear(&mut self) {
         self.manifolds.clear();
         self.points.clear();
         self.traces.clear();
-        self.past.clear();
+        self.reuse.clear();
     }
 
     /// The bodies of each manifold.
@@ -165,40 +165,41 @@ impl<const L: usize> Records<L> {
     }
 
     /// To read all.
-    pub(crate) fn view(&self) -> View<'_, L> {
+    pub(crate) fn view(&self) -> ManifoldCacheView<'_, L> {
         let Self { manifolds, points, traces, .. } = self;
-        View { manifolds, points, traces, before: [0; 2] }
+        ManifoldCacheView { manifolds, points, traces, before: [0; 2] }
     }
 
     /// To change all where they are.
-    pub(crate) fn view_mut(&mut self) -> RecordsMut<'_, L> {
-        let Self { manifolds, points, traces, past } = self;
-        RecordsMut { manifolds, points, traces, past, before: [0; 2] }
+    pub(crate) fn view_mut(&mut self) -> ManifoldCacheMut<'_, L> {
+        let Self { manifolds, points, traces, reuse } = self;
+        ManifoldCacheMut { manifolds, points, traces, reuse, before: [0; 2] }
     }
 
     /// Appends a manifold of so many points, which are still to be set.
     pub(crate) fn add(
         &mut self,
         count: usize,
-    ) -> (&mut Record<L>, &mut [Point<L>], &mut [Trace<L>]) {
+    ) -> (&mut CachedManifold<L>, &mut [CachedPoint<L>], &mut [CachedImpulse<L>]) {
         let first = self.points.len();
-        self.points.resize(first + count, Point::OPEN);
-        self.traces.resize(first + count, Trace::default());
-        let record = Record { first: first as u32, count: count as u32, ..Record::NONE };
-        self.past.push(Past::New);
+        self.points.resize(first + count, CachedPoint::OPEN);
+        self.traces.resize(first + count, CachedImpulse::default());
+        let record =
+            CachedManifold { first: first as u32, count: count as u32, ..CachedManifold::NONE };
+        self.reuse.push(Reuse::New);
         let record = self.manifolds.push_mut(record);
         (record, &mut self.points[first..], &mut self.traces[first..])
     }
 
     /// Appends manifolds of others.
-    pub(crate) fn extend(&mut self, from: View<'_, L>, numbers: Range<usize>) {
+    pub(crate) fn extend(&mut self, from: ManifoldCacheView<'_, L>, numbers: Range<usize>) {
         for record in from.of(numbers) {
             let first = self.points.len() as u32;
             self.points.extend_from_slice(from.points_of(record));
             self.traces.extend_from_slice(from.traces_of(record));
-            self.manifolds.push(Record { first, ..*record });
+            self.manifolds.push(CachedManifold { first, ..*record });
         }
-        self.past.resize(self.manifolds.len(), Past::New);
+        self.reuse.resize(self.manifolds.len(), Reuse::New);
     }
 
     /// Appends the records that a pair has in `from`, which have been traced, and makes them the pair's.
@@ -214,21 +215,21 @@ impl<const L: usize> Records<L> {
 
 /// Some records that follow each other.
 #[derive(Clone, Copy)]
-pub(crate) struct View<'a, const L: usize> {
-    manifolds: &'a [Record<L>],
-    points: &'a [Point<L>],
-    traces: &'a [Trace<L>],
+pub(crate) struct ManifoldCacheView<'a, const L: usize> {
+    manifolds: &'a [CachedManifold<L>],
+    points: &'a [CachedPoint<L>],
+    traces: &'a [CachedImpulse<L>],
     /// How many manifolds and points come before.
     before: [usize; 2],
 }
 
 /// The same, to be changed where they are.
 #[derive(Default)]
-pub(crate) struct RecordsMut<'a, const L: usize> {
-    manifolds: &'a mut [Record<L>],
-    points: &'a mut [Point<L>],
-    traces: &'a mut [Trace<L>],
-    past: &'a mut [Past],
+pub(crate) struct ManifoldCacheMut<'a, const L: usize> {
+    manifolds: &'a mut [CachedManifold<L>],
+    points: &'a mut [CachedPoint<L>],
+    traces: &'a mut [CachedImpulse<L>],
+    reuse: &'a mut [Reuse],
     before: [usize; 2],
 }
 
@@ -237,27 +238,27 @@ fn after(range: Range<usize>, before: usize) -> Range<usize> {
     range.start - before..range.end - before
 }
 
-impl<'a, const L: usize> View<'a, L> {
+impl<'a, const L: usize> ManifoldCacheView<'a, L> {
     /// The manifolds of these numbers.
-    pub(crate) fn of(self, numbers: Range<usize>) -> &'a [Record<L>] {
+    pub(crate) fn of(self, numbers: Range<usize>) -> &'a [CachedManifold<L>] {
         if numbers.is_empty() { &[] } else { &self.manifolds[after(numbers, self.before[0])] }
     }
 
     /// The points of one of the manifolds.
-    pub(crate) fn points_of(self, record: &Record<L>) -> &'a [Point<L>] {
+    pub(crate) fn points_of(self, record: &CachedManifold<L>) -> &'a [CachedPoint<L>] {
         &self.points[after(record.points(), self.before[1])]
     }
 
     /// What they have handed on.
-    pub(crate) fn traces_of(self, record: &Record<L>) -> &'a [Trace<L>] {
+    pub(crate) fn traces_of(self, record: &CachedManifold<L>) -> &'a [CachedImpulse<L>] {
         &self.traces[after(record.points(), self.before[1])]
     }
 }
 
-impl<'a, const L: usize> RecordsMut<'a, L> {
-    pub(crate) fn view(&self) -> View<'_, L> {
+impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
+    pub(crate) fn view(&self) -> ManifoldCacheView<'_, L> {
         let Self { manifolds, points, traces, before, .. } = self;
-        View { manifolds, points, traces, before: *before }
+        ManifoldCacheView { manifolds, points, traces, before: *before }
     }
 
     /// The manifolds of these numbers, which are cut off with all before them.
@@ -278,32 +279,32 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
             manifolds: self.manifolds.split_off_mut(..manifolds).unwrap_or_default(),
             points: self.points.split_off_mut(..points).unwrap_or_default(),
             traces: self.traces.split_off_mut(..points).unwrap_or_default(),
-            past: self.past.split_off_mut(..manifolds).unwrap_or_default(),
+            reuse: self.reuse.split_off_mut(..manifolds).unwrap_or_default(),
             before: std::mem::replace(&mut self.before, to),
         }
     }
 
     /// Notes of manifolds that have been `traced` that they were in the step before; what was noted since
     /// stays.
-    pub(crate) fn keep(&mut self, numbers: Range<usize>, traced: bool) -> &mut [Past] {
-        let past = &mut self.past[after(numbers.clone(), self.before[0])];
+    pub(crate) fn keep(&mut self, numbers: Range<usize>, traced: bool) -> &mut [Reuse] {
+        let reuse = &mut self.reuse[after(numbers.clone(), self.before[0])];
         if traced {
-            past.iter_mut().zip(numbers).for_each(|(past, own)| *past = Past::Kept(own as u32));
+            reuse.iter_mut().zip(numbers).for_each(|(reuse, own)| *reuse = Reuse::Kept(own as u32));
         }
-        past
+        reuse
     }
 
     /// The same of manifolds that are others now.
     pub(crate) fn change(&mut self, numbers: Range<usize>, traced: bool) {
-        let past = self.keep(numbers, traced);
-        past.iter_mut().for_each(|past| *past = past.changed());
+        let reuse = self.keep(numbers, traced);
+        reuse.iter_mut().for_each(|reuse| *reuse = reuse.changed());
     }
 
     /// A manifold, its points and what they have handed on, to be found anew.
     pub(crate) fn place(
         &mut self,
         number: usize,
-    ) -> (&mut Record<L>, &mut [Point<L>], &mut [Trace<L>]) {
+    ) -> (&mut CachedManifold<L>, &mut [CachedPoint<L>], &mut [CachedImpulse<L>]) {
         let record = &mut self.manifolds[number - self.before[0]];
         let points = after(record.points(), self.before[1]);
         (record, &mut self.points[points.clone()], &mut self.traces[points])
@@ -330,7 +331,7 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
             for (point, trace) in points.iter().zip(&mut *traces) {
                 trace.gap[0] = normal.dot(a.point(point.on_a) - b.point(point.on_b));
                 let places = [a.point(point.on_a), b.point(point.on_b)];
-                let from_b = record.surfaces.normal.place(places) - point.middle;
+                let from_b = record.surfaces.normal.place(places) - point.push_point;
                 let from_a = from_b - passed;
                 moved = moved.max(from_b.dot(from_b)).max(from_a.dot(from_a));
             }
@@ -343,21 +344,21 @@ impl<'a, const L: usize> RecordsMut<'a, L> {
             deepest_first(points, traces);
             for point in points {
                 let places = [a.point(point.on_a), b.point(point.on_b)];
-                point.middle = record.surfaces.normal.place(places);
+                point.push_point = record.surfaces.normal.place(places);
             }
             (record.normal, record.apart) = (normal, a.position);
         }
     }
 }
 
-impl<const L: usize> Record<L> {
+impl<const L: usize> CachedManifold<L> {
     /// No record.
     pub(crate) const NONE: Self = Self {
         bodies: [0; 2],
         friction: 0.0,
         restitution: 0.0,
         part: 0,
-        surfaces: Surfaces { radii: [0.0; 2], normal: Carrier::Edges },
+        surfaces: Curvature { radii: [0.0; 2], normal: NormalCarrier::Edges },
         first: 0,
         count: 0,
         normal: Vector::ZERO,
@@ -375,20 +376,23 @@ impl<const L: usize> Record<L> {
 
     /// The frame in which its local normal stays: that of the body with the face.
     pub(crate) fn carrier<'a>(&self, a: &'a Frame<L>, b: &'a Frame<L>) -> &'a Frame<L> {
-        if self.surfaces.normal == Carrier::FaceOfA { a } else { b }
+        if self.surfaces.normal == NormalCarrier::FaceOfA { a } else { b }
     }
 }
 
 /// The trace of a new point.
-pub(crate) const fn open<const L: usize>(gap: f32) -> Trace<L> {
+pub(crate) const fn open<const L: usize>(gap: f32) -> CachedImpulse<L> {
     let mut gaps = [0.0; L];
     gaps[0] = gap;
-    Trace { impulse: Vector([0.0; L]), gap: Vector(gaps) }
+    CachedImpulse { impulse: Vector([0.0; L]), gap: Vector(gaps) }
 }
 
 /// Puts the deepest of points first: its plane is that of the manifold.
 #[inline]
-pub(crate) fn deepest_first<const L: usize>(points: &mut [Point<L>], traces: &mut [Trace<L>]) {
+pub(crate) fn deepest_first<const L: usize>(
+    points: &mut [CachedPoint<L>],
+    traces: &mut [CachedImpulse<L>],
+) {
     if traces.len() < 2 {
         return;
     }
@@ -399,15 +403,15 @@ pub(crate) fn deepest_first<const L: usize>(points: &mut [Point<L>], traces: &mu
 }
 
 /// Largest distance of points from the center of mass of a. \[m\]
-pub(crate) fn reach<const L: usize>(points: &[Point<L>]) -> f32 {
+pub(crate) fn reach<const L: usize>(points: &[CachedPoint<L>]) -> f32 {
     points.iter().map(|point| point.on_a.dot(point.on_a)).fold(0.0, f32::max).sqrt()
 }
 
 /// Gives points the impulses and slips of the same manifold's points a step ago: by feature, then by place.
 pub(crate) fn inherit<const L: usize>(
-    points: &[Point<L>],
-    traces: &mut [Trace<L>],
-    (old, old_traces): (&[Point<L>], &[Trace<L>]),
+    points: &[CachedPoint<L>],
+    traces: &mut [CachedImpulse<L>],
+    (old, old_traces): (&[CachedPoint<L>], &[CachedImpulse<L>]),
     match_distance: f32,
 ) {
     let mut taken = [false; MAX_POINTS];
@@ -438,16 +442,21 @@ pub(crate) fn inherit<const L: usize>(
     }
 }
 
-impl<const L: usize> Point<L> {
+impl<const L: usize> CachedPoint<L> {
     /// One that is not there.
     pub(crate) const OPEN: Self =
-        Self { on_a: Vector::ZERO, on_b: Vector::ZERO, middle: Vector::ZERO, feature: 0 };
+        Self { on_a: Vector::ZERO, on_b: Vector::ZERO, push_point: Vector::ZERO, feature: 0 };
 
-    pub(crate) fn new(touch: &TouchPoint<L>, normal: Carrier, a: &Frame<L>, b: &Frame<L>) -> Self {
+    pub(crate) fn new(
+        touch: &ManifoldPoint<L>,
+        normal: NormalCarrier,
+        a: &Frame<L>,
+        b: &Frame<L>,
+    ) -> Self {
         Self {
             on_a: a.local_point(touch.on_a),
             on_b: b.local_point(touch.on_b),
-            middle: normal.place([touch.on_a, touch.on_b]),
+            push_point: normal.place([touch.on_a, touch.on_b]),
             feature: touch.feature,
         }
     }
@@ -462,7 +471,8 @@ mod tests {
     #[test]
     fn the_deepest_comes_first() {
         for (gaps, first) in [([0.1, -0.2, 0.3], 1), ([0.0, 0.0, 0.0], 0), ([0.2, 0.1, -0.1], 2)] {
-            let mut points = [0, 1, 2].map(|feature| Point::<2> { feature, ..Point::OPEN });
+            let mut points =
+                [0, 1, 2].map(|feature| CachedPoint::<2> { feature, ..CachedPoint::OPEN });
             let mut traces = gaps.map(open::<2>);
             deepest_first(&mut points, &mut traces);
             assert_eq!(points[0].feature, first, "{gaps:?}");
@@ -495,16 +505,16 @@ mod tests {
         let mut pair = Pair { bodies: [0, 1], room: apart(&places, &angles), ..Pair::APART };
         let mut steps = 0;
         while pair.room > 0.0 {
-            let mut came = [Came::NOWHERE; 2];
+            let mut since_search = [SearchMotion::NOWHERE; 2];
             for i in 0..2 {
                 let towards = if i == 0 { 0.02 } else { -0.02 };
-                came[i].linear = Vector([towards + 0.05, 0.05 * random.number()]);
+                since_search[i].linear = Vector([towards + 0.05, 0.05 * random.number()]);
                 let turn = 0.05 * random.number();
-                came[i].turned = turn.abs() * cores[i];
-                places[i] += came[i].linear;
+                since_search[i].turned = turn.abs() * cores[i];
+                places[i] += since_search[i].linear;
                 angles[i] += turn;
             }
-            pair.room = pair.left(&came);
+            pair.room = pair.left(&since_search);
             let distance = apart(&places, &angles);
             assert!(pair.room <= distance + 1e-5, "{} m left of {distance} m", pair.room);
             steps += 1;
@@ -517,9 +527,9 @@ mod tests {
     #[test]
     fn what_creeps_comes() {
         let mut pair = Pair { bodies: [0, 1], room: 1.0, ..Pair::APART };
-        let creeping = Came { linear: Vector([1e-8, 0.0]), turned: 0.0 };
+        let creeping = SearchMotion { linear: Vector([1e-8, 0.0]), turned: 0.0 };
         for _ in 0..100_000 {
-            pair.room = pair.left(&[creeping, Came::NOWHERE]);
+            pair.room = pair.left(&[creeping, SearchMotion::NOWHERE]);
         }
         assert!(pair.room < 1.0 - 1e-3 && pair.room > 0.9, "{}", pair.room);
     }

@@ -2,7 +2,7 @@
 
 use drystone_solver::island::{self, Islands};
 use drystone_solver::jam::{self, Jam};
-use drystone_solver::ladder::{Climber, Outcome};
+use drystone_solver::ladder::{IslandSolver, SolveReport};
 use drystone_solver::solution::Goal;
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, System, Velocity};
@@ -20,7 +20,7 @@ const LONGEST_WAIT: u32 = 64;
 #[derive(Default)]
 pub(crate) struct Certifier<const L: usize, const A: usize> {
     islands: Islands,
-    pub(crate) climber: Climber<L, A>,
+    pub(crate) island_solver: IslandSolver<L, A>,
     loads: Vec<Load>,
     /// As in [`Stiffness`].
     compliances: Vec<[f32; 2]>,
@@ -188,7 +188,7 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     /// Takes over a system that has been packed, for all substeps of a part of a step.
     pub(crate) fn start(&mut self, system: &System<f32, L, A>, wide: &mut Wide<L, A>) {
         wide.set_islands(&self.islands);
-        self.climber.start(system, &self.islands);
+        self.island_solver.start(system, &self.islands);
     }
 
     /// Brings a substep within the tolerance, from the impulses of the one before; with all residuals
@@ -200,14 +200,14 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         prospective: &[Velocity<f32, L, A>],
         settings: &StepSettings,
         examined: bool,
-    ) -> Outcome {
+    ) -> SolveReport {
         let goal =
             Goal { tolerance: f64::from(settings.tolerance), budget: settings.budget as usize };
         let islands = &self.islands;
         if examined {
-            self.climber.climb::<true>(system, wide, prospective, islands, &goal)
+            self.island_solver.solve_islands::<true>(system, wide, prospective, islands, &goal)
         } else {
-            self.climber.climb::<false>(system, wide, prospective, islands, &goal)
+            self.island_solver.solve_islands::<false>(system, wide, prospective, islands, &goal)
         }
     }
 
@@ -217,8 +217,8 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         velocities: &[Velocity<f32, L, A>],
         wide: &Wide<L, A>,
         prospective: &[Velocity<f32, L, A>],
-    ) -> Outcome {
-        self.climber.examine(velocities, wide, prospective, &self.islands)
+    ) -> SolveReport {
+        self.island_solver.examine(velocities, wide, prospective, &self.islands)
     }
 }
 

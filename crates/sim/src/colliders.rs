@@ -1,15 +1,15 @@
 //! The shapes of the bodies: where they are, what is near them, and what they make of a pair.
 
-use drystone_solver::team::Team;
+use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Bodies, Collider, PIECE, SurfaceMotion};
+use crate::bodies::{Bodies, Collider, GRAIN, SurfaceMotion};
 use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
 use crate::geometry::{Bounds, Frame, Geometry};
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::sleep::Sleep;
-use crate::travel::Travel;
+use crate::travel::TravelBound;
 
 /// Boxes are known to this part of how far they are from the origin. \[1\]
 const ROUNDING: f32 = 1e-6;
@@ -199,23 +199,23 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         broad_phase: &mut BroadPhase<L>,
         bodies: &Bodies<G, L, A>,
         sleep: &Sleep<L>,
-        travel: &[Travel<L>],
+        travel: &[TravelBound<L>],
         reach: f32,
-        team: &Team,
+        pool: &ThreadPool,
     ) {
         let Self { body, shapes, thickness, local, poses, removed, outgrown, room_until, .. } =
             self;
-        let (useful, share) = team.share(body.len(), PIECE);
+        let (useful, share) = pool.share(body.len(), GRAIN);
         outgrown.resize_with(body.len().div_ceil(share), Vec::new);
         let rooms = outgrown.iter_mut().zip(room_until.chunks_mut(share));
         let parts = poses.chunks_mut(share).zip(rooms).enumerate();
-        team.for_each(useful, parts, |(part, (poses, (outgrown, room_until)))| {
+        pool.for_each(useful, parts, |(part, (poses, (outgrown, room_until)))| {
             outgrown.clear();
             for (id, (turned, room_until)) in (share * part..).zip(poses.iter_mut().zip(room_until))
             {
                 let body = body[id] as usize;
                 let moves = bodies.motion[body] != Some(Motion::Static);
-                if removed[id] || !moves || sleep.sleeps(body) {
+                if removed[id] || !moves || sleep.is_sleeping(body) {
                     continue;
                 }
                 let (frame, ahead) = (&bodies.frames[body], travel[body].linear);

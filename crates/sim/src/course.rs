@@ -1,70 +1,75 @@
-//! [`Course`]: bodies and their contacts on their way through the substeps of a part of a step.
+//! [`SubstepContext`]: bodies and their contacts on their way through the substeps of a part of a step.
 
 use std::sync::{Mutex, PoisonError};
 
-use drystone_solver::team::Divide;
-use drystone_solver::wide::{Landing, Renewing, WideBatch};
+use drystone_solver::thread_pool::Divide;
+use drystone_solver::wide::{Landing, MovedBodies, WideBatch};
 
 use crate::geometry::Geometry;
-use crate::motion::{MovingBodies, Terms};
+use crate::motion::{MovingBodies, SubstepParams};
 use crate::report::{Clock, Stage};
 
 /// After so many substeps contacts are asked again what they give to the velocities
 /// ([`MovingBodies::push`]): what rounding adds to it would add up.
-const ASK_AGAIN: u32 = 4;
+const REFRESH_INTERVAL: u32 = 4;
 
 /// The bodies of a batch, and their contacts.
-pub(crate) struct Course<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) contacts: WideBatch<'a, L, A>,
     pub(crate) bodies: MovingBodies<'a, G, L, A>,
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
+impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L, A> {
     /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps. Contacts are asked, too, if J
     /// has been `renewed` since. To v* belong the torques of resistance. Returns whether anything turns.
-    pub(crate) fn warm_start(&mut self, substep: u32, renewed: bool, terms: &Terms<L>) -> bool {
+    pub(crate) fn warm_start(
+        &mut self,
+        substep: u32,
+        renewed: bool,
+        params: &SubstepParams<L>,
+    ) -> bool {
         let resists = self.contacts.has_surfaces();
         if resists {
             self.contacts.apply_resistance(self.bodies.velocities);
         }
-        if renewed || resists || substep.is_multiple_of(ASK_AGAIN) {
+        if renewed || resists || substep.is_multiple_of(REFRESH_INTERVAL) {
             self.bodies.prospective.copy_from_slice(self.bodies.velocities);
             self.contacts.apply_impulses(self.bodies.velocities);
         } else {
             self.bodies.push();
         }
-        self.bodies.lead(terms)
+        self.bodies.lead(params)
     }
 
     /// Sweeps towards the targets; whether bodies turn.
-    pub(crate) fn solve(&mut self, terms: &Terms<L>, substep: u32, turning: bool) {
+    pub(crate) fn solve(&mut self, params: &SubstepParams<L>, substep: u32, turning: bool) {
         let Self { contacts, bodies: MovingBodies { velocities, displacements, .. } } = self;
-        contacts.sweep_normals_to_targets(velocities, displacements, turning, &terms.repair);
-        for _ in 1..terms.iterations {
+        contacts.sweep_normals_to_targets(velocities, displacements, turning, &params.repair);
+        for _ in 1..params.iterations {
             contacts.sweep_normals(velocities);
         }
-        self.run_belts(terms, substep);
+        self.run_belts(params, substep);
     }
 
     /// Adds belts to targets that have just been set.
-    pub(crate) fn run_belts(&mut self, terms: &Terms<L>, substep: u32) {
+    pub(crate) fn run_belts(&mut self, params: &SubstepParams<L>, substep: u32) {
         if self.contacts.has_surfaces() {
-            self.contacts.run_belts(terms.h * substep as f32, terms.repair.hold);
+            self.contacts.run_belts(params.h * substep as f32, params.repair.hold);
         }
     }
 
     /// Renews J where bodies have turned; whether any is another.
-    pub(crate) fn renew(&mut self, terms: &Terms<L>) -> bool {
+    pub(crate) fn renew(&mut self, params: &SubstepParams<L>) -> bool {
         let Self { contacts, bodies } = self;
         let MovingBodies { velocities, displacements, masses, turned, .. } = bodies;
-        let bodies = Renewing { velocities, displacements, masses, turned };
-        contacts.renew(bodies, [terms.h, terms.softness])
+        let bodies = MovedBodies { velocities, displacements, masses, turned };
+        contacts.renew(bodies, [params.h, params.softness])
     }
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again, and stops what has landed.
-    pub(crate) fn relax(&mut self, renewed: bool, terms: &Terms<L>) {
+    pub(crate) fn relax(&mut self, renewed: bool, params: &SubstepParams<L>) {
         let MovingBodies { velocities, displacements, .. } = &mut self.bodies;
-        let landing = Landing { displacements, dt: terms.h };
+        let landing = Landing { displacements, dt: params.h };
         self.contacts.relax(velocities, renewed, Some(landing));
         if self.contacts.has_surfaces() {
             self.contacts.resist(velocities);
@@ -72,40 +77,40 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
     }
 
     /// What contacts hand to the next step.
-    pub(crate) fn trace(&mut self, terms: &Terms<L>) {
+    pub(crate) fn trace(&mut self, params: &SubstepParams<L>) {
         if self.contacts.has_surfaces() {
-            self.contacts.carry_belts(terms.h * terms.substeps as f32);
+            self.contacts.carry_belts(params.h * params.substeps as f32);
         }
-        self.contacts.trace(self.bodies.displacements, terms.repair.hold);
+        self.contacts.trace(self.bodies.displacements, params.repair.hold);
     }
 
     /// Through all substeps.
-    fn run(&mut self, terms: &Terms<L>, clock: &mut Clock) {
+    fn run(&mut self, params: &SubstepParams<L>, clock: &mut Clock) {
         let mut renewed = false;
-        for substep in 0..terms.substeps {
-            self.bodies.predict(terms);
+        for substep in 0..params.substeps {
+            self.bodies.predict(params);
             clock.lap(Stage::Predict);
-            let turning = self.warm_start(substep, renewed, terms);
+            let turning = self.warm_start(substep, renewed, params);
             clock.lap(Stage::WarmStart);
-            self.solve(terms, substep, turning);
+            self.solve(params, substep, turning);
             clock.lap(Stage::Solve);
-            let turned = self.bodies.advance(terms);
+            let turned = self.bodies.advance(params);
             clock.lap(Stage::Advance);
-            renewed = turned && self.renew(terms);
-            self.relax(renewed, terms);
+            renewed = turned && self.renew(params);
+            self.relax(renewed, params);
             clock.lap(Stage::Relax);
         }
-        self.trace(terms);
+        self.trace(params);
         clock.lap(Stage::Remember);
     }
 
-    /// Batch after batch through all substeps; each by one member of the team, if none is much of the whole.
-    pub(crate) fn run_by_batch(self, terms: &Terms<L>, clock: &mut Clock) {
-        let (team, runs) = (self.bodies.team, self.contacts.runs());
+    /// Batch after batch through all substeps; each by one member of the pool, if none is much of the whole.
+    pub(crate) fn run_by_batch(self, params: &SubstepParams<L>, clock: &mut Clock) {
+        let (pool, runs) = (self.bodies.pool, self.contacts.runs());
         let all = Mutex::new(clock.another());
-        team.for_each(runs > 1, self.divide(runs), |run| {
+        pool.for_each(runs > 1, self.divide(runs), |run| {
             let (mut own, batches) = (clock.another(), run.count());
-            run.divide(batches).for_each(|mut batch| batch.run(terms, &mut own));
+            run.divide(batches).for_each(|mut batch| batch.run(params, &mut own));
             all.lock().unwrap_or_else(PoisonError::into_inner).join(&own);
         });
         clock.lap_as(&all.into_inner().unwrap_or_else(PoisonError::into_inner));
@@ -113,7 +118,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Course<'_, G, L, A> {
 }
 
 /// Into batches.
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for Course<'_, G, L, A> {
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for SubstepContext<'_, G, L, A> {
     fn count(&self) -> usize {
         self.contacts.count()
     }

@@ -146,16 +146,16 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
     fn collide(
         a: (&Self::Collider, &Self::Pose),
         b: (&Self::Collider, &Self::Pose),
-        ahead: impl Into<Ahead<L>>,
+        ahead: impl Into<LookAhead<L>>,
         before: Option<u64>,
         scratch: &mut Self::Scratch,
-        report: &mut dyn FnMut(&Touch<L>),
+        report: &mut dyn FnMut(&ContactManifold<L>),
     ) -> f32;
 }
 
 /// How far ahead contacts are looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ahead<const L: usize> {
+pub struct LookAhead<const L: usize> {
     /// Shapes that are no farther apart touch. \[m\]
     pub prediction: f32,
     /// How a moves against b until contacts are searched again. \[m\]
@@ -164,7 +164,7 @@ pub struct Ahead<const L: usize> {
     pub turning: f32,
 }
 
-impl<const L: usize> From<f32> for Ahead<L> {
+impl<const L: usize> From<f32> for LookAhead<L> {
     /// Of shapes that hold still.
     fn from(prediction: f32) -> Self {
         Self { prediction, motion: Vector::ZERO, turning: 0.0 }
@@ -324,7 +324,7 @@ pub struct Bounds<const L: usize> {
 
 impl<const L: usize> Bounds<L> {
     /// The box of nothing: it overlaps none, and adds nothing to what is around it.
-    pub const NOTHING: Self =
+    pub const NEG_ZERO: Self =
         Self { min: Vector([f32::INFINITY; L]), max: Vector([f32::NEG_INFINITY; L]) };
 
     /// How far its farthest corner is from the origin. \[m\]
@@ -402,29 +402,29 @@ pub const MAX_POINTS: usize = 4;
 
 /// Two shapes touching, or nearly: points that share a normal.
 #[derive(Clone, Debug, Default)]
-pub struct Touch<const L: usize> {
+pub struct ContactManifold<const L: usize> {
     /// Which part of the shapes: the triangle of a mesh.
     pub part: u32,
     /// World unit normal, from b towards a.
     pub normal: Vector<f32, L>,
     /// What the surfaces are like where they touch.
-    pub surfaces: Surfaces,
+    pub surfaces: Curvature,
     /// The points.
-    pub points: Vec<TouchPoint<L>>,
+    pub points: Vec<ManifoldPoint<L>>,
 }
 
 /// How two surfaces are curved where they touch, and what their normal follows when bodies turn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Surfaces {
+pub struct Curvature {
     /// Radii of curvature of a and b; 0 for what is flat or sharp. \[m\]
     pub radii: [f32; 2],
     /// What the normal follows.
-    pub normal: Carrier,
+    pub normal: NormalCarrier,
 }
 
 /// What the normal of a contact follows when bodies turn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Carrier {
+pub enum NormalCarrier {
     /// Both bodies alike: two edges cross.
     #[default]
     Edges,
@@ -436,7 +436,7 @@ pub enum Carrier {
     Centers,
 }
 
-impl Carrier {
+impl NormalCarrier {
     /// The parts of the rotations of a and b
     /// ([`Manifold::carries`](drystone_solver::Manifold::carries)). \[1\]
     pub(crate) fn shares(self) -> [f32; 2] {
@@ -476,7 +476,7 @@ impl Carrier {
 
 /// A point where two shapes touch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TouchPoint<const L: usize> {
+pub struct ManifoldPoint<const L: usize> {
     /// On the surface of a, world. \[m\]
     pub on_a: Vector<f32, L>,
     /// On the surface of b, world. \[m\]
@@ -487,7 +487,7 @@ pub struct TouchPoint<const L: usize> {
     pub feature: u64,
 }
 
-impl<const L: usize> Touch<L> {
+impl<const L: usize> ContactManifold<L> {
     /// From the coordinates of `frame` to those around it.
     fn place(&mut self, frame: &Frame<L>) {
         self.normal = frame.direction(self.normal);
@@ -500,8 +500,8 @@ impl<const L: usize> Touch<L> {
     /// The same, of b and a.
     fn exchange(&mut self) {
         self.normal = -self.normal;
-        let Surfaces { radii: [a, b], normal } = self.surfaces;
-        self.surfaces = Surfaces { radii: [b, a], normal: normal.exchanged() };
+        let Curvature { radii: [a, b], normal } = self.surfaces;
+        self.surfaces = Curvature { radii: [b, a], normal: normal.exchanged() };
         for point in &mut self.points {
             std::mem::swap(&mut point.on_a, &mut point.on_b);
         }
@@ -539,7 +539,7 @@ impl<const L: usize> Touch<L> {
             let third = points[2].on_a;
             let outward = if side(third) > 0.0 { -1.0 } else { 1.0 };
             let edges = [[first, second], [second, third], [third, first]];
-            let added = |p: &TouchPoint<L>| {
+            let added = |p: &ManifoldPoint<L>| {
                 let beyond = |[from, to]: [Vector<f32, L>; 2]| {
                     outward * across(to - from, p.on_a - from, normal)
                 };
@@ -589,7 +589,7 @@ fn best<P>(points: &[P], from: usize, value: impl Fn(&P) -> f32) -> usize {
 
 /// Drops points that lie on an earlier, deeper one: two points in one place share its load
 /// without holding anything.
-fn merge_duplicates<const L: usize>(points: &mut Vec<TouchPoint<L>>) {
+fn merge_duplicates<const L: usize>(points: &mut Vec<ManifoldPoint<L>>) {
     if points.len() < 2 {
         return;
     }

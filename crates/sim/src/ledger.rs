@@ -18,7 +18,9 @@
 //! Precession, and inertia that turns with its body, count as integration, as does the difference
 //! between what gravity worked on and how far the bodies came down.
 
-use drystone_solver::{Contact, InverseMass, Manifold, Mass, Surface, System, Vector, Velocity};
+use drystone_solver::{
+    Contact, InverseMass, Manifold, Mass, SurfaceEffects, System, Vector, Velocity,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::bodies::{Bodies, damped};
@@ -117,7 +119,7 @@ type Velocities<T, const L: usize, const A: usize> = Vec<Velocity<T, L, A>>;
 
 /// What a part of a step notes down for its ledger.
 #[derive(Default)]
-pub(crate) struct Books<const L: usize, const A: usize> {
+pub(crate) struct LedgerBuilder<const L: usize, const A: usize> {
     ledger: Ledger,
     /// Kinetic and potential energy when the part began. \[J\]
     opening: [f64; 2],
@@ -139,7 +141,7 @@ pub(crate) struct Books<const L: usize, const A: usize> {
     impacts: Vec<f32>,
 }
 
-impl<const L: usize, const A: usize> Books<L, A> {
+impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
     /// Before the first substep of a part.
     pub(crate) fn open<G: Geometry<L, A>>(
         &mut self,
@@ -186,7 +188,7 @@ impl<const L: usize, const A: usize> Books<L, A> {
         &mut self,
         bodies: &Bodies<G, L, A>,
         gravity: Vector<f32, L>,
-        (system, surfaces): (&System<f32, L, A>, &[Surface<f32, L, A>]),
+        (system, surfaces): (&System<f32, L, A>, &[SurfaceEffects<f32, L, A>]),
         h: f32,
     ) {
         let substep = h;
@@ -300,7 +302,7 @@ impl<const L: usize, const A: usize> Books<L, A> {
         &mut self,
         system: &System<f32, L, A>,
         manifold: &Manifold<f32, L>,
-        (index, surface): (usize, Option<&Surface<f32, L, A>>),
+        (index, surface): (usize, Option<&SurfaceEffects<f32, L, A>>),
         lift: f64,
     ) {
         let contact = &system.contacts[index];
@@ -353,7 +355,7 @@ impl<const L: usize, const A: usize> Books<L, A> {
         &mut self,
         system: &System<f32, L, A>,
         manifold: &Manifold<f32, L>,
-        surface: &Surface<f32, L, A>,
+        surface: &SurfaceEffects<f32, L, A>,
     ) {
         let [a, b] = manifold.bodies.map(|body| body as usize);
         let torque = manifold.turning_in_world(surface.torque).cast::<f64>();

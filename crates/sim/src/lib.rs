@@ -74,7 +74,6 @@ pub mod geometry;
 mod ledger;
 mod motion;
 mod narrow_phase;
-mod pace;
 mod patches;
 pub mod recording;
 mod report;
@@ -87,6 +86,7 @@ mod simulation;
 mod sleep;
 mod surfaces;
 mod travel;
+mod tuner;
 mod world;
 
 pub use bodies::{Body, BodyId, Collider, Inertia, SurfaceMotion};
@@ -94,7 +94,7 @@ pub use decomposition::{
     Decomposition, DecompositionOptions, Decompositions, Deviation, NotSolid, decompose,
 };
 pub use drystone_solver::jam::Jam;
-pub use drystone_solver::ladder::{Outcome, Rung};
+pub use drystone_solver::ladder::{Method, SolveReport};
 pub use drystone_solver::restitution::ImpactLaw;
 pub use drystone_solver::{Vector, Velocity};
 pub use ledger::Ledger;

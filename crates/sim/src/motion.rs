@@ -3,10 +3,12 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use drystone_solver::kinematics;
-use drystone_solver::team::Team;
+use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 
-use crate::bodies::{Bodies, Came, Given, InMotion, Inertia, PIECE, Turn, damped};
+use crate::bodies::{
+    Bodies, BodiesInMotion, BodyParams, GRAIN, Inertia, SearchMotion, SpinState, damped,
+};
 use crate::geometry::{Geometry, Precession, Spin, TOGETHER};
 
 /// Bodies of which those that precess are found before they turn.
@@ -21,7 +23,7 @@ const LEAST_TURN: f32 = 1e-5;
 
 /// What it takes to go through substeps.
 #[derive(Clone, Copy)]
-pub(crate) struct Terms<const L: usize> {
+pub(crate) struct SubstepParams<const L: usize> {
     /// Length of a substep. \[s\]
     pub(crate) h: f32,
     pub(crate) substeps: u32,
@@ -46,13 +48,13 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     /// What contacts gave it in the last warm start.
     pub(crate) pushes: &'a mut [Velocity<f32, L, A>],
     pub(crate) poses: &'a mut [G::Pose],
-    pub(crate) turns: &'a mut [Turn<A>],
+    pub(crate) turns: &'a mut [SpinState<A>],
     pub(crate) turned: &'a mut [bool],
     /// M^-1.
     pub(crate) masses: &'a mut [InverseMass<f32, L, A>],
     /// Of all bodies.
-    pub(crate) given: Given<'a, L, A>,
-    pub(crate) team: &'a Team,
+    pub(crate) given: BodyParams<'a, L, A>,
+    pub(crate) pool: &'a ThreadPool,
 }
 
 impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, L, A> {
@@ -61,9 +63,9 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         bodies: &'a mut Bodies<G, L, A>,
         masses: &'a mut [InverseMass<f32, L, A>],
         [velocities, prospective, displacements, pushes]: [&'a mut [Velocity<f32, L, A>]; 4],
-        team: &'a Team,
+        pool: &'a ThreadPool,
     ) -> Self {
-        let InMotion { given, poses, turns, turned } = bodies.in_motion();
+        let BodiesInMotion { given, poses, turns, turned } = bodies.in_motion();
         Self {
             first: 0,
             velocities,
@@ -75,7 +77,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             turned,
             masses,
             given,
-            team,
+            pool,
         }
     }
 
@@ -121,13 +123,13 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// A substep moves bodies by h v at its end; under a steady force they come h (v_start + v) / 2. So
     /// displacements start at -h (v* - v) / 2: a body in free flight follows the parabola exactly, and
     /// contacts see where it comes.
-    pub(crate) fn predict(&mut self, terms: &Terms<L>) {
-        let Terms { gravity, h, .. } = *terms;
+    pub(crate) fn predict(&mut self, params: &SubstepParams<L>) {
+        let SubstepParams { gravity, h, .. } = *params;
         let (first, given) = (self.first, self.given);
-        let (useful, share) = self.team.share(self.velocities.len(), PIECE);
+        let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
         let parts = parts.zip(self.displacements.chunks_mut(share).zip(self.masses.chunks(share)));
-        self.team.for_each(useful, parts.enumerate(), |(part, ((velocities, push), others))| {
+        self.pool.for_each(useful, parts.enumerate(), |(part, ((velocities, push), others))| {
             let numbers = first + share * part..;
             let own = velocities.iter_mut().zip(push).zip(others.0.iter_mut().zip(others.1));
             for (body, ((velocity, push), (moved, mass))) in numbers.zip(own) {
@@ -157,9 +159,9 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     ///
     /// Where nothing turns, J and M stay, and bodies know what their contacts will give them.
     pub(crate) fn push(&mut self) {
-        let (useful, share) = self.team.share(self.velocities.len(), PIECE);
+        let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
-        self.team.for_each(useful, parts, |(velocities, push)| {
+        self.pool.for_each(useful, parts, |(velocities, push)| {
             for (velocity, push) in velocities.iter_mut().zip(push) {
                 let prospective = *velocity;
                 *velocity += *push;
@@ -172,13 +174,13 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// in this substep's warm start and in the one before alike. What slides, rolls or rocks so moves to
     /// second order of h, too; a blow is no steady push. Returns whether anything turns
     /// ([`kinematics`](drystone_solver::kinematics)).
-    pub(crate) fn lead(&mut self, terms: &Terms<L>) -> bool {
-        let h = terms.h;
-        let (useful, share) = self.team.share(self.velocities.len(), PIECE);
+    pub(crate) fn lead(&mut self, params: &SubstepParams<L>) -> bool {
+        let h = params.h;
+        let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let moved = self.velocities.chunks(share).zip(self.prospective.chunks(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
         let turning = AtomicBool::new(false);
-        self.team.for_each(useful, moved.zip(self.pushes.chunks_mut(share)), |(moved, pushes)| {
+        self.pool.for_each(useful, moved.zip(self.pushes.chunks_mut(share)), |(moved, pushes)| {
             let ((velocities, prospective), displacements) = moved;
             let moved = velocities.iter().zip(prospective).zip(displacements);
             let mut any = false;
@@ -199,15 +201,15 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// Displacement += h v. A body that precesses turns at once: its free motion keeps the angular
     /// momentum and, to second order in h, the energy. The others turn at the end of the step. Returns
     /// whether any has turned ([`kinematics`](drystone_solver::kinematics)).
-    pub(crate) fn advance(&mut self, terms: &Terms<L>) -> bool {
-        let (first, given, h) = (self.first, self.given, terms.h);
-        let (useful, share) = self.team.share(self.velocities.len(), PIECE);
+    pub(crate) fn advance(&mut self, params: &SubstepParams<L>) -> bool {
+        let (first, given, h) = (self.first, self.given, params.h);
+        let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let moved = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
         let placed = self.poses.chunks_mut(share).zip(self.turns.chunks_mut(share));
         let placed = placed.zip(self.turned.chunks_mut(share).zip(self.masses.chunks_mut(share)));
         let any = AtomicBool::new(false);
-        self.team.for_each(useful, moved.zip(placed).enumerate(), |(part, (moved, placed))| {
+        self.pool.for_each(useful, moved.zip(placed).enumerate(), |(part, (moved, placed))| {
             let ((velocities, prospective), displacements) = moved;
             let ((poses, turned_by), (turned, masses)) = placed;
             let first = first + share * part;
@@ -285,7 +287,7 @@ fn common<const N: usize>(of: Vector<f32, N>, with: Vector<f32, N>) -> Vector<f3
 /// Moves the poses by what `advance` has summed up over the step.
 pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &mut Bodies<G, L, A>,
-    team: &Team,
+    pool: &ThreadPool,
     displacements: &[Velocity<f32, L, A>],
     velocities: &mut [Velocity<f32, L, A>],
 ) {
@@ -295,40 +297,40 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
         frames,
         remainders,
         paths,
-        came,
-        strayed,
+        since_search,
+        moved_since_rebuild,
         reach,
         precession,
         inertia,
         ..
     } = bodies;
-    let (useful, share) = team.share(displacements.len(), PIECE);
+    let (useful, share) = pool.share(displacements.len(), GRAIN);
     let placed = poses.chunks_mut(share).zip(turns.chunks_mut(share));
     let exact = frames.chunks_mut(share).zip(remainders.chunks_mut(share));
     let sizes = reach.chunks(share).zip(precession.chunks(share)).zip(inertia.chunks(share));
     let went = paths
         .chunks_mut(share)
-        .zip(came.chunks_mut(share))
-        .zip(strayed.chunks_mut(share))
+        .zip(since_search.chunks_mut(share))
+        .zip(moved_since_rebuild.chunks_mut(share))
         .zip(sizes);
     let moved = displacements.chunks(share).zip(velocities.chunks_mut(share));
     let parts = moved.zip(placed.zip(exact).zip(went));
-    team.for_each(useful, parts, |((displacements, velocities), ((placed, exact), went))| {
+    pool.for_each(useful, parts, |((displacements, velocities), ((placed, exact), went))| {
         let placed = placed.0.iter_mut().zip(placed.1);
         let exact = exact.0.iter_mut().zip(exact.1);
-        let (((paths, came), strayed), ((reach, kinds), inertia)) = went;
+        let (((paths, since_search), moved_since_rebuild), ((reach, kinds), inertia)) = went;
         let own = reach.iter().zip(kinds).zip(inertia);
-        let went = paths.iter_mut().zip(came).zip(strayed).zip(own);
+        let went = paths.iter_mut().zip(since_search).zip(moved_since_rebuild).zip(own);
         for (
             (displacement, velocity),
             (
                 ((pose, turned), (frame, remainder)),
-                (((path, came), strayed), ((reach, kind), inertia)),
+                (((path, since_search), moved_since_rebuild), ((reach, kind), inertia)),
             ),
         ) in displacements.iter().zip(velocities).zip(placed.zip(exact).zip(went))
         {
             if *displacement == Velocity::ZERO {
-                *came = Came::NOWHERE;
+                *since_search = SearchMotion::NOWHERE;
                 continue;
             }
             let by = displacement.linear + *remainder;
@@ -350,10 +352,10 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
             } else {
                 turn.length()
             };
-            *came = Came { linear: displacement.linear, turned: far * reach.core };
-            let way = came.linear.length() + came.turned;
+            *since_search = SearchMotion { linear: displacement.linear, turned: far * reach.core };
+            let way = since_search.linear.length() + since_search.turned;
             *path += f64::from(way);
-            *strayed += way;
+            *moved_since_rebuild += way;
         }
     });
 }
@@ -366,7 +368,7 @@ fn precess_late<G: Geometry<L, A>, const L: usize, const A: usize>(
     by: Vector<f32, L>,
     turn: Vector<f32, A>,
     omega: &mut Vector<f32, A>,
-    turned: &mut Turn<A>,
+    turned: &mut SpinState<A>,
     precession: &Precession,
     Inertia { moments, inverse_moments, .. }: &Inertia<L, A>,
 ) -> G::Pose {

@@ -5,32 +5,34 @@ mod places;
 use std::ops::Range;
 
 use drystone_solver::Vector;
-use drystone_solver::team::{Team, chunks_with_parts};
-use drystone_solver::wide::{Past, Trace};
+use drystone_solver::thread_pool::{ThreadPool, chunks_with_parts};
+use drystone_solver::wide::{CachedImpulse, Reuse};
 
 use crate::bodies::Bodies;
-use crate::cache::{self, Pair, Point, Record, Records, RecordsMut, View};
+use crate::cache::{
+    self, CachedManifold, CachedPoint, ManifoldCache, ManifoldCacheMut, ManifoldCacheView, Pair,
+};
 use crate::colliders::Colliders;
-use crate::geometry::{Ahead, Frame, Geometry, Touch};
-use crate::narrow_phase::places::Places;
-use crate::seams::{self, AHEAD, Closing, STILL};
-use crate::travel::{Moving, Travel};
+use crate::geometry::{ContactManifold, Frame, Geometry, LookAhead};
+use crate::narrow_phase::places::ManifoldWriter;
+use crate::seams::{self, AHEAD, Approaching, STILL};
+use crate::travel::{MotionView, TravelBound};
 
 /// What the narrow phase reads.
-pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+pub(crate) struct NarrowPhaseInput<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) shapes: &'a [G::Collider],
     /// Poses of the shapes, turned with their bodies but seen from their centers of mass.
     pub(crate) poses: &'a [G::Pose],
     pub(crate) bodies: &'a Bodies<G, L, A>,
     /// By body.
-    pub(crate) travel: &'a [Travel<L>],
+    pub(crate) travel: &'a [TravelBound<L>],
     /// How they move in the time to the next search.
-    pub(crate) moving: Moving<'a, L, A>,
+    pub(crate) moving: MotionView<'a, L, A>,
     /// Whether the records of the step before have been traced since: else their traces are still seen as
     /// they were handed on.
     pub(crate) traced: bool,
-    /// Records of what rests.
-    pub(crate) resting: &'a Records<L>,
+    /// ManifoldCache of what rests.
+    pub(crate) resting: &'a ManifoldCache<L>,
     /// Whether a body moves or can be moved.
     pub(crate) active: &'a [bool],
     pub(crate) prediction_distance: f32,
@@ -39,9 +41,9 @@ pub(crate) struct Surroundings<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) reuse_distance: f32,
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A> {
+impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, L, A> {
     /// The normal that the traces of a record are seen from.
-    fn seen_from(&self, record: &Record<L>) -> Vector<f32, L> {
+    fn seen_from(&self, record: &CachedManifold<L>) -> Vector<f32, L> {
         if self.traced { record.normal } else { record.traced }
     }
 
@@ -59,15 +61,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
 
     /// How far ahead contacts of a pair are looked for; none if it has no records, and more room than that.
     #[inline(always)]
-    fn ahead(&self, pair: &Pair) -> Option<Ahead<L>> {
+    fn ahead(&self, pair: &Pair) -> Option<LookAhead<L>> {
         let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
         // Never through a thin body to what is behind it.
         let fall = if pair.sheet { self.fall } else { 0.0 };
-        let near = self.prediction_distance.min(THIN * pair.thickness + fall) + a.blow.max(b.blow);
+        let near = self.prediction_distance.min(THIN * pair.thickness + fall)
+            + a.neighbor_push.max(b.neighbor_push);
         let room = if pair.count == 0 { pair.room - near } else { f32::NEG_INFINITY };
         let [_, turning] = self.moving.passed(self.travel, pair, || room)?;
         let motion = a.linear - b.linear;
-        (turning >= room).then_some(Ahead { prediction: near + turning, motion, turning })
+        (turning >= room).then_some(LookAhead { prediction: near + turning, motion, turning })
     }
 
     /// Calls `found` with those of a pair's manifolds whose bodies come closer than the gap, counted from its first,
@@ -76,7 +79,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
     fn closing(
         &self,
         pair: &Pair,
-        view: View<'_, L>,
+        view: ManifoldCacheView<'_, L>,
         numbers: Range<usize>,
         mut found: impl FnMut(u32),
     ) {
@@ -101,14 +104,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Surroundings<'_, G, L, A
 
 /// Points span a patch that is wider than `least` \[m\] in all directions. Both bodies are there, and overlap by as much
 /// along any axis across the normal. So none but the normal can hold them apart.
-fn is_broad<const L: usize>(points: &[Point<L>], normal: Vector<f32, L>, least: f32) -> bool {
+fn is_broad<const L: usize>(points: &[CachedPoint<L>], normal: Vector<f32, L>, least: f32) -> bool {
     let [first, others @ ..] = points else { return false };
     // In the plane the side of a polygon is as broad as its top.
     if L == 2 || points.len() < L {
         return false;
     }
-    let level = |point: &Point<L>| {
-        let arm = point.middle - first.middle;
+    let level = |point: &CachedPoint<L>| {
+        let arm = point.push_point - first.push_point;
         arm - normal * normal.dot(arm)
     };
     let longer = |most: Vector<f32, L>, own: Vector<f32, L>| {
@@ -116,7 +119,7 @@ fn is_broad<const L: usize>(points: &[Point<L>], normal: Vector<f32, L>, least: 
     };
     let along = others.iter().map(level).fold(Vector::ZERO, longer);
     let squared = along.dot(along);
-    let aside = |point: &Point<L>| {
+    let aside = |point: &CachedPoint<L>| {
         let arm = level(point);
         arm - along * (along.dot(arm) / squared.max(f32::MIN_POSITIVE))
     };
@@ -152,27 +155,27 @@ const NOWHERE: f32 = 1e-6;
 const BROAD: f32 = 0.1;
 
 /// Pairs that are worth as much as the least that is shared.
-const PIECE: usize = 16;
+const GRAIN: usize = 16;
 
 /// What one worker finds for its pairs.
-pub(crate) struct Worker<G: Geometry<L, A>, const L: usize, const A: usize> {
+pub(crate) struct PairWorker<G: Geometry<L, A>, const L: usize, const A: usize> {
     scratch: G::Scratch,
-    core: Option<Core<G, L, A>>,
+    core: Option<ShapeCore<G, L, A>>,
     /// Those of the step before that its pairs have.
     known: Range<usize>,
     /// Found anew.
-    records: Records<L>,
+    records: ManifoldCache<L>,
     /// The records of all its pairs, in their order.
-    runs: Vec<Run>,
+    runs: Vec<CacheRun>,
     /// How many manifolds and points they have.
     counts: [usize; 2],
     /// Those whose bodies come closer than their gap, pairs counted from its first.
-    closing: Vec<Closing>,
+    closing: Vec<Approaching>,
 }
 
 /// The ball within a shape that comes through more than it is thick ([`Geometry::core`]): it cannot turn out of the
 /// way. A slender thing that is struck turns so far in a substep that the contacts of its corners let it pass.
-struct Core<G: Geometry<L, A>, const L: usize, const A: usize> {
+struct ShapeCore<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// The number of the shape.
     shape: u32,
     center: Vector<f32, L>,
@@ -185,15 +188,15 @@ const ALIKE: f32 = 0.99;
 /// Tells the parts of what cores touch from those of shapes, by which one is a core.
 const CORES: [u32; 2] = [1 << 29, 1 << 28];
 
-/// Records of pairs that follow each other.
-struct Run {
+/// ManifoldCache of pairs that follow each other.
+struct CacheRun {
     /// Of the step before: they are kept. Else what the worker has found.
     old: bool,
     manifolds: Range<usize>,
 }
 
-impl Run {
-    fn points<const L: usize>(&self, of: View<'_, L>) -> Range<usize> {
+impl CacheRun {
+    fn points<const L: usize>(&self, of: ManifoldCacheView<'_, L>) -> Range<usize> {
         match of.of(self.manifolds.clone()) {
             [] => 0..0,
             [first, .., last] => first.points().start..last.points().end,
@@ -202,15 +205,15 @@ impl Run {
     }
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for Worker<G, L, A> {
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for PairWorker<G, L, A> {
     fn default() -> Self {
-        let (scratch, records) = (G::Scratch::default(), Records::default());
+        let (scratch, records) = (G::Scratch::default(), ManifoldCache::default());
         let (runs, closing) = (Vec::new(), Vec::new());
         Self { scratch, core: None, known: 0..0, records, runs, counts: [0; 2], closing }
     }
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
+impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
     /// Measures the room of a pair that has just come near, as far as it is less than `prediction` \[m\]: the box
     /// around a half-space or a wall that stands askew also holds what is far away.
     pub(crate) fn measure_room(
@@ -229,15 +232,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
             G::collide(shape_a, shape_b, prediction, None, &mut self.scratch, &mut |_: &_| ());
         pair.room = 0.0;
         // What its bodies have come so far was before.
-        pair.room = known_to(gap, a.position) - pair.left(&bodies.came);
+        pair.room = known_to(gap, a.position) - pair.left(&bodies.since_search);
     }
 
     /// Gives each pair its range among the records of these pairs; `own` are those that they have had.
     fn find(
         &mut self,
-        around: &Surroundings<'_, G, L, A>,
+        around: &NarrowPhaseInput<'_, G, L, A>,
         pairs: &mut [Pair],
-        mut own: RecordsMut<'_, L>,
+        mut own: ManifoldCacheMut<'_, L>,
     ) {
         let Self { scratch, core, records, runs, counts, closing, .. } = self;
         records.clear();
@@ -247,8 +250,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
         for (pair, number) in pairs.iter_mut().zip(0..) {
             let (rested, known) = (pair.rests, pair.records());
             let first = records.manifolds.len();
-            let stirred = || pair.bodies.iter().any(|&body| around.bodies.stirred[body as usize]);
-            let kept = !(rested || known.is_empty() || around.reuse_distance == 0.0 || stirred());
+            let needs_rebuild =
+                || pair.bodies.iter().any(|&body| around.bodies.needs_rebuild[body as usize]);
+            let kept =
+                !(rested || known.is_empty() || around.reuse_distance == 0.0 || needs_rebuild());
             if kept {
                 own.keep(known.clone(), around.traced);
                 // How far its bodies go in the meantime is not noted.
@@ -261,7 +266,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
             let manifolds = if old { known } else { first..records.manifolds.len() };
             let found = if old { own.view() } else { records.view() };
             around.closing(pair, found, manifolds.clone(), |record| {
-                closing.push(Closing { pair: number, record });
+                closing.push(Approaching { pair: number, record });
             });
             pair.first = counts[0] as u32;
             counts[0] += manifolds.len();
@@ -270,20 +275,20 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
                 Some(run) if run.old == old && run.manifolds.end == manifolds.start => {
                     run.manifolds.end = manifolds.end;
                 }
-                _ => runs.push(Run { old, manifolds }),
+                _ => runs.push(CacheRun { old, manifolds }),
             }
         }
         let old = own.view();
-        let points = |run: &Run| run.points(if run.old { old } else { records.view() }).len();
+        let points = |run: &CacheRun| run.points(if run.old { old } else { records.view() }).len();
         counts[1] = runs.iter().map(points).sum();
     }
 
     /// Brings its runs together; `offset` points come before.
     fn copy(
         &self,
-        old: &Records<L>,
-        (mut manifolds, mut past): (&mut [Record<L>], &mut [Past]),
-        (points, traces): (&mut [Point<L>], &mut [Trace<L>]),
+        old: &ManifoldCache<L>,
+        (mut manifolds, mut reuse): (&mut [CachedManifold<L>], &mut [Reuse]),
+        (points, traces): (&mut [CachedPoint<L>], &mut [CachedImpulse<L>]),
         offset: usize,
     ) {
         let mut first = 0;
@@ -294,14 +299,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
             points[to.clone()].copy_from_slice(&from.points[range.clone()]);
             traces[to.clone()].copy_from_slice(&from.traces[range.clone()]);
             let moved = ((offset + first) as u32).wrapping_sub(range.start as u32);
-            let into = past.split_off_mut(..own.len()).unwrap_or_default();
-            into.copy_from_slice(&from.past[own.clone()]);
+            let into = reuse.split_off_mut(..own.len()).unwrap_or_default();
+            into.copy_from_slice(&from.reuse[own.clone()]);
             let records = manifolds.split_off_mut(..own.len()).unwrap_or_default();
-            for ((into, past), record) in records.iter_mut().zip(into).zip(&from.manifolds[own]) {
+            for ((into, reuse), record) in records.iter_mut().zip(into).zip(&from.manifolds[own]) {
                 // What is kept has been traced as it is.
-                let kept = matches!(past, Past::Kept(_));
+                let kept = matches!(reuse, Reuse::Kept(_));
                 let traced = if kept { record.normal } else { record.traced };
-                *into = Record { traced, first: record.first.wrapping_add(moved), ..*record };
+                *into =
+                    CachedManifold { traced, first: record.first.wrapping_add(moved), ..*record };
             }
             first = to.end;
         }
@@ -310,15 +316,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Worker<G, L, A> {
 
 /// The manifolds that the last search found to be closing, in the order of their pairs.
 pub(crate) fn closing<G: Geometry<L, A>, const L: usize, const A: usize>(
-    workers: &[Worker<G, L, A>],
+    workers: &[PairWorker<G, L, A>],
     pairs: usize,
-    team: &Team,
-) -> impl Iterator<Item = Closing> {
-    let (_, share) = team.share(pairs, PIECE);
+    pool: &ThreadPool,
+) -> impl Iterator<Item = Approaching> {
+    let (_, share) = pool.share(pairs, GRAIN);
     let workers = workers[..pairs.div_ceil(share)].iter().enumerate();
     workers.flat_map(move |(chunk, worker)| {
         let first = (chunk * share) as u32;
-        worker.closing.iter().map(move |own| Closing { pair: first + own.pair, ..*own })
+        worker.closing.iter().map(move |own| Approaching { pair: first + own.pair, ..*own })
     })
 }
 
@@ -326,16 +332,16 @@ pub(crate) fn closing<G: Geometry<L, A>, const L: usize, const A: usize>(
 /// each pair its range; pairs that rest keep theirs. `old` are those of the step before, of which some are
 /// measured anew where they are. Returns whether there are others: then `records` is filled with them.
 pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
-    around: &Surroundings<'_, G, L, A>,
+    around: &NarrowPhaseInput<'_, G, L, A>,
     pairs: &mut [Pair],
-    workers: &mut Vec<Worker<G, L, A>>,
-    team: &Team,
-    (old, records): (&mut Records<L>, &mut Records<L>),
+    workers: &mut Vec<PairWorker<G, L, A>>,
+    pool: &ThreadPool,
+    (old, records): (&mut ManifoldCache<L>, &mut ManifoldCache<L>),
 ) -> bool {
-    let (useful, share) = team.share(pairs.len(), PIECE);
+    let (useful, share) = pool.share(pairs.len(), GRAIN);
     let chunks = pairs.len().div_ceil(share);
     if workers.len() < chunks {
-        workers.resize_with(chunks, Worker::default);
+        workers.resize_with(chunks, PairWorker::default);
     }
     let workers = &mut workers[..chunks];
     // The records of a chunk begin where those of its first pair do, and end where the next ones begin.
@@ -350,20 +356,20 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
         let own = later.split_off(worker.known.clone());
         (pairs, worker, own)
     });
-    team.for_each(useful, parts, |(pairs, worker, own)| worker.find(around, pairs, own));
+    pool.for_each(useful, parts, |(pairs, worker, own)| worker.find(around, pairs, own));
     let mut first = 0;
     let parts = pairs.chunks_mut(share).zip(workers.iter()).map(|(pairs, worker)| {
         first += worker.counts[0];
         (pairs, first - worker.counts[0])
     });
-    team.for_each(useful, parts.filter(|(_, first)| *first > 0), |(pairs, first)| {
+    pool.for_each(useful, parts.filter(|(_, first)| *first > 0), |(pairs, first)| {
         for pair in pairs.iter_mut().filter(|pair| !pair.rests) {
             pair.first += first as u32;
         }
     });
     let mut runs = workers.iter().flat_map(|worker| &worker.runs);
     let same =
-        |end, run: &Run| (run.old && run.manifolds.start == end).then_some(run.manifolds.end);
+        |end, run: &CacheRun| (run.old && run.manifolds.start == end).then_some(run.manifolds.end);
     if runs.try_fold(0, same) == Some(old.manifolds.len()) {
         return false;
     }
@@ -373,35 +379,36 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
         std::mem::swap(records, &mut worker.records);
         return true;
     }
-    join(old, workers, team, useful, records);
+    join(old, workers, pool, useful, records);
     true
 }
 
 /// Brings together what the workers have found.
 fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
-    old: &Records<L>,
-    workers: &[Worker<G, L, A>],
-    team: &Team,
+    old: &ManifoldCache<L>,
+    workers: &[PairWorker<G, L, A>],
+    pool: &ThreadPool,
     useful: bool,
-    records: &mut Records<L>,
+    records: &mut ManifoldCache<L>,
 ) {
     let [manifolds, points] = [0, 1].map(|i| workers.iter().map(|of| of.counts[i]).sum());
-    records.manifolds.resize(manifolds, Record::NONE);
-    records.past.resize(manifolds, Past::New);
-    records.points.resize(points, Point::default());
-    records.traces.resize(points, Trace::default());
-    let [manifolds, points] = [0, 1].map(|i| move |of: &Worker<G, L, A>| -> usize { of.counts[i] });
+    records.manifolds.resize(manifolds, CachedManifold::NONE);
+    records.reuse.resize(manifolds, Reuse::New);
+    records.points.resize(points, CachedPoint::default());
+    records.traces.resize(points, CachedImpulse::default());
+    let [manifolds, points] =
+        [0, 1].map(|i| move |of: &PairWorker<G, L, A>| -> usize { of.counts[i] });
     let mut first = 0;
     let own = chunks_with_parts(workers, 1, &mut records.manifolds, manifolds)
-        .zip(chunks_with_parts(workers, 1, &mut records.past, manifolds))
+        .zip(chunks_with_parts(workers, 1, &mut records.reuse, manifolds))
         .zip(chunks_with_parts(workers, 1, &mut records.points, points))
         .zip(chunks_with_parts(workers, 1, &mut records.traces, points))
-        .map(|(((manifolds, past), points), traces)| {
+        .map(|(((manifolds, reuse), points), traces)| {
             first += points.1.len();
             let offset = first - points.1.len();
-            (&manifolds.0[0], (manifolds.1, past.1), (points.1, traces.1), offset)
+            (&manifolds.0[0], (manifolds.1, reuse.1), (points.1, traces.1), offset)
         });
-    team.for_each(useful, own, |(worker, manifolds, points, offset)| {
+    pool.for_each(useful, own, |(worker, manifolds, points, offset)| {
         worker.copy(old, manifolds, points, offset);
     });
 }
@@ -409,11 +416,11 @@ fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
 /// Finds the manifolds of a pair: those that it has had, where they are (then true), or others, which are appended
 /// to `records`.
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
-    around: &Surroundings<'_, G, L, A>,
+    around: &NarrowPhaseInput<'_, G, L, A>,
     pair: &mut Pair,
-    own: &mut RecordsMut<'_, L>,
-    (scratch, core): (&mut G::Scratch, &mut Option<Core<G, L, A>>),
-    records: &mut Records<L>,
+    own: &mut ManifoldCacheMut<'_, L>,
+    (scratch, core): (&mut G::Scratch, &mut Option<ShapeCore<G, L, A>>),
+    records: &mut ManifoldCache<L>,
 ) -> bool {
     if pair.rests && !pair.bodies.iter().any(|&body| around.active[body as usize]) {
         return false;
@@ -422,7 +429,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     if rested {
         pair.room = 0.0;
     }
-    pair.room = pair.left(around.moving.came);
+    pair.room = pair.left(around.moving.since_search);
     let known = pair.count > 0;
     let ahead = if known { None } else { around.ahead(pair) };
     if !known && ahead.is_none() {
@@ -438,13 +445,14 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let pose_a = G::advance(&around.poses[a_shape as usize], a.position, Vector::ZERO);
     let old = if rested { around.resting.view() } else { own.view() };
     let before = old.of(pair.records()).first().map(|record| old.points_of(record)[0].feature);
-    let mut places = Places::new(own, pair.records(), rested.then_some(around.resting), records);
-    let mut keep = |touch: &Touch<L>, part: u32| {
+    let mut places =
+        ManifoldWriter::new(own, pair.records(), rested.then_some(around.resting), records);
+    let mut keep = |touch: &ContactManifold<L>, part: u32| {
         let before = places.before(part);
         let traced = before.map_or(touch.normal, |before| around.seen_from(before));
         let fresh = before.is_none_or(seams::is_turned);
         let (record, points) = places.next(touch, part, a, b);
-        *record = Record {
+        *record = CachedManifold {
             bodies: pair.bodies,
             friction: pair.friction,
             restitution: pair.restitution,
@@ -468,7 +476,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     // Along what it comes through.
     let mut passed = None;
     let approach = |normal: Vector<f32, L>| -normal.dot(ahead.motion);
-    let mut all = |touch: &Touch<L>| {
+    let mut all = |touch: &ContactManifold<L>| {
         if approach(touch.normal) > pair.thickness {
             passed = Some(touch.normal);
         }
@@ -480,13 +488,14 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
             let (shape, pose) = [shape_a, shape_b][side];
             let number = pair.colliders[side];
             if core.as_ref().is_none_or(|of| of.shape != number) {
-                *core = G::core(shape).map(|(center, ball)| Core { shape: number, center, ball });
+                *core =
+                    G::core(shape).map(|(center, ball)| ShapeCore { shape: number, center, ball });
             }
-            let Some(Core { center, ball, .. }) = &*core else { continue };
+            let Some(ShapeCore { center, ball, .. }) = &*core else { continue };
             let pose = G::pose(G::frame(pose).point(*center), &[]);
             let mut pair = [shape_a, shape_b];
             pair[side] = (ball, &pose);
-            let mut passing = |touch: &Touch<L>| {
+            let mut passing = |touch: &ContactManifold<L>| {
                 let gaps = touch.points.iter().map(|point| point.gap);
                 let gap = gaps.fold(f32::INFINITY, f32::min);
                 if touch.normal.dot(normal) > ALIKE && approach(touch.normal) > gap {
@@ -506,11 +515,11 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
 /// `records`.
 #[inline(always)]
 fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
-    around: &Surroundings<'_, G, L, A>,
+    around: &NarrowPhaseInput<'_, G, L, A>,
     pair: &mut Pair,
     (a, b): (&Frame<L>, &Frame<L>),
-    own: &mut RecordsMut<'_, L>,
-    records: &mut Records<L>,
+    own: &mut ManifoldCacheMut<'_, L>,
+    records: &mut ManifoldCache<L>,
     rested: bool,
 ) -> bool {
     let most = around.lasting(pair);
@@ -543,7 +552,7 @@ fn known_to<const L: usize>(gap: f32, apart: Vector<f32, L>) -> f32 {
 }
 
 /// How far a has moved against b, as seen from it, since the record's points were found. \[m\]
-fn moved<const L: usize>(record: &Record<L>, seen: &Frame<L>) -> f32 {
+fn moved<const L: usize>(record: &CachedManifold<L>, seen: &Frame<L>) -> f32 {
     let moved = (seen.position - record.found_at.position).length();
     let mut turned = 0.0f32;
     for (now, then) in seen.axes.iter().zip(&record.found_at.axes) {
@@ -555,7 +564,7 @@ fn moved<const L: usize>(record: &Record<L>, seen: &Frame<L>) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bodies::Came;
+    use crate::bodies::SearchMotion;
     use crate::colliders::lever;
     use crate::geometry::random::Random;
 
@@ -563,8 +572,8 @@ mod tests {
     #[test]
     fn what_does_not_turn_has_room() {
         let pair = Pair { lever: lever([0.0; 2]), room: 1.0, count: 1, ..Pair::APART };
-        let came = Came { linear: Vector([0.25, 0.0]), ..Came::NOWHERE };
-        let left = pair.left(&[came, Came::NOWHERE]);
+        let since_search = SearchMotion { linear: Vector([0.25, 0.0]), ..SearchMotion::NOWHERE };
+        let left = pair.left(&[since_search, SearchMotion::NOWHERE]);
         assert!((left - 0.75).abs() < 1e-6, "{left} m");
     }
 
@@ -584,19 +593,23 @@ mod tests {
                 })
             };
             let [a, b] = frames(&places, &angles);
-            let found = Record { found_at: a.seen_from(&b), reach: reach[0], ..Record::NONE };
+            let found = CachedManifold {
+                found_at: a.seen_from(&b),
+                reach: reach[0],
+                ..CachedManifold::NONE
+            };
             let mut pair = Pair { lever: lever(reach), room: most, count: 1, ..Pair::APART };
             let (drift, turns) = (random.number(), [random.number(), random.number()]);
             loop {
-                let mut came = [Came::NOWHERE; 2];
+                let mut since_search = [SearchMotion::NOWHERE; 2];
                 for i in 0..2 {
-                    came[i].linear = Vector([0.1, 1e-3 * drift * i as f32]);
+                    since_search[i].linear = Vector([0.1, 1e-3 * drift * i as f32]);
                     let turn = 1e-3 * turns[i];
-                    came[i].turned = turn.abs() * reach[i];
-                    places[i] += came[i].linear;
+                    since_search[i].turned = turn.abs() * reach[i];
+                    places[i] += since_search[i].linear;
                     angles[i] += turn;
                 }
-                pair.room = pair.left(&came);
+                pair.room = pair.left(&since_search);
                 if pair.room <= 0.0 {
                     break;
                 }

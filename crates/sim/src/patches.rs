@@ -10,12 +10,12 @@
 //! of such bricks walks.
 
 use drystone_solver::Vector;
-use drystone_solver::wide::{FAR, Past};
+use drystone_solver::wide::{FAR, Reuse};
 
 use crate::bodies::Bodies;
-use crate::cache::{self, Pair, Records, deepest_first};
+use crate::cache::{self, ManifoldCache, Pair, deepest_first};
 use crate::colliders::Colliders;
-use crate::geometry::{Geometry, MAX_POINTS, Touch, TouchPoint};
+use crate::geometry::{ContactManifold, Geometry, MAX_POINTS, ManifoldPoint};
 
 /// The cosine of two normals that are one. \[1\]
 const SAME: f32 = 1.0 - 1e-4;
@@ -38,11 +38,11 @@ pub(crate) struct Patches<const L: usize> {
     /// All of this step, and those of bodies that have stirred.
     all: Vec<Part>,
     parts: Vec<Part>,
-    /// Records to be opened.
+    /// ManifoldCache to be opened.
     none: Vec<u32>,
     /// The points in a plane, all and those that are kept: their features are where they come from.
-    plane: Vec<TouchPoint<L>>,
-    touch: Touch<L>,
+    plane: Vec<ManifoldPoint<L>>,
+    touch: ContactManifold<L>,
     places: Vec<[usize; 2]>,
 }
 
@@ -77,7 +77,7 @@ impl<const L: usize> Patches<L> {
         &mut self,
         pairs: &[Pair],
         shapes: &Shapes<'_, G, L, A>,
-        records: &mut Records<L>,
+        records: &mut ManifoldCache<L>,
     ) {
         let Self { all, parts: stirred, none, .. } = self;
         all.clear();
@@ -96,7 +96,7 @@ impl<const L: usize> Patches<L> {
         }
         all.sort_unstable();
         for parts in all.chunk_by(|a, b| a.bodies == b.bodies) {
-            let kept = |part: &Part| matches!(records.past[part.record as usize], Past::Kept(_));
+            let kept = |part: &Part| matches!(records.reuse[part.record as usize], Reuse::Kept(_));
             if parts.len() > 1 && !parts.iter().all(kept) {
                 stirred.extend_from_slice(parts);
                 none.clear();
@@ -104,15 +104,15 @@ impl<const L: usize> Patches<L> {
                 for &record in &*none {
                     let own = records.manifolds[record as usize].points();
                     records.traces[own].fill(cache::open(FAR));
-                    let past = &mut records.past[record as usize];
-                    *past = past.changed();
+                    let reuse = &mut records.reuse[record as usize];
+                    *reuse = reuse.changed();
                 }
             }
         }
     }
 
     /// Opens the points that the patches of what was found do not need.
-    pub(crate) fn join(&mut self, records: &mut Records<L>) {
+    pub(crate) fn join(&mut self, records: &mut ManifoldCache<L>) {
         let stirred = std::mem::take(&mut self.parts);
         for parts in stirred.chunk_by(|a, b| a.bodies == b.bodies) {
             self.join_all(parts, records);
@@ -121,7 +121,7 @@ impl<const L: usize> Patches<L> {
     }
 
     /// Opens inner points of each plane in which two bodies touch.
-    fn join_all(&mut self, parts: &[Part], records: &mut Records<L>) {
+    fn join_all(&mut self, parts: &[Part], records: &mut ManifoldCache<L>) {
         for (at, first) in parts.iter().enumerate() {
             let record = records.manifolds[first.record as usize];
             let is_alike = |part: &&Part| {
@@ -143,9 +143,9 @@ impl<const L: usize> Patches<L> {
                 let own = &records.manifolds[part.record as usize];
                 let points = view.points_of(own).iter().zip(view.traces_of(own)).enumerate();
                 for (point, (place, trace)) in points.filter(|(_, (_, of))| of.gap[0] < FAR) {
-                    self.touch.points.push(TouchPoint {
-                        on_a: place.middle,
-                        on_b: place.middle,
+                    self.touch.points.push(ManifoldPoint {
+                        on_a: place.push_point,
+                        on_b: place.push_point,
                         gap: trace.gap[0],
                         feature: self.places.len() as u64,
                     });
@@ -157,7 +157,7 @@ impl<const L: usize> Patches<L> {
     }
 
     /// Opens the points of a plane that are within others, if these tell how deep they are.
-    fn open_inner(&mut self, records: &mut Records<L>) {
+    fn open_inner(&mut self, records: &mut ManifoldCache<L>) {
         let all = self.touch.points.len();
         if all <= if L == 2 { 2 } else { MAX_POINTS } {
             return;
@@ -175,7 +175,7 @@ impl<const L: usize> Patches<L> {
             }
             let own = records.manifolds[record].points();
             records.traces[own.start + point] = cache::open(FAR);
-            records.past[record] = records.past[record].changed();
+            records.reuse[record] = records.reuse[record].changed();
         }
         for &[record, _] in &self.places {
             let own = records.manifolds[record].points();
@@ -188,7 +188,7 @@ impl<const L: usize> Patches<L> {
 fn covered<G: Geometry<L, A>, const L: usize, const A: usize>(
     (parts, pairs): (&[Part], &[Pair]),
     shapes: &Shapes<'_, G, L, A>,
-    records: &Records<L>,
+    records: &ManifoldCache<L>,
     none: &mut Vec<u32>,
 ) {
     let normal = |part: &Part| records.manifolds[part.record as usize].normal;
@@ -208,7 +208,7 @@ fn covered<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let is_none = |part: &&Part| {
         let points = records.view().points_of(&records.manifolds[part.record as usize]);
-        (0..2).any(|side| points.iter().all(|point| is_covered(part, side, point.middle)))
+        (0..2).any(|side| points.iter().all(|point| is_covered(part, side, point.push_point)))
     };
     none.extend(parts.iter().filter(is_none).map(|part| part.record));
 }
@@ -223,7 +223,7 @@ struct Depth<const L: usize> {
 
 impl<const L: usize> Depth<L> {
     /// By the points at the corners of a patch; none if it has no width.
-    fn of(corners: &[TouchPoint<L>], normal: Vector<f32, L>) -> Option<Self> {
+    fn of(corners: &[ManifoldPoint<L>], normal: Vector<f32, L>) -> Option<Self> {
         let [first, second, rest @ ..] = corners else { return None };
         let level = |v: Vector<f32, L>| v - normal * normal.dot(v);
         let along = level(second.on_a - first.on_a);
@@ -231,11 +231,11 @@ impl<const L: usize> Depth<L> {
         let along = along * (1.0 / length);
         let mut slope = along * ((second.gap - first.gap) / length);
         if L > 2 {
-            let aside = |point: &TouchPoint<L>| {
+            let aside = |point: &ManifoldPoint<L>| {
                 let arm = level(point.on_a - first.on_a);
                 arm - along * along.dot(arm)
             };
-            let widest = |a: &&TouchPoint<L>, b: &&TouchPoint<L>| {
+            let widest = |a: &&ManifoldPoint<L>, b: &&ManifoldPoint<L>| {
                 aside(a).length().total_cmp(&aside(b).length())
             };
             let third = rest.iter().max_by(widest)?;
@@ -251,7 +251,7 @@ impl<const L: usize> Depth<L> {
     }
 
     /// A point is as deep as it should be where it is.
-    fn tells(&self, point: &TouchPoint<L>) -> bool {
+    fn tells(&self, point: &ManifoldPoint<L>) -> bool {
         let gap = self.gap + self.slope.dot(point.on_a - self.from);
         (point.gap - gap).abs() <= self.tolerance
     }

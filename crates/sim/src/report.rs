@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use drystone_solver::jam::Jam;
-use drystone_solver::ladder::Outcome;
+use drystone_solver::ladder::SolveReport;
 use serde::{Deserialize, Serialize};
 
 use crate::ledger::Ledger;
@@ -86,7 +86,7 @@ pub struct StepReport {
     pub asleep: usize,
     /// Bodies, by slot, whose position or velocity is no longer a finite number. They touch nothing from then on;
     /// the others go on. Removing them and adding them again makes them sound.
-    pub lost: Vec<u32>,
+    pub not_finite: Vec<u32>,
     /// Substeps that it took.
     pub substeps: u32,
     /// Passes over all contacts.
@@ -95,7 +95,7 @@ pub struct StepReport {
     pub collisions: usize,
     /// How far the velocities that moved the bodies can be from the exact ones, all substeps together;
     /// `None` with neither a tolerance nor `certify`.
-    pub certified: Option<Outcome>,
+    pub certified: Option<SolveReport>,
     /// Where the energy of the step came from and went; `None` unless the settings ask for it.
     pub energy: Option<Ledger>,
     /// Contacts whose targets no velocities can meet, in the last part of the step; none unless the
@@ -106,7 +106,7 @@ pub struct StepReport {
 
 impl StepReport {
     /// Takes in what solving or examining a substep has come to, and its time.
-    pub(crate) fn join(&mut self, outcome: &Outcome, clock: &mut Clock) {
+    pub(crate) fn join(&mut self, outcome: &SolveReport, clock: &mut Clock) {
         clock.lap(Stage::Solve);
         if clock.last.is_some() {
             clock.stages[Stage::Solve as usize] -= outcome.certifying;
@@ -164,7 +164,7 @@ impl Clock {
         Self { last: timing.then(Instant::now), stages: Default::default() }
     }
 
-    /// One for a member of a team, which starts now, if this one runs.
+    /// One for a member of a pool, which starts now, if this one runs.
     pub(crate) fn another(&self) -> Self {
         Self::start(self.last.is_some())
     }

@@ -1,10 +1,10 @@
 //! From records to the contact system: what the solver is given.
 
-use drystone_solver::lanes::Several;
-use drystone_solver::wide::{FAR, Past, Rows, Seats, Trace};
+use drystone_solver::lanes::GatherLanes;
+use drystone_solver::wide::{CachedImpulse, FAR, LaneSlots, ManifoldSource, Reuse};
 use drystone_solver::{Contact, Manifold, Vector, Velocity, contact_frame};
 
-use crate::cache::{self, Point, Record, Records};
+use crate::cache::{self, CachedManifold, CachedPoint, ManifoldCache};
 use crate::certifier::Stiffness;
 use crate::geometry::MAX_POINTS;
 
@@ -12,8 +12,8 @@ use crate::geometry::MAX_POINTS;
 const SHARES: [f32; MAX_POINTS + 1] = [0.0, 1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0];
 
 /// The records of a step as manifolds.
-pub(crate) struct RowsOf<'a, const L: usize, const A: usize> {
-    pub(crate) records: &'a Records<L>,
+pub(crate) struct CacheSource<'a, const L: usize, const A: usize> {
+    pub(crate) records: &'a ManifoldCache<L>,
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) stiffness: Stiffness<'a>,
     /// Whether these are the manifolds of the step before, with as many points.
@@ -24,27 +24,27 @@ pub(crate) struct RowsOf<'a, const L: usize, const A: usize> {
     pub(crate) in_order: bool,
 }
 
-impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
+impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A> {
     fn count(&self) -> usize {
         self.records.manifolds.len()
     }
 
-    fn outline(&self, manifold: u32) -> ([u32; 2], u32) {
+    fn key(&self, manifold: u32) -> ([u32; 2], u32) {
         let record = &self.records.manifolds[manifold as usize];
         (record.bodies, record.count)
     }
 
-    fn same_outlines(&self) -> bool {
+    fn same_keys(&self) -> bool {
         self.same
     }
 
     #[inline(always)]
-    fn past(&self, manifold: u32) -> Past {
-        let past = self.records.past[manifold as usize];
+    fn reuse(&self, manifold: u32) -> Reuse {
+        let reuse = self.records.reuse[manifold as usize];
         let bodies = || self.records.manifolds[manifold as usize].bodies;
         let moved = self.in_order && !self.same;
         let anew = moved || self.stiffness.changes() && self.stiffness.is_new(bodies());
-        if anew { past.changed() } else { past }
+        if anew { reuse.changed() } else { reuse }
     }
 
     fn stands(&self, body: u32) -> bool {
@@ -52,14 +52,14 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
     }
 
     #[inline(always)]
-    fn take<V: Several>(
+    fn take<V: GatherLanes>(
         &self,
-        seats: &Seats<'_>,
+        seats: &LaneSlots<'_>,
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     ) {
         let records = V::each(|lane| &self.records.manifolds[seats.manifold(lane)]);
-        let kept = |lane| matches!(self.records.past[seats.manifold(lane)], Past::Kept(_));
+        let kept = |lane| matches!(self.records.reuse[seats.manifold(lane)], Reuse::Kept(_));
         let turned = V::gathered(V::each(|lane| f32::from(!kept(lane))));
         let normal = V::gathered_vector(V::each(|lane| &records[lane].normal));
         manifold.frame = contact_frame(normal);
@@ -70,15 +70,15 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
         for side in 0..2 {
             let surfaces = |lane: usize| records[lane].surfaces;
             manifold.radii[side] = V::gathered(V::each(|lane| surfaces(lane).radii[side]));
-            let carries = |lane| surfaces(lane).normal.shares()[side];
-            manifold.carries[side] = V::gathered(V::each(carries));
+            let normal_share = |lane| surfaces(lane).normal.shares()[side];
+            manifold.normal_share[side] = V::gathered(V::each(normal_share));
         }
         let compliance = |lane| self.stiffness.compliance(records[lane].bodies);
         manifold.compliance = V::gathered(V::each(compliance));
         let mut sum = Vector::ZERO;
         for (index, contact) in points.iter_mut().enumerate() {
             let own = V::each(|lane| self.point(records[lane], index));
-            contact.place = V::gathered_vector(V::each(|lane| &own[lane].0.middle));
+            contact.place = V::gathered_vector(V::each(|lane| &own[lane].0.push_point));
             sum += contact.place;
             contact.gap = V::gathered_vector(V::each(|lane| &own[lane].1.gap));
             contact.impulse = V::gathered_vector(V::each(|lane| &own[lane].1.impulse));
@@ -109,15 +109,19 @@ impl<const L: usize, const A: usize> Rows<L> for RowsOf<'_, L, A> {
     }
 }
 
-impl<const L: usize, const A: usize> RowsOf<'_, L, A> {
+impl<const L: usize, const A: usize> CacheSource<'_, L, A> {
     /// A point of a record and its trace; one that is not there is far away.
     #[inline(always)]
-    fn point(&self, record: &Record<L>, index: usize) -> (&Point<L>, &Trace<L>) {
+    fn point(
+        &self,
+        record: &CachedManifold<L>,
+        index: usize,
+    ) -> (&CachedPoint<L>, &CachedImpulse<L>) {
         if index < record.count as usize {
             let at = record.first as usize + index;
             (&self.records.points[at], &self.records.traces[at])
         } else {
-            const { (&Point::OPEN, &cache::open(FAR)) }
+            const { (&CachedPoint::OPEN, &cache::open(FAR)) }
         }
     }
 }
@@ -131,16 +135,16 @@ mod tests {
     use crate::certifier::Certifier;
     use crate::settings::StepSettings;
 
-    /// Points are taken to the plane of the first, about their middle: one that is open by half a meter is not felt
+    /// Points are taken to the plane of the first, about their push point: one that is open by half a meter is not felt
     /// above it.
     #[test]
     fn points_lie_in_the_plane_of_the_deepest() {
-        let mut records: Records<3> = Records::default();
+        let mut records: ManifoldCache<3> = ManifoldCache::default();
         let (record, points, traces) = records.add(2);
         let slanted = Vector([0.6, 0.8, 0.0]);
         (record.bodies, record.normal, record.traced) = ([0, 1], slanted, slanted);
         for (at, height) in [0.25, 0.5].into_iter().enumerate() {
-            points[at].middle = slanted * height + Vector([-0.8, 0.6, 0.0]) * height;
+            points[at].push_point = slanted * height + Vector([-0.8, 0.6, 0.0]) * height;
             traces[at].gap[0] = 2.0 * height - 0.5;
         }
         let moves = InverseMass { linear: 1.0, ..InverseMass::FIXED };
@@ -148,7 +152,7 @@ mod tests {
         system.masses = vec![moves; 2];
         system.velocities = vec![Velocity::ZERO; 2];
         let mut certifier: Certifier<3, 3> = Certifier::default();
-        let rows = RowsOf {
+        let rows = CacheSource {
             records: &records,
             velocities: &system.velocities,
             stiffness: certifier.no_stiffness(),
@@ -172,18 +176,19 @@ mod tests {
     /// some have come or gone.
     #[test]
     fn what_is_kept_is_as_stiff_and_in_order() {
-        let mut records: Records<3> = Records::default();
+        let mut records: ManifoldCache<3> = ManifoldCache::default();
         records.add(1).0.bodies = [0, 1];
-        records.past[0] = Past::Kept(0);
+        records.reuse[0] = Reuse::Kept(0);
         let moves = InverseMass { linear: 1.0, ..InverseMass::FIXED };
         let mut certifier: Certifier<3, 3> = Certifier::default();
         certifier.find_islands(&[InverseMass::FIXED, moves], records.pairs());
         let settings = StepSettings::certified();
-        let mut past = |h, [same, in_order]: [bool; 2]| {
+        let mut reuse = |h, [same, in_order]: [bool; 2]| {
             let stiffness = certifier.stiffness(records.pairs(), |_| [10.0, 1.0], &settings, h);
             let (records, velocities): (_, &[Velocity<f32, 3, 3>]) = (&records, &[]);
-            let rows = RowsOf { records, velocities, stiffness, same, together: true, in_order };
-            rows.past(0)
+            let rows =
+                CacheSource { records, velocities, stiffness, same, together: true, in_order };
+            rows.reuse(0)
         };
         let found = [
             (0.01, [true, true]),
@@ -193,8 +198,8 @@ mod tests {
             (0.005, [false, false]),
             (0.005, [false, true]),
         ];
-        let (kept, changed) = (Past::Kept(0), Past::Changed(0));
-        let found = found.map(|(h, flags)| past(h, flags));
+        let (kept, changed) = (Reuse::Kept(0), Reuse::Changed(0));
+        let found = found.map(|(h, flags)| reuse(h, flags));
         assert_eq!(found, [changed, kept, changed, kept, kept, changed]);
     }
 }

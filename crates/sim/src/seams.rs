@@ -12,12 +12,12 @@
 //!
 //! So nothing runs into the side of what does not stick out of the floor, and a step that does stops it.
 
-use drystone_solver::wide::Past;
+use drystone_solver::wide::Reuse;
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::Bodies;
-use crate::cache::{Pair, Record, Records, deepest_first};
-use crate::geometry::{Carrier, Frame, Geometry, Surfaces};
+use crate::cache::{CachedManifold, ManifoldCache, Pair, deepest_first};
+use crate::geometry::{Curvature, Frame, Geometry, NormalCarrier};
 
 /// A neighbor that sticks out of a plane by less than this part of the thinner shape is flush with it. \[1\]
 const FLUSH: f32 = 5e-4;
@@ -52,13 +52,13 @@ const NOWHERE: f32 = 1e9;
 
 /// A manifold whose bodies come closer than its gap: the number of its pair, and which of its records it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Closing {
+pub(crate) struct Approaching {
     pub(crate) pair: u32,
     pub(crate) record: u32,
 }
 
 /// What decides how bodies meet.
-pub(crate) struct Meeting<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+pub(crate) struct SeamInput<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) shapes: &'a [G::Collider],
     /// Poses of the shapes, turned with their bodies but seen from their centers of mass.
     pub(crate) poses: &'a [G::Pose],
@@ -70,16 +70,16 @@ pub(crate) struct Meeting<'a, G: Geometry<L, A>, const L: usize, const A: usize>
 
 /// Memory for [`settle`](Self::settle).
 #[derive(Default)]
-pub(crate) struct Seams<const L: usize> {
+pub(crate) struct SeamResolver<const L: usize> {
     /// By body: the first of its records, twice its number and 1 more for b's side.
     first: Vec<u32>,
     /// By record and side: the next one of the same body.
     next: Vec<u32>,
-    turns: Vec<Turn<L>>,
+    turns: Vec<AxisChange<L>>,
 }
 
 /// A record has been turned to another axis than it was found with.
-pub(crate) fn is_turned<const L: usize>(record: &Record<L>) -> bool {
+pub(crate) fn is_turned<const L: usize>(record: &CachedManifold<L>) -> bool {
     record.found_at.position[0] == NOWHERE
 }
 
@@ -88,19 +88,19 @@ const END: u32 = u32::MAX;
 
 /// A manifold that is turned to another axis.
 #[derive(Clone, Copy)]
-struct Turn<const L: usize> {
-    closing: Closing,
+struct AxisChange<const L: usize> {
+    closing: Approaching,
     record: u32,
     /// The record of the plane that allows it; [`END`]: none.
     plane: u32,
     /// Whose points it keeps: of a body that is held, or else that another's face passes.
     side: usize,
-    way: Way<L>,
+    way: SeparatingAxis<L>,
 }
 
 /// An axis between two bodies.
 #[derive(Clone, Copy)]
-struct Way<const L: usize> {
+struct SeparatingAxis<const L: usize> {
     /// From b to a.
     axis: Vector<f32, L>,
     /// \[m\]
@@ -111,7 +111,7 @@ struct Way<const L: usize> {
 
 /// A contact that holds one of two bodies above a plane.
 #[derive(Clone, Copy)]
-struct Plane<const L: usize> {
+struct HoldingPlane<const L: usize> {
     record: u32,
     /// Whether a (0) or b (1) is held.
     side: usize,
@@ -124,7 +124,7 @@ struct Plane<const L: usize> {
     gap: f32,
 }
 
-impl<const L: usize> Plane<L> {
+impl<const L: usize> HoldingPlane<L> {
     /// Towards the body that is held.
     fn outward(&self) -> Vector<f32, L> {
         self.axis * if self.side == 0 { 1.0 } else { -1.0 }
@@ -135,21 +135,21 @@ impl<const L: usize> Plane<L> {
 }
 
 /// A manifold with the frames and poses of its bodies, from the center of mass of b.
-struct Corner<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+struct SeamPair<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     shapes: [&'a G::Collider; 2],
     poses: [G::Pose; 2],
     frames: [Frame<L>; 2],
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Corner<'_, G, L, A> {
+impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamPair<'_, G, L, A> {
     /// How far the bodies are apart along an axis from b to a; `None` of what has no end.
-    fn along(&self, axis: Vector<f32, L>) -> Option<Way<L>> {
+    fn along(&self, axis: Vector<f32, L>) -> Option<SeparatingAxis<L>> {
         let farthest = |side: usize, direction: Vector<f32, L>| {
             let far = G::farthest(self.shapes[side], &self.poses[side], direction)?;
             Some(direction.dot(far))
         };
         let height = farthest(1, axis)?;
-        Some(Way { axis, gap: -farthest(0, -axis)? - height, height })
+        Some(SeparatingAxis { axis, gap: -farthest(0, -axis)? - height, height })
     }
 
     /// By how much both are round about their cores where they face each other. \[m\]
@@ -158,15 +158,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Corner<'_, G, L, A> {
     }
 }
 
-impl<const L: usize> Seams<L> {
+impl<const L: usize> SeamResolver<L> {
     /// Turns manifolds to the axes along which their bodies are held apart. They are decided one by one, by
     /// the manifolds as they were found, so their order does not matter.
     pub(crate) fn settle<G: Geometry<L, A>, const A: usize>(
         &mut self,
-        meeting: &Meeting<'_, G, L, A>,
-        closing: impl Iterator<Item = Closing>,
+        meeting: &SeamInput<'_, G, L, A>,
+        closing: impl Iterator<Item = Approaching>,
         pairs: &mut [Pair],
-        records: &mut Records<L>,
+        records: &mut ManifoldCache<L>,
     ) {
         self.turns.clear();
         let mut linked = false;
@@ -195,7 +195,7 @@ impl<const L: usize> Seams<L> {
     fn link<G: Geometry<L, A>, const A: usize>(
         &mut self,
         bodies: &Bodies<G, L, A>,
-        records: &Records<L>,
+        records: &ManifoldCache<L>,
     ) {
         self.first.clear();
         self.first.resize(bodies.poses.len(), END);
@@ -223,11 +223,11 @@ impl<const L: usize> Seams<L> {
     fn planes<G: Geometry<L, A>, const A: usize>(
         &self,
         bodies: &Bodies<G, L, A>,
-        (pair, record): (&Pair, &Record<L>),
+        (pair, record): (&Pair, &CachedManifold<L>),
         (number, places): (u32, &[Vector<f32, L>; 2]),
-        records: &Records<L>,
-    ) -> ([Plane<L>; PLANES], usize) {
-        let (view, mut planes, mut count) = (records.view(), [Plane::NONE; PLANES], 0);
+        records: &ManifoldCache<L>,
+    ) -> ([HoldingPlane<L>; PLANES], usize) {
+        let (view, mut planes, mut count) = (records.view(), [HoldingPlane::NONE; PLANES], 0);
         for side in 0..2 {
             let others = self.of(record.bodies[side]).filter(|(other, _)| *other != number);
             for (other, is_b) in others.take(PLANES) {
@@ -238,13 +238,14 @@ impl<const L: usize> Seams<L> {
                     continue;
                 }
                 let gap = view.traces_of(holding)[0].gap[0];
-                let place = view.points_of(holding)[0].middle
+                let place = view.points_of(holding)[0].push_point
                     + bodies.apart([holding.bodies[1], record.bodies[1]]);
                 let sag = (-gap).max(0.0);
                 let allowed = (SAGS * sag + FLUSH * pair.thickness).min(MOST_SAG * pair.thickness);
                 if outward.dot(places[1 - side] - place) <= allowed {
                     let holder = holding.bodies[usize::from(!is_b)];
-                    planes[count] = Plane { record: other, side, axis, allowed, holder, gap };
+                    planes[count] =
+                        HoldingPlane { record: other, side, axis, allowed, holder, gap };
                     count += 1;
                 }
             }
@@ -255,11 +256,11 @@ impl<const L: usize> Seams<L> {
     /// How to turn a manifold, if it is to be turned.
     fn decide<G: Geometry<L, A>, const A: usize>(
         &self,
-        meeting: &Meeting<'_, G, L, A>,
-        (pair, closing): (&Pair, Closing),
+        meeting: &SeamInput<'_, G, L, A>,
+        (pair, closing): (&Pair, Approaching),
         number: u32,
-        records: &Records<L>,
-    ) -> Option<Turn<L>> {
+        records: &ManifoldCache<L>,
+    ) -> Option<AxisChange<L>> {
         let (view, bodies) = (records.view(), meeting.bodies);
         let record = &records.manifolds[number as usize];
         let corner = meeting.corner(pair);
@@ -309,7 +310,7 @@ impl<const L: usize> Seams<L> {
             // Where nothing holds it, it must pass.
             if then > most && (plane != END || then >= 0.0) {
                 most = then;
-                best = Some(Turn { closing, record: number, plane, side, way });
+                best = Some(AxisChange { closing, record: number, plane, side, way });
             }
         };
         for plane in planes {
@@ -329,7 +330,7 @@ impl<const L: usize> Seams<L> {
                 if axis.dot(normal) > SAME {
                     return;
                 }
-                let alike = |plane: &&Plane<L>| plane.axis.dot(axis) >= ACROSS;
+                let alike = |plane: &&HoldingPlane<L>| plane.axis.dot(axis) >= ACROSS;
                 let held = planes
                     .iter()
                     .filter(alike)
@@ -346,13 +347,13 @@ impl<const L: usize> Seams<L> {
     }
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
-    fn corner(&self, pair: &Pair) -> Corner<'_, G, L, A> {
+impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
+    fn corner(&self, pair: &Pair) -> SeamPair<'_, G, L, A> {
         let [a, b] = pair.bodies.map(|body| body as usize);
         let [shape_a, shape_b] = pair.colliders.map(|shape| shape as usize);
         let apart = self.bodies.apart(pair.bodies);
         let frames = &self.bodies.frames;
-        Corner {
+        SeamPair {
             shapes: [&self.shapes[shape_a], &self.shapes[shape_b]],
             poses: [G::advance(&self.poses[shape_a], apart, Vector::ZERO), self.poses[shape_b]],
             frames: [
@@ -364,11 +365,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
 
     /// Turns a manifold. Its points stay where they are on one of the bodies; one that is round is touched where it
     /// is nearest along the new axis.
-    fn turn(&self, pair: &mut Pair, turn: &Turn<L>, records: &mut Records<L>) {
-        let Way { axis, gap, height } = turn.way;
-        let past = &mut records.past[turn.record as usize];
-        let kept = matches!(past, Past::Kept(_));
-        *past = past.changed();
+    fn turn(&self, pair: &mut Pair, turn: &AxisChange<L>, records: &mut ManifoldCache<L>) {
+        let SeparatingAxis { axis, gap, height } = turn.way;
+        let reuse = &mut records.reuse[turn.record as usize];
+        let kept = matches!(reuse, Reuse::Kept(_));
+        *reuse = reuse.changed();
         let mut all = records.view_mut();
         let (record, points, traces) = all.place(turn.record as usize);
         if kept {
@@ -385,16 +386,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Meeting<'_, G, L, A> {
             let gap = if of_a { along - height } else { gap + height - along };
             let [on_a, on_b] = if of_a { [own, own - axis * gap] } else { [own + axis * gap, own] };
             (point.on_a, point.on_b) = (a.local_point(on_a), b.local_point(on_b));
-            point.middle = if of_a { on_a } else { on_b };
+            point.push_point = if of_a { on_a } else { on_b };
             trace.gap[0] = gap;
         }
         deepest_first(points, traces);
         record.normal = axis;
         // The plane that the points lie on carries the normal.
         record.surfaces = if of_a {
-            Surfaces { radii: [around, 0.0], normal: Carrier::FaceOfB }
+            Curvature { radii: [around, 0.0], normal: NormalCarrier::FaceOfB }
         } else {
-            Surfaces { radii: [0.0, around], normal: Carrier::FaceOfA }
+            Curvature { radii: [0.0, around], normal: NormalCarrier::FaceOfA }
         };
         record.local_normal = record.carrier(a, b).local_direction(axis);
         record.found_at.position = Vector([NOWHERE; L]);

@@ -5,7 +5,7 @@ use drystone_solver::island::{self, Islands};
 use drystone_solver::{System, Velocity};
 
 use crate::bodies::Bodies;
-use crate::cache::{Pair, Records};
+use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
 use crate::scene::Motion;
 
@@ -20,7 +20,7 @@ pub(crate) struct Sleep<const L: usize> {
     /// The group that each body fell asleep with; 0: it is awake.
     pub(crate) group: Vec<u32>,
     /// Of the pairs that rest.
-    pub(crate) records: Records<L>,
+    pub(crate) records: ManifoldCache<L>,
     islands: Islands,
     /// Of each island: whether all of it holds still.
     ready: Vec<bool>,
@@ -40,7 +40,7 @@ impl<const L: usize> Sleep<L> {
         (self.still[body], self.group[body]) = (0.0, 0);
     }
 
-    pub(crate) fn sleeps(&self, body: usize) -> bool {
+    pub(crate) fn is_sleeping(&self, body: usize) -> bool {
         self.group[body] != 0
     }
 
@@ -57,7 +57,7 @@ impl<const L: usize> Sleep<L> {
         body: usize,
     ) -> bool {
         match bodies.motion[body] {
-            Some(Motion::Dynamic) => !self.sleeps(body),
+            Some(Motion::Dynamic) => !self.is_sleeping(body),
             Some(Motion::Kinematic) => velocities[body] != Velocity::ZERO,
             _ => false,
         }
@@ -81,7 +81,7 @@ impl<const L: usize> Sleep<L> {
     pub(crate) fn rest_pairs(
         &mut self,
         pairs: &mut [Pair],
-        records: &Records<L>,
+        records: &ManifoldCache<L>,
         active: impl Fn(u32) -> bool,
     ) {
         // What has been woken since has left holes: they go when they are half of all.

@@ -1,9 +1,9 @@
-//! [`Surfaces`]: belts and resistance to rolling, from the colliders of a pair to its manifolds.
+//! [`SurfaceStates`]: belts and resistance to rolling, from the colliders of a pair to its manifolds.
 //!
 //! A scene without either has none of this: the table is empty, and no step looks further.
 
 use drystone_solver::wide::Wide;
-use drystone_solver::{Manifold, Surface, Vector, Velocity};
+use drystone_solver::{Manifold, SurfaceEffects, Vector, Velocity};
 
 use crate::bodies::Bodies;
 use crate::cache::Pair;
@@ -12,14 +12,14 @@ use crate::geometry::Geometry;
 
 /// What the surfaces of the manifolds of a part do, and the torques that pairs hand on.
 #[derive(Default)]
-pub(crate) struct Surfaces<const L: usize, const A: usize> {
+pub(crate) struct SurfaceStates<const L: usize, const A: usize> {
     /// By manifold; none where nothing runs or resists.
-    rows: Vec<Row<L, A>>,
+    rows: Vec<SurfaceRow<L, A>>,
     /// Angular impulses of the pairs that resist, in the order of pairs. World axes. \[N m s\]
-    pub(crate) held: Vec<Held<A>>,
-    before: Vec<Held<A>>,
+    pub(crate) held: Vec<HeldTorque<A>>,
+    before: Vec<HeldTorque<A>>,
     /// As the lanes left them, where ledgers ask.
-    pub(crate) done: Vec<Surface<f32, L, A>>,
+    pub(crate) done: Vec<SurfaceEffects<f32, L, A>>,
 }
 
 /// The belt where the manifold is at half the time: that of the start would throw outward what goes round.
@@ -32,19 +32,19 @@ fn belt<const L: usize, const A: usize>(
     let [a, b] = manifold.bodies.map(|body| velocities[body as usize].linear);
     let [arm_a, arm_b] = manifold.arms;
     let ahead = (b - a) * (0.5 * dt);
-    Surface::belt(&Manifold { arms: [arm_a + ahead, arm_b - ahead], ..*manifold }, belts)
+    SurfaceEffects::belt(&Manifold { arms: [arm_a + ahead, arm_b - ahead], ..*manifold }, belts)
 }
 
 /// What a pair hands on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Held<const A: usize> {
+pub(crate) struct HeldTorque<const A: usize> {
     pub(crate) colliders: [u32; 2],
     pub(crate) torque: Vector<f32, A>,
 }
 
 /// The surfaces of a manifold.
 #[derive(Clone, Copy)]
-struct Row<const L: usize, const A: usize> {
+struct SurfaceRow<const L: usize, const A: usize> {
     /// How those of a and b run, as a velocity at the center of mass of each. World axes. \[m/s, rad/s\]
     belts: [Velocity<f32, L, A>; 2],
     runs: bool,
@@ -54,7 +54,7 @@ struct Row<const L: usize, const A: usize> {
     torque: Vector<f32, A>,
 }
 
-impl<const L: usize, const A: usize> Row<L, A> {
+impl<const L: usize, const A: usize> SurfaceRow<L, A> {
     const NONE: Self = Self {
         belts: [Velocity::ZERO; 2],
         runs: false,
@@ -63,7 +63,7 @@ impl<const L: usize, const A: usize> Row<L, A> {
     };
 }
 
-impl<const L: usize, const A: usize> Surfaces<L, A> {
+impl<const L: usize, const A: usize> SurfaceStates<L, A> {
     /// Whether the surfaces of a manifold run against each other.
     pub(crate) fn runs(&self, manifold: usize) -> bool {
         self.rows.get(manifold).is_some_and(|row| row.runs)
@@ -82,10 +82,10 @@ impl<const L: usize, const A: usize> Surfaces<L, A> {
         self.done.clear();
         if !colliders.has_surfaces() {
             self.held.clear();
-            wide.take_surfaces(None::<fn(usize, &Manifold<f32, L>) -> Surface<f32, L, A>>);
+            wide.take_surfaces(None::<fn(usize, &Manifold<f32, L>) -> SurfaceEffects<f32, L, A>>);
             return;
         }
-        self.rows.resize(manifolds, Row::NONE);
+        self.rows.resize(manifolds, SurfaceRow::NONE);
         let mut held = self.held.iter().peekable();
         for pair in pairs.iter().filter(|pair| !pair.rests && pair.count > 0) {
             while held.next_if(|of| of.colliders < pair.colliders).is_some() {}
@@ -97,15 +97,15 @@ impl<const L: usize, const A: usize> Surfaces<L, A> {
             }
             let torque = held.next_if(|of| of.colliders == pair.colliders);
             let torque = torque.map_or(Vector::ZERO, |of| of.torque * (1.0 / pair.count as f32));
-            self.rows[pair.records()].fill(Row { belts, runs, resistance, torque });
+            self.rows[pair.records()].fill(SurfaceRow { belts, runs, resistance, torque });
         }
         let rows = &self.rows;
         wide.take_surfaces(Some(|number: usize, manifold: &Manifold<f32, L>| {
-            let Row { belts: [a, b], runs, resistance: [rolling, spinning], torque } =
+            let SurfaceRow { belts: [a, b], runs, resistance: [rolling, spinning], torque } =
                 &rows[number];
             let belt = if *runs { belt(manifold, [a, b], velocities, dt) } else { Velocity::ZERO };
             let torque = manifold.turning(*torque);
-            Surface { belt, rolling: *rolling, spinning: *spinning, torque }
+            SurfaceEffects { belt, rolling: *rolling, spinning: *spinning, torque }
         }));
     }
 
@@ -137,7 +137,7 @@ impl<const L: usize, const A: usize> Surfaces<L, A> {
                 let sum = rows.iter().fold(Vector::ZERO, |sum, row| sum + row.torque);
                 rows.first().is_some_and(|row| row.resistance != [0.0; 2]).then_some(sum)
             };
-            self.held.extend(torque.map(|torque| Held { colliders: pair.colliders, torque }));
+            self.held.extend(torque.map(|torque| HeldTorque { colliders: pair.colliders, torque }));
         }
     }
 

@@ -1,14 +1,14 @@
 //! How far bodies move within a step and pass each other: how far ahead contacts are looked for, and how often.
 
-use drystone_solver::team::Team;
+use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Vector, Velocity};
 
-use crate::bodies::{Came, PIECE};
+use crate::bodies::{GRAIN, SearchMotion};
 use crate::cache::Pair;
 use crate::geometry::{Frame, Reach};
 
 /// Pairs that are worth as much as the least that is shared.
-const PAIRS: usize = 256;
+const PAIR_GRAIN: usize = 256;
 
 /// Below this part of the thinner shape it is little that bodies turn: whether they turn as one is not asked. \[1\]
 const TURNS: f32 = 0.25;
@@ -18,17 +18,17 @@ const SWING: f32 = 0.5;
 
 /// How a body moves within a step.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Travel<const L: usize> {
+pub(crate) struct TravelBound<const L: usize> {
     /// dt v. \[m\]
     pub(crate) linear: Vector<f32, L>,
     /// dt |omega| times what its shapes reach that turns. \[m\]
     pub(crate) angular: f32,
     /// How far its center and that of a neighbor move against each other, the most: how far it can move against
     /// another neighbor, should this one push it within the step. \[m\]
-    pub(crate) blow: f32,
+    pub(crate) neighbor_push: f32,
 }
 
-impl<const L: usize> Travel<L> {
+impl<const L: usize> TravelBound<L> {
     /// How far a shape of this thickness \[m\] may come by turning, where that is much: a bat that swings. \[m\]
     pub(crate) fn swing(&self, thickness: f32) -> f32 {
         if self.angular > SWING * thickness { self.angular } else { 0.0 }
@@ -37,23 +37,23 @@ impl<const L: usize> Travel<L> {
 
 /// Bodies in motion.
 #[derive(Clone, Copy)]
-pub(crate) struct Moving<'a, const L: usize, const A: usize> {
+pub(crate) struct MotionView<'a, const L: usize, const A: usize> {
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) frames: &'a [Frame<L>],
     /// Of their shapes.
     pub(crate) reach: &'a [Reach],
-    pub(crate) came: &'a [Came<L>],
+    pub(crate) since_search: &'a [SearchMotion<L>],
     /// The time in which they move. \[s\]
     pub(crate) dt: f32,
 }
 
-impl<const L: usize, const A: usize> Moving<'_, L, A> {
+impl<const L: usize, const A: usize> MotionView<'_, L, A> {
     /// What two bodies pass of each other: by how their centers move, and by how their surfaces turn. \[m\] None if
     /// both together are less than their `room` \[m\]; it is asked for where they turn much.
     #[inline(always)]
     pub(crate) fn passed(
         &self,
-        own: &[Travel<L>],
+        own: &[TravelBound<L>],
         pair: &Pair,
         room: impl Fn() -> f32,
     ) -> Option<[f32; 2]> {
@@ -86,77 +86,78 @@ impl<const L: usize, const A: usize> Moving<'_, L, A> {
 
 /// How all bodies move within a step, and pass each other.
 #[derive(Default)]
-pub(crate) struct Travels<const L: usize> {
+pub(crate) struct TravelBounds<const L: usize> {
     /// By body.
-    pub(crate) own: Vec<Travel<L>>,
+    pub(crate) own: Vec<TravelBound<L>>,
     /// What each thread has found.
-    passed: Vec<Passed>,
+    passed: Vec<ThreadTravel>,
 }
 
 /// What pairs pass of each other.
 #[derive(Default)]
-struct Passed {
-    /// By body: [`Travel::blow`].
-    blows: Vec<f32>,
+struct ThreadTravel {
+    /// By body: [`TravelBound::neighbor_push`].
+    neighbor_pushes: Vec<f32>,
     /// The most of any pair, as part of the thinner shape. \[1\]
     worst: f32,
 }
 
-impl<const L: usize> Travels<L> {
+impl<const L: usize> TravelBounds<L> {
     /// Those of all bodies.
-    pub(crate) fn find<const A: usize>(&mut self, moving: Moving<'_, L, A>, team: &Team) {
-        let Moving { velocities, reach, dt, .. } = moving;
-        self.own.resize(velocities.len(), Travel::default());
-        let (useful, share) = team.share(velocities.len(), PIECE);
+    pub(crate) fn find<const A: usize>(&mut self, moving: MotionView<'_, L, A>, pool: &ThreadPool) {
+        let MotionView { velocities, reach, dt, .. } = moving;
+        self.own.resize(velocities.len(), TravelBound::default());
+        let (useful, share) = pool.share(velocities.len(), GRAIN);
         let moves = velocities.chunks(share).zip(reach.chunks(share));
         let parts = self.own.chunks_mut(share).zip(moves);
-        team.for_each(useful, parts, |(own, (velocities, reach))| {
+        pool.for_each(useful, parts, |(own, (velocities, reach))| {
             for ((own, velocity), reach) in own.iter_mut().zip(velocities).zip(reach) {
                 let angular = velocity.angular.length() * reach.core * dt;
-                *own = Travel { linear: velocity.linear * dt, angular, blow: 0.0 };
+                *own = TravelBound { linear: velocity.linear * dt, angular, neighbor_push: 0.0 };
             }
         });
     }
 
-    /// Finds what near bodies pass of each other, with what gravity adds, `fall` \[m\], and their blows; the most, as
+    /// Finds what near bodies pass of each other, with what gravity adds, `fall` \[m\], and their pushes of neighbors; the most, as
     /// part of the thinner shape. \[1\] Near are bodies that have less room than that and `margin` \[m\]. Nobody
     /// pushes a body that nothing moves: so what goes past a floor does not matter to others on it.
     pub(crate) fn pass<const A: usize>(
         &mut self,
-        moving: Moving<'_, L, A>,
+        moving: MotionView<'_, L, A>,
         masses: &[InverseMass<f32, L, A>],
         pairs: &[Pair],
         [fall, margin]: [f32; 2],
-        team: &Team,
+        pool: &ThreadPool,
     ) -> f32 {
         let Self { own, passed } = self;
-        let (useful, share) = team.share(pairs.len(), PAIRS);
-        passed.resize_with(pairs.len().div_ceil(share), Passed::default);
-        team.for_each(useful, pairs.chunks(share).zip(&mut *passed), |(pairs, passed)| {
-            passed.blows.clear();
-            passed.blows.resize(own.len(), 0.0);
-            let (blows, mut worst) = (&mut passed.blows[..], 0.0f32);
+        let (useful, share) = pool.share(pairs.len(), PAIR_GRAIN);
+        passed.resize_with(pairs.len().div_ceil(share), ThreadTravel::default);
+        pool.for_each(useful, pairs.chunks(share).zip(&mut *passed), |(pairs, passed)| {
+            passed.neighbor_pushes.clear();
+            passed.neighbor_pushes.resize(own.len(), 0.0);
+            let (neighbor_pushes, mut worst) = (&mut passed.neighbor_pushes[..], 0.0f32);
             for pair in pairs.iter().filter(|pair| !pair.rests) {
                 let [a, b] = pair.bodies;
                 let (a, b) = (a as usize, b as usize);
-                let room = pair.gap(moving.came) - fall - margin;
+                let room = pair.gap(moving.since_search) - fall - margin;
                 let Some([apart, turning]) = moving.passed(own, pair, || room) else { continue };
                 if apart + turning < room {
                     continue;
                 }
-                blows[a] = blows[a].max(apart);
-                blows[b] = blows[b].max(apart);
+                neighbor_pushes[a] = neighbor_pushes[a].max(apart);
+                neighbor_pushes[b] = neighbor_pushes[b].max(apart);
                 worst = worst.max((apart + turning + fall) / pair.thickness);
             }
             passed.worst = worst;
         });
-        let (_, share) = team.share(own.len(), PIECE);
-        team.for_each(useful, own.chunks_mut(share).enumerate(), |(part, own)| {
+        let (_, share) = pool.share(own.len(), GRAIN);
+        pool.for_each(useful, own.chunks_mut(share).enumerate(), |(part, own)| {
             for passed in &*passed {
-                let blows = passed.blows[share * part..].iter().zip(&masses[share * part..]);
-                for (own, (blow, mass)) in own.iter_mut().zip(blows) {
+                let neighbor_pushes =
+                    passed.neighbor_pushes[share * part..].iter().zip(&masses[share * part..]);
+                for (own, (neighbor_push, mass)) in own.iter_mut().zip(neighbor_pushes) {
                     if *mass != InverseMass::FIXED {
-                        own.blow = own.blow.max(*blow);
+                        own.neighbor_push = own.neighbor_push.max(*neighbor_push);
                     }
                 }
             }
@@ -175,7 +176,7 @@ mod tests {
         velocities: Vec<Velocity<f32, 3, 3>>,
         frames: Vec<Frame<3>>,
         reach: Vec<Reach>,
-        came: Vec<Came<3>>,
+        since_search: Vec<SearchMotion<3>>,
     }
 
     impl Swarm {
@@ -186,12 +187,12 @@ mod tests {
             let frames = (0..bodies).map(|_| frame(random.vector())).collect();
             let reach = |core| Reach { all: 1.0, core };
             let reach = (0..bodies).map(|_| reach(0.5 + 0.4 * random.number())).collect();
-            Self { velocities, frames, reach, came: vec![Came::NOWHERE; bodies] }
+            Self { velocities, frames, reach, since_search: vec![SearchMotion::NOWHERE; bodies] }
         }
 
-        fn moving(&self, dt: f32) -> Moving<'_, 3, 3> {
-            let Self { velocities, frames, reach, came } = self;
-            Moving { velocities, frames, reach, came, dt }
+        fn moving(&self, dt: f32) -> MotionView<'_, 3, 3> {
+            let Self { velocities, frames, reach, since_search } = self;
+            MotionView { velocities, frames, reach, since_search, dt }
         }
     }
 
@@ -206,27 +207,27 @@ mod tests {
         let (moving, fall) = (swarm.moving(0.1), 0.01);
         let mut masses = free(bodies);
         masses[7] = InverseMass::FIXED;
-        let mut alone = Travels::default();
-        alone.find(moving, &Team::new(1));
-        let (mut blows, mut worst) = (vec![0.0f32; bodies], 0.0f32);
+        let mut alone = TravelBounds::default();
+        alone.find(moving, &ThreadPool::new(1));
+        let (mut neighbor_pushes, mut worst) = (vec![0.0f32; bodies], 0.0f32);
         for pair in pairs.iter().filter(|pair| !pair.rests) {
             let [apart, turning] = moving.passed(&alone.own, pair, || 0.0).unwrap();
             for body in pair.bodies.map(|body| body as usize) {
-                blows[body] = blows[body].max(apart);
+                neighbor_pushes[body] = neighbor_pushes[body].max(apart);
             }
             worst = worst.max((apart + turning + fall) / pair.thickness);
         }
-        blows[7] = 0.0;
+        neighbor_pushes[7] = 0.0;
         for members in 1..5 {
-            let (team, mut travels) = (Team::new(members), Travels::default());
+            let (pool, mut travels) = (ThreadPool::new(members), TravelBounds::default());
             // What the first has left must not matter to the second.
             for moving in [swarm.moving(0.3), moving] {
-                travels.find(moving, &team);
-                let found = travels.pass(moving, &masses, &pairs, [fall, 0.0], &team);
+                travels.find(moving, &pool);
+                let found = travels.pass(moving, &masses, &pairs, [fall, 0.0], &pool);
                 if moving.dt == 0.1 {
                     assert_eq!(found, worst, "{members} members");
-                    let own: Vec<f32> = travels.own.iter().map(|own| own.blow).collect();
-                    assert_eq!(own, blows, "{members} members");
+                    let own: Vec<f32> = travels.own.iter().map(|own| own.neighbor_push).collect();
+                    assert_eq!(own, neighbor_pushes, "{members} members");
                 }
             }
         }
@@ -246,8 +247,8 @@ mod tests {
             swarm.frames[1].position = Vector::ZERO;
             swarm.frames[0].position = place + towards * core_a;
             let moving = swarm.moving(dt);
-            let mut travels = Travels::default();
-            travels.find(moving, &Team::new(1));
+            let mut travels = TravelBounds::default();
+            travels.find(moving, &ThreadPool::new(1));
             let pair = pair([0, 1], false);
             let said: f32 = moving.passed(&travels.own, &pair, || 0.0).unwrap().iter().sum();
             let [a, b] = [0, 1]
@@ -270,19 +271,20 @@ mod tests {
         swarm.reach[1].core = 12.0;
         swarm.velocities[1] = Velocity { linear: random.vector(), angular: spin };
         swarm.velocities[0] = Velocity { linear: swarm.velocities[1].at(place), angular: spin };
-        let (moving, team, mut travels) = (swarm.moving(0.1), Team::new(1), Travels::default());
-        travels.find(moving, &team);
+        let (moving, pool, mut travels) =
+            (swarm.moving(0.1), ThreadPool::new(1), TravelBounds::default());
+        travels.find(moving, &pool);
         let mut pairs = [pair([0, 1], false)];
-        let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &team);
-        assert!(found < 1e-4 && travels.own[0].blow < 1e-5, "{found}, {:?}", travels.own);
+        let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &pool);
+        assert!(found < 1e-4 && travels.own[0].neighbor_push < 1e-5, "{found}, {:?}", travels.own);
         // A third of the turn is not its own, and what is far does not count.
         swarm.velocities[0].angular = spin * (2.0 / 3.0);
         let moving = swarm.moving(0.1);
-        let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &team);
+        let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &pool);
         let turned = spin.length() / 3.0 * swarm.reach[0].core * 0.1;
         assert!((found * pairs[0].thickness - turned).abs() < 1e-5, "{found}");
         pairs[0].room = 100.0;
-        assert_eq!(travels.pass(moving, &free(2), &pairs, [0.0; 2], &team), 0.0);
+        assert_eq!(travels.pass(moving, &free(2), &pairs, [0.0; 2], &pool), 0.0);
     }
 
     /// Bodies that can be moved.

@@ -6,32 +6,32 @@ pub use checkpoint::{Checkpoint, CheckpointError};
 
 use std::sync::Arc;
 
-use drystone_solver::restitution::{self, Blow, Collisions};
-use drystone_solver::team::Team;
+use drystone_solver::restitution::{self, ImpactSettings, ImpactSolver};
+use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, System, Vector, Velocity};
 
-use crate::bodies::{Bodies, Body, BodyId, Came, Inertia, PIECE, SurfaceMotion, Turn};
+use crate::bodies::{Bodies, Body, BodyId, GRAIN, Inertia, SearchMotion, SpinState, SurfaceMotion};
 use crate::broad_phase::BroadPhase;
-use crate::cache::{self, Pair, Records};
+use crate::cache::{self, ManifoldCache, Pair};
 use crate::certifier::Certifier;
 use crate::colliders::{self, Colliders};
-use crate::course::Course;
+use crate::course::SubstepContext;
 use crate::geometry::{Geometry, MassProperties, Precession, Reach};
-use crate::ledger::Books;
-use crate::motion::{self, MovingBodies, Terms};
-use crate::narrow_phase::{Surroundings, Worker, closing, manifolds};
-use crate::pace::Pace;
+use crate::ledger::LedgerBuilder;
+use crate::motion::{self, MovingBodies, SubstepParams};
+use crate::narrow_phase::{NarrowPhaseInput, PairWorker, closing, manifolds};
 use crate::patches::{Patches, Shapes};
 use crate::report::{Clock, Measure, Stage, StepReport};
-use crate::rows::RowsOf;
+use crate::rows::CacheSource;
 use crate::saved::SavedSystem;
 use crate::scene::Motion;
-use crate::seams::{Meeting, Seams};
+use crate::seams::{SeamInput, SeamResolver};
 use crate::settings::StepSettings;
 use crate::sleep::Sleep;
-use crate::surfaces::Surfaces;
-use crate::travel::{Moving, Travels};
+use crate::surfaces::SurfaceStates;
+use crate::travel::{MotionView, TravelBounds};
+use crate::tuner::ThreadTuner;
 
 /// Rounds of collisions within a substep: a blow passes through this many contacts against the
 /// order of the contacts.
@@ -59,8 +59,8 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     broad_phase: BroadPhase<L>,
     pairs: Vec<Pair>,
     fresh_pairs: Vec<Pair>,
-    records: Records<L>,
-    old_records: Records<L>,
+    records: ManifoldCache<L>,
+    old_records: ManifoldCache<L>,
     sleep: Sleep<L>,
     /// Whether each body moves or can be moved.
     active: Vec<bool>,
@@ -75,22 +75,22 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     wide: Wide<L, A>,
     /// The velocities of a substep without the impulses of its contacts.
     prospective: Vec<Velocity<f32, L, A>>,
-    surfaces: Surfaces<L, A>,
+    surfaces: SurfaceStates<L, A>,
     certifier: Certifier<L, A>,
-    blow: Blow<L, A>,
+    impact_solver: ImpactSolver<L, A>,
     /// What forces give each body in a substep in which things may bounce. \[m/s, rad/s\]
     forced: Vec<Velocity<f32, L, A>>,
-    books: Books<L, A>,
+    books: LedgerBuilder<L, A>,
     /// What each body has moved since the step began.
     displacements: Vec<Velocity<f32, L, A>>,
     /// What contacts gave each in the last substep, as far as it was warm started.
     pushes: Vec<Velocity<f32, L, A>>,
-    travel: Travels<L>,
-    workers: Vec<Worker<G, L, A>>,
-    seams: Seams<L>,
+    travel: TravelBounds<L>,
+    workers: Vec<PairWorker<G, L, A>>,
+    seams: SeamResolver<L>,
     patches: Patches<L>,
-    team: Arc<Team>,
-    pace: Pace,
+    pool: Arc<ThreadPool>,
+    tuner: ThreadTuner,
     /// Whether steps time their stages.
     timing: bool,
     /// Whether steps save their last contact system, and that of the last step.
@@ -98,9 +98,9 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     saved: Option<SavedSystem<L, A>>,
 }
 
-/// How many substeps go by until contacts are searched for again, if in so many bodies have `passed` so many times
+/// How many substeps go by substeps_until_search contacts are searched for again, if in so many bodies have `passed` so many times
 /// as much of each other as they may.
-fn until(substeps: u32, passed: f32) -> u32 {
+fn substeps_until_search(substeps: u32, passed: f32) -> u32 {
     ((substeps as f32 / passed) as u32).max(1)
 }
 
@@ -109,21 +109,21 @@ fn moving<'a, G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &'a Bodies<G, L, A>,
     system: &'a System<f32, L, A>,
     dt: f32,
-) -> Moving<'a, L, A> {
-    let Bodies { frames, reach, came, .. } = bodies;
-    Moving { velocities: &system.velocities, frames, reach, came, dt }
+) -> MotionView<'a, L, A> {
+    let Bodies { frames, reach, since_search, .. } = bodies;
+    MotionView { velocities: &system.velocities, frames, reach, since_search, dt }
 }
 
 /// How the substeps of a part of a step are taken.
 struct Plan<const L: usize> {
-    terms: Terms<L>,
+    params: SubstepParams<L>,
     /// Whether each is solved to the tolerance.
     solving: bool,
     /// The one that is certified with all residuals.
     examined: Option<u32>,
     ledger: bool,
     /// How blows are resolved, where anything bounces.
-    collisions: Option<Collisions<f32>>,
+    collisions: Option<ImpactSettings<f32>>,
     /// Whether each substep is taken for everything at once, not for one batch after the other.
     together: bool,
 }
@@ -139,8 +139,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             broad_phase: BroadPhase::new(),
             pairs: Vec::new(),
             fresh_pairs: Vec::new(),
-            records: Records::default(),
-            old_records: Records::default(),
+            records: ManifoldCache::default(),
+            old_records: ManifoldCache::default(),
             sleep: Sleep::default(),
             active: Vec::new(),
             last_gravity: Vector::ZERO,
@@ -148,19 +148,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             system: System::new(),
             wide: Wide::new(),
             prospective: Vec::new(),
-            surfaces: Surfaces::default(),
+            surfaces: SurfaceStates::default(),
             certifier: Certifier::default(),
-            blow: Blow::default(),
+            impact_solver: ImpactSolver::default(),
             forced: Vec::new(),
-            books: Books::default(),
+            books: LedgerBuilder::default(),
             displacements: Vec::new(),
             pushes: Vec::new(),
-            travel: Travels::default(),
+            travel: TravelBounds::default(),
             workers: Vec::new(),
-            seams: Seams::default(),
+            seams: SeamResolver::default(),
             patches: Patches::default(),
-            team: Arc::default(),
-            pace: Pace::default(),
+            pool: Arc::default(),
+            tuner: ThreadTuner::default(),
             timing: false,
             saving: false,
             saved: None,
@@ -169,10 +169,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Uses `threads` threads; results do not depend on it. Keeps to one where no more can be had.
     pub fn set_threads(&mut self, threads: usize) {
-        if threads.max(1) != self.team.members() {
-            self.team = Arc::new(Team::new(threads));
-            self.wide.set_team(Arc::clone(&self.team));
-            self.pace = Pace::default();
+        if threads.max(1) != self.pool.threads() {
+            self.pool = Arc::new(ThreadPool::new(threads));
+            self.wide.set_pool(Arc::clone(&self.pool));
+            self.tuner = ThreadTuner::default();
         }
     }
 
@@ -205,14 +205,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.remainders[index] = Vector::ZERO;
         let moved = body.motion == Motion::Dynamic;
         bodies.precession[index] = if moved { inertia.precession() } else { Precession::NONE };
-        bodies.turns[index] = Turn::default();
+        bodies.turns[index] = SpinState::default();
         bodies.inertia[index] = inertia;
         bodies.gravity_factor[index] = body.gravity_factor;
         bodies.set_damping(index, body.damping);
         bodies.reach[index] = reach;
         bodies.thickness[index] =
             if moved { colliders::thickness::<G, L, A>(&body.colliders) } else { f32::INFINITY };
-        bodies.strayed[index] = f32::INFINITY;
+        bodies.moved_since_rebuild[index] = f32::INFINITY;
         self.pushes[index] = Velocity::ZERO;
         if let Some(force) = bodies.forces.get_mut(index) {
             *force = Velocity::ZERO;
@@ -246,12 +246,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.frames.push(G::frame(&origin));
         bodies.remainders.push(Vector::ZERO);
         bodies.paths.push(0.0);
-        bodies.came.push(Came::NOWHERE);
-        bodies.strayed.push(0.0);
-        bodies.stirred.push(false);
+        bodies.since_search.push(SearchMotion::NOWHERE);
+        bodies.moved_since_rebuild.push(0.0);
+        bodies.needs_rebuild.push(false);
         bodies.inertia.push(Inertia::FIXED);
         bodies.precession.push(Precession::NONE);
-        bodies.turns.push(Turn::default());
+        bodies.turns.push(SpinState::default());
         bodies.gravity_factor.push(1.0);
         bodies.reach.push(Reach::default());
         bodies.thickness.push(f32::INFINITY);
@@ -264,7 +264,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Removes a body; returns whether it was there.
     pub fn remove(&mut self, id: BodyId) -> bool {
         let Some(index) = self.index(id) else { return false };
-        self.rouse_around(index);
+        self.wake_neighbors(index);
         self.bodies.motion[index] = None;
         self.bodies.vacant += 1;
         self.bodies.inertia[index] = Inertia::FIXED;
@@ -308,15 +308,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Whether a body sleeps: it and all that it touches have held still for a while
-    /// ([`StepSettings::sleep`]), and steps leave it out until something touches or moves it.
-    pub fn sleeps(&self, id: BodyId) -> bool {
-        self.index(id).is_some_and(|index| self.sleep.sleeps(index))
+    /// ([`StepSettings::sleep`]), and steps leave it out substeps_until_search something touches or moves it.
+    pub fn is_sleeping(&self, id: BodyId) -> bool {
+        self.index(id).is_some_and(|index| self.sleep.is_sleeping(index))
     }
 
     /// Wakes a body and all that sleeps with it.
     pub fn wake(&mut self, id: BodyId) {
         if let Some(index) = self.index(id) {
-            self.rouse(index);
+            self.wake_slot(index);
         }
     }
 
@@ -325,8 +325,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if let Some(index) = self.index(id)
             && self.bodies.motion[index] != Some(Motion::Static)
         {
-            self.rouse(index);
-            self.bodies.turns[index] = Turn::default();
+            self.wake_slot(index);
+            self.bodies.turns[index] = SpinState::default();
             self.system.velocities[index] = velocity;
         }
     }
@@ -337,8 +337,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let Some(index) = self.index(id) else { return };
         let from = self.bodies.origin(index);
         let apart = G::frame(target).position - G::frame(&from).position;
-        self.rouse(index);
-        self.bodies.turns[index] = Turn::default();
+        self.wake_slot(index);
+        self.bodies.turns[index] = SpinState::default();
         self.system.velocities[index] = Velocity {
             linear: apart * (1.0 / dt),
             angular: G::turn_between(&from, target) * (1.0 / dt),
@@ -349,7 +349,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// their own.
     pub fn set_surface_velocity(&mut self, id: BodyId, motion: Option<SurfaceMotion<L, A>>) {
         if let Some(index) = self.index(id) {
-            self.rouse_around(index);
+            self.wake_neighbors(index);
             let to_center = G::pose(-self.bodies.inertia[index].center, &[]);
             self.colliders.run(index, motion, to_center);
         }
@@ -358,7 +358,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Sets the rates at which the linear and angular velocity of a body decay, and wakes it. \[1/s\]
     pub fn set_damping(&mut self, id: BodyId, damping: [f32; 2]) {
         if let Some(index) = self.index(id) {
-            self.rouse(index);
+            self.wake_slot(index);
             self.bodies.set_damping(index, damping);
         }
     }
@@ -366,7 +366,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Adds a force \[N\] and torque \[N m\] that act through the next step, and wakes the body.
     pub fn add_force(&mut self, id: BodyId, force: Velocity<f32, L, A>) {
         if let Some(index) = self.index(id) {
-            self.rouse(index);
+            self.wake_slot(index);
             let (all, forces) = (self.len(), &mut self.bodies.forces);
             forces.resize(all, Velocity::ZERO);
             forces[index] += force;
@@ -420,23 +420,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     pub fn step(&mut self, dt: f32) -> StepReport {
         let mut report = StepReport::default();
         let mut clock = Clock::start(self.timing);
-        let start = self.pace.start(&self.team);
+        let start = self.tuner.start(&self.pool);
         if self.settings.sleep <= 0.0 || self.gravity != self.last_gravity {
-            self.rouse_all();
+            self.wake_all();
         }
         self.last_gravity = self.gravity;
         let most = self.settings.searches.max(1);
-        let mut passed = self.look_ahead(dt);
+        let mut passed = self.plan_searches(dt);
         // Each search is for one substep at least.
         let asked = self.settings.substeps.max(self.fitting(dt));
         let substeps = asked.max(passed.ceil().min(most as f32) as u32);
         let h = dt / substeps as f32;
         let (mut left, mut due) = (substeps, substeps);
         for search in 0.. {
-            let fitting = until(due, passed).max(left.div_ceil(most - search)).min(left);
+            let fitting =
+                substeps_until_search(due, passed).max(left.div_ceil(most - search)).min(left);
             if fitting != due {
                 due = fitting;
-                self.look_ahead(h * due as f32);
+                self.plan_searches(h * due as f32);
             }
             left -= due;
             clock.lap(Stage::Pairs);
@@ -451,7 +452,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 break;
             }
             due = due.min(left);
-            passed = self.look_ahead(h * due as f32);
+            passed = self.plan_searches(h * due as f32);
         }
         self.bodies.forces.clear();
         let delay = self.settings.sleep;
@@ -466,12 +467,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         report.stages = clock.stages;
         report.substeps = substeps;
-        report.asleep = (0..self.len()).filter(|&body| self.sleep.sleeps(body)).count();
-        report.lost = self.lost();
+        report.asleep = (0..self.len()).filter(|&body| self.sleep.is_sleeping(body)).count();
+        report.not_finite = self.not_finite();
         report.pairs = self.pairs.len();
         report.manifolds = self.records.manifolds.len();
         report.contacts = self.records.points.len();
-        self.pace.stop(start, report.sweeps, report.contacts);
+        self.tuner.stop(start, report.sweeps, report.contacts);
         report
     }
 
@@ -479,7 +480,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn fitting(&self, dt: f32) -> u32 {
         let (settings, gravity) = (&self.settings, self.gravity.length());
         let awake = |(body, thickness): (usize, &f32)| {
-            if self.sleep.sleeps(body) { f32::INFINITY } else { *thickness }
+            if self.sleep.is_sleeping(body) { f32::INFINITY } else { *thickness }
         };
         let thickness = self.bodies.thickness.iter().enumerate().map(awake);
         let thinnest = thickness.fold(f32::INFINITY, f32::min);
@@ -492,7 +493,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Bodies that are not at finite places with finite velocities.
-    fn lost(&self) -> Vec<u32> {
+    fn not_finite(&self) -> Vec<u32> {
         // A finite number times zero is zero, all else NaN: one pass without branches.
         let zero = |body: usize| {
             let (frame, velocity) = (&self.bodies.frames[body], &self.system.velocities[body]);
@@ -508,13 +509,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Finds pairs for the next `dt` \[s\] and the blows of their bodies. Returns what near bodies pass of each other,
     /// the most, over what they may before contacts are searched for again. \[1\]
-    fn look_ahead(&mut self, dt: f32) -> f32 {
+    fn plan_searches(&mut self, dt: f32) -> f32 {
         self.find_pairs(dt);
         let fall = self.gravity.length() * dt * dt;
         let moving = moving(&self.bodies, &self.system, dt);
         let margin = self.settings.prediction_distance;
         let masses = &self.system.masses;
-        let worst = self.travel.pass(moving, masses, &self.pairs, [fall, margin], &self.team);
+        let worst = self.travel.pass(moving, masses, &self.pairs, [fall, margin], &self.pool);
         let passed = worst / self.settings.travel_per_search;
         if passed.is_finite() { passed } else { 0.0 }
     }
@@ -537,24 +538,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             for substep in 0..substeps {
                 self.substep(&plan, substep, &mut renewed, clock, report);
             }
-            self.course().trace(&plan.terms);
+            self.course().trace(&plan.params);
             clock.lap(Stage::Remember);
         } else {
-            self.course().run_by_batch(&plan.terms, clock);
+            self.course().run_by_batch(&plan.params, clock);
         }
         self.surfaces.take_back(&self.colliders, &self.pairs, &self.wide);
-        let sweeps = if plan.solving { 1 } else { 1 + plan.terms.iterations };
+        let sweeps = if plan.solving { 1 } else { 1 + plan.params.iterations };
         report.sweeps += (substeps * sweeps) as usize;
         self.arrive(&plan, clock, report);
     }
 
     /// All bodies and their contacts, on their way through a part.
-    fn course(&mut self) -> Course<'_, G, L, A> {
+    fn course(&mut self) -> SubstepContext<'_, G, L, A> {
         let System { velocities, masses, .. } = &mut self.system;
         let contacts = self.wide.whole(&mut self.records.traces);
         let states = [velocities, &mut self.prospective, &mut self.displacements, &mut self.pushes];
         let states = states.map(Vec::as_mut_slice);
-        Course { contacts, bodies: MovingBodies::new(&mut self.bodies, masses, states, &self.team) }
+        SubstepContext {
+            contacts,
+            bodies: MovingBodies::new(&mut self.bodies, masses, states, &self.pool),
+        }
     }
 
     fn plan(&self, h: f32, substeps: u32, last: bool) -> Plan<L> {
@@ -564,7 +568,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let mut pairs = self.pairs.iter();
         let bounces = |pair: &Pair| pair.restitution > 0.0 && pair.count > 0 && !pair.rests;
         let bouncing = self.colliders.bounce && pairs.any(bounces);
-        let terms = Terms {
+        let params = SubstepParams {
             h,
             substeps,
             iterations: settings.iterations.max(1),
@@ -573,11 +577,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             softness: settings.softness,
         };
         Plan {
-            terms,
+            params,
             solving,
             examined,
             ledger: settings.ledger,
-            collisions: bouncing.then_some(Collisions {
+            collisions: bouncing.then_some(ImpactSettings {
                 law: settings.impact_law,
                 dt: h,
                 threshold: settings.restitution_threshold,
@@ -603,13 +607,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         let stiffness = if plan.solving {
             let of = |body| [bodies.weight(body, self.gravity), bodies.thickness[body]];
-            certifier.stiffness(records.pairs(), of, &self.settings, plan.terms.h)
+            certifier.stiffness(records.pairs(), of, &self.settings, plan.params.h)
         } else {
             certifier.no_stiffness()
         };
         let (velocities, together) = (&system.velocities, plan.together);
         let in_order = plan.solving || self.settings.certify;
-        let rows = RowsOf { records, velocities, stiffness, same, together, in_order };
+        let rows = CacheSource { records, velocities, stiffness, same, together, in_order };
         wide.pack(&rows, &system.masses, softness);
         let of = (&self.colliders, &self.bodies);
         let moving = (system.velocities.as_slice(), dt);
@@ -626,7 +630,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Forces, blows, contacts, motion, and contacts again as rigid ones: a substep of everything at once, with
-    /// all that may go with it. Without, it is that of [`Course::run_by_batch`].
+    /// all that may go with it. Without, it is that of [`SubstepContext::run_by_batch`].
     fn substep(
         &mut self,
         plan: &Plan<L>,
@@ -635,14 +639,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         clock: &mut Clock,
         report: &mut StepReport,
     ) {
-        let terms = &plan.terms;
+        let params = &plan.params;
         if plan.ledger {
             self.books.start(&self.system.velocities);
         }
         if plan.collisions.is_some() {
             self.forced.clone_from(&self.system.velocities);
         }
-        self.course().bodies.predict(terms);
+        self.course().bodies.predict(params);
         clock.lap(Stage::Predict);
         if let Some(collisions) = &plan.collisions {
             if *renewed {
@@ -655,15 +659,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             clock.lap(Stage::Bounce);
         }
         let examined = plan.examined == Some(substep);
-        let saving = self.saving && substep + 1 == terms.substeps;
-        let turning = self.course().warm_start(substep, *renewed, terms);
+        let saving = self.saving && substep + 1 == params.substeps;
+        let turning = self.course().warm_start(substep, *renewed, params);
         if plan.solving || saving {
             let velocities = turning.then_some(&self.system.velocities[..]);
-            self.wide.set_targets(&self.displacements, velocities, &terms.repair);
-            self.course().run_belts(terms, substep);
+            self.wide.set_targets(&self.displacements, velocities, &params.repair);
+            self.course().run_belts(params, substep);
         }
         if saving {
-            self.save(terms.h);
+            self.save(params.h);
         }
         clock.lap(Stage::WarmStart);
         let solved = if plan.solving {
@@ -673,7 +677,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             report.sweeps += outcome.iterations;
             Some(outcome)
         } else {
-            self.course().solve(terms, substep, turning);
+            self.course().solve(params, substep, turning);
             clock.lap(Stage::Solve);
             let velocities = &self.system.velocities;
             let examine = || self.certifier.examine(velocities, &self.wide, &self.prospective);
@@ -686,21 +690,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.wide.unpack(&mut self.system);
             self.books.depart(&self.system);
         }
-        let turned = self.course().bodies.advance(terms);
+        let turned = self.course().bodies.advance(params);
         clock.lap(Stage::Advance);
         if plan.ledger {
             self.books.arrive(&self.system.velocities);
         }
-        *renewed = turned && self.course().renew(terms);
+        *renewed = turned && self.course().renew(params);
         if turned && (plan.solving || plan.examined.is_some()) {
-            self.certifier.climber.follow(&self.system);
+            self.certifier.island_solver.follow(&self.system);
         }
-        self.course().relax(*renewed, terms);
+        self.course().relax(*renewed, params);
         if plan.ledger {
             self.wide.unpack(&mut self.system);
             self.surfaces.note(&self.wide);
             let surfaces = &self.surfaces.done;
-            self.books.end(&self.bodies, self.gravity, (&self.system, surfaces), terms.h);
+            self.books.end(&self.bodies, self.gravity, (&self.system, surfaces), params.h);
         }
         clock.lap(Stage::Relax);
         if examined {
@@ -711,13 +715,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Collisions at the start of a substep; returns how many there were.
-    fn bounce(&mut self, plan: &Plan<L>, collisions: &Collisions<f32>) -> usize {
+    fn bounce(&mut self, plan: &Plan<L>, collisions: &ImpactSettings<f32>) -> usize {
         let (system, books, moved) = (&mut self.system, &mut self.books, &mut self.displacements);
         if plan.ledger {
             books.strike(0, &system.velocities);
         }
-        system.set_targets(moved, &plan.terms.repair);
-        let count = restitution::collide(system, moved, &self.forced, collisions, &mut self.blow);
+        system.set_targets(moved, &plan.params.repair);
+        let count =
+            restitution::collide(system, moved, &self.forced, collisions, &mut self.impact_solver);
         self.wide.take_impacts(system);
         if plan.ledger {
             books.strike(1, &system.velocities);
@@ -738,7 +743,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Gives poses back at the end of a part.
     fn arrive(&mut self, plan: &Plan<L>, clock: &mut Clock, report: &mut StepReport) {
         let velocities = &mut self.system.velocities;
-        motion::arrive(&mut self.bodies, &self.team, &self.displacements, velocities);
+        motion::arrive(&mut self.bodies, &self.pool, &self.displacements, velocities);
         if plan.ledger {
             let ledger = self.books.close(&self.bodies, self.gravity, &self.system.velocities);
             report.energy.get_or_insert_default().join(&ledger);
@@ -746,16 +751,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         clock.lap(Stage::Advance);
     }
 
-    /// M^-1 of all bodies that have stirred, at their present poses; nothing moves one that sleeps.
+    /// M^-1 of all bodies that have moved far enough for a rebuild, at their present poses; nothing moves one that sleeps.
     fn update_masses(&mut self) {
         let (bodies, sleep) = (&self.bodies, &self.sleep);
-        let (useful, share) = self.team.share(bodies.poses.len(), PIECE);
+        let (useful, share) = self.pool.share(bodies.poses.len(), GRAIN);
         let masses = self.system.masses.chunks_mut(share).enumerate();
-        self.team.for_each(useful, masses, |(part, masses)| {
+        self.pool.for_each(useful, masses, |(part, masses)| {
             for (body, mass) in (share * part..).zip(masses) {
-                if sleep.sleeps(body) {
+                if sleep.is_sleeping(body) {
                     *mass = InverseMass::FIXED;
-                } else if bodies.stirred[body] || *mass == InverseMass::FIXED {
+                } else if bodies.needs_rebuild[body] || *mass == InverseMass::FIXED {
                     *mass = bodies.inverse_mass(body);
                 }
             }
@@ -763,7 +768,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Wakes a body, by its slot, and all that sleeps with it; returns whether it slept.
-    fn rouse(&mut self, body: usize) -> bool {
+    fn wake_slot(&mut self, body: usize) -> bool {
         let slept = self.sleep.wake(body);
         if slept {
             self.update_masses();
@@ -772,19 +777,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Wakes a body and all that is near it.
-    fn rouse_around(&mut self, body: usize) {
+    fn wake_neighbors(&mut self, body: usize) {
         for pair in 0..self.pairs.len() {
             let [a, b] = self.pairs[pair].bodies.map(|body| body as usize);
             if a == body || b == body {
-                self.rouse(a);
-                self.rouse(b);
+                self.wake_slot(a);
+                self.wake_slot(b);
             }
         }
     }
 
-    fn rouse_all(&mut self) {
+    fn wake_all(&mut self) {
         for body in 0..self.len() {
-            self.rouse(body);
+            self.wake_slot(body);
         }
     }
 
@@ -792,10 +797,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn find_pairs(&mut self, dt: f32) {
         let reach = self.settings.prediction_distance * 0.5;
         let bodies = &self.bodies;
-        self.travel.find(moving(bodies, &self.system, dt), &self.team);
+        self.travel.find(moving(bodies, &self.system, dt), &self.pool);
         let (travel, sleep) = (&self.travel.own, &self.sleep);
-        self.colliders.follow(&mut self.broad_phase, bodies, sleep, travel, reach, &self.team);
-        let Some(found) = self.broad_phase.follow(&mut self.pairs, &self.team) else { return };
+        self.colliders.follow(&mut self.broad_phase, bodies, sleep, travel, reach, &self.pool);
+        let Some(found) = self.broad_phase.follow(&mut self.pairs, &self.pool) else { return };
         let fresh = &mut self.fresh_pairs;
         fresh.clear();
         let (colliders, bodies) = (&self.colliders, &self.bodies);
@@ -803,7 +808,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let (fall, settings) = (self.gravity.length() * dt * dt, &self.settings);
         let moving = moving(bodies, &self.system, dt);
         if self.workers.is_empty() {
-            self.workers.push(Worker::default());
+            self.workers.push(PairWorker::default());
         }
         for pair in fresh.iter_mut() {
             let passed = moving.passed(travel, pair, || 0.0).unwrap_or_default();
@@ -820,16 +825,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Finds manifolds, of which points are reused while bodies move less than `reuse` \[m\]. Returns whether
     /// there are the same as before, with as many points.
     fn find_manifolds(&mut self, reuse: f32, dt: f32) -> bool {
-        // Two bodies that have not stirred have come half of what contacts are reused for, at most.
+        // Two bodies that need no rebuild have come half of what contacts are reused for, at most.
         let limit = 0.25 * reuse;
-        self.bodies.stir(limit, &self.system.velocities, &self.team);
+        self.bodies.mark_moved(limit, &self.system.velocities, &self.pool);
         self.update_masses();
         if reuse < std::mem::replace(&mut self.last_reuse, reuse) {
             // How long points last was found for more.
             self.pairs.iter_mut().filter(|pair| pair.count > 0).for_each(|pair| pair.room = 0.0);
         }
         std::mem::swap(&mut self.records, &mut self.old_records);
-        self.note_active();
+        self.update_active();
         if self.sleep.is_used() {
             let active = |body: u32| self.active[body as usize];
             self.sleep.rest_pairs(&mut self.pairs, &self.old_records, active);
@@ -843,7 +848,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             traced = false;
             // What is touched wakes, and may wake what it touches.
-            if !self.rouse_touched() {
+            if !self.wake_touched() {
                 self.find_patches();
                 self.settle_seams(dt);
                 // A tolerance shares loads as it should.
@@ -852,30 +857,30 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 }
                 return same;
             }
-            self.note_active();
+            self.update_active();
             std::mem::swap(&mut self.records, &mut self.old_records);
         }
     }
 
-    fn note_active(&mut self) {
+    fn update_active(&mut self) {
         let (bodies, velocities) = (&self.bodies, &self.system.velocities);
         let active = |body: usize| self.sleep.is_active(bodies, velocities, body);
         self.active.resize(bodies.poses.len(), false);
-        let (useful, share) = self.team.share(bodies.poses.len(), PIECE);
-        self.team.for_each(useful, self.active.chunks_mut(share).enumerate(), |(part, own)| {
+        let (useful, share) = self.pool.share(bodies.poses.len(), GRAIN);
+        self.pool.for_each(useful, self.active.chunks_mut(share).enumerate(), |(part, own)| {
             (share * part..).zip(own).for_each(|(body, own)| *own = active(body));
         });
     }
 
     /// Wakes what something active touches; returns whether any slept.
-    fn rouse_touched(&mut self) -> bool {
+    fn wake_touched(&mut self) -> bool {
         let mut any = false;
         if !self.sleep.is_used() {
             return any;
         }
         for record in 0..self.records.manifolds.len() {
             for body in self.records.manifolds[record].bodies {
-                any |= self.sleep.sleeps(body as usize) && self.rouse(body as usize);
+                any |= self.sleep.is_sleeping(body as usize) && self.wake_slot(body as usize);
             }
         }
         any
@@ -884,7 +889,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Finds the manifolds from those of before, which have been `traced` or only found. Returns whether there
     /// are others.
     fn collide(&mut self, traced: bool, reuse_distance: f32, dt: f32) -> bool {
-        let around = Surroundings::<G, L, A> {
+        let around = NarrowPhaseInput::<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
             bodies: &self.bodies,
@@ -898,19 +903,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             reuse_distance,
         };
         let records = (&mut self.old_records, &mut self.records);
-        manifolds(&around, &mut self.pairs, &mut self.workers, &self.team, records)
+        manifolds(&around, &mut self.pairs, &mut self.workers, &self.pool, records)
     }
 
     /// Turns manifolds at seams and corners to the axes along which their bodies are held apart.
     fn settle_seams(&mut self, dt: f32) {
-        let meeting = Meeting::<G, L, A> {
+        let meeting = SeamInput::<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
             bodies: &self.bodies,
             velocities: &self.system.velocities,
             dt,
         };
-        let closing = closing(&self.workers, self.pairs.len(), &self.team);
+        let closing = closing(&self.workers, self.pairs.len(), &self.pool);
         self.seams.settle(&meeting, closing, &mut self.pairs, &mut self.records);
     }
 
@@ -966,10 +971,12 @@ mod tests {
     /// As many substeps as pass no more than they may, and one at least.
     #[test]
     fn searches_are_as_far_apart_as_they_may_be() {
-        let of = |passed: [f32; 5], substeps| passed.map(|passed| until(substeps, passed));
+        let of = |passed: [f32; 5], substeps| {
+            passed.map(|passed| substeps_until_search(substeps, passed))
+        };
         assert_eq!(of([1.0, 2.0, 3.1, 4.1, 99.0], 8), [8, 4, 2, 1, 1]);
         // What has become slower may go on for longer.
         assert_eq!(of([0.25, 0.5, 0.9, 1.0, 1.1], 2), [8, 4, 2, 2, 1]);
-        assert_eq!(until(1, 0.0), u32::MAX);
+        assert_eq!(substeps_until_search(1, 0.0), u32::MAX);
     }
 }

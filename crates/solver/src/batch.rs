@@ -1,4 +1,4 @@
-//! [`Division`]: bodies and manifolds in batches, each of which is solved through all substeps before the next,
+//! [`Partition`]: bodies and manifolds in batches, each of which is solved through all substeps before the next,
 //! while it is in the cache of a core.
 
 use std::ops::Range;
@@ -14,7 +14,7 @@ const PATIENCE: u32 = 16;
 /// Islands are divided where no manifold crosses, in the order of the bodies: so passes over bodies stay
 /// passes over slices. Which batch a manifold is in changes no bit of what becomes of it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Extent {
+pub(crate) struct BatchRange {
     pub(crate) bodies: Range<usize>,
     /// Among those of all, as blocks and their points.
     pub(crate) colors: Range<usize>,
@@ -24,7 +24,7 @@ pub(crate) struct Extent {
 
 /// A manifold as batches and colors see it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Outline {
+pub(crate) struct ConstraintKey {
     pub(crate) bodies: [u32; 2],
     /// Whether they can be moved: the others may have many manifolds of a color.
     pub(crate) moving: [bool; 2],
@@ -48,7 +48,7 @@ impl Sizes {
 
 /// Which bodies are in which batch.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Division {
+pub(crate) struct Partition {
     /// The end of the bodies of each batch, and where they would end anew.
     ends: Vec<u32>,
     anew: Vec<u32>,
@@ -60,7 +60,7 @@ pub(crate) struct Division {
     waited: u32,
 }
 
-impl Division {
+impl Partition {
     /// How many batches there are.
     pub(crate) fn len(&self) -> usize {
         self.ends.len()
@@ -85,12 +85,12 @@ impl Division {
     pub(crate) fn update(
         &mut self,
         of_bodies: &[[bool; 2]],
-        outlines: &mut [Outline],
+        keys: &mut [ConstraintKey],
         points: usize,
         sizes: Sizes,
     ) -> bool {
         let bodies = of_bodies.len();
-        let all = bodies * sizes.body + outlines.len() * sizes.manifold + points * sizes.point;
+        let all = bodies * sizes.body + keys.len() * sizes.manifold + points * sizes.point;
         let whole = self.ends == [bodies as u32];
         self.waited = if whole { (self.waited + 1) % PATIENCE } else { 0 };
         if all <= 2 * BATCH || self.waited > 0 {
@@ -100,9 +100,9 @@ impl Division {
                 return false;
             }
         } else {
-            self.join(of_bodies, outlines, sizes);
+            self.join(of_bodies, keys, sizes);
             if self.divide() {
-                self.tell(of_bodies, outlines);
+                self.tell(of_bodies, keys);
                 return false;
             }
         }
@@ -111,15 +111,15 @@ impl Division {
         for (batch, &end) in self.ends.iter().enumerate() {
             self.of_body.resize(end as usize, u16::try_from(batch).unwrap_or(u16::MAX));
         }
-        self.tell(of_bodies, outlines);
+        self.tell(of_bodies, keys);
         true
     }
 
-    fn join(&mut self, bodies: &[[bool; 2]], outlines: &[Outline], sizes: Sizes) {
+    fn join(&mut self, bodies: &[[bool; 2]], keys: &[ConstraintKey], sizes: Sizes) {
         let joins = |body: u32| bodies[body as usize][1];
         self.joined.clear();
         self.joined.resize(bodies.len(), (0, sizes.body as u32));
-        for Outline { bodies: [a, b], points, .. } in outlines {
+        for ConstraintKey { bodies: [a, b], points, .. } in keys {
             let both = joins(*a) && joins(*b);
             let (low, high) = if both {
                 (a.min(b), a.max(b))
@@ -157,11 +157,11 @@ impl Division {
         !crossed && self.ends.last() == Some(&bodies) && 2 * self.ends.len() >= self.anew.len()
     }
 
-    fn tell(&self, bodies: &[[bool; 2]], outlines: &mut [Outline]) {
-        for outline in outlines {
-            let [a, b] = outline.bodies;
+    fn tell(&self, bodies: &[[bool; 2]], keys: &mut [ConstraintKey]) {
+        for key in keys {
+            let [a, b] = key.bodies;
             let own = if bodies[a as usize][1] { a } else { b };
-            outline.batch = self.of_body[own as usize];
+            key.batch = self.of_body[own as usize];
         }
     }
 }

@@ -21,8 +21,8 @@ pub struct Velocity<T: Real, const L: usize, const A: usize> {
 impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
     /// At rest.
     pub const ZERO: Self = Self { linear: Vector::ZERO, angular: Vector::ZERO };
-    /// Where sums begin ([`Real::NOTHING`]).
-    pub(crate) const NOTHING: Self = Self { linear: Vector::NOTHING, angular: Vector::NOTHING };
+    /// Where sums begin ([`Real::NEG_ZERO`]).
+    pub(crate) const NEG_ZERO: Self = Self { linear: Vector::NEG_ZERO, angular: Vector::NEG_ZERO };
 
     /// v . p: of a velocity and a momentum, a power times a time. \[J\]
     #[inline(always)]
@@ -94,24 +94,24 @@ impl<T: Real, const L: usize, const A: usize> SubAssign for Velocity<T, L, A> {
 
 /// Some components of a twist or a wrench.
 #[derive(Clone, Debug)]
-pub(crate) struct Axes {
+pub(crate) struct TwistAxes {
     pub(crate) linear: Range<usize>,
     pub(crate) angular: Range<usize>,
 }
 
 /// All of them.
-pub(crate) const fn all_axes<const L: usize, const A: usize>() -> Axes {
-    Axes { linear: 0..L, angular: 0..A }
+pub(crate) const fn all_axes<const L: usize, const A: usize>() -> TwistAxes {
+    TwistAxes { linear: 0..L, angular: 0..A }
 }
 
 /// What impulses along normals do and feel: the velocity along the normal, and turning that tilts it.
-pub(crate) const fn along_normals<const A: usize>() -> Axes {
-    Axes { linear: 0..1, angular: A / 3..A }
+pub(crate) const fn along_normals<const A: usize>() -> TwistAxes {
+    TwistAxes { linear: 0..1, angular: A / 3..A }
 }
 
 /// What impulses of friction do and feel: the rest.
-pub(crate) const fn along_tangents<const L: usize, const A: usize>() -> Axes {
-    Axes { linear: 1..L, angular: 0..A / 3 }
+pub(crate) const fn along_tangents<const L: usize, const A: usize>() -> TwistAxes {
+    TwistAxes { linear: 1..L, angular: 0..A / 3 }
 }
 
 /// One block of M: (m, I), the latter in world axes. Zero for what nothing can move, and along what is

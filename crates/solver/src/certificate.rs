@@ -52,7 +52,7 @@
 //! Coulomb's law asks for s_i = mu |slip_i| of the answer itself, and no such bound is known. G is
 //! taken with s_i = mu |slip_i| of the velocities at hand: it is 0 exactly at a solution of
 //! Coulomb's law, and otherwise bounds the distance to the exact answer for these s_i.
-//! [`Certificate::natural`] is the residual of Coulomb's law itself.
+//! [`Certificate::natural_residual`] is the residual of Coulomb's law itself.
 //!
 //! # Which impulses
 //!
@@ -82,10 +82,10 @@ pub struct Certificate {
     /// Mass of the lightest body. \[kg\]
     pub lightest: f64,
     /// Natural map of Coulomb's law, the worst of any contact. \[m/s\]
-    pub natural: f64,
+    pub natural_residual: f64,
     /// Fastest approach beyond the target, compliance left out: what a step adds to an overlap,
     /// over its length. \[m/s\]
-    pub sinking: f64,
+    pub approach_error: f64,
     /// Sum of |r . (R r - y)|: the work of contacts on velocities that they should not see. \[J\]
     pub complementarity: f64,
     /// Farthest that an impulse is outside its cone, over its effective mass. \[m/s\]
@@ -99,8 +99,8 @@ impl Certificate {
         defect: 0.0,
         mass: 0.0,
         lightest: f64::INFINITY,
-        natural: 0.0,
-        sinking: 0.0,
+        natural_residual: 0.0,
+        approach_error: 0.0,
         complementarity: 0.0,
         cone: 0.0,
     };
@@ -121,11 +121,11 @@ impl Certificate {
     }
 
     /// Adds what a manifold says.
-    fn add(&mut self, verdict: &Verdict) {
-        self.natural = self.natural.max(verdict.natural);
-        self.sinking = self.sinking.max(verdict.sinking);
-        self.cone = self.cone.max(verdict.cone);
-        self.complementarity += verdict.complementarity;
+    fn add(&mut self, residuals: &ManifoldResiduals) {
+        self.natural_residual = self.natural_residual.max(residuals.natural_residual);
+        self.approach_error = self.approach_error.max(residuals.approach_error);
+        self.cone = self.cone.max(residuals.cone);
+        self.complementarity += residuals.complementarity;
     }
 }
 
@@ -195,10 +195,10 @@ impl Line {
 
 /// What a manifold adds to the certificate of its island.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Verdict {
+pub(crate) struct ManifoldResiduals {
     line: Parabola<f64>,
-    natural: f64,
-    sinking: f64,
+    natural_residual: f64,
+    approach_error: f64,
     complementarity: f64,
     cone: f64,
 }
@@ -208,10 +208,10 @@ pub(crate) type Momenta<const L: usize, const A: usize> = [Velocity<f64, L, A>; 
 
 /// What the points of a manifold say of velocities and impulses; or of several manifolds, side by side.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Evidence<T: Real, const L: usize, const A: usize> {
+pub(crate) struct ManifoldTerms<T: Real, const L: usize, const A: usize> {
     line: Parabola<T>,
-    natural: T,
-    sinking: T,
+    natural_residual: T,
+    approach_error: T,
     complementarity: T,
     cone: T,
     /// What a gains and b loses ([`Manifold::momenta`]) by the impulses at the start of the line, and on
@@ -219,7 +219,7 @@ pub(crate) struct Evidence<T: Real, const L: usize, const A: usize> {
     momenta: [[Velocity<T, L, A>; 2]; 2],
 }
 
-impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
+impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
     /// Of a part of points on bodies that move at `velocities`; with `RESIDUALS` or G alone, with the
     /// `LINE` or its start alone.
     #[inline(always)]
@@ -233,10 +233,10 @@ impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
         let [a, b] = velocities;
         let twist = manifold.twist(&a.part(part), &b.part(part));
         let mut wrenches = [Velocity::ZERO; 2];
-        let mut evidence = Self {
+        let mut terms = Self {
             line: Parabola { a: T::ZERO, b: T::ZERO, c: T::ZERO },
-            natural: T::ZERO,
-            sinking: T::ZERO,
+            natural_residual: T::ZERO,
+            approach_error: T::ZERO,
             complementarity: T::ZERO,
             cone: T::ZERO,
             momenta: [[Velocity::ZERO; 2]; 2],
@@ -247,19 +247,19 @@ impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
             let law = Law::of(manifold, &contact);
             let inside = law.clamp(contact.impulse);
             if RESIDUALS {
-                evidence.add_residuals(&law, &contact, y, inside);
+                terms.add_residuals(&law, &contact, y, inside);
             }
-            let [start, way] = evidence.add_line::<LINE>(&law, &contact, y, inside);
+            let [start, way] = terms.add_line::<LINE>(&law, &contact, y, inside);
             contact.add_wrench(0..L, start, &mut wrenches[0]);
             if LINE {
                 contact.add_wrench(0..L, way, &mut wrenches[1]);
             }
         }
-        evidence.momenta[0] = manifold.momenta(&wrenches[0]);
+        terms.momenta[0] = manifold.momenta(&wrenches[0]);
         if LINE {
-            evidence.momenta[1] = manifold.momenta(&wrenches[1]);
+            terms.momenta[1] = manifold.momenta(&wrenches[1]);
         }
-        evidence
+        terms
     }
 
     /// A contact that misses its target by `y`, with the impulse `r` of its cone.
@@ -276,10 +276,10 @@ impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
         let mut stepped = r - w * across;
         stepped[0] = r[0];
         let slip = (law.clamp(stepped) - r).length() / across;
-        let natural = absolute((r[0] / mass).min(w[0])).max(across.choose(slip, T::ZERO));
+        let natural_residual = absolute((r[0] / mass).min(w[0])).max(across.choose(slip, T::ZERO));
         w[0] += law.shift(y, r);
-        self.natural = self.natural.max(mass.choose(natural, T::ZERO));
-        self.sinking = self.sinking.max(mass.choose(y[0], T::ZERO));
+        self.natural_residual = self.natural_residual.max(mass.choose(natural_residual, T::ZERO));
+        self.approach_error = self.approach_error.max(mass.choose(y[0], T::ZERO));
         self.cone = self.cone.max(mass.choose((contact.impulse - r).length() / mass, T::ZERO));
         self.complementarity += mass.choose(absolute(r.dot(w)), T::ZERO);
     }
@@ -310,13 +310,13 @@ impl<T: Real, const L: usize, const A: usize> Evidence<T, L, A> {
     }
 }
 
-impl<T: Doubles, const L: usize, const A: usize> Evidence<T, L, A> {
+impl<T: Doubles, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
     /// What a lane adds to the certificate of its island.
     #[inline(always)]
     pub(crate) fn tell<const RESIDUALS: bool, const LINE: bool>(
         &self,
         lane: usize,
-        to: &mut Verdict,
+        to: &mut ManifoldResiduals,
     ) {
         to.line.c = self.line.c.get(lane);
         if LINE {
@@ -324,8 +324,8 @@ impl<T: Doubles, const L: usize, const A: usize> Evidence<T, L, A> {
             to.line.b = self.line.b.get(lane);
         }
         if RESIDUALS {
-            to.natural = self.natural.get(lane);
-            to.sinking = self.sinking.get(lane);
+            to.natural_residual = self.natural_residual.get(lane);
+            to.approach_error = self.approach_error.get(lane);
             to.complementarity = self.complementarity.get(lane);
             to.cone = self.cone.get(lane);
         }
@@ -365,25 +365,25 @@ pub fn certify<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
     prospective: &[Velocity<T, L, A>],
 ) -> Certificate {
-    let mut tally = Tally::default();
-    tally.set_masses(system);
-    tally.certify(system, prospective)
+    let mut scratch = CertificateScratch::default();
+    scratch.set_masses(system);
+    scratch.certify(system, prospective)
 }
 
 /// Sums up certificates, island by island, and keeps the memory for it.
 #[derive(Clone, Debug, Default)]
-pub struct Tally<const L: usize, const A: usize> {
+pub struct CertificateScratch<const L: usize, const A: usize> {
     masses: Vec<(Mass<L, A>, InverseMass<f64, L, A>)>,
     /// By body; 0 before and after.
     momenta: Vec<Momenta<L, A>>,
     /// What each manifold and each body adds.
-    verdicts: Vec<Verdict>,
+    residuals_of: Vec<ManifoldResiduals>,
     shares: Vec<Parabola<f64>>,
     lines: Vec<Line>,
     certificates: Vec<Certificate>,
 }
 
-impl<const L: usize, const A: usize> Tally<L, A> {
+impl<const L: usize, const A: usize> CertificateScratch<L, A> {
     /// Takes over M of the bodies of a system.
     pub fn set_masses<T: Scalar>(&mut self, system: &System<T, L, A>) {
         self.masses.clear();
@@ -441,15 +441,15 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         system: &System<T, L, A>,
         prospective: &[Velocity<T, L, A>],
     ) -> Certificate {
-        let (momenta, verdicts) = self.start(1, system.manifolds.len());
-        for (manifold, verdict) in system.manifolds.iter().zip(verdicts) {
+        let (momenta, residuals_of) = self.start(1, system.manifolds.len());
+        for (manifold, residuals) in system.manifolds.iter().zip(residuals_of) {
             let points = &system.contacts[manifold.points()];
             let velocities = system.velocities_of(manifold);
-            let evidence: Evidence<f64, L, A> =
-                Evidence::of::<T, true, true>(0, manifold, points, &velocities);
-            evidence.tell::<true, true>(0, verdict);
+            let terms: ManifoldTerms<f64, L, A> =
+                ManifoldTerms::of::<T, true, true>(0, manifold, points, &velocities);
+            terms.tell::<true, true>(0, residuals);
             for (side, body) in manifold.bodies.into_iter().enumerate() {
-                evidence.add_momenta::<true>(side, 0, &mut momenta[body as usize]);
+                terms.add_momenta::<true>(side, 0, &mut momenta[body as usize]);
             }
         }
         (0..system.manifolds.len()).for_each(|manifold| self.add::<true, true>(0, manifold));
@@ -465,14 +465,14 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         &mut self,
         islands: usize,
         manifolds: usize,
-    ) -> (&mut [Momenta<L, A>], &mut [Verdict]) {
+    ) -> (&mut [Momenta<L, A>], &mut [ManifoldResiduals]) {
         self.lines.clear();
         self.lines.resize(islands, Line::default());
         self.certificates.clear();
         self.certificates.resize(islands, Certificate::NONE);
         self.momenta.resize(self.masses.len(), [Velocity::ZERO; 2]);
-        self.verdicts.resize(manifolds, Verdict::default());
-        (&mut self.momenta, &mut self.verdicts)
+        self.residuals_of.resize(manifolds, ManifoldResiduals::default());
+        (&mut self.momenta, &mut self.residuals_of)
     }
 
     /// Adds what a manifold says to its island.
@@ -482,21 +482,24 @@ impl<const L: usize, const A: usize> Tally<L, A> {
         island: u32,
         manifold: usize,
     ) {
-        let verdict = &self.verdicts[manifold];
+        let residuals = &self.residuals_of[manifold];
         let Some(certificate) = self.certificates.get_mut(island as usize) else { return };
         if RESIDUALS {
-            certificate.add(verdict);
+            certificate.add(residuals);
         }
-        self.lines[island as usize].gap.add::<LINE>(&verdict.line);
+        self.lines[island as usize].gap.add::<LINE>(&residuals.line);
     }
 
     /// All bodies, so many at a time.
-    pub(crate) fn bodies(&mut self, count: usize) -> impl Iterator<Item = Bodies<'_, L, A>> + Send {
+    pub(crate) fn bodies(
+        &mut self,
+        count: usize,
+    ) -> impl Iterator<Item = BodyRange<'_, L, A>> + Send {
         self.shares.resize(self.masses.len(), Parabola::default());
         let (count, Self { masses, momenta, shares, .. }) = (count.max(1), self);
         let chunks = masses.chunks(count).zip(momenta.chunks_mut(count)).enumerate();
         chunks.zip(shares.chunks_mut(count)).map(move |((part, (masses, momenta)), shares)| {
-            Bodies { first: count * part, masses, momenta, shares }
+            BodyRange { first: count * part, masses, momenta, shares }
         })
     }
 
@@ -524,15 +527,15 @@ impl<const L: usize, const A: usize> Tally<L, A> {
     }
 }
 
-/// Bodies that follow each other, and what they add to the line.
-pub(crate) struct Bodies<'a, const L: usize, const A: usize> {
+/// BodyRange that follow each other, and what they add to the line.
+pub(crate) struct BodyRange<'a, const L: usize, const A: usize> {
     first: usize,
     masses: &'a [(Mass<L, A>, InverseMass<f64, L, A>)],
     momenta: &'a mut [Momenta<L, A>],
     shares: &'a mut [Parabola<f64>],
 }
 
-impl<const L: usize, const A: usize> Bodies<'_, L, A> {
+impl<const L: usize, const A: usize> BodyRange<'_, L, A> {
     /// Finds it, from all velocities, and forgets the momenta.
     #[inline(always)]
     pub(crate) fn share<T: Scalar, const LINE: bool>(

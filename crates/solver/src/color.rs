@@ -3,13 +3,13 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
-use crate::batch::{Division, Extent, Outline, Sizes};
+use crate::batch::{BatchRange, ConstraintKey, Partition, Sizes};
 use crate::lanes::{WIDTH, lanes_of};
-use crate::team::{Member, Team};
+use crate::thread_pool::{ThreadPool, Worker};
 
 /// What a manifold was when manifolds were last taken in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Past {
+pub enum Reuse {
     /// It was not there, or its number is not known.
     New,
     /// It had this number, and joined the same bodies.
@@ -19,7 +19,7 @@ pub enum Past {
     Kept(u32),
 }
 
-impl Past {
+impl Reuse {
     /// The same of one that is not kept.
     pub fn changed(self) -> Self {
         match self {
@@ -42,21 +42,21 @@ const KINDS: usize = COLORS * BINS + 1;
 const ALONE: usize = KINDS - 1;
 
 /// Manifolds that are worth as much as the least that is shared.
-const PIECE: usize = 256;
+const GRAIN: usize = 256;
 
 /// No place; no manifold.
 const NONE: u32 = u32::MAX;
 
 /// What has been taken: how many manifolds that are kept, and points of all.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Taken {
+pub(crate) struct Intake {
     kept: usize,
     points: usize,
 }
 
 /// What has become of the places of manifolds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Placed {
+pub(crate) enum Placement {
     /// All manifolds are those of the time before, where they were.
     Same,
     /// Those that are not new have stayed.
@@ -67,7 +67,7 @@ pub(crate) enum Placed {
 
 /// The manifolds of a block. Lanes are bits.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Members {
+pub(crate) struct LaneMap {
     /// Lanes that have one.
     pub(crate) used: u16,
     /// Those that had another before, or whose manifold has changed.
@@ -76,7 +76,7 @@ pub(crate) struct Members {
     pub(crate) manifolds: [u32; WIDTH],
 }
 
-impl Members {
+impl LaneMap {
     const EMPTY: Self = Self { used: 0, stale: u16::MAX, manifolds: [0; WIDTH] };
 
     /// How a block with idle lanes ranks, its number in the lower half: the first choice for a new manifold is the
@@ -114,14 +114,14 @@ impl Members {
     }
 
     /// The same, of which those are stale that have changed since they were here before.
-    pub(crate) fn changed(&self, past: impl Fn(u32) -> Past) -> Self {
-        let is_stale = |manifold| past(manifold) != Past::Kept(manifold);
+    pub(crate) fn changed(&self, reuse: impl Fn(u32) -> Reuse) -> Self {
+        let is_stale = |manifold| reuse(manifold) != Reuse::Kept(manifold);
         let bit = |(lane, manifold)| u16::from(is_stale(manifold)) << lane;
         Self { stale: self.iter().map(bit).fold(0, |all, own| all | own), ..*self }
     }
 
     /// Leaves those that are still there in their lanes, by their new numbers.
-    fn follow(&mut self, now: &Now) {
+    fn follow(&mut self, now: &Renumbering) {
         let was = *self;
         // Whatever does not come back has left.
         (self.stale, self.used) = (was.used, 0);
@@ -144,15 +144,15 @@ impl Members {
 /// What has become of the manifolds of the call before: the new number of each, twice, and one more if it has
 /// changed. Of no use after the call, so a clone has none.
 #[derive(Debug, Default)]
-struct Now(Vec<AtomicU32>);
+struct Renumbering(Vec<AtomicU32>);
 
-impl Clone for Now {
+impl Clone for Renumbering {
     fn clone(&self) -> Self {
         Self::default()
     }
 }
 
-impl Now {
+impl Renumbering {
     /// Of so many nothing is known.
     fn forget(&mut self, count: usize) {
         self.0.clear();
@@ -178,16 +178,16 @@ pub(crate) struct Color {
 }
 
 impl Color {
-    /// Those of a bin that a member of a team takes: its part of all, or all if they are too few to share.
+    /// Those of a bin that a worker of a pool takes: its part of all, or all if they are too few to share.
     #[inline(always)]
-    pub(crate) fn share(&self, member: &Member<'_>, bin: usize) -> Range<usize> {
+    pub(crate) fn share(&self, worker: &Worker<'_>, bin: usize) -> Range<usize> {
         let start = if bin == 0 { self.blocks.start } else { self.ends[bin - 1] };
         let all = start as usize..self.ends[bin] as usize;
         if all.is_empty() {
             all
-        } else if member.shares(self.blocks.len()) {
-            member.part_after(all.start - self.blocks.start as usize, all)
-        } else if member.is_first() {
+        } else if worker.shares(self.blocks.len()) {
+            worker.part_after(all.start - self.blocks.start as usize, all)
+        } else if worker.is_first() {
             all
         } else {
             0..0
@@ -197,7 +197,7 @@ impl Color {
 
 /// The color of a manifold of this kind, among those that have blocks in these batches.
 #[inline(always)]
-fn color_of(kind: u32, of: &Outline, batches: &[Range<usize>]) -> Option<usize> {
+fn color_of(kind: u32, of: &ConstraintKey, batches: &[Range<usize>]) -> Option<usize> {
     let colors = &batches[usize::from(of.batch)];
     // Colors have blocks in their order, but for those that none was of.
     let color = colors.start + kind as usize / BINS;
@@ -215,31 +215,31 @@ pub struct Coloring {
     pub(crate) colors: Vec<Color>,
     /// Which of them are those of each batch.
     pub(crate) batches: Vec<Range<usize>>,
-    pub(crate) division: Division,
+    pub(crate) division: Partition,
     /// Points of the longest manifold of each block.
     pub points: Vec<u32>,
     /// For how many points each block has room.
     pub(crate) rooms: Vec<u32>,
     /// The manifolds of each block.
-    pub(crate) members: Vec<Members>,
+    pub(crate) members: Vec<LaneMap>,
     /// How many points there are before those of each manifold, and of all.
     firsts: Vec<u32>,
-    outlines: Vec<Outline>,
+    keys: Vec<ConstraintKey>,
     /// Of each body, whether it moves and whether it joins.
     bodies: Vec<[bool; 2]>,
     /// The kind of each manifold.
     kinds: Vec<u32>,
-    /// The outlines of the call before, their kinds and places, and what has become of them.
-    before: Vec<Outline>,
+    /// The keys of the call before, their kinds and places, and what has become of them.
+    before: Vec<ConstraintKey>,
     kinds_before: Vec<u32>,
     places_before: Vec<u32>,
-    now: Now,
+    now: Renumbering,
     used: Vec<u64>,
     /// By batch and kind: how many, then the next place.
     next: Vec<u32>,
     /// What a sweep did for nothing when all were placed anew.
     idle: u32,
-    /// Blocks of each color with idle lanes, as they rank ([`Members::rank`]).
+    /// Blocks of each color with idle lanes, as they rank ([`LaneMap::rank`]).
     open: Vec<Vec<u64>>,
 }
 
@@ -255,9 +255,9 @@ impl Coloring {
     ) {
         let manifolds: Vec<_> = manifolds.collect();
         self.take_bodies((0..bodies as u32).map(|body| [moves(body); 2]));
-        let (outline, past) = (|manifold| manifolds[manifold as usize], |_| Past::New);
-        let Taken { points, .. } = self.take(manifolds.len(), outline, past, &Team::default());
-        self.division.update(&self.bodies, &mut self.outlines, points, Sizes::NONE);
+        let (key, reuse) = (|manifold| manifolds[manifold as usize], |_| Reuse::New);
+        let Intake { points, .. } = self.take(manifolds.len(), key, reuse, &ThreadPool::default());
+        self.division.update(&self.bodies, &mut self.keys, points, Sizes::NONE);
         self.color();
         self.lay_out(false);
     }
@@ -277,28 +277,28 @@ impl Coloring {
     pub(crate) fn take(
         &mut self,
         count: usize,
-        outline: impl Fn(u32) -> ([u32; 2], u32) + Sync,
-        past: impl Fn(u32) -> Past + Sync,
-        team: &Team,
-    ) -> Taken {
-        std::mem::swap(&mut self.outlines, &mut self.before);
-        let Self { outlines, bodies: of_bodies, .. } = self;
-        outlines.resize(count, Outline::default());
-        let (useful, share) = team.share(count, PIECE);
+        key: impl Fn(u32) -> ([u32; 2], u32) + Sync,
+        reuse: impl Fn(u32) -> Reuse + Sync,
+        pool: &ThreadPool,
+    ) -> Intake {
+        std::mem::swap(&mut self.keys, &mut self.before);
+        let Self { keys, bodies: of_bodies, .. } = self;
+        keys.resize(count, ConstraintKey::default());
+        let (useful, share) = pool.share(count, GRAIN);
         let [all_kept, all_points] = [const { AtomicUsize::new(0) }; 2];
-        team.for_each(useful, outlines.chunks_mut(share).enumerate(), |(part, outlines)| {
+        pool.for_each(useful, keys.chunks_mut(share).enumerate(), |(part, keys)| {
             let [mut kept, mut all] = [0; 2];
-            for (index, own) in (share * part..).zip(outlines) {
-                let (bodies, points) = outline(index as u32);
+            for (index, own) in (share * part..).zip(keys) {
+                let (bodies, points) = key(index as u32);
                 let moving = bodies.map(|body| of_bodies[body as usize][0]);
-                *own = Outline { bodies, moving, batch: 0, points };
-                kept += usize::from(matches!(past(index as u32), Past::Kept(_)));
+                *own = ConstraintKey { bodies, moving, batch: 0, points };
+                kept += usize::from(matches!(reuse(index as u32), Reuse::Kept(_)));
                 all += points as usize;
             }
             all_kept.fetch_add(kept, Ordering::Relaxed);
             all_points.fetch_add(all, Ordering::Relaxed);
         });
-        Taken { kept: all_kept.into_inner(), points: all_points.into_inner() }
+        Intake { kept: all_kept.into_inner(), points: all_points.into_inner() }
     }
 
     /// Places what has been `taken` as [`assign`](Self::assign) does, but in batches, of what takes up these
@@ -307,22 +307,22 @@ impl Coloring {
     pub(crate) fn update(
         &mut self,
         sizes: Sizes,
-        past: impl Fn(u32) -> Past + Sync,
-        taken: Taken,
-        team: &Team,
-    ) -> Placed {
-        let divided = self.division.update(&self.bodies, &mut self.outlines, taken.points, sizes);
-        if !divided && self.outlines == self.before {
-            return Placed::Same;
+        reuse: impl Fn(u32) -> Reuse + Sync,
+        taken: Intake,
+        pool: &ThreadPool,
+    ) -> Placement {
+        let divided = self.division.update(&self.bodies, &mut self.keys, taken.points, sizes);
+        if !divided && self.keys == self.before {
+            return Placement::Same;
         }
         self.color();
         // If one in eight has changed, there is one in almost every block.
-        let many = 8 * taken.kept > 7 * self.outlines.len();
-        if many && !divided && self.stay(past, team) {
-            return Placed::Stay;
+        let many = 8 * taken.kept > 7 * self.keys.len();
+        if many && !divided && self.stay(reuse, pool) {
+            return Placement::Stay;
         }
         self.lay_out(many);
-        Placed::Anew
+        Placement::Anew
     }
 
     /// Finds the kind of each manifold, and how many points come before it.
@@ -334,7 +334,7 @@ impl Coloring {
         self.kinds.clear();
         self.firsts.clear();
         let mut before = 0;
-        for &Outline { bodies, moving, points, .. } in &self.outlines {
+        for &ConstraintKey { bodies, moving, points, .. } in &self.keys {
             self.firsts.push(before);
             before += points;
             let used = |side: usize| self.used[bodies[side] as usize] & mask(moving[side]);
@@ -356,9 +356,9 @@ impl Coloring {
     fn lay_out(&mut self, spare: bool) {
         self.next.clear();
         self.next.resize(self.division.len() * KINDS, 0);
-        let of = |kind: u32, outline: &Outline| usize::from(outline.batch) * KINDS + kind as usize;
-        for (&kind, outline) in self.kinds.iter().zip(&self.outlines) {
-            self.next[of(kind, outline)] += 1;
+        let of = |kind: u32, key: &ConstraintKey| usize::from(key.batch) * KINDS + kind as usize;
+        for (&kind, key) in self.kinds.iter().zip(&self.keys) {
+            self.next[of(kind, key)] += 1;
         }
         let width = WIDTH as u32;
         let mut end = 0;
@@ -393,18 +393,18 @@ impl Coloring {
         self.points.clear();
         self.points.resize(blocks, 0);
         self.members.clear();
-        self.members.resize(blocks, Members::EMPTY);
+        self.members.resize(blocks, LaneMap::EMPTY);
         self.places.clear();
-        for (index, (&kind, outline)) in self.kinds.iter().zip(&self.outlines).enumerate() {
-            let next = &mut self.next[of(kind, outline)];
+        for (index, (&kind, key)) in self.kinds.iter().zip(&self.keys).enumerate() {
+            let next = &mut self.next[of(kind, key)];
             let place = *next;
             *next += if kind as usize == ALONE { width } else { 1 };
             self.places.push(place);
             let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
-            self.points[block] = outline.points.max(self.points[block]);
+            self.points[block] = key.points.max(self.points[block]);
             self.members[block].put(lane, index as u32);
         }
-        self.members.iter_mut().for_each(Members::fill);
+        self.members.iter_mut().for_each(LaneMap::fill);
         self.rooms.clone_from(&self.points);
         if spare {
             let longest = self.points.iter().copied().max().unwrap_or(0);
@@ -435,37 +435,37 @@ impl Coloring {
 
     /// Leaves manifolds that are not new in their places, and finds some for the others. Returns whether there
     /// are any.
-    fn stay(&mut self, past: impl Fn(u32) -> Past + Sync, team: &Team) -> bool {
+    fn stay(&mut self, reuse: impl Fn(u32) -> Reuse + Sync, pool: &ThreadPool) -> bool {
         std::mem::swap(&mut self.places, &mut self.places_before);
-        self.places.resize(self.outlines.len(), NONE);
+        self.places.resize(self.keys.len(), NONE);
         self.now.forget(self.before.len());
-        let Self { outlines, kinds, before, kinds_before, places_before, now, .. } = self;
-        let (useful, share) = team.share(outlines.len(), PIECE);
+        let Self { keys, kinds, before, kinds_before, places_before, now, .. } = self;
+        let (useful, share) = pool.share(keys.len(), GRAIN);
         let places = self.places.chunks_mut(share).enumerate();
-        team.for_each(useful, places, |(part, places)| {
+        pool.for_each(useful, places, |(part, places)| {
             for (index, place) in (share * part..).zip(places) {
                 *place = NONE;
-                let (old, changed) = match past(index as u32) {
-                    Past::New => continue,
-                    Past::Changed(old) => (old as usize, true),
-                    Past::Kept(old) => (old as usize, false),
+                let (old, changed) = match reuse(index as u32) {
+                    Reuse::New => continue,
+                    Reuse::Changed(old) => (old as usize, true),
+                    Reuse::Kept(old) => (old as usize, false),
                 };
                 // What is of the same kind has the same color.
                 let kind = kinds[index];
-                let same = outlines[index] == before[old] && kind == kinds_before[old];
+                let same = keys[index] == before[old] && kind == kinds_before[old];
                 if same && kind as usize != ALONE {
                     *place = places_before[old];
                     now.note(old, index as u32, changed);
                 }
             }
         });
-        let (useful, share) = team.share(self.members.len(), PIECE / WIDTH);
+        let (useful, share) = pool.share(self.members.len(), GRAIN / WIDTH);
         let blocks = self.members.chunks_mut(share).zip(self.points.chunks_mut(share));
-        team.for_each(useful, blocks, |(members, longest)| {
+        pool.for_each(useful, blocks, |(members, longest)| {
             for (members, longest) in members.iter_mut().zip(longest) {
                 members.follow(now);
                 if members.stale & !members.used != 0 {
-                    let points = |(_, manifold): (_, u32)| outlines[manifold as usize].points;
+                    let points = |(_, manifold): (_, u32)| keys[manifold as usize].points;
                     *longest = members.iter().map(points).max().unwrap_or(0);
                 }
             }
@@ -476,7 +476,7 @@ impl Coloring {
     /// What a sweep does for nothing and for something, about: a manifold is as much as one of its points, and
     /// blocks do for all lanes what the longest one needs.
     fn sweep(&self) -> [u32; 2] {
-        let used = (self.outlines.len() + self.all_points()) as u32;
+        let used = (self.keys.len() + self.all_points()) as u32;
         let all: u32 = self.points.iter().filter(|&&points| points > 0).map(|of| 1 + of).sum();
         [WIDTH as u32 * all - used, used]
     }
@@ -491,13 +491,13 @@ impl Coloring {
             );
             open.sort_unstable();
         }
-        for index in 0..self.outlines.len() {
+        for index in 0..self.keys.len() {
             if self.places[index] != NONE {
                 continue;
             }
-            let outline = &self.outlines[index];
-            let color = color_of(self.kinds[index], outline, &self.batches);
-            let (Some(color), points) = (color, outline.points) else { return false };
+            let key = &self.keys[index];
+            let color = color_of(self.kinds[index], key, &self.batches);
+            let (Some(color), points) = (color, key.points) else { return false };
             let open = &mut self.open[color];
             let find = |fits: &dyn Fn(usize) -> bool| {
                 open.iter().rposition(|&rank| fits(rank as u32 as usize))
@@ -521,7 +521,7 @@ impl Coloring {
     }
 
     /// The batches as they were laid out, one after the other.
-    pub(crate) fn extents(&self, out: &mut Vec<Extent>) {
+    pub(crate) fn extents(&self, out: &mut Vec<BatchRange>) {
         out.clear();
         let (mut block, mut point) = (0, 0);
         for (batch, colors) in self.batches.iter().enumerate() {
@@ -531,7 +531,7 @@ impl Coloring {
             let points = point..point + room as usize;
             (block, point) = (blocks.end, points.end);
             let bodies = self.division.bodies(batch);
-            out.push(Extent { bodies, colors: colors.clone(), blocks, points });
+            out.push(BatchRange { bodies, colors: colors.clone(), blocks, points });
         }
     }
 
@@ -547,7 +547,7 @@ impl Coloring {
     }
 
     /// A manifold as it was given.
-    pub(crate) fn outline(&self, manifold: u32) -> &Outline {
-        &self.outlines[manifold as usize]
+    pub(crate) fn key(&self, manifold: u32) -> &ConstraintKey {
+        &self.keys[manifold as usize]
     }
 }

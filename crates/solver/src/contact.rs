@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::body::{Axes, all_axes};
+use crate::body::{TwistAxes, all_axes};
 use crate::vector::add_moment;
 use crate::{Cast, Manifold, Mobility, Real, Scalar, Vector, Velocity};
 
@@ -13,7 +13,7 @@ pub(crate) const SOFT: u8 = 0;
 pub(crate) const RIGID: u8 = 1;
 
 /// The law without epsilon for contacts that are apart.
-pub(crate) const COMING: u8 = 2;
+pub(crate) const RIGID_APART: u8 = 2;
 
 /// One point of contact. Vectors are in the manifold's frame: component 0 along the normal, the others
 /// along the tangents.
@@ -130,7 +130,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
     pub(crate) fn unit_wrench<const A: usize>(&self, axis: usize) -> Velocity<T, L, A> {
         let mut unit = Vector::ZERO;
         unit[axis] = T::ONE;
-        let mut wrench = Velocity::NOTHING;
+        let mut wrench = Velocity::NEG_ZERO;
         self.add_wrench(axis..axis + 1, unit, &mut wrench);
         wrench
     }
@@ -174,8 +174,8 @@ impl<T: Real, const L: usize> Contact<T, L> {
         i: usize,
         j: usize,
     ) -> T {
-        let mut twist: Velocity<T, L, B> = Velocity::NOTHING;
-        let from = Axes { linear: i..i + 1, angular: 0..B };
+        let mut twist: Velocity<T, L, B> = Velocity::NEG_ZERO;
+        let from = TwistAxes { linear: i..i + 1, angular: 0..B };
         mobility.add(&from, &self.unit_wrench(i), &all_axes::<L, B>(), &mut twist);
         self.relative_velocity(&twist)[j]
     }
@@ -225,13 +225,15 @@ impl<T: Real, const L: usize> Contact<T, L> {
     }
 
     /// w = v_n - t + epsilon gamma. A [`RIGID`] contact has neither overlap repair nor epsilon. One that is
-    /// [`COMING`] has no epsilon while it is apart: bodies do not sink into what they fall on. \[m/s\]
+    /// [`RIGID_APART`] has no epsilon while it is apart: bodies do not sink into what they fall on. \[m/s\]
     #[inline(always)]
     pub(crate) fn excess<const LAW: u8>(&self, v_n: T) -> T {
         let target = self.target[0];
         match LAW {
             RIGID => v_n - target.min(T::ZERO),
-            COMING => v_n - target + (-target).choose(T::ZERO, self.compliance * self.impulse[0]),
+            RIGID_APART => {
+                v_n - target + (-target).choose(T::ZERO, self.compliance * self.impulse[0])
+            }
             _ => v_n - target + self.compliance * self.impulse[0],
         }
     }
@@ -274,7 +276,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
             out[1] = v[1].max(-radius).min(radius);
             return out;
         }
-        let mut squared = T::NOTHING;
+        let mut squared = T::NEG_ZERO;
         for i in 1..L {
             squared += v[i] * v[i];
         }

@@ -22,7 +22,7 @@
 //! friction, which [`newton`] finds. Friction makes no jam: it does not act along normals.
 
 use crate::island::Islands;
-use crate::part::Part;
+use crate::part::SubSystem;
 use crate::solution::Goal;
 use crate::{InverseMass, Scalar, System, Vector, Velocity, newton};
 
@@ -160,7 +160,7 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
         island: u32,
         missing: impl Fn(usize) -> f64,
     ) -> Self {
-        let mut part = Part::default();
+        let mut part = SubSystem::default();
         part.clear(whole);
         let own = |index: &usize| islands.of_pair(whole.manifolds[*index].bodies) == island;
         let mut own: Vec<usize> = (0..whole.manifolds.len()).filter(own).collect();

@@ -60,7 +60,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     /// edges midway. \[m\]
     #[inline(always)]
     fn radii_across(&self, gap: T) -> [T; 2] {
-        let of_a = self.carries[0];
+        let of_a = self.normal_share[0];
         [self.radii[0] + gap * of_a, self.radii[1] + gap * (T::ONE - of_a)]
     }
 
@@ -82,7 +82,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         let by = |side: usize| {
             let (arm, core, turn) = (self.arms[side], cores[side], moved[side].angular);
             let has_arm = core.dot(core) - arm.dot(arm) * T::from_f64(1e-10);
-            has_arm.max(self.carries[side] - half).choose(turn.dot(turn), T::ZERO)
+            has_arm.max(self.normal_share[side] - half).choose(turn.dot(turn), T::ZERO)
         };
         by(0).max(by(1)) - least
     }
@@ -99,7 +99,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
             arm.dot(arm) * most - moved.dot(moved)
         };
         let cores = self.cores(self.radii_across(gap));
-        let carried = a.angular * self.carries[0] + b.angular * self.carries[1];
+        let carried = a.angular * self.normal_share[0] + b.angular * self.normal_share[1];
         let arms = left(a.angular, cores[0]).min(left(b.angular, cores[1]));
         // A core in the center of mass has no arm.
         (arms + T::from_f64(1e-12)).min(left(carried, normal))
@@ -116,7 +116,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         twist: T,
     ) -> Moved<T, L> {
         let normal = self.normal();
-        let [of_a, of_b] = self.carries;
+        let [of_a, of_b] = self.normal_share;
         let along_centers = T::ONE - of_a - of_b;
         let radii = self.radii_across(gap);
         let cores = self.cores(radii);
@@ -180,12 +180,12 @@ mod tests {
         Velocity { linear: Vector(linear), angular: Vector([angle]) }
     }
 
-    fn manifold(radii: [f64; 2], carries: [f64; 2]) -> Manifold<f64, 2> {
+    fn manifold(radii: [f64; 2], normal_share: [f64; 2]) -> Manifold<f64, 2> {
         Manifold {
             frame: [Vector([0.0, 1.0]), Vector([-1.0, 0.0])],
             arms: [Vector([0.3, -0.5]), Vector([0.1, 0.4])],
             radii,
-            carries,
+            normal_share,
             ..Manifold::default()
         }
     }
@@ -216,23 +216,28 @@ mod tests {
     /// J d and the bend are the change of the gap as it is, and arms meet in one place.
     #[test]
     fn the_bend_is_what_j_leaves_out() {
-        for carries in AXES {
-            let radii = if carries == [0.0, 0.0] { [0.4, 0.7] } else { [0.0, 0.6] };
-            let rows = manifold(radii, carries);
+        for normal_share in AXES {
+            let radii = if normal_share == [0.0, 0.0] { [0.4, 0.7] } else { [0.0, 0.6] };
+            let rows = manifold(radii, normal_share);
             let (gap, a, b) = (0.02, moved([0.03, -0.01], 0.08), moved([-0.02, 0.02], -0.05));
             let Moved { frame, arms, bend } = rows.moved(gap, [&a, &b], 0.0);
             let cores = [
-                rows.arms[0] + rows.frame[0] * (radii[0] + carries[0] * gap),
-                rows.arms[1] - rows.frame[0] * (radii[1] + (1.0 - carries[0]) * gap),
+                rows.arms[0] + rows.frame[0] * (radii[0] + normal_share[0] * gap),
+                rows.arms[1] - rows.frame[0] * (radii[1] + (1.0 - normal_share[0]) * gap),
             ];
             let turned =
                 [cores[0] + turn(a.angular, cores[0]), cores[1] + turn(b.angular, cores[1])];
             let apart = rows.arms[1] - rows.arms[0] + a.linear - b.linear;
             let between = apart + turned[0] - turned[1];
-            let now = if carries == [0.0, 0.0] { between.length() } else { between.dot(frame[0]) };
+            let now =
+                if normal_share == [0.0, 0.0] { between.length() } else { between.dot(frame[0]) };
             let by_j = rows.frame[0].dot(a.at(rows.arms[0]) - b.at(rows.arms[1]));
             let exact = now - radii[0] - radii[1] - gap;
-            assert!((by_j + bend - exact).abs() < 2e-6, "{carries:?}: {} and {exact}", by_j + bend);
+            assert!(
+                (by_j + bend - exact).abs() < 2e-6,
+                "{normal_share:?}: {} and {exact}",
+                by_j + bend
+            );
             assert!((arms[1] - arms[0] - apart).length() < 1e-12);
             assert!((frame[0].length() - 1.0).abs() < 1e-12);
         }

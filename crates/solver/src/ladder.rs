@@ -2,21 +2,21 @@
 //!
 //! Sweeps, warm-started, are enough for most islands in most steps, and cost least. Where they are not,
 //! [`nncg`] comes next, then [`newton`], then, with the feature `assembled`, the proximal-point method.
-//! Each rung starts from the impulses of the one before, and has a budget that is small against the
+//! Each method starts from the impulses of the one before, and has a budget that is small against the
 //! cost of the next.
 
 use std::time::{Duration, Instant};
 
-use crate::certificate::{Certificate, Tally};
+use crate::certificate::{Certificate, CertificateScratch};
 use crate::island::Islands;
-use crate::part::Part;
+use crate::part::SubSystem;
 use crate::solution::{Goal, Solution, Status};
 use crate::wide::Wide;
 use crate::{InverseMass, System, Velocity, newton, nncg, pgs};
 
 /// A method of the ladder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Rung {
+pub enum Method {
     /// [`pgs`].
     Sweeps,
     /// [`nncg`].
@@ -28,7 +28,7 @@ pub enum Rung {
     Proximal,
 }
 
-impl Rung {
+impl Method {
     /// From the first to the last.
     pub const ALL: &[Self] = &[
         Self::Sweeps,
@@ -82,41 +82,41 @@ impl Rung {
 pub fn solve<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     goal: &Goal,
-) -> (Solution, Rung) {
-    solve_by(Rung::ALL, system, goal)
+) -> (Solution, Method) {
+    solve_by(Method::ALL, system, goal)
 }
 
 fn solve_by<const L: usize, const A: usize>(
-    rungs: &[Rung],
+    methods: &[Method],
     system: &mut System<f64, L, A>,
     goal: &Goal,
-) -> (Solution, Rung) {
+) -> (Solution, Method) {
     let prospective = system.velocities.clone();
     let mut history = Vec::new();
-    let mut best: Option<(Solution, Rung, System<f64, L, A>)> = None;
-    for &rung in rungs {
-        let goal = Goal { budget: goal.budget.min(rung.budget()), ..*goal };
+    let mut best: Option<(Solution, Method, System<f64, L, A>)> = None;
+    for &method in methods {
+        let goal = Goal { budget: goal.budget.min(method.budget()), ..*goal };
         system.velocities.clone_from(&prospective);
-        let solution = rung.solve(system, &goal);
+        let solution = method.solve(system, &goal);
         history.extend_from_slice(&solution.history);
         let error = solution.certificate.error();
         let better = best.as_ref().is_none_or(|(best, ..)| error < best.certificate.error());
         let done = solution.status == Status::Converged;
         if better {
-            best = Some((solution, rung, system.clone()));
+            best = Some((solution, method, system.clone()));
         }
         if done {
             break;
         }
     }
     match best {
-        Some((solution, rung, solved)) => {
+        Some((solution, method, solved)) => {
             *system = solved;
-            (Solution { history, ..solution }, rung)
+            (Solution { history, ..solution }, method)
         }
         None => {
             let certificate = Certificate::NONE;
-            (Solution { status: Status::BadInput, certificate, history }, Rung::Sweeps)
+            (Solution { status: Status::BadInput, certificate, history }, Method::Sweeps)
         }
     }
 }
@@ -124,7 +124,7 @@ fn solve_by<const L: usize, const A: usize>(
 /// What became of the islands of a system.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Outcome {
+pub struct SolveReport {
     /// Islands.
     pub islands: usize,
     /// Iterations of [`nncg`] over the islands that needed them.
@@ -133,8 +133,8 @@ pub struct Outcome {
     pub newton: usize,
     /// Time for certificates.
     pub certifying: Duration,
-    /// The largest residual of Coulomb's law ([`Certificate::natural`]), fastest approach beyond a
-    /// target ([`Certificate::sinking`]) and cone violation ([`Certificate::cone`]) of a contact in
+    /// The largest residual of Coulomb's law ([`Certificate::natural_residual`]), fastest approach beyond a
+    /// target ([`Certificate::approach_error`]) and cone violation ([`Certificate::cone`]) of a contact in
     /// what was examined. \[m/s\]
     pub residuals: [f64; 3],
     /// Sum over the contacts in what was examined ([`Certificate::complementarity`]). \[J\]
@@ -147,7 +147,7 @@ pub struct Outcome {
     pub worst: Option<u32>,
 }
 
-impl Outcome {
+impl SolveReport {
     /// The worse of two.
     pub fn join(&mut self, other: &Self) {
         self.islands = self.islands.max(other.islands);
@@ -167,7 +167,9 @@ impl Outcome {
     fn set_residuals(&mut self, certificates: &[Certificate]) {
         (self.residuals, self.complementarity) = ([0.0; 3], 0.0);
         for of in certificates {
-            for (own, other) in self.residuals.iter_mut().zip([of.natural, of.sinking, of.cone]) {
+            for (own, other) in
+                self.residuals.iter_mut().zip([of.natural_residual, of.approach_error, of.cone])
+            {
                 *own = own.max(other);
             }
             self.complementarity += of.complementarity;
@@ -207,17 +209,17 @@ const TRIAL: usize = 12;
 /// The next certificate is due where it is expected to prove this part of what is aimed at. \[1\]
 const SURE: f64 = 0.9;
 
-/// What a [`Climber`] has learned from the systems so far: what it does with the next depends on it.
+/// What a [`IslandSolver`] has learned from the systems so far: what it does with the next depends on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Pace {
+pub struct SolverMemory {
     /// Certified error over the size of the iteration before it, sqrt(|g|^2 / m). \[1\]
     pub ratio: f64,
     /// Whether the impulses at hand were proof enough, without a better share of the load.
     pub direct: bool,
 }
 
-impl Default for Pace {
+impl Default for SolverMemory {
     fn default() -> Self {
         Self { ratio: 5.0, direct: true }
     }
@@ -225,10 +227,10 @@ impl Default for Pace {
 
 /// Climbs the ladder for one system after the other: those of the substeps of a simulation.
 #[derive(Clone, Debug)]
-pub struct Climber<const L: usize, const A: usize> {
+pub struct IslandSolver<const L: usize, const A: usize> {
     /// How the next system is begun.
-    pub pace: Pace,
-    tally: Tally<L, A>,
+    pub memory: SolverMemory,
+    scratch: CertificateScratch<L, A>,
     done: Vec<bool>,
     errors: Vec<f64>,
     /// Of each island, the mass \[kg\] and the speed, root mean square by mass \[m/s\], when they were taken over.
@@ -240,11 +242,11 @@ pub struct Climber<const L: usize, const A: usize> {
     limits: Vec<usize>,
 }
 
-impl<const L: usize, const A: usize> Default for Climber<L, A> {
+impl<const L: usize, const A: usize> Default for IslandSolver<L, A> {
     fn default() -> Self {
         Self {
-            pace: Pace::default(),
-            tally: Tally::default(),
+            memory: SolverMemory::default(),
+            scratch: CertificateScratch::default(),
             done: Vec::new(),
             errors: Vec::new(),
             masses: Vec::new(),
@@ -255,11 +257,11 @@ impl<const L: usize, const A: usize> Default for Climber<L, A> {
     }
 }
 
-impl<const L: usize, const A: usize> Climber<L, A> {
+impl<const L: usize, const A: usize> IslandSolver<L, A> {
     /// Takes over the masses of the bodies, and how fast islands are.
     pub fn start(&mut self, system: &System<f32, L, A>, islands: &Islands) {
-        self.tally.set_masses(system);
-        self.tally.find_speeds(&system.velocities, islands, [&mut self.masses, &mut self.speeds]);
+        self.scratch.set_masses(system);
+        self.scratch.find_speeds(&system.velocities, islands, [&mut self.masses, &mut self.speeds]);
         self.limits.clear();
         self.limits.resize(islands.count, 0);
         for &island in &islands.of_body {
@@ -272,22 +274,22 @@ impl<const L: usize, const A: usize> Climber<L, A> {
 
     /// Takes over the masses of bodies that have turned.
     pub fn follow(&mut self, system: &System<f32, L, A>) {
-        self.tally.retake_masses(system);
+        self.scratch.retake_masses(system);
     }
 
     /// Brings every island within the tolerance: [`nncg`] in lanes for all, Newton's method in `f64`
     /// for those that it does not bring home. `wide` holds the contacts, with the impulses that
     /// `system.velocities` hold too; `prospective` are the velocities without them. `RESIDUALS`: as well
     /// as errors.
-    pub fn climb<const RESIDUALS: bool>(
+    pub fn solve_islands<const RESIDUALS: bool>(
         &mut self,
         system: &mut System<f32, L, A>,
         wide: &mut Wide<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         goal: &Goal,
-    ) -> Outcome {
-        let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
+    ) -> SolveReport {
+        let mut outcome = SolveReport { islands: islands.count, ..SolveReport::default() };
         let beyond = |error: &f64| error.total_cmp(&goal.tolerance).is_gt();
         let velocities = &mut system.velocities;
         self.in_lanes::<RESIDUALS>(velocities, wide, prospective, islands, goal, &mut outcome);
@@ -317,14 +319,14 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         wide: &Wide<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
-    ) -> Outcome {
-        let mut outcome = Outcome { islands: islands.count, ..Outcome::default() };
+    ) -> SolveReport {
+        let mut outcome = SolveReport { islands: islands.count, ..SolveReport::default() };
         self.certify_by::<true, true>(velocities, wide, prospective, islands, &mut outcome);
         outcome.set_worst(&self.errors, islands);
         outcome
     }
 
-    /// The rungs in lanes. Leaves the certified errors of the islands.
+    /// The methods in lanes. Leaves the certified errors of the islands.
     fn in_lanes<const RESIDUALS: bool>(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
@@ -332,7 +334,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         goal: &Goal,
-        outcome: &mut Outcome,
+        outcome: &mut SolveReport,
     ) {
         self.done.clear();
         self.done.resize(islands.count, false);
@@ -361,7 +363,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             }
             let ratio = worst / size;
             if ratio.is_finite() {
-                self.pace.ratio = ratio;
+                self.memory.ratio = ratio;
             }
         }
     }
@@ -379,7 +381,7 @@ impl<const L: usize, const A: usize> Climber<L, A> {
             wide.conjugate(velocities, &self.done);
             let size = self.largest(wide.gradients());
             made += 1;
-            if self.pace.ratio * size <= SURE {
+            if self.memory.ratio * size <= SURE {
                 return (made, size);
             }
             // Of an infinite mass it is infinite, or no number.
@@ -406,16 +408,16 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         wide: &Wide<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
-        outcome: &mut Outcome,
+        outcome: &mut SolveReport,
     ) {
-        if self.pace.direct {
+        if self.memory.direct {
             self.certify_by::<RESIDUALS, false>(velocities, wide, prospective, islands, outcome);
             if is_within(self.errors.iter().copied(), &self.aims) {
                 return;
             }
         }
         self.certify_by::<RESIDUALS, true>(velocities, wide, prospective, islands, outcome);
-        self.pace.direct = is_within(self.tally.errors_at_hand(), &self.aims);
+        self.memory.direct = is_within(self.scratch.errors_at_hand(), &self.aims);
     }
 
     /// The same of the best impulses on the `LINE`, or those at hand.
@@ -425,11 +427,12 @@ impl<const L: usize, const A: usize> Climber<L, A> {
         wide: &Wide<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
-        outcome: &mut Outcome,
+        outcome: &mut SolveReport,
     ) {
         let start = Instant::now();
-        let Self { tally, errors, .. } = self;
-        let certificates = wide.certify::<RESIDUALS, LINE>(velocities, prospective, islands, tally);
+        let Self { scratch, errors, .. } = self;
+        let certificates =
+            wide.certify::<RESIDUALS, LINE>(velocities, prospective, islands, scratch);
         errors.clear();
         errors.extend(certificates.iter().map(Certificate::error));
         outcome.set_residuals(certificates);
@@ -479,7 +482,7 @@ fn is_crowded<const L: usize, const A: usize>(system: &System<f64, L, A>) -> boo
     bodies.into_iter().any(|(count, mass)| *count > CROWD && *mass != InverseMass::FIXED)
 }
 
-/// Solves an island by the last rungs, apart and in `f64`, and puts its velocities and impulses back.
+/// Solves an island by the last methods, apart and in `f64`, and puts its velocities and impulses back.
 fn replace<const L: usize, const A: usize>(
     system: &mut System<f32, L, A>,
     prospective: &[Velocity<f32, L, A>],
@@ -487,15 +490,15 @@ fn replace<const L: usize, const A: usize>(
     island: u32,
     goal: &Goal,
 ) {
-    let mut part = Part::default();
+    let mut part = SubSystem::default();
     part.clear(system);
     part.add_island(system, islands, island);
     for (velocity, &body) in part.system.velocities.iter_mut().zip(&part.bodies) {
         *velocity = prospective[body as usize].cast();
     }
-    let rungs = Rung::IN_MATRICES;
-    let rungs = if is_crowded(&part.system) { &rungs[..1] } else { rungs };
-    let (solution, _) = solve_by(rungs, &mut part.system, goal);
+    let methods = Method::IN_MATRICES;
+    let methods = if is_crowded(&part.system) { &methods[..1] } else { methods };
+    let (solution, _) = solve_by(methods, &mut part.system, goal);
     if solution.status == Status::BadInput {
         return;
     }
@@ -541,8 +544,8 @@ mod tests {
             }
         }
         islands.count = 2;
-        let mut climber = Climber::default();
-        climber.start(&system, &islands);
-        assert_eq!(climber.limits, [IN_LANES, 3600]);
+        let mut island_solver = IslandSolver::default();
+        island_solver.start(&system, &islands);
+        assert_eq!(island_solver.limits, [IN_LANES, 3600]);
     }
 }

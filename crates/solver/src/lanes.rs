@@ -7,7 +7,7 @@
 //! Sixteen, since a visit is a chain: each point waits for the one before it, longer than the arithmetic
 //! of eight lanes takes. The second register fills the wait.
 //!
-//! This module, with its entry point [`Lanes::run`], [`team`](crate::team) and how a team walks over
+//! This module, with its entry point [`Lanes::run`], [`pool`](crate::thread_pool) and how a pool walks over
 //! blocks (`wide/walk.rs`) are the only unsafe code of the project.
 #![allow(unsafe_code)]
 
@@ -21,16 +21,16 @@ pub const WIDTH: usize = 16;
 /// Half of them.
 pub(crate) const HALF: usize = WIDTH / 2;
 
-/// Several `f32` that are computed together.
+/// GatherLanes `f32` that are computed together.
 ///
 /// # Safety
 /// [`Half`](Self::Half) is laid out as this is, and any bytes of the one are good ones of the other.
-pub unsafe trait Lanes: Columns + Cast<Self::Doubles> + 'static {
+pub unsafe trait Lanes: KernelLanes + Cast<Self::Doubles> + 'static {
     /// As many of them as fill a register of `f64`: a part each.
     type Doubles: Doubles;
 
     /// The same bytes, of which arithmetic changes the first half alone.
-    type Half: Columns;
+    type Half: KernelLanes;
 
     /// Changes one of them.
     fn set(&mut self, lane: usize, number: f32);
@@ -44,7 +44,7 @@ pub unsafe trait Lanes: Columns + Cast<Self::Doubles> + 'static {
 }
 
 /// [`Lanes`], all or [half](Lanes::Half) of them: what goes through the kernels.
-pub trait Columns: Real {
+pub trait KernelLanes: Real {
     /// The numbers.
     fn from_array(numbers: [f32; WIDTH]) -> Self;
 
@@ -97,7 +97,7 @@ macro_rules! each_lane {
 }
 
 /// One `f32`, or one in each lane: what is brought together for either is written once.
-pub trait Several: Real {
+pub trait GatherLanes: Real {
     /// One of something for each.
     type Each<T: Copy>: Copy + Index<usize, Output = T>;
 
@@ -111,7 +111,7 @@ pub trait Several: Real {
     fn gathered_vector<const N: usize>(of: Self::Each<&Vector<f32, N>>) -> Vector<Self, N>;
 }
 
-impl Several for f32 {
+impl GatherLanes for f32 {
     type Each<T: Copy> = [T; 1];
 
     #[inline(always)]
@@ -130,7 +130,7 @@ impl Several for f32 {
     }
 }
 
-impl<V: Lanes> Several for V {
+impl<V: Lanes> GatherLanes for V {
     type Each<T: Copy> = [T; WIDTH];
 
     #[inline(always)]
@@ -167,7 +167,7 @@ pub(crate) fn lanes_of(mut set: u16) -> impl Iterator<Item = usize> {
 /// # Safety
 /// So many can be read at each place.
 #[inline(always)]
-pub(crate) unsafe fn gather<V: Columns>(from: [*const f32; WIDTH], numbers: &mut [V]) {
+pub(crate) unsafe fn gather<V: KernelLanes>(from: [*const f32; WIDTH], numbers: &mut [V]) {
     let count = numbers.len();
     // SAFETY: as the caller promises. Of more than four, the last four overlap the first.
     unsafe {
@@ -186,7 +186,7 @@ pub(crate) unsafe fn gather<V: Columns>(from: [*const f32; WIDTH], numbers: &mut
 /// # Safety
 /// So many can be written at the place of each of the lanes.
 #[inline(always)]
-pub(crate) unsafe fn scatter<V: Columns>(numbers: &[V], to: [*mut f32; WIDTH], lanes: u16) {
+pub(crate) unsafe fn scatter<V: KernelLanes>(numbers: &[V], to: [*mut f32; WIDTH], lanes: u16) {
     let count = numbers.len();
     let after = count.saturating_sub(4);
     let mut columns = [[V::ZERO; 4]; 2];
@@ -217,7 +217,7 @@ pub(crate) unsafe fn scatter<V: Columns>(numbers: &[V], to: [*mut f32; WIDTH], l
     }
 }
 
-/// Several `f64` that are computed together, within [`Lanes::run`].
+/// GatherLanes `f64` that are computed together, within [`Lanes::run`].
 pub trait Doubles: Real {
     /// One of them.
     fn get(&self, lane: usize) -> f64;
@@ -239,7 +239,7 @@ pub const PART: usize = 8;
 /// Loops, not closures or `array::map`: those are not inlined where other instructions are allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
-pub struct Group<R, const N: usize, const USED: usize>([R; N]);
+pub struct LaneArray<R, const N: usize, const USED: usize>([R; N]);
 
 /// An operation on each member.
 macro_rules! each {
@@ -255,7 +255,7 @@ macro_rules! each {
 
 macro_rules! operator {
     ($trait:ident $method:ident $operator:tt) => {
-        impl<R: Real, const N: usize, const USED: usize> $trait for Group<R, N, USED> {
+        impl<R: Real, const N: usize, const USED: usize> $trait for LaneArray<R, N, USED> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
@@ -271,21 +271,21 @@ operator!(Sub sub -);
 operator!(Mul mul *);
 operator!(Div div /);
 
-impl<R: Real, const N: usize, const USED: usize> AddAssign for Group<R, N, USED> {
+impl<R: Real, const N: usize, const USED: usize> AddAssign for LaneArray<R, N, USED> {
     #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
 }
 
-impl<R: Real, const N: usize, const USED: usize> SubAssign for Group<R, N, USED> {
+impl<R: Real, const N: usize, const USED: usize> SubAssign for LaneArray<R, N, USED> {
     #[inline(always)]
     fn sub_assign(&mut self, other: Self) {
         *self = *self - other;
     }
 }
 
-impl<R: Real, const N: usize, const USED: usize> Neg for Group<R, N, USED> {
+impl<R: Real, const N: usize, const USED: usize> Neg for LaneArray<R, N, USED> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -294,16 +294,16 @@ impl<R: Real, const N: usize, const USED: usize> Neg for Group<R, N, USED> {
     }
 }
 
-impl<R: Real, const N: usize, const USED: usize> Default for Group<R, N, USED> {
+impl<R: Real, const N: usize, const USED: usize> Default for LaneArray<R, N, USED> {
     fn default() -> Self {
         Self::ZERO
     }
 }
 
-impl<R: Real, const N: usize, const USED: usize> Real for Group<R, N, USED> {
+impl<R: Real, const N: usize, const USED: usize> Real for LaneArray<R, N, USED> {
     const ZERO: Self = Self([R::ZERO; N]);
     const ONE: Self = Self([R::ONE; N]);
-    const NOTHING: Self = Self([R::NOTHING; N]);
+    const NEG_ZERO: Self = Self([R::NEG_ZERO; N]);
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
@@ -336,14 +336,14 @@ impl<R: Real, const N: usize, const USED: usize> Real for Group<R, N, USED> {
 }
 
 /// Numbers that need no special instructions.
-pub type Portable = Group<f32, WIDTH, WIDTH>;
+pub type Portable = LaneArray<f32, WIDTH, WIDTH>;
 
-impl Cast<Group<f64, PART, PART>> for Portable {
+impl Cast<LaneArray<f64, PART, PART>> for Portable {
     const PARTS: usize = WIDTH / PART;
 
     #[inline(always)]
-    fn part(&self, index: usize) -> Group<f64, PART, PART> {
-        let mut out = Group::ZERO;
+    fn part(&self, index: usize) -> LaneArray<f64, PART, PART> {
+        let mut out = LaneArray::ZERO;
         for lane in 0..PART {
             out.0[lane] = f64::from(self.0[PART * index + lane]);
         }
@@ -351,7 +351,7 @@ impl Cast<Group<f64, PART, PART>> for Portable {
     }
 }
 
-impl Doubles for Group<f64, PART, PART> {
+impl Doubles for LaneArray<f64, PART, PART> {
     #[inline(always)]
     fn get(&self, lane: usize) -> f64 {
         self.0[lane]
@@ -360,8 +360,8 @@ impl Doubles for Group<f64, PART, PART> {
 
 // SAFETY: both are sixteen numbers.
 unsafe impl Lanes for Portable {
-    type Doubles = Group<f64, PART, PART>;
-    type Half = Group<f32, WIDTH, HALF>;
+    type Doubles = LaneArray<f64, PART, PART>;
+    type Half = LaneArray<f32, WIDTH, HALF>;
 
     #[inline(always)]
     fn set(&mut self, lane: usize, number: f32) {
@@ -379,7 +379,7 @@ unsafe impl Lanes for Portable {
     }
 }
 
-impl<const USED: usize> Columns for Group<f32, WIDTH, USED> {
+impl<const USED: usize> KernelLanes for LaneArray<f32, WIDTH, USED> {
     #[inline(always)]
     fn from_array(numbers: [f32; WIDTH]) -> Self {
         Self(numbers)
@@ -417,12 +417,12 @@ mod avx2 {
     use std::arch::x86_64::*;
     use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-    use super::{Columns, Doubles, Group, Lanes, PART, Row, WIDTH};
+    use super::{Doubles, KernelLanes, LaneArray, Lanes, PART, Row, WIDTH};
     use crate::{Cast, Real};
 
     /// Numbers in registers of AVX2. Values can be made and moved anywhere; arithmetic must happen
     /// within [`Lanes::run`].
-    pub type Avx2 = Group<Floats, 2, 2>;
+    pub type Avx2 = LaneArray<Floats, 2, 2>;
 
     /// Whether this machine has the instructions.
     pub fn available() -> bool {
@@ -436,8 +436,8 @@ mod avx2 {
 
     // SAFETY: both are two registers.
     unsafe impl Lanes for Avx2 {
-        type Doubles = Group<Floats64, 2, 2>;
-        type Half = Group<Floats, 2, 1>;
+        type Doubles = LaneArray<Floats64, 2, 2>;
+        type Half = LaneArray<Floats, 2, 1>;
 
         #[inline(always)]
         fn set(&mut self, lane: usize, number: f32) {
@@ -459,7 +459,7 @@ mod avx2 {
         }
     }
 
-    impl<const USED: usize> Columns for Group<Floats, 2, USED> {
+    impl<const USED: usize> KernelLanes for LaneArray<Floats, 2, USED> {
         #[inline(always)]
         fn from_array(numbers: [f32; WIDTH]) -> Self {
             // SAFETY: both are as many bytes of plain numbers.
@@ -507,7 +507,7 @@ mod avx2 {
         }
     }
 
-    impl Doubles for Group<Floats64, 2, 2> {
+    impl Doubles for LaneArray<Floats64, 2, 2> {
         #[inline(always)]
         fn get(&self, lane: usize) -> f64 {
             // SAFETY: registers in memory are as many numbers; the index is checked.
@@ -515,17 +515,17 @@ mod avx2 {
         }
     }
 
-    impl Cast<Group<Floats64, 2, 2>> for Avx2 {
+    impl Cast<LaneArray<Floats64, 2, 2>> for Avx2 {
         const PARTS: usize = WIDTH / PART;
 
         #[inline(always)]
-        fn part(&self, index: usize) -> Group<Floats64, 2, 2> {
+        fn part(&self, index: usize) -> LaneArray<Floats64, 2, 2> {
             assert!(index < Self::PARTS);
             // SAFETY: within `run`, the machine has AVX2. The index is checked.
             unsafe {
                 let numbers = std::ptr::from_ref(self).cast::<f32>().add(PART * index);
                 let half = |numbers| Floats64(_mm256_cvtps_pd(_mm_loadu_ps(numbers)));
-                Group([half(numbers), half(numbers.add(4))])
+                LaneArray([half(numbers), half(numbers.add(4))])
             }
         }
     }
@@ -627,7 +627,7 @@ mod avx2 {
             impl Real for $name {
                 const ZERO: Self = Self::all(0.0);
                 const ONE: Self = Self::all(1.0);
-                const NOTHING: Self = Self::all(-0.0);
+                const NEG_ZERO: Self = Self::all(-0.0);
 
                 #[inline(always)]
                 fn from_f64(value: f64) -> Self {

@@ -30,7 +30,7 @@
 //! | r x n, omega x r | [`moment`], [`spin`] | vector |
 //! | t: overlap and gap | [`System::set_targets`] | system |
 //! | t: restitution | [`restitution::set_targets`] | [`restitution`] |
-//! | belts, resistance to rolling | [`Surface`] | surface |
+//! | belts, resistance to rolling | [`SurfaceEffects`] | surface |
 //! | collisions, isolated as in (1) or together | [`restitution::collide`] | [`restitution`] |
 //! | one Gauss-Seidel sweep, step 6 | [`pgs::sweep`] | [`pgs`] |
 //! | v += M^-1 J^T gamma | [`System::apply_impulses`] | system |
@@ -116,7 +116,7 @@ pub mod solution;
 mod surface;
 pub mod symmetric;
 mod system;
-pub mod team;
+pub mod thread_pool;
 mod vector;
 pub mod wide;
 
@@ -125,6 +125,6 @@ pub use contact::{Contact, Repair};
 pub use manifold::{Manifold, contact_frame};
 pub use mobility::Mobility;
 pub use real::{Cast, Real, Scalar};
-pub use surface::Surface;
+pub use surface::SurfaceEffects;
 pub use system::System;
 pub use vector::{SymmetricMatrix, Vector, moment, spin};

@@ -8,7 +8,7 @@
 
 use std::ops::Range;
 
-use crate::body::{Axes, all_axes};
+use crate::body::{TwistAxes, all_axes};
 use crate::{Cast, InverseMass, Real, Scalar, SymmetricMatrix, Vector, Velocity, moment};
 
 /// What the points of a manifold share.
@@ -31,7 +31,7 @@ pub struct Manifold<T: Real, const L: usize> {
     pub radii: [T; 2],
     /// Parts of the rotation of a and b that the normal follows: (1, 0) on a face of a, (0, 1) on a
     /// face of b, (1/2, 1/2) across two edges, (0, 0) along the line of two centers of curvature. \[1\]
-    pub carries: [T; 2],
+    pub normal_share: [T; 2],
     /// The bodies a and b, indices into [`System::velocities`](crate::System::velocities).
     pub bodies: [u32; 2],
     /// The first of its points in [`System::contacts`](crate::System::contacts).
@@ -51,7 +51,7 @@ impl<T: Real, const L: usize> Default for Manifold<T, L> {
             restitution: T::ZERO,
             compliance: T::from_f64(f64::INFINITY),
             radii: [T::ZERO; 2],
-            carries: [T::from_f64(0.5); 2],
+            normal_share: [T::from_f64(0.5); 2],
             first: 0,
             count: 0,
         }
@@ -85,7 +85,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
             restitution: self.restitution.part(index),
             compliance: self.compliance.part(index),
             radii: [self.radii[0].part(index), self.radii[1].part(index)],
-            carries: [self.carries[0].part(index), self.carries[1].part(index)],
+            normal_share: [self.normal_share[0].part(index), self.normal_share[1].part(index)],
             first: self.first,
             count: self.count,
         }
@@ -122,7 +122,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     /// The same, from some of the components.
     #[inline(always)]
     fn sum_along(&self, axes: Range<usize>, components: Vector<T, L>) -> Vector<T, L> {
-        let mut world = Vector::NOTHING;
+        let mut world = Vector::NEG_ZERO;
         for i in axes {
             world += self.frame[i] * components[i];
         }
@@ -200,7 +200,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         b: &Velocity<T, L, A>,
     ) -> Velocity<T, L, B> {
         let turning = a.angular - b.angular;
-        let mut angular = Vector::NOTHING;
+        let mut angular = Vector::NEG_ZERO;
         for i in 0..B {
             if A == L {
                 for j in 0..A {
@@ -224,11 +224,11 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     #[inline(always)]
     fn momenta_of<const A: usize, const B: usize>(
         &self,
-        from: &Axes,
+        from: &TwistAxes,
         wrench: &Velocity<T, L, B>,
     ) -> [Velocity<T, L, A>; 2] {
         let linear = self.sum_along(from.linear.clone(), wrench.linear);
-        let mut own = Vector::NOTHING;
+        let mut own = Vector::NEG_ZERO;
         for i in 0..A {
             if A == L {
                 for j in from.angular.clone() {
@@ -261,7 +261,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     #[inline(always)]
     pub(crate) fn apply_of<const A: usize, const B: usize>(
         &self,
-        from: &Axes,
+        from: &TwistAxes,
         wrench: &Velocity<T, L, B>,
         masses: &[InverseMass<T, L, A>; 2],
         a: &mut Velocity<T, L, A>,

@@ -1,6 +1,6 @@
 //! [`Mobility`]: what impulses at a manifold do to the motion of its two bodies against each other.
 
-use crate::body::{Axes, all_axes};
+use crate::body::{TwistAxes, all_axes};
 use crate::vector::{add_moment, spin};
 use crate::{InverseMass, Manifold, Real, SymmetricMatrix, Vector, Velocity};
 
@@ -13,7 +13,7 @@ pub struct Mobility<T: Real, const L: usize, const A: usize> {
     pub(crate) linear: SymmetricMatrix<T, L>,
     /// Velocity of the center along an axis from moments, and turning from impulses along it.
     /// \[1/(kg m)\]
-    pub(crate) cross: Crossed<T, L, A>,
+    pub(crate) cross: CrossBlock<T, L, A>,
     /// Turning from moments. \[1/(kg m^2)\]
     pub(crate) angular: SymmetricMatrix<T, A>,
 }
@@ -21,9 +21,9 @@ pub struct Mobility<T: Real, const L: usize, const A: usize> {
 /// L rows of A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(transparent)]
-pub(crate) struct Crossed<T, const L: usize, const A: usize>([Vector<T, A>; L]);
+pub(crate) struct CrossBlock<T, const L: usize, const A: usize>([Vector<T, A>; L]);
 
-impl<T: Real, const L: usize, const A: usize> Default for Crossed<T, L, A> {
+impl<T: Real, const L: usize, const A: usize> Default for CrossBlock<T, L, A> {
     fn default() -> Self {
         Self([Vector::ZERO; L])
     }
@@ -52,7 +52,7 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
     ) {
         self.linear = SymmetricMatrix::default();
         if B > 0 {
-            (self.cross, self.angular) = (Crossed::default(), SymmetricMatrix::default());
+            (self.cross, self.angular) = (CrossBlock::default(), SymmetricMatrix::default());
         }
         let mut turning = T::ZERO;
         for (mass, arm) in masses.iter().zip(&manifold.arms) {
@@ -106,7 +106,7 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
     /// The twist that a wrench gives.
     #[inline(always)]
     pub fn twist(&self, wrench: &Velocity<T, L, A>) -> Velocity<T, L, A> {
-        let mut twist = Velocity::NOTHING;
+        let mut twist = Velocity::NEG_ZERO;
         self.add(&all_axes::<L, A>(), wrench, &all_axes::<L, A>(), &mut twist);
         twist
     }
@@ -116,9 +116,9 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
     #[inline(always)]
     pub(crate) fn add<const B: usize>(
         &self,
-        from: &Axes,
+        from: &TwistAxes,
         wrench: &Velocity<T, L, B>,
-        to: &Axes,
+        to: &TwistAxes,
         twist: &mut Velocity<T, L, B>,
     ) {
         for i in to.linear.clone() {

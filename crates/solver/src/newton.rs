@@ -46,7 +46,7 @@ pub fn solve<const L: usize, const A: usize>(
         symmetric::sweep(system);
     }
     let mut track = Track::start(system, &prospective, goal, PATIENCE);
-    let Some(mut problem) = Problem::new(system, prospective) else {
+    let Some(mut problem) = PrimalProblem::new(system, prospective) else {
         return track.end(system, Status::BadInput);
     };
     let mut step = Vec::new();
@@ -72,18 +72,18 @@ pub fn solve<const L: usize, const A: usize>(
 }
 
 /// P(v) for frozen shifts.
-struct Problem<const L: usize, const A: usize> {
+struct PrimalProblem<const L: usize, const A: usize> {
     prospective: Vec<Velocity<f64, L, A>>,
     masses: Vec<Mass<L, A>>,
     /// The row of blocks of each body; what nothing can move has none.
     place: Vec<Option<u32>>,
     /// Of each body of which some velocities cannot change: the projection on those that can.
     free: Vec<Option<Projection>>,
-    rows: Vec<Row<L>>,
+    rows: Vec<ContactRow<L>>,
     hessian: BlockMatrix,
 }
 
-impl<const L: usize, const A: usize> Problem<L, A> {
+impl<const L: usize, const A: usize> PrimalProblem<L, A> {
     /// `None` where a contact is rigid.
     fn new(system: &System<f64, L, A>, prospective: Vec<Velocity<f64, L, A>>) -> Option<Self> {
         let masses: Vec<Mass<L, A>> = system.masses.iter().map(|mass| mass.mass()).collect();
@@ -109,7 +109,7 @@ impl<const L: usize, const A: usize> Problem<L, A> {
                 if law.normal <= 0.0 {
                     return None;
                 }
-                rows.push(Row::new::<A>(manifold, contact, index, law));
+                rows.push(ContactRow::new::<A>(manifold, contact, index, law));
             }
         }
         let pairs = rows.iter().filter_map(|row| {
@@ -227,7 +227,7 @@ impl<const L: usize, const A: usize> Problem<L, A> {
             .map(|row| (row, row.shifted(velocities), row.velocity(direction)))
             .collect();
         let derivative = |length: f64| {
-            let work = |(row, y, u): &(&Row<L>, Vector<f64, L>, Vector<f64, L>)| {
+            let work = |(row, y, u): &(&ContactRow<L>, Vector<f64, L>, Vector<f64, L>)| {
                 row.law.response(*y - *u * length).dot(*u)
             };
             constant + linear * length - lines.iter().map(work).sum::<f64>()
@@ -257,7 +257,7 @@ impl<const L: usize, const A: usize> Problem<L, A> {
 }
 
 /// A contact of the problem.
-struct Row<const L: usize> {
+struct ContactRow<const L: usize> {
     contact: usize,
     bodies: [usize; 2],
     law: Law<f64>,
@@ -268,7 +268,7 @@ struct Row<const L: usize> {
     shift: f64,
 }
 
-impl<const L: usize> Row<L> {
+impl<const L: usize> ContactRow<L> {
     fn new<const A: usize>(
         manifold: &Manifold<f64, L>,
         contact: &Contact<f64, L>,

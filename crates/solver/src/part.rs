@@ -1,4 +1,4 @@
-//! [`Part`]: some manifolds of a system as a system of their own, in `f64`.
+//! [`SubSystem`]: some manifolds of a system as a system of their own, in `f64`.
 
 use crate::island::Islands;
 use crate::{Scalar, System, Velocity};
@@ -8,7 +8,7 @@ const NONE: u32 = u32::MAX;
 
 /// Some manifolds of a system with their bodies, copied out of it.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Part<const L: usize, const A: usize> {
+pub(crate) struct SubSystem<const L: usize, const A: usize> {
     pub(crate) system: System<f64, L, A>,
     /// Velocities of its bodies when they were copied.
     pub(crate) start: Vec<Velocity<f64, L, A>>,
@@ -22,7 +22,7 @@ pub(crate) struct Part<const L: usize, const A: usize> {
     holds: Vec<bool>,
 }
 
-impl<const L: usize, const A: usize> Part<L, A> {
+impl<const L: usize, const A: usize> SubSystem<L, A> {
     /// Leaves nothing in it; sizes it for parts of `whole`.
     pub(crate) fn clear<T: Scalar>(&mut self, whole: &System<T, L, A>) {
         for body in self.bodies.drain(..) {

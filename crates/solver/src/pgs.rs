@@ -7,7 +7,7 @@
 //! the per-body sums kept as the velocities themselves. Cost: linear in the contacts.
 
 use crate::body::{all_axes, along_normals, along_tangents};
-use crate::contact::{COMING, RIGID, SOFT};
+use crate::contact::{RIGID, RIGID_APART, SOFT};
 use crate::solution::{self, Goal, Solution};
 use crate::{Contact, InverseMass, Manifold, Mobility, Real, System, Vector, Velocity};
 
@@ -31,7 +31,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
     ) -> Vector<T, L> {
         let w = self.excess::<LAW>(self.normal_velocity(twist));
         let mass = match LAW {
-            COMING => {
+            RIGID_APART => {
                 let rigid = self.effective_mass / (T::ONE - self.softness());
                 (-self.target[0]).choose(rigid, self.effective_mass)
             }
@@ -76,7 +76,7 @@ pub fn sweep_normals<T: Real, const L: usize, const A: usize>(system: &mut Syste
 
 /// [`sweep_normals`] with contacts that are apart as rigid ones.
 pub fn sweep_coming<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
-    visit_all::<T, L, A, COMING, false>(system);
+    visit_all::<T, L, A, RIGID_APART, false>(system);
 }
 
 /// One visit to the manifold of this index, towards the targets.
@@ -159,7 +159,7 @@ fn visit_felt<
     for contact in points.iter_mut() {
         let change = contact.visit_normal::<B, LAW>(&twist);
         // The response to a unit is known before the change is: less to wait for.
-        let mut response = Velocity::NOTHING;
+        let mut response = Velocity::NEG_ZERO;
         mobility.add(normals, &contact.unit_wrench(0), normals, &mut response);
         twist += response * change[0];
         contact.add_wrench(0..1, change, &mut wrench);
@@ -170,7 +170,7 @@ fn visit_felt<
         mobility.add(normals, &wrench, tangents, &mut twist);
         for contact in points.iter_mut() {
             let change = contact.visit_friction(manifold.friction, &twist);
-            let mut own = Velocity::NOTHING;
+            let mut own = Velocity::NEG_ZERO;
             contact.add_wrench(1..L, change, &mut own);
             mobility.add(tangents, &own, tangents, &mut twist);
             contact.add_wrench(1..L, change, &mut wrench);

@@ -34,7 +34,7 @@ pub trait Real:
     const ONE: Self;
     /// -0, where sums begin: x + -0 is x to the bit, and no compiler works it out; x + 0 is another bit
     /// where x is -0.
-    const NOTHING: Self;
+    const NEG_ZERO: Self;
 
     /// The nearest value of this type.
     fn from_f64(value: f64) -> Self;
@@ -84,7 +84,7 @@ macro_rules! scalar {
         impl Real for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
-            const NOTHING: Self = -0.0;
+            const NEG_ZERO: Self = -0.0;
 
             #[inline(always)]
             fn from_f64(value: f64) -> Self {

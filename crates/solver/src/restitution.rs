@@ -13,7 +13,7 @@
 use std::ops::Range;
 
 use crate::island::Islands;
-use crate::part::Part;
+use crate::part::SubSystem;
 use crate::solution::Goal;
 use crate::{InverseMass, Mobility, Real, Scalar, System, Vector, Velocity, newton, pgs};
 
@@ -62,7 +62,7 @@ pub enum ImpactLaw {
 
 /// How collisions are resolved.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Collisions<T> {
+pub struct ImpactSettings<T> {
     /// What contacts do that collide at once.
     pub law: ImpactLaw,
     /// The step h within which blows fall. \[s\]
@@ -98,8 +98,8 @@ pub fn collide<T: Scalar, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     displacements: &mut [Velocity<T, L, A>],
     forced: &[Velocity<T, L, A>],
-    how: &Collisions<T>,
-    blow: &mut Blow<L, A>,
+    how: &ImpactSettings<T>,
+    blow: &mut ImpactSolver<L, A>,
 ) -> usize {
     let all = 0..system.manifolds.len();
     let mut collisions = 0;
@@ -148,8 +148,8 @@ const ACCURACY: f64 = 1e-12;
 /// Contacts that collide at once: what [`collide`] works in, kept so that the next call takes no
 /// memory.
 #[derive(Clone, Debug, Default)]
-pub struct Blow<const L: usize, const A: usize> {
-    part: Part<L, A>,
+pub struct ImpactSolver<const L: usize, const A: usize> {
+    part: SubSystem<L, A>,
     /// Of each manifold: gap / approach of the point that closes first; not before its bodies were struck. \[1\]
     times: Vec<f64>,
     /// Of each body of the whole system: the part of the step after which it was last struck. \[1\]
@@ -173,13 +173,13 @@ pub struct Blow<const L: usize, const A: usize> {
     work: Vec<[f64; 2]>,
 }
 
-impl<const L: usize, const A: usize> Blow<L, A> {
+impl<const L: usize, const A: usize> ImpactSolver<L, A> {
     /// One blow among these manifolds; returns how many took part.
     fn fall<T: Scalar>(
         &mut self,
         system: &mut System<T, L, A>,
         displacements: &mut [Velocity<T, L, A>],
-        how: &Collisions<T>,
+        how: &ImpactSettings<T>,
         among: Range<usize>,
     ) -> usize {
         self.clear(system, how);
@@ -195,7 +195,7 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         self.land(system, displacements, how.dt)
     }
 
-    fn clear<T: Scalar>(&mut self, system: &System<T, L, A>, how: &Collisions<T>) {
+    fn clear<T: Scalar>(&mut self, system: &System<T, L, A>, how: &ImpactSettings<T>) {
         self.part.clear(system);
         self.times.clear();
         self.closing.clear();
@@ -210,7 +210,7 @@ impl<const L: usize, const A: usize> Blow<L, A> {
         &mut self,
         system: &mut System<T, L, A>,
         displacements: &mut [Velocity<T, L, A>],
-        how: &Collisions<T>,
+        how: &ImpactSettings<T>,
         among: Range<usize>,
     ) -> usize {
         self.clear(system, how);
@@ -326,7 +326,7 @@ impl<const L: usize, const A: usize> Blow<L, A> {
     fn poisson<T: Scalar>(
         &mut self,
         whole: &System<T, L, A>,
-        how: &Collisions<T>,
+        how: &ImpactSettings<T>,
         among: Range<usize>,
     ) {
         for _ in 0..how.rounds {

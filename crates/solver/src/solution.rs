@@ -1,6 +1,6 @@
 //! What every method is asked, and what it answers.
 
-use crate::certificate::{Certificate, Tally};
+use crate::certificate::{Certificate, CertificateScratch};
 use crate::{System, Vector, Velocity};
 
 /// When a method stops.
@@ -72,7 +72,7 @@ pub(crate) struct Track<const L: usize, const A: usize> {
     idle: usize,
     mark: f64,
     prospective: Vec<Velocity<f64, L, A>>,
-    tally: Tally<L, A>,
+    scratch: CertificateScratch<L, A>,
     best: Certificate,
     velocities: Vec<Velocity<f64, L, A>>,
     impulses: Vec<Vector<f64, L>>,
@@ -86,9 +86,9 @@ impl<const L: usize, const A: usize> Track<L, A> {
         goal: &Goal,
         patience: usize,
     ) -> Self {
-        let mut tally = Tally::default();
-        tally.set_masses(system);
-        let best = tally.certify(system, prospective);
+        let mut scratch = CertificateScratch::default();
+        scratch.set_masses(system);
+        let best = scratch.certify(system, prospective);
         Self {
             goal: *goal,
             patience,
@@ -96,7 +96,7 @@ impl<const L: usize, const A: usize> Track<L, A> {
             idle: 0,
             mark: best.error(),
             prospective: prospective.to_vec(),
-            tally,
+            scratch,
             best,
             velocities: system.velocities.clone(),
             impulses: impulses(system).collect(),
@@ -105,7 +105,7 @@ impl<const L: usize, const A: usize> Track<L, A> {
 
     /// After an iteration: its certificate.
     pub(crate) fn record(&mut self, system: &System<f64, L, A>) -> Certificate {
-        let certificate = self.tally.certify(system, &self.prospective);
+        let certificate = self.scratch.certify(system, &self.prospective);
         let error = certificate.error();
         self.history.push(error);
         self.idle += 1;

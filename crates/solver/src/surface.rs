@@ -1,4 +1,4 @@
-//! [`Surface`]: what two surfaces do besides holding each other. They run like belts, and they resist rolling.
+//! [`SurfaceEffects`]: what two surfaces do besides holding each other. They run like belts, and they resist rolling.
 //!
 //! A belt adds its velocity to the slip that friction sees:
 //!
@@ -25,7 +25,7 @@ use crate::{Contact, InverseMass, Manifold, Real, Vector, Velocity};
 
 /// How the surfaces of a manifold's two bodies run, and how they resist turning against each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Surface<T: Real, const L: usize, const A: usize> {
+pub struct SurfaceEffects<T: Real, const L: usize, const A: usize> {
     /// How the surface of a runs against that of b, besides their bodies: seen from the manifold's center, in its
     /// frame, along the tangents and about the normal alone. \[m/s, rad/s\]
     pub belt: Velocity<T, L, A>,
@@ -37,13 +37,13 @@ pub struct Surface<T: Real, const L: usize, const A: usize> {
     pub torque: Vector<T, A>,
 }
 
-impl<T: Real, const L: usize, const A: usize> Default for Surface<T, L, A> {
+impl<T: Real, const L: usize, const A: usize> Default for SurfaceEffects<T, L, A> {
     fn default() -> Self {
         Self::NONE
     }
 }
 
-impl<T: Real, const L: usize, const A: usize> Surface<T, L, A> {
+impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
     /// Of surfaces that stand and resist nothing.
     pub const NONE: Self =
         Self { belt: Velocity::ZERO, rolling: T::ZERO, spinning: T::ZERO, torque: Vector::ZERO };
@@ -108,7 +108,7 @@ impl<T: Real, const L: usize, const A: usize> Surface<T, L, A> {
             let (p, q, r) = (entry(1, 1), entry(1, 2), entry(2, 2));
             let (mean, half_difference) = ((p + r) * half, (p - r) * half);
             let mass = share(mean + (half_difference * half_difference + q * q).sqrt());
-            let mut squared = T::NOTHING;
+            let mut squared = T::NEG_ZERO;
             for i in 1..A {
                 turning[i] += entry(i, 0) * spun;
                 self.torque[i] -= turning[i] * mass;
@@ -124,9 +124,9 @@ impl<T: Real, const L: usize, const A: usize> Surface<T, L, A> {
     }
 }
 
-impl<V: Lanes, const L: usize, const A: usize> Surface<V, L, A> {
+impl<V: Lanes, const L: usize, const A: usize> SurfaceEffects<V, L, A> {
     /// Puts one into a lane.
-    pub(crate) fn set(&mut self, lane: usize, own: &Surface<f32, L, A>) {
+    pub(crate) fn set(&mut self, lane: usize, own: &SurfaceEffects<f32, L, A>) {
         for i in 0..L {
             self.belt.linear[i].set(lane, own.belt.linear[i]);
         }
@@ -139,8 +139,8 @@ impl<V: Lanes, const L: usize, const A: usize> Surface<V, L, A> {
     }
 
     /// That of a lane.
-    pub(crate) fn get(&self, lane: usize) -> Surface<f32, L, A> {
-        let mut own = Surface::NONE;
+    pub(crate) fn get(&self, lane: usize) -> SurfaceEffects<f32, L, A> {
+        let mut own = SurfaceEffects::NONE;
         for i in 0..L {
             own.belt.linear[i] = self.belt.linear[i].get(lane);
         }

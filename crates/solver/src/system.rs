@@ -146,11 +146,7 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
     /// Zero exactly at a solution. `rigid` leaves out compliance and overlap repair, as
     /// [`relax`](crate::pgs::relax) does.
     pub fn residual(&self, rigid: bool) -> f64 {
-        if rigid {
-            self.residual_of::<{ RIGID }>()
-        } else {
-            self.residual_of::<SOFT>()
-        }
+        if rigid { self.residual_of::<{ RIGID }>() } else { self.residual_of::<SOFT>() }
     }
 
     fn residual_of<const LAW: u8>(&self) -> f64 {

@@ -16,13 +16,13 @@ pub struct Vector<T, const N: usize>(pub [T; N]);
 impl<T: Real, const N: usize> Vector<T, N> {
     /// The zero vector.
     pub const ZERO: Self = Self([T::ZERO; N]);
-    /// Where sums of vectors begin ([`Real::NOTHING`]).
-    pub(crate) const NOTHING: Self = Self([T::NOTHING; N]);
+    /// Where sums of vectors begin ([`Real::NEG_ZERO`]).
+    pub(crate) const NEG_ZERO: Self = Self([T::NEG_ZERO; N]);
 
     /// Sum of the products of the components.
     #[inline(always)]
     pub fn dot(self, other: Self) -> T {
-        let mut sum = T::NOTHING;
+        let mut sum = T::NEG_ZERO;
         for i in 0..N {
             sum += self.0[i] * other.0[i];
         }
@@ -299,7 +299,7 @@ impl<T: Real, const N: usize> Mul<Vector<T, N>> for SymmetricMatrix<T, N> {
     type Output = Vector<T, N>;
     #[inline(always)]
     fn mul(self, vector: Vector<T, N>) -> Vector<T, N> {
-        let mut out = Vector::NOTHING;
+        let mut out = Vector::NEG_ZERO;
         for i in 0..N {
             for j in 0..N {
                 out.0[i] += self.entry(i, j) * vector[j];

@@ -18,7 +18,7 @@ mod walk;
 pub use batch::Batch;
 pub use best::{Wide, WideBatch};
 pub use packed::Packed;
-pub use rows::{FAR, Rows, Seats, Trace};
-pub use targets::{Landing, Renewing};
+pub use rows::{CachedImpulse, FAR, LaneSlots, ManifoldSource};
+pub use targets::{Landing, MovedBodies};
 
-pub use crate::color::Past;
+pub use crate::color::Reuse;

@@ -62,7 +62,7 @@ pub(super) struct Summary {
     /// no ledger tells them apart.
     energy_created: Option<bool>,
     /// What the ledgers of the steps come to; absent without them.
-    ledger: Option<Books>,
+    ledger: Option<EnergySummary>,
     /// \[m/s\]
     residual_worst: f64,
     /// \[m/s\]
@@ -95,7 +95,7 @@ struct Risen {
 
 /// The ledgers of all steps.
 #[derive(Serialize)]
-struct Books {
+struct EnergySummary {
     /// Sums of the items. \[J\]
     items: BTreeMap<&'static str, f64>,
     /// Most that contacts had given more than taken since the start. In between, as springs, they
@@ -503,7 +503,7 @@ impl Summary {
     }
 }
 
-fn books(bake: &Bake) -> Option<Books> {
+fn books(bake: &Bake) -> Option<EnergySummary> {
     let ledgers = bake.steps.iter().map(|step| step.report.energy);
     let ledgers: Vec<_> = ledgers.collect::<Option<_>>()?;
     let mut total = Ledger::default();
@@ -514,7 +514,7 @@ fn books(bake: &Bake) -> Option<Books> {
         *balance += ledger.by_contacts();
         Some(*balance)
     });
-    Some(Books {
+    Some(EnergySummary {
         items: total.items().into_iter().collect(),
         created: balance.fold(0.0, f64::max),
         worst_step: step + 1,

@@ -3,7 +3,7 @@
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-use drystone_solver::assembled::ladder::{self, Attempt, Method, Solved};
+use drystone_solver::assembled::ladder::{self, Attempt, MatrixMethod, Solved};
 use drystone_solver::assembled::{Limits, Outcome};
 
 use super::read::Named;
@@ -12,7 +12,7 @@ use super::read::Named;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Choice {
     Auto,
-    Only(Method),
+    Only(MatrixMethod),
 }
 
 impl Choice {
@@ -37,7 +37,7 @@ impl Choice {
     }
 
     pub(super) fn all() -> impl Iterator<Item = Self> {
-        [Self::Auto].into_iter().chain(Method::ALL.map(Self::Only))
+        [Self::Auto].into_iter().chain(MatrixMethod::ALL.map(Self::Only))
     }
 }
 

@@ -4,7 +4,7 @@
 //! are compared at once.
 
 use drystone_solver::Vector;
-use drystone_solver::team::Team;
+use drystone_solver::thread_pool::ThreadPool;
 use wide::f32x8;
 
 use crate::geometry::Bounds;
@@ -25,7 +25,7 @@ const LOOSE: usize = 4;
 const LARGE: f32 = 4.0;
 
 /// Overlaps above the leaves that are worth as much as the least that is shared.
-const PIECE: usize = 1;
+const GRAIN: usize = 1;
 
 /// Boxes, each with a number.
 #[derive(Default)]
@@ -140,13 +140,13 @@ impl<const L: usize> Tree<L> {
         let place = self.places[number as usize];
         match to {
             Some(to) if place == NONE => {
-                self.push(number, [&Bounds::NOTHING, to], true);
+                self.push(number, [&Bounds::NEG_ZERO, to], true);
                 self.loose += 1;
             }
             _ if place == NONE => {}
             to => {
                 let (leaf, lane) = (place as usize / WIDTH, place as usize % WIDTH);
-                self.levels[0].nodes[leaf].set(lane, to.unwrap_or(&Bounds::NOTHING));
+                self.levels[0].nodes[leaf].set(lane, to.unwrap_or(&Bounds::NEG_ZERO));
                 self.levels[0].changed[leaf] |= 1 << lane;
                 if to.is_none() {
                     self.loose += 1;
@@ -206,19 +206,19 @@ impl<const L: usize> Tree<L> {
     }
 
     /// Each two numbers whose boxes have come to overlap since the last call: the lower in the upper half, sorted.
-    pub(super) fn overlaps(&mut self, team: &Team) -> &[u64] {
+    pub(super) fn overlaps(&mut self, pool: &ThreadPool) -> &[u64] {
         self.refit();
         if self.wear > WORN * self.built.len() as f64 || LOOSE * self.loose > self.numbers.len() {
             self.build();
         }
         let level = self.descend();
         let ahead = &self.ahead[0];
-        let (useful, share) = team.share(ahead.len(), PIECE);
+        let (useful, share) = pool.share(ahead.len(), GRAIN);
         let mut found = std::mem::take(&mut self.found);
         found.resize_with(ahead.len().div_ceil(share).max(1), Vec::new);
         found.iter_mut().for_each(Vec::clear);
         let parts = ahead.chunks(share).zip(&mut found);
-        team.for_each(useful, parts, |(ahead, found)| {
+        pool.for_each(useful, parts, |(ahead, found)| {
             ahead.iter().for_each(|&both| self.search(level, both, found));
         });
         self.found = found;
@@ -391,7 +391,7 @@ fn halve<const L: usize>(entries: &mut [Entry<L>]) {
     let around = |all: Bounds<L>, Entry { center, .. }: &Entry<L>| {
         all.joined(&Bounds { min: *center, max: *center })
     };
-    let all = entries.iter().fold(Bounds::NOTHING, around);
+    let all = entries.iter().fold(Bounds::NEG_ZERO, around);
     let sides = all.max - all.min;
     let axis = (1..L).fold(0, |most, axis| if sides[axis] > sides[most] { axis } else { most });
     entries.select_nth_unstable_by(half, |a, b| a.center[axis].total_cmp(&b.center[axis]));

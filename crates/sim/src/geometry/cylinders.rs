@@ -15,10 +15,10 @@
 use drystone_solver::{Vector, moment};
 
 use super::polyhedra::{Clipper, Plane};
-use super::rounds::{Round, between_rounds, nearest};
+use super::rounds::{RoundedCore, between_rounds, nearest};
 use super::separation::{PREFERENCE, best_face, edge_beyond};
 use super::solid::Solid;
-use super::{Frame, Touch, TouchPoint};
+use super::{ContactManifold, Frame, ManifoldPoint};
 
 /// A vector in space.
 type V = Vector<f32, 3>;
@@ -172,7 +172,7 @@ impl Placed {
 
     /// A segment is surely farther away than `prediction`. \[m\]
     pub(super) fn is_beyond(&self, ends: [V; 2], prediction: f32) -> bool {
-        let (core, own) = (self.core(), Round { ends, radius: 0.0 });
+        let (core, own) = (self.core(), RoundedCore { ends, radius: 0.0 });
         let [s, t] = nearest(&core, &own);
         let apart = core.at(s) - own.at(t);
         let reach = self.radius + prediction;
@@ -237,9 +237,9 @@ impl Placed {
     }
 
     /// The axis as the core of a capsule.
-    fn core(&self) -> Round<3> {
+    fn core(&self) -> RoundedCore<3> {
         let arm = self.axis * self.half;
-        Round { ends: [self.center - arm, self.center + arm], radius: self.radius }
+        RoundedCore { ends: [self.center - arm, self.center + arm], radius: self.radius }
     }
 
     /// The line on its side that is farthest along a direction, from the axis. \[m\]
@@ -438,12 +438,12 @@ pub(super) fn within(arm: V, squared: f32) -> bool {
     arm.dot(arm) <= squared * (1.0 + 2.0 * BORDER)
 }
 
-fn point(on_a: V, on_b: V, gap: f32, name: u32) -> TouchPoint<3> {
-    TouchPoint { on_a, on_b, gap, feature: u64::from(name) }
+fn point(on_a: V, on_b: V, gap: f32, name: u32) -> ManifoldPoint<3> {
+    ManifoldPoint { on_a, on_b, gap, feature: u64::from(name) }
 }
 
 /// Keeps what is near. Whether its deepest point stands for a contact with this gap. \[m\]
-fn is_supported(touch: &mut Touch<3>, gap: f32, size: f32, prediction: f32) -> bool {
+fn is_supported(touch: &mut ContactManifold<3>, gap: f32, size: f32, prediction: f32) -> bool {
     touch.points.retain(|point| point.gap <= prediction);
     let least = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
     least <= deepest_allowed(gap, size, prediction)
@@ -461,7 +461,7 @@ pub(super) fn on_plane(
     plane: &Plane<3>,
     prediction: f32,
     before: Option<u64>,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) -> f32 {
     touch.normal = plane.normal;
     let mut apart = f32::INFINITY;
@@ -484,7 +484,7 @@ fn over_polygon(
     normal: V,
     before: Option<u64>,
     clipper: &mut Clipper<3>,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) {
     touch.normal = normal;
     let (upright, vertex) = solid.face(face);
@@ -568,7 +568,7 @@ fn over_cap(
     other: &Placed,
     normal: V,
     before: Option<u64>,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) {
     touch.normal = normal;
     let middle = other.center + normal * other.half;
@@ -634,7 +634,7 @@ pub(super) fn on_solid(
     prediction: f32,
     before: Option<u64>,
     clipper: &mut Clipper<3>,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) -> f32 {
     let size = cylinder.size();
     let best = best_face(solid, cylinder.center, prediction, |d| cylinder.support(d));
@@ -704,7 +704,7 @@ fn on_edge(
     (edge, ends): (usize, [V; 2]),
     found: &Nearest,
     prediction: f32,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) {
     touch.normal = -found.normal;
     let places = cylinder.places_on(ends, found, prediction);
@@ -722,9 +722,9 @@ fn on_edge(
 /// \[m\] of it; returns the gap. \[m\]
 pub(super) fn on_round(
     cylinder: &Placed,
-    round: &Round<3>,
+    round: &RoundedCore<3>,
     prediction: f32,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) -> f32 {
     let mut found = cylinder.to_segment(round.ends);
     if found.gap < 0.0 {
@@ -786,7 +786,7 @@ pub(super) fn between(
     b: &Placed,
     prediction: f32,
     before: Option<u64>,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) -> f32 {
     let apart = a.center - b.center;
     let separates = |n: V| n.dot(apart) - a.extent(n) - b.extent(n);
@@ -872,7 +872,7 @@ fn flanks(
     [a, b]: [&Placed; 2],
     (normal, gap): (V, f32),
     prediction: f32,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) -> Option<f32> {
     let across: V = moment(a.axis, b.axis);
     let lying = |of: &Placed| of.axis.dot(normal).abs() < PARALLEL;

@@ -19,7 +19,7 @@ use drystone_solver::{Vector, moment};
 pub(crate) use self::surface::Surface;
 use self::surface::{Beyond, Face, Facet};
 use super::solid::Corner;
-use super::{Carrier, Frame, Surfaces, Touch, TouchPoint};
+use super::{ContactManifold, Curvature, Frame, ManifoldPoint, NormalCarrier};
 
 use super::cylinders;
 use super::solid::Polyhedron;
@@ -54,21 +54,21 @@ impl Part {
     }
 
     /// How it and a shape of this radius, or a sharp one, are curved where they touch. \[m\]
-    fn surfaces(self, radius: f32) -> Surfaces {
+    fn surfaces(self, radius: f32) -> Curvature {
         let normal = match self {
-            Self::Facet { .. } => Carrier::FaceOfB,
-            Self::Under(_) => Carrier::FaceOfA,
-            Self::Edge(_) | Self::Vertex(_) if radius > 0.0 => Carrier::Centers,
-            Self::Edge(_) | Self::Vertex(_) => Carrier::Edges,
+            Self::Facet { .. } => NormalCarrier::FaceOfB,
+            Self::Under(_) => NormalCarrier::FaceOfA,
+            Self::Edge(_) | Self::Vertex(_) if radius > 0.0 => NormalCarrier::Centers,
+            Self::Edge(_) | Self::Vertex(_) => NormalCarrier::Edges,
         };
-        Surfaces { radii: [radius, 0.0], normal }
+        Curvature { radii: [radius, 0.0], normal }
     }
 }
 
 /// What is found on the way through a mesh: one manifold for each part. The normals point out of the mesh.
 #[derive(Default)]
 pub(super) struct Gathered {
-    manifolds: Vec<Touch<3>>,
+    manifolds: Vec<ContactManifold<3>>,
     count: usize,
     /// The triangles near the shape.
     near: Vec<u32>,
@@ -118,12 +118,12 @@ impl Gathered {
     }
 
     /// The manifold of a part.
-    fn of(&mut self, part: Part, normal: V) -> &mut Touch<3> {
+    fn of(&mut self, part: Part, normal: V) -> &mut ContactManifold<3> {
         let number = part.number();
         let known = self.manifolds[..self.count].iter().position(|touch| touch.part == number);
         let index = known.unwrap_or_else(|| {
             if self.count == self.manifolds.len() {
-                self.manifolds.push(Touch::default());
+                self.manifolds.push(ContactManifold::default());
             }
             let touch = &mut self.manifolds[self.count];
             touch.points.clear();
@@ -145,7 +145,7 @@ impl Gathered {
         &mut self,
         frame: &Frame<3>,
         mesh_is_a: bool,
-        report: &mut dyn FnMut(&Touch<3>),
+        report: &mut dyn FnMut(&ContactManifold<3>),
     ) {
         // Where the shape is told from a point's name in the next step.
         let name = if self.both { 0 } else { self.faced.map_or(0, Faced::name) };
@@ -192,7 +192,7 @@ impl Faced {
 }
 
 /// Adds a point, once.
-fn add(touch: &mut Touch<3>, point: TouchPoint<3>) {
+fn add(touch: &mut ContactManifold<3>, point: ManifoldPoint<3>) {
     if touch.points.iter().all(|known| known.feature != point.feature) {
         touch.points.push(point);
     }
@@ -200,7 +200,7 @@ fn add(touch: &mut Touch<3>, point: TouchPoint<3>) {
 
 /// A shape and a mesh: how far ahead contacts are looked for.
 #[derive(Clone, Copy)]
-pub(super) struct Ahead<'a> {
+pub(super) struct MeshQuery<'a> {
     pub(super) surface: &'a Surface,
     /// \[m\]
     pub(super) prediction: f32,
@@ -212,7 +212,7 @@ pub(super) struct Ahead<'a> {
     pub(super) faced: Option<Faced>,
 }
 
-impl Ahead<'_> {
+impl MeshQuery<'_> {
     /// The side of a facet that alone touches: that of a solid, or where the shape was a step ago. So what is pressed
     /// through an open mesh in between is pushed back.
     fn only_side(&self, facet: &Facet) -> Option<f32> {
@@ -271,7 +271,7 @@ impl Ahead<'_> {
 /// Gathers where a box or a hull touches a mesh or is within `prediction` of it, in the frame of the mesh. Returns how
 /// far they are apart at least. \[m\]
 pub(super) fn polyhedron(
-    ahead: Ahead<'_>,
+    ahead: MeshQuery<'_>,
     shape: &impl Polyhedron,
     frame: &Frame<3>,
     tree: &parry3d::partitioning::Bvh,
@@ -282,7 +282,7 @@ pub(super) fn polyhedron(
 
 /// The same of a cylinder. `before` is the feature of a point where they touched a step ago.
 pub(super) fn cylinder(
-    ahead: Ahead<'_>,
+    ahead: MeshQuery<'_>,
     cylinder: cylinders::Placed,
     before: Option<u64>,
     tree: &parry3d::partitioning::Bvh,
@@ -297,7 +297,7 @@ pub(super) fn on_plane(
     surface: &Surface,
     (point, normal): (V, V),
     prediction: f32,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) -> f32 {
     let mut apart = prediction;
     touch.points.clear();
@@ -307,7 +307,12 @@ pub(super) fn on_plane(
         let gap = normal.dot(place - point);
         apart = apart.min(gap);
         if gap <= prediction {
-            touch.points.push(TouchPoint { on_a: place, on_b: place - normal * gap, gap, feature });
+            touch.points.push(ManifoldPoint {
+                on_a: place,
+                on_b: place - normal * gap,
+                gap,
+                feature,
+            });
         }
     }
     touch.reduce();

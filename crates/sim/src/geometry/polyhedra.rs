@@ -8,7 +8,7 @@ use drystone_solver::Vector;
 
 use super::separation::{Axis, Crossing, FaceOf, Separation};
 use super::solid::{Corner, Cuboid, Solid};
-use super::{Carrier, Frame, Surfaces, Touch, TouchPoint};
+use super::{ContactManifold, Curvature, Frame, ManifoldPoint, NormalCarrier};
 
 /// Polygons that are reused.
 #[derive(Default)]
@@ -28,16 +28,16 @@ pub(super) fn collide<const L: usize>(
     prediction: f32,
     Separation { gap, axis }: Separation<L>,
     clipper: &mut Clipper<L>,
-    touch: &mut Touch<L>,
+    touch: &mut ContactManifold<L>,
 ) -> f32 {
     let near = |gap: &f32| *gap <= prediction;
     match axis {
         _ if gap > prediction => {}
         Axis::Edges(Crossing { axis, on_a, on_b, feature }) => {
             touch.normal = -axis;
-            touch.surfaces = Surfaces::default();
+            touch.surfaces = Curvature::default();
             let gap = Some(axis.dot(on_b - on_a)).filter(near);
-            touch.points.extend(gap.map(|gap| TouchPoint { on_a, on_b, gap, feature }));
+            touch.points.extend(gap.map(|gap| ManifoldPoint { on_a, on_b, gap, feature }));
         }
         Axis::Face(of @ FaceOf { b: false, .. }) => {
             on_face((a, of), (b, from_b), gap, prediction, clipper, touch);
@@ -63,7 +63,7 @@ fn on_face<const L: usize>(
     gap: f32,
     prediction: f32,
     clipper: &mut Clipper<L>,
-    touch: &mut Touch<L>,
+    touch: &mut ContactManifold<L>,
 ) {
     let (normal, vertex) = solid.face(of.face);
     let Clipper { reference: memory, incident: left, next } = clipper;
@@ -81,7 +81,7 @@ fn on_face<const L: usize>(
     let near = |corner: &Corner<L>| {
         let on_b = corner.position;
         let gap = Some(normal.dot(on_b - vertex)).filter(|gap| *gap <= prediction)?;
-        Some(TouchPoint {
+        Some(ManifoldPoint {
             on_a: on_b - normal * gap,
             on_b,
             gap,
@@ -89,7 +89,7 @@ fn on_face<const L: usize>(
         })
     };
     touch.normal = -normal;
-    touch.surfaces = Surfaces { radii: [0.0; 2], normal: Carrier::FaceOfA };
+    touch.surfaces = Curvature { radii: [0.0; 2], normal: NormalCarrier::FaceOfA };
     touch.points.extend(left.iter().filter_map(near));
     let least = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
     let far = || from_other.point(other.support(against));
@@ -112,12 +112,12 @@ pub(super) struct Plane<const L: usize> {
 }
 
 /// What of a shape can lie on a plane.
-pub(super) enum Footing<'a, H, const L: usize> {
+pub(super) enum PlaneSupport<'a, H, const L: usize> {
     /// A face.
     Cuboid(&'a Cuboid<L>),
     Hull(&'a H),
     /// Balls of this radius around these centers: a ball, the ends of a capsule.
-    Round(&'a [Vector<f32, L>], f32),
+    RoundedCore(&'a [Vector<f32, L>], f32),
 }
 
 /// Fills `touch` with where a shape overlaps a half-space or is within `prediction` \[m\] of it; returns how
@@ -126,27 +126,27 @@ pub(super) enum Footing<'a, H, const L: usize> {
 /// shape is a if `above`, else b.
 pub(super) fn on_plane<const L: usize>(
     plane: &Plane<L>,
-    footing: &Footing<'_, impl Solid<L>, L>,
+    footing: &PlaneSupport<'_, impl Solid<L>, L>,
     from_shape: &Frame<L>,
     above: bool,
     prediction: f32,
     clipper: &mut Clipper<L>,
-    touch: &mut Touch<L>,
+    touch: &mut ContactManifold<L>,
 ) -> f32 {
     let normal = plane.normal;
     let corners = &mut clipper.incident;
     corners.clear();
     let down = from_shape.local_direction(-normal);
     let radius = match *footing {
-        Footing::Cuboid(cuboid) => {
+        PlaneSupport::Cuboid(cuboid) => {
             cuboid.corners(cuboid.facing(down), corners);
             0.0
         }
-        Footing::Hull(hull) => {
+        PlaneSupport::Hull(hull) => {
             hull.corners(hull.facing(down), corners);
             0.0
         }
-        Footing::Round(centers, radius) => {
+        PlaneSupport::RoundedCore(centers, radius) => {
             for (feature, &position) in centers.iter().enumerate() {
                 corners.push(Corner::new(position, feature as u32));
             }
@@ -155,9 +155,9 @@ pub(super) fn on_plane<const L: usize>(
     };
     touch.normal = if above { normal } else { -normal };
     touch.surfaces = if above {
-        Surfaces { radii: [radius, 0.0], normal: Carrier::FaceOfB }
+        Curvature { radii: [radius, 0.0], normal: NormalCarrier::FaceOfB }
     } else {
-        Surfaces { radii: [0.0, radius], normal: Carrier::FaceOfA }
+        Curvature { radii: [0.0, radius], normal: NormalCarrier::FaceOfA }
     };
     let mut apart = f32::INFINITY;
     for corner in corners {
@@ -170,7 +170,7 @@ pub(super) fn on_plane<const L: usize>(
         let below = lowest - normal * gap;
         let (on_a, on_b) = if above { (lowest, below) } else { (below, lowest) };
         let feature = u64::from(corner.feature);
-        touch.points.push(TouchPoint { on_a, on_b, gap, feature });
+        touch.points.push(ManifoldPoint { on_a, on_b, gap, feature });
     }
     touch.reduce();
     apart

@@ -6,15 +6,15 @@ use parry2d::shape::ConvexPolygon;
 use super::cylinders::{self, Cylinder};
 use super::hull::{self, Hull};
 use super::mesh::{self, Gathered, Surface};
-use super::polyhedra::{Clipper, Footing, Plane, collide, on_plane};
+use super::polyhedra::{Clipper, Plane, PlaneSupport, collide, on_plane};
 use super::rotation::{Eight, Quaternion, each_eight, precess, precess_finely};
-use super::rounds::{Round, between_rounds, on_solid};
+use super::rounds::{RoundedCore, between_rounds, on_solid};
 use super::separation::{Crossing, between, between_boxes};
 use super::solid::{Cuboid, Solid};
 use super::spheres::balls;
 use super::{
-    Ahead, Bounds, Carrier, Frame, Geometry, MassProperties, Precession, Reach, Spin, Surfaces,
-    TOGETHER, Touch, TouchPoint, leading,
+    Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint, MassProperties,
+    NormalCarrier, Precession, Reach, Spin, TOGETHER, leading,
 };
 
 /// Half of the size that stands for an unbounded shape. \[m\]
@@ -107,40 +107,47 @@ macro_rules! over_parry {
         }
 
         fn is_sheet(collider: &Self::Collider) -> bool {
-            matches!(collider.form, Form::Mesh(_))
+            matches!(collider.form, ContactShape::Mesh(_))
         }
 
         fn rolls(collider: &Self::Collider) -> bool {
             match collider.form {
-                Form::Ball(_) | Form::Capsule(..) | Form::Cylinder(_) => true,
-                Form::Cuboid(_) | Form::Hull(_) | Form::Halfspace(_) | Form::Mesh(_) => false,
-                Form::Other => true,
+                ContactShape::Ball(_) | ContactShape::Capsule(..) | ContactShape::Cylinder(_) => {
+                    true
+                }
+                ContactShape::Cuboid(_)
+                | ContactShape::Hull(_)
+                | ContactShape::Halfspace(_)
+                | ContactShape::Mesh(_) => false,
+                ContactShape::Other => true,
             }
         }
 
         fn has_ends(collider: &Self::Collider) -> bool {
             match collider.form {
-                Form::Halfspace(_) | Form::Mesh(_) => false,
-                Form::Other => collider.shape.as_support_map().is_some(),
+                ContactShape::Halfspace(_) | ContactShape::Mesh(_) => false,
+                ContactShape::Other => collider.shape.as_support_map().is_some(),
                 _ => true,
             }
         }
 
         fn has_corners(collider: &Self::Collider) -> bool {
             match collider.form {
-                Form::Cuboid(_)
-                | Form::Hull(_)
-                | Form::Cylinder(_)
-                | Form::Mesh(_)
-                | Form::Other => true,
-                Form::Ball(_) | Form::Capsule(..) | Form::Halfspace(_) => false,
+                ContactShape::Cuboid(_)
+                | ContactShape::Hull(_)
+                | ContactShape::Cylinder(_)
+                | ContactShape::Mesh(_)
+                | ContactShape::Other => true,
+                ContactShape::Ball(_) | ContactShape::Capsule(..) | ContactShape::Halfspace(_) => {
+                    false
+                }
             }
         }
 
         fn roundness(collider: &Self::Collider, pose: &Self::Pose, axis: Vector<f32, $l>) -> f32 {
             match collider.form {
-                Form::Ball(radius) | Form::Capsule(_, radius) => radius,
-                Form::Cylinder(Cylinder { radius, .. }) => {
+                ContactShape::Ball(radius) | ContactShape::Capsule(_, radius) => radius,
+                ContactShape::Cylinder(Cylinder { radius, .. }) => {
                     let up = <Self as Geometry<$l, $a>>::frame(pose).axes[1];
                     if up.dot(axis).abs() < LYING { radius } else { 0.0 }
                 }
@@ -156,9 +163,9 @@ macro_rules! over_parry {
             let frame = <Self as Geometry<$l, $a>>::frame(pose);
             let local = frame.local_direction(direction);
             Some(match &collider.form {
-                Form::Cuboid(solid) => frame.point(solid.support(local)),
-                Form::Hull(solid) => frame.point(solid.support(local)),
-                Form::Halfspace(_) | Form::Mesh(_) => return None,
+                ContactShape::Cuboid(solid) => frame.point(solid.support(local)),
+                ContactShape::Hull(solid) => frame.point(solid.support(local)),
+                ContactShape::Halfspace(_) | ContactShape::Mesh(_) => return None,
                 _ => {
                     let pose = $parry::math::Pose::from(*pose);
                     let shape = collider.shape.as_support_map()?;
@@ -175,19 +182,22 @@ macro_rules! over_parry {
         ) -> bool {
             let point = <Self as Geometry<$l, $a>>::frame(pose).local_point(point);
             match &collider.form {
-                Form::Cuboid(solid) => holds(solid, point, near),
-                Form::Hull(solid) => holds(&**solid, point, near),
+                ContactShape::Cuboid(solid) => holds(solid, point, near),
+                ContactShape::Hull(solid) => holds(&**solid, point, near),
                 _ => false,
             }
         }
 
         fn core(collider: &Self::Collider) -> Option<(Vector<f32, $l>, Self::Collider)> {
             let (center, radius) = match &collider.form {
-                Form::Capsule([from, to], radius) => ((*from + *to) * 0.5, *radius),
-                Form::Cuboid(solid) => ball_within(solid),
-                Form::Hull(solid) => ball_within(&**solid),
-                Form::Cylinder(of) => (Vector::ZERO, of.radius.min(of.half_height)),
-                Form::Ball(_) | Form::Halfspace(_) | Form::Mesh(_) | Form::Other => return None,
+                ContactShape::Capsule([from, to], radius) => ((*from + *to) * 0.5, *radius),
+                ContactShape::Cuboid(solid) => ball_within(solid),
+                ContactShape::Hull(solid) => ball_within(&**solid),
+                ContactShape::Cylinder(of) => (Vector::ZERO, of.radius.min(of.half_height)),
+                ContactShape::Ball(_)
+                | ContactShape::Halfspace(_)
+                | ContactShape::Mesh(_)
+                | ContactShape::Other => return None,
             };
             Some((center, Self::collider($parry::shape::SharedShape::ball(radius))))
         }
@@ -201,8 +211,8 @@ macro_rules! over_parry {
         ) {
             let frame = <Self as Geometry<$l, $a>>::frame(pose);
             match &collider.form {
-                Form::Cuboid(solid) => faces_at(solid, &frame, point, near, face),
-                Form::Hull(solid) => faces_at(&**solid, &frame, point, near, face),
+                ContactShape::Cuboid(solid) => faces_at(solid, &frame, point, near, face),
+                ContactShape::Hull(solid) => faces_at(&**solid, &frame, point, near, face),
                 _ => {}
             }
         }
@@ -210,15 +220,17 @@ macro_rules! over_parry {
         fn collide(
             a: (&Self::Collider, &Self::Pose),
             b: (&Self::Collider, &Self::Pose),
-            ahead: impl Into<Ahead<$l>>,
+            ahead: impl Into<LookAhead<$l>>,
             before: Option<u64>,
             scratch: &mut Self::Scratch,
-            report: &mut dyn FnMut(&Touch<$l>),
+            report: &mut dyn FnMut(&ContactManifold<$l>),
         ) -> f32 {
             let ahead = ahead.into();
             let prediction = ahead.prediction;
             // As what is round below, but most of a heap of balls.
-            if let (Form::Ball(radius_a), Form::Ball(radius_b)) = (&a.0.form, &b.0.form) {
+            if let (ContactShape::Ball(radius_a), ContactShape::Ball(radius_b)) =
+                (&a.0.form, &b.0.form)
+            {
                 let center = |pose| <Self as Geometry<$l, $a>>::frame(pose).position;
                 let (centers, touch) = ([center(a.1), center(b.1)], &mut scratch.touch);
                 return balls(centers, [*radius_a, *radius_b], prediction, touch, report);
@@ -245,7 +257,7 @@ macro_rules! over_parry {
                     touch.place(&frames[0]);
                 } else {
                     apart = apart.min(prediction);
-                    touch.surfaces = Surfaces::default();
+                    touch.surfaces = Curvature::default();
                     $ask(pieces, cones, poses(), prediction, manifold, touch);
                 }
                 if !touch.points.is_empty() {
@@ -262,12 +274,12 @@ macro_rules! over_parry {
 #[derive(Clone)]
 pub struct Collider<S, H, const L: usize> {
     shape: S,
-    form: Form<H, L>,
+    form: ContactShape<H, L>,
 }
 
 /// A shape as contacts see it.
 #[derive(Clone)]
-enum Form<H, const L: usize> {
+enum ContactShape<H, const L: usize> {
     /// Of this radius. \[m\]
     Ball(f32),
     /// The ends of its segment, and its radius. \[m\]
@@ -286,21 +298,21 @@ enum Form<H, const L: usize> {
 }
 
 /// What is tested against another: a shape, or one triangle of it.
-struct Piece<'a, S: ?Sized, H, const L: usize> {
+struct ConvexPart<'a, S: ?Sized, H, const L: usize> {
     shape: &'a S,
-    form: &'a Form<H, L>,
+    form: &'a ContactShape<H, L>,
 }
 
-impl<S: ?Sized, H, const L: usize> Clone for Piece<'_, S, H, L> {
+impl<S: ?Sized, H, const L: usize> Clone for ConvexPart<'_, S, H, L> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<S: ?Sized, H, const L: usize> Copy for Piece<'_, S, H, L> {}
+impl<S: ?Sized, H, const L: usize> Copy for ConvexPart<'_, S, H, L> {}
 
-type Piece2<'a> = Piece<'a, dyn parry2d::shape::Shape, ConvexPolygon, 2>;
-type Piece3<'a> = Piece<'a, dyn parry3d::shape::Shape, Hull, 3>;
+type Piece2<'a> = ConvexPart<'a, dyn parry2d::shape::Shape, ConvexPolygon, 2>;
+type Piece3<'a> = ConvexPart<'a, dyn parry3d::shape::Shape, Hull, 3>;
 
 /// Memory for one thread's collisions.
 #[derive(Default)]
@@ -308,16 +320,20 @@ pub struct Scratch<M, E, const L: usize> {
     manifold: M,
     /// The expanding polytope of EPA.
     expansion: E,
-    touch: Touch<L>,
+    touch: ContactManifold<L>,
     clipper: Clipper<L>,
     gathered: Gathered,
 }
 
-impl<H, const L: usize> Form<H, L> {
-    fn round(&self) -> Option<Round<L>> {
+impl<H, const L: usize> ContactShape<H, L> {
+    fn round(&self) -> Option<RoundedCore<L>> {
         match self {
-            Form::Ball(radius) => Some(Round { ends: [Vector::ZERO; 2], radius: *radius }),
-            Form::Capsule(ends, radius) => Some(Round { ends: *ends, radius: *radius }),
+            ContactShape::Ball(radius) => {
+                Some(RoundedCore { ends: [Vector::ZERO; 2], radius: *radius })
+            }
+            ContactShape::Capsule(ends, radius) => {
+                Some(RoundedCore { ends: *ends, radius: *radius })
+            }
             _ => None,
         }
     }
@@ -366,29 +382,29 @@ fn faces_at<const L: usize>(
 /// Contact of a round shape or a half-space with another shape, in the frame of a; returns how far they are
 /// apart at least. `None`: they are something else, or one is too deep in the other.
 fn round_or_plane<H: Solid<L>, const L: usize>(
-    [a, b]: [&Form<H, L>; 2],
+    [a, b]: [&ContactShape<H, L>; 2],
     Query { from_b, prediction, before }: Query<'_, L>,
     clipper: &mut Clipper<L>,
-    touch: &mut Touch<L>,
+    touch: &mut ContactManifold<L>,
 ) -> Option<f32> {
     match (a, b) {
-        (Form::Halfspace(_), Form::Halfspace(_)) => return None,
-        (_, Form::Halfspace(normal)) => {
+        (ContactShape::Halfspace(_), ContactShape::Halfspace(_)) => return None,
+        (_, ContactShape::Halfspace(normal)) => {
             let plane = Plane { point: from_b.position, normal: from_b.direction(*normal) };
             let footing = footing(a)?;
             let own = &Frame::IDENTITY;
             return Some(on_plane(&plane, &footing, own, true, prediction, clipper, touch));
         }
-        (Form::Halfspace(normal), _) => {
+        (ContactShape::Halfspace(normal), _) => {
             let plane = Plane { point: Vector::ZERO, normal: *normal };
             let footing = footing(b)?;
             return Some(on_plane(&plane, &footing, from_b, false, prediction, clipper, touch));
         }
         _ => {}
     }
-    let mut on = |round: &Round<L>, form: &Form<H, L>| match form {
-        Form::Cuboid(solid) => on_solid(round, solid, prediction, before, clipper, touch),
-        Form::Hull(solid) => on_solid(round, &**solid, prediction, before, clipper, touch),
+    let mut on = |round: &RoundedCore<L>, form: &ContactShape<H, L>| match form {
+        ContactShape::Cuboid(solid) => on_solid(round, solid, prediction, before, clipper, touch),
+        ContactShape::Hull(solid) => on_solid(round, &**solid, prediction, before, clipper, touch),
         _ => None,
     };
     match (a.round(), b.round()) {
@@ -409,13 +425,16 @@ fn round_or_plane<H: Solid<L>, const L: usize>(
 }
 
 /// What of a shape can lie on a plane.
-fn footing<H, const L: usize>(form: &Form<H, L>) -> Option<Footing<'_, H, L>> {
+fn footing<H, const L: usize>(form: &ContactShape<H, L>) -> Option<PlaneSupport<'_, H, L>> {
     Some(match form {
-        Form::Ball(radius) => Footing::Round(&[Vector::ZERO], *radius),
-        Form::Capsule(ends, radius) => Footing::Round(ends, *radius),
-        Form::Cuboid(cuboid) => Footing::Cuboid(cuboid),
-        Form::Hull(hull) => Footing::Hull(hull),
-        Form::Cylinder(_) | Form::Halfspace(_) | Form::Mesh(_) | Form::Other => return None,
+        ContactShape::Ball(radius) => PlaneSupport::RoundedCore(&[Vector::ZERO], *radius),
+        ContactShape::Capsule(ends, radius) => PlaneSupport::RoundedCore(ends, *radius),
+        ContactShape::Cuboid(cuboid) => PlaneSupport::Cuboid(cuboid),
+        ContactShape::Hull(hull) => PlaneSupport::Hull(hull),
+        ContactShape::Cylinder(_)
+        | ContactShape::Halfspace(_)
+        | ContactShape::Mesh(_)
+        | ContactShape::Other => return None,
     })
 }
 
@@ -426,9 +445,9 @@ fn polygons(
     [a, b]: [Piece2<'_>; 2],
     _: impl Fn() -> parry2d::math::Pose,
     (clipper, _): (&mut Clipper<2>, &mut parry2d::query::epa::EPA),
-    touch: &mut Touch<2>,
+    touch: &mut ContactManifold<2>,
 ) -> Option<f32> {
-    use Form::{Cuboid, Hull};
+    use ContactShape::{Cuboid, Hull};
     Some(match (a.form, b.form) {
         (Cuboid(a), Cuboid(b)) => boxes([a, b], query, clipper, touch),
         (Cuboid(a), Hull(b)) => meet(a, &**b, query, || None, clipper, touch),
@@ -444,23 +463,23 @@ fn solids(
     [a, b]: [Piece3<'_>; 2],
     posed: impl Fn() -> parry3d::math::Pose,
     (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) -> Option<f32> {
-    use Form::{Cuboid, Hull};
+    use ContactShape::{Cuboid, Hull};
     let nearest = || closest(&posed(), a.shape, b.shape, query.prediction, expansion);
     Some(match (a.form, b.form) {
         (Cuboid(a), Cuboid(b)) => boxes([a, b], query, clipper, touch),
         (Cuboid(a), Hull(b)) => meet(a, &**b, query, nearest, clipper, touch),
         (Hull(a), Cuboid(b)) => meet(&**a, b, query, nearest, clipper, touch),
         (Hull(a), Hull(b)) => meet(&**a, &**b, query, nearest, clipper, touch),
-        (Form::Cylinder(cylinder), _) => {
+        (ContactShape::Cylinder(cylinder), _) => {
             let own = cylinder.placed(&Frame::IDENTITY.seen_from(query.from_b));
             let gap = on_cylinder(&own, b.form, query, clipper, touch)?;
             touch.surfaces = cylinder_on(&own, b.form, touch.normal);
             touch.place(query.from_b);
             gap
         }
-        (_, Form::Cylinder(cylinder)) => {
+        (_, ContactShape::Cylinder(cylinder)) => {
             let own = cylinder.placed(query.from_b);
             let gap = on_cylinder(&own, a.form, query, clipper, touch)?;
             touch.surfaces = cylinder_on(&own, a.form, touch.normal);
@@ -475,64 +494,64 @@ fn solids(
 /// shape is left to parry.
 fn on_cylinder(
     cylinder: &cylinders::Placed,
-    form: &Form<Hull, 3>,
+    form: &ContactShape<Hull, 3>,
     Query { prediction, before, .. }: Query<'_, 3>,
     clipper: &mut Clipper<3>,
-    touch: &mut Touch<3>,
+    touch: &mut ContactManifold<3>,
 ) -> Option<f32> {
     Some(match form {
-        Form::Ball(_) | Form::Capsule(..) => {
+        ContactShape::Ball(_) | ContactShape::Capsule(..) => {
             cylinders::on_round(cylinder, &form.round()?, prediction, touch)
         }
-        Form::Cuboid(solid) => {
+        ContactShape::Cuboid(solid) => {
             cylinders::on_solid(cylinder, solid, prediction, before, clipper, touch)
         }
-        Form::Hull(solid) => {
+        ContactShape::Hull(solid) => {
             cylinders::on_solid(cylinder, &**solid, prediction, before, clipper, touch)
         }
-        Form::Cylinder(other) => {
+        ContactShape::Cylinder(other) => {
             let other = other.placed(&Frame::IDENTITY);
             cylinders::between(cylinder, &other, prediction, before, touch)
         }
-        Form::Halfspace(normal) => {
+        ContactShape::Halfspace(normal) => {
             let plane = Plane { point: Vector::ZERO, normal: *normal };
             cylinders::on_plane(cylinder, &plane, prediction, before, touch)
         }
-        Form::Mesh(_) | Form::Other => return None,
+        ContactShape::Mesh(_) | ContactShape::Other => return None,
     })
 }
 
 /// How a cylinder, as a, and a shape are curved where they touch along a normal.
 fn cylinder_on(
     cylinder: &cylinders::Placed,
-    form: &Form<Hull, 3>,
+    form: &ContactShape<Hull, 3>,
     normal: Vector<f32, 3>,
-) -> Surfaces {
+) -> Curvature {
     let radius = |of: &cylinders::Placed| of.roundness(normal);
     let is = |other: Vector<f32, 3>| other.dot(normal) > SAME;
     let has =
         |solid: &dyn Fn(usize) -> Vector<f32, 3>, faces: usize| (0..faces).any(|f| is(solid(f)));
     let (other, face) = match form {
-        Form::Ball(radius) | Form::Capsule(_, radius) => (*radius, false),
-        Form::Cylinder(other) => {
+        ContactShape::Ball(radius) | ContactShape::Capsule(_, radius) => (*radius, false),
+        ContactShape::Cylinder(other) => {
             let other = other.placed(&Frame::IDENTITY);
             (radius(&other), radius(&other) == 0.0 && other.stands(normal))
         }
-        Form::Cuboid(solid) => (0.0, has(&|face| solid.face(face).0, solid.faces())),
-        Form::Hull(solid) => (0.0, has(&|face| solid.face(face).0, solid.faces())),
-        Form::Halfspace(_) | Form::Mesh(_) | Form::Other => (0.0, true),
+        ContactShape::Cuboid(solid) => (0.0, has(&|face| solid.face(face).0, solid.faces())),
+        ContactShape::Hull(solid) => (0.0, has(&|face| solid.face(face).0, solid.faces())),
+        ContactShape::Halfspace(_) | ContactShape::Mesh(_) | ContactShape::Other => (0.0, true),
     };
     let own = radius(cylinder);
     let normal = if face {
-        Carrier::FaceOfB
+        NormalCarrier::FaceOfB
     } else if cylinder.stands(normal) {
-        Carrier::FaceOfA
+        NormalCarrier::FaceOfA
     } else if own + other > 0.0 {
-        Carrier::Centers
+        NormalCarrier::Centers
     } else {
-        Carrier::Edges
+        NormalCarrier::Edges
     };
-    Surfaces { radii: [own, other], normal }
+    Curvature { radii: [own, other], normal }
 }
 
 /// The cosine of two directions that are one. \[1\]
@@ -542,9 +561,9 @@ const SAME: f32 = 1.0 - 1e-6;
 fn no_meshes<S>(
     _: [&Collider<S, ConvexPolygon, 2>; 2],
     _: &[Frame<2>; 2],
-    _: (Ahead<2>, Option<u64>),
+    _: (LookAhead<2>, Option<u64>),
     _: &mut Scratch<impl Sized, impl Sized, 2>,
-    _: &mut dyn FnMut(&Touch<2>),
+    _: &mut dyn FnMut(&ContactManifold<2>),
 ) -> Option<f32> {
     None
 }
@@ -554,14 +573,14 @@ fn no_meshes<S>(
 fn on_meshes(
     both: [&Collider<parry3d::shape::SharedShape, Hull, 3>; 2],
     frames: &[Frame<3>; 2],
-    (ahead, before): (Ahead<3>, Option<u64>),
+    (ahead, before): (LookAhead<3>, Option<u64>),
     scratch: &mut Scratch<impl Sized, impl Sized, 3>,
-    report: &mut dyn FnMut(&Touch<3>),
+    report: &mut dyn FnMut(&ContactManifold<3>),
 ) -> Option<f32> {
     let forms = both.map(|of| &of.form);
     let (side, surface) = match forms {
-        [Form::Mesh(surface), _] => (0, surface),
-        [_, Form::Mesh(surface)] => (1, surface),
+        [ContactShape::Mesh(surface), _] => (0, surface),
+        [_, ContactShape::Mesh(surface)] => (1, surface),
         _ => return None,
     };
     let tree = both[side].shape.as_trimesh()?.bvh();
@@ -569,16 +588,16 @@ fn on_meshes(
     let seen = &frames[1 - side].seen_from(own);
     let motion = own.local_direction(ahead.motion) * if side == 1 { 1.0 } else { -1.0 };
     let faced = before.and_then(mesh::Faced::of);
-    let Ahead { prediction, turning, .. } = ahead;
-    let ahead = mesh::Ahead { surface, prediction, motion, turning, faced };
+    let LookAhead { prediction, turning, .. } = ahead;
+    let ahead = mesh::MeshQuery { surface, prediction, motion, turning, faced };
     let gathered = &mut scratch.gathered;
     let apart = match other {
-        Form::Cuboid(cuboid) => mesh::polyhedron(ahead, cuboid, seen, tree, gathered),
-        Form::Hull(hull) => mesh::polyhedron(ahead, &**hull, seen, tree, gathered),
-        Form::Ball(_) | Form::Capsule(..) => {
+        ContactShape::Cuboid(cuboid) => mesh::polyhedron(ahead, cuboid, seen, tree, gathered),
+        ContactShape::Hull(hull) => mesh::polyhedron(ahead, &**hull, seen, tree, gathered),
+        ContactShape::Ball(_) | ContactShape::Capsule(..) => {
             mesh::round(ahead, &other.round()?.placed(seen), tree, gathered)
         }
-        Form::Halfspace(normal) => {
+        ContactShape::Halfspace(normal) => {
             let plane = (seen.position, seen.direction(*normal));
             let touch = &mut scratch.touch;
             let apart = mesh::on_plane(surface, plane, ahead.prediction, touch);
@@ -591,11 +610,11 @@ fn on_meshes(
             }
             return Some(apart);
         }
-        Form::Cylinder(cylinder) => {
+        ContactShape::Cylinder(cylinder) => {
             mesh::cylinder(ahead, cylinder.placed(seen), before, tree, gathered)
         }
-        Form::Mesh(_) => return Some(ahead.prediction),
-        Form::Other => return None,
+        ContactShape::Mesh(_) => return Some(ahead.prediction),
+        ContactShape::Other => return None,
     };
     gathered.report(own, side == 0, report);
     Some(apart)
@@ -615,7 +634,7 @@ fn boxes<const L: usize>(
     [a, b]: [&Cuboid<L>; 2],
     Query { from_b, prediction, .. }: Query<'_, L>,
     clipper: &mut Clipper<L>,
-    touch: &mut Touch<L>,
+    touch: &mut ContactManifold<L>,
 ) -> f32 {
     let separation = between_boxes(a, b, from_b, prediction);
     collide(a, b, from_b, prediction, separation, clipper, touch)
@@ -628,7 +647,7 @@ fn meet<const L: usize>(
     Query { from_b, prediction, before }: Query<'_, L>,
     crossing: impl FnOnce() -> Option<Crossing<L>>,
     clipper: &mut Clipper<L>,
-    touch: &mut Touch<L>,
+    touch: &mut ContactManifold<L>,
 ) -> f32 {
     let separation = between(a, b, from_b, prediction, before, crossing);
     collide(a, b, from_b, prediction, separation, clipper, touch)
@@ -713,8 +732,10 @@ macro_rules! pieces {
             ),
         ) -> bool {
             use $parry::bounding_volume::BoundingVolume;
-            let whole = both.map(|of| Piece { shape: &*of.shape.0, form: &of.form });
-            let is_mesh = |side: &usize| matches!(both[*side].form, Form::Mesh(_) | Form::Other);
+            let whole = both.map(|of| ConvexPart { shape: &*of.shape.0, form: &of.form });
+            let is_mesh = |side: &usize| {
+                matches!(both[*side].form, ContactShape::Mesh(_) | ContactShape::Other)
+            };
             let mesh = |side: usize| Some((side, both[side].shape.as_trimesh()?));
             let Some((side, mesh)) = [0, 1].into_iter().filter(is_mesh).find_map(mesh) else {
                 pair(whole, [None, None], 0);
@@ -726,7 +747,7 @@ macro_rules! pieces {
                 let (triangle, cone) =
                     (mesh.triangle(index), mesh.triangle_normal_constraints(index));
                 let (mut pieces, mut cones) = (whole, [None, None]);
-                pieces[side] = Piece { shape: &triangle, form: &Form::Other };
+                pieces[side] = ConvexPart { shape: &triangle, form: &ContactShape::Other };
                 cones[side] =
                     cone.as_ref().map(|of| of as &dyn $parry::query::details::NormalConstraints);
                 pair(pieces, cones, index);
@@ -741,7 +762,7 @@ macro_rules! pieces {
             [pose_a, pose_b]: [$parry::math::Pose; 2],
             prediction: f32,
             manifold: &mut $parry::query::ContactManifold<(), ()>,
-            touch: &mut Touch<$l>,
+            touch: &mut ContactManifold<$l>,
         ) {
             use $parry::query::{DefaultQueryDispatcher, PersistentQueryDispatcher};
             manifold.points.clear();
@@ -758,7 +779,7 @@ macro_rules! pieces {
             touch.normal = normal.to_array().into();
             for point in manifold.points.iter().filter(|point| point.dist <= prediction) {
                 let on_b = pose_b * point.local_p2;
-                touch.points.push(TouchPoint {
+                touch.points.push(ManifoldPoint {
                     on_a: (on_b + normal * point.dist).to_array().into(),
                     on_b: on_b.to_array().into(),
                     gap: point.dist,
@@ -776,32 +797,32 @@ pieces!(each_piece_3, ask_parry_3, Piece3, parry3d, Hull, 3);
 /// Defines how contacts see a shape.
 macro_rules! form {
     ($name:ident, $parry:ident, $hull:ident, $l:literal, $($hulls:pat => $found:expr),+) => {
-        fn $name(shape: &$parry::shape::SharedShape) -> Form<$hull, $l> {
+        fn $name(shape: &$parry::shape::SharedShape) -> ContactShape<$hull, $l> {
             use $parry::shape::TypedShape;
             match shape.as_typed_shape() {
-                TypedShape::Ball(ball) => Form::Ball(ball.radius),
+                TypedShape::Ball(ball) => ContactShape::Ball(ball.radius),
                 TypedShape::Capsule(capsule) => {
                     let ends = [capsule.segment.a, capsule.segment.b];
-                    Form::Capsule(ends.map(|end| Vector(end.to_array())), capsule.radius)
+                    ContactShape::Capsule(ends.map(|end| Vector(end.to_array())), capsule.radius)
                 }
                 TypedShape::Cuboid(cuboid) => {
-                    Form::Cuboid(Cuboid(cuboid.half_extents.to_array().into()))
+                    ContactShape::Cuboid(Cuboid(cuboid.half_extents.to_array().into()))
                 }
-                TypedShape::HalfSpace(plane) => Form::Halfspace(plane.normal.to_array().into()),
+                TypedShape::HalfSpace(plane) => ContactShape::Halfspace(plane.normal.to_array().into()),
                 $($hulls => $found,)+
-                _ => Form::Other,
+                _ => ContactShape::Other,
             }
         }
     };
 }
 
 form!(form_2, parry2d, ConvexPolygon, 2,
-    TypedShape::ConvexPolygon(polygon) => Form::Hull(Box::new(polygon.clone())));
+    TypedShape::ConvexPolygon(polygon) => ContactShape::Hull(Box::new(polygon.clone())));
 form!(form_3, parry3d, Hull, 3,
-    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(Form::Other, |hull| Form::Hull(Box::new(hull))),
+    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(ContactShape::Other, |hull| ContactShape::Hull(Box::new(hull))),
     TypedShape::Cylinder(of) =>
-        Form::Cylinder(Cylinder { radius: of.radius, half_height: of.half_height }),
-    TypedShape::TriMesh(mesh) => Form::Mesh(Box::new(Surface::of(mesh))));
+        ContactShape::Cylinder(Cylinder { radius: of.radius, half_height: of.half_height }),
+    TypedShape::TriMesh(mesh) => ContactShape::Mesh(Box::new(Surface::of(mesh))));
 
 impl Geometry<2, 1> for Rigid2 {
     type Pose = Pose2;

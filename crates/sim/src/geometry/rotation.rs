@@ -274,7 +274,7 @@ impl SubAssign for Eight {
 impl Real for Eight {
     const ZERO: Self = Self(f32x8::new([0.0; 8]));
     const ONE: Self = Self(f32x8::new([1.0; 8]));
-    const NOTHING: Self = Self(f32x8::new([-0.0; 8]));
+    const NEG_ZERO: Self = Self(f32x8::new([-0.0; 8]));
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {

@@ -9,11 +9,11 @@ use super::polyhedra::Clipper;
 use super::separation::{FaceOf, Known, best_face, edges_feature, measure};
 use super::solid::Solid;
 use super::spheres::between_balls;
-use super::{Carrier, Frame, Surfaces, Touch, TouchPoint};
+use super::{ContactManifold, Curvature, Frame, ManifoldPoint, NormalCarrier};
 
 /// A ball or a capsule: the ends of its core, the same ones for a ball, and its radius. \[m\]
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Round<const L: usize> {
+pub(super) struct RoundedCore<const L: usize> {
     pub(super) ends: [Vector<f32, L>; 2],
     pub(super) radius: f32,
 }
@@ -28,7 +28,7 @@ const DEEPER: f32 = 0.01;
 /// face's normal is more than this: so a capsule across a box rests on both of its edges.
 const UPRIGHT: f32 = 0.999;
 
-impl<const L: usize> Round<L> {
+impl<const L: usize> RoundedCore<L> {
     /// The same, out of the frame it is given in.
     pub(super) fn placed(&self, frame: &Frame<L>) -> Self {
         Self { ends: self.ends.map(|end| frame.point(end)), ..*self }
@@ -61,7 +61,7 @@ impl<const L: usize> Round<L> {
 }
 
 /// Which parts of two cores are nearest.
-pub(super) fn nearest<const L: usize>(a: &Round<L>, b: &Round<L>) -> [f32; 2] {
+pub(super) fn nearest<const L: usize>(a: &RoundedCore<L>, b: &RoundedCore<L>) -> [f32; 2] {
     let (along_a, along_b, between) = (a.along(), b.along(), a.ends[0] - b.ends[0]);
     let (squared_a, squared_b) = (along_a.dot(along_a), along_b.dot(along_b));
     let both = along_a.dot(along_b);
@@ -87,10 +87,10 @@ pub(super) fn nearest<const L: usize>(a: &Round<L>, b: &Round<L>) -> [f32; 2] {
 /// Fills `touch` with where two round shapes, given in one frame, overlap or are within `prediction` \[m\];
 /// returns the gap. \[m\]
 pub(super) fn between_rounds<const L: usize>(
-    a: &Round<L>,
-    b: &Round<L>,
+    a: &RoundedCore<L>,
+    b: &RoundedCore<L>,
     prediction: f32,
-    touch: &mut Touch<L>,
+    touch: &mut ContactManifold<L>,
 ) -> f32 {
     let [s, t] = nearest(a, b);
     let (normal, gap) = between_balls(a.at(s) - b.at(t), [a.radius, b.radius]);
@@ -98,10 +98,10 @@ pub(super) fn between_rounds<const L: usize>(
         return gap;
     }
     touch.normal = normal;
-    touch.surfaces = Surfaces { radii: [a.radius, b.radius], normal: Carrier::Centers };
+    touch.surfaces = Curvature { radii: [a.radius, b.radius], normal: NormalCarrier::Centers };
     let point = |s: f32, t: f32, feature: u64| {
         let (on_a, on_b) = (a.at(s) - normal * a.radius, b.at(t) + normal * b.radius);
-        TouchPoint { on_a, on_b, gap: normal.dot(on_a - on_b), feature }
+        ManifoldPoint { on_a, on_b, gap: normal.dot(on_a - on_b), feature }
     };
     let (along_a, along_b) = (a.along(), b.along());
     let most = along_a.dot(along_a) * along_b.dot(along_b);
@@ -127,12 +127,12 @@ pub(super) fn between_rounds<const L: usize>(
 /// `prediction` \[m\] of it; returns how far they are apart at least. \[m\] `before` is the feature of a point
 /// where they touched a step ago. `None`: the core is in the solid, and no face is sure to be the nearest.
 pub(super) fn on_solid<const L: usize>(
-    round: &Round<L>,
+    round: &RoundedCore<L>,
     solid: &impl Solid<L>,
     prediction: f32,
     before: Option<u64>,
     clipper: &mut Clipper<L>,
-    touch: &mut Touch<L>,
+    touch: &mut ContactManifold<L>,
 ) -> Option<f32> {
     let reach = prediction + round.radius;
     let farther = |direction| round.farther(direction);
@@ -182,7 +182,7 @@ pub(super) fn on_solid<const L: usize>(
 /// Where an edge of a solid is nearest to a core.
 struct Nearest<const L: usize> {
     number: usize,
-    edge: Round<L>,
+    edge: RoundedCore<L>,
     /// Of the core.
     part: f32,
     /// On the edge. \[m\]
@@ -195,15 +195,15 @@ impl<const L: usize> Nearest<L> {
     /// The nearest of some edges.
     fn among(
         edges: impl Iterator<Item = usize>,
-        round: &Round<L>,
+        round: &RoundedCore<L>,
         solid: &impl Solid<L>,
     ) -> Option<Self> {
         let edges = edges.map(|edge| Self::of(round, solid, edge));
         edges.min_by(|a, b| a.squared().total_cmp(&b.squared()))
     }
 
-    fn of(round: &Round<L>, solid: &impl Solid<L>, number: usize) -> Self {
-        let edge = Round { ends: solid.edge(number), radius: 0.0 };
+    fn of(round: &RoundedCore<L>, solid: &impl Solid<L>, number: usize) -> Self {
+        let edge = RoundedCore { ends: solid.edge(number), radius: 0.0 };
         let [part, t] = nearest(round, &edge);
         let point = edge.at(t);
         Self { number, edge, part, point, apart: round.at(part) - point }
@@ -225,7 +225,12 @@ impl<const L: usize> Nearest<L> {
         upright > 0.0 && upright * upright >= UPRIGHT * self.squared()
     }
 
-    fn touch(&self, round: &Round<L>, prediction: f32, touch: &mut Touch<L>) -> f32 {
+    fn touch(
+        &self,
+        round: &RoundedCore<L>,
+        prediction: f32,
+        touch: &mut ContactManifold<L>,
+    ) -> f32 {
         let gap = between_rounds(round, &self.edge, prediction, touch);
         for point in &mut touch.points {
             point.feature = edges_feature([point.feature as usize, self.number]);
@@ -235,7 +240,7 @@ impl<const L: usize> Nearest<L> {
 }
 
 /// Whether a core is partly within a solid.
-fn enters<const L: usize>(round: &Round<L>, solid: &impl Solid<L>) -> bool {
+fn enters<const L: usize>(round: &RoundedCore<L>, solid: &impl Solid<L>) -> bool {
     let mut within = [0.0, 1.0];
     for face in 0..solid.faces() {
         let (normal, vertex) = solid.face(face);
@@ -258,13 +263,13 @@ fn behind(range: &mut [f32; 2], height: f32, rise: f32) {
 
 /// Where the part of a core that is over a face is near it, and the `lowest` of it.
 fn on_face<const L: usize>(
-    round: &Round<L>,
+    round: &RoundedCore<L>,
     lowest: f32,
     solid: &impl Solid<L>,
     face: usize,
     prediction: f32,
     clipper: &mut Clipper<L>,
-    touch: &mut Touch<L>,
+    touch: &mut ContactManifold<L>,
 ) {
     let (normal, vertex) = solid.face(face);
     let along = round.along();
@@ -273,7 +278,7 @@ fn on_face<const L: usize>(
         behind(&mut over, outward.dot(round.ends[0] - point), outward.dot(along));
     });
     touch.normal = normal;
-    touch.surfaces = Surfaces { radii: [round.radius, 0.0], normal: Carrier::FaceOfB };
+    touch.surfaces = Curvature { radii: [round.radius, 0.0], normal: NormalCarrier::FaceOfB };
     let parts = if over[0] < over[1] {
         [over[0].min(lowest), over[1].max(lowest)]
     } else {
@@ -285,7 +290,7 @@ fn on_face<const L: usize>(
         let gap = normal.dot(on_a - vertex);
         if gap <= prediction {
             let feature = FaceOf { b: true, face }.feature(end);
-            touch.points.push(TouchPoint { on_a, on_b: on_a - normal * gap, gap, feature });
+            touch.points.push(ManifoldPoint { on_a, on_b: on_a - normal * gap, gap, feature });
         }
     }
 }

@@ -3,8 +3,8 @@
 use drystone_solver::{SymmetricMatrix, Vector};
 
 use super::{
-    Ahead, Bounds, Carrier, Frame, Geometry, MassProperties, Reach, Surfaces, Touch, TouchPoint,
-    leading,
+    Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint, MassProperties,
+    NormalCarrier, Reach, leading,
 };
 
 /// Particles: (L, A) = (2, 0) or (3, 0).
@@ -33,7 +33,7 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
     type Pose = Vector<f32, L>;
     type Shape = SphereShape<L>;
     type Collider = SphereShape<L>;
-    type Scratch = Touch<L>;
+    type Scratch = ContactManifold<L>;
 
     fn pose(position: Vector<f32, L>, _rotation: &[f32]) -> Self::Pose {
         position
@@ -119,10 +119,10 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
     fn collide(
         a: (&Self::Collider, &Self::Pose),
         b: (&Self::Collider, &Self::Pose),
-        ahead: impl Into<Ahead<L>>,
+        ahead: impl Into<LookAhead<L>>,
         _: Option<u64>,
-        touch: &mut Touch<L>,
-        report: &mut dyn FnMut(&Touch<L>),
+        touch: &mut ContactManifold<L>,
+        report: &mut dyn FnMut(&ContactManifold<L>),
     ) -> f32 {
         use SphereShape::{Halfspace, Sphere};
         let prediction = ahead.into().prediction;
@@ -133,15 +133,17 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
                 balls([*a.1, *b.1], [*r_a, *r_b], prediction, touch, report)
             }
             (Sphere { radius }, Halfspace { normal }) => {
-                touch.surfaces = Surfaces { radii: [*radius, 0.0], normal: Carrier::FaceOfB };
+                touch.surfaces =
+                    Curvature { radii: [*radius, 0.0], normal: NormalCarrier::FaceOfB };
                 let (gap, on_a) = (between.dot(*normal) - radius, *a.1 - *normal * *radius);
-                let point = TouchPoint { on_a, on_b: on_a - *normal * gap, gap, feature: 0 };
+                let point = ManifoldPoint { on_a, on_b: on_a - *normal * gap, gap, feature: 0 };
                 meet(*normal, point, prediction, touch, report)
             }
             (Halfspace { normal }, Sphere { radius }) => {
-                touch.surfaces = Surfaces { radii: [0.0, *radius], normal: Carrier::FaceOfA };
+                touch.surfaces =
+                    Curvature { radii: [0.0, *radius], normal: NormalCarrier::FaceOfA };
                 let (gap, on_b) = (-between.dot(*normal) - radius, *b.1 - *normal * *radius);
-                let point = TouchPoint { on_a: on_b - *normal * gap, on_b, gap, feature: 0 };
+                let point = ManifoldPoint { on_a: on_b - *normal * gap, on_b, gap, feature: 0 };
                 meet(-*normal, point, prediction, touch, report)
             }
             (Halfspace { .. }, Halfspace { .. }) => f32::NEG_INFINITY,
@@ -154,23 +156,23 @@ pub(super) fn balls<const L: usize>(
     centers: [Vector<f32, L>; 2],
     radii: [f32; 2],
     prediction: f32,
-    touch: &mut Touch<L>,
-    report: &mut dyn FnMut(&Touch<L>),
+    touch: &mut ContactManifold<L>,
+    report: &mut dyn FnMut(&ContactManifold<L>),
 ) -> f32 {
     let (normal, gap) = between_balls(centers[0] - centers[1], radii);
     let on_a = centers[0] - normal * radii[0];
-    let point = TouchPoint { on_a, on_b: on_a - normal * gap, gap, feature: 0 };
-    touch.surfaces = Surfaces { radii, normal: Carrier::Centers };
+    let point = ManifoldPoint { on_a, on_b: on_a - normal * gap, gap, feature: 0 };
+    touch.surfaces = Curvature { radii, normal: NormalCarrier::Centers };
     meet(normal, point, prediction, touch, report)
 }
 
 /// Reports a point, if it is within `prediction` \[m\]; returns its gap. \[m\]
 fn meet<const L: usize>(
     normal: Vector<f32, L>,
-    point: TouchPoint<L>,
+    point: ManifoldPoint<L>,
     prediction: f32,
-    touch: &mut Touch<L>,
-    report: &mut dyn FnMut(&Touch<L>),
+    touch: &mut ContactManifold<L>,
+    report: &mut dyn FnMut(&ContactManifold<L>),
 ) -> f32 {
     if point.gap <= prediction {
         touch.part = 0;

@@ -1,18 +1,18 @@
 use super::random::Random;
 use super::*;
 
-fn touch(points: impl IntoIterator<Item = ([f32; 2], f32)>) -> Touch<3> {
+fn touch(points: impl IntoIterator<Item = ([f32; 2], f32)>) -> ContactManifold<3> {
     let point = |(number, ([x, z], gap)): (usize, ([f32; 2], f32))| {
         let on_a = Vector([x, 0.0, z]);
         let on_b = Vector([x, -gap, z]);
-        TouchPoint { on_a, on_b, gap, feature: number as u64 }
+        ManifoldPoint { on_a, on_b, gap, feature: number as u64 }
     };
     let points = points.into_iter().enumerate().map(point).collect();
-    Touch { normal: Vector([0.0, 1.0, 0.0]), points, ..Touch::default() }
+    ContactManifold { normal: Vector([0.0, 1.0, 0.0]), points, ..ContactManifold::default() }
 }
 
 /// Twice the area of the convex hull of four points: that of three of them, or of both diagonals.
-fn area(points: &[TouchPoint<3>]) -> f32 {
+fn area(points: &[ManifoldPoint<3>]) -> f32 {
     let at = |i: usize| points[i].on_a;
     let double = |[a, b, c, d]: [usize; 4]| {
         across(at(b) - at(a), at(d) - at(c), Vector([0.0, 1.0, 0.0])).abs()
@@ -74,8 +74,9 @@ fn the_deepest_point_and_the_area_are_kept() {
         let all = kept.points.clone();
         kept.reduce();
         assert_eq!(kept.points.len(), 4);
-        let deepest =
-            |points: &[TouchPoint<3>]| points.iter().map(|p| p.gap).fold(f32::INFINITY, f32::min);
+        let deepest = |points: &[ManifoldPoint<3>]| {
+            points.iter().map(|p| p.gap).fold(f32::INFINITY, f32::min)
+        };
         assert!(deepest(&kept.points) <= deepest(&all) + 5e-5);
         let first = kept.points[0];
         let mut most = 0.0f32;
@@ -92,8 +93,9 @@ fn the_deepest_point_and_the_area_are_kept() {
             let mut shaken = touch(corners);
             shaken.points.iter_mut().for_each(|point| point.gap += 1e-7 * random.number());
             shaken.reduce();
-            let names =
-                |touch: &Touch<3>| touch.points.iter().map(|p| p.feature).collect::<Vec<_>>();
+            let names = |touch: &ContactManifold<3>| {
+                touch.points.iter().map(|p| p.feature).collect::<Vec<_>>()
+            };
             assert_eq!(names(&shaken), names(&kept));
         }
     }

@@ -2,60 +2,62 @@
 
 use std::ops::Range;
 
-use drystone_solver::wide::Trace;
+use drystone_solver::wide::CachedImpulse;
 
-use crate::cache::{self, Point, Record, Records, RecordsMut, View, inherit};
-use crate::geometry::{Frame, MAX_POINTS, Touch};
+use crate::cache::{
+    self, CachedManifold, CachedPoint, ManifoldCache, ManifoldCacheMut, ManifoldCacheView, inherit,
+};
+use crate::geometry::{ContactManifold, Frame, MAX_POINTS};
 
 /// Points are matched by place within this distance, where features do not match. \[m\]
 const MATCH_DISTANCE: f32 = 0.02;
 
 /// Where what is found of a pair goes: where it was, as long as that is of the same part and has as many points;
 /// else to the end of `records`, with what was found before.
-pub(super) struct Places<'a, 'b, const L: usize> {
-    own: &'a mut RecordsMut<'b, L>,
+pub(super) struct ManifoldWriter<'a, 'b, const L: usize> {
+    own: &'a mut ManifoldCacheMut<'b, L>,
     /// Those of the step before.
     known: Range<usize>,
     /// What they are among, if they have rested.
-    resting: Option<&'a Records<L>>,
+    resting: Option<&'a ManifoldCache<L>>,
     /// How many of them have been found again.
     again: usize,
-    records: &'a mut Records<L>,
+    records: &'a mut ManifoldCache<L>,
     /// Where those that are appended begin.
     first: usize,
 }
 
-impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
+impl<'a, 'b, const L: usize> ManifoldWriter<'a, 'b, L> {
     pub(super) fn new(
-        own: &'a mut RecordsMut<'b, L>,
+        own: &'a mut ManifoldCacheMut<'b, L>,
         known: Range<usize>,
-        resting: Option<&'a Records<L>>,
-        records: &'a mut Records<L>,
+        resting: Option<&'a ManifoldCache<L>>,
+        records: &'a mut ManifoldCache<L>,
     ) -> Self {
         let first = records.manifolds.len();
         Self { own, known, resting, again: 0, records, first }
     }
 
-    fn old(&self) -> View<'_, L> {
-        self.resting.map_or_else(|| self.own.view(), Records::view)
+    fn old(&self) -> ManifoldCacheView<'_, L> {
+        self.resting.map_or_else(|| self.own.view(), ManifoldCache::view)
     }
 
     /// What was known of a part.
-    pub(super) fn before(&self, part: u32) -> Option<&Record<L>> {
+    pub(super) fn before(&self, part: u32) -> Option<&CachedManifold<L>> {
         self.old().of(self.known.clone()).iter().find(|known| known.part == part)
     }
 
     /// The place of the next manifold, and its points, which go on from those before.
     pub(super) fn next(
         &mut self,
-        touch: &Touch<L>,
+        touch: &ContactManifold<L>,
         part: u32,
         a: &Frame<L>,
         b: &Frame<L>,
-    ) -> (&mut Record<L>, &[Point<L>]) {
+    ) -> (&mut CachedManifold<L>, &[CachedPoint<L>]) {
         // What is there may be written over.
         let (mut old_points, mut old_traces) =
-            ([Point::OPEN; MAX_POINTS], [Trace::default(); MAX_POINTS]);
+            ([CachedPoint::OPEN; MAX_POINTS], [CachedImpulse::default(); MAX_POINTS]);
         let mut count = 0;
         let old = self.old();
         if let Some(known) = self.before(part) {
@@ -64,7 +66,7 @@ impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
             old_traces[..count].copy_from_slice(old.traces_of(known));
         }
         let next = self.known.start + self.again;
-        let same = |next: &Record<L>| next.part == part && count == touch.points.len();
+        let same = |next: &CachedManifold<L>| next.part == part && count == touch.points.len();
         let stays = self.resting.is_none() && self.records.manifolds.len() == self.first;
         let (record, points, traces) =
             if stays && next < self.known.end && old.of(next..next + 1).iter().all(same) {
@@ -76,7 +78,7 @@ impl<'a, 'b, const L: usize> Places<'a, 'b, L> {
             };
         for ((found, point), trace) in touch.points.iter().zip(&mut *points).zip(&mut *traces) {
             let normal = touch.surfaces.normal;
-            (*point, *trace) = (Point::new(found, normal, a, b), cache::open(found.gap));
+            (*point, *trace) = (CachedPoint::new(found, normal, a, b), cache::open(found.gap));
         }
         inherit(points, traces, (&old_points[..count], &old_traces[..count]), MATCH_DISTANCE);
         cache::deepest_first(points, traces);
@@ -106,7 +108,7 @@ mod tests {
     use drystone_solver::Vector;
 
     use super::*;
-    use crate::geometry::TouchPoint;
+    use crate::geometry::ManifoldPoint;
     use crate::geometry::random::Random;
 
     /// What is found anew is the same where it was as behind others: with as many parts or fewer, more, and other
@@ -116,28 +118,28 @@ mod tests {
         let mut random = Random(3);
         let (mut again, mut elsewhere) = (0, 0);
         for _ in 0..500 {
-            let mut old = Records::default();
+            let mut old = ManifoldCache::default();
             let first = random.touches();
             // Another pair before.
-            find(&mut RecordsMut::default(), 0..0, None, &mut old, &random.touches());
+            find(&mut ManifoldCacheMut::default(), 0..0, None, &mut old, &random.touches());
             let known = old.manifolds.len();
-            find(&mut RecordsMut::default(), 0..0, None, &mut old, &first);
+            find(&mut ManifoldCacheMut::default(), 0..0, None, &mut old, &first);
             let known = known..old.manifolds.len();
             for (trace, number) in old.traces.iter_mut().zip(1..) {
                 trace.impulse[0] = number as f32;
             }
             let then = random.touches_like(&first);
             let rested = old.clone();
-            let mut appended = Records::default();
+            let mut appended = ManifoldCache::default();
             let (count, stays) = find(
-                &mut RecordsMut::default(),
+                &mut ManifoldCacheMut::default(),
                 known.clone(),
                 Some(&rested),
                 &mut appended,
                 &then,
             );
             assert!(!stays && count as usize == then.len());
-            let mut records = Records::default();
+            let mut records = ManifoldCache::default();
             let found = find(&mut old.view_mut(), known.clone(), None, &mut records, &then);
             assert_eq!(found.0, count);
             let (view, numbers) = if found.1 {
@@ -159,13 +161,13 @@ mod tests {
     }
 
     fn find(
-        own: &mut RecordsMut<'_, 2>,
+        own: &mut ManifoldCacheMut<'_, 2>,
         known: Range<usize>,
-        resting: Option<&Records<2>>,
-        records: &mut Records<2>,
-        touches: &[Touch<2>],
+        resting: Option<&ManifoldCache<2>>,
+        records: &mut ManifoldCache<2>,
+        touches: &[ContactManifold<2>],
     ) -> (u32, bool) {
-        let mut places = Places::new(own, known, resting, records);
+        let mut places = ManifoldWriter::new(own, known, resting, records);
         for touch in touches {
             let (record, _) = places.next(touch, touch.part, &Frame::IDENTITY, &Frame::IDENTITY);
             record.part = touch.part;
@@ -178,22 +180,27 @@ mod tests {
             ((0.5 + 0.5 * self.number()) * most as f32) as u32
         }
 
-        fn touches(&mut self) -> Vec<Touch<2>> {
+        fn touches(&mut self) -> Vec<ContactManifold<2>> {
             (0..self.below(4)).map(|part| self.touch(part)).collect()
         }
 
-        fn touch(&mut self, part: u32) -> Touch<2> {
+        fn touch(&mut self, part: u32) -> ContactManifold<2> {
             let points = (0..1 + self.below(2)).map(|corner| {
                 let at = Vector([self.number(), self.number()]);
                 let feature = u64::from(corner + self.below(2));
-                TouchPoint { on_a: at, on_b: at, gap: self.number(), feature }
+                ManifoldPoint { on_a: at, on_b: at, gap: self.number(), feature }
             });
             let points = points.collect();
-            Touch { part, normal: Vector([0.0, 1.0]), points, ..Touch::default() }
+            ContactManifold {
+                part,
+                normal: Vector([0.0, 1.0]),
+                points,
+                ..ContactManifold::default()
+            }
         }
 
         /// Mostly of the same parts and as many points.
-        fn touches_like(&mut self, known: &[Touch<2>]) -> Vec<Touch<2>> {
+        fn touches_like(&mut self, known: &[ContactManifold<2>]) -> Vec<ContactManifold<2>> {
             let mut out = known.to_vec();
             for touch in &mut out {
                 if self.below(6) == 0 {

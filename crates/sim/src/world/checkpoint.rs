@@ -2,18 +2,20 @@
 
 use std::array::from_fn;
 
-use drystone_solver::ladder::Pace;
-use drystone_solver::wide::{Past, Trace};
+use drystone_solver::ladder::SolverMemory;
+use drystone_solver::wide::{CachedImpulse, Reuse};
 use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
 use super::World;
-use crate::bodies::{Came, Turn};
+use crate::bodies::{SearchMotion, SpinState};
 use crate::broad_phase::BroadPhase;
-use crate::cache::{self, Pair, Point, Record, Records};
-use crate::geometry::{Bounds, Carrier, Frame, Geometry, MAX_POINTS, Surfaces, pose_numbers};
+use crate::cache::{self, CachedManifold, CachedPoint, ManifoldCache, Pair};
+use crate::geometry::{
+    Bounds, Curvature, Frame, Geometry, MAX_POINTS, NormalCarrier, pose_numbers,
+};
 use crate::sleep::Sleep;
-use crate::surfaces::Held;
+use crate::surfaces::HeldTorque;
 
 /// What the next step of a world depends on and its bodies as they were added do not tell.
 ///
@@ -36,9 +38,9 @@ pub struct Checkpoint {
     /// M^-1, of the pose that contacts were found at: linear, then the rows of the angular.
     masses: Vec<f32>,
     /// How far each has come since. \[m\]
-    strayed: Vec<f32>,
+    moved_since_rebuild: Vec<f32>,
     /// How far each has come since contacts were last searched for: its center, and its surface by turning. \[m\]
-    came: Vec<f32>,
+    since_search: Vec<f32>,
     /// The stored boxes of the broad phase: lowest and highest corner. \[m\]
     boxes: Vec<f32>,
     /// Shapes that are near each other, and how many records they have.
@@ -53,7 +55,7 @@ pub struct Checkpoint {
     /// Of each record: the normal, the way from b to a, the normal in the frame of b, and a's frame as seen
     /// from b, when the points were found.
     frames: Vec<f32>,
-    /// Of each point: place on a and on b and the middle \[m\], impulse \[N s\], gap and slip \[m\].
+    /// Of each point: place on a and on b and the push point \[m\], impulse \[N s\], gap and slip \[m\].
     points: Vec<f32>,
     /// Of each point.
     features: Vec<u64>,
@@ -62,7 +64,7 @@ pub struct Checkpoint {
     groups: Vec<u32>,
     gravity: Vec<f32>,
     /// What the solver has learned.
-    pace: Pace,
+    memory: SolverMemory,
 }
 
 /// Why a world does not take a checkpoint.
@@ -95,7 +97,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let bodies = &self.bodies;
         let mut poses = Vec::with_capacity(self.len() * pose_numbers(L));
         bodies.poses.iter().for_each(|pose| G::write(pose, &mut poses));
-        let (mut pairs, mut records) = (self.pairs.clone(), Records::default());
+        let (mut pairs, mut records) = (self.pairs.clone(), ManifoldCache::default());
         for pair in &mut pairs {
             let from = if pair.rests { &self.sleep.records } else { &self.records };
             records.take_pair(pair, from);
@@ -111,8 +113,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             pushes: flat_velocities(&self.pushes),
             forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
             masses: self.system.masses.iter().flat_map(flat_mass).collect(),
-            strayed: bodies.strayed.iter().zip(&bodies.turned).map(strayed).collect(),
-            came: bodies.came.iter().flat_map(flat_came).collect(),
+            moved_since_rebuild: bodies
+                .moved_since_rebuild
+                .iter()
+                .zip(&bodies.turned)
+                .map(moved_since_rebuild)
+                .collect(),
+            since_search: bodies.since_search.iter().flat_map(flat_came).collect(),
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
             rooms: pairs.iter().map(|of| if of.count > 0 { 0.0 } else { of.room }).collect(),
@@ -124,7 +131,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             still: self.sleep.still.clone(),
             groups: self.sleep.group.clone(),
             gravity: self.last_gravity.0.to_vec(),
-            pace: self.certifier.climber.pace,
+            memory: self.certifier.island_solver.memory,
         }
     }
 
@@ -151,7 +158,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.pairs = pairs;
         self.surfaces.held.clear();
         let torques = from.torques.chunks_exact(A.max(1)).zip(&self.pairs);
-        self.surfaces.held.extend(torques.map(|(numbers, pair)| Held {
+        self.surfaces.held.extend(torques.map(|(numbers, pair)| HeldTorque {
             colliders: pair.colliders,
             torque: take(&mut numbers.iter().copied()),
         }));
@@ -167,7 +174,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 },
             ),
         );
-        self.certifier.climber.pace = from.pace;
+        self.certifier.island_solver.memory = from.memory;
         self.restore_bodies(from);
         self.wide.forget();
         self.colliders.place(&self.bodies);
@@ -184,21 +191,23 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         fill(&from.remainders, &mut bodies.remainders);
         let mut numbers = from.spins.iter().copied();
         for turn in &mut bodies.turns {
-            *turn = Turn { followed: Vector::ZERO, remainder: take(&mut numbers) };
+            *turn = SpinState { followed: Vector::ZERO, remainder: take(&mut numbers) };
         }
         fill_velocities(&from.velocities, &mut self.system.velocities);
         fill_velocities(&from.pushes, &mut self.pushes);
         bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
         fill_velocities(&from.forces, &mut bodies.forces);
-        bodies.strayed.clone_from(&from.strayed);
-        // What has turned has strayed as far as can be.
-        for (turned, strayed) in bodies.turned.iter_mut().zip(&bodies.strayed) {
-            *turned = strayed.is_infinite();
+        bodies.moved_since_rebuild.clone_from(&from.moved_since_rebuild);
+        // What has turned has moved as far as can be.
+        for (turned, moved_since_rebuild) in
+            bodies.turned.iter_mut().zip(&bodies.moved_since_rebuild)
+        {
+            *turned = moved_since_rebuild.is_infinite();
         }
-        let mut numbers = from.came.iter().copied();
-        for came in &mut bodies.came {
+        let mut numbers = from.since_search.iter().copied();
+        for since_search in &mut bodies.since_search {
             let (linear, Vector([turned])) = (take(&mut numbers), take(&mut numbers));
-            *came = Came { linear, turned };
+            *since_search = SearchMotion { linear, turned };
         }
         let mut numbers = from.masses.iter().copied();
         for mass in &mut self.system.masses {
@@ -222,8 +231,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("pushes", bodies * (L + A), from.pushes.len()),
             ("forces", bodies * (L + A), from.forces.len()),
             ("masses", bodies * (1 + A * A), from.masses.len()),
-            ("ways", bodies, from.strayed.len()),
-            ("ways of late", bodies * (L + 1), from.came.len()),
+            ("ways", bodies, from.moved_since_rebuild.len()),
+            ("ways of late", bodies * (L + 1), from.since_search.len()),
             ("boxes", shapes * 2 * L, from.boxes.len()),
             ("rooms", from.pairs.len(), from.rooms.len()),
             ("torques", if resist { from.pairs.len() * A } else { 0 }, from.torques.len()),
@@ -247,7 +256,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("pushes", &from.pushes),
             ("forces", &from.forces),
             ("masses", &from.masses),
-            ("ways of late", &from.came),
+            ("ways of late", &from.since_search),
             ("boxes", &from.boxes),
             ("rooms", &from.rooms),
             ("torques", &from.torques),
@@ -264,9 +273,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// The pairs and records of a checkpoint whose sizes are right.
-    fn contacts_of(&self, from: &Checkpoint) -> Result<(Vec<Pair>, Records<L>), CheckpointError> {
+    fn contacts_of(
+        &self,
+        from: &Checkpoint,
+    ) -> Result<(Vec<Pair>, ManifoldCache<L>), CheckpointError> {
         let shapes = self.colliders.body.len() as u32;
-        let (mut pairs, mut records): (Vec<Pair>, _) = (Vec::new(), Records::default());
+        let (mut pairs, mut records): (Vec<Pair>, _) = (Vec::new(), ManifoldCache::default());
         let mut manifolds = from.records.iter().zip(from.frames.chunks_exact(record_numbers(L)));
         let mut points = from.points.chunks_exact(point_numbers(L)).zip(&from.features);
         for (&[a, b, count], &room) in from.pairs.iter().zip(&from.rooms) {
@@ -290,7 +302,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 let reach = cache::reach(&records.points[first..]);
                 let found = record(&pair, [part, first as u32, count], reach, frames);
                 records.manifolds.push(found);
-                records.past.push(Past::New);
+                records.reuse.push(Reuse::New);
             }
             pairs.push(pair);
         }
@@ -298,9 +310,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 }
 
-/// How far a body has strayed; one that has turned, as far as can be.
-fn strayed((strayed, turned): (&f32, &bool)) -> f32 {
-    if *turned { f32::INFINITY } else { *strayed }
+/// How far a body has moved; one that has turned, as far as can be.
+fn moved_since_rebuild((moved_since_rebuild, turned): (&f32, &bool)) -> f32 {
+    if *turned { f32::INFINITY } else { *moved_since_rebuild }
 }
 
 /// Numbers of a record: two normals and a way, the position and axes of a frame, and four of the
@@ -309,11 +321,11 @@ const fn record_numbers(dimension: usize) -> usize {
     (4 + dimension) * dimension + 4
 }
 
-fn flat_record<const L: usize>(record: &Record<L>) -> impl Iterator<Item = f32> + use<L> {
+fn flat_record<const L: usize>(record: &CachedManifold<L>) -> impl Iterator<Item = f32> + use<L> {
     let Frame { position, axes } = record.found_at;
     let vectors = [record.normal, record.apart, record.local_normal, position];
     let vectors = vectors.into_iter().chain(axes);
-    let Surfaces { radii, normal } = record.surfaces;
+    let Curvature { radii, normal } = record.surfaces;
     vectors.flat_map(|vector| vector.0).chain(radii).chain(normal.shares())
 }
 
@@ -322,18 +334,18 @@ fn record<const L: usize>(
     [part, first, count]: [u32; 3],
     reach: f32,
     numbers: &[f32],
-) -> Record<L> {
+) -> CachedManifold<L> {
     let mut numbers = numbers.iter().copied();
     let normal = take(&mut numbers);
     let [apart, local_normal, position] = from_fn(|_| take(&mut numbers));
     let axes = from_fn(|_| take(&mut numbers));
     let [radii, shares]: [Vector<f32, 2>; 2] = from_fn(|_| take(&mut numbers));
-    Record {
+    CachedManifold {
         bodies: pair.bodies,
         friction: pair.friction,
         restitution: pair.restitution,
         part,
-        surfaces: Surfaces { radii: radii.0, normal: Carrier::of(shares.0) },
+        surfaces: Curvature { radii: radii.0, normal: NormalCarrier::of(shares.0) },
         first,
         count,
         normal,
@@ -352,17 +364,17 @@ const fn point_numbers(dimension: usize) -> usize {
 }
 
 fn flat_point<const L: usize>(
-    (point, trace): (&Point<L>, &Trace<L>),
+    (point, trace): (&CachedPoint<L>, &CachedImpulse<L>),
 ) -> impl Iterator<Item = f32> + use<L> {
-    let vectors = [point.on_a, point.on_b, point.middle, trace.impulse, trace.gap];
+    let vectors = [point.on_a, point.on_b, point.push_point, trace.impulse, trace.gap];
     vectors.into_iter().flat_map(|vector| vector.0)
 }
 
-fn point<const L: usize>(numbers: &[f32], feature: u64) -> (Point<L>, Trace<L>) {
+fn point<const L: usize>(numbers: &[f32], feature: u64) -> (CachedPoint<L>, CachedImpulse<L>) {
     let mut numbers = numbers.iter().copied();
-    let [on_a, on_b, middle] = from_fn(|_| take(&mut numbers));
-    let trace = Trace { impulse: take(&mut numbers), gap: take(&mut numbers) };
-    (Point { on_a, on_b, middle, feature }, trace)
+    let [on_a, on_b, push_point] = from_fn(|_| take(&mut numbers));
+    let trace = CachedImpulse { impulse: take(&mut numbers), gap: take(&mut numbers) };
+    (CachedPoint { on_a, on_b, push_point, feature }, trace)
 }
 
 /// The next numbers.
@@ -376,8 +388,8 @@ fn flat_mass<const L: usize, const A: usize>(
     [mass.linear].into_iter().chain(mass.angular.0.into_iter().flat_map(|row| row.0))
 }
 
-fn flat_came<const L: usize>(came: &Came<L>) -> impl Iterator<Item = f32> + use<L> {
-    came.linear.0.into_iter().chain([came.turned])
+fn flat_came<const L: usize>(since_search: &SearchMotion<L>) -> impl Iterator<Item = f32> + use<L> {
+    since_search.linear.0.into_iter().chain([since_search.turned])
 }
 
 fn flat<const N: usize>(vectors: &[Vector<f32, N>]) -> Vec<f32> {

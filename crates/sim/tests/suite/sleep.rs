@@ -41,14 +41,14 @@ fn all_sleep<G: Rigid<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     bodies: &[BodyId],
 ) -> bool {
-    bodies.iter().all(|&id| world.sleeps(id))
+    bodies.iter().all(|&id| world.is_sleeping(id))
 }
 
 fn none_sleeps<G: Rigid<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     bodies: &[BodyId],
 ) -> bool {
-    !bodies.iter().any(|&id| world.sleeps(id))
+    !bodies.iter().any(|&id| world.is_sleeping(id))
 }
 
 fn rests<G: Rigid<L, A>, const L: usize, const A: usize>() {
@@ -151,7 +151,7 @@ fn what_is_carried_does_not_sleep() {
     let load = Rigid3::cuboid([0.25, 0.25, 0.25]);
     let load = world.add(dynamic([0.0, 0.75, 0.0], load, &surface(0.9, 0.0)));
     run(&mut world, 3.0);
-    assert!(!world.sleeps(load));
+    assert!(!world.is_sleeping(load));
     assert!(place(&world, load)[0] > 0.004);
 }
 
@@ -192,7 +192,7 @@ fn a_heap_sleeps_as_a_whole() {
     let mut fastest = f32::INFINITY;
     for _ in 0..1200 {
         world.step(DT);
-        let awake = boxes.iter().filter(|&&id| !world.sleeps(id));
+        let awake = boxes.iter().filter(|&&id| !world.is_sleeping(id));
         fastest = awake.map(|&id| world.velocity(id).unwrap().linear.length()).fold(0.0, f32::max);
     }
     assert!(all_sleep(&world, &boxes), "fastest: {fastest} m/s");

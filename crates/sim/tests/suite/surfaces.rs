@@ -1,4 +1,4 @@
-//! Surfaces that run, resistance to rolling and spinning, damping: against answers on paper, and in files.
+//! Curvature that run, resistance to rolling and spinning, damping: against answers on paper, and in files.
 
 use std::fs;
 use std::path::PathBuf;
@@ -354,11 +354,11 @@ fn what_lies_on_a_running_belt_does_not_sleep() {
     world.add(Body::new(Motion::Static, [1.0, 0.5, 0.0], Rigid3::cuboid([0.5, 0.5, 2.0])));
     let id = crate_on(&mut world, 0.5, &surface(0.5, 0.0));
     run(&mut world, 4.0);
-    assert!(!world.sleeps(id), "on a running belt");
+    assert!(!world.is_sleeping(id), "on a running belt");
     assert_below("at the wall", velocity(&world, id).linear.length(), 1e-2);
     world.set_surface_velocity(belt, None);
     run(&mut world, 3.0);
-    assert!(world.sleeps(id), "on one that stands");
+    assert!(world.is_sleeping(id), "on one that stands");
     world.set_surface_velocity(belt, Some(SurfaceMotion::linear(Vector([-1.0, 0.0, 0.0]))));
     run(&mut world, 1.0);
     assert_below("back again", velocity(&world, id).linear[0], -0.9);

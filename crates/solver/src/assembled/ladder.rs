@@ -27,7 +27,7 @@ const PIVOTS: usize = 50;
 
 /// A method for problems given as matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
+pub enum MatrixMethod {
     /// [`block_gauss_seidel`]
     GaussSeidel,
     /// [`proximal`]
@@ -42,7 +42,7 @@ pub enum Method {
     InteriorPoint,
 }
 
-impl Method {
+impl MatrixMethod {
     /// All of them.
     pub const ALL: [Self; 6] = [
         Self::GaussSeidel,
@@ -83,7 +83,7 @@ impl Method {
 #[derive(Clone, Debug)]
 pub struct Solved {
     /// The method of the best iterate, or of the proof.
-    pub method: Method,
+    pub method: MatrixMethod,
     /// That iterate; iterations and history are those of all methods together.
     pub outcome: Outcome,
     /// What each method did in its turn.
@@ -94,7 +94,7 @@ pub struct Solved {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attempt {
     /// Which method.
-    pub method: Method,
+    pub method: MatrixMethod,
     /// How it ended.
     pub status: Status,
     /// Its own iterations.
@@ -123,33 +123,33 @@ impl<'a> Ladder<'a> {
     fn new(problem: &'a Problem, warm: Option<&'a [f64]>, limits: &'a Limits) -> Self {
         let started = Instant::now();
         let outcome = Progress::unmeasured(problem, limits).out_of_budget();
-        let solved = Solved { method: Method::GaussSeidel, outcome, attempts: Vec::new() };
+        let solved = Solved { method: MatrixMethod::GaussSeidel, outcome, attempts: Vec::new() };
         Self { problem, limits, warm, started, solved }
     }
 
     fn climb(&mut self) {
-        let promised = self.rung(Method::GaussSeidel, TRIAL, true);
+        let promised = self.rung(MatrixMethod::GaussSeidel, TRIAL, true);
         if self.done() {
             return;
         }
         if let Some(sweeps) = promised
             && sweeps <= WORTH
         {
-            self.rung(Method::GaussSeidel, sweeps as usize + TRIAL, true);
+            self.rung(MatrixMethod::GaussSeidel, sweeps as usize + TRIAL, true);
         }
         if self.problem.dimension() == 1 {
             let n = self.problem.unknowns();
             let newton = n <= newton::MOST;
-            self.next(Method::Proximal, 100 + 2 * n, true);
-            self.next_if(newton, Method::Newton, 500, false);
-            self.next_if(n <= lemke::MOST, Method::Lemke, usize::MAX, false);
-            self.next_if(n <= enumeration::MOST, Method::Enumeration, usize::MAX, false);
+            self.next(MatrixMethod::Proximal, 100 + 2 * n, true);
+            self.next_if(newton, MatrixMethod::Newton, 500, false);
+            self.next_if(n <= lemke::MOST, MatrixMethod::Lemke, usize::MAX, false);
+            self.next_if(n <= enumeration::MOST, MatrixMethod::Enumeration, usize::MAX, false);
             self.prove();
-            self.next(Method::GaussSeidel, usize::MAX, true);
+            self.next(MatrixMethod::GaussSeidel, usize::MAX, true);
         } else {
-            self.next(Method::Proximal, 2000, true);
-            self.next(Method::GaussSeidel, 20_000, true);
-            self.next(Method::Proximal, 2000, true);
+            self.next(MatrixMethod::Proximal, 2000, true);
+            self.next(MatrixMethod::GaussSeidel, 20_000, true);
+            self.next(MatrixMethod::Proximal, 2000, true);
         }
     }
 
@@ -158,13 +158,13 @@ impl<'a> Ladder<'a> {
             || self.solved.outcome.iterations >= self.limits.budget
     }
 
-    fn next_if(&mut self, fits: bool, method: Method, budget: usize, warm: bool) {
+    fn next_if(&mut self, fits: bool, method: MatrixMethod, budget: usize, warm: bool) {
         if fits {
             self.next(method, budget, warm);
         }
     }
 
-    fn next(&mut self, method: Method, budget: usize, warm: bool) {
+    fn next(&mut self, method: MatrixMethod, budget: usize, warm: bool) {
         if !self.done() {
             self.rung(method, budget, warm);
         }
@@ -172,7 +172,7 @@ impl<'a> Ladder<'a> {
 
     /// Runs a method, from the best iterate so far or by itself, and keeps what is better. Returns how
     /// many more iterations its rate promises.
-    fn rung(&mut self, method: Method, budget: usize, warm: bool) -> Option<f64> {
+    fn rung(&mut self, method: MatrixMethod, budget: usize, warm: bool) -> Option<f64> {
         let so_far = &self.solved.outcome;
         let left = self.limits.budget - so_far.iterations.min(self.limits.budget);
         let limits = Limits { budget: budget.min(left), ..*self.limits };
@@ -186,7 +186,7 @@ impl<'a> Ladder<'a> {
     }
 
     /// `before` is when its time began.
-    fn keep(&mut self, method: Method, outcome: Outcome, before: Duration) {
+    fn keep(&mut self, method: MatrixMethod, outcome: Outcome, before: Duration) {
         let Outcome { status, iterations, residual, .. } = outcome;
         self.solved.attempts.push(Attempt { method, status, iterations, residual });
         let so_far = &mut self.solved.outcome;

@@ -5,15 +5,15 @@ use std::ops::Range;
 
 use super::block::Block;
 use super::conjugate::Conjugate;
-use super::rows::Trace;
-use super::targets::{Landing, Renewing, Targets};
-use crate::batch::Extent;
-use crate::certificate::{Certificate, Tally};
+use super::rows::CachedImpulse;
+use super::targets::{Landing, MovedBodies, Targets};
+use crate::batch::BatchRange;
+use crate::certificate::{Certificate, CertificateScratch};
 use crate::color::{Color, Coloring};
 use crate::island::Islands;
 use crate::lanes::Lanes;
-use crate::team::{Divide, Shared, Team};
-use crate::{Contact, Repair, Surface, Velocity};
+use crate::thread_pool::{DisjointSlice, Divide, ThreadPool};
+use crate::{Contact, Repair, SurfaceEffects, Velocity};
 
 /// Bodies that follow each other and that no manifold joins to others, with their manifolds, in their
 /// [`Packed`](super::Packed) system. It can be taken through all substeps before the next one is, or while
@@ -23,7 +23,7 @@ use crate::{Contact, Repair, Surface, Velocity};
 #[derive(Debug)]
 pub struct Batch<'a, V: Lanes, const L: usize, const A: usize> {
     /// It may be several, one after the other.
-    extents: &'a [Extent],
+    extents: &'a [BatchRange],
     pub(super) bodies: Range<usize>,
     pub(super) colors: &'a [Color],
     /// The numbers of its first block and point.
@@ -33,23 +33,23 @@ pub struct Batch<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) contacts: &'a mut [Contact<V, L>],
     pub(super) coloring: &'a Coloring,
     /// Where those of all points of the system go, if anywhere.
-    pub(super) traces: Shared<'a, Trace<L>>,
+    pub(super) traces: DisjointSlice<'a, CachedImpulse<L>>,
     /// Of all blocks of the system, if any.
-    pub(super) surfaces: Shared<'a, Surface<V, L, A>>,
-    pub(super) team: &'a Team,
+    pub(super) surfaces: DisjointSlice<'a, SurfaceEffects<V, L, A>>,
+    pub(super) pool: &'a ThreadPool,
     pub(super) passes: &'static dyn Passes<V, L, A>,
 }
 
 impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
     /// Of these extents, whose blocks and points come first of the ones given.
     pub(super) fn new(
-        extents: &'a [Extent],
+        extents: &'a [BatchRange],
         blocks: &'a mut [Block<V, L, A>],
         contacts: &'a mut [Contact<V, L>],
         (coloring, traces, surfaces): Of<'a, V, L, A>,
-        (team, passes): (&'a Team, &'static dyn Passes<V, L, A>),
+        (pool, passes): (&'a ThreadPool, &'static dyn Passes<V, L, A>),
     ) -> Self {
-        let none = Extent::default();
+        let none = BatchRange::default();
         let (first, last) = extents.first().zip(extents.last()).unwrap_or((&none, &none));
         let bodies = first.bodies.start..last.bodies.end;
         let colors = &coloring.colors[first.colors.start..last.colors.end];
@@ -65,7 +65,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
             coloring,
             traces,
             surfaces,
-            team,
+            pool,
             passes,
         }
     }
@@ -80,14 +80,14 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         self.blocks.len()
     }
 
-    /// In how many runs of as many batches its team had better go over it: one for each member, or one for all
+    /// In how many runs of as many batches its pool had better go over it: one for each member, or one for all
     /// together, if the largest would take much longer than its share.
     pub fn runs(&self) -> usize {
-        let (all, members) = (self.size(), self.team.members());
-        let mut runs = self.extents.chunks(self.count().div_ceil(members).max(1));
-        let blocks = |run: &[Extent]| run.iter().map(|of| of.blocks.len()).sum::<usize>();
-        let is_even = runs.all(|run| 4 * blocks(run) * members <= 5 * all);
-        if is_even && self.team.is_useful(all) { members } else { 1 }
+        let (all, threads) = (self.size(), self.pool.threads());
+        let mut runs = self.extents.chunks(self.count().div_ceil(threads).max(1));
+        let blocks = |run: &[BatchRange]| run.iter().map(|of| of.blocks.len()).sum::<usize>();
+        let is_even = runs.all(|run| 4 * blocks(run) * threads <= 5 * all);
+        if is_even && self.pool.is_useful(all) { threads } else { 1 }
     }
 
     /// [`System::apply_impulses`](crate::System::apply_impulses).
@@ -121,7 +121,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
     /// Renews J where bodies turn, after they have moved for `dt` \[s\] ([`kinematics`](crate::kinematics)):
     /// effective masses are those of this `softness`. Returns whether any J is another: that of a ball on a plane
     /// stays, however fast it rolls.
-    pub fn renew(&mut self, bodies: Renewing<'_, L, A>, [dt, softness]: [f32; 2]) -> bool {
+    pub fn renew(&mut self, bodies: MovedBodies<'_, L, A>, [dt, softness]: [f32; 2]) -> bool {
         self.passes.renew(self, bodies, [dt, softness])
     }
 
@@ -159,7 +159,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         self.passes.apply_resistance(self, velocities);
     }
 
-    /// [`Surface::resist`] of all manifolds.
+    /// [`SurfaceEffects::resist`] of all manifolds.
     pub fn resist(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.passes.resist(self, velocities);
     }
@@ -174,7 +174,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
 
 /// What a system has besides blocks and points: who is where, traces of all points, surfaces of all blocks.
 type Of<'a, V, const L: usize, const A: usize> =
-    (&'a Coloring, Shared<'a, Trace<L>>, Shared<'a, Surface<V, L, A>>);
+    (&'a Coloring, DisjointSlice<'a, CachedImpulse<L>>, DisjointSlice<'a, SurfaceEffects<V, L, A>>);
 
 /// Into the batches it is made of.
 impl<V: Lanes, const L: usize, const A: usize> Divide for Batch<'_, V, L, A> {
@@ -189,7 +189,7 @@ impl<V: Lanes, const L: usize, const A: usize> Divide for Batch<'_, V, L, A> {
         let (blocks, later_blocks) = self.blocks.split_at_mut(blocks);
         let (contacts, later_contacts) = self.contacts.split_at_mut(points);
         let of = (self.coloring, self.traces, self.surfaces);
-        let by = (self.team, self.passes);
+        let by = (self.pool, self.passes);
         let first = Self::new(first, blocks, contacts, of, by);
         (first, Self::new(others, later_blocks, later_contacts, of, by))
     }
@@ -201,7 +201,7 @@ pub(crate) struct View<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a [Block<V, L, A>],
     pub(super) contacts: &'a [Contact<V, L>],
     pub(super) coloring: &'a Coloring,
-    pub(super) team: &'a Team,
+    pub(super) pool: &'a ThreadPool,
 }
 
 pub(super) type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
@@ -232,7 +232,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
     fn renew(
         &self,
         batch: &mut Batch<'_, V, L, A>,
-        bodies: Renewing<'_, L, A>,
+        bodies: MovedBodies<'_, L, A>,
         terms: [f32; 2],
     ) -> bool;
 
@@ -244,7 +244,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         landing: Option<Landing<'_, L, A>>,
     );
 
-    /// Target and time of [`Surface::run`].
+    /// Target and time of [`SurfaceEffects::run`].
     fn run_belts(&self, batch: &mut Batch<'_, V, L, A>, parts: [f32; 2]);
 
     fn apply_resistance(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
@@ -266,7 +266,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         which: [bool; 2],
         velocities: [&Velocities<L, A>; 2],
         islands: &Islands,
-        tally: &'a mut Tally<L, A>,
+        scratch: &'a mut CertificateScratch<L, A>,
     ) -> &'a [Certificate];
 
     /// Of rigid contacts.

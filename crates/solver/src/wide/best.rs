@@ -5,15 +5,15 @@ use std::sync::Arc;
 
 use super::batch::Batch;
 use super::packed::Packed;
-use super::rows::{Rows, Trace};
-use super::{Landing, Renewing};
-use crate::certificate::{Certificate, Tally};
+use super::rows::{CachedImpulse, ManifoldSource};
+use super::{Landing, MovedBodies};
+use crate::certificate::{Certificate, CertificateScratch};
 use crate::island::Islands;
 use crate::lanes::Portable;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, avx2_available};
-use crate::team::{Divide, Team};
-use crate::{InverseMass, Manifold, Repair, Surface, System, Velocity};
+use crate::thread_pool::{Divide, ThreadPool};
+use crate::{InverseMass, Manifold, Repair, SurfaceEffects, System, Velocity};
 
 /// A system of `f32` contacts, packed, on the best lanes of this machine.
 #[derive(Clone, Debug)]
@@ -56,13 +56,18 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         Self::Portable(Packed::new())
     }
 
-    /// [`Packed::set_team`].
-    pub fn set_team(&mut self, team: Arc<Team>) {
-        on_lanes!(self, packed => packed.set_team(team));
+    /// [`Packed::set_pool`].
+    pub fn set_pool(&mut self, pool: Arc<ThreadPool>) {
+        on_lanes!(self, packed => packed.set_pool(pool));
     }
 
     /// [`Packed::pack`].
-    pub fn pack(&mut self, rows: &impl Rows<L>, masses: &[InverseMass<f32, L, A>], softness: f32) {
+    pub fn pack(
+        &mut self,
+        rows: &impl ManifoldSource<L>,
+        masses: &[InverseMass<f32, L, A>],
+        softness: f32,
+    ) {
         on_lanes!(self, packed => packed.pack(rows, masses, softness));
     }
 
@@ -79,13 +84,13 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     /// [`Packed::take_surfaces`].
     pub fn take_surfaces(
         &mut self,
-        surfaces: Option<impl FnMut(usize, &Manifold<f32, L>) -> Surface<f32, L, A>>,
+        surfaces: Option<impl FnMut(usize, &Manifold<f32, L>) -> SurfaceEffects<f32, L, A>>,
     ) {
         on_lanes!(self, packed => packed.take_surfaces(surfaces));
     }
 
     /// [`Packed::give_surfaces`].
-    pub fn give_surfaces(&self, to: impl FnMut(&Manifold<f32, L>, &Surface<f32, L, A>)) {
+    pub fn give_surfaces(&self, to: impl FnMut(&Manifold<f32, L>, &SurfaceEffects<f32, L, A>)) {
         on_lanes!(self, packed => packed.give_surfaces(to));
     }
 
@@ -125,10 +130,10 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         velocities: &[Velocity<f32, L, A>],
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
-        tally: &'a mut Tally<L, A>,
+        scratch: &'a mut CertificateScratch<L, A>,
     ) -> &'a [Certificate] {
         on_lanes!(self, packed => {
-            packed.certify::<RESIDUALS, LINE>(velocities, prospective, islands, tally)
+            packed.certify::<RESIDUALS, LINE>(velocities, prospective, islands, scratch)
         })
     }
 
@@ -153,7 +158,7 @@ impl<const L: usize, const A: usize> Wide<L, A> {
     }
 
     /// [`Packed::whole`].
-    pub fn whole<'a>(&'a mut self, traces: &'a mut [Trace<L>]) -> WideBatch<'a, L, A> {
+    pub fn whole<'a>(&'a mut self, traces: &'a mut [CachedImpulse<L>]) -> WideBatch<'a, L, A> {
         match self {
             Self::Portable(packed) => WideBatch::Portable(packed.whole(traces)),
             #[cfg(target_arch = "x86_64")]
@@ -208,7 +213,7 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
     }
 
     /// [`Batch::renew`].
-    pub fn renew(&mut self, bodies: Renewing<'_, L, A>, terms: [f32; 2]) -> bool {
+    pub fn renew(&mut self, bodies: MovedBodies<'_, L, A>, terms: [f32; 2]) -> bool {
         on_lanes!(self, batch => batch.renew(bodies, terms))
     }
 

@@ -1,9 +1,9 @@
 //! [`Block`]: sixteen manifolds side by side.
 
-use super::rows::{Rows, Seats, open};
-use crate::color::{Coloring, Members};
+use super::rows::{LaneSlots, ManifoldSource, open};
+use crate::color::{Coloring, LaneMap};
 use crate::island::NONE;
-use crate::lanes::{Columns, Lanes, Several, WIDTH, lanes_of};
+use crate::lanes::{GatherLanes, KernelLanes, Lanes, WIDTH, lanes_of};
 use crate::pgs::is_center;
 use crate::{Contact, InverseMass, Manifold, Mobility, Vector, Velocity};
 
@@ -58,25 +58,25 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     }
 
     /// Gives it other manifolds in lanes that are stale, and idle ones something of its batch.
-    pub(super) fn seat(&mut self, members: &Members, coloring: &Coloring) {
-        let Members { used, stale, manifolds } = members;
-        let batch = coloring.outline(manifolds[0]).batch;
+    pub(super) fn seat(&mut self, members: &LaneMap, coloring: &Coloring) {
+        let LaneMap { used, stale, manifolds } = members;
+        let batch = coloring.key(manifolds[0]).batch;
         let own = coloring.division.bodies(usize::from(batch));
         self.reach = [own.start, own.end].map(|body| body as u32);
         let [first, end] = self.reach;
         let is_own = |body: u32| body.wrapping_sub(first) < end - first;
         let (changed, mut moving, mut away) = (*stale | !*used, [0; 2], [0; 2]);
         for lane in lanes_of(changed) {
-            let outline = coloring.outline(manifolds[lane]);
+            let key = coloring.key(manifolds[lane]);
             for side in 0..2 {
-                let mut body = outline.bodies[side];
+                let mut body = key.bodies[side];
                 if !is_own(body) {
-                    body = outline.bodies[1 - side];
+                    body = key.bodies[1 - side];
                     assert!(is_own(body), "a manifold of the batch");
                     away[side] |= 1 << lane;
                 }
                 self.bodies[side][lane] = body;
-                moving[side] |= u16::from(outline.moving[side]) << lane;
+                moving[side] |= u16::from(key.moving[side]) << lane;
             }
         }
         for side in 0..2 {
@@ -89,11 +89,11 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
 
     /// The bodies of each side, those of other batches included.
     #[inline(always)]
-    fn bodies_of(&self, members: &Members, coloring: &Coloring) -> [[u32; WIDTH]; 2] {
+    fn bodies_of(&self, members: &LaneMap, coloring: &Coloring) -> [[u32; WIDTH]; 2] {
         let mut out = self.bodies;
         for side in 0..2 {
             for lane in lanes_of(self.away[side]) {
-                out[side][lane] = coloring.outline(members.manifolds[lane]).bodies[side];
+                out[side][lane] = coloring.key(members.manifolds[lane]).bodies[side];
             }
         }
         out
@@ -103,16 +103,16 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     #[inline(always)]
     pub(super) fn take(
         &mut self,
-        members: &Members,
+        members: &LaneMap,
         coloring: &Coloring,
-        rows: &impl Rows<L>,
+        rows: &impl ManifoldSource<L>,
         masses: &[InverseMass<f32, L, A>],
         points: &mut [Contact<V, L>],
     ) {
         let before = std::mem::replace(&mut self.manifold.count, points.len() as u32) as usize;
         let (manifolds, bodies, moving) =
             (&members.manifolds, &self.bodies_of(members, coloring), self.moving);
-        let all = Seats { manifolds, bodies, moving, lanes: members.used, first: 0 };
+        let all = LaneSlots { manifolds, bodies, moving, lanes: members.used, first: 0 };
         let stale = members.stale & members.used;
         if stale.count_ones() > SINGLY || stale == members.used || points.len() > FEW {
             for side in 0..2 {
@@ -129,7 +129,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         debug_assert!(points.len() <= before, "no points are new to those that stay");
         clear(points, members.stale & !members.used);
         for lane in lanes_of(stale) {
-            let seat = Seats { lanes: 1 << lane, first: lane, ..all };
+            let seat = LaneSlots { lanes: 1 << lane, first: lane, ..all };
             for side in 0..2 {
                 let mut mass = InverseMass::default();
                 take_masses::<f32, L, A>(&mut mass, masses, &seat, side);
@@ -192,7 +192,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             restitution: wide.restitution.get(lane),
             compliance: wide.compliance.get(lane),
             radii: wide.radii.map(|of| of.get(lane)),
-            carries: wide.carries.map(|of| of.get(lane)),
+            normal_share: wide.normal_share.map(|of| of.get(lane)),
             first: 0,
             count: 0,
         }
@@ -250,7 +250,7 @@ fn set_mass<V: Lanes, const L: usize, const A: usize>(
     }
 }
 
-/// Puts what [`Rows::take`] gives of a manifold into a lane.
+/// Puts what [`ManifoldSource::take`] gives of a manifold into a lane.
 #[inline(always)]
 fn set_manifold<V: Lanes, const L: usize>(
     wide: &mut Manifold<V, L>,
@@ -268,7 +268,7 @@ fn set_manifold<V: Lanes, const L: usize>(
     wide.compliance.set(lane, own.compliance);
     for side in 0..2 {
         wide.radii[side].set(lane, own.radii[side]);
-        wide.carries[side].set(lane, own.carries[side]);
+        wide.normal_share[side].set(lane, own.normal_share[side]);
     }
 }
 
@@ -299,10 +299,10 @@ fn clear<V: Lanes, const L: usize>(points: &mut [Contact<V, L>], idle: u16) {
 
 /// Takes M^-1 of the bodies of a side.
 #[inline(always)]
-fn take_masses<V: Several, const L: usize, const A: usize>(
+fn take_masses<V: GatherLanes, const L: usize, const A: usize>(
     wide: &mut InverseMass<V, L, A>,
     masses: &[InverseMass<f32, L, A>],
-    seats: &Seats<'_>,
+    seats: &LaneSlots<'_>,
     side: usize,
 ) {
     let of = V::each(|lane| &masses[seats.body(side, lane)]);
@@ -312,7 +312,7 @@ fn take_masses<V: Several, const L: usize, const A: usize>(
     }
 }
 
-pub(super) fn splat<V: Columns>(value: f32) -> V {
+pub(super) fn splat<V: KernelLanes>(value: f32) -> V {
     V::from_array([value; WIDTH])
 }
 

@@ -2,8 +2,8 @@
 #![allow(unsafe_code)]
 
 use super::block::Block;
-use crate::lanes::{Columns, Lanes, Row, WIDTH, gather};
-use crate::team::Shared;
+use crate::lanes::{KernelLanes, Lanes, Row, WIDTH, gather};
+use crate::thread_pool::DisjointSlice;
 use crate::{Velocity, each_lane};
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
@@ -15,15 +15,15 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         from: &[Velocity<f32, L, A>],
     ) -> [Velocity<V, L, A>; 2] {
         // SAFETY: nobody changes what is borrowed.
-        unsafe { self.gather(&Shared::reading(first, from)) }
+        unsafe { self.gather(&DisjointSlice::reading(first, from)) }
     }
 
     /// # Safety
     /// Nobody changes the velocities of its bodies at the same time.
     #[inline(always)]
-    pub(super) unsafe fn gather<C: Columns>(
+    pub(super) unsafe fn gather<C: KernelLanes>(
         &self,
-        from: &Shared<'_, Velocity<f32, L, A>>,
+        from: &DisjointSlice<'_, Velocity<f32, L, A>>,
     ) -> [Velocity<C, L, A>; 2] {
         self.check(from);
         // SAFETY: just checked, and as the caller promises.
@@ -33,10 +33,10 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     /// # Safety
     /// As for `gather`, and checked.
     #[inline(always)]
-    unsafe fn gather_side<C: Columns>(
+    unsafe fn gather_side<C: KernelLanes>(
         &self,
         side: usize,
-        from: &Shared<'_, Velocity<f32, L, A>>,
+        from: &DisjointSlice<'_, Velocity<f32, L, A>>,
     ) -> Velocity<C, L, A> {
         let bodies = &self.bodies[side];
         let mut numbers = [C::ZERO; 8];
@@ -54,7 +54,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
 
     /// Sets the numbers of bodies of other batches to zero, where those of their partners are.
     #[inline(always)]
-    fn stop<C: Columns>(&self, side: usize, numbers: &mut [C]) {
+    fn stop<C: KernelLanes>(&self, side: usize, numbers: &mut [C]) {
         let mut away = [0.0; WIDTH];
         for (lane, own) in away.iter_mut().enumerate() {
             *own = f32::from(self.away[side] >> lane & 1);
@@ -67,7 +67,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
 
     /// Stops where a body of the block is not there: lanes are read and written without a look.
     #[inline(always)]
-    pub(super) fn check(&self, of: &Shared<'_, Velocity<f32, L, A>>) {
+    pub(super) fn check(&self, of: &DisjointSlice<'_, Velocity<f32, L, A>>) {
         const { assert!(size_of::<Velocity<f32, L, A>>() >= size_of::<Row>() * (L + A).div_ceil(4)) };
         let [first, end] = self.reach.map(|body| body as usize);
         of.check(first..end);

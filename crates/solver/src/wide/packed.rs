@@ -6,16 +6,16 @@ use super::batch::{Batch, Passes, View};
 use super::block::{Block, contact_in, set};
 use super::conjugate::Conjugate;
 use super::passes::passes;
-use super::rows::{Rows, Trace};
+use super::rows::{CachedImpulse, ManifoldSource};
 use super::targets::Targets;
-use super::walk::Field;
-use crate::batch::{Extent, Sizes};
-use crate::certificate::{Certificate, Tally};
-use crate::color::{Coloring, Past, Placed};
+use super::walk::BlocksMut;
+use crate::batch::{BatchRange, Sizes};
+use crate::certificate::{Certificate, CertificateScratch};
+use crate::color::{Coloring, Placement, Reuse};
 use crate::island::Islands;
 use crate::lanes::{Lanes, WIDTH};
-use crate::team::{Divide, Shared, Team, chunks_with_parts};
-use crate::{Contact, InverseMass, Manifold, Repair, Surface, System, Velocity};
+use crate::thread_pool::{DisjointSlice, Divide, ThreadPool, chunks_with_parts};
+use crate::{Contact, InverseMass, Manifold, Repair, SurfaceEffects, System, Velocity};
 
 /// Blocks of a strip that are taken in one after the other, at least, and one of each color: what is read for
 /// them stays in the first cache.
@@ -27,13 +27,13 @@ pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     blocks: Vec<Block<V, L, A>>,
     contacts: Vec<Contact<V, L>>,
     /// Of each block; none where no surface runs or resists rolling.
-    surfaces: Vec<Surface<V, L, A>>,
+    surfaces: Vec<SurfaceEffects<V, L, A>>,
     coloring: Coloring,
-    extents: Vec<Extent>,
+    extents: Vec<BatchRange>,
     conjugate: Conjugate<V, L, A>,
     /// The softness of its points; `None` if they have to be taken in anew.
     softness: Option<f32>,
-    team: Arc<Team>,
+    pool: Arc<ThreadPool>,
     passes: &'static dyn Passes<V, L, A>,
 }
 
@@ -54,38 +54,43 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             extents: Vec::new(),
             conjugate: Conjugate::default(),
             softness: None,
-            team: Arc::default(),
+            pool: Arc::default(),
             passes: passes(),
         }
     }
 
-    /// Lets a team work on it; results do not depend on it.
-    pub fn set_team(&mut self, team: Arc<Team>) {
-        self.team = team;
+    /// Lets a pool work on it; results do not depend on it.
+    pub fn set_pool(&mut self, pool: Arc<ThreadPool>) {
+        self.pool = pool;
     }
 
     /// Takes manifolds in between bodies of these masses, and finds the effective masses of their
-    /// points ([`Contact::prepare`]). Leaves those alone that are [kept](Past::Kept).
-    pub fn pack<R: Rows<L>>(&mut self, rows: &R, masses: &[InverseMass<f32, L, A>], softness: f32) {
+    /// points ([`Contact::prepare`]). Leaves those alone that are [kept](Reuse::Kept).
+    pub fn pack<R: ManifoldSource<L>>(
+        &mut self,
+        rows: &R,
+        masses: &[InverseMass<f32, L, A>],
+        softness: f32,
+    ) {
         let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
         let joins = |body: u32| moves(body) || !rows.stands(body);
         let again = self.softness.replace(softness) == Some(softness);
-        let Self { blocks, contacts, coloring, extents, team, .. } = self;
+        let Self { blocks, contacts, coloring, extents, pool, .. } = self;
         let sizes = Sizes {
             body: 8 * size_of::<Velocity<f32, L, A>>(),
             manifold: size_of::<Block<V, L, A>>() / WIDTH,
             point: size_of::<Contact<V, L>>() / WIDTH,
         };
         let bodies = (0..masses.len() as u32).map(|body| [moves(body), joins(body)]);
-        let past = |of| if again { rows.past(of) } else { Past::New };
+        let reuse = |of| if again { rows.reuse(of) } else { Reuse::New };
         let same_bodies = coloring.take_bodies(bodies);
-        let placed = if again && rows.same_outlines() && same_bodies && coloring.division.rests() {
-            Placed::Same
+        let placed = if again && rows.same_keys() && same_bodies && coloring.division.rests() {
+            Placement::Same
         } else {
-            let taken = coloring.take(rows.count(), |of| rows.outline(of), past, team);
-            coloring.update(sizes, past, taken, team)
+            let taken = coloring.take(rows.count(), |of| rows.key(of), reuse, pool);
+            coloring.update(sizes, reuse, taken, pool)
         };
-        if placed == Placed::Anew {
+        if placed == Placement::Anew {
             blocks.resize_with(coloring.points.len(), Block::empty);
             let mut first = 0;
             for (block, &room) in blocks.iter_mut().zip(&coloring.rooms) {
@@ -96,20 +101,20 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             coloring.extents(extents);
         }
         let whole = self.whole(&mut []);
-        let (team, runs) = (whole.team, whole.runs());
-        team.for_each(runs > 1, whole.divide(runs), |mut run| {
+        let (pool, runs) = (whole.pool, whole.runs());
+        pool.for_each(runs > 1, whole.divide(runs), |mut run| {
             let Batch { coloring, passes, .. } = run;
             // A batch stays in the cache as it is.
             let blocks = if run.count() > 1 { 0 } else { run.size() };
             let strips = (blocks / STRIP.max(coloring.colors.len())).max(1);
-            Field::new(&mut run).each(
+            BlocksMut::new(&mut run).each(
                 strips,
                 #[inline(always)]
                 |index, block, points| {
                     let mut members = &coloring.members[index];
                     let changed;
-                    if placed == Placed::Same {
-                        changed = members.changed(past);
+                    if placed == Placement::Same {
+                        changed = members.changed(reuse);
                         members = &changed;
                     }
                     if members.stale != 0 {
@@ -124,31 +129,31 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     /// All bodies and manifolds as one, to be split into what can be solved through all substeps, one after
-    /// the other ([`Rows::stands`]). [`Batch::trace`] writes to `traces`, as many as there are points; without
+    /// the other ([`ManifoldSource::stands`]). [`Batch::trace`] writes to `traces`, as many as there are points; without
     /// it they can be none.
-    pub fn whole<'a>(&'a mut self, traces: &'a mut [Trace<L>]) -> Batch<'a, V, L, A> {
-        let Self { extents, blocks, contacts, surfaces, coloring, team, passes, .. } = self;
-        let (traces, surfaces) = (Shared::new(0, traces), Shared::new(0, surfaces));
-        Batch::new(extents, blocks, contacts, (coloring, traces, surfaces), (team, *passes))
+    pub fn whole<'a>(&'a mut self, traces: &'a mut [CachedImpulse<L>]) -> Batch<'a, V, L, A> {
+        let Self { extents, blocks, contacts, surfaces, coloring, pool, passes, .. } = self;
+        let (traces, surfaces) = (DisjointSlice::new(0, traces), DisjointSlice::new(0, surfaces));
+        Batch::new(extents, blocks, contacts, (coloring, traces, surfaces), (pool, *passes))
     }
 
     /// Takes in what the surfaces of each manifold do, by its number and itself without its points. Nothing, until
     /// this is called again, where there are none.
     pub fn take_surfaces(
         &mut self,
-        surfaces: Option<impl FnMut(usize, &Manifold<f32, L>) -> Surface<f32, L, A>>,
+        surfaces: Option<impl FnMut(usize, &Manifold<f32, L>) -> SurfaceEffects<f32, L, A>>,
     ) {
         let Self { blocks, surfaces: all, coloring, .. } = self;
         all.clear();
         let Some(mut surface) = surfaces else { return };
-        all.resize(blocks.len(), Surface::NONE);
+        all.resize(blocks.len(), SurfaceEffects::NONE);
         for (index, ([block, lane], manifold)) in seats(coloring, blocks).enumerate() {
             all[block].set(lane, &surface(index, &manifold));
         }
     }
 
     /// Gives each manifold without its points, and what its surfaces have come to; nothing where none do anything.
-    pub fn give_surfaces(&self, mut to: impl FnMut(&Manifold<f32, L>, &Surface<f32, L, A>)) {
+    pub fn give_surfaces(&self, mut to: impl FnMut(&Manifold<f32, L>, &SurfaceEffects<f32, L, A>)) {
         if !self.surfaces.is_empty() {
             for ([block, lane], manifold) in seats(&self.coloring, &self.blocks) {
                 to(&manifold, &self.surfaces[block].get(lane));
@@ -166,15 +171,15 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             let points = self.coloring.points_of(index as u32);
             last = points.end;
             let (first, count) = (points.start as u32, points.len() as u32);
-            let bodies = self.coloring.outline(index as u32).bodies;
+            let bodies = self.coloring.key(index as u32).bodies;
             let manifold = self.blocks[block].manifold_in(lane, bodies);
             manifolds.push(Manifold { first, count, ..manifold });
         }
         contacts.resize_with(last, Contact::default);
-        let (useful, share) = self.team.share(manifolds.len(), WIDTH);
+        let (useful, share) = self.pool.share(manifolds.len(), WIDTH);
         let parts = chunks_with_parts(manifolds, share, contacts, |of| of.count as usize);
         let parts = parts.zip(self.coloring.places.chunks(share));
-        self.team.for_each(useful, parts, |((manifolds, contacts), places)| {
+        self.pool.for_each(useful, parts, |((manifolds, contacts), places)| {
             let mut later = contacts.iter_mut();
             for (manifold, &place) in manifolds.iter().zip(places) {
                 let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
@@ -201,8 +206,8 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     fn view(&self) -> View<'_, V, L, A> {
-        let Self { blocks, contacts, coloring, team, .. } = self;
-        View { blocks, contacts, coloring, team }
+        let Self { blocks, contacts, coloring, pool, .. } = self;
+        View { blocks, contacts, coloring, pool }
     }
 
     /// Has [`Packed::conjugate`] begin anew, without directions.
@@ -224,21 +229,21 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 
     /// The certificate of each island ([`certificate`](crate::certificate)), in `f64`, with the
-    /// masses that `tally` was given; with `RESIDUALS` or G alone, for the best impulses on the `LINE`
+    /// masses that `scratch` was given; with `RESIDUALS` or G alone, for the best impulses on the `LINE`
     /// or those at hand.
     pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
         &self,
         velocities: &[Velocity<f32, L, A>],
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
-        tally: &'a mut Tally<L, A>,
+        scratch: &'a mut CertificateScratch<L, A>,
     ) -> &'a [Certificate] {
         self.passes.certify(
             self.view(),
             [RESIDUALS, LINE],
             [velocities, prospective],
             islands,
-            tally,
+            scratch,
         )
     }
 
@@ -300,7 +305,7 @@ fn seats<'a, V: Lanes, const L: usize, const A: usize>(
 ) -> impl Iterator<Item = ([usize; 2], Manifold<f32, L>)> + 'a {
     coloring.places.iter().enumerate().map(|(index, &place)| {
         let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
-        let bodies = coloring.outline(index as u32).bodies;
+        let bodies = coloring.key(index as u32).bodies;
         ([block, lane], blocks[block].manifold_in(lane, bodies))
     })
 }

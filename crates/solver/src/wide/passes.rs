@@ -10,22 +10,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::batch::{Batch, Passes, Velocities, View};
 use super::block::{Block, splat};
 use super::conjugate::{Conjugate, of};
-use super::targets::{Landing, Renewing, Targets, land, renew};
-use super::walk::{Field, Ground, Reading};
-use crate::certificate::{Certificate, Evidence, Tally};
+use super::targets::{Landing, MovedBodies, Targets, land, renew};
+use super::walk::{BlockSweep, BlocksMut, ReadSweep};
+use crate::certificate::{Certificate, CertificateScratch, ManifoldTerms};
+use crate::contact::{RIGID, RIGID_APART, SOFT};
 use crate::island::Islands;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::Avx2;
 use crate::lanes::{Lanes, PART, Portable, WIDTH, lanes_of};
-use crate::contact::{COMING, RIGID, SOFT};
-use crate::team::Shared;
-use crate::{Contact, Surface, Velocity, nncg};
+use crate::thread_pool::DisjointSlice;
+use crate::{Contact, SurfaceEffects, Velocity, nncg};
 
 /// Bodies that are worth as much as the least that is shared, in a certificate.
-const CERTIFIED: usize = 16;
+const CERTIFICATE_GRAIN: usize = 16;
 
 /// The same, in an iteration of conjugate gradients.
-const WAYS: usize = 256;
+const CONJUGATE_GRAIN: usize = 256;
 
 /// References to `&dyn Passes<V, L, A>`, one for each kind of bodies.
 type Table = [&'static dyn Any; 4];
@@ -81,7 +81,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     }
 
     fn apply_impulses(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
-        Ground::new(batch, velocities).each(
+        BlockSweep::new(batch, velocities).each(
             #[inline(always)]
             |mut at| {
                 let mut wrench = Velocity::ZERO;
@@ -103,7 +103,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         velocities: &Velocities<L, A>,
     ) {
         let first = batch.bodies.start;
-        Field::new(batch).each(
+        BlocksMut::new(batch).each(
             1,
             #[inline(always)]
             |_, block, points| {
@@ -120,7 +120,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         velocities: &mut Velocities<L, A>,
         targets: Option<&Targets<'_, V, L, A>>,
     ) {
-        visit_all::<V, L, A, COMING, false>(batch, velocities, targets);
+        visit_all::<V, L, A, RIGID_APART, false>(batch, velocities, targets);
     }
 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
@@ -135,7 +135,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         landing: Option<Landing<'_, L, A>>,
     ) {
         let first = batch.bodies.start;
-        Ground::new(batch, velocities).each(
+        BlockSweep::new(batch, velocities).each(
             #[inline(always)]
             |mut at| {
                 let points = at.points();
@@ -150,12 +150,12 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     fn renew(
         &self,
         batch: &mut Batch<'_, V, L, A>,
-        bodies: Renewing<'_, L, A>,
+        bodies: MovedBodies<'_, L, A>,
         terms: [f32; 2],
     ) -> bool {
         let first = batch.bodies.start;
         let any = AtomicBool::new(false);
-        Field::new(batch).each(
+        BlocksMut::new(batch).each(
             1,
             #[inline(always)]
             |_, block, points| {
@@ -170,7 +170,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     }
 
     fn run_belts(&self, batch: &mut Batch<'_, V, L, A>, [target, time]: [f32; 2]) {
-        let field = Field::new(batch);
+        let field = BlocksMut::new(batch);
         field.each(
             1,
             #[inline(always)]
@@ -188,10 +188,10 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn apply_resistance(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
         let surfaces = batch.surfaces;
-        Ground::new(batch, velocities).each(
+        BlockSweep::new(batch, velocities).each(
             #[inline(always)]
             |at| {
-                let wrench = Surface::wrench(at.of_block(&surfaces)[0].torque);
+                let wrench = SurfaceEffects::wrench(at.of_block(&surfaces)[0].torque);
                 let [mut a, mut b] = at.gather();
                 at.between();
                 at.block.manifold.apply(&wrench, &at.block.masses, &mut a, &mut b);
@@ -202,7 +202,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
 
     fn resist(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>) {
         let surfaces = batch.surfaces;
-        Ground::new(batch, velocities).each(
+        BlockSweep::new(batch, velocities).each(
             #[inline(always)]
             |mut at| {
                 let mut pressed = V::ZERO;
@@ -234,13 +234,13 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
         which: [bool; 2],
         velocities: [&Velocities<L, A>; 2],
         islands: &Islands,
-        tally: &'a mut Tally<L, A>,
+        scratch: &'a mut CertificateScratch<L, A>,
     ) -> &'a [Certificate] {
         match which {
-            [false, false] => certify::<V, L, A, false, false>(all, velocities, islands, tally),
-            [false, true] => certify::<V, L, A, false, true>(all, velocities, islands, tally),
-            [true, false] => certify::<V, L, A, true, false>(all, velocities, islands, tally),
-            [true, true] => certify::<V, L, A, true, true>(all, velocities, islands, tally),
+            [false, false] => certify::<V, L, A, false, false>(all, velocities, islands, scratch),
+            [false, true] => certify::<V, L, A, false, true>(all, velocities, islands, scratch),
+            [true, false] => certify::<V, L, A, true, false>(all, velocities, islands, scratch),
+            [true, true] => certify::<V, L, A, true, true>(all, velocities, islands, scratch),
         }
     }
 
@@ -274,7 +274,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     fn trace(&self, batch: &mut Batch<'_, V, L, A>, displacements: &Velocities<L, A>, hold: f32) {
         let first = batch.bodies.start;
         assert_eq!(batch.traces.len(), batch.coloring.all_points(), "a trace for each point");
-        let field = Field::new(batch);
+        let field = BlocksMut::new(batch);
         field.each(
             1,
             #[inline(always)]
@@ -320,7 +320,8 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const LAW: u8, const FRIC
     velocities: &mut Velocities<L, A>,
     targets: Option<&Targets<'_, V, L, A>>,
 ) {
-    let ground = Ground::new(batch, velocities).and(targets.map(|targets| targets.displacements));
+    let ground =
+        BlockSweep::new(batch, velocities).and(targets.map(|targets| targets.displacements));
     ground.each(
         #[inline(always)]
         |mut at| {
@@ -345,12 +346,12 @@ fn iterate<V: Lanes, const L: usize, const A: usize>(
     let of_done = state.betas.iter_mut().zip(done).filter(|(_, done)| **done);
     of_done.for_each(|(beta, _)| *beta = 0.0);
     let betas = &state.betas;
-    let team = batch.team;
+    let pool = batch.pool;
     // v <- v + beta M^-1 J^T p, of what the bodies know of the last sweep.
-    let (useful, share) = team.share(velocities.len(), WAYS);
+    let (useful, share) = pool.share(velocities.len(), CONJUGATE_GRAIN);
     let bodies = velocities.chunks_mut(share).zip(state.of_body.chunks(share));
     let bodies = bodies.zip(state.velocities.chunks_mut(share).zip(state.ways.chunks_mut(share)));
-    team.for_each(useful, bodies, |((velocities, islands), (before, ways))| {
+    pool.for_each(useful, bodies, |((velocities, islands), (before, ways))| {
         V::run(
             #[inline(always)]
             || {
@@ -367,10 +368,10 @@ fn iterate<V: Lanes, const L: usize, const A: usize>(
             },
         );
     });
-    let before = Shared::new(0, &mut state.before);
-    let direction = Shared::new(0, &mut state.direction);
-    let gradients = Shared::new(0, &mut state.gradients);
-    Ground::new(batch, velocities).each(
+    let before = DisjointSlice::new(0, &mut state.before);
+    let direction = DisjointSlice::new(0, &mut state.direction);
+    let gradients = DisjointSlice::new(0, &mut state.gradients);
+    BlockSweep::new(batch, velocities).each(
         #[inline(always)]
         |mut at| {
             let block = at.block;
@@ -414,29 +415,31 @@ fn certify<
     all: View<'_, V, L, A>,
     [velocities, prospective]: [&Velocities<L, A>; 2],
     islands: &Islands,
-    tally: &'a mut Tally<L, A>,
+    scratch: &'a mut CertificateScratch<L, A>,
 ) -> &'a [Certificate] {
-    let View { blocks, team, .. } = all;
-    let (momenta, verdicts) = tally.start(islands.count, WIDTH * blocks.len());
-    let (momenta, verdicts) = (Shared::new(0, momenta), Shared::new(0, verdicts));
-    Reading::new(all, velocities).each(
+    let View { blocks, pool, .. } = all;
+    let (momenta, residuals_of) = scratch.start(islands.count, WIDTH * blocks.len());
+    let (momenta, residuals_of) =
+        (DisjointSlice::new(0, momenta), DisjointSlice::new(0, residuals_of));
+    ReadSweep::new(all, velocities).each(
         #[inline(always)]
         |mut at| {
-            let (block, moving, verdicts) = (at.block(), at.gather(), at.of_lanes(&verdicts));
+            let (block, moving, residuals_of) =
+                (at.block(), at.gather(), at.of_lanes(&residuals_of));
             let points = &all.contacts[block.manifold.points()];
             for part in 0..WIDTH / PART {
                 let used = block.used >> (PART * part) & ((1 << PART) - 1);
                 if used == 0 {
                     continue;
                 }
-                let evidence: Evidence<V::Doubles, L, A> =
-                    Evidence::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &moving);
+                let terms: ManifoldTerms<V::Doubles, L, A> =
+                    ManifoldTerms::of::<V, RESIDUALS, LINE>(part, &block.manifold, points, &moving);
                 for lane in lanes_of(used << (PART * part)) {
                     let own = lane % PART;
-                    evidence.tell::<RESIDUALS, LINE>(own, &mut verdicts[lane]);
+                    terms.tell::<RESIDUALS, LINE>(own, &mut residuals_of[lane]);
                     for side in 0..2 {
                         if let Some(body) = at.of_body(&momenta, side, lane) {
-                            evidence.add_momenta::<LINE>(side, own, body);
+                            terms.add_momenta::<LINE>(side, own, body);
                         }
                     }
                 }
@@ -445,15 +448,15 @@ fn certify<
     );
     for (index, block) in blocks.iter().enumerate() {
         for lane in lanes_of(block.used) {
-            tally.add::<RESIDUALS, LINE>(block.islands[lane], WIDTH * index + lane);
+            scratch.add::<RESIDUALS, LINE>(block.islands[lane], WIDTH * index + lane);
         }
     }
-    let (useful, share) = team.share(velocities.len(), CERTIFIED);
-    team.for_each(useful, tally.bodies(share), |bodies| {
+    let (useful, share) = pool.share(velocities.len(), CERTIFICATE_GRAIN);
+    pool.for_each(useful, scratch.bodies(share), |bodies| {
         V::run(
             #[inline(always)]
             || bodies.share::<f32, LINE>(velocities, prospective),
         );
     });
-    tally.finish::<LINE>(|body| islands.of_body[body])
+    scratch.finish::<LINE>(|body| islands.of_body[body])
 }

@@ -1,27 +1,27 @@
-//! What goes into a packed system, [`Rows`], and what comes out, [`Trace`].
+//! What goes into a packed system, [`ManifoldSource`], and what comes out, [`CachedImpulse`].
 
-use crate::color::Past;
-use crate::lanes::{Several, WIDTH};
+use crate::color::Reuse;
+use crate::lanes::{GatherLanes, WIDTH};
 use crate::{Contact, Manifold, Real, System, Vector};
 
 /// Manifolds and their points, to be packed.
-pub trait Rows<const L: usize>: Sync {
+pub trait ManifoldSource<const L: usize>: Sync {
     /// How many manifolds there are.
     fn count(&self) -> usize;
 
     /// The bodies of a manifold and how many points it has.
-    fn outline(&self, manifold: u32) -> ([u32; 2], u32);
+    fn key(&self, manifold: u32) -> ([u32; 2], u32);
 
-    /// Whether the outlines are those of the last time, and need not be gone through. By default they
+    /// Whether the keys are those of the last time, and need not be gone through. By default they
     /// may be others.
-    fn same_outlines(&self) -> bool {
+    fn same_keys(&self) -> bool {
         false
     }
 
     /// What a manifold was the time before. By default all are new.
-    fn past(&self, manifold: u32) -> Past {
+    fn reuse(&self, manifold: u32) -> Reuse {
         let _ = manifold;
-        Past::New
+        Reuse::New
     }
 
     /// Whether a body that cannot be moved does not move at all: its manifolds can be in several batches. By
@@ -33,9 +33,9 @@ pub trait Rows<const L: usize>: Sync {
 
     /// Takes manifolds to their seats, and their points, place, gap and impulse, to `points`, which are as many
     /// or more: one that is not there is [`FAR`] open.
-    fn take<V: Several>(
+    fn take<V: GatherLanes>(
         &self,
-        seats: &Seats<'_>,
+        seats: &LaneSlots<'_>,
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     );
@@ -43,7 +43,7 @@ pub trait Rows<const L: usize>: Sync {
 
 /// Where manifolds are taken to: into all lanes of a block, or one of them.
 #[derive(Clone, Copy, Debug)]
-pub struct Seats<'a> {
+pub struct LaneSlots<'a> {
     pub(super) manifolds: &'a [u32; WIDTH],
     pub(super) bodies: &'a [[u32; WIDTH]; 2],
     /// Of each side, the lanes whose body can be moved, as bits.
@@ -53,7 +53,7 @@ pub struct Seats<'a> {
     pub(super) first: usize,
 }
 
-impl Seats<'_> {
+impl LaneSlots<'_> {
     /// The number of the manifold of a lane. Lanes count from the first.
     #[inline(always)]
     pub fn manifold(&self, lane: usize) -> usize {
@@ -82,7 +82,7 @@ impl Seats<'_> {
 /// What a point hands to the next step, in the frame of its manifold ([`Contact`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
-pub struct Trace<const L: usize> {
+pub struct CachedImpulse<const L: usize> {
     /// gamma. \[N s\]
     pub impulse: Vector<f32, L>,
     /// After the step; of the slip what friction holds. \[m\]
@@ -92,20 +92,20 @@ pub struct Trace<const L: usize> {
 /// The gap of a point that is not there: so far open that it never takes an impulse. \[m\]
 pub const FAR: f32 = 1e6;
 
-impl<const L: usize, const A: usize> Rows<L> for System<f32, L, A> {
+impl<const L: usize, const A: usize> ManifoldSource<L> for System<f32, L, A> {
     fn count(&self) -> usize {
         self.manifolds.len()
     }
 
-    fn outline(&self, manifold: u32) -> ([u32; 2], u32) {
+    fn key(&self, manifold: u32) -> ([u32; 2], u32) {
         let manifold = &self.manifolds[manifold as usize];
         (manifold.bodies, manifold.count)
     }
 
     #[inline(always)]
-    fn take<V: Several>(
+    fn take<V: GatherLanes>(
         &self,
-        seats: &Seats<'_>,
+        seats: &LaneSlots<'_>,
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     ) {
@@ -121,7 +121,7 @@ impl<const L: usize, const A: usize> Rows<L> for System<f32, L, A> {
         manifold.compliance = V::gathered(V::each(|lane| own[lane].compliance));
         for side in 0..2 {
             manifold.radii[side] = V::gathered(V::each(|lane| own[lane].radii[side]));
-            manifold.carries[side] = V::gathered(V::each(|lane| own[lane].carries[side]));
+            manifold.normal_share[side] = V::gathered(V::each(|lane| own[lane].normal_share[side]));
         }
         let open = open();
         for (index, contact) in points.iter_mut().enumerate() {

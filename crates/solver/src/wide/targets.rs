@@ -176,7 +176,7 @@ fn settles<V: Lanes, const L: usize, const A: usize>(
 
 /// Bodies that have moved for a substep.
 #[derive(Clone, Copy)]
-pub struct Renewing<'a, const L: usize, const A: usize> {
+pub struct MovedBodies<'a, const L: usize, const A: usize> {
     /// What they have moved at.
     pub velocities: &'a [Velocity<f32, L, A>],
     /// All that they have moved since gaps were measured.
@@ -196,7 +196,7 @@ pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
     block: &mut Block<V, L, A>,
     points: &mut [Contact<V, L>],
     first: usize,
-    bodies: Renewing<'_, L, A>,
+    bodies: MovedBodies<'_, L, A>,
     terms: [V; 2],
 ) {
     let turned = |any, &body| any | bodies.turned[body as usize - first];
@@ -219,7 +219,7 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     block: &mut Block<V, L, A>,
     points: &mut [Contact<V, L>],
     first: usize,
-    bodies: Renewing<'_, L, A>,
+    bodies: MovedBodies<'_, L, A>,
     [dt, softness]: [V; 2],
 ) {
     let [a, b] = block.gather_from(first, bodies.velocities);

@@ -1,10 +1,10 @@
-//! How a team goes over the blocks of a packed system.
+//! How a pool goes over the blocks of a packed system.
 //!
 //! All members walk through the colors side by side, each over its share of the blocks of a color, and
-//! meet after each; colors of few blocks are done by one. A share has as many blocks of long manifolds as any
+//! barrier after each; colors of few blocks are done by one. A share has as many blocks of long manifolds as any
 //! other, and the same bodies in all colors, as far as neighbors follow each other. Within a color no two
-//! blocks have a body in common that is written to, and each block has its own points. So what a member
-//! touches at a [`Visit`] nobody else does, and nothing depends on how many members there are.
+//! blocks have a body in common that is written to, and each block has its own points. So what a worker
+//! touches at a [`BlockVisit`] nobody else does, and nothing depends on how many members there are.
 #![allow(unsafe_code)]
 
 mod ahead;
@@ -13,37 +13,37 @@ use std::ops::Range;
 
 use super::batch::{Batch, View};
 use super::block::Block;
-use super::rows::Trace;
+use super::rows::CachedImpulse;
 use crate::color::{BINS, Color, Coloring};
-use crate::lanes::{Columns, HALF, Lanes, WIDTH, halved, halved_mut, scatter};
+use crate::lanes::{HALF, KernelLanes, Lanes, WIDTH, halved, halved_mut, scatter};
 use crate::pgs::{Parts, visit};
-use crate::team::{Member, Shared, Team};
-use crate::{Contact, Surface, Velocity, each_lane};
+use crate::thread_pool::{DisjointSlice, ThreadPool, Worker};
+use crate::{Contact, SurfaceEffects, Velocity, each_lane};
 
 /// Bytes of blocks from which on what comes next is asked for ahead: by far more than the second cache holds.
 /// With less, asking takes longer than it saves.
 const LARGE: usize = 4 << 20;
 
 /// A batch and the velocities of its bodies.
-pub(super) struct Ground<'a, V: Lanes, const L: usize, const A: usize> {
+pub(super) struct BlockSweep<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a [Block<V, L, A>],
     /// The number of the first block.
     first: usize,
     /// The blocks of each color to walk over.
     colors: &'a [Color],
-    contacts: Shared<'a, Contact<V, L>>,
-    velocities: Shared<'a, Velocity<f32, L, A>>,
+    contacts: DisjointSlice<'a, Contact<V, L>>,
+    velocities: DisjointSlice<'a, Velocity<f32, L, A>>,
     /// What else visits read of bodies.
-    also: Option<Shared<'a, Velocity<f32, L, A>>>,
+    also: Option<DisjointSlice<'a, Velocity<f32, L, A>>>,
     /// Whether to look ahead.
     large: bool,
-    team: &'a Team,
+    pool: &'a ThreadPool,
 }
 
-/// A member's way over the blocks, from the first color to the last.
-pub(super) struct Walk<'a, V: Lanes, const L: usize, const A: usize> {
-    ground: &'a Ground<'a, V, L, A>,
-    member: &'a Member<'a>,
+/// A worker's way over the blocks, from the first color to the last.
+pub(super) struct BlockIter<'a, V: Lanes, const L: usize, const A: usize> {
+    ground: &'a BlockSweep<'a, V, L, A>,
+    worker: &'a Worker<'a>,
     /// Colors begun.
     begun: usize,
     /// Bins of the last one begun.
@@ -51,28 +51,28 @@ pub(super) struct Walk<'a, V: Lanes, const L: usize, const A: usize> {
     share: Range<usize>,
 }
 
-/// A member at a block.
-pub(super) struct Visit<'a, V: Lanes, const L: usize, const A: usize> {
+/// A worker at a block.
+pub(super) struct BlockVisit<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) index: usize,
     pub(super) block: &'a Block<V, L, A>,
-    velocities: &'a Shared<'a, Velocity<f32, L, A>>,
-    contacts: &'a Shared<'a, Contact<V, L>>,
+    velocities: &'a DisjointSlice<'a, Velocity<f32, L, A>>,
+    contacts: &'a DisjointSlice<'a, Contact<V, L>>,
     /// Where to look ahead.
-    ahead: Option<&'a Ground<'a, V, L, A>>,
+    ahead: Option<&'a BlockSweep<'a, V, L, A>>,
 }
 
-impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
+impl<'g, V: Lanes, const L: usize, const A: usize> BlockSweep<'g, V, L, A> {
     pub(super) fn new(
         batch: &'g mut Batch<'_, V, L, A>,
         velocities: &'g mut [Velocity<f32, L, A>],
     ) -> Self {
-        let Batch { bodies, colors, first_block: first, team, .. } = batch;
+        let Batch { bodies, colors, first_block: first, pool, .. } = batch;
         assert_eq!(velocities.len(), bodies.len(), "a velocity for each body of the batch");
-        let contacts = Shared::new(batch.first_point, batch.contacts);
-        let velocities = Shared::new(bodies.start, velocities);
+        let contacts = DisjointSlice::new(batch.first_point, batch.contacts);
+        let velocities = DisjointSlice::new(bodies.start, velocities);
         let blocks = &*batch.blocks;
         let large = size_of_val(blocks) > LARGE;
-        Self { blocks, first: *first, colors, contacts, velocities, also: None, large, team }
+        Self { blocks, first: *first, colors, contacts, velocities, also: None, large, pool }
     }
 
     /// The same, where visits read something else of bodies, too.
@@ -80,11 +80,11 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
         Self { also: also.map(|also| self.velocities.beside(also)), ..self }
     }
 
-    /// Has the team walk over the blocks, if they are worth it, and `visit` each.
+    /// Has the pool walk over the blocks, if they are worth it, and `visit` each.
     #[inline(always)]
-    pub(super) fn each(&self, visit: impl Fn(Visit<'_, V, L, A>) + Sync) {
-        self.team.run(self.team.is_useful(self.blocks.len()), &|member| {
-            let walk = Walk { ground: self, member, begun: 0, bins: BINS, share: 0..0 };
+    pub(super) fn each(&self, visit: impl Fn(BlockVisit<'_, V, L, A>) + Sync) {
+        self.pool.run(self.pool.is_useful(self.blocks.len()), &|worker| {
+            let walk = BlockIter { ground: self, worker, begun: 0, bins: BINS, share: 0..0 };
             V::run(
                 #[inline(always)]
                 || {
@@ -98,8 +98,8 @@ impl<'g, V: Lanes, const L: usize, const A: usize> Ground<'g, V, L, A> {
     }
 }
 
-impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A> {
-    type Item = Visit<'a, V, L, A>;
+impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for BlockIter<'a, V, L, A> {
+    type Item = BlockVisit<'a, V, L, A>;
 
     #[inline(always)]
     fn next(&mut self) -> Option<Self::Item> {
@@ -108,31 +108,31 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
                 let colors = self.ground.colors;
                 let before = colors.get(self.begun.wrapping_sub(1));
                 if let Some(color) = before.filter(|_| self.bins < BINS) {
-                    self.share = color.share(self.member, self.bins);
+                    self.share = color.share(self.worker, self.bins);
                     self.bins += 1;
                     continue;
                 }
                 let now = colors.get(self.begun);
-                // Between two colors that the first member does alone there is nobody to wait for.
-                let alone = |of: &Color| !self.member.shares(of.blocks.len());
+                // Between two colors that the first worker does alone there is nobody to wait for.
+                let alone = |of: &Color| !self.worker.shares(of.blocks.len());
                 if before.is_some() && !(before.is_some_and(alone) && now.is_some_and(alone)) {
-                    self.member.meet();
+                    self.worker.barrier();
                 }
                 let color = now?;
                 if !alone(color) {
                     self.bins = 0;
-                } else if self.member.is_first() {
+                } else if self.worker.is_first() {
                     self.share = color.blocks.start as usize..color.blocks.end as usize;
                 }
                 self.begun += 1;
             }
             let index = self.share.next()?;
-            let Ground { blocks, first, contacts, velocities, large, .. } = self.ground;
+            let BlockSweep { blocks, first, contacts, velocities, large, .. } = self.ground;
             let block = &blocks[index - first];
             // Some wait for manifolds to come.
             if block.used != 0 {
                 let ahead = large.then_some(self.ground);
-                let at = Visit { index, block, velocities, contacts, ahead };
+                let at = BlockVisit { index, block, velocities, contacts, ahead };
                 at.look_ahead(0);
                 return Some(at);
             }
@@ -140,7 +140,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for Walk<'a, V, L, A
     }
 }
 
-impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
+impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
     #[inline(always)]
     pub(super) fn points(&mut self) -> &'a mut [Contact<V, L>] {
         self.of_points(self.contacts)
@@ -148,15 +148,15 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
 
     /// What belongs to the points of the block, in an array over all points.
     #[inline(always)]
-    pub(super) fn of_points<T>(&self, all: &'a Shared<'a, T>) -> &'a mut [T] {
-        // SAFETY: no other block has these points, and no other member is at this block.
+    pub(super) fn of_points<T>(&self, all: &'a DisjointSlice<'a, T>) -> &'a mut [T] {
+        // SAFETY: no other block has these points, and no other worker is at this block.
         unsafe { all.get_mut(self.block.manifold.points()) }
     }
 
     /// What belongs to the block, in an array over all blocks.
     #[inline(always)]
-    pub(super) fn of_block<T>(&self, all: &'a Shared<'a, T>) -> &'a mut [T] {
-        // SAFETY: no other member is at this block.
+    pub(super) fn of_block<T>(&self, all: &'a DisjointSlice<'a, T>) -> &'a mut [T] {
+        // SAFETY: no other worker is at this block.
         unsafe { all.get_mut(self.index..self.index + 1) }
     }
 
@@ -185,7 +185,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
     }
 
     #[inline(always)]
-    fn visit_in<C: Columns, const LAW: u8, const FRICTION: bool>(
+    fn visit_in<C: KernelLanes, const LAW: u8, const FRICTION: bool>(
         &self,
         parts: Parts<'_, C, L, A>,
         points: &mut [Contact<C, L>],
@@ -222,8 +222,8 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
 
     /// The velocities of the bodies in each lane.
     #[inline(always)]
-    pub(super) fn gather<C: Columns>(&self) -> [Velocity<C, L, A>; 2] {
-        // SAFETY: bodies that are written to belong to one block of a color; only its member is here.
+    pub(super) fn gather<C: KernelLanes>(&self) -> [Velocity<C, L, A>; 2] {
+        // SAFETY: bodies that are written to belong to one block of a color; only its worker is here.
         let velocities = unsafe { self.block.gather(self.velocities) };
         self.look_ahead(1);
         velocities
@@ -231,7 +231,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
 
     /// Gives bodies that can be moved new velocities.
     #[inline(always)]
-    pub(super) fn scatter<C: Columns>(&self, [a, b]: [Velocity<C, L, A>; 2]) {
+    pub(super) fn scatter<C: KernelLanes>(&self, [a, b]: [Velocity<C, L, A>; 2]) {
         self.look_ahead(3);
         self.block.check(self.velocities);
         self.scatter_side(0, &a);
@@ -239,7 +239,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
     }
 
     #[inline(always)]
-    fn scatter_side<C: Columns>(&self, side: usize, velocity: &Velocity<C, L, A>) {
+    fn scatter_side<C: KernelLanes>(&self, side: usize, velocity: &Velocity<C, L, A>) {
         let bodies = &self.block.bodies[side];
         let mut numbers = [C::ZERO; 8];
         numbers[..L].copy_from_slice(&velocity.linear.0);
@@ -254,42 +254,42 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Visit<'a, V, L, A> {
 }
 
 /// A packed system and the velocities of its bodies, to be read on the way over its blocks.
-pub(super) struct Reading<'a, V: Lanes, const L: usize, const A: usize>(Ground<'a, V, L, A>);
+pub(super) struct ReadSweep<'a, V: Lanes, const L: usize, const A: usize>(BlockSweep<'a, V, L, A>);
 
-impl<'g, V: Lanes, const L: usize, const A: usize> Reading<'g, V, L, A> {
+impl<'g, V: Lanes, const L: usize, const A: usize> ReadSweep<'g, V, L, A> {
     pub(super) fn new(all: View<'g, V, L, A>, velocities: &'g [Velocity<f32, L, A>]) -> Self {
-        let View { blocks, contacts, coloring, team } = all;
-        Self(Ground {
+        let View { blocks, contacts, coloring, pool } = all;
+        Self(BlockSweep {
             blocks,
             first: 0,
             colors: &coloring.colors,
-            contacts: Shared::reading(0, contacts),
-            velocities: Shared::reading(0, velocities),
+            contacts: DisjointSlice::reading(0, contacts),
+            velocities: DisjointSlice::reading(0, velocities),
             also: None,
             large: size_of_val(blocks) > LARGE,
-            team,
+            pool,
         })
     }
 
-    /// [`Ground::each`].
+    /// [`BlockSweep::each`].
     #[inline(always)]
-    pub(super) fn each(&self, visit: impl Fn(Sight<'_, V, L, A>) + Sync) {
+    pub(super) fn each(&self, visit: impl Fn(BlockRead<'_, V, L, A>) + Sync) {
         self.0.each(
             #[inline(always)]
-            |at| visit(Sight(at)),
+            |at| visit(BlockRead(at)),
         );
     }
 }
 
-/// A member at a block that it only reads.
-pub(super) struct Sight<'a, V: Lanes, const L: usize, const A: usize>(Visit<'a, V, L, A>);
+/// A worker at a block that it only reads.
+pub(super) struct BlockRead<'a, V: Lanes, const L: usize, const A: usize>(BlockVisit<'a, V, L, A>);
 
-impl<'a, V: Lanes, const L: usize, const A: usize> Sight<'a, V, L, A> {
+impl<'a, V: Lanes, const L: usize, const A: usize> BlockRead<'a, V, L, A> {
     pub(super) fn block(&self) -> &'a Block<V, L, A> {
         self.0.block
     }
 
-    /// [`Visit::gather`].
+    /// [`BlockVisit::gather`].
     #[inline(always)]
     pub(super) fn gather(&self) -> [Velocity<V, L, A>; 2] {
         let velocities = self.0.gather();
@@ -300,8 +300,8 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Sight<'a, V, L, A> {
 
     /// What belongs to the lanes of the block, in an array over those of all blocks.
     #[inline(always)]
-    pub(super) fn of_lanes<T>(&self, all: &'a Shared<'a, T>) -> &'a mut [T] {
-        // SAFETY: no other member is at this block.
+    pub(super) fn of_lanes<T>(&self, all: &'a DisjointSlice<'a, T>) -> &'a mut [T] {
+        // SAFETY: no other worker is at this block.
         unsafe { all.get_mut(WIDTH * self.0.index..WIDTH * (self.0.index + 1)) }
     }
 
@@ -309,37 +309,37 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Sight<'a, V, L, A> {
     #[inline(always)]
     pub(super) fn of_body<'b, T>(
         &'b mut self,
-        all: &'b Shared<'_, T>,
+        all: &'b DisjointSlice<'_, T>,
         side: usize,
         lane: usize,
     ) -> Option<&'b mut T> {
         let moves = self.0.block.moving[side] >> lane & 1 != 0;
         let body = self.0.block.bodies[side][lane] as usize;
-        // SAFETY: bodies that can be moved belong to one block of a color; only its member is here.
+        // SAFETY: bodies that can be moved belong to one block of a color; only its worker is here.
         moves.then(|| unsafe { &mut all.get_mut(body..body + 1)[0] })
     }
 }
 
 /// Blocks and their points, each by itself: to be changed in any order, by the members that sweep over them.
-pub(super) struct Field<'a, V: Lanes, const L: usize, const A: usize> {
-    blocks: Shared<'a, Block<V, L, A>>,
-    contacts: Shared<'a, Contact<V, L>>,
-    traces: Shared<'a, Trace<L>>,
-    surfaces: Shared<'a, Surface<V, L, A>>,
+pub(super) struct BlocksMut<'a, V: Lanes, const L: usize, const A: usize> {
+    blocks: DisjointSlice<'a, Block<V, L, A>>,
+    contacts: DisjointSlice<'a, Contact<V, L>>,
+    traces: DisjointSlice<'a, CachedImpulse<L>>,
+    surfaces: DisjointSlice<'a, SurfaceEffects<V, L, A>>,
     coloring: &'a Coloring,
     colors: &'a [Color],
-    team: &'a Team,
+    pool: &'a ThreadPool,
 }
 
-impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
+impl<'a, V: Lanes, const L: usize, const A: usize> BlocksMut<'a, V, L, A> {
     pub(super) fn new(batch: &'a mut Batch<'_, V, L, A>) -> Self {
-        let Batch { traces, surfaces, coloring, colors, team, .. } = *batch;
-        let blocks = Shared::new(batch.first_block, &mut *batch.blocks);
-        let contacts = Shared::new(batch.first_point, batch.contacts);
-        Self { blocks, contacts, traces, surfaces, coloring, colors, team }
+        let Batch { traces, surfaces, coloring, colors, pool, .. } = *batch;
+        let blocks = DisjointSlice::new(batch.first_block, &mut *batch.blocks);
+        let contacts = DisjointSlice::new(batch.first_point, batch.contacts);
+        Self { blocks, contacts, traces, surfaces, coloring, colors, pool }
     }
 
-    /// Has the team do some `work` on each block and the points that it has room for, if they are worth it: on a
+    /// Has the pool do some `work` on each block and the points that it has room for, if they are worth it: on a
     /// strip of each color, then the next of each. In many strips manifolds that follow each other are together, in
     /// one blocks are.
     #[inline(always)]
@@ -348,13 +348,13 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
         strips: usize,
         work: impl Fn(usize, &mut Block<V, L, A>, &mut [Contact<V, L>]) + Sync,
     ) {
-        self.team.run(self.team.is_useful(self.blocks.len()), &|member| {
+        self.pool.run(self.pool.is_useful(self.blocks.len()), &|worker| {
             V::run(
                 #[inline(always)]
                 || {
                     for strip in 0..strips {
                         for color in self.colors {
-                            self.each_of(color, member, [strip, strips], &work);
+                            self.each_of(color, worker, [strip, strips], &work);
                         }
                     }
                 },
@@ -362,17 +362,17 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
         });
     }
 
-    /// Those of a color that a member takes, in one of so many strips.
+    /// Those of a color that a worker takes, in one of so many strips.
     #[inline(always)]
     fn each_of(
         &self,
         color: &Color,
-        member: &Member<'_>,
+        worker: &Worker<'_>,
         [strip, strips]: [usize; 2],
         work: &impl Fn(usize, &mut Block<V, L, A>, &mut [Contact<V, L>]),
     ) {
         for bin in 0..BINS {
-            let share = color.share(member, bin);
+            let share = color.share(worker, bin);
             let end = |strip: usize| share.start + share.len() * strip / strips;
             for index in end(strip)..end(strip + 1) {
                 // SAFETY: shares have no block in common, and blocks have no points in common.
@@ -388,7 +388,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Field<'a, V, L, A> {
 
     /// What the surfaces of a block do; there must be some.
     #[inline(always)]
-    pub(super) fn surface(&self, index: usize) -> &Surface<V, L, A> {
+    pub(super) fn surface(&self, index: usize) -> &SurfaceEffects<V, L, A> {
         // SAFETY: nobody changes them on the way over a field.
         unsafe { &self.surfaces.get_mut(index..index + 1)[0] }
     }

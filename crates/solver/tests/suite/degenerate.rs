@@ -2,7 +2,7 @@
 //! apart, targets that contradict each other. Each ends with a status and finite numbers.
 
 use crate::common::Scene;
-use drystone_solver::assembled::ladder::{self, Method};
+use drystone_solver::assembled::ladder::{self, MatrixMethod};
 use drystone_solver::assembled::{self, Assembly, Limits};
 use drystone_solver::certificate::certify;
 use drystone_solver::island::Islands;
@@ -39,7 +39,8 @@ fn solved_by<const L: usize, const A: usize>(
     let problem = assembly.problem().unwrap();
     let limits = Limits { tolerance: 1e-9, budget: 5_000 };
     let by_ladder = ("ladder", ladder::solve(&problem, None, &limits).outcome);
-    let alone = Method::ALL.map(|method| (method.name(), method.solve(&problem, None, &limits)));
+    let alone =
+        MatrixMethod::ALL.map(|method| (method.name(), method.solve(&problem, None, &limits)));
     for (method, outcome) in alone.into_iter().chain([by_ladder]) {
         assert!(!outcome.residual.is_nan(), "{name}, {method}: {outcome:?}");
         let mut own = system.clone();

@@ -5,13 +5,13 @@ use crate::common::{Random, Recipe, Scene, assert_all_close, random_scene};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use drystone_solver::certificate::{Certificate, Tally, certify};
+use drystone_solver::certificate::{Certificate, CertificateScratch, certify};
 use drystone_solver::color::Coloring;
 use drystone_solver::cone::Law;
 use drystone_solver::island::Islands;
-use drystone_solver::lanes::{Lanes, Portable, Several, WIDTH};
-use drystone_solver::team::{Divide, Team};
-use drystone_solver::wide::{Packed, Past, Rows, Seats, Trace, Wide};
+use drystone_solver::lanes::{GatherLanes, Lanes, Portable, WIDTH};
+use drystone_solver::thread_pool::{Divide, ThreadPool};
+use drystone_solver::wide::{CachedImpulse, LaneSlots, ManifoldSource, Packed, Reuse, Wide};
 use drystone_solver::{
     Cast, Contact, InverseMass, Manifold, Repair, SymmetricMatrix, System, Vector, Velocity, pgs,
 };
@@ -240,7 +240,7 @@ fn a_center_is_anywhere() {
 /// A system of which some manifolds are kept, and some have changed.
 struct Keeping<'a, const L: usize, const A: usize> {
     system: &'a System<f32, L, A>,
-    past: Vec<Past>,
+    reuse: Vec<Reuse>,
     /// Whether it has the outlines of the time before.
     same: bool,
     /// Whether it tells which bodies do not move at all.
@@ -249,30 +249,30 @@ struct Keeping<'a, const L: usize, const A: usize> {
     taken: AtomicUsize,
 }
 
-impl<const L: usize, const A: usize> Rows<L> for Keeping<'_, L, A> {
+impl<const L: usize, const A: usize> ManifoldSource<L> for Keeping<'_, L, A> {
     fn count(&self) -> usize {
         self.system.count()
     }
 
-    fn outline(&self, manifold: u32) -> ([u32; 2], u32) {
-        self.system.outline(manifold)
+    fn key(&self, manifold: u32) -> ([u32; 2], u32) {
+        self.system.key(manifold)
     }
 
-    fn same_outlines(&self) -> bool {
+    fn same_keys(&self) -> bool {
         self.same
     }
 
-    fn past(&self, manifold: u32) -> Past {
-        self.past[manifold as usize]
+    fn reuse(&self, manifold: u32) -> Reuse {
+        self.reuse[manifold as usize]
     }
 
     fn stands(&self, body: u32) -> bool {
         self.standing && self.system.velocities[body as usize] == Velocity::ZERO
     }
 
-    fn take<V: Several>(
+    fn take<V: GatherLanes>(
         &self,
-        seats: &Seats<'_>,
+        seats: &LaneSlots<'_>,
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     ) {
@@ -286,18 +286,18 @@ impl<const L: usize, const A: usize> Rows<L> for Keeping<'_, L, A> {
 fn step_both<const L: usize, const A: usize>(
     keeping: &mut Packed<Portable, L, A>,
     seen: &System<f32, L, A>,
-    (past, same): (Vec<Past>, bool),
+    (reuse, same): (Vec<Reuse>, bool),
     softness: f32,
     system: &mut System<f32, L, A>,
 ) -> usize {
-    let rows = Keeping { system: seen, past, same, standing: false, taken: AtomicUsize::new(0) };
+    let rows = Keeping { system: seen, reuse, same, standing: false, taken: AtomicUsize::new(0) };
     keeping.pack(&rows, &system.masses, softness);
     let mut anew = Packed::<Portable, L, A>::new();
     anew.pack(&*system, &system.masses, softness);
     let moved =
         |v: &Velocity<f32, L, A>| Velocity { linear: v.linear * 0.01, angular: v.angular * 0.01 };
     let displacements: Vec<_> = system.velocities.iter().map(moved).collect();
-    let mut traces = vec![Trace::default(); system.contacts.len()];
+    let mut traces = vec![CachedImpulse::default(); system.contacts.len()];
     let [after, kept] = [&mut anew, keeping].map(|packed| {
         let (mut velocities, mut whole) = (system.velocities.clone(), packed.whole(&mut traces));
         whole.sweep_normals_to_targets(&mut velocities, &displacements, false, &REPAIR);
@@ -339,14 +339,14 @@ fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
             }
             _ => {}
         }
-        let past = (0..seen.manifolds.len() as u32).map(|number| match random.below(64) {
-            0 if round == 1 => Past::New,
-            1 if round == 1 => Past::Changed(number),
-            _ => Past::Kept(number),
+        let reuse = (0..seen.manifolds.len() as u32).map(|number| match random.below(64) {
+            0 if round == 1 => Reuse::New,
+            1 if round == 1 => Reuse::Changed(number),
+            _ => Reuse::Kept(number),
         });
-        let past = past.collect();
+        let reuse = reuse.collect();
         let same = !matches!(round, 0 | 4);
-        let taken = step_both(&mut keeping, &seen, (past, same), softness, &mut system);
+        let taken = step_both(&mut keeping, &seen, (reuse, same), softness, &mut system);
         if !matches!(round, 1 | 4) && !system.manifolds.is_empty() {
             assert_eq!(taken == 0, round == 2, "round {round}: {taken} lanes");
         }
@@ -354,7 +354,7 @@ fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
 }
 
 /// Manifolds come and go among those that are kept, which stay in most of their blocks. Returns how many lanes
-/// are taken in by a team of so many `members`, round by round. In the end some have other friction each time.
+/// are taken in by a pool of so many `members`, round by round. In the end some have other friction each time.
 fn come_and_go(members: usize) -> Vec<usize> {
     let random = &mut Random(11);
     let recipe = Recipe { bodies: 2700, manifolds: 4500, points: 4, walls: true };
@@ -363,11 +363,11 @@ fn come_and_go(members: usize) -> Vec<usize> {
     // Of each manifold of the whole, its number in the system.
     let mut numbers: Vec<Option<u32>> = (0..whole.manifolds.len() as u32).map(Some).collect();
     let mut keeping = Packed::<Portable, 3, 3>::new();
-    keeping.set_team(Arc::new(Team::new(members)));
+    keeping.set_pool(Arc::new(ThreadPool::new(members)));
     let mut taken = Vec::new();
     for round in 0..30 {
         let mut next = System { manifolds: Vec::new(), contacts: Vec::new(), ..system.clone() };
-        let mut past = Vec::new();
+        let mut reuse = Vec::new();
         let (come, go) = if round < 2 { (1, 0) } else { (2, random.below(8)) };
         for (number, manifold) in numbers.iter_mut().zip(&whole.manifolds) {
             let gone = number.is_none();
@@ -380,20 +380,20 @@ fn come_and_go(members: usize) -> Vec<usize> {
                 None => (&whole, manifold),
             };
             let mut own = *old;
-            past.push(match *number {
+            reuse.push(match *number {
                 Some(number) if round > 20 && random.below(16) == 0 => {
                     own.friction += 0.1;
-                    Past::Changed(number)
+                    Reuse::Changed(number)
                 }
-                Some(number) if round > 0 => Past::Kept(number),
-                _ => Past::New,
+                Some(number) if round > 0 => Reuse::Kept(number),
+                _ => Reuse::New,
             });
             *number = Some(next.manifolds.len() as u32);
             next.add_manifold(own, &from.contacts[old.points()]);
         }
         system = next;
         let seen = system.clone();
-        taken.push(step_both(&mut keeping, &seen, (past, false), 0.1, &mut system));
+        taken.push(step_both(&mut keeping, &seen, (reuse, false), 0.1, &mut system));
     }
     taken
 }
@@ -414,8 +414,8 @@ fn all_as_one<const L: usize, const A: usize>(system: &System<f32, L, A>) -> Isl
     islands
 }
 
-/// Enough manifolds and blocks that a team shares them, taken in, swept and conjugated by teams of every size.
-fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
+/// Enough manifolds and blocks that a pool shares them, taken in, swept and conjugated by teams of every size.
+fn threads_and_one<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let recipe = Recipe { bodies: 1200, manifolds: 4500, points: 4, walls: true };
     let start: System<f32, L, A> = random_scene::<L, A>(random, recipe).system.cast();
@@ -423,7 +423,7 @@ fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
     let by = |members: usize| {
         let mut system = start.clone();
         let mut wide = Wide::new();
-        wide.set_team(Arc::new(Team::new(members)));
+        wide.set_pool(Arc::new(ThreadPool::new(members)));
         wide.pack(&system, &system.masses, 0.1);
         for _ in 0..2 {
             wide.whole(&mut []).apply_impulses(&mut system.velocities);
@@ -448,8 +448,8 @@ fn teams_and_one<const L: usize, const A: usize>(seed: u64) {
 }
 
 #[test]
-fn teams_of_any_size_and_one() {
-    in_all_four!(teams_and_one, 11);
+fn thread_pools_of_any_size_and_one() {
+    in_all_four!(threads_and_one, 11);
 }
 
 /// Crowds on one ground, which comes first, and on walls that move, one crowd's bodies after the other's.
@@ -536,10 +536,10 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
         let displacements: Vec<Velocity<f32, L, A>> = (system.velocities.iter())
             .map(|v| Velocity { linear: v.linear * 0.01, angular: v.angular * 0.01 })
             .collect();
-        let past = vec![Past::New; system.manifolds.len()];
+        let reuse = vec![Reuse::New; system.manifolds.len()];
         let rows = Keeping {
             system: &system,
-            past,
+            reuse,
             same: false,
             standing: true,
             taken: AtomicUsize::new(0),
@@ -551,7 +551,7 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
         let mut join = [0; 2];
         let mut by = |wide: &mut Wide<L, A>, divided: bool, members: usize| {
             let mut after = system.clone();
-            let mut traces = vec![Trace::default(); system.contacts.len()];
+            let mut traces = vec![CachedImpulse::default(); system.contacts.len()];
             let whole = wide.whole(&mut traces);
             let parts = if divided { whole.count() } else { 1 };
             assert!(!divided || parts > 2, "{parts} batches");
@@ -567,16 +567,20 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
             if let [(first, ..), (second, ..), ..] = &batches[..] {
                 join = [first.bodies().end as u32 - 1, second.bodies().start as u32];
             }
-            Team::new(members).for_each(true, batches.into_iter(), |(mut batch, v, moved)| {
-                for _ in 0..3 {
-                    batch.apply_impulses(v);
-                    batch.sweep_normals_to_targets(v, moved, false, &REPAIR);
-                    batch.sweep_normals(v);
-                    batch.sweep(v);
-                    batch.relax(v, false, None);
-                }
-                batch.trace(moved, REPAIR.hold);
-            });
+            ThreadPool::new(members).for_each(
+                true,
+                batches.into_iter(),
+                |(mut batch, v, moved)| {
+                    for _ in 0..3 {
+                        batch.apply_impulses(v);
+                        batch.sweep_normals_to_targets(v, moved, false, &REPAIR);
+                        batch.sweep_normals(v);
+                        batch.sweep(v);
+                        batch.relax(v, false, None);
+                    }
+                    batch.trace(moved, REPAIR.hold);
+                },
+            );
             wide.unpack(&mut after);
             (after, traces)
         };
@@ -620,12 +624,12 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
         packed.conjugate(&mut system.velocities, &[false]);
     }
     packed.unpack(&mut system);
-    let mut tally = Tally::default();
-    tally.set_masses(&system);
+    let mut scratch = CertificateScratch::default();
+    scratch.set_masses(&system);
     let prospective = &start.velocities;
     let v = &system.velocities;
-    let at_hand = packed.certify::<false, false>(v, prospective, &islands, &mut tally)[0];
-    let lanes = packed.certify::<true, true>(v, prospective, &islands, &mut tally)[0];
+    let at_hand = packed.certify::<false, false>(v, prospective, &islands, &mut scratch)[0];
+    let lanes = packed.certify::<true, true>(v, prospective, &islands, &mut scratch)[0];
     let one = certify(&system, prospective);
     // What bodies are pushed by along conjugate directions is what their contacts would give them.
     let energy = |(velocity, mass): (&Velocity<f32, L, A>, &InverseMass<f32, L, A>)| {
@@ -668,7 +672,7 @@ fn certificates_agree<const L: usize, const A: usize>(seed: u64) {
     let [lanes, one] = certified::<Portable, L, A>(&start);
     let numbers = |of: &Certificate| {
         let sums = [of.gap, of.defect, of.mass, of.complementarity];
-        [&sums[..], &[of.natural, of.sinking, of.cone]].concat()
+        [&sums[..], &[of.natural_residual, of.approach_error, of.cone]].concat()
     };
     for (lanes, one) in numbers(&lanes).into_iter().zip(numbers(&one)) {
         assert!((lanes - one).abs() <= 1e-9 * one.abs() + 1e-15, "seed {seed}: {lanes} and {one}");
@@ -687,22 +691,23 @@ fn certificates_of_lanes_and_one() {
     }
 }
 
-/// Certificates of many islands have the bits of one thread on any number of them, again and again, with a team that
+/// Certificates of many islands have the bits of one thread on any number of them, again and again, with a pool that
 /// has worked together.
 fn certificates_by_threads<const L: usize, const A: usize>(seed: u64) {
     let start = crowds::<L, A>(&mut Random(seed));
     let mut islands = Islands::default();
     islands.find(&start);
     let of = |members: usize| {
-        let (mut wide, mut system, mut tally) = (Wide::new(), start.clone(), Tally::default());
-        wide.set_team(Arc::new(Team::new(members)));
+        let (mut wide, mut system, mut scratch) =
+            (Wide::new(), start.clone(), CertificateScratch::default());
+        wide.set_pool(Arc::new(ThreadPool::new(members)));
         wide.pack(&start, &start.masses, 0.1);
         assert!(start.manifolds.len() >= 8 * members * WIDTH, "enough to share");
         wide.set_islands(&islands);
         wide.set_targets(&vec![Velocity::ZERO; start.velocities.len()], None, &REPAIR);
         wide.begin_conjugate();
         wide.whole(&mut []).apply_impulses(&mut system.velocities);
-        tally.set_masses(&start);
+        scratch.set_masses(&start);
         let mut all = Vec::new();
         for _ in 0..3 {
             wide.conjugate(&mut system.velocities, &vec![false; islands.count]);
@@ -711,9 +716,14 @@ fn certificates_by_threads<const L: usize, const A: usize>(seed: u64) {
                 v,
                 prospective,
                 &islands,
-                &mut tally,
+                &mut scratch,
             ));
-            all.extend_from_slice(wide.certify::<true, true>(v, prospective, &islands, &mut tally));
+            all.extend_from_slice(wide.certify::<true, true>(
+                v,
+                prospective,
+                &islands,
+                &mut scratch,
+            ));
         }
         all
     };

@@ -1,7 +1,7 @@
 //! Laws of impact: what contacts that collide at once do with each other.
 
 use crate::common::{Random, Recipe, Scene, assert_all_close, assert_close, random_scene};
-use drystone_solver::restitution::{Blow, Collisions, ImpactLaw, collide};
+use drystone_solver::restitution::{ImpactLaw, ImpactSettings, ImpactSolver, collide};
 use drystone_solver::{System, Vector, Velocity};
 use proptest::prelude::*;
 
@@ -26,9 +26,9 @@ fn sweeping<const L: usize, const A: usize>(
     sweeps: usize,
 ) -> usize {
     let mut moved = vec![Velocity::ZERO; system.velocities.len()];
-    let how = Collisions { law, dt: 0.0, threshold, rounds, sweeps };
+    let how = ImpactSettings { law, dt: 0.0, threshold, rounds, sweeps };
     let forced = moved.clone();
-    collide(system, &mut moved, &forced, &how, &mut Blow::default())
+    collide(system, &mut moved, &forced, &how, &mut ImpactSolver::default())
 }
 
 fn along<const L: usize>(x: f64) -> Vector<f64, L> {

@@ -15,4 +15,4 @@ mod methods;
 mod notes;
 #[cfg(feature = "assembled")]
 mod problems;
-mod team;
+mod thread_pool;

@@ -4,9 +4,9 @@ use crate::common::{Random, Recipe, Scene, random_scene};
 use drystone_solver::solution::{Goal, Solution, Status};
 use drystone_solver::{System, Vector, apgd, newton, nncg, pgs, psor, symmetric};
 
-type Method<const L: usize, const A: usize> = fn(&mut System<f64, L, A>, &Goal) -> Solution;
+type Tried<const L: usize, const A: usize> = fn(&mut System<f64, L, A>, &Goal) -> Solution;
 
-fn methods<const L: usize, const A: usize>() -> Vec<(&'static str, Method<L, A>)> {
+fn methods<const L: usize, const A: usize>() -> Vec<(&'static str, Tried<L, A>)> {
     vec![
         ("pgs", pgs::solve),
         ("symmetric", symmetric::solve),
@@ -80,7 +80,7 @@ fn column(masses: &[f64], softness: f64) -> System<f64, 2, 0> {
 }
 
 /// Iterations until the velocities, all of 1 m/s before, are within 1 mm/s by the certificate.
-fn iterations(system: &System<f64, 2, 0>, method: Method<2, 0>) -> usize {
+fn iterations(system: &System<f64, 2, 0>, method: Tried<2, 0>) -> usize {
     let solution = method(&mut system.clone(), &Goal { tolerance: 1e-3, budget: 200_000 });
     assert_eq!(
         solution.status,

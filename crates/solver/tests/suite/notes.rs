@@ -9,7 +9,7 @@ use drystone_solver::assembled::{
     gauss_seidel, impulses, inverse_mass, jacobian, pattern, rhs, soften, system_matrix, targets,
     velocities,
 };
-use drystone_solver::restitution::{Blow, Collisions, ImpactLaw};
+use drystone_solver::restitution::{ImpactLaw, ImpactSettings, ImpactSolver};
 use drystone_solver::{Repair, System, Vector, Velocity, pgs, restitution};
 use proptest::prelude::*;
 
@@ -57,9 +57,9 @@ fn collide<const L: usize, const A: usize>(
     rounds: usize,
 ) -> usize {
     let mut moved = vec![Velocity::ZERO; system.velocities.len()];
-    let how = Collisions { law: ImpactLaw::Newton, dt: 0.0, threshold, rounds, sweeps: 400 };
+    let how = ImpactSettings { law: ImpactLaw::Newton, dt: 0.0, threshold, rounds, sweeps: 400 };
     let forced = moved.clone();
-    restitution::collide(system, &mut moved, &forced, &how, &mut Blow::default())
+    restitution::collide(system, &mut moved, &forced, &how, &mut ImpactSolver::default())
 }
 
 /// A ball of 1 kg that touches fixed walls, the normals (towards it) at these angles.

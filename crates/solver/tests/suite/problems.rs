@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::common::Random;
-use drystone_solver::assembled::ladder::{self, Method, Solved};
+use drystone_solver::assembled::ladder::{self, MatrixMethod, Solved};
 use drystone_solver::assembled::{
     Bodies, Limits, Matrix, Outcome, Problem, ProblemError, Status, block_gauss_seidel,
     enumeration, from_entries, interior_point, lemke, newton, proximal,
@@ -44,10 +44,10 @@ fn assert_honest(problem: &Problem, outcome: &Outcome, limits: &Limits) {
 }
 
 /// Every method alone: those that can must solve it, none may claim what is not so.
-fn solved_by(problem: &Problem) -> Vec<(Method, Outcome)> {
+fn solved_by(problem: &Problem) -> Vec<(MatrixMethod, Outcome)> {
     let limits = Limits { tolerance: 1e-11, budget: 20_000 };
-    let run = |method: Method| (method, method.solve(problem, None, &limits));
-    let outcomes: Vec<_> = Method::ALL.into_iter().map(run).collect();
+    let run = |method: MatrixMethod| (method, method.solve(problem, None, &limits));
+    let outcomes: Vec<_> = MatrixMethod::ALL.into_iter().map(run).collect();
     for (_, outcome) in &outcomes {
         assert_honest(problem, outcome, &limits);
     }
@@ -65,7 +65,7 @@ fn ortiz_and_other_problems_with_answers() {
     let refused = block_gauss_seidel::solve(&zeros, None, &Limits::default());
     assert_eq!(refused.status, Status::BadInput);
     let found = solved_by(&zeros);
-    assert!(found.iter().any(|(method, _)| *method == Method::Lemke));
+    assert!(found.iter().any(|(method, _)| *method == MatrixMethod::Lemke));
     for (method, outcome) in found {
         let z = &outcome.impulses;
         assert!(zeros.residual(z) < 1e-11, "{method:?}");
@@ -115,7 +115,7 @@ fn a_cycle_is_noticed_and_the_next_method_solves() {
     assert!(circles.iterations < 200, "noticed after {} sweeps", circles.iterations);
     let solved = ladder::solve(&cyclic, None, &limits);
     assert_eq!(solved.outcome.status, Status::Converged);
-    assert_ne!(solved.method, Method::GaussSeidel);
+    assert_ne!(solved.method, MatrixMethod::GaussSeidel);
     assert_near(&solved.outcome.impulses, &[1.0 / 3.0; 3], 1e-9);
 }
 
@@ -123,7 +123,7 @@ fn a_cycle_is_noticed_and_the_next_method_solves() {
 fn a_jam_is_proven() {
     // A body between two walls that come together: Gauss-Seidel grows as (1, 2), (3, 4), ...
     let jam = lcp([[1.0, -1.0], [-1.0, 1.0]], [-1.0, -1.0]);
-    for method in [Method::GaussSeidel, Method::Lemke, Method::InteriorPoint] {
+    for method in [MatrixMethod::GaussSeidel, MatrixMethod::Lemke, MatrixMethod::InteriorPoint] {
         let outcome = method.solve(&jam, None, &Limits::default());
         assert_honest(&jam, &outcome, &Limits::default());
         assert_eq!(outcome.status, Status::Infeasible, "{method:?}");
@@ -169,7 +169,7 @@ fn coulombs_law_at_one_contact() {
         ([1.0, 3.0, 4.0], [0.0, 0.0, 0.0]),
     ] {
         let problem = Problem::new(3, vec![0.6], w.clone(), q.to_vec()).unwrap();
-        for method in [Method::GaussSeidel, Method::Proximal] {
+        for method in [MatrixMethod::GaussSeidel, MatrixMethod::Proximal] {
             let outcome = method.solve(&problem, None, &limits);
             assert_honest(&problem, &outcome, &limits);
             assert_near(&outcome.impulses, &r, 1e-11);
@@ -208,14 +208,14 @@ fn all_methods_agree_on_the_velocities() {
         let reference = ladder::solve(&problem, None, &limits);
         assert_eq!(reference.outcome.status, Status::Converged, "seed {seed}");
         let u = problem.velocities(&reference.outcome.impulses);
-        for method in Method::ALL {
+        for method in MatrixMethod::ALL {
             let outcome = method.solve(&problem, None, &limits);
             assert_honest(&problem, &outcome, &limits);
             // The interior stays a little inside; what stalls says so.
             if outcome.status == Status::Converged {
                 assert_near(&problem.velocities(&outcome.impulses), &u, 1e-4);
             }
-            if matches!(method, Method::Lemke | Method::Proximal) {
+            if matches!(method, MatrixMethod::Lemke | MatrixMethod::Proximal) {
                 assert_eq!(outcome.status, Status::Converged, "seed {seed}, {method:?}");
             }
         }
@@ -270,7 +270,7 @@ fn no_matrix_makes_a_method_lie_or_panic() {
         let rows: Vec<Vec<f64>> = (0..n).map(|_| (0..n).map(|_| entry()).collect()).collect();
         let q: Vec<f64> = (0..n).map(|_| entry()).collect();
         let problem = Problem::complementarity(matrix(&rows), q.clone()).unwrap();
-        for method in Method::ALL {
+        for method in MatrixMethod::ALL {
             assert_honest(&problem, &method.solve(&problem, None, &limits), &limits);
         }
         let Solved { outcome, .. } = ladder::solve(&problem, None, &limits);

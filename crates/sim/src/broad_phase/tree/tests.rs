@@ -13,7 +13,7 @@ fn some<const L: usize>(random: &mut Random, room: f32) -> Bounds<L> {
 }
 
 fn finds_what_overlaps<const L: usize>(seed: u64, count: usize, steps: usize) {
-    let team = Team::new(1 + seed as usize % 3);
+    let pool = ThreadPool::new(1 + seed as usize % 3);
     let mut random = Random(seed);
     let room = 0.5 * (count as f32).powf(1.0 / L as f32);
     let mut tree = Tree::<L>::default();
@@ -48,10 +48,10 @@ fn finds_what_overlaps<const L: usize>(seed: u64, count: usize, steps: usize) {
             }
         }
         let pair = |both: &u64| ((both >> 32) as u32, *both as u32);
-        let found: Vec<_> = tree.overlaps(&team).iter().map(pair).collect();
+        let found: Vec<_> = tree.overlaps(&pool).iter().map(pair).collect();
         assert_eq!(found, Vec::from_iter(expected), "{count} boxes, step {step}");
     }
-    assert!(tree.overlaps(&team).is_empty(), "nothing has changed");
+    assert!(tree.overlaps(&pool).is_empty(), "nothing has changed");
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn is_built_anew_only_where_it_has_worn() {
             tree.set(number, Some(&at(x + 0.1 * y * step as f32, y)));
         }
         let before = tree.built.clone();
-        tree.overlaps(&Team::default());
+        tree.overlaps(&ThreadPool::default());
         built += usize::from(tree.built != before);
         assert!(tree.wear <= WORN * 128.0, "step {step}: {}", tree.wear / 128.0);
     }

@@ -80,7 +80,7 @@ fn settled(random: &mut Random, of: Placed) -> Placed {
 fn check(
     what: &str,
     [a, b]: [Separates<'_>; 2],
-    (gap, touch): (f32, &Touch<3>),
+    (gap, touch): (f32, &ContactManifold<3>),
     size: f32,
     prediction: f32,
 ) -> [bool; 2] {
@@ -146,7 +146,7 @@ fn contacts_with_boxes_are_exact() {
         let half = [[0.4, 0.3, 0.5], [1.0, 0.02, 0.7]][turn / 5 % 2];
         let cuboid = Cuboid(Vector(half));
         let around = |n: [f64; 3]| (0..3).map(|i| f64::from(half[i]) * n[i].abs()).sum::<f64>();
-        let mut touch = Touch::default();
+        let mut touch = ContactManifold::default();
         let gap = on_solid(&cylinder, &cuboid, 0.1, None, &mut clipper, &mut touch);
         let size = cylinder.size() + 0.7;
         let what = format!("{turn}: {cylinder:?}");
@@ -163,9 +163,9 @@ fn contacts_with_rounds_are_exact() {
         }
         let half = if turn / 5 % 3 == 0 { 0.0 } else { 0.4 };
         let ends = [Vector([0.0, -half, 0.0]), Vector([0.0, half, 0.0])];
-        let round = Round { ends, radius: 0.2 };
+        let round = RoundedCore { ends, radius: 0.2 };
         let around = |n: [f64; 3]| f64::from(half) * n[1].abs() + 0.2 * dot(n, n).sqrt();
-        let mut touch = Touch::default();
+        let mut touch = ContactManifold::default();
         let gap = on_round(&cylinder, &round, 0.1, &mut touch);
         let what = format!("{turn}: {cylinder:?} and {round:?}");
         check(&what, [&|n| extent(&cylinder, n), &around], (gap, &touch), 1.0, 0.1)
@@ -180,7 +180,7 @@ fn contacts_between_cylinders_are_exact() {
             a = settled(random, a);
             b = settled(random, b);
         }
-        let mut touch = Touch::default();
+        let mut touch = ContactManifold::default();
         let gap = between(&a, &b, 0.1, None, &mut touch);
         let what = format!("{turn}: {a:?} and {b:?}");
         let size = a.size() + b.size();
@@ -203,7 +203,7 @@ fn the_deepest_place_is_exact_and_keeps_its_name() {
         let side = side * (1.0 / side.length());
         let center = Vector([3.0, 0.01 * up + 0.1 * tilt, 1.0]);
         let coin = Placed { center, axis, side, radius: 0.1, half: 0.01 };
-        let mut touch = Touch::default();
+        let mut touch = ContactManifold::default();
         let gap = on_plane(&coin, &plane, 0.001, before, &mut touch);
         assert!(gap.abs() < 1e-6 && touch.points.len() == 1, "{degree}: {gap} {touch:?}");
         let name = touch.points[0].feature;
@@ -215,7 +215,7 @@ fn the_deepest_place_is_exact_and_keeps_its_name() {
     for angle in [0.0f32, 0.7, 2.0] {
         let (side, axis) = (Vector([angle.cos(), angle.sin(), 0.0]), Vector([0.0, 0.0, 1.0]));
         let log = Placed { center: Vector([0.0, 0.1, 0.0]), axis, side, radius: 0.1, half: 0.5 };
-        let mut touch = Touch::default();
+        let mut touch = ContactManifold::default();
         on_plane(&log, &plane, 0.001, None, &mut touch);
         assert_eq!(touch.points.len(), 2);
         assert!(touch.points.iter().all(|point| point.on_a[0] == 0.0 && point.gap == 0.0));
@@ -225,7 +225,7 @@ fn the_deepest_place_is_exact_and_keeps_its_name() {
 /// A cylinder that stands over the edge of a box keeps what of its cap is on the box.
 #[test]
 fn a_cap_over_an_edge_is_clipped() {
-    let (mut clipper, mut touch) = (Clipper::default(), Touch::default());
+    let (mut clipper, mut touch) = (Clipper::default(), ContactManifold::default());
     let frame = Frame { position: Vector([0.95, 0.6, 0.0]), ..Frame::IDENTITY };
     let can = Cylinder { radius: 0.1, half_height: 0.1 }.placed(&frame);
     on_solid(&can, &Cuboid(Vector([1.0, 0.5, 1.0])), 0.02, None, &mut clipper, &mut touch);

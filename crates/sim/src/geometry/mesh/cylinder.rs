@@ -4,7 +4,7 @@ use drystone_solver::Vector;
 
 use super::solids::{Outline, Rim, Shape, Sharp, feature};
 use super::surface::UPRIGHT;
-use super::{Ahead, Corner, Part, V};
+use super::{Corner, MeshQuery, Part, V};
 use crate::geometry::cylinders::{Placed, STEEP, in_disc, within};
 
 /// Ends of edges within this part of their length are vertices. \[1\]
@@ -96,7 +96,7 @@ impl Shape for Seen {
         Sharp { ahead, edge, center, mut beat, .. }: Sharp<'_>,
         (_, faces): (&[V], &[(V, f32)]),
     ) -> Option<(f32, Rim)> {
-        let Ahead { surface, prediction, .. } = ahead;
+        let MeshQuery { surface, prediction, .. } = ahead;
         let line = surface.ends(edge);
         if self.cylinder.is_beyond(line, prediction) {
             return None;

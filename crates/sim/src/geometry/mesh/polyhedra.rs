@@ -4,7 +4,7 @@ use drystone_solver::{Vector, moment};
 
 use super::solids::{Outline, PARALLEL, Rim, Shape, Sharp, feature};
 use super::surface::UPRIGHT;
-use super::{Ahead, Corner, Frame, Part, V};
+use super::{Corner, Frame, MeshQuery, Part, V};
 use crate::geometry::solid::Polyhedron;
 
 /// A box or a hull, seen from a mesh.
@@ -111,7 +111,7 @@ impl<P: Polyhedron> Seen<'_, P> {
         own: usize,
         (vertices, faces): (&[V], &[(V, f32)]),
     ) -> Option<(f32, Rim)> {
-        let Ahead { surface, prediction, .. } = ahead;
+        let MeshQuery { surface, prediction, .. } = ahead;
         let [start, end] = self.shape.ends(own).map(|end| vertices[end]);
         let apart = (0..3).any(|i| {
             start[i].min(end[i]) - prediction > from[i].max(to[i])

@@ -4,9 +4,9 @@ use drystone_solver::moment;
 
 use super::solids::nearest_inside;
 use super::surface::{Beyond, Face, Facet, UPRIGHT};
-use super::{Above, Ahead, Gathered, ON_EDGE, Part, TouchPoint, V, add};
-use crate::geometry::Touch;
-use crate::geometry::rounds::{Round, between_rounds, nearest};
+use super::{Above, Gathered, ManifoldPoint, MeshQuery, ON_EDGE, Part, V, add};
+use crate::geometry::ContactManifold;
+use crate::geometry::rounds::{RoundedCore, between_rounds, nearest};
 
 /// Where the core is as near to the face as to an edge, to this part, the face counts. \[1\]
 const AS_NEAR: f32 = 1e-4;
@@ -17,8 +17,8 @@ const END: f32 = 1e-5;
 /// Gathers where a ball or a capsule, given in the frame of the mesh, touches it or is within `prediction` of it.
 /// Returns how far they are apart at least. \[m\]
 pub(crate) fn round(
-    ahead: Ahead<'_>,
-    round: &Round<3>,
+    ahead: MeshQuery<'_>,
+    round: &RoundedCore<3>,
     tree: &parry3d::partitioning::Bvh,
     gathered: &mut Gathered,
 ) -> f32 {
@@ -51,8 +51,8 @@ pub(crate) fn round(
 
 /// A round shape near a mesh.
 struct Meeting<'a> {
-    ahead: Ahead<'a>,
-    round: &'a Round<3>,
+    ahead: MeshQuery<'a>,
+    round: &'a RoundedCore<3>,
     center: V,
 }
 
@@ -71,7 +71,7 @@ impl Meeting<'_> {
     /// Gathers where the shape touches a triangle; returns how far they are apart. \[m\] Sets `behind` if the center is
     /// behind a face that has one side.
     fn meet(&self, face: &Face, gathered: &mut Gathered, behind: &mut bool) -> f32 {
-        let Ahead { surface, prediction, .. } = self.ahead;
+        let MeshQuery { surface, prediction, .. } = self.ahead;
         let facet = &surface.facets[face.facet as usize];
         let (round, radius) = (self.round, self.round.radius);
         let (side, hidden) = self.ahead.side(facet, self.center);
@@ -155,7 +155,7 @@ impl Meeting<'_> {
         let mut best: Option<Rim> = None;
         for k in 0..3 {
             let ends = surface.ends(face.edges[k]);
-            let edge = Round { ends, radius: 0.0 };
+            let edge = RoundedCore { ends, radius: 0.0 };
             let [along, t] = nearest(self.round, &edge);
             let vertex = if t < END {
                 Some(0)
@@ -188,7 +188,7 @@ impl Meeting<'_> {
 
     /// Gathers an edge or a vertex that is nearest, if the mesh admits its direction.
     fn on_rim(&self, rim: &Rim, gathered: &mut Gathered) {
-        let Ahead { surface, prediction, .. } = self.ahead;
+        let MeshQuery { surface, prediction, .. } = self.ahead;
         let &Rim { part, distance, direction, on_mesh, .. } = rim;
         let radius = self.round.radius;
         let is_ball = self.round.ends[0] == self.round.ends[1];
@@ -209,7 +209,7 @@ impl Meeting<'_> {
         match part {
             Part::Edge(edge) if !is_ball => {
                 // Where they lie along each other, at both ends.
-                let edge = Round { ends: surface.ends(edge), radius: 0.0 };
+                let edge = RoundedCore { ends: surface.ends(edge), radius: 0.0 };
                 let touch = gathered.of(part, direction);
                 between_rounds(self.round, &edge, prediction, touch);
             }
@@ -217,7 +217,7 @@ impl Meeting<'_> {
                 let touch = gathered.of(part, direction);
                 let gap = distance - radius;
                 let on_a = on_mesh + direction * gap;
-                add(touch, TouchPoint { on_a, on_b: on_mesh, gap, feature: 0 });
+                add(touch, ManifoldPoint { on_a, on_b: on_mesh, gap, feature: 0 });
             }
         }
     }
@@ -247,7 +247,14 @@ impl Meeting<'_> {
         }
     }
 
-    fn lay(&self, facet: &Facet, side: f32, over: [f32; 2], most: f32, touch: &mut Touch<3>) {
+    fn lay(
+        &self,
+        facet: &Facet,
+        side: f32,
+        over: [f32; 2],
+        most: f32,
+        touch: &mut ContactManifold<3>,
+    ) {
         let normal = facet.normal * side;
         let is_point = over[0] == over[1] || self.round.ends[0] == self.round.ends[1];
         for (end, part) in over[..if is_point { 1 } else { 2 }].iter().enumerate() {
@@ -255,7 +262,7 @@ impl Meeting<'_> {
             let gap = normal.dot(on_a) - side * facet.offset;
             if gap <= most {
                 let on_b = on_a - normal * gap;
-                add(touch, TouchPoint { on_a, on_b, gap, feature: end as u64 });
+                add(touch, ManifoldPoint { on_a, on_b, gap, feature: end as u64 });
             }
         }
     }

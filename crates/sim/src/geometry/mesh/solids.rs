@@ -5,8 +5,8 @@ use std::ops::Range;
 use drystone_solver::{Vector, moment};
 
 use super::surface::{Beyond, Face, UPRIGHT};
-use super::{Above, Ahead, Corner, Gathered, Part, TouchPoint, V, add};
-use crate::geometry::Touch;
+use super::{Above, Corner, Gathered, ManifoldPoint, MeshQuery, Part, V, add};
+use crate::geometry::ContactManifold;
 use crate::geometry::separation::{PREFERENCE, edge_beyond};
 
 /// Points over a face count for the whole shape if they have at least this part of its overlap. \[1\]
@@ -85,7 +85,7 @@ pub(super) struct Outline<'a> {
 /// A sharp edge of a mesh.
 #[derive(Clone, Copy)]
 pub(super) struct Sharp<'a> {
-    pub(super) ahead: Ahead<'a>,
+    pub(super) ahead: MeshQuery<'a>,
     pub(super) edge: u32,
     /// Its ends, in the order of a triangle.
     pub(super) line: [V; 2],
@@ -109,7 +109,7 @@ pub(super) struct Rim {
 
 /// A shape near a mesh.
 struct Meeting<'a, S: Shape> {
-    ahead: Ahead<'a>,
+    ahead: MeshQuery<'a>,
     shape: &'a S,
     center: V,
 }
@@ -125,7 +125,7 @@ enum Axis {
 /// Gathers where a shape touches a mesh or is within `prediction` of it, in the frame of the mesh. Returns how far they
 /// are apart at least. \[m\]
 pub(super) fn gather(
-    ahead: Ahead<'_>,
+    ahead: MeshQuery<'_>,
     shape: &impl Shape,
     tree: &parry3d::partitioning::Bvh,
     gathered: &mut Gathered,
@@ -157,7 +157,7 @@ impl<S: Shape> Meeting<'_, S> {
     /// Gathers where the shape touches a triangle; returns how far they are apart at least. \[m\] Sets `behind` if the
     /// center is behind a face that has one side.
     fn meet(&self, face: &Face, gathered: &mut Gathered, behind: &mut bool) -> f32 {
-        let Ahead { surface, prediction, .. } = self.ahead;
+        let MeshQuery { surface, prediction, .. } = self.ahead;
         let facet = &surface.facets[face.facet as usize];
         let (side, hidden) = self.ahead.side(facet, self.center);
         let above = self.above(face.facet, side, gathered);
@@ -242,7 +242,12 @@ impl<S: Shape> Meeting<'_, S> {
     }
 
     /// The manifold of a part.
-    fn manifold<'g>(&self, part: Part, normal: V, gathered: &'g mut Gathered) -> &'g mut Touch<3> {
+    fn manifold<'g>(
+        &self,
+        part: Part,
+        normal: V,
+        gathered: &'g mut Gathered,
+    ) -> &'g mut ContactManifold<3> {
         gathered.radius = self.shape.radius(normal);
         gathered.of(part, normal)
     }
@@ -256,7 +261,7 @@ impl<S: Shape> Meeting<'_, S> {
         least: f32,
         gathered: &Gathered,
     ) -> ((f32, usize), Option<(f32, Axis)>) {
-        let Ahead { surface, prediction, .. } = self.ahead;
+        let MeshQuery { surface, prediction, .. } = self.ahead;
         let corners = surface.corners(face);
         let (mut most, mut best) = ((f32::NEG_INFINITY, 0), None);
         let mut beat = least;
@@ -325,7 +330,7 @@ impl<S: Shape> Meeting<'_, S> {
                     let touch = self.manifold(rim.part, direction, gathered);
                     for (on_a, on_b, feature) in rim.places.into_iter().flatten() {
                         let gap = direction.dot(on_a - on_b);
-                        add(touch, TouchPoint { on_a, on_b, gap, feature });
+                        add(touch, ManifoldPoint { on_a, on_b, gap, feature });
                     }
                 }
             }
@@ -336,7 +341,7 @@ impl<S: Shape> Meeting<'_, S> {
     /// over the sides of the facet. If not `all`, the facet may still be found to be another's
     /// ([`Self::keep_genuine`]).
     fn on_facet(&self, face: &Face, above: usize, all: bool, gathered: &mut Gathered) {
-        let Ahead { surface, prediction, .. } = self.ahead;
+        let MeshQuery { surface, prediction, .. } = self.ahead;
         let Above { facet: number, behind, low, face: own, corners, .. } =
             gathered.facets[above].clone();
         let facet = &surface.facets[number as usize];
@@ -367,7 +372,7 @@ impl<S: Shape> Meeting<'_, S> {
             for corner in &memory[found] {
                 let (on_a, gap) = (corner.position, corner.height);
                 let feature = u64::from(corner.feature);
-                add(touch, TouchPoint { on_a, on_b: on_a - normal * gap, gap, feature });
+                add(touch, ManifoldPoint { on_a, on_b: on_a - normal * gap, gap, feature });
             }
             gathered.memory = memory;
         }
@@ -402,7 +407,7 @@ impl<S: Shape> Meeting<'_, S> {
         corners: Range<usize>,
         gathered: &mut Gathered,
     ) {
-        let Ahead { surface, prediction, .. } = self.ahead;
+        let MeshQuery { surface, prediction, .. } = self.ahead;
         let places = surface.corners(face);
         let lying = self.shape.line(normal);
         for k in 0..3 {
@@ -444,7 +449,7 @@ impl<S: Shape> Meeting<'_, S> {
     /// Gathers what of a triangle is under a face of the shape: sharp vertices and edges that nothing around is above;
     /// else the vertex that is deepest.
     fn under(&self, face: &Face, own: usize, deepest: Option<u32>, gathered: &mut Gathered) {
-        let Ahead { surface, prediction, motion, turning, .. } = self.ahead;
+        let MeshQuery { surface, prediction, motion, turning, .. } = self.ahead;
         let (normal, offset) = gathered.faces[own];
         let direction = -normal;
         let corners = self.corners(own, direction, gathered);
@@ -493,7 +498,7 @@ impl<S: Shape> Meeting<'_, S> {
             let gap = normal.dot(place) - offset;
             if gap <= prediction {
                 let touch = self.manifold(Part::Under(own as u32), direction, gathered);
-                add(touch, TouchPoint { on_a: place - normal * gap, on_b: place, gap, feature });
+                add(touch, ManifoldPoint { on_a: place - normal * gap, on_b: place, gap, feature });
             }
         }
     }
@@ -516,13 +521,17 @@ impl<S: Shape> Meeting<'_, S> {
             let touch = self.manifold(part, normal, gathered);
             let on_b = position - normal * gap;
             let feature = u64::from(feature);
-            add(touch, TouchPoint { on_a: position, on_b, gap, feature });
+            add(touch, ManifoldPoint { on_a: position, on_b, gap, feature });
         }
     }
 }
 
 /// The triangle nearest to a center, of those near, if the center is behind it.
-pub(super) fn nearest_inside<'a>(ahead: Ahead<'a>, center: V, near: &[u32]) -> Option<&'a Face> {
+pub(super) fn nearest_inside<'a>(
+    ahead: MeshQuery<'a>,
+    center: V,
+    near: &[u32],
+) -> Option<&'a Face> {
     let surface = ahead.surface;
     let mut best: Option<(f32, &Face, bool)> = None;
     for face in near.iter().filter_map(|&index| surface.faces[index as usize].as_ref()) {

@@ -78,7 +78,7 @@ fn gaps_are_those_of_the_nearest_points() {
         let apart = [0, 1].map(|order| {
             let mut pair = [(&sides[0], &own), (&sides[1], &other)];
             pair.rotate_left(order);
-            let mut report = |touch: &Touch<3>| touches[order].push(touch.clone());
+            let mut report = |touch: &ContactManifold<3>| touches[order].push(touch.clone());
             Rigid3::collide(pair[0], pair[1], prediction, None, &mut memory, &mut report)
         });
         let [touches, turned] = touches;
@@ -137,7 +137,7 @@ fn planes_are_one_facet() {
         let pose = Rigid3::advance(&pose, Vector::ZERO, random.vector() * 3.0);
         let [one, two, many] = planes.each_ref().map(|plane| {
             let mut touches = Vec::new();
-            let mut report = |touch: &Touch<3>| touches.push(touch.clone());
+            let mut report = |touch: &ContactManifold<3>| touches.push(touch.clone());
             Rigid3::collide(
                 (&shape, &pose),
                 (plane, &ground),
@@ -154,7 +154,7 @@ fn planes_are_one_facet() {
                 assert_eq!(one.normal, other.normal);
                 assert_eq!(one.points.len(), other.points.len());
                 for point in &one.points {
-                    let near = |other: &TouchPoint<3>| {
+                    let near = |other: &ManifoldPoint<3>| {
                         (other.on_a - point.on_a).length() < 1e-5
                             && (other.gap - point.gap).abs() < 1e-5
                     };

@@ -5,7 +5,7 @@ use crate::geometry::solid::Cuboid;
 use crate::geometry::{Geometry, Rigid3};
 
 /// How far a core is from a surface or a line: the distance is convex along it, and parry's from a point exact.
-fn distance(core: &Round<3>, from: &dyn parry3d::shape::Shape) -> f32 {
+fn distance(core: &RoundedCore<3>, from: &dyn parry3d::shape::Shape) -> f32 {
     let at = |part: f32| from.distance_to_local_point(core.at(part).0.into(), false);
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
@@ -20,7 +20,7 @@ fn distance(core: &Round<3>, from: &dyn parry3d::shape::Shape) -> f32 {
 }
 
 /// Whether a point of a core is in a solid.
-fn overlap(core: &Round<3>, solid: &impl Solid<3>) -> bool {
+fn overlap(core: &RoundedCore<3>, solid: &impl Solid<3>) -> bool {
     (0..=100).any(|part| {
         let point = core.at(part as f32 / 100.0);
         (0..solid.faces()).all(|face| {
@@ -42,8 +42,8 @@ fn the_deepest_point_is_as_deep_as_the_shapes_are() {
         let ends = [Vector([0.0, -half, 0.0]), Vector([0.0, half, 0.0])];
         let turned = [random.number(), random.number(), random.number(), random.number()];
         let pose = Rigid3::pose(random.vector() * 0.9, &turned);
-        let round = Round { ends, radius: 0.2 }.placed(&Rigid3::frame(&pose));
-        let mut touch = Touch::default();
+        let round = RoundedCore { ends, radius: 0.2 }.placed(&Rigid3::frame(&pose));
+        let mut touch = ContactManifold::default();
         let (gap, apart, overlap) = match turn % 3 {
             0 => {
                 let cuboid = Cuboid(Vector([0.4, 0.3, 0.5]));
@@ -64,7 +64,7 @@ fn the_deepest_point_is_as_deep_as_the_shapes_are() {
             _ => {
                 let ends = [Vector::ZERO, Vector([0.3, 0.1, 0.0])];
                 let line = parry3d::shape::Segment::new(ends[0].0.into(), ends[1].0.into());
-                let other = Round { ends, radius: 0.1 };
+                let other = RoundedCore { ends, radius: 0.1 };
                 let gap = between_rounds(&round, &other, PREDICTION, &mut touch);
                 (Some(gap), distance(&round, &line) - 0.3, false)
             }
@@ -86,7 +86,7 @@ fn the_deepest_point_is_as_deep_as_the_shapes_are() {
         for number in 0..12 {
             let face = FaceOf { b: true, face: number % 6 }.feature(0);
             for before in [face, edges_feature([0, number])].map(Some) {
-                let mut other = Touch::default();
+                let mut other = ContactManifold::default();
                 let cuboid = Cuboid(Vector([0.4, 0.3, 0.5]));
                 if turn % 3 == 0 {
                     on_solid(&round, &cuboid, PREDICTION, before, &mut clipper, &mut other);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::geometry::Touch;
+use crate::geometry::ContactManifold;
 use crate::geometry::hull::Hull;
 use crate::geometry::polyhedra::{Clipper, collide};
 use crate::geometry::random::Random;
@@ -74,7 +74,7 @@ fn again(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>, any: f32, seen
         Axis::Face(of) => (0, of.feature(0)),
         Axis::Edges(crossing) => (1, crossing.feature),
     };
-    let mut touch = Touch::default();
+    let mut touch = ContactManifold::default();
     let apart = collide(a, b, from_b, PREDICTION, first, &mut Clipper::default(), &mut touch);
     let deepest = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
     assert!(deepest <= PREDICTION, "{apart} apart, and no point");
@@ -95,7 +95,7 @@ fn again(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>, any: f32, seen
         let other = between(a, b, from_b, PREDICTION, Some(of.feature(0)), || across(a, b, from_b));
         assert!(any.min(PREDICTION) <= favored(other.gap), "{} is taken, not {any}", other.gap);
         let separation = Separation { gap, axis: Axis::Face(of) };
-        let mut touch = Touch::default();
+        let mut touch = ContactManifold::default();
         collide(a, b, from_b, PREDICTION, separation, &mut Clipper::default(), &mut touch);
         assert_eq!(touch.points.is_empty(), gap > PREDICTION, "face {face}, {gap} apart");
     }
@@ -257,11 +257,11 @@ fn what_is_beside_a_face_is_told() {
         if gap > -1e-3 || deep < 1e-3 {
             continue;
         }
-        let mut touch = Touch::default();
+        let mut touch = ContactManifold::default();
         collide(&a, &b, &from_b, PREDICTION, separation, &mut Clipper::default(), &mut touch);
         let least = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
         assert!(least <= 0.5 * gap, "{least} of {gap}");
-        let over = |point: &&crate::geometry::TouchPoint<3>| point.feature & 0xffff == 0xffff;
+        let over = |point: &&crate::geometry::ManifoldPoint<3>| point.feature & 0xffff == 0xffff;
         inside += 1;
         beside += touch.points.iter().filter(over).count();
         assert!((normal.dot(vertex - on) - gap).abs() < 1e-5);

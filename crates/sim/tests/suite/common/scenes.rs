@@ -456,7 +456,7 @@ fn convex(random: &mut Random, dimension: usize, size: f32, aspect: f32) -> Shap
 /// A box around all shapes of a body.
 fn bounds<G: Forms<L, A>, const L: usize, const A: usize>(body: &scene::Body) -> Option<Bounds<L>> {
     let place = pose::<G, L, A>(&body.position, &body.rotation);
-    let mut all = Bounds::NOTHING;
+    let mut all = Bounds::NEG_ZERO;
     for shape in &body.shapes {
         let own = pose::<G, L, A>(&shape.position, &shape.rotation);
         all = all.joined(&G::bounds(&G::form(&shape.kind)?, &G::compose(&place, &own)));
@@ -525,7 +525,7 @@ impl Range {
         }
         let speed = self.speed * random.between(0.0, 1.0);
         body.linear_velocity = random.arrow(dimension, speed);
-        // Surfaces move at 100 m/s at most.
+        // Curvature move at 100 m/s at most.
         let spin = (self.spin * random.between(0.0, 1.0)).min(200.0 / size);
         body.angular_velocity = random.arrow(body.angular_velocity.len(), spin);
         body
@@ -579,7 +579,7 @@ fn cluster<G: Forms<L, A>, const L: usize, const A: usize>(
         bodies.push(body);
         boxes.push(own);
     }
-    let all = boxes.iter().fold(Bounds::NOTHING, |all, own| all.joined(own));
+    let all = boxes.iter().fold(Bounds::NEG_ZERO, |all, own| all.joined(own));
     (bodies, all)
 }
 

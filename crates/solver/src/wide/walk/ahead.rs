@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use super::Ground;
+use super::BlockSweep;
 use crate::lanes::{Lanes, WIDTH};
 use crate::wide::block::Block;
 use crate::{Manifold, SymmetricMatrix};
@@ -13,7 +13,7 @@ use crate::{Manifold, SymmetricMatrix};
 /// friction: what is asked for at once, it waits for.
 const PARTS: usize = 4;
 
-impl<V: Lanes, const L: usize, const A: usize> Ground<'_, V, L, A> {
+impl<V: Lanes, const L: usize, const A: usize> BlockSweep<'_, V, L, A> {
     /// How many blocks ahead: more of them where they are small.
     const AHEAD: usize = 1 + 8192 / size_of::<Block<V, L, A>>();
 

@@ -45,7 +45,7 @@ impl Add for Counting {
     type Output = Self;
     fn add(self, other: Self) -> Self {
         match (self, other) {
-            (Self::NOTHING, number) | (number, Self::NOTHING) => number,
+            (Self::NEG_ZERO, number) | (number, Self::NEG_ZERO) => number,
             _ => Self::new(self.0 + other.0),
         }
     }
@@ -74,7 +74,7 @@ impl Real for Counting {
     const ZERO: Self = Self(0.0);
     const ONE: Self = Self(1.0);
     /// Too small to change a sum, and what no work gives.
-    const NOTHING: Self = Self(-5e-324);
+    const NEG_ZERO: Self = Self(-5e-324);
 
     fn from_f64(value: f64) -> Self {
         Self(value)

@@ -1,11 +1,11 @@
-//! [`Pace`]: whether threads are worth what they cost, as measured.
+//! [`ThreadTuner`]: whether threads are worth what they cost, as measured.
 //!
 //! To hand a line of memory from one core to another takes as long as a few contacts on one machine and as long as a
 //! hundred on another, so no number of contacts tells. Results do not depend on who works, so it may be tried out.
 
 use std::time::{Duration, Instant};
 
-use drystone_solver::team::Team;
+use drystone_solver::thread_pool::ThreadPool;
 
 /// Steps before the first trial: those that make room for everything.
 const FIRST: u32 = 8;
@@ -29,7 +29,7 @@ const FASTER: f64 = 0.95;
 
 /// Whether steps are taken alone.
 #[derive(Debug)]
-pub(crate) struct Pace {
+pub(crate) struct ThreadTuner {
     /// Steps since the last trial began, and from that to the next.
     steps: u32,
     period: u32,
@@ -41,7 +41,7 @@ pub(crate) struct Pace {
     alone: bool,
 }
 
-impl Default for Pace {
+impl Default for ThreadTuner {
     fn default() -> Self {
         let [period, _] = PERIODS;
         let times = [0.0; TRIAL as usize];
@@ -49,7 +49,7 @@ impl Default for Pace {
     }
 }
 
-impl Pace {
+impl ThreadTuner {
     fn is_tried(&self) -> bool {
         self.steps < TRIAL
     }
@@ -59,9 +59,9 @@ impl Pace {
     }
 
     /// Begins a step; returns the time, if it counts.
-    pub(crate) fn start(&self, team: &Team) -> Option<Instant> {
-        team.rest(self.is_alone());
-        (self.is_tried() && team.members() > 1).then(Instant::now)
+    pub(crate) fn start(&self, pool: &ThreadPool) -> Option<Instant> {
+        pool.rest(self.is_alone());
+        (self.is_tried() && pool.threads() > 1).then(Instant::now)
     }
 
     /// Ends a step of so many sweeps over so many contacts.
@@ -112,9 +112,9 @@ mod tests {
     /// interrupts single steps does not matter, what interrupts most steps together does.
     #[test]
     fn alone_where_that_is_faster() {
-        let mut pace = Pace::default();
+        let mut tuner = ThreadTuner::default();
         let [soon, late] = PERIODS;
-        (0..FIRST).for_each(|_| pace.took(9.0, 1000));
+        (0..FIRST).for_each(|_| tuner.took(9.0, 1000));
         let trials = [
             ([1.0, 1.1], 2 * soon),
             ([1.0, 0.8], soon),
@@ -126,51 +126,51 @@ mod tests {
         for (trial, ([together, alone], period)) in trials.into_iter().enumerate() {
             let expected = alone < FASTER * together;
             for step in 0..period {
-                let own = pace.is_alone();
-                assert_eq!(pace.is_tried(), step < TRIAL, "step {step} of trial {trial}");
+                let own = tuner.is_alone();
+                assert_eq!(tuner.is_tried(), step < TRIAL, "step {step} of trial {trial}");
                 assert!(step < TRIAL || own == expected, "step {step} of trial {trial}");
                 let interrupted = if step % 5 == 0 { 9.0 } else { 0.0 };
-                pace.took(if own { alone } else { together } + interrupted, 1000);
+                tuner.took(if own { alone } else { together } + interrupted, 1000);
             }
         }
         for step in 0..TRIAL {
             let is_busy = step % 2 == 0 && step > 2;
-            pace.took(if is_busy { 3.0 } else { 1.0 }, 1000);
+            tuner.took(if is_busy { 3.0 } else { 1.0 }, 1000);
         }
-        assert!(pace.is_alone());
+        assert!(tuner.is_alone());
     }
 
     /// A trial comes early where there are twice as many contacts as at the last, or half as many; not before that
     /// has ended.
     #[test]
     fn other_work_is_tried_again() {
-        let mut pace = Pace::default();
-        (0..FIRST + TRIAL).for_each(|_| pace.took(1.0, 1000));
+        let mut tuner = ThreadTuner::default();
+        (0..FIRST + TRIAL).for_each(|_| tuner.took(1.0, 1000));
         for contacts in [2000, 500, 1000] {
-            assert!(!pace.is_tried());
-            pace.took(1.0, contacts);
-            assert!(!pace.is_tried(), "{contacts}");
+            assert!(!tuner.is_tried());
+            tuner.took(1.0, contacts);
+            assert!(!tuner.is_tried(), "{contacts}");
         }
         for contacts in [2001, 1000, 0, 513] {
-            assert!(!pace.is_tried());
-            pace.took(1.0, contacts);
+            assert!(!tuner.is_tried());
+            tuner.took(1.0, contacts);
             for _ in 0..TRIAL {
-                assert!(pace.is_tried(), "{contacts}");
-                pace.took(1.0, contacts);
+                assert!(tuner.is_tried(), "{contacts}");
+                tuner.took(1.0, contacts);
             }
         }
     }
 
-    /// In a trial a team rests in every other step, and only then is time taken.
+    /// In a trial a pool rests in every other step, and only then is time taken.
     #[test]
     fn a_trial_is_alone_and_together_by_turns() {
-        let (team, mut pace) = (Team::new(2), Pace::default());
+        let (pool, mut tuner) = (ThreadPool::new(2), ThreadTuner::default());
         for step in 0..FIRST + TRIAL {
-            let start = pace.start(&team);
+            let start = tuner.start(&pool);
             let alone = step >= FIRST && step % 2 == 1;
-            assert_eq!(team.is_useful(1000), !alone, "step {step}");
+            assert_eq!(pool.is_useful(1000), !alone, "step {step}");
             assert_eq!(start.is_some(), step >= FIRST, "step {step}");
-            pace.stop(start, 8, 1000);
+            tuner.stop(start, 8, 1000);
         }
     }
 }

@@ -1,8 +1,8 @@
-//! [`Team`]: threads that stay, work on one thing together, and wait for each other without locks.
+//! [`ThreadPool`]: threads that stay, work on one thing together, and wait for each other without locks.
 //!
 //! A sweep over blocks of independent contacts takes some microseconds from color to color: too short
-//! to hand work out and gather it in. So all members walk through the same sweep, each over its own
-//! share of each color, and meet after each ([`Member::meet`]). Between two sweeps they wait for the
+//! to hand work out and gather it in. So all threads walk through the same sweep, each over its own
+//! share of each color, and meet after each ([`Worker::barrier`]). Between two sweeps they wait for the
 //! next on the processor for a moment, then asleep.
 #![allow(unsafe_code)]
 
@@ -14,25 +14,25 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle, Thread};
 
-/// Pieces of work for each member, at least.
+/// Pieces of work for each worker, at least.
 const SHARE: usize = 8;
 
-/// Items of half a microsecond each, from which on one member alone takes longer than all with a meeting.
+/// Items of half a microsecond each, from which on one worker alone takes longer than all with a meeting.
 const MEETING: usize = 4;
 
 /// Looks at a flag before a waiting thread lets others run: some 30 microseconds. None where there are
-/// fewer processors than members.
+/// fewer processors than threads.
 const LOOKS: u32 = 512;
 
 /// How often it lets others run before it sleeps: about a millisecond.
 const YIELDS: u32 = 2048;
 
-/// A job as the members see it. It lives as long as [`Team::run`] waits for it.
-type Job = *const (dyn Fn(&Member<'_>) + Sync);
+/// A job as the threads see it. It lives as long as [`ThreadPool::run`] waits for it.
+type Job = *const (dyn Fn(&Worker<'_>) + Sync);
 
 /// Threads that work together. Without any the caller works alone.
 #[derive(Debug)]
-pub struct Team {
+pub struct ThreadPool {
     common: Arc<Common>,
     helpers: Vec<JoinHandle<()>>,
     /// Whether no work is worth sharing.
@@ -41,7 +41,7 @@ pub struct Team {
 
 #[derive(Debug)]
 struct Common {
-    members: usize,
+    threads: usize,
     /// Looks at a flag before others may run.
     looks: u32,
     /// What to do, and how many jobs there have been.
@@ -49,9 +49,9 @@ struct Common {
     jobs: AtomicUsize,
     /// Helpers that are still at the job.
     busy: AtomicUsize,
-    /// How often members have come to a meeting of the job.
+    /// How often threads have come to a meeting of the job.
     arrived: AtomicUsize,
-    /// A member has panicked: nobody waits for it any more.
+    /// A worker has panicked: nobody waits for it any more.
     broken: AtomicBool,
     ended: AtomicBool,
     /// Whether a job is under way.
@@ -61,21 +61,21 @@ struct Common {
 #[derive(Clone, Copy, Debug)]
 struct Task(Job);
 
-// SAFETY: what it points to is `Sync`, and `Team::run` keeps it alive while helpers use it.
+// SAFETY: what it points to is `Sync`, and `ThreadPool::run` keeps it alive while helpers use it.
 unsafe impl Send for Task {}
 
-/// One thread of a team at a job.
+/// One thread of a pool at a job.
 #[derive(Debug)]
-pub struct Member<'a> {
+pub struct Worker<'a> {
     index: usize,
     count: usize,
     common: Option<&'a Common>,
 }
 
-impl Team {
-    /// A team of so many members, the caller included; fewer where no more threads can be had.
-    pub fn new(members: usize) -> Self {
-        let wanted = members.max(1);
+impl ThreadPool {
+    /// A pool of so many threads, the caller included; fewer where no more threads can be had.
+    pub fn new(threads: usize) -> Self {
+        let wanted = threads.max(1);
         // Only as many as start take part: so they start before anybody counts.
         let (ready, mut started) = (Arc::new(Mutex::new(None::<Arc<Common>>)), Vec::new());
         for index in 1..wanted {
@@ -96,11 +96,11 @@ impl Team {
                 Err(_) => break,
             }
         }
-        let members = started.len() + 1;
+        let threads = started.len() + 1;
         let processors = thread::available_parallelism().map_or(1, NonZero::get);
         let common = Arc::new(Common {
-            members,
-            looks: if members <= processors { LOOKS } else { 0 },
+            threads,
+            looks: if threads <= processors { LOOKS } else { 0 },
             job: Mutex::new(None),
             jobs: AtomicUsize::new(0),
             busy: AtomicUsize::new(0),
@@ -115,8 +115,8 @@ impl Team {
     }
 
     /// How many work together.
-    pub fn members(&self) -> usize {
-        self.common.members
+    pub fn threads(&self) -> usize {
+        self.common.threads
     }
 
     /// Whether the caller works alone from now on.
@@ -126,36 +126,36 @@ impl Team {
 
     /// Whether so many pieces of work are enough to share.
     pub fn is_useful(&self, pieces: usize) -> bool {
-        pieces >= SHARE * self.common.members && !self.rests.load(Ordering::Relaxed)
+        pieces >= SHARE * self.common.threads && !self.rests.load(Ordering::Relaxed)
     }
 
-    /// Whether items are enough to share, so many of which are a piece of work, and how many each member then
+    /// Whether items are enough to share, so many of which are a piece of work, and how many each worker then
     /// takes: large shares, which stay in the cache of whoever took them the last time.
     pub fn share(&self, items: usize, piece: usize) -> (bool, usize) {
         let useful = self.is_useful(items / piece);
-        (useful, items.div_ceil(if useful { self.members() } else { 1 }).max(1))
+        (useful, items.div_ceil(if useful { self.threads() } else { 1 }).max(1))
     }
 
-    /// Does `job` once on each member, and returns when all are done. The caller does it alone where a
-    /// team is not `useful`, and within a job.
-    pub fn run(&self, useful: bool, job: &(dyn Fn(&Member<'_>) + Sync)) {
+    /// Does `job` once on each worker, and returns when all are done. The caller does it alone where a
+    /// pool is not `useful`, and within a job.
+    pub fn run(&self, useful: bool, job: &(dyn Fn(&Worker<'_>) + Sync)) {
         let common = &*self.common;
         // Within a job that is seen without a line of memory going from core to core.
         let is_taken =
             || common.taken.load(Ordering::Relaxed) || common.taken.swap(true, Ordering::Acquire);
         if !useful || self.helpers.is_empty() || is_taken() {
-            return job(&Member::ALONE);
+            return job(&Worker::ALONE);
         }
         // SAFETY: only the lifetime is forgotten. `job` outlives this call, which does not return, nor
         // unwind, before `busy` says that no helper uses it any more.
-        let task = unsafe { std::mem::transmute::<&(dyn Fn(&Member<'_>) + Sync), Job>(job) };
+        let task = unsafe { std::mem::transmute::<&(dyn Fn(&Worker<'_>) + Sync), Job>(job) };
         *common.job.lock().unwrap_or_else(PoisonError::into_inner) = Some(Task(task));
         common.broken.store(false, Ordering::Relaxed);
         common.arrived.store(0, Ordering::Relaxed);
         common.busy.store(self.helpers.len(), Ordering::Relaxed);
         common.jobs.fetch_add(1, Ordering::Release);
         self.helpers.iter().map(JoinHandle::thread).for_each(Thread::unpark);
-        let own = catch_unwind(AssertUnwindSafe(|| job(&common.member(0))));
+        let own = catch_unwind(AssertUnwindSafe(|| job(&common.worker(0))));
         if own.is_err() {
             common.broken.store(true, Ordering::Release);
         }
@@ -164,12 +164,12 @@ impl Team {
         common.taken.store(false, Ordering::Release);
         match own {
             Err(panic) => std::panic::resume_unwind(panic),
-            Ok(()) => assert!(!broken, "a thread of the team has panicked"),
+            Ok(()) => assert!(!broken, "a thread of the pool has panicked"),
         }
     }
 }
 
-impl Team {
+impl ThreadPool {
     /// Hands `items` out one after the other, to whoever is free. Alone where it is not `useful`.
     pub fn for_each<T: Send>(
         &self,
@@ -190,13 +190,13 @@ impl Team {
     }
 }
 
-impl Default for Team {
+impl Default for ThreadPool {
     fn default() -> Self {
         Self::new(1)
     }
 }
 
-impl Drop for Team {
+impl Drop for ThreadPool {
     fn drop(&mut self) {
         self.common.ended.store(true, Ordering::Release);
         for helper in self.helpers.drain(..) {
@@ -208,8 +208,8 @@ impl Drop for Team {
 }
 
 impl Common {
-    fn member(&self, index: usize) -> Member<'_> {
-        Member { index, count: self.members, common: Some(self) }
+    fn worker(&self, index: usize) -> Worker<'_> {
+        Worker { index, count: self.threads, common: Some(self) }
     }
 
     /// Waits for something that is to happen soon; `sleep` once it has taken long.
@@ -244,9 +244,9 @@ impl Common {
             done += 1;
             let task = *self.job.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(Task(job)) = task {
-                // SAFETY: `Team::run` waits for `busy`, which counts this helper.
+                // SAFETY: `ThreadPool::run` waits for `busy`, which counts this helper.
                 let job = unsafe { &*job };
-                if catch_unwind(AssertUnwindSafe(|| job(&self.member(index)))).is_err() {
+                if catch_unwind(AssertUnwindSafe(|| job(&self.worker(index)))).is_err() {
                     self.broken.store(true, Ordering::Release);
                 }
             }
@@ -255,7 +255,7 @@ impl Common {
     }
 }
 
-impl Member<'_> {
+impl Worker<'_> {
     const ALONE: Self = Self { index: 0, count: 1, common: None };
 
     /// How many there are.
@@ -288,17 +288,17 @@ impl Member<'_> {
         items.start + start..items.start + start.max(end(self.index + 1))
     }
 
-    /// Waits until all members have come here.
+    /// Waits until all threads have come here.
     ///
     /// # Panics
-    /// Another member has panicked.
-    pub fn meet(&self) {
+    /// Another worker has panicked.
+    pub fn barrier(&self) {
         let Some(common) = self.common else { return };
         let before = common.arrived.fetch_add(1, Ordering::AcqRel);
         let all = (before / self.count + 1) * self.count;
         let broken = || common.broken.load(Ordering::Acquire);
         common.wait(|| common.arrived.load(Ordering::Acquire) >= all || broken(), || {});
-        assert!(!broken(), "another thread of the team has panicked");
+        assert!(!broken(), "another thread of the pool has panicked");
     }
 }
 
@@ -344,9 +344,9 @@ pub fn chunks_with_parts<'a, T, U>(
     })
 }
 
-/// A slice whose members several threads use at once, each other ones. They are numbered from any number on.
+/// A slice whose elements several threads use at once, each its own. They are numbered from any number on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Shared<'a, T> {
+pub(crate) struct DisjointSlice<'a, T> {
     /// Where number 0 is, or would be.
     zero: *mut T,
     first: usize,
@@ -354,12 +354,12 @@ pub(crate) struct Shared<'a, T> {
     lifetime: PhantomData<&'a mut [T]>,
 }
 
-// SAFETY: it is a `&mut [T]` of which each thread uses other members, as `get_mut` demands.
-unsafe impl<T: Send + Sync> Send for Shared<'_, T> {}
+// SAFETY: it is a `&mut [T]` of which each thread uses other elements, as `get_mut` demands.
+unsafe impl<T: Send + Sync> Send for DisjointSlice<'_, T> {}
 // SAFETY: as above.
-unsafe impl<T: Send + Sync> Sync for Shared<'_, T> {}
+unsafe impl<T: Send + Sync> Sync for DisjointSlice<'_, T> {}
 
-impl<'a, T> Shared<'a, T> {
+impl<'a, T> DisjointSlice<'a, T> {
     /// Of which `get_mut` must not be used.
     pub(crate) fn reading(first: usize, slice: &'a [T]) -> Self {
         let zero = slice.as_ptr().cast_mut().wrapping_sub(first);
@@ -390,14 +390,14 @@ impl<'a, T> Shared<'a, T> {
         assert!(numbers.end <= self.end);
     }
 
-    /// Where a member is, or would be.
+    /// Where a worker is, or would be.
     #[inline(always)]
     pub(crate) fn place(&self, number: u32) -> *mut T {
         self.zero.wrapping_add(number as usize)
     }
 
     /// # Safety
-    /// Nobody else uses these members at the same time.
+    /// Nobody else uses these elements at the same time.
     #[inline(always)]
     #[allow(clippy::mut_from_ref)]
     pub(crate) unsafe fn get_mut(&self, numbers: Range<usize>) -> &mut [T] {
