@@ -1,65 +1,71 @@
-//! How far velocities can be from the exact ones: a bound that holds whatever method made them.
+//! Certificates: an a-posteriori bound on the distance of velocities from the exact solution,
+//! whatever method computed them.
 //!
 //! # The theorem
 //!
-//! Let every contact have compliance R_i > 0 ([`Law`]), and let s_i be fixed. The exact velocities
-//! are the minimum of the primal
+//! Let every contact have a compliance R_i > 0 ([`Law`]), and let the shifts s_i be fixed. The
+//! exact velocities minimize the primal
 //!
 //! P(v) = 1/2 (v - v*) . M (v - v*) + sum phi_i(y_i), with y_i = t_i - s_i n - J_i v,
 //!
-//! where phi_i(y) is the largest r . y - r . R_i r / 2 over the cone K_i of contact i. For any
-//! velocities v and any impulses r of the cones let
+//! where phi_i(y) is the maximum of r . y - r . R_i r / 2 over the cone K_i of contact i. For any
+//! velocities v and any impulses r in the cones let
 //!
-//! G = 1/2 d . M d + sum (phi_i(y_i) + r_i . R_i r_i / 2 - r_i . y_i), with d = v - v* - M^-1 J^T r.
+//! G = 1/2 d . M d + sum (phi_i(y_i) + r_i . R_i r_i / 2 - r_i . y_i),
+//! with d = v - v* - M^-1 J^T r.
 //!
 //! Then G >= 0, and with |x| = sqrt(x . M x):
 //!
 //! |v - v_exact| <= |d| / 2 + sqrt(G - |d|^2 / 4).
 //!
-//! That is sqrt(G) for velocities that are made of the impulses, and sqrt(2 G) at most.
+//! The bound is sqrt(G) if the velocities follow from the impulses (d = 0), and at most sqrt(2 G).
 //!
-//! # What it assumes
+//! # Assumptions
 //!
-//! - M is positive definite: every mass and moment of inertia is above 0. An infinite one is taken out of the sums:
-//!   such a body keeps v*, whatever the impulses, so its d, its part of P and its error are 0.
-//! - Every compliance is above 0, the tangential one too where there is friction: with R_i = 0, phi_i is infinite
-//!   wherever a target is missed, and so is G.
-//! - r lies in the cones: D is -infinite elsewhere. An impulse from outside is first cut off at its cone ([`Law::clamp`]).
-//! - v*, t, J, R, mu and s are numbers as they are, not as they should be: contacts that are not found, arms and
-//!   normals that are off, and targets of an overlap are in no certificate.
-//! - Sums are rounded: in `f64`, of terms that are all at least 0. G is not below 1e-15 of its terms; the
-//!   velocities and impulses themselves are `f32` and are taken as exact.
-//! - v is what moves the bodies. The sweep that takes overlap repair out again afterwards (`relax` of a world)
-//!   solves another problem, and what it leaves is not certified.
+//! - M is positive definite: every mass and moment of inertia is above 0. Infinite ones are left
+//!   out of the sums. Such a body keeps v* whatever the impulses, so its d, its part of P and its
+//!   error are 0.
+//! - Every compliance is above 0, the tangential one too where there is friction. With R_i = 0,
+//!   phi_i is infinite wherever a target is missed, and so is G.
+//! - r lies in the cones; elsewhere D is -infinity. An impulse outside its cone is first projected
+//!   onto it ([`Law::clamp`]).
+//! - v*, t, J, R, mu and s are taken as given. The certificate does not see missed contacts, wrong
+//!   arms and normals, or the overlaps behind the targets.
+//! - Sums are rounded: in `f64`, of terms that are all at least 0. G is not reported below 1e-15 of
+//!   its terms. The velocities and impulses themselves are `f32` and count as exact.
+//! - v are the velocities that move the bodies. The later sweep that removes the velocity of
+//!   overlap repair (`relax` of a world) solves another problem, and its error is not certified.
 //!
-//! # The proof
+//! # Proof
 //!
 //! 1. Each term of G is at least 0: the first is a square, the others by the definition of phi_i.
-//! 2. Let D(r) = sum (r_i . (t_i - s_i n) - r_i . R_i r_i / 2) - p . v* - 1/2 p . M^-1 p, p = J^T r.
-//! 3. Written out, P(v) - D(r) = G: the sums of r_i . J_i v are p . v, and the rest of the terms
-//!    without contacts is 1/2 (v - v*) . M (v - v*) - p . (v - v*) + 1/2 p . M^-1 p = 1/2 d . M d.
-//! 4. At v_exact and the impulses r_exact that answer it, each term of G is 0: P(v_exact) = D(r_exact). By
-//!    1, P is nowhere less and D nowhere more.
-//! 5. The first term of P has second derivative M, and the others are convex; at the minimum the
-//!    derivative is 0: P(v) >= P(v_exact) + 1/2 |e|^2, with e = v - v_exact.
-//! 6. So with -D, whose last term has second derivative M^-1 in p: D(r) <= D(r_exact) - 1/2 |e - d|^2, since
-//!    M^-1 (p - p_exact) = (v - d - v*) - (v_exact - v*).
-//! 7. Together: |e|^2 / 2 + |e - d|^2 / 2 <= G, which is |e - d/2|^2 + |d|^2 / 4 <= G.
+//! 2. With p = J^T r let
+//!    D(r) = sum (r_i . (t_i - s_i n) - r_i . R_i r_i / 2) - p . v* - 1/2 p . M^-1 p.
+//! 3. Written out, P(v) - D(r) = G: the sums of r_i . J_i v are p . v, and the remaining terms
+//!    without contacts are 1/2 (v - v*) . M (v - v*) - p . (v - v*) + 1/2 p . M^-1 p = 1/2 d . M d.
+//! 4. At v_exact and its impulses r_exact each term of G is 0, so P(v_exact) = D(r_exact). By 1, P
+//!    is nowhere less and D nowhere more.
+//! 5. The first term of P has the second derivative M, the others are convex, and at the minimum
+//!    the derivative is 0. Hence P(v) >= P(v_exact) + 1/2 |e|^2, with e = v - v_exact.
+//! 6. The last term of -D has the second derivative M^-1 in p. Hence
+//!    D(r) <= D(r_exact) - 1/2 |e - d|^2, since M^-1 (p - p_exact) = (v - d - v*) - (v_exact - v*).
+//! 7. Together: |e|^2 / 2 + |e - d|^2 / 2 <= G, that is |e - d/2|^2 + |d|^2 / 4 <= G.
 //!
-//! # What is proven, and what is measured
+//! # Proven and measured quantities
 //!
-//! Without friction s_i = 0, and G bounds the distance to the one exact answer. With friction
-//! Coulomb's law asks for s_i = mu |slip_i| of the answer itself, and no such bound is known. G is
-//! taken with s_i = mu |slip_i| of the velocities at hand: it is 0 exactly at a solution of
-//! Coulomb's law, and otherwise bounds the distance to the exact answer for these s_i.
+//! Without friction s_i = 0, and G bounds the distance to the one exact solution. With friction,
+//! Coulomb's law requires s_i = mu |slip_i| of the solution itself, and no such bound is known.
+//! Here G uses s_i = mu |slip_i| of the current velocities. It is 0 exactly at a solution of
+//! Coulomb's law; otherwise it bounds the distance to the exact solution for these s_i.
 //! [`Certificate::natural_residual`] is the residual of Coulomb's law itself.
 //!
-//! # Which impulses
+//! # Choice of impulses
 //!
-//! G holds for any impulses of the cones, so they need not be those that moved the bodies. Impulses that
-//! share a load wrongly among contacts, to the same effect, would make it much too large. The best bound
-//! on the line from the impulses r at hand to those that answer the velocities is as cheap: along it
-//! G and |d|^2 are parabolas.
+//! The bound holds for any impulses in the cones, not only for those that moved the bodies.
+//! Impulses that distribute a load wrongly among contacts, with the same effect on the bodies,
+//! would make G much too large. Therefore r also runs along a line, from the current impulses to
+//! the impulses that respond to the velocities ([`Law::response`]). Along it G and |d|^2 are
+//! parabolas, so the best bound costs no further pass.
 //!
 //! Reference for the primal and dual of soft contact: Castro, Permenter and Han, An Unconstrained
 //! Convex Formulation of Compliant Contact, 2022.
@@ -69,31 +75,32 @@ use crate::island::Islands;
 use crate::lanes::Doubles;
 use crate::{Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Vector, Velocity};
 
-/// How good velocities and impulses are; sums over some contacts and the bodies that they touch.
+/// Quality of velocities and impulses, accumulated over some contacts and their bodies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Certificate {
-    /// G. \[J\]
+    /// Duality gap G. \[J\]
     pub gap: f64,
-    /// The part of G from velocities that the impulses do not give: 1/2 d . M d, with those that G is of. \[J\]
+    /// Part of G from velocities that the impulses do not produce: 1/2 d . M d, for the impulses of
+    /// `gap`. \[J\]
     pub defect: f64,
-    /// Mass of all bodies \[kg\]; of bodies that only turn, whose mass is infinite, the moments of inertia \[kg m^2\]: then
-    /// errors are in rad/s.
+    /// Mass of all bodies \[kg\]. If all bodies have infinite mass and only rotate, their moments
+    /// of inertia \[kg m^2\]; errors are then in rad/s.
     pub mass: f64,
     /// Mass of the lightest body. \[kg\]
     pub lightest: f64,
-    /// Natural map of Coulomb's law, the worst of any contact. \[m/s\]
+    /// Residual of the natural map of Coulomb's law, maximum over the contacts. \[m/s\]
     pub natural_residual: f64,
-    /// Fastest approach beyond the target, compliance left out: what a step adds to an overlap,
-    /// over its length. \[m/s\]
+    /// Fastest approach beyond the target, compliance left out: the growth of an overlap in a step
+    /// divided by its length. \[m/s\]
     pub approach_error: f64,
-    /// Sum of |r . (R r - y)|: the work of contacts on velocities that they should not see. \[J\]
+    /// Sum of |r . (R r - y)|, with y shifted for Coulomb's law; 0 at a solution. \[J\]
     pub complementarity: f64,
-    /// Farthest that an impulse is outside its cone, over its effective mass. \[m/s\]
+    /// Largest distance of an impulse from its cone, divided by the effective mass. \[m/s\]
     pub cone: f64,
 }
 
 impl Certificate {
-    /// Of nothing.
+    /// Certificate of an empty system.
     pub const NONE: Self = Self {
         gap: 0.0,
         defect: 0.0,
@@ -105,13 +112,14 @@ impl Certificate {
         cone: 0.0,
     };
 
-    /// How far the velocities of the bodies can be from the exact ones, root mean square by mass:
+    /// Returns the bound on the error of the velocities, root mean square weighted by mass, as
     /// (|d| / 2 + sqrt(G - |d|^2 / 4)) / sqrt(m). \[m/s\]
     pub fn error(&self) -> f64 {
         self.farthest(self.mass)
     }
 
-    /// How far any one body can be: the same over the mass of the lightest. \[m/s\]
+    /// Returns the bound on the error of any single body: as [`error`](Self::error), with the mass
+    /// of the lightest body. \[m/s\]
     pub fn worst_body(&self) -> f64 {
         self.farthest(self.lightest)
     }
@@ -120,7 +128,7 @@ impl Certificate {
         if self.gap > 0.0 { reach(self.gap, self.defect) / mass.sqrt() } else { 0.0 }
     }
 
-    /// Adds what a manifold says.
+    /// Adds the residuals of a manifold.
     fn add(&mut self, residuals: &ManifoldResiduals) {
         self.natural_residual = self.natural_residual.max(residuals.natural_residual);
         self.approach_error = self.approach_error.max(residuals.approach_error);
@@ -129,13 +137,13 @@ impl Certificate {
     }
 }
 
-/// |d| / 2 + sqrt(G - |d|^2 / 4), by G and the defect 1/2 |d|^2. \[sqrt(J)\]
+/// Returns |d| / 2 + sqrt(G - |d|^2 / 4) from G and the defect 1/2 |d|^2. \[sqrt(J)\]
 fn reach(gap: f64, defect: f64) -> f64 {
     let half = 0.5 * defect;
     half.sqrt() + (gap - half).max(0.0).sqrt()
 }
 
-/// Along the line of impulses: c + b x + a x^2 for x of 0..1.
+/// The parabola c + b x + a x^2 for x in 0..1 along the line of impulses.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Parabola<T> {
     a: T,
@@ -157,10 +165,10 @@ impl Parabola<f64> {
     }
 }
 
-/// Places on the line that are looked at, beside its start.
+/// Number of samples on the line, besides its start.
 const PLACES: u32 = 8;
 
-/// G along the line, and the part of it that is the defect.
+/// G along the line, and its part from the defect.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line {
     gap: Parabola<f64>,
@@ -168,7 +176,8 @@ struct Line {
 }
 
 impl Line {
-    /// Both where they promise most, of some places from the start of the line to where G is least.
+    /// Returns G and the defect with the smallest bound among samples from the start of the line to
+    /// the minimum of G.
     fn best(&self) -> [f64; 2] {
         let Parabola { a, b, .. } = self.gap;
         let least = if a > 0.0 { (-0.5 * b / a).clamp(0.0, 1.0) } else { 0.0 };
@@ -183,17 +192,17 @@ impl Line {
 
     fn at(&self, x: f64) -> [f64; 2] {
         let gap = self.gap.at(x);
-        // A rigid contact that misses its target answers with an infinite impulse.
+        // A rigid contact that misses its target responds with an infinite impulse.
         if gap.is_nan() {
             return [f64::INFINITY, 0.0];
         }
-        // Not below what rounding leaves of the terms.
+        // Rounding leaves at least this much of the terms.
         let gap = gap.max(1e-15 * self.gap.c);
         [gap, self.defect.at(x).clamp(0.0, gap)]
     }
 }
 
-/// What a manifold adds to the certificate of its island.
+/// Contribution of a manifold to the certificate of its island.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ManifoldResiduals {
     line: Parabola<f64>,
@@ -203,10 +212,10 @@ pub(crate) struct ManifoldResiduals {
     cone: f64,
 }
 
-/// J^T r of a body, at the start of the line and on its way.
+/// J^T r of a body: at the start of the line, and its change along the line.
 pub(crate) type Momenta<const L: usize, const A: usize> = [Velocity<f64, L, A>; 2];
 
-/// What the points of a manifold say of velocities and impulses; or of several manifolds, side by side.
+/// Contribution of the points of one manifold, or of several manifolds side by side in lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ManifoldTerms<T: Real, const L: usize, const A: usize> {
     line: Parabola<T>,
@@ -214,14 +223,14 @@ pub(crate) struct ManifoldTerms<T: Real, const L: usize, const A: usize> {
     approach_error: T,
     complementarity: T,
     cone: T,
-    /// What a gains and b loses ([`Manifold::momenta`]) by the impulses at the start of the line, and on
-    /// the way to its end.
+    /// Momentum that a gains and b loses ([`Manifold::momenta`]): from the impulses at the start of
+    /// the line, and from their change along the line.
     momenta: [[Velocity<T, L, A>; 2]; 2],
 }
 
 impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
-    /// Of a part of points on bodies that move at `velocities`; with `RESIDUALS` or G alone, with the
-    /// `LINE` or its start alone.
+    /// Evaluates one [`part`](Cast::part) of the points, on bodies that move at `velocities`.
+    /// Without `RESIDUALS` it evaluates G alone; without `LINE`, the start of the line alone.
     #[inline(always)]
     pub(crate) fn of<U: Real + Cast<T>, const RESIDUALS: bool, const LINE: bool>(
         part: usize,
@@ -262,7 +271,8 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
         terms
     }
 
-    /// A contact that misses its target by `y`, with the impulse `r` of its cone.
+    /// Adds the residuals of a contact that misses its target by `y`, with its impulse `r` in the
+    /// cone.
     #[inline(always)]
     fn add_residuals(
         &mut self,
@@ -284,7 +294,8 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
         self.complementarity += mass.choose(absolute(r.dot(w)), T::ZERO);
     }
 
-    /// The same contact; returns the impulse at the start of the line, and the way to its end.
+    /// Adds the terms of G of a contact. Returns the impulse at the start of the line, and its
+    /// change along the line.
     #[inline(always)]
     fn add_line<const LINE: bool>(
         &mut self,
@@ -295,7 +306,8 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
     ) -> [Vector<T, L>; 2] {
         let mut shifted = y;
         shifted[0] -= law.shift(y, r);
-        // What is rigid answers nothing, and the line is its start; what cannot move has no part.
+        // The response of a rigid contact is not finite, so its line is the start alone. A contact
+        // that nothing can move contributes nothing.
         let soft = law.normal.choose(contact.effective_mass, T::ZERO);
         let start = r.only_if(contact.effective_mass);
         self.line.c += contact.effective_mass.choose(law.loss(shifted, r), T::ZERO);
@@ -311,7 +323,7 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
 }
 
 impl<T: Doubles, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
-    /// What a lane adds to the certificate of its island.
+    /// Copies the contribution of one lane into `to`.
     #[inline(always)]
     pub(crate) fn tell<const RESIDUALS: bool, const LINE: bool>(
         &self,
@@ -331,7 +343,8 @@ impl<T: Doubles, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
         }
     }
 
-    /// Adds what the body on a side of a lane gets, with the `LINE` or at its start alone.
+    /// Adds the momentum of the body on one side of a lane; without `LINE`, that of the start
+    /// alone.
     #[inline(always)]
     pub(crate) fn add_momenta<const LINE: bool>(
         &self,
@@ -339,7 +352,7 @@ impl<T: Doubles, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
         lane: usize,
         body: &mut Momenta<L, A>,
     ) {
-        // What b gets, a gives.
+        // The momentum that a gains, b loses.
         let sign = if side == 0 { 1.0 } else { -1.0 };
         for (own, added) in body.iter_mut().zip(&self.momenta).take(1 + usize::from(LINE)) {
             for i in 0..L {
@@ -357,10 +370,11 @@ fn absolute<T: Real>(x: T) -> T {
     x.max(-x)
 }
 
-/// The certificate of a solved system, whose velocities were `prospective` without its impulses.
+/// Computes the certificate of a solved system, where `prospective` are the velocities without its
+/// impulses.
 ///
-/// One pass over the contacts and one over the bodies, in their order, in `f64`. A system with
-/// rigid contacts (compliance 0) that miss their targets has an infinite gap: nothing is proven.
+/// Makes one pass over the contacts and one over the bodies, in their order, in `f64`. If a rigid
+/// contact (compliance 0) misses its target the gap is infinite: nothing is proven.
 pub fn certify<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
     prospective: &[Velocity<T, L, A>],
@@ -370,13 +384,13 @@ pub fn certify<T: Scalar, const L: usize, const A: usize>(
     scratch.certify(system, prospective)
 }
 
-/// Sums up certificates, island by island, and keeps the memory for it.
+/// Buffers that accumulate certificates per island, kept between calls.
 #[derive(Clone, Debug, Default)]
 pub struct CertificateScratch<const L: usize, const A: usize> {
     masses: Vec<(Mass<L, A>, InverseMass<f64, L, A>)>,
-    /// By body; 0 before and after.
+    /// One per body; 0 between calls.
     momenta: Vec<Momenta<L, A>>,
-    /// What each manifold and each body adds.
+    /// Contribution of each manifold; `shares` holds that of each body.
     residuals_of: Vec<ManifoldResiduals>,
     shares: Vec<Parabola<f64>>,
     lines: Vec<Line>,
@@ -384,13 +398,13 @@ pub struct CertificateScratch<const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> CertificateScratch<L, A> {
-    /// Takes over M of the bodies of a system.
+    /// Stores the mass matrices of the bodies of a system.
     pub fn set_masses<T: Scalar>(&mut self, system: &System<T, L, A>) {
         self.masses.clear();
         self.masses.extend(system.masses.iter().map(|mass| (mass.mass(), mass.cast())));
     }
 
-    /// Takes the masses of bodies that have turned since.
+    /// Updates the mass matrices of bodies whose inverse masses have changed because they turned.
     pub fn retake_masses<T: Scalar>(&mut self, system: &System<T, L, A>) {
         for (known, mass) in self.masses.iter_mut().zip(&system.masses) {
             let inverse = mass.cast();
@@ -400,8 +414,8 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         }
     }
 
-    /// The mass of each island \[kg\], and how fast it is, root mean square by mass, in the measure of
-    /// [`Certificate::error`] \[m/s\].
+    /// Finds the mass \[kg\] and the root-mean-square speed \[m/s\] of each island, in the measure
+    /// of [`Certificate::error`].
     pub(crate) fn find_speeds<T: Scalar>(
         &self,
         velocities: &[Velocity<T, L, A>],
@@ -426,7 +440,8 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         }
     }
 
-    /// What the last certificates' [errors](Certificate::error) are by the impulses at hand. \[m/s\]
+    /// Returns the [errors](Certificate::error) of the last certificates, evaluated for the current
+    /// impulses (the start of the line). \[m/s\]
     pub(crate) fn errors_at_hand(&self) -> impl Iterator<Item = f64> {
         let islands = self.certificates.iter().zip(&self.lines);
         islands.map(|(of, line)| {
@@ -435,7 +450,7 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         })
     }
 
-    /// [`certify`], of a system with the masses that were set.
+    /// Computes [`certify`] with the stored masses.
     pub fn certify<T: Scalar>(
         &mut self,
         system: &System<T, L, A>,
@@ -459,8 +474,8 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         self.finish::<true>(|_| 0)[0]
     }
 
-    /// Begins anew, for so many islands and manifolds; returns the momenta of all bodies, to be added to, and what
-    /// manifolds say, to be filled in.
+    /// Clears the sums for this many islands and manifolds. Returns the momenta of all bodies, to
+    /// be added to, and the contributions of the manifolds, to be filled in.
     pub(crate) fn start(
         &mut self,
         islands: usize,
@@ -475,7 +490,7 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         (&mut self.momenta, &mut self.residuals_of)
     }
 
-    /// Adds what a manifold says to its island.
+    /// Adds the contribution of a manifold to its island.
     #[inline(always)]
     pub(crate) fn add<const RESIDUALS: bool, const LINE: bool>(
         &mut self,
@@ -490,7 +505,7 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         self.lines[island as usize].gap.add::<LINE>(&residuals.line);
     }
 
-    /// All bodies, so many at a time.
+    /// Splits the bodies into ranges of `count`.
     pub(crate) fn bodies(
         &mut self,
         count: usize,
@@ -503,7 +518,8 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         })
     }
 
-    /// The certificates, once all manifolds and bodies have been added; `island` of a body may be none of them.
+    /// Returns the certificates after all manifolds and bodies have been added. `island` returns
+    /// the island of a body; an index beyond the islands excludes the body.
     pub(crate) fn finish<const LINE: bool>(
         &mut self,
         island: impl Fn(usize) -> u32,
@@ -527,7 +543,7 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
     }
 }
 
-/// BodyRange that follow each other, and what they add to the line.
+/// A contiguous range of bodies, and their contributions to the line.
 pub(crate) struct BodyRange<'a, const L: usize, const A: usize> {
     first: usize,
     masses: &'a [(Mass<L, A>, InverseMass<f64, L, A>)],
@@ -536,7 +552,7 @@ pub(crate) struct BodyRange<'a, const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> BodyRange<'_, L, A> {
-    /// Finds it, from all velocities, and forgets the momenta.
+    /// Computes the contributions from all velocities, and resets the momenta to 0.
     #[inline(always)]
     pub(crate) fn share<T: Scalar, const LINE: bool>(
         self,

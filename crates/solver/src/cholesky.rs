@@ -1,23 +1,24 @@
-//! Sparse Cholesky factors of symmetric matrices made of square blocks, one row of blocks per body.
+//! Sparse Cholesky factorization of symmetric block matrices with one row of blocks per body.
 //!
-//! Bodies are eliminated in order of least degree (Tinney and Walker 1967), so that a chain of
-//! bodies costs as much as its length, and a wall not much more. Everything is decided by indices:
-//! equal input, equal bits.
+//! Bodies are eliminated in minimum-degree order (Tinney and Walker 1967), so that a chain costs as
+//! much as its length, and a wall not much more. Only indices decide the order: equal input gives
+//! equal bits.
 
-/// A symmetric matrix of blocks, and, once [`factor`](Self::factor) has run, its L L^T.
+/// A symmetric block matrix; after [`factor`](Self::factor) its L L^T.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BlockMatrix {
     /// Rows of a block.
     size: usize,
-    /// Which row of the caller is eliminated when.
+    /// The caller's row that is eliminated at each step.
     order: Vec<u32>,
-    /// And when each row of the caller is.
+    /// The step at which each row of the caller is eliminated.
     place: Vec<u32>,
-    /// For each column in order: where its blocks begin; the first is the one on the diagonal.
+    /// Start of the blocks of each column, in elimination order; the first block is the diagonal
+    /// one.
     starts: Vec<usize>,
-    /// Rows, in order, of the blocks.
+    /// Row of each block, in elimination order.
     rows: Vec<u32>,
-    /// The blocks, by rows.
+    /// The blocks, stored by rows.
     values: Vec<f64>,
     scatter: Vec<u32>,
 }
@@ -25,8 +26,8 @@ pub(crate) struct BlockMatrix {
 const ABSENT: u32 = u32::MAX;
 
 impl BlockMatrix {
-    /// A zero matrix of `rows` by `rows` blocks of `size` by `size` numbers, with room for what
-    /// these pairs of rows, and elimination, may bring.
+    /// Creates a zero matrix of `rows` by `rows` blocks of `size` by `size` numbers. It has room
+    /// for the blocks of these pairs of rows and for the fill-in of the elimination.
     pub(crate) fn new(size: usize, rows: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Self {
         let mut neighbors: Vec<Vec<u32>> = vec![Vec::new(); rows];
         for [a, b] in pairs {
@@ -55,13 +56,13 @@ impl BlockMatrix {
         Self { size, order, place, starts, rows: entries, values, scatter: vec![ABSENT; rows] }
     }
 
-    /// Sets every number to zero, and takes the factors back.
+    /// Sets all entries to zero and discards the factors.
     pub(crate) fn clear(&mut self) {
         self.values.fill(0.0);
     }
 
-    /// Adds to the block at row `a` and column `b` what `entry(i, j)` gives, and its transpose at
-    /// `b`, `a`; both are one block if they are equal.
+    /// Adds `entry(i, j)` to the block at row `a` and column `b`, and its transpose to the block at
+    /// `b`, `a`. If `a` = `b` there is one block, and it is added once.
     pub(crate) fn add(&mut self, a: u32, b: u32, entry: impl Fn(usize, usize) -> f64) {
         let (p, q) = (self.place[a as usize], self.place[b as usize]);
         let (row, column, flipped) = if p >= q { (p, q, false) } else { (q, p, true) };
@@ -76,7 +77,7 @@ impl BlockMatrix {
         }
     }
 
-    /// L L^T in place. Returns false where the matrix is not positive definite.
+    /// Factors the matrix into L L^T in place. Returns false if it is not positive definite.
     pub(crate) fn factor(&mut self) -> bool {
         match self.size {
             2 => self.factor_blocks::<2>(),
@@ -116,7 +117,7 @@ impl BlockMatrix {
         true
     }
 
-    /// Solves L L^T x = b in place; `x` holds b, by the caller's rows.
+    /// Solves L L^T x = b in place. `x` holds b, in the order of the caller's rows.
     pub(crate) fn solve(&self, x: &mut [f64]) {
         let n = self.size;
         let block = |at: usize| &self.values[at * n * n..][..n * n];
@@ -168,8 +169,9 @@ impl BlockMatrix {
     }
 }
 
-/// Eliminates rows, each time one with the fewest neighbors left, the lowest of these; its neighbors
-/// become neighbors of each other. Returns the order, and the neighbors that each had then.
+/// Eliminates the rows, each time the one with the fewest remaining neighbors, and the lowest of
+/// these. Its neighbors become neighbors of each other. Returns the order, and the neighbors of
+/// each row at its elimination.
 fn eliminate(mut neighbors: Vec<Vec<u32>>) -> (Vec<u32>, Vec<Vec<u32>>) {
     let count = neighbors.len();
     let mut queue: std::collections::BTreeSet<(usize, u32)> =
@@ -192,7 +194,7 @@ fn eliminate(mut neighbors: Vec<Vec<u32>>) -> (Vec<u32>, Vec<Vec<u32>>) {
     (order, columns)
 }
 
-/// The union of two sorted lists, without what `keep` refuses.
+/// Merges two sorted lists, and leaves out what `keep` rejects.
 fn merge(a: &[u32], b: &[u32], keep: impl Fn(u32) -> bool, out: &mut Vec<u32>) {
     let (mut i, mut j) = (0, 0);
     while i < a.len() || j < b.len() {
@@ -210,7 +212,8 @@ fn merge(a: &[u32], b: &[u32], keep: impl Fn(u32) -> bool, out: &mut Vec<u32>) {
     }
 }
 
-/// L L^T of a block, L in its lower triangle; false if it is not positive definite.
+/// Factors a block into L L^T, with L in its lower triangle. Returns false if it is not positive
+/// definite.
 fn factor_block<const N: usize>(a: &mut [[f64; N]; N]) -> bool {
     for j in 0..N {
         let mut pivot = a[j][j];

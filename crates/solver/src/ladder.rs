@@ -1,9 +1,10 @@
-//! From method to stronger method, island by island, until the certificate is good enough.
+//! A ladder of methods: solves each island by stronger and stronger methods until its certificate
+//! is good enough.
 //!
-//! Sweeps, warm-started, are enough for most islands in most steps, and cost least. Where they are not,
-//! [`nncg`] comes next, then [`newton`], then, with the feature `assembled`, the proximal-point method.
-//! Each method starts from the impulses of the one before, and has a budget that is small against the
-//! cost of the next.
+//! Warm-started sweeps suffice for most islands in most steps, and cost least. Then come [`nncg`],
+//! [`newton`] and, with the feature `assembled`, the proximal-point method. Each method starts from
+//! the impulses of the one before, and has a budget that is small compared with the cost of the
+//! next.
 
 use std::time::{Duration, Instant};
 
@@ -29,7 +30,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// From the first to the last.
+    /// All methods, in the order in which they are tried.
     pub const ALL: &[Self] = &[
         Self::Sweeps,
         Self::Nncg,
@@ -38,10 +39,10 @@ impl Method {
         Self::Proximal,
     ];
 
-    /// Those that are left when lanes have done what they can.
+    /// The methods that factor a matrix, tried after those in lanes.
     const IN_MATRICES: &[Self] = Self::ALL.split_at(2).1;
 
-    /// Its name in reports.
+    /// Returns its name in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sweeps => "sweeps",
@@ -52,7 +53,7 @@ impl Method {
         }
     }
 
-    /// Iterations before the next one is tried.
+    /// Returns the number of iterations after which the next method is tried.
     const fn budget(self) -> usize {
         match self {
             Self::Sweeps => 8,
@@ -76,9 +77,12 @@ impl Method {
     }
 }
 
-/// Solves a system whose velocities are the prospective ones and whose impulses are a guess, with the
-/// first method that reaches the tolerance. `goal.budget` is what the last ones may use. On return
-/// it holds the best velocities and impulses; the history is that of all methods.
+/// Solves a system with the first method that reaches the tolerance. Its velocities are the
+/// prospective ones, and its impulses a guess.
+///
+/// `goal.budget` bounds the iterations of each method; only the methods that factor a matrix can
+/// use all of it. On return the system holds the best velocities and impulses. The history is that
+/// of all methods.
 pub fn solve<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     goal: &Goal,
@@ -121,34 +125,34 @@ fn solve_by<const L: usize, const A: usize>(
     }
 }
 
-/// What became of the islands of a system.
+/// Statistics and errors of a solved system.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SolveReport {
-    /// Islands.
+    /// Number of islands.
     pub islands: usize,
-    /// Iterations of [`nncg`] over the islands that needed them.
+    /// Iterations of [`nncg`], each over all islands that still need it.
     pub iterations: usize,
-    /// Islands that Newton's method was asked for.
+    /// Number of islands solved by Newton's method.
     pub newton: usize,
-    /// Time for certificates.
+    /// Time spent on certificates.
     pub certifying: Duration,
-    /// The largest residual of Coulomb's law ([`Certificate::natural_residual`]), fastest approach beyond a
-    /// target ([`Certificate::approach_error`]) and cone violation ([`Certificate::cone`]) of a contact in
-    /// what was examined. \[m/s\]
+    /// Maxima over the examined contacts: residual of Coulomb's law
+    /// ([`Certificate::natural_residual`]), fastest approach beyond a target
+    /// ([`Certificate::approach_error`]) and cone violation ([`Certificate::cone`]). \[m/s\]
     pub residuals: [f64; 3],
-    /// Sum over the contacts in what was examined ([`Certificate::complementarity`]). \[J\]
+    /// Sum of [`Certificate::complementarity`] over the examined contacts. \[J\]
     pub complementarity: f64,
-    /// Islands that stayed beyond the tolerance.
+    /// Number of islands beyond the tolerance.
     pub failed: usize,
-    /// The largest certified error of an island. \[m/s\]
+    /// Largest certified error of an island. \[m/s\]
     pub error: f64,
     /// A body of that island.
     pub worst: Option<u32>,
 }
 
 impl SolveReport {
-    /// The worse of two.
+    /// Merges another report: adds up the work, and keeps the larger errors.
     pub fn join(&mut self, other: &Self) {
         self.islands = self.islands.max(other.islands);
         self.iterations += other.iterations;
@@ -185,37 +189,39 @@ impl SolveReport {
     }
 }
 
-/// Iterations of [`nncg`] in lanes before Newton's method is tried, at least.
+/// Smallest limit of [`nncg`] iterations in lanes before Newton's method takes over an island.
 const IN_LANES: usize = 256;
 
-/// Iterations that a large island may take for each of its bodies: a factor of its matrix takes longer than so many
-/// sweeps over it. It is left alone for a quarter of them: bounds of many contacts come down in jerks.
+/// Limit of the iterations of a large island, per body: factoring its matrix takes longer than that
+/// many sweeps. Convergence is not judged for a quarter of the iterations beyond [`IN_LANES`],
+/// because the bound of many contacts decreases in jumps.
 const FOR_A_BODY: usize = 4;
 
-/// The lanes go on to this part of the tolerance: what is left over moves the bodies, and the next
-/// system begins with it.
+/// Fraction of the tolerance at which the lanes stop. The remaining error moves the bodies and
+/// enters the next system. \[1\]
 const AIM: f64 = 1.0 / 7.0;
 
-/// Or to this part of the speed of an island, within the tolerance: what moves does not see what is left over.
+/// Fraction of the speed of an island at which the lanes stop, if that is larger and within the
+/// tolerance: a moving island hides the remaining error. \[1\]
 const OF_SPEED: f64 = 0.05;
 
-/// Iterations from one certificate to the next, at most, or a quarter of those so far; more only while so many
-/// halve what an iteration changes.
+/// Iterations between certificates, or a quarter of those so far if that is more. The interval is
+/// extended as long as this many iterations halve the size of an iteration.
 const LONGEST: usize = 16;
 
-/// Iterations before their rate is trusted.
+/// Iterations before their convergence rate is trusted.
 const TRIAL: usize = 12;
 
-/// The next certificate is due where it is expected to prove this part of what is aimed at. \[1\]
+/// A certificate is due when the predicted error is at most this fraction of the aim. \[1\]
 const SURE: f64 = 0.9;
 
-/// What a [`IslandSolver`] has learned from the systems so far: what it does with the next depends on it.
+/// Experience of an [`IslandSolver`] from the systems so far, which steers the next solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SolverMemory {
-    /// Certified error over the size of the iteration before it, sqrt(|g|^2 / m). \[1\]
+    /// Certified error divided by the size of the last iteration before it, sqrt(|g|^2 / m). \[1\]
     pub ratio: f64,
-    /// Whether the impulses at hand were proof enough, without a better share of the load.
+    /// Whether the current impulses sufficed for the certificate, without a search along the line.
     pub direct: bool,
 }
 
@@ -225,15 +231,16 @@ impl Default for SolverMemory {
     }
 }
 
-/// Climbs the ladder for one system after the other: those of the substeps of a simulation.
+/// Runs the ladder on a sequence of systems, those of the substeps of a simulation.
 #[derive(Clone, Debug)]
 pub struct IslandSolver<const L: usize, const A: usize> {
-    /// How the next system is begun.
+    /// Experience for the next system.
     pub memory: SolverMemory,
     scratch: CertificateScratch<L, A>,
     done: Vec<bool>,
     errors: Vec<f64>,
-    /// Of each island, the mass \[kg\] and the speed, root mean square by mass \[m/s\], when they were taken over.
+    /// Mass \[kg\] and mass-weighted root-mean-square speed \[m/s\] of each island at the last
+    /// [`start`](Self::start).
     masses: Vec<f64>,
     speeds: Vec<f64>,
     /// Certified error of each island at which the lanes stop. \[m/s\]
@@ -258,7 +265,7 @@ impl<const L: usize, const A: usize> Default for IslandSolver<L, A> {
 }
 
 impl<const L: usize, const A: usize> IslandSolver<L, A> {
-    /// Takes over the masses of the bodies, and how fast islands are.
+    /// Stores the masses of the bodies, and finds the speeds and iteration limits of the islands.
     pub fn start(&mut self, system: &System<f32, L, A>, islands: &Islands) {
         self.scratch.set_masses(system);
         self.scratch.find_speeds(&system.velocities, islands, [&mut self.masses, &mut self.speeds]);
@@ -272,15 +279,16 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         self.limits.iter_mut().for_each(|limit| *limit = IN_LANES.max(FOR_A_BODY * *limit));
     }
 
-    /// Takes over the masses of bodies that have turned.
+    /// Updates the masses of bodies that have turned.
     pub fn follow(&mut self, system: &System<f32, L, A>) {
         self.scratch.retake_masses(system);
     }
 
-    /// Brings every island within the tolerance: [`nncg`] in lanes for all, Newton's method in `f64`
-    /// for those that it does not bring home. `wide` holds the contacts, with the impulses that
-    /// `system.velocities` hold too; `prospective` are the velocities without them. `RESIDUALS`: as well
-    /// as errors.
+    /// Brings every island within the tolerance: all by [`nncg`] in lanes, then the remaining ones
+    /// by Newton's method in `f64`.
+    ///
+    /// `wide` holds the contacts; `system.velocities` include its impulses, `prospective` do not.
+    /// With `RESIDUALS` the report has residuals as well as errors.
     pub fn solve_islands<const RESIDUALS: bool>(
         &mut self,
         system: &mut System<f32, L, A>,
@@ -295,7 +303,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         self.in_lanes::<RESIDUALS>(velocities, wide, prospective, islands, goal, &mut outcome);
         if self.errors.iter().any(beyond) {
             wide.unpack(system);
-            // Rounding to the numbers of the system must not take what was reached away.
+            // Rounding to `f32` afterwards must not take the error beyond the tolerance again.
             let finer = Goal { tolerance: AIM * goal.tolerance, ..*goal };
             for island in 0..islands.count {
                 if beyond(&self.errors[island]) {
@@ -312,7 +320,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         outcome
     }
 
-    /// The certificate of a system as it is, with all its residuals.
+    /// Certifies a system as it is, with all residuals.
     pub fn examine(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
@@ -326,7 +334,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         outcome
     }
 
-    /// The methods in lanes. Leaves the certified errors of the islands.
+    /// Runs the methods in lanes, and leaves the certified errors of the islands in `errors`.
     fn in_lanes<const RESIDUALS: bool>(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
@@ -351,7 +359,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
             outcome.iterations += due;
             before.clone_from(&self.errors);
             self.certify::<RESIDUALS>(velocities, wide, prospective, islands, outcome);
-            // How many times as large as it may be.
+            // The largest ratio of an error to its aim.
             let mut worst = 0.0f64;
             let errors = before.iter().zip(&self.errors).zip(self.aims.iter().zip(&self.limits));
             for (done, ((&before, &error), (&aim, &limit))) in self.done.iter_mut().zip(errors) {
@@ -368,8 +376,9 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         }
     }
 
-    /// Iterates until what still changes promises that it is enough, or `longest` did not halve it; returns how
-    /// often, and the [size](Self::largest) of the last.
+    /// Iterates until the size of an iteration predicts an error within the aims, or until
+    /// `longest` iterations fail to halve that size. Returns the number of iterations, and the
+    /// [size](Self::largest) of the last.
     fn iterate(
         &self,
         velocities: &mut [Velocity<f32, L, A>],
@@ -384,7 +393,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
             if self.memory.ratio * size <= SURE {
                 return (made, size);
             }
-            // Of an infinite mass it is infinite, or no number.
+            // For a body of infinite mass `size` is infinite or NaN, and the comparison fails.
             if made == 1 || made.is_multiple_of(longest) && size < 0.5 * size_before {
                 size_before = size;
             } else if made.is_multiple_of(longest) {
@@ -393,15 +402,16 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         }
     }
 
-    /// The largest sqrt(|g|^2 / m) of an island by these |g|^2 \[J\], in terms of its aim. \[1\]
+    /// Returns the largest sqrt(|g|^2 / m) of an island for these |g|^2 \[J\], relative to its
+    /// aim. \[1\]
     fn largest(&self, gradients: &[f32]) -> f64 {
         let islands = gradients.iter().zip(&self.masses).zip(&self.aims);
         let sizes = islands.map(|((&size, mass), aim)| f64::from(size) / (mass * aim * aim));
         sizes.fold(0.0, f64::max).sqrt()
     }
 
-    /// The certified errors of the islands, and their residuals: of the impulses at hand, if they are
-    /// within the aims, else of the best on the line.
+    /// Computes the certified errors and residuals of the islands: for the current impulses if that
+    /// puts them within the aims, else for the best impulses on the line.
     fn certify<const RESIDUALS: bool>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
@@ -420,7 +430,8 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         self.memory.direct = is_within(self.scratch.errors_at_hand(), &self.aims);
     }
 
-    /// The same of the best impulses on the `LINE`, or those at hand.
+    /// Computes the certificates for the best impulses on the line (`LINE`), or for the current
+    /// ones.
     fn certify_by<const RESIDUALS: bool, const LINE: bool>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
@@ -445,8 +456,8 @@ fn is_within(mut errors: impl Iterator<Item = f64>, aims: &[f64]) -> bool {
     errors.all(|error| aims.next().is_some_and(|aim| error <= *aim))
 }
 
-/// Whether the last `due` of `made` iterations, which took an error from `before` to `error`, leave no hope
-/// that at most `limit` more would take it below the tolerance.
+/// Returns true if at most `limit` further iterations are not expected to take the error below the
+/// tolerance. The last `due` of `made` iterations took it from `before` to `error`.
 fn is_hopeless(
     [before, error]: [f64; 2],
     [due, made]: [usize; 2],
@@ -466,11 +477,12 @@ fn is_hopeless(
     rate >= 0.0 && made > stuck || rate < 0.0 && missing / rate > limit as f64
 }
 
-/// Contacts on one body, at most, of a system that is written as matrices: each two of them make a block of W, so
-/// the factor costs the cube of their number. Of a step of 28 s, with a body of 95 m in a heap, it was most.
+/// Largest number of contacts on one body for which the proximal-point method is tried. Each pair
+/// of them makes a block of W, so its factorization costs the cube of their number: with a body of
+/// 95 m in a heap it took most of a step of 28 s.
 const CROWD: usize = 128;
 
-/// Whether a body that can be moved has more contacts than that.
+/// Returns true if a movable body has more than [`CROWD`] contacts.
 fn is_crowded<const L: usize, const A: usize>(system: &System<f64, L, A>) -> bool {
     let mut counts = vec![0; system.velocities.len()];
     for manifold in &system.manifolds {
@@ -482,7 +494,8 @@ fn is_crowded<const L: usize, const A: usize>(system: &System<f64, L, A>) -> boo
     bodies.into_iter().any(|(count, mass)| *count > CROWD && *mass != InverseMass::FIXED)
 }
 
-/// Solves an island by the last methods, apart and in `f64`, and puts its velocities and impulses back.
+/// Solves one island in `f64` by the methods that factor a matrix, and copies its velocities and
+/// impulses back.
 fn replace<const L: usize, const A: usize>(
     system: &mut System<f32, L, A>,
     prospective: &[Velocity<f32, L, A>],
@@ -518,8 +531,8 @@ fn replace<const L: usize, const A: usize>(
 mod tests {
     use super::*;
 
-    /// What is on its way at this rate needs a thousand iterations: too many for a small island, not for a large
-    /// one. What does not get nearer, or too slowly, is given up, by a large one later.
+    /// At rates that need a thousand iterations a small island is given up, a large one is not. An
+    /// island without progress, or with too little, is given up; a large one later.
     #[test]
     fn a_large_island_may_take_more_iterations() {
         let slow = |made, limit| is_hopeless([1.0, 0.9], [16, made], limit, 1e-3);
@@ -532,7 +545,7 @@ mod tests {
         assert!(is_hopeless([1.0, f64::NAN], [1, 1], 2000, 1e-3));
     }
 
-    /// The limit of an island is by the number of its bodies, if that is more than what any may take.
+    /// An island's limit grows with its bodies, from the smallest limit on.
     #[test]
     fn islands_have_limits_by_their_bodies() {
         let mut system: System<f32, 2, 0> = System::new();

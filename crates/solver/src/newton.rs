@@ -1,17 +1,18 @@
-//! Newton's method in the velocities of the bodies: few iterations, each a sparse factorization.
+//! Newton's method in the velocities of the bodies: few iterations, each with a sparse
+//! factorization.
 //!
-//! Minimizes P(v) of the [`certificate`](crate::certificate). Its gradient is
-//! M (v - v*) - J^T r(v), with the impulses r that [answer](Law::response) the velocities; its second
-//! derivative H = M + J^T (dr/dy) J has one row of blocks for each body, whatever the number of
-//! contacts. A step goes along -H^-1 gradient to where P no longer falls, so every step lowers P, and
-//! from near the minimum the error is squared each time.
+//! Minimizes P(v) of the [`certificate`](crate::certificate). The gradient is M (v - v*) - J^T
+//! r(v), with the [response](Law::response) r of the contacts to the velocities. The second
+//! derivative H = M + J^T (dr/dy) J has one row of blocks per body, whatever the number of
+//! contacts. The line search along -H^-1 gradient lowers P in every step, and near the minimum
+//! convergence is quadratic.
 //!
-//! Coulomb's law: the shift mu |slip| is frozen while P is minimized, and renewed whenever the
-//! frozen problem is solved better than the shift is known (De Saxce and Feng 1998).
+//! Coulomb's law: the shift mu |slip| is frozen while P is minimized. It is updated whenever the
+//! error of the frozen problem is below that of the shift (De Saxce and Feng 1998).
 //!
-//! Cost of an iteration: linear in the contacts, and the Cholesky factor of H: linear for chains and
-//! stacks, about bodies^1.5 for walls, bodies^2 for deep piles. Place: stacks, heavy on light, where
-//! sweeps need thousands.
+//! Cost of an iteration: linear in the contacts, plus the Cholesky factorization of H, which is
+//! linear for chains and stacks, about bodies^1.5 for walls, and bodies^2 for deep piles. Use:
+//! stacks and heavy bodies on light ones, where sweeps need thousands of iterations.
 //!
 //! References: Castro, Permenter and Han 2022 (soft contact as unconstrained convex minimization);
 //! Todorov 2014 (the same in MuJoCo).
@@ -21,27 +22,28 @@ use crate::cone::Law;
 use crate::solution::{Goal, Solution, Status, Track};
 use crate::{Contact, InverseMass, Manifold, Mass, System, Vector, Velocity, moment, symmetric};
 
-/// Iterations that may pass without lowering the error by a tenth.
+/// Iterations without a 10 % reduction of the error before the method counts as stalled.
 const PATIENCE: usize = 12;
 
-/// The blocks that a contact of a and b adds to: (a, a), (a, b), (b, b).
+/// Blocks of H to which a contact of a and b contributes: (a, a), (a, b), (b, b).
 const PAIRS: [(usize, usize); 3] = [(0, 0), (0, 1), (1, 1)];
 
 /// Symmetric sweeps before the first iteration.
 const SWEEPS: usize = 3;
 
-/// Largest number of velocities of a body, L + A.
+/// Largest number of velocity components of a body, L + A.
 const MOST: usize = 6;
 
 /// Solves a system whose velocities are the prospective ones and whose impulses are a guess. On
-/// return it holds the best velocities and impulses that were met.
+/// return it holds the best velocities and impulses found.
 pub fn solve<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     goal: &Goal,
 ) -> Solution {
     let prospective = system.velocities.clone();
     system.apply_impulses();
-    // A step presses only what presses already, so that alone a blow would pass one contact each.
+    // A Newton step changes only contacts that already press, so without these sweeps an impact
+    // would advance by one contact per iteration.
     for _ in 0..SWEEPS {
         symmetric::sweep(system);
     }
@@ -62,7 +64,7 @@ pub fn solve<const L: usize, const A: usize>(
         }
         problem.answer(system);
         let certificate = track.record(system);
-        // The rest of G is what the shift is wrong by.
+        // The rest of G is the error of the shift.
         if certificate.defect < 0.1 * certificate.gap {
             problem.renew_shifts(system);
         }
@@ -75,16 +77,16 @@ pub fn solve<const L: usize, const A: usize>(
 struct PrimalProblem<const L: usize, const A: usize> {
     prospective: Vec<Velocity<f64, L, A>>,
     masses: Vec<Mass<L, A>>,
-    /// The row of blocks of each body; what nothing can move has none.
+    /// Row of blocks of each body; none for fixed bodies.
     place: Vec<Option<u32>>,
-    /// Of each body of which some velocities cannot change: the projection on those that can.
+    /// For each body with locked velocities: the projection onto the free ones.
     free: Vec<Option<Projection>>,
     rows: Vec<ContactRow<L>>,
     hessian: BlockMatrix,
 }
 
 impl<const L: usize, const A: usize> PrimalProblem<L, A> {
-    /// `None` where a contact is rigid.
+    /// Builds the problem; `None` if a contact is rigid.
     fn new(system: &System<f64, L, A>, prospective: Vec<Velocity<f64, L, A>>) -> Option<Self> {
         let masses: Vec<Mass<L, A>> = system.masses.iter().map(|mass| mass.mass()).collect();
         let mut count = 0;
@@ -120,7 +122,7 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         Some(Self { prospective, masses, place, free, rows, hessian })
     }
 
-    /// The shift of Coulomb's law at the velocities and impulses of the system.
+    /// Updates the shifts of Coulomb's law to the velocities and impulses of the system.
     fn renew_shifts(&mut self, system: &System<f64, L, A>) {
         for row in &mut self.rows {
             let y = row.missing(&system.velocities);
@@ -128,7 +130,7 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         }
     }
 
-    /// Gives the system the impulses that answer its velocities.
+    /// Sets the impulses of the system to the response to its velocities.
     fn answer(&self, system: &mut System<f64, L, A>) {
         for row in &self.rows {
             let y = row.shifted(&system.velocities);
@@ -136,8 +138,8 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         }
     }
 
-    /// -gradient of P, and H factored; then `step` = -H^-1 gradient. False if H is not positive
-    /// definite, which happens only to numbers that are not finite.
+    /// Factors H and sets `step` to -H^-1 gradient. Returns false if H is not positive definite,
+    /// which happens only with numbers that are not finite.
     fn factor(&mut self, velocities: &[Velocity<f64, L, A>], step: &mut Vec<f64>) -> bool {
         let size = L + A;
         step.clear();
@@ -198,7 +200,7 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         true
     }
 
-    /// The step as velocities of all bodies.
+    /// Returns the step as velocities of all bodies.
     fn directions(&self, step: &[f64]) -> Vec<Velocity<f64, L, A>> {
         let size = L + A;
         let of = |at: &Option<u32>| match at {
@@ -214,8 +216,8 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         self.place.iter().map(of).collect()
     }
 
-    /// How far to go along `direction` until P falls no more: the zero of its derivative, which only
-    /// grows, between halvings of the interval and the secant.
+    /// Returns the step length along `direction` at which P stops falling. That is the zero of its
+    /// derivative, which increases with the length; it is found by secants and bisection.
     fn search(&self, velocities: &[Velocity<f64, L, A>], direction: &[Velocity<f64, L, A>]) -> f64 {
         let (mut constant, mut linear) = (0.0, 0.0);
         for (body, mass) in self.masses.iter().enumerate() {
@@ -235,7 +237,8 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         let start = derivative(0.0);
         let (mut low, mut high) = (0.0, 1.0);
         let (mut at_low, mut at_high) = (start, derivative(1.0));
-        // Nearly there, or not there yet: whole steps are what squares the error.
+        // If P still falls at the full step, or has nearly stopped, the full step gives quadratic
+        // convergence.
         if at_high <= 0.1 * start.abs() {
             return 1.0;
         }
@@ -261,10 +264,10 @@ struct ContactRow<const L: usize> {
     contact: usize,
     bodies: [usize; 2],
     law: Law<f64>,
-    /// J_i: what each body's velocities add to u, with the sign of the body.
+    /// J_i: contribution of each body's velocities to u, with the sign of the body.
     jacobian: [[[f64; MOST]; L]; 2],
     target: Vector<f64, L>,
-    /// \[m/s\]
+    /// Shift of Coulomb's law. \[m/s\]
     shift: f64,
 }
 
@@ -292,7 +295,7 @@ impl<const L: usize> ContactRow<L> {
         }
     }
 
-    /// J_i v.
+    /// Returns J_i v.
     fn velocity<const A: usize>(&self, velocities: &[Velocity<f64, L, A>]) -> Vector<f64, L> {
         let v = self.bodies.map(|body| flat(&velocities[body]));
         Vector(std::array::from_fn(|k| {
@@ -303,7 +306,7 @@ impl<const L: usize> ContactRow<L> {
         }))
     }
 
-    /// y = t - J_i v.
+    /// Returns y = t - J_i v.
     fn missing<const A: usize>(&self, velocities: &[Velocity<f64, L, A>]) -> Vector<f64, L> {
         self.target - self.velocity(velocities)
     }
@@ -323,10 +326,10 @@ fn flat<const L: usize, const A: usize>(v: &Velocity<f64, L, A>) -> [f64; MOST] 
     })
 }
 
-/// A symmetric matrix that leaves the velocities which can change as they are, and takes the others away.
+/// A symmetric matrix that keeps the free velocities of a body and removes the locked ones.
 type Projection = [[f64; MOST]; MOST];
 
-/// That of a body: M^-1 M. None where all velocities can change.
+/// Returns the projection M^-1 M of a body; `None` if all its velocities are free.
 fn projection<const L: usize, const A: usize>(
     mass: &Mass<L, A>,
     inverse: &InverseMass<f64, L, A>,
@@ -343,12 +346,12 @@ fn projection<const L: usize, const A: usize>(
             free[L + j][L + i] = own[j];
         }
     }
-    // The trace counts the velocities.
+    // The trace is the number of free velocities.
     let trace: f64 = (0..L + A).map(|i| free[i][i]).sum();
     (trace < (L + A) as f64 - 0.5).then_some(free)
 }
 
-/// Of rows with a projection.
+/// Returns the product of rows with a projection.
 fn product<const N: usize>(free: &Projection, rows: &[[f64; MOST]; N]) -> [[f64; MOST]; N] {
     rows.map(|row| std::array::from_fn(|j| (0..MOST).map(|k| row[k] * free[k][j]).sum()))
 }
@@ -357,7 +360,7 @@ fn transposed(of: &[[f64; MOST]; MOST]) -> [[f64; MOST]; MOST] {
     std::array::from_fn(|i| std::array::from_fn(|j| of[j][i]))
 }
 
-/// M at a row and column of a body's block; with the unit matrix for what is locked, where there is no force either.
+/// Returns an entry of a body's block of M. Locked velocities get the unit matrix, and no force.
 fn mass_entry<const L: usize, const A: usize>(
     mass: &Mass<L, A>,
     free: Option<&Projection>,
@@ -373,7 +376,7 @@ fn mass_entry<const L: usize, const A: usize>(
     value + if i == j { 1.0 } else { 0.0 } - free[i][j]
 }
 
-/// out += J_p^T slope J_q.
+/// Adds J_p^T slope J_q to `out`.
 fn add_product<const L: usize>(
     out: &mut [[f64; MOST]; MOST],
     p: &[[f64; MOST]; L],

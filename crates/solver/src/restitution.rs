@@ -1,8 +1,9 @@
-//! Bouncing: target velocities from the pre-step velocity, and collisions by a law of impact.
+//! Restitution: target velocities from the velocities before the step, and collisions by a law of
+//! impact.
 //!
-//! The laws differ where several contacts collide at once. All share the rest: which contacts
-//! close, the solution of gamma >= 0, w >= 0, gamma . w = 0, the limit on the energy, and when a blow
-//! falls within the step.
+//! The laws differ where several contacts collide at once. They share the choice of closing
+//! contacts, the problem gamma >= 0, w >= 0, gamma . w = 0, the limit on the energy, and the time
+//! of impact within the step.
 //!
 //! - Newton: the notes' (1), one collision after the other.
 //! - Poisson: C. Glocker, F. Pfeiffer, "Multiple impacts with friction in rigid multibody systems",
@@ -17,12 +18,13 @@ use crate::part::SubSystem;
 use crate::solution::Goal;
 use crate::{InverseMass, Mobility, Real, Scalar, System, Vector, Velocity, newton, pgs};
 
-/// t_i = max(t_i, -c_r v_i^-) where a contact approached faster than `threshold` \[m/s\] before the
-/// step: the notes' restitution hypothesis, combined with overlap repair by maximum.
+/// Sets t_i = max(t_i, -c_r v_i^-) where a contact approached faster than `threshold` \[m/s\]
+/// before the step. This is the notes' restitution hypothesis, combined with overlap repair by the
+/// maximum.
 ///
-/// `before` are the velocities before the step's forces, not the prospective ones: otherwise
-/// every resting contact would bounce off gravity. An open contact bounces only if that approach
-/// closes it within the step (its t_i is -gap / h), else it keeps its target.
+/// `before` are the velocities before the step's forces. With the prospective ones every resting
+/// contact would bounce off gravity. An open contact bounces only if its approach closes the gap
+/// within the step (its t_i is -gap / h); otherwise it keeps its target.
 pub fn set_targets<T: Real, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     before: &[Velocity<T, L, A>],
@@ -40,60 +42,66 @@ pub fn set_targets<T: Real, const L: usize, const A: usize>(
     }
 }
 
-/// What contacts that collide at once do with each other. u is the relative velocity along the
-/// normals, e the restitution.
+/// Law of impact for contacts that collide at once. u is the relative velocity along the normals, e
+/// the restitution.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ImpactLaw {
-    /// The notes' isolated collisions (1), manifold by manifold in their order, each from the
-    /// velocities that the last one left: u+ >= -e u-. Depends on that order.
+    /// Isolated collisions, the notes' (1): manifold by manifold in order, each from the velocities
+    /// that the previous one left, with u+ >= -e u-. The result depends on the order.
     Newton,
-    /// All contacts that press compress together until none approaches; then each gives back e
-    /// times the impulse of its compression, and none may approach again. A row of touching balls
-    /// moves on as one, less the first.
+    /// Contacts that press are compressed together until none approaches. Then each returns e times
+    /// its compression impulse, and none may approach again. A row of touching balls that is hit
+    /// moves on as one, except the first ball.
     Poisson,
-    /// What approaches is reflected together: with lambda the impulses that just stop it, a contact
-    /// gets (1 + e) lambda, a blend of the inelastic answer and its mirror image; and again, until
-    /// nothing approaches. Keeps symmetry, lets a blow pass through a row of touching balls, and
-    /// keeps the energy for e = 1. Smith et al. blend once at the end of all reflections; blended in
-    /// each, what a contact loses does not depend on contacts far away.
+    /// Approaching contacts are reflected together, repeatedly, until none approaches. If the
+    /// impulses lambda just stop them, each gets (1 + e) lambda: a blend of the inelastic response
+    /// and its mirror image. Preserves symmetry, passes an impact through a row of touching balls,
+    /// and conserves energy for e = 1. Smith et al. blend once after all reflections. Here each
+    /// reflection is blended, so that the loss of a contact does not depend on distant contacts.
     #[default]
     Reflections,
 }
 
-/// How collisions are resolved.
+/// Parameters of [`collide`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImpactSettings<T> {
-    /// What contacts do that collide at once.
+    /// Law of impact for contacts that collide at once.
     pub law: ImpactLaw,
-    /// The step h within which blows fall. \[s\]
+    /// Step h that contains the impacts. \[s\]
     pub dt: T,
-    /// Manifolds that approach more slowly do not bounce. \[m/s\]
+    /// Approach speed below which manifolds do not bounce. \[m/s\]
     pub threshold: T,
-    /// How often the contacts are looked at for what approaches. \[1\]
+    /// Largest number of rounds, each of which searches for approaching contacts. \[1\]
     pub rounds: usize,
-    /// Sweeps over the contacts of a blow at most; what they leave open is left to the next round.
-    /// \[1\]
+    /// Largest number of sweeps over the contacts of an impact. The next round continues from what
+    /// they leave. \[1\]
     pub sweeps: usize,
 }
 
-/// Resolves collisions until none that closes in this step approaches faster than the threshold, or
-/// the rounds have passed. Returns the number of manifolds that collided, each time counted.
+/// Resolves collisions until no contact that closes in this step approaches faster than the
+/// threshold, or until the rounds are used up. Returns the number of colliding manifolds, each time
+/// counted.
 ///
-/// Kinetic energy never grows, but for what moving walls bring: a blow changes it by
-/// 1/2 gamma . (u- + u+), and gamma is scaled down, island by island, where that is positive.
+/// Only moving walls add kinetic energy. An impact changes it by 1/2 gamma . (u- + u+); if that is
+/// positive for an island, its gamma is scaled down.
 ///
-/// Manifolds without restitution are left to the sweeps, unless a blow drives their bodies together: a body that lies
-/// on the floor is squeezed as fast as it was struck, and takes the blow on. The impulses go into
+/// Manifolds without restitution are left to the sweeps unless an impact drives their bodies
+/// together. A body that lies on the floor is pressed into it at the speed of the impact, so the
+/// floor contact takes part in the impact. The impulses are stored in
 /// [`Contact::impact`](crate::Contact::impact).
 ///
-/// A light body between a heavy one and the floor is struck again and again, each time for less. What still approaches
-/// after all rounds is solved together: u+ >= -e u- where it approaches, and what that drives together stops.
+/// A light body between a heavy one and the floor is hit again and again, each time more weakly.
+/// Contacts that still approach after all rounds are solved together, for u+ >= -e u-. Contacts
+/// closed by these impulses only stop.
 ///
-/// A blow falls at the time tau within the step of length h at which the point comes down, on the
-/// parabola of its motion. Forces give the bodies `forced` velocity in the step, of which the part
-/// 1 - tau / h after the blow: what bounces is u - (1 - tau / h) J forced. The step then moves the bodies
-/// all of h with the velocity after it, and `displacements`, which start at -h/2 `forced`, are put back by
-/// tau times the change of velocity. So a ball in free fall follows both parabolas exactly.
+/// The time of impact tau is the time within the step of length h at which the point lands, on the
+/// parabola of its motion. Forces give the bodies the velocity `forced` in the step, and the
+/// fraction 1 - tau / h of it after the impact. The velocity that bounces is u - (1 - tau / h) J
+/// forced.
+///
+/// The step then moves the bodies for all of h with the velocity after the impact. Therefore
+/// `displacements`, which start at -h/2 `forced`, change by -tau times the change of velocity. A
+/// ball in free fall then follows both parabolas exactly.
 pub fn collide<T: Scalar, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     displacements: &mut [Velocity<T, L, A>],
@@ -126,55 +134,56 @@ pub fn collide<T: Scalar, const L: usize, const A: usize>(
     collisions + blow.finish(system, displacements, how, all)
 }
 
-/// The time of a blow that did not fall. \[1\]
+/// Time of impact of a body without an impact. \[1\]
 const NEVER: f64 = -1.0;
 
-/// Manifolds that Newton's method is asked for: more of them get the sweeps.
+/// Largest number of manifolds for Newton's method; more of them are solved by sweeps.
 const MANY: usize = 64;
 
-/// Rounds of what is solved together and drives others together.
+/// Largest number of rounds in which [`ImpactSolver::finish`] adds manifolds.
 const DRAWN: usize = 8;
 
-/// Softness of contacts that are as good as rigid. \[1\]
+/// Softness of practically rigid contacts. \[1\]
 const STIFF: f64 = 1e-9;
 
-/// Newton steps at most.
+/// Largest number of Newton steps.
 const BUDGET: usize = 20;
 
-/// Part of the fastest approach by which a solved contact may be off, unless the numbers of the system
-/// are coarser.
+/// Error of a solved contact, as a fraction of the fastest approach; larger if the scalar type of
+/// the system is coarser. \[1\]
 const ACCURACY: f64 = 1e-12;
 
-/// Contacts that collide at once: what [`collide`] works in, kept so that the next call takes no
-/// memory.
+/// Solver for contacts that collide at once: the buffers of [`collide`], kept between calls.
 #[derive(Clone, Debug, Default)]
 pub struct ImpactSolver<const L: usize, const A: usize> {
     part: SubSystem<L, A>,
-    /// Of each manifold: gap / approach of the point that closes first; not before its bodies were struck. \[1\]
+    /// Time of impact of each manifold, as a fraction of the step: that of its earliest point, but
+    /// not before the last impact on its bodies. \[1\]
     times: Vec<f64>,
-    /// Of each body of the whole system: the part of the step after which it was last struck. \[1\]
+    /// Time of the last impact on each body of the whole system, as a fraction of the step. \[1\]
     struck: Vec<f64>,
-    /// Of each contact: whether it closes.
+    /// Whether each contact closes.
     closing: Vec<bool>,
-    /// Of each body of the whole system: the velocity that forces give it in the step.
+    /// Velocity that forces give each body of the whole system in the step.
     forced: Vec<Velocity<f64, L, A>>,
-    /// Of each contact: the relative velocity that forces give it after the blow; 0 if it does not
+    /// Relative velocity that forces give each contact after its impact; 0 if it does not
     /// close. \[m/s\]
     regained: Vec<f64>,
-    /// Of each contact: what it gets in any case. \[N s\]
+    /// Poisson's law: impulse of each contact from compression and restitution, which further
+    /// expansion only adds to. \[N s\]
     held: Vec<f64>,
     sweeps: usize,
-    /// Part of the fastest approach by which a contact may be off. \[1\]
+    /// Error allowed for a contact, as a fraction of the fastest approach. \[1\]
     accuracy: f64,
-    /// The fastest approach. \[m/s\]
+    /// Fastest approach. \[m/s\]
     approach: f64,
     islands: Islands,
-    /// Of each island: gamma . u- and gamma^T A gamma. \[J\]
+    /// gamma . u- and gamma^T A gamma of each island. \[J\]
     work: Vec<[f64; 2]>,
 }
 
 impl<const L: usize, const A: usize> ImpactSolver<L, A> {
-    /// One blow among these manifolds; returns how many took part.
+    /// Resolves one impact among these manifolds; returns how many took part.
     fn fall<T: Scalar>(
         &mut self,
         system: &mut System<T, L, A>,
@@ -205,7 +214,8 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         self.accuracy = ACCURACY.max(8.0 * T::EPSILON);
     }
 
-    /// Solves together what still approaches, and what that drives together; returns how many manifolds took part.
+    /// Solves the contacts that still approach together, and those that this closes. Returns how
+    /// many manifolds took part.
     fn finish<T: Scalar>(
         &mut self,
         system: &mut System<T, L, A>,
@@ -221,7 +231,7 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
             }
             let manifolds = &self.part.system.manifolds;
             if round == 0 && manifolds.iter().all(|manifold| manifold.restitution >= 1.0) {
-                // Elastic blows end, be they many: the next substep goes on.
+                // A sequence of elastic impacts ends, however long; the next substep continues it.
                 return 0;
             }
             self.aim(known, |closes, open, u, restitution| {
@@ -243,7 +253,8 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         if known == 0 {
             return 0;
         }
-        // At one time: what a light body is pushed and pushed back is much more than what it moves.
+        // One time for all: the large opposite impulses on a light body cancel only if their times
+        // agree.
         let latest = self.times.iter().copied().fold(0.0, f64::max);
         self.times.fill(latest);
         let manifolds = &mut self.part.system.manifolds;
@@ -253,8 +264,8 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         self.land(system, displacements, how.dt)
     }
 
-    /// Takes in the manifolds that bounce, and those of struck bodies, which are not here yet; returns whether there
-    /// are any. With `drawn` those of bodies that are here, too.
+    /// Adds the closing manifolds that have restitution or a body with an impact; with `drawn`,
+    /// also those that share a movable body with the part. Returns true if any was added.
     fn gather<T: Scalar>(
         &mut self,
         system: &System<T, L, A>,
@@ -283,7 +294,7 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
             let (points, known) = (&system.contacts[manifold.points()], self.closing.len());
             let [a, b] = manifold.bodies.map(|body| &self.forced[body as usize]);
             let forced = manifold.cast::<f64>().twist(a, b);
-            // In steps.
+            // Fractions of the step.
             let mut time = 1.0f64;
             let mut fastest = 0.0f64;
             for contact in points {
@@ -316,13 +327,15 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         self.times.len() > before
     }
 
-    /// u >= -e u- where a point closes; the others of the manifold may close their gaps.
+    /// Newton's law: u >= -e u- where a point closes. Other points of the manifold may close their
+    /// gaps.
     fn newton(&mut self) {
         self.aim(0, |closes, open, u, restitution| if closes { -restitution * u } else { open });
         self.solve();
     }
 
-    /// Compression, which draws in what it pushes together, until nothing approaches; then expansion.
+    /// Poisson's law: compression, which adds the manifolds that it closes until none approaches,
+    /// then expansion.
     fn poisson<T: Scalar>(
         &mut self,
         whole: &System<T, L, A>,
@@ -345,7 +358,7 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
             }
         }
         system.apply_impulses();
-        // What expansion pushes may push back, on top of what is held.
+        // Expansion may close other contacts; their impulses add to the ones held.
         system.contacts.iter_mut().for_each(|contact| contact.impulse[0] = 0.0);
         self.solve();
         for (contact, held) in self.part.system.contacts.iter_mut().zip(&self.held) {
@@ -353,11 +366,13 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         }
     }
 
-    /// (1 + e) lambda, lambda being what stops the points that close; the others take no part.
+    /// Reflection by (1 + e) lambda, where lambda stops the closing points. Other points take no
+    /// part.
     fn reflect(&mut self) {
         self.aim(0, |closes, _, _, _| if closes { 0.0 } else { f64::NEG_INFINITY });
         self.solve();
-        // lambda . w = 0 exactly, however well that is solved: so e = 1 keeps the energy.
+        // Scaling makes lambda . w = 0 exact however accurate the solution is, so e = 1 conserves
+        // energy.
         self.scale(|work, quadratic| -work / quadratic);
         let system = &mut self.part.system;
         for manifold in &system.manifolds {
@@ -367,8 +382,8 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         }
     }
 
-    /// Sets the targets from this manifold on, of whether a point closes, its open target, u at the time
-    /// of the blow, and e. \[m/s\]
+    /// Sets the targets of manifold `from` and all later ones. The arguments of `target` are:
+    /// whether the point closes, its target if it does not, u at the time of impact, and e. \[m/s\]
     fn aim(&mut self, from: usize, target: impl Fn(bool, f64, f64, f64) -> f64) {
         let system = &mut self.part.system;
         let first = system.manifolds[from].first as usize;
@@ -385,7 +400,8 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         }
     }
 
-    /// gamma >= 0, w >= 0, gamma . w = 0 with w = u - t, from the impulses at hand.
+    /// Solves gamma >= 0, w >= 0, gamma . w = 0 with w = u - t by sweeps, from the current
+    /// impulses.
     fn solve(&mut self) {
         let system = &mut self.part.system;
         for _ in 0..self.sweeps {
@@ -396,7 +412,7 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         }
     }
 
-    /// The same by Newton's method, for which a heavy body on a light one is no harder than others.
+    /// Solves the same problem by Newton's method, which mass ratios do not slow down.
     fn solve_exactly(&mut self) {
         let system = &mut self.part.system;
         system.velocities.clone_from(&self.part.start);
@@ -405,12 +421,13 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         newton::solve(system, &goal);
     }
 
-    /// Delta T = s gamma . u- + s^2 / 2 gamma^T A gamma <= 0 for s <= -2 gamma . u- / gamma^T A gamma.
+    /// Limits the scale s of the impulses so that the kinetic energy does not grow: Delta T = s
+    /// gamma . u- + s^2 / 2 gamma^T A gamma <= 0 for s <= -2 gamma . u- / gamma^T A gamma.
     fn limit_energy(&mut self) {
         self.scale(|work, quadratic| (-2.0 * work / quadratic).min(1.0));
     }
 
-    /// Scales the impulses of each island by what follows from gamma . u- and gamma^T A gamma.
+    /// Scales the impulses of each island by `factor` of gamma . u- and gamma^T A gamma.
     fn scale(&mut self, factor: impl Fn(f64, f64) -> f64) {
         let system = &mut self.part.system;
         self.islands.find(system);
@@ -440,8 +457,8 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         }
     }
 
-    /// Gives the impulses to the whole system, and puts displacements back; returns how many
-    /// manifolds took any.
+    /// Applies the impulses to the whole system, and corrects the displacements for the times of
+    /// impact. Returns how many manifolds have an impulse.
     fn land<T: Scalar>(
         &mut self,
         whole: &mut System<T, L, A>,
@@ -482,8 +499,9 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
     }
 }
 
-/// When a point comes down, 0..1 of the step: the root s of -open + s u + (1 - s)^2 a / 2 by Newton's
-/// method, with u the velocity at the end of the step and a what forces add to it in the step.
+/// Returns the time at which a point lands, 0..1 of the step: the root s of -open + s u + (1 - s)^2
+/// a / 2 by Newton's method. u is the velocity at the end of the step, and a the velocity that
+/// forces add in the step.
 fn comes_down(open: f64, u: f64, gained: f64) -> f64 {
     let mut time = open / u;
     for _ in 0..3 {
@@ -497,7 +515,7 @@ fn comes_down(open: f64, u: f64, gained: f64) -> f64 {
     time.clamp(0.0, 1.0)
 }
 
-/// Lets the last manifold be rigid, without friction or impulses.
+/// Makes the last manifold rigid, without friction and impulses.
 fn make_rigid<const L: usize, const A: usize>(system: &mut System<f64, L, A>) {
     let Some(manifold) = system.manifolds.last_mut() else { return };
     manifold.friction = 0.0;

@@ -1,14 +1,14 @@
-//! [`Vector`] and [`SymmetricMatrix`] of any size, zero included, and the two products of mechanics that
-//! depend on the dimension: [`moment`] (r x f) and [`spin`] (omega x r).
+//! [`Vector`] and [`SymmetricMatrix`] of any size, zero included, and the two products of mechanics
+//! that depend on the dimension: [`moment`] (r x f) and [`spin`] (omega x r).
 //!
-//! Loops, not `array::from_fn`: its closures are not always inlined, and [`lanes`](crate::lanes) must
-//! be.
+//! They use loops, not `array::from_fn`, whose closures are not always inlined;
+//! [`lanes`](crate::lanes) depends on inlining.
 
 use std::ops::{Add, AddAssign, Index, IndexMut, Mul, Neg, Sub, SubAssign};
 
 use crate::{Cast, Real, Scalar};
 
-/// A column of `N` numbers.
+/// A column vector of `N` numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(transparent)]
 pub struct Vector<T, const N: usize>(pub [T; N]);
@@ -16,10 +16,10 @@ pub struct Vector<T, const N: usize>(pub [T; N]);
 impl<T: Real, const N: usize> Vector<T, N> {
     /// The zero vector.
     pub const ZERO: Self = Self([T::ZERO; N]);
-    /// Where sums of vectors begin ([`Real::NEG_ZERO`]).
+    /// Start value of sums of vectors ([`Real::NEG_ZERO`]).
     pub(crate) const NEG_ZERO: Self = Self([T::NEG_ZERO; N]);
 
-    /// Sum of the products of the components.
+    /// Returns the scalar product.
     #[inline(always)]
     pub fn dot(self, other: Self) -> T {
         let mut sum = T::NEG_ZERO;
@@ -29,13 +29,13 @@ impl<T: Real, const N: usize> Vector<T, N> {
         sum
     }
 
-    /// Euclidean length.
+    /// Returns the Euclidean length.
     #[inline(always)]
     pub fn length(self) -> T {
         self.dot(self).sqrt()
     }
 
-    /// The same where `mask` is positive, else zero.
+    /// Returns the vector where `mask` is positive, else zero.
     #[inline(always)]
     pub fn only_if(mut self, mask: T) -> Self {
         for x in &mut self.0 {
@@ -44,13 +44,13 @@ impl<T: Real, const N: usize> Vector<T, N> {
         self
     }
 
-    /// Each component through `f`.
+    /// Applies `f` to each component.
     #[inline(always)]
     pub fn map<U: Real>(self, f: impl FnMut(T) -> U) -> Vector<U, N> {
         Vector(self.0.map(f))
     }
 
-    /// A part of it in another number.
+    /// Converts one [part](Cast::part) to another number type.
     #[inline(always)]
     pub(crate) fn part<U: Real>(&self, index: usize) -> Vector<U, N>
     where
@@ -65,7 +65,7 @@ impl<T: Real, const N: usize> Vector<T, N> {
 }
 
 impl<T: Scalar, const N: usize> Vector<T, N> {
-    /// The same in another number.
+    /// Converts to another number type.
     #[inline(always)]
     pub fn cast<U: Real>(&self) -> Vector<U, N> {
         self.part(0)
@@ -157,8 +157,8 @@ impl<T, const N: usize> IndexMut<usize> for Vector<T, N> {
     }
 }
 
-/// A symmetric `N` x `N` matrix, stored by rows. Products read its diagonal and what is above alone: half
-/// of it need not come from memory.
+/// A symmetric `N` x `N` matrix, stored by rows. Products read only the upper triangle, so half of
+/// it need not be loaded from memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(transparent)]
 pub struct SymmetricMatrix<T, const N: usize>(pub [Vector<T, N>; N]);
@@ -167,7 +167,7 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
     /// The zero matrix.
     pub const ZERO: Self = Self([Vector::ZERO; N]);
 
-    /// The matrix with these entries on its diagonal.
+    /// Returns the matrix with these diagonal entries.
     pub fn diagonal(entries: Vector<T, N>) -> Self {
         let mut matrix = Self::ZERO;
         for i in 0..N {
@@ -176,13 +176,13 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
         matrix
     }
 
-    /// The entry of this row and column.
+    /// Returns the entry at this row and column.
     #[inline(always)]
     pub fn entry(&self, row: usize, column: usize) -> T {
         self.0[row.min(column)][row.max(column)]
     }
 
-    /// R D R^T, where `axes` are the columns of R.
+    /// Returns R D R^T, where `axes` are the columns of R.
     pub fn rotated(self, axes: &[Vector<T, N>; N]) -> Self {
         let mut rows = [Vector::ZERO; N];
         for i in 0..N {
@@ -193,7 +193,7 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
         self.seen_from(&rows)
     }
 
-    /// F D F^T, where `axes` are the rows of F: the tensor as seen in a frame with these axes.
+    /// Returns F D F^T, where `axes` are the rows of F: the tensor in a frame with these axes.
     #[inline(always)]
     pub fn seen_from(self, axes: &[Vector<T, N>; N]) -> Self {
         let mut out = Self::ZERO;
@@ -210,15 +210,15 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
 }
 
 impl<T: Scalar, const N: usize> SymmetricMatrix<T, N> {
-    /// The same in another number.
+    /// Converts to another number type.
     pub fn cast<U: Real>(&self) -> SymmetricMatrix<U, N> {
         SymmetricMatrix(self.0.map(|row| row.cast()))
     }
 }
 
 impl<const N: usize> SymmetricMatrix<f64, N> {
-    /// The inverse of a positive definite matrix (Gauss-Jordan); `None` if it is not, to the rounding of `f32`.
-    /// What a locked direction leaves empty stays empty.
+    /// Returns the inverse of a positive definite matrix (Gauss-Jordan), or `None` if it is not
+    /// positive definite to the rounding of `f32`. Zero rows (locked directions) stay zero.
     pub fn inverse(&self) -> Option<Self> {
         let (mut a, mut inverse) = (*self, Self::ZERO);
         for i in 0..N {
@@ -245,8 +245,8 @@ impl<const N: usize> SymmetricMatrix<f64, N> {
         Some(inverse)
     }
 
-    /// The inverse where the matrix is positive, and 0 along the eigenvectors where it is not, to the rounding of
-    /// `f32` (Moore and Penrose; eigenvectors by Jacobi's rotations).
+    /// Returns the pseudo-inverse (Moore and Penrose). Eigenvalues that are not positive, to the
+    /// rounding of `f32`, are left out. Jacobi's rotations find the eigenvectors.
     pub fn pseudo_inverse(&self) -> Self {
         let mut a = *self;
         let mut vectors = Self::diagonal(Vector([1.0; N])).0;
@@ -283,10 +283,11 @@ impl<const N: usize> SymmetricMatrix<f64, N> {
     }
 }
 
-/// What is less than this part of what it is left of, or of the largest eigenvalue, is rounding: two of `f32`. \[1\]
+/// Pivots below this fraction of their diagonal entry, and eigenvalues below this fraction of the
+/// largest, count as zero: twice the rounding of `f32`. \[1\]
 const ROUNDING: f64 = 2.4e-7;
 
-/// Sweeps of Jacobi's rotations: they square what is left each time.
+/// Sweeps of Jacobi's rotations; they converge quadratically.
 const SWEEPS: usize = 6;
 
 impl<T: Real, const N: usize> Default for SymmetricMatrix<T, N> {
@@ -309,9 +310,10 @@ impl<T: Real, const N: usize> Mul<Vector<T, N>> for SymmetricMatrix<T, N> {
     }
 }
 
-/// r x f: the moment \[N m s\] of an impulse `f` at the lever arm `r` \[m\].
+/// Returns r x f: the moment \[N m s\] of an impulse `f` at the lever arm `r` \[m\].
 ///
-/// `A` = 0: bodies do not turn; (2,1): r_x f_y - r_y f_x; (3,3): the cross product.
+/// For (L, A) = (2, 1) it is r_x f_y - r_y f_x, for (3, 3) the cross product. Bodies with `A` = 0
+/// do not rotate.
 #[inline(always)]
 pub fn moment<T: Real, const L: usize, const A: usize>(
     r: Vector<T, L>,
@@ -351,7 +353,8 @@ pub(crate) fn add_moment<T: Real, const L: usize, const A: usize>(
     }
 }
 
-/// omega x r: the velocity \[m/s\] at the lever arm `r` \[m\] that turning at `omega` \[rad/s\] adds.
+/// Returns omega x r: the velocity \[m/s\] that a rotation at `omega` \[rad/s\] adds at the lever
+/// arm `r` \[m\].
 #[inline(always)]
 pub fn spin<T: Real, const L: usize, const A: usize>(
     omega: Vector<T, A>,

@@ -1,4 +1,4 @@
-//! [`Problem`]: contacts given as a matrix, u = W r + q.
+//! [`Problem`]: a contact problem given as a matrix, u = W r + q.
 
 use std::fmt;
 
@@ -8,14 +8,14 @@ use super::dense::Dense;
 use super::matrices::Matrix;
 use crate::cone;
 
-/// Contacts that somebody else has put into matrices: find impulses r with
+/// A contact problem in matrix form: find impulses r with
 ///
-/// u = W r + q, K the product of the cones |r_t| <= mu r_n, and at each contact
-/// K ∋ r ⊥ u + mu |u_t| n ∈ K* — Signorini's condition and Coulomb's law (de Saxce and Feng 1998).
+/// u = W r + q, K the product of the cones |r_t| <= mu r_n, and at each contact K ∋ r ⊥ u + mu
+/// |u_t| n ∈ K*: Signorini's condition and Coulomb's law (de Saxce and Feng 1998).
 ///
-/// Contact i holds `dimension` rows, one after the other: the normal first, then the tangents. With
-/// one row each this is the linear complementarity problem 0 <= r ⊥ W r + q >= 0. W need not be
-/// symmetric: gyroscopic terms and games are not.
+/// Contact i holds `dimension` consecutive rows: the normal first, then the tangents. With one row
+/// each this is the linear complementarity problem 0 <= r ⊥ W r + q >= 0. W need not be
+/// symmetric: gyroscopic terms and matrix games make it unsymmetric.
 #[derive(Clone, Debug)]
 pub struct Problem {
     dimension: usize,
@@ -25,33 +25,33 @@ pub struct Problem {
     bodies: Option<Bodies>,
 }
 
-/// The bodies behind a [`Problem`]: M v = f + H r and u = H^T v + w.
+/// The bodies of a [`Problem`]: M v = f + H r and u = H^T v + w.
 #[derive(Clone, Debug)]
 pub struct Bodies {
-    /// M, one block on the diagonal for each body. \[kg, kg m^2\]
+    /// M, one diagonal block per body. \[kg, kg m^2\]
     pub mass: Matrix,
-    /// H, from impulses to momenta; its transpose goes from velocities to contacts.
+    /// H, which maps impulses to momenta; its transpose maps velocities to the contacts.
     pub directions: Matrix,
-    /// f: the momentum that the bodies would have without contacts. \[N s, N m s\]
+    /// f: the momentum of the bodies without contacts. \[N s, N m s\]
     pub momentum: Vec<f64>,
-    /// w: what adds to the velocities at the contacts whatever the bodies do. \[m/s\]
+    /// w: the part of the contact velocities that does not depend on the bodies. \[m/s\]
     pub given: Vec<f64>,
 }
 
-/// Why numbers make no [`Problem`].
+/// Reason why input is not a valid [`Problem`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProblemError {
-    /// Contacts have one, two or three rows each.
+    /// The number of rows per contact is not 1, 2 or 3.
     Dimension(usize),
-    /// Something has the wrong size: its name, its size, and what it should have.
+    /// Wrong size: the name, the size, and the required size.
     Size(&'static str, usize, usize),
-    /// An entry is no finite number: in what, and where.
+    /// An entry is not finite: the name and the index.
     NotFinite(&'static str, usize),
     /// The friction of a contact is negative.
     Friction(usize, f64),
-    /// A matrix has no such row and column.
+    /// A row and column outside the matrix.
     Outside(usize, usize),
-    /// The mass of the bodies cannot be inverted: the first row of the block.
+    /// A block of the mass matrix is singular: its first row.
     Mass(usize),
 }
 
@@ -85,10 +85,10 @@ fn finite(what: &'static str, values: &[f64]) -> Result<(), ProblemError> {
     }
 }
 
-/// A matrix from (row, column, value); values at the same place add up.
+/// Builds a matrix from (row, column, value); values at the same row and column add up.
 ///
 /// # Errors
-/// An entry is outside.
+/// An entry is outside the matrix.
 pub fn from_entries(
     rows: usize,
     columns: usize,
@@ -102,19 +102,19 @@ pub fn from_entries(
     matrix.map_err(|_| ProblemError::Size("a matrix", entries.len(), usize::MAX))
 }
 
-/// A^T.
+/// Returns A^T.
 pub(super) fn transposed(a: &Matrix) -> Result<Matrix, ProblemError> {
     let too_large = |_| ProblemError::Size("a matrix", a.nrows(), usize::MAX);
     a.transpose().to_row_major().map_err(too_large)
 }
 
-/// A x.
+/// Returns A x.
 pub(super) fn product(a: &Matrix, x: &[f64]) -> Vec<f64> {
     let row = |i| a.col_idx_of_row(i).zip(a.val_of_row(i)).map(|(j, a_ij)| a_ij * x[j]).sum();
     (0..a.nrows()).map(row).collect()
 }
 
-/// A^T y.
+/// Returns A^T y.
 pub(super) fn transposed_product(a: &Matrix, y: &[f64]) -> Vec<f64> {
     let mut x = vec![0.0; a.ncols()];
     for (i, &y_i) in y.iter().enumerate() {
@@ -133,17 +133,17 @@ pub(super) fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |largest, x| largest.max(x.abs()))
 }
 
-/// What is no number is as wrong as can be.
+/// Replaces NaN by infinity.
 fn or_infinite(residual: f64) -> f64 {
     if residual.is_finite() { residual } else { f64::INFINITY }
 }
 
 impl Problem {
-    /// Contacts of `dimension` rows each, W and q. `friction` holds mu of each contact; where
-    /// contacts have one row, it is not used and may be empty.
+    /// Creates a problem from contacts of `dimension` rows each, W and q. `friction` holds mu of
+    /// each contact; with one row per contact it is not used and may be empty.
     ///
     /// # Errors
-    /// Sizes do not fit, a number is not finite, a friction is negative.
+    /// Sizes do not fit, a number is not finite, or a friction is negative.
     pub fn new(
         dimension: usize,
         friction: Vec<f64>,
@@ -168,19 +168,19 @@ impl Problem {
         Ok(Self { dimension, friction, matrix, offset, bodies: None })
     }
 
-    /// The linear complementarity problem 0 <= z ⊥ M z + q >= 0.
+    /// Creates the linear complementarity problem 0 <= z ⊥ M z + q >= 0.
     ///
     /// # Errors
-    /// As [`Problem::new`].
+    /// Those of [`Problem::new`].
     pub fn complementarity(matrix: Matrix, offset: Vec<f64>) -> Result<Self, ProblemError> {
         Self::new(1, Vec::new(), matrix, offset)
     }
 
-    /// The problem of these bodies: W = H^T M^-1 H and q = H^T M^-1 f + w. Costs the inverse of
-    /// each block of M.
+    /// Creates the problem of these bodies: W = H^T M^-1 H and q = H^T M^-1 f + w. The cost
+    /// includes the inverse of each block of M.
     ///
     /// # Errors
-    /// As [`Problem::new`], or a block of M is singular.
+    /// Those of [`Problem::new`], or a block of M is singular.
     pub fn from_bodies(
         dimension: usize,
         friction: Vec<f64>,
@@ -204,42 +204,42 @@ impl Problem {
         Ok(Self { bodies: Some(bodies), ..problem })
     }
 
-    /// Rows of a contact: 1 without friction, else the dimension of space.
+    /// Returns the rows per contact: 1 without friction, else the dimension of space.
     pub fn dimension(&self) -> usize {
         self.dimension
     }
 
-    /// Number of contacts.
+    /// Returns the number of contacts.
     pub fn contacts(&self) -> usize {
         self.friction.len()
     }
 
-    /// Number of unknowns: `dimension` times `contacts`.
+    /// Returns the number of unknowns: `dimension` times `contacts`.
     pub fn unknowns(&self) -> usize {
         self.offset.len()
     }
 
-    /// mu of each contact. \[1\]
+    /// Returns mu of each contact. \[1\]
     pub fn friction(&self) -> &[f64] {
         &self.friction
     }
 
-    /// W, the M of a linear complementarity problem. \[1/kg\]
+    /// Returns W, the M of a linear complementarity problem. \[1/kg\]
     pub fn matrix(&self) -> &Matrix {
         &self.matrix
     }
 
-    /// q: the velocities u without impulses. \[m/s\]
+    /// Returns q: the velocities u without impulses. \[m/s\]
     pub fn offset(&self) -> &[f64] {
         &self.offset
     }
 
-    /// The bodies, where they are known.
+    /// Returns the bodies, if known.
     pub fn bodies(&self) -> Option<&Bodies> {
         self.bodies.as_ref()
     }
 
-    /// u = W r + q. \[m/s\]
+    /// Returns u = W r + q. \[m/s\]
     pub fn velocities(&self, r: &[f64]) -> Vec<f64> {
         let mut u = product(&self.matrix, r);
         for (u, q) in u.iter_mut().zip(&self.offset) {
@@ -248,7 +248,7 @@ impl Problem {
         u
     }
 
-    /// The largest |W_ij - W_ji|.
+    /// Returns the largest |W_ij - W_ji|.
     pub fn asymmetry(&self) -> f64 {
         let mut worst = 0.0f64;
         for i in 0..self.unknowns() {
@@ -260,24 +260,25 @@ impl Problem {
         worst
     }
 
-    /// How far r is from a solution, as a part of what there is to solve: zero exactly at one.
+    /// Returns the relative residual of r: zero exactly at a solution.
     ///
     /// With friction it is [`Problem::natural_map`], without [`Problem::complementarity_error`].
-    /// What is no number counts as infinite.
+    /// NaN counts as infinite.
     pub fn residual(&self, r: &[f64]) -> f64 {
         if self.dimension == 1 { self.complementarity_error(r) } else { self.natural_map(r) }
     }
 
-    /// |r - P_K(r - (u + mu |u_t| n))| / |q|, the natural map with a step of one (kg), as FCLIB and
-    /// Siconos measure (Acary, Bremond and Huber 2018). Where q is zero, not divided.
+    /// Returns |r - P_K(r - (u + mu |u_t| n))| / |q|, the natural map with a step of one (kg), as
+    /// measured by FCLIB and Siconos (Acary, Bremond and Huber 2018). It is not divided if q is
+    /// zero.
     pub fn natural_map(&self, r: &[f64]) -> f64 {
         let size = norm(&self.offset);
         let error = norm(&self.natural(r, |_| 1.0));
         or_infinite(if size > 0.0 { error / size } else { error })
     }
 
-    /// The natural map with a step that fits each contact, one over the mean of its diagonal of W,
-    /// relative to |r|: does not depend on units. Where r is zero, not divided.
+    /// Returns the natural map relative to |r|, with the step 1 / (mean diagonal entry of W) for
+    /// each contact. It does not depend on units. It is not divided if r is zero.
     pub fn scaled_natural_map(&self, r: &[f64]) -> f64 {
         let step = |contact: usize| {
             let first = self.dimension * contact;
@@ -289,7 +290,7 @@ impl Problem {
         or_infinite(if size > 0.0 { error / size } else { error })
     }
 
-    /// r - P_K(r - step (u + mu |u_t| n)).
+    /// Returns r - P_K(r - step (u + mu |u_t| n)).
     fn natural(&self, r: &[f64], step: impl Fn(usize) -> f64) -> Vec<f64> {
         let d = self.dimension;
         let mut y = self.velocities(r);
@@ -308,12 +309,12 @@ impl Problem {
         y
     }
 
-    /// The largest |min(z_i, s w_i)| with w = M z + q and s = 1 / max |M|, relative to s max |q|:
-    /// does not depend on units. Friction is left out.
+    /// Returns the largest |min(z_i, s w_i)| with w = M z + q and s = 1 / max |M|, relative to s
+    /// max |q|. It does not depend on units, and leaves friction out.
     ///
-    /// What rounding of the products M z may do does not count: some [`f64::EPSILON`] times max |z|,
-    /// which matters with mass ratios from 1e5. There is a limit to that, so that impulses that run
-    /// away never look like a solution.
+    /// Rounding of the products M z is subtracted: some [`f64::EPSILON`] times max |z|, which
+    /// matters with mass ratios from 1e5. That allowance is limited, so that diverging impulses
+    /// never look like a solution.
     pub fn complementarity_error(&self, z: &[f64]) -> f64 {
         let size = largest(self.matrix.val());
         let s = if size > 0.0 { 1.0 / size } else { 1.0 };
@@ -325,12 +326,12 @@ impl Problem {
         or_infinite((error / pushed - rounding).max(0.0))
     }
 
-    /// The largest |min(z_i, s w_i)|, w = M z + q.
+    /// Returns the largest |min(z_i, s w_i)|, with w = M z + q.
     pub fn natural_error(&self, z: &[f64], s: f64) -> f64 {
         let w = self.velocities(z);
         let error = z.iter().zip(&w).fold(0.0f64, |worst, (&z, &w)| {
             let error = z.min(s * w).abs();
-            // `max` would forget what is no number.
+            // `max` would drop NaN.
             if error >= worst || error.is_nan() || worst.is_nan() { error } else { worst }
         });
         or_infinite(error)
@@ -338,7 +339,7 @@ impl Problem {
 }
 
 impl Bodies {
-    /// v = M^-1 (f + H r). \[m/s, rad/s\]
+    /// Returns v = M^-1 (f + H r). \[m/s, rad/s\]
     ///
     /// # Errors
     /// A block of M is singular.
@@ -351,7 +352,7 @@ impl Bodies {
     }
 }
 
-/// The inverse of a matrix that falls into blocks once rows that are coupled are put together.
+/// Returns the inverse of a matrix that is block-diagonal after a reordering of its rows.
 fn inverse_of_blocks(matrix: &Matrix) -> Result<Matrix, ProblemError> {
     let mut entries = Vec::new();
     for rows in coupled(matrix) {
@@ -369,7 +370,7 @@ fn inverse_of_blocks(matrix: &Matrix) -> Result<Matrix, ProblemError> {
     from_entries(n, n, &entries)
 }
 
-/// Sets of rows that entries of a square matrix couple, each in order.
+/// Returns the sets of rows that entries of a square matrix couple, each set in ascending order.
 pub(super) fn coupled(matrix: &Matrix) -> Vec<Vec<usize>> {
     fn root(parent: &mut [usize], mut i: usize) -> usize {
         while parent[i] != i {

@@ -1,20 +1,24 @@
-//! Proximal points, each found by a semismooth Newton method: exact Coulomb friction.
+//! Proximal-point method with semismooth Newton steps, for exact Coulomb friction.
 //!
 //! W is singular wherever there are more contacts than velocities, which defeats Newton's method.
-//! The proximal point method solves instead, again and again, the problem of W + alpha with q -
-//! alpha c around the last answer c (Rockafellar 1976; for friction Acary, Bremond and Huber 2018),
-//! with alpha going down as long as that succeeds; at its fixed point the shift has no effect. Each
-//! of these problems is solved by Newton's method on the equations of Alart and Curnier (1991), with
-//! y = r - rho u,
+//! The proximal-point method solves a sequence of problems with W + alpha and q - alpha c instead,
+//! where c is the previous solution (Rockafellar 1976; for friction Acary, Bremond and Huber 2018).
+//! alpha is lowered as long as that succeeds; at the fixed point the shift has no effect.
 //!
-//! r_n = max(0, y_n), r_t = y_t brought back to the disc of radius mu max(0, y_n),
+//! Each of these problems is solved by Newton's method on the equations of Alart and Curnier
+//! (1991), with y = r - rho u:
 //!
-//! one of three linear laws for each contact: open, sticking, sliding. A line search over |F|^2
-//! guards the steps, and sweeps of Gauss-Seidel on the shifted problem provide a new start where it
-//! fails. An iteration is a Newton step: one sparse factorization with one block per coupled pair of
-//! contacts. Convergence is fast and final near a solution, for singular and for unsymmetric W; there
-//! is no proof of it from afar with friction, since not even the existence of a solution is certain.
-//! With one row per contact this is the primal-dual active set method for complementarity problems.
+//! r_n = max(0, y_n), r_t = y_t projected onto the disc of radius mu max(0, y_n).
+//!
+//! They are one of three smooth laws at each contact: open, sticking, sliding. A line search on
+//! |F|^2 guards the steps. Where it fails, Gauss-Seidel sweeps on the shifted problem provide a new
+//! start.
+//!
+//! An iteration is a Newton step: one sparse factorization with one block per coupled pair of
+//! contacts. Near a solution convergence is fast and exact up to rounding, for singular and for
+//! unsymmetric W. With friction there is no proof of global convergence, since a solution need not
+//! exist. With one row per contact this is the primal-dual active set method for complementarity
+//! problems.
 
 use super::Problem;
 use super::block_gauss_seidel::Sweeper;
@@ -22,23 +26,23 @@ use super::block_lu::BlockLu;
 use super::blocks::{Block, Blocks, split};
 use super::outcome::{Limits, Outcome, Progress, Status};
 
-/// alpha over the mean diagonal of W: first, least, most.
+/// First, smallest and largest alpha, relative to the mean diagonal entry of W.
 const SHIFT: (f64, f64, f64) = (1e-4, 1e-11, 1e2);
-/// Newton steps for one proximal point.
+/// Largest number of Newton steps for one proximal point.
 const STEPS: usize = 30;
-/// Steps that must halve |F|^2 at least, or the point is given up.
+/// The search for a point is given up if this many steps do not halve |F|^2.
 const SPAN: usize = 8;
-/// Steps whose highest |F|^2 is to be undercut.
+/// The line search compares with the largest |F|^2 of this many steps.
 const RECENT: usize = 4;
-/// Halvings in a line search.
+/// Largest number of halvings in a line search.
 const HALVINGS: usize = 14;
 /// Sweeps for a new start.
 const SWEEPS: usize = 60;
-/// Points in a row without progress after which no more is to be expected.
+/// Consecutive points without progress after which the method counts as stalled.
 const PATIENCE: usize = 20;
 
-/// Newton steps from `warm`, or from a few sweeps if that is `None`. `Stalled` says that points were
-/// found that do not come nearer, or none.
+/// Takes Newton steps from `warm`, or from the result of a few sweeps if that is `None`. `Stalled`
+/// means that no proximal points were found, or that they do not come nearer.
 pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
     match problem.dimension() {
         1 => points::<1>(problem, warm, limits),
@@ -81,7 +85,8 @@ fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
             center.clone_from(&r);
             again = true;
         } else {
-            // Sweeps alone may bring it near enough; else with more shift, from the last point.
+            // The first failure is followed by sweeps from the current r alone; the second by a
+            // larger shift and sweeps from the last proximal point.
             again = !again;
             if again {
                 shift.missed();
@@ -102,14 +107,14 @@ fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
     progress.end(Status::Converged, "within the tolerance")
 }
 
-/// alpha over the mean diagonal of W: as small as Newton's method can take.
+/// alpha over the mean diagonal of W, as small as Newton's method can handle.
 struct Shift {
     alpha: f64,
     least: f64,
 }
 
 impl Shift {
-    /// Less, but not at once again what has failed.
+    /// Lowers the shift, but only slowly below a value that has failed.
     fn found(&mut self) {
         self.alpha = (0.1 * self.alpha).max(self.least);
         self.least = (0.5 * self.least).max(SHIFT.1);
@@ -128,18 +133,18 @@ struct Newton<'a, const D: usize> {
     lu: BlockLu<D>,
 }
 
-/// The equations of Alart and Curnier at some r.
+/// The equations of Alart and Curnier at a given r.
 struct Equations<const D: usize> {
-    /// C_i and E_i: the derivative is C_i (W + alpha)_i + E_i.
+    /// C_i and E_i, from the derivative C_i (W + alpha)_i + E_i.
     rows: Vec<(Block<D>, Block<D>)>,
-    /// What the step has to make of it.
+    /// Right-hand side of Newton's equations.
     rhs: Vec<[f64; D]>,
     /// Sum of |F|^2 W_nn: an energy. \[J\]
     merit: f64,
 }
 
 impl<const D: usize> Newton<'_, D> {
-    /// From r to the proximal point of c; whether it was found.
+    /// Moves r to the proximal point of the center; returns true if it was found.
     fn point(
         &mut self,
         r: &mut Vec<[f64; D]>,
@@ -158,9 +163,9 @@ impl<const D: usize> Newton<'_, D> {
                 return false;
             };
             progress.iterations += 1;
-            // W (r + t d) = W r + t W d: a trial costs no product.
+            // W (r + t d) = W r + t W d: a trial needs no matrix product.
             let way = self.image(&direction);
-            // Not always downhill: the highest of the last few is to be undercut.
+            // Nonmonotone line search: a step must undercut the largest recent value.
             let recent = merits.iter().rev().take(RECENT);
             let highest = recent.fold(0.0, |highest: f64, &x| highest.max(x));
             let mut length = 1.0;
@@ -184,7 +189,7 @@ impl<const D: usize> Newton<'_, D> {
             if progress.converged() {
                 return true;
             }
-            // Near enough to the point, compared to the way from the center.
+            // Accurate enough relative to the distance from the center.
             let way: f64 = r
                 .as_flattened()
                 .iter()
@@ -203,12 +208,12 @@ impl<const D: usize> Newton<'_, D> {
         false
     }
 
-    /// W r.
+    /// Returns W r.
     fn image(&self, r: &[[f64; D]]) -> Vec<[f64; D]> {
         (0..r.len()).map(|i| self.blocks.product(i, r)).collect()
     }
 
-    /// At r, with W r in `image`.
+    /// Evaluates the equations at r, with W r in `image`.
     fn equations(
         &self,
         r: &[[f64; D]],
@@ -237,7 +242,7 @@ impl<const D: usize> Newton<'_, D> {
         Equations { rows, rhs, merit }
     }
 
-    /// The solution of the linear equations, refined once.
+    /// Solves the linear equations, with one step of refinement.
     fn direction(&mut self, equations: &Equations<D>, alpha: f64) -> Option<Vec<[f64; D]>> {
         // C (W + alpha) + E = C W + (alpha C + E).
         let shifted = |(by, plus): &(Block<D>, Block<D>)| {
@@ -250,7 +255,7 @@ impl<const D: usize> Newton<'_, D> {
             (*by, plus)
         };
         let rows: Vec<_> = equations.rows.iter().map(shifted).collect();
-        // What open contacts do is known: their impulses end.
+        // The step of an open contact is known: it takes its impulse to 0.
         let open: Vec<bool> = rows.iter().map(|(by, _)| *by == [[0.0; D]; D]).collect();
         self.lu.factor(self.blocks, &rows, &open)?;
         let mut x = vec![[0.0; D]; rows.len()];
@@ -279,7 +284,8 @@ fn along<const D: usize>(r: &[[f64; D]], by: &[[f64; D]], length: f64) -> Vec<[f
     r.iter().zip(by).map(one).collect()
 }
 
-/// F of one contact, C and E of its derivative, and the right side of Newton's equations.
+/// Returns F of one contact, C and E of its derivative, and the right-hand side of Newton's
+/// equations.
 fn contact<const D: usize>(
     r: &[f64; D],
     u: &[f64; D],
