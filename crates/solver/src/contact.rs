@@ -1,4 +1,4 @@
-//! [`Contact`]: a point where two bodies touch.
+//! [`Contact`]: a contact point between two bodies.
 
 use std::ops::Range;
 
@@ -6,60 +6,60 @@ use crate::body::{TwistAxes, all_axes};
 use crate::vector::add_moment;
 use crate::{Cast, Manifold, Mobility, Real, Scalar, Vector, Velocity};
 
-/// The law of a visit, w = v_n - t + epsilon gamma.
+/// Contact law with overlap repair and compliance: w = v_n - t + epsilon gamma.
 pub(crate) const SOFT: u8 = 0;
 
-/// The law without overlap repair and epsilon.
+/// Contact law without overlap repair and compliance.
 pub(crate) const RIGID: u8 = 1;
 
-/// The law without epsilon for contacts that are apart.
+/// Contact law without compliance at contacts that are open.
 pub(crate) const RIGID_APART: u8 = 2;
 
-/// One point of contact. Vectors are in the manifold's frame: component 0 along the normal, the others
+/// A contact point. Vectors are in the manifold's frame: component 0 along the normal, the others
 /// along the tangents.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Contact<T: Real, const L: usize> {
-    /// Where it is, seen from the manifold's center, in the plane of the tangents: component 0 is 0, so that friction
-    /// tilts nothing against that plane. \[m\]
+    /// Offset from the manifold's center, in the plane of the tangents: component 0 is 0, so that
+    /// friction has no moment that tilts the plane. \[m\]
     pub place: Vector<T, L>,
     /// Normal: distance between the surfaces, negative when they overlap (-d of the notes).
-    /// Tangents: how far a has slipped on b since the point began to stick. \[m\]
+    /// Tangents: slip of a on b since the point began to stick. \[m\]
     pub gap: Vector<T, L>,
-    /// The relative velocity wanted after the step. \[m/s\]
+    /// Relative velocity to reach by the end of the step. \[m/s\]
     pub target: Vector<T, L>,
-    /// gamma: the accumulated impulse; along the normal never negative, along the tangents
-    /// never more than mu times that. \[N s\]
+    /// gamma: the accumulated impulse. The normal component is never negative, the tangential ones
+    /// are never larger than mu times the normal one and `impact`. \[N s\]
     pub impulse: Vector<T, L>,
-    /// Impulse of the collisions of this step, apart from `impulse`. \[N s\]
+    /// Impulse of the collisions of this step, not part of `impulse`. \[N s\]
     pub impact: T,
     /// m_eff = 1 / (A_ii + epsilon) along the normal. \[kg\]
     pub effective_mass: T,
-    /// One over the largest eigenvalue of the tangents' block of A. \[kg\]
+    /// 1 / (largest eigenvalue of the tangential block of A). \[kg\]
     pub tangential_mass: T,
-    /// epsilon: normal velocity given way per impulse; 0 is rigid. \[1/kg\]
+    /// epsilon: normal velocity yielded per impulse; 0 is rigid. \[1/kg\]
     pub compliance: T,
-    /// epsilon_T: the same of friction, which the sweeps soften by the same part. \[1/kg\]
+    /// epsilon_T: compliance of friction; the sweeps soften both by the same fraction. \[1/kg\]
     pub tangential_compliance: T,
 }
 
-/// How overlaps and gaps become target velocities ([`System::set_targets`]).
+/// Conversion of overlaps and gaps to target velocities ([`System::set_targets`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repair<T> {
-    /// The step h that the velocities will act for. \[s\]
+    /// Step h over which the velocities act. \[s\]
     pub dt: T,
-    /// c_d h, 0..1: the part of an overlap that one step repairs. \[1\]
+    /// c_d h, 0..1: fraction of an overlap that one step repairs. \[1\]
     pub rate: T,
-    /// Overlap left alone. \[m\]
+    /// Overlap that is not repaired. \[m\]
     pub slop: T,
-    /// Fastest repair. \[m/s\]
+    /// Largest repair velocity. \[m/s\]
     pub push_speed: T,
-    /// Part of its slip by which a sticking point returns per second. \[1/s\]
+    /// Rate at which the slip of a sticking point is undone, per second. \[1/s\]
     pub hold: T,
 }
 
 impl<T: Scalar, const L: usize> Contact<T, L> {
-    /// The same in another number.
+    /// Converts to another number type.
     #[inline(always)]
     pub fn cast<U: Real>(&self) -> Contact<U, L> {
         self.part(0)
@@ -67,7 +67,7 @@ impl<T: Scalar, const L: usize> Contact<T, L> {
 }
 
 impl<T: Real, const L: usize> Contact<T, L> {
-    /// A part of it in another number.
+    /// Converts one [part](Cast::part) to another number type.
     #[inline(always)]
     pub(crate) fn part<U: Real>(&self, index: usize) -> Contact<U, L>
     where
@@ -86,12 +86,13 @@ impl<T: Real, const L: usize> Contact<T, L> {
         }
     }
 
-    /// J_i v: velocity of a against b at this point, from the manifold's twist. \[m/s\]
+    /// Returns J_i v: the velocity of a relative to b at this point, from the manifold's
+    /// twist. \[m/s\]
     #[inline(always)]
     pub fn relative_velocity<const A: usize>(&self, twist: &Velocity<T, L, A>) -> Vector<T, L> {
         let mut u = twist.linear;
         u[0] = self.normal_velocity(twist);
-        // Within the plane: by turning about the normal.
+        // Velocity in the tangent plane from rotation about the normal.
         if A == 3 {
             u[1] -= twist.angular[0] * self.place[2];
             u[2] += twist.angular[0] * self.place[1];
@@ -99,7 +100,8 @@ impl<T: Real, const L: usize> Contact<T, L> {
         u
     }
 
-    /// v_n: the component along the normal, positive when separating. \[m/s\]
+    /// Returns v_n: the normal component of the relative velocity, positive when
+    /// separating. \[m/s\]
     #[inline(always)]
     pub fn normal_velocity<const A: usize>(&self, twist: &Velocity<T, L, A>) -> T {
         twist.at(self.place)[0]
@@ -117,7 +119,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
             wrench.linear[axis] += impulse[axis];
             match axis {
                 0 => add_moment(self.place, 0, impulse[0], &mut wrench.angular),
-                // Within the plane: about the normal.
+                // Moment about the normal from impulses in the tangent plane.
                 1 if A == 3 => wrench.angular[0] -= self.place[2] * impulse[1],
                 2 if A == 3 => wrench.angular[0] += self.place[1] * impulse[2],
                 _ => {}
@@ -125,7 +127,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
         }
     }
 
-    /// J_i^T e: the wrench of a unit impulse along an axis of the frame.
+    /// Returns J_i^T e: the wrench of a unit impulse along an axis of the frame.
     #[inline(always)]
     pub(crate) fn unit_wrench<const A: usize>(&self, axis: usize) -> Velocity<T, L, A> {
         let mut unit = Vector::ZERO;
@@ -135,11 +137,11 @@ impl<T: Real, const L: usize> Contact<T, L> {
         wrench
     }
 
-    /// t: the velocity that the contact should have after the step. `moved` is the twist of what the
-    /// bodies have moved since the gap was measured.
+    /// Sets t: the velocity that the contact should have after the step. `moved` is the twist of
+    /// the bodies' displacements since the gap was measured.
     ///
-    /// Overlap: min(c_d max(0, d - slop), push speed). Gap s: -s/h, so that it closes and no more.
-    /// Slip of a sticking point: -hold slip, which returns it to where it stuck.
+    /// Overlap d: t_n = min(c_d max(0, d - slop), push speed). Gap s: t_n = -s/h, which just closes
+    /// it. Slip of a sticking point: t_T = -hold slip, which returns it to where it stuck.
     #[inline(always)]
     pub fn set_target<const A: usize>(&mut self, moved: &Velocity<T, L, A>, repair: &Repair<T>) {
         let gap = self.gap + self.relative_velocity(moved);
@@ -149,14 +151,14 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.target[0] = gap[0].choose(gap[0] * (-T::ONE / repair.dt), push);
     }
 
-    /// epsilon over A_ii + epsilon: 0 rigid, towards 1 ever softer. \[1\]
+    /// Returns epsilon / (A_ii + epsilon): 0 is rigid, 1 the limit of softness. \[1\]
     #[inline(always)]
     pub fn softness(&self) -> T {
         self.compliance * self.effective_mass
     }
 
-    /// A gap whose slip is no more than what friction, as a spring that gives way like the normal does, can
-    /// hold at the present normal impulse. \[m\]
+    /// Limits the slip in `gap` to what friction can hold at the current normal impulse, as a
+    /// spring as soft as the normal. \[m\]
     #[inline(always)]
     pub fn held_slip(&self, friction: T, hold: T, gap: Vector<T, L>) -> Vector<T, L> {
         let softness = self.softness();
@@ -165,8 +167,8 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.onto_disc(stiffness.choose(limit / stiffness, T::ZERO), gap)
     }
 
-    /// What a unit impulse along axis `i` of the frame adds to the velocity along axis `j`: an entry
-    /// of this contact's block of A. \[1/kg\]
+    /// Returns the velocity along axis `j` of the frame from a unit impulse along axis `i`: an
+    /// entry of this contact's block of A. \[1/kg\]
     #[inline(always)]
     fn entry<const A: usize, const B: usize>(
         &self,
@@ -180,12 +182,15 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.relative_velocity(&twist)[j]
     }
 
-    /// Sets the effective masses from the manifold's mobility, which holds
-    /// m_eff = (m_a^-1 + m_b^-1 + (r_a x n) . W_a (r_a x n) + (r_b x n) . W_b (r_b x n) + epsilon)^-1
-    /// (the notes' rigid m_eff, with I^-1 on r x n). Where nothing can move, they are 0.
+    /// Sets the effective masses and compliances from the manifold's mobility, with
     ///
-    /// `softness` is epsilon over A_ii + epsilon: 0 rigid, towards 1 ever softer; the manifold may
-    /// have it stiffer.
+    /// m_eff = (m_a^-1 + m_b^-1 + (r_a x n) . W_a (r_a x n)
+    ///          + (r_b x n) . W_b (r_b x n) + epsilon)^-1
+    ///
+    /// (the notes' rigid m_eff, with I^-1 applied to r x n). They are 0 if nothing can move.
+    ///
+    /// `softness` is epsilon / (A_ii + epsilon): 0 is rigid, 1 the limit of softness. The
+    /// manifold's compliance limits epsilon.
     #[inline(always)]
     pub fn prepare<const A: usize>(
         &mut self,
@@ -196,7 +201,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.prepare_felt::<A, A>(manifold, mobility, softness);
     }
 
-    /// The same of a point that feels `B` components of turning ([`Manifold::twist_felt`]).
+    /// Prepares a point that depends on `B` components of rotation ([`Manifold::twist_felt`]).
     #[inline(always)]
     pub(crate) fn prepare_felt<const A: usize, const B: usize>(
         &mut self,
@@ -224,8 +229,9 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.tangential_compliance = largest * (softness / (T::ONE - softness));
     }
 
-    /// w = v_n - t + epsilon gamma. A [`RIGID`] contact has neither overlap repair nor epsilon. One that is
-    /// [`RIGID_APART`] has no epsilon while it is apart: bodies do not sink into what they fall on. \[m/s\]
+    /// Returns w = v_n - t + epsilon gamma. A [`RIGID`] contact has neither overlap repair nor
+    /// epsilon. A [`RIGID_APART`] contact has no epsilon while it is open, so that bodies do not
+    /// penetrate those they fall on. \[m/s\]
     #[inline(always)]
     pub(crate) fn excess<const LAW: u8>(&self, v_n: T) -> T {
         let target = self.target[0];
@@ -238,8 +244,8 @@ impl<T: Real, const L: usize> Contact<T, L> {
         }
     }
 
-    /// How far the contact is from its laws: the larger of |min(gamma / m_eff, w)| along the normal and of the
-    /// projection of friction. \[m/s\]
+    /// Returns the residual of the contact laws: the larger of |min(gamma / m_eff, w)| along the
+    /// normal and the residual of the friction projection. \[m/s\]
     #[inline(always)]
     pub(crate) fn residual<const A: usize, const LAW: u8>(
         &self,
@@ -253,8 +259,9 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.effective_mass.choose(normal.max(-normal).max(slip), T::ZERO)
     }
 
-    /// The impulse after a step against the slip velocity, drawn back onto Coulomb's disc of
-    /// radius mu gamma_n (in 2D: an interval). `u` is the relative velocity in the frame.
+    /// Returns the impulse after a step against the slip velocity, projected onto Coulomb's disc of
+    /// radius mu (gamma_n + impact) (in 2D: an interval). `u` is the relative velocity in the
+    /// frame.
     #[inline(always)]
     pub(crate) fn friction_step(&self, friction: T, u: Vector<T, L>) -> Vector<T, L> {
         let mut tangential = self.impulse;
@@ -268,7 +275,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.onto_disc(friction * (self.impulse[0] + self.impact), tangential)
     }
 
-    /// Scales the tangents of `v` down to the disc of this radius.
+    /// Scales the tangential components of `v` down to the disc of this radius.
     #[inline(always)]
     pub(crate) fn onto_disc(&self, radius: T, v: Vector<T, L>) -> Vector<T, L> {
         let mut out = v;

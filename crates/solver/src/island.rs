@@ -1,19 +1,18 @@
-//! Islands: bodies that contacts join, apart from what nothing can move. Each is a problem of its
-//! own.
+//! Islands: sets of movable bodies connected by contacts. Each is an independent problem.
 
 use crate::{InverseMass, Real, System};
 
-/// No island: of bodies that nothing can move, or that touch nothing.
+/// Island of bodies that are fixed or have no contacts: none.
 pub const NONE: u32 = u32::MAX;
 
-/// Which island each body belongs to.
+/// Assignment of bodies to islands.
 #[derive(Clone, Debug, Default)]
 pub struct Islands {
-    /// Islands are numbered in the order of their first bodies.
+    /// Island of each body, or [`NONE`]. Islands are numbered in the order of their first bodies.
     pub of_body: Vec<u32>,
-    /// How many there are.
+    /// Number of islands.
     pub count: usize,
-    /// A body of the same island with a lower index, or the body itself.
+    /// For each body, one of the same island with a lower index, or the body itself.
     parents: Vec<u32>,
 }
 
@@ -23,7 +22,7 @@ impl Islands {
         self.join(&system.masses, system.manifolds.iter().map(|manifold| manifold.bodies));
     }
 
-    /// Finds the islands of bodies with these masses, of which these pairs touch.
+    /// Finds the islands of bodies with these masses, where these pairs touch.
     pub fn join<T: Real, const L: usize, const A: usize>(
         &mut self,
         masses: &[InverseMass<T, L, A>],
@@ -37,7 +36,7 @@ impl Islands {
         self.of_body.resize(bodies, NONE);
         for [a, b] in pairs {
             for body in [a, b].into_iter().filter(|&body| moves(body)) {
-                // Touched: numbered below.
+                // Marks the body as touched; islands are numbered below.
                 self.of_body[body as usize] = 0;
             }
             if moves(a) && moves(b) {
@@ -60,7 +59,7 @@ impl Islands {
         }
     }
 
-    /// The island of a contact between these bodies.
+    /// Returns the island of a contact between these bodies.
     pub fn of_pair(&self, bodies: [u32; 2]) -> u32 {
         let [a, b] = bodies.map(|body| self.of_body[body as usize]);
         a.min(b)
@@ -69,7 +68,7 @@ impl Islands {
     fn root(&mut self, mut body: u32) -> u32 {
         while self.parents[body as usize] != body {
             let parent = self.parents[body as usize];
-            // Halves the way for the next who asks.
+            // Path halving shortens later searches.
             self.parents[body as usize] = self.parents[parent as usize];
             body = self.parents[body as usize];
         }

@@ -1,44 +1,45 @@
-//! Jams: contacts whose targets no velocities can meet.
+//! Jams: contacts whose targets no velocities can reach.
 //!
-//! Bodies wedged between walls that converge, or squeezed into less room than they have: soft
-//! contacts answer everything, and here the answer is the best in the sense of least squares, but
-//! it is no solution. What shows it is a set of forces y >= 0 along the normals that nearly balance
-//! each other, a self-stress, on contacts that are to be opened.
+//! Examples are bodies wedged between converging walls, or squeezed into too little room. Soft
+//! contacts always have a response. Here it is the best one in the least-squares sense, but no
+//! solution. The evidence is a self-stress: normal forces y >= 0 that nearly balance each other, on
+//! contacts that should open.
 //!
 //! # The bound
 //!
-//! Let y >= 0 be any such forces, v the velocities at hand and v' any that meet all targets,
-//! J v' >= t. Then y . J (v' - v) >= y . (t - J v), and by the inequality of Cauchy and Schwarz
+//! Let y >= 0 be any such forces, v the current velocities and v' any velocities that reach all
+//! targets, J v' >= t. Then y . J (v' - v) >= y . (t - J v), and by the Cauchy-Schwarz inequality
 //!
 //! |v' - v|_M >= y . (t - J v) / |J^T y|_M^-1.
 //!
-//! Balanced forces, J^T y = 0, mean that there is no v' at all (Farkas' lemma;
-//! `assembled::jam` has that proof for matrices). The bound says as much for numbers that are
-//! rounded: to meet the targets the bodies would have to change their velocities by more than
-//! anything here does.
+//! Balanced forces, J^T y = 0, mean that no v' exists (Farkas' lemma; `assembled::jam` has that
+//! proof for matrices). With rounded numbers the bound says that the bodies would have to change
+//! their velocities by more than anything here does.
 //!
-//! The best y is what is left of the targets at their least squares, (t - J v)+ at the v that makes
-//! its length least, since there its J^T y is 0. That is the impulse of very stiff contacts without
-//! friction, which [`newton`] finds. Friction makes no jam: it does not act along normals.
+//! The best y is the least-squares residual of the targets, (t - J v)+ at the v that minimizes its
+//! length, because there J^T y is 0. It equals the impulses of very stiff contacts without
+//! friction, which [`newton`] finds. Friction does not jam: it does not act along normals.
 
 use crate::island::Islands;
 use crate::part::SubSystem;
 use crate::solution::Goal;
 use crate::{InverseMass, Scalar, System, Vector, Velocity, newton};
 
-/// A change of velocity so many times what the contacts ask for is no answer. \[1\]
+/// A bound on the change of velocity beyond this multiple of the largest missing velocity is a
+/// jam. \[1\]
 const BEYOND: f64 = 1e3;
-/// The same from the impulses at hand, for a closer look to be worth it. \[1\]
+/// Such a multiple, for the current impulses, beyond which an island is examined closely. \[1\]
 const SUSPECT: f64 = 3.0;
-/// Softness of the contacts that are as good as rigid. \[1\]
+/// Softness of practically rigid contacts. \[1\]
 const STIFF: f64 = 1e-7;
-/// Newton steps at most.
+/// Largest number of Newton steps.
 const BUDGET: usize = 40;
-/// Manifolds of an island that are looked at closely, at most: so a search costs no more than a step, whatever the size
-/// of the island. Of a larger one those are looked at which are nearest to what misses its target by most. Forces that
-/// nearly balance there are proof for the whole.
+/// Largest number of manifolds of an island that are examined closely, so that a search costs no
+/// more than a step, whatever the size of the island. In a larger island these are the nearest to
+/// the one that misses its target most. Forces that nearly balance there prove a jam of the whole
+/// island.
 const MOST: usize = 16;
-/// The same of all islands in a call.
+/// Largest number of manifolds examined closely in one call.
 const ALL: usize = 64;
 
 /// Contacts that jam.
@@ -47,22 +48,23 @@ const ALL: usize = 64;
 pub struct Jam {
     /// Indices into [`System::contacts`].
     pub contacts: Vec<u32>,
-    /// Their bodies, in order, fixed ones included.
+    /// Their bodies in ascending order, fixed ones included.
     pub bodies: Vec<u32>,
-    /// How much slower than their targets these contacts separate, the mean weighted by the
-    /// self-stress. \[m/s\]
+    /// Speed by which these contacts miss their targets, mean weighted by the self-stress. \[m/s\]
     pub missing: f64,
-    /// What the bodies would at least have to change their velocities by to meet all targets, root
-    /// mean square by mass; infinite if nothing does. \[m/s\]
+    /// Smallest change of the bodies' velocities that would reach all targets, root mean square
+    /// weighted by mass; infinite if none does. \[m/s\]
     pub least_change: f64,
 }
 
-/// The jams of a solved system, one at most for each island. Looks only at islands with a contact
-/// that misses its target by more than `limit` \[m/s\], and where impulses at hand hint at a
-/// self-stress; so costs one pass over the contacts where all is well.
+/// Finds the jams of a solved system, at most one per island.
 ///
-/// Looks closely at a bounded number of manifolds, and so not at all islands in one call where many may be jammed:
-/// the first is the one of this `turn`.
+/// Examines only islands with a contact that misses its target by more than `limit` \[m/s\], and
+/// where the current impulses hint at a self-stress. Without these it costs one pass over the
+/// contacts.
+///
+/// A call examines a bounded number of manifolds, so with many suspect islands it does not reach
+/// all. `turn` selects the island to begin with.
 pub fn find<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
     islands: &mut Islands,
@@ -101,7 +103,8 @@ pub fn find<T: Scalar, const L: usize, const A: usize>(
     jams
 }
 
-/// Of these manifolds the one that is `missing` most \[m/s\] and those that touch its bodies, and so on, in their order.
+/// Returns the manifold with the largest `missing` \[m/s\] among `own`, those that touch its
+/// bodies, the neighbors of these, and so on, in the order of `own`.
 fn around_worst<T: Scalar, const L: usize, const A: usize>(
     whole: &System<T, L, A>,
     own: &[usize],
@@ -117,7 +120,7 @@ fn around_worst<T: Scalar, const L: usize, const A: usize>(
     let mut inside = vec![false; whole.velocities.len()];
     let enter = |inside: &mut Vec<bool>, at: usize| {
         for body in whole.manifolds[own[at]].bodies {
-            // All touch the floor.
+            // Fixed bodies do not count as neighbors: most contacts touch the floor.
             inside[body as usize] |= whole.masses[body as usize] != InverseMass::FIXED;
         }
     };
@@ -125,7 +128,7 @@ fn around_worst<T: Scalar, const L: usize, const A: usize>(
     taken[worst] = true;
     enter(&mut inside, worst);
     loop {
-        // Those that touch what was there before this round.
+        // Manifolds that touch a body found before this round.
         let before = inside.clone();
         let start = count;
         for at in 0..own.len() {
@@ -144,16 +147,17 @@ fn around_worst<T: Scalar, const L: usize, const A: usize>(
     own.iter().zip(taken).filter_map(|(&index, taken)| taken.then_some(index)).collect()
 }
 
-/// An island by itself, without friction.
+/// An island as a system of its own, without friction.
 struct Suspect<const L: usize, const A: usize> {
     system: System<f64, L, A>,
-    /// Which of the whole system its contacts and bodies are.
+    /// Indices of its contacts and bodies in the whole system.
     contacts: Vec<u32>,
     bodies: Vec<u32>,
 }
 
 impl<const L: usize, const A: usize> Suspect<L, A> {
-    /// That of an island, or the part of a large one where manifolds are `missing` most. \[m/s\]
+    /// Copies an island, or the part of a large one around the manifold with the largest
+    /// `missing` \[m/s\].
     fn new<T: Scalar>(
         whole: &System<T, L, A>,
         islands: &Islands,
@@ -189,7 +193,7 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
         }
         stiff.prepare(STIFF);
         newton::solve(&mut stiff, &Goal { tolerance: 1e-9 * demand, budget: BUDGET });
-        // The fewest contacts that do are the ones to name.
+        // Reports as few contacts as prove the jam.
         [1e-3, 0.0].into_iter().find_map(|least| {
             let stress = self.stress(&stiff, least);
             let change = self.bound(&stress, &missing);
@@ -197,7 +201,7 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
         })
     }
 
-    /// t - J v of each contact. \[m/s\]
+    /// Returns t - J v of each contact. \[m/s\]
     fn missing(&self) -> Vec<f64> {
         let mut missing = Vec::with_capacity(self.system.contacts.len());
         for manifold in &self.system.manifolds {
@@ -208,8 +212,8 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
         missing
     }
 
-    /// The normal impulses of `solved`, the largest being 1; those below `least` are left out, and
-    /// those of contacts where nothing can move.
+    /// Returns the normal impulses of `solved`, scaled to a maximum of 1. Those up to `least`, and
+    /// those of contacts that nothing can move, are 0.
     fn stress(&self, solved: &System<f64, L, A>, least: f64) -> Vec<f64> {
         let normal = |i: usize| {
             let contact = &solved.contacts[i];
@@ -220,8 +224,8 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
         (0..solved.contacts.len()).map(|i| if part(i) > least { part(i) } else { 0.0 }).collect()
     }
 
-    /// The least change of velocities that the forces y prove, root mean square by the mass of the
-    /// bodies that they press. \[m/s\]
+    /// Returns the smallest change of velocity that the forces y prove, root mean square weighted
+    /// by the mass of the bodies that they press. \[m/s\]
     fn bound(&self, y: &[f64], missing: &[f64]) -> f64 {
         let system = &self.system;
         let mut moved = vec![Velocity::ZERO; system.velocities.len()];
@@ -242,7 +246,7 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
             manifold.apply(&wrench, &masses, &mut a, &mut b);
             (moved[i], moved[j]) = (a, b);
         }
-        // |J^T y|^2 by M^-1, as y . J (M^-1 J^T y).
+        // |J^T y|^2 in the metric M^-1, computed as y . J (M^-1 J^T y).
         let mut left = 0.0;
         for manifold in &system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &moved[body as usize]);

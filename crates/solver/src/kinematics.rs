@@ -1,39 +1,41 @@
-//! Kinematics of a contact: how its arms and its frame move while its bodies turn.
+//! Kinematics of a contact: motion of its arms and its frame while its bodies rotate.
 //!
-//! J holds where the bodies were when contacts were searched for. Kept for a whole step, an arm r that
-//! turns with its body pulls too late: what rocks or rolls gains energy in each step, however short the
-//! substeps are. So J is renewed after each substep, from the displacements of the bodies alone.
+//! J is computed at the poses of the contact search. If it is kept for a whole step, an arm r that
+//! rotates with its body acts too late: rocking and rolling bodies gain energy in each step,
+//! however short the substeps are. Therefore J is updated after each substep, from the
+//! displacements of the bodies alone.
 //!
-//! Each surface has a center of curvature, which moves with its body: a corner or a face at distance
-//! 0, the center of a ball at distance R. With the arms c of both centers, the rotation vectors theta
-//! and the displacements d of a substep,
+//! Each surface has a center of curvature, which moves with its body: a corner or a face at
+//! distance 0, the center of a ball at distance R. With the arms c of both centers, the rotation
+//! vectors theta and the displacements d of a substep,
 //!
 //! c' = R(theta) c,   gap' = n' . (x_a' + c_a' - x_b' - c_b') - R_a - R_b,
 //!
-//! where n turns with the body that has the face, or stays along the line of the centers. J d is the
-//! first order of gap' - gap; the rest is the bend, (h^2 / 2) kappa with kappa the curvature of the
-//! path. Targets that know it let a body go round without being lifted or let down.
+//! where n rotates with the body that has the face, or stays along the line of the centers. J d is
+//! the first-order part of gap' - gap. The rest is the bend, (h^2 / 2) kappa with kappa the
+//! curvature of the path. Targets that include it let a body roll without being lifted or lowered.
 //!
 //! Positions are solved with J before the motion, velocities ([`relax`](crate::pgs::relax)) with J
-//! after it, as in RATTLE: H. C. Andersen, "Rattle: a velocity version of the Shake algorithm", 1983.
+//! after it, as in RATTLE: H. C. Andersen, "Rattle: a velocity version of the Shake
+//! algorithm", 1983.
 
 use crate::vector::spin;
 use crate::{Contact, Manifold, Real, Vector, Velocity, moment};
 
-/// Slower rotations renew nothing. \[rad/s\]
+/// Slower rotations do not update J. \[rad/s\]
 ///
-/// Below it an arm may lag behind its body by a step. A body that rocks this slowly at 10 rad/s has an amplitude of
-/// 0.002 rad. A heap that is all but at rest turns more slowly.
+/// Below it an arm may lag behind its body by a step. A body that rocks this slowly at 10 rad/s has
+/// an amplitude of 0.002 rad. A heap that is nearly at rest rotates more slowly.
 pub const LEAST_SPIN: f32 = 0.02;
 
-/// Bodies that turn faster get M^-1 of where they are. \[rad per substep\]
+/// Faster rotations update M^-1 to the current orientation. \[rad per substep\]
 pub const FAST_TURN: f32 = 5e-3;
 
-/// Contacts that have turned by more than this since they were found are left as they are: other
-/// corners touch by then. \[rad\]
+/// Contacts that have rotated by more than this since they were found are not updated: by then
+/// other corners touch. \[rad\]
 const MOST_TURN: f64 = 0.2;
 
-/// R(theta) r - r, by Cayley's map with its angle right to the fourth order.
+/// Returns R(theta) r - r by Cayley's map, whose angle is exact to fourth order.
 #[inline(always)]
 fn turn<T: Real, const L: usize, const A: usize>(
     theta: Vector<T, A>,
@@ -46,33 +48,39 @@ fn turn<T: Real, const L: usize, const A: usize>(
     (across + spin(half, across)) * scale
 }
 
-/// Where a manifold is after a displacement of its bodies.
+/// A manifold after a displacement of its bodies.
 pub(crate) struct Moved<T: Real, const L: usize> {
     pub(crate) frame: [Vector<T, L>; L],
     pub(crate) arms: [Vector<T, L>; 2],
-    /// What its gap has changed by beyond J d. \[m\]
+    /// Change of its gap beyond J d. \[m\]
     pub(crate) bend: T,
 }
 
 impl<T: Real, const L: usize> Manifold<T, L> {
-    /// Radii from the centers of curvature to the center of the manifold, where surfaces are `gap` apart. It is on the
-    /// surface that moves with the points: where a face of a carries the normal on that of b, else on that of a, across
-    /// edges midway. \[m\]
+    /// Returns the distances from the centers of curvature to the manifold's center, for surfaces
+    /// `gap` apart. \[m\]
+    ///
+    /// The center lies on the surface that moves with the points: on that of b if a face of a
+    /// carries the normal, else on that of a; across two edges it lies midway.
     #[inline(always)]
     fn radii_across(&self, gap: T) -> [T; 2] {
         let of_a = self.normal_share[0];
         [self.radii[0] + gap * of_a, self.radii[1] + gap * (T::ONE - of_a)]
     }
 
-    /// The arms of the centers of curvature. \[m\]
+    /// Returns the arms of the centers of curvature. \[m\]
     #[inline(always)]
     fn cores(&self, [of_a, of_b]: [T; 2]) -> [Vector<T, L>; 2] {
         let normal = self.normal();
         [self.arms[0] + normal * of_a, self.arms[1] - normal * of_b]
     }
 
-    /// A positive number if either body, which has moved for `dt` \[s\], turns faster than [`LEAST_SPIN`], and an arm or
-    /// the normal with it: those of a ball do not. `gap` is that of its center, as J has it.
+    /// Returns a positive number if the motion of a body requires an update of J. That is a
+    /// rotation faster than [`LEAST_SPIN`] that turns an arm or the normal; those of a ball do not
+    /// turn.
+    ///
+    /// `moved` are the displacements in the time `dt` \[s\]; `gap` is that at the manifold's
+    /// center, as in J.
     #[inline(always)]
     pub(crate) fn turns<const A: usize>(&self, gap: T, moved: [&Velocity<T, L, A>; 2], dt: T) -> T {
         let cores = self.cores(self.radii_across(gap));
@@ -87,9 +95,11 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         by(0).max(by(1)) - least
     }
 
-    /// A positive number while its arms and its normal have turned by less than [`MOST_TURN`] in all
-    /// that its bodies have moved since it was found. The arm of a ball to its center does not turn. `gap` is that of its
-    /// center, as J has it.
+    /// Returns a positive number if the arms and the normal have rotated by less than [`MOST_TURN`]
+    /// since the manifold was found.
+    ///
+    /// The arm of a ball's center does not count. The arguments are the displacements since then,
+    /// and the gap at the manifold's center, as in J.
     #[inline(always)]
     pub(crate) fn holds<const A: usize>(&self, gap: T, [a, b]: [&Velocity<T, L, A>; 2]) -> T {
         let normal = self.normal();
@@ -101,13 +111,13 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         let cores = self.cores(self.radii_across(gap));
         let carried = a.angular * self.normal_share[0] + b.angular * self.normal_share[1];
         let arms = left(a.angular, cores[0]).min(left(b.angular, cores[1]));
-        // A core in the center of mass has no arm.
+        // A center of curvature in the center of mass has no arm.
         (arms + T::from_f64(1e-12)).min(left(carried, normal))
     }
 
-    /// The manifold after its bodies have moved by `moved` \[m, rad\], where surfaces at its center
-    /// are `gap` \[m\] apart. Its tangents follow the `twist` part of the spin of the body that has
-    /// the points.
+    /// Returns the manifold after the displacements \[m, rad\] of its bodies, for surfaces
+    /// `gap` \[m\] apart at its center. Its tangents follow the fraction `twist` of the spin of the
+    /// body that has the points.
     #[inline(always)]
     pub(crate) fn moved<const A: usize>(
         &self,
@@ -157,8 +167,10 @@ impl<T: Real, const L: usize> Manifold<T, L> {
 }
 
 impl<T: Real, const L: usize> Contact<T, L> {
-    /// Measures the gap from a renewed J: `before` and `after` are the twists of what the bodies have
-    /// moved since it was measured, by J before, with the bend, and by J after.
+    /// Recomputes the gap for an updated J, so that gap + J d stays the same.
+    ///
+    /// `before` is the twist of the displacements since the gap was measured, by the old J and with
+    /// the bend; `after` is their twist by the new J.
     #[inline(always)]
     pub(crate) fn renew<const A: usize>(
         &mut self,
@@ -190,8 +202,8 @@ mod tests {
         }
     }
 
-    /// A ball with its mass beside its center, rolled on a floor without slip: the center of the ball goes
-    /// straight on, the gap stays, and the point is below the center.
+    /// A ball with its center of mass off its center rolls on a floor without slip. Its center
+    /// moves straight, the gap stays the same, and the contact point is below the center.
     #[test]
     fn what_rolls_stays_on_the_floor() {
         let (radius, beside) = (0.5, Vector([0.2, 0.1]));
@@ -213,7 +225,7 @@ mod tests {
         }
     }
 
-    /// J d and the bend are the change of the gap as it is, and arms meet in one place.
+    /// J d plus the bend equals the actual change of the gap, and both arms end at the same point.
     #[test]
     fn the_bend_is_what_j_leaves_out() {
         for normal_share in AXES {

@@ -1,9 +1,9 @@
-//! [`Manifold`]: what the points have in common where two bodies touch.
+//! [`Manifold`]: the contact points of two bodies, with their common frame and arms.
 //!
-//! All that its points feel is one motion, of one body against the other: a twist, L + A numbers. All
-//! that they do to the bodies is one wrench of as many. So a visit turns the velocities of the bodies
-//! into a twist once, and gives the sum of the impulses back once; in between it is among few
-//! numbers, whose response to impulses is the [`Mobility`](crate::Mobility). Twist and wrench:
+//! The points see one relative motion of the two bodies: a twist, L + A numbers. They act on the
+//! bodies by one wrench of the same size. A visit therefore converts the velocities to a twist
+//! once, and applies the summed impulses once. In between it uses the
+//! [`Mobility`](crate::Mobility), the response of the twist to a wrench. Twist and wrench:
 //! Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 2.
 
 use std::ops::Range;
@@ -11,37 +11,39 @@ use std::ops::Range;
 use crate::body::{TwistAxes, all_axes};
 use crate::{Cast, InverseMass, Real, Scalar, SymmetricMatrix, Vector, Velocity, moment};
 
-/// What the points of a manifold share.
+/// Quantities shared by the points of a manifold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Manifold<T: Real, const L: usize> {
-    /// The contact frame, orthonormal and right-handed: the normal n first, from b towards a, then
+    /// The contact frame, orthonormal and right-handed: first the normal n, from b towards a, then
     /// the tangents.
     pub frame: [Vector<T, L>; L],
-    /// From the centers of mass of a and b to the manifold's center, which may be any place near its
-    /// points. \[m\]
+    /// Vectors from the centers of mass of a and b to the manifold's center, which may be any point
+    /// near its contact points. \[m\]
     pub arms: [Vector<T, L>; 2],
     /// Coulomb coefficient mu. \[1\]
     pub friction: T,
     /// Restitution c_r, 0..1. \[1\]
     pub restitution: T,
-    /// The largest epsilon of its points; by default infinite. \[1/kg\]
+    /// Upper limit of epsilon of its points; infinite by default. \[1/kg\]
     pub compliance: T,
-    /// Radii of curvature of the surfaces of a and b at the contact; 0 for what is flat or sharp. \[m\]
+    /// Radii of curvature of the surfaces of a and b at the contact; 0 for a flat or sharp
+    /// one. \[m\]
     pub radii: [T; 2],
-    /// Parts of the rotation of a and b that the normal follows: (1, 0) on a face of a, (0, 1) on a
-    /// face of b, (1/2, 1/2) across two edges, (0, 0) along the line of two centers of curvature. \[1\]
+    /// Fractions of the rotations of a and b that the normal follows: (1, 0) on a face of a, (0, 1)
+    /// on a face of b, (1/2, 1/2) across two edges, (0, 0) along the line through two centers of
+    /// curvature. \[1\]
     pub normal_share: [T; 2],
-    /// The bodies a and b, indices into [`System::velocities`](crate::System::velocities).
+    /// Bodies a and b, as indices into [`System::velocities`](crate::System::velocities).
     pub bodies: [u32; 2],
-    /// The first of its points in [`System::contacts`](crate::System::contacts).
+    /// Index of its first point in [`System::contacts`](crate::System::contacts).
     pub first: u32,
-    /// How many points it has.
+    /// Number of its points.
     pub count: u32,
 }
 
 impl<T: Real, const L: usize> Default for Manifold<T, L> {
-    /// Without friction, bounce or points.
+    /// Returns a manifold without friction, restitution or points.
     fn default() -> Self {
         Self {
             bodies: [0, 0],
@@ -59,7 +61,7 @@ impl<T: Real, const L: usize> Default for Manifold<T, L> {
 }
 
 impl<T: Scalar, const L: usize> Manifold<T, L> {
-    /// The same in another number.
+    /// Converts to another number type.
     #[inline(always)]
     pub fn cast<U: Real>(&self) -> Manifold<U, L> {
         self.part(0)
@@ -67,7 +69,7 @@ impl<T: Scalar, const L: usize> Manifold<T, L> {
 }
 
 impl<T: Real, const L: usize> Manifold<T, L> {
-    /// A part of it in another number.
+    /// Converts one [part](Cast::part) to another number type.
     #[inline(always)]
     pub(crate) fn part<U: Real>(&self, index: usize) -> Manifold<U, L>
     where
@@ -91,19 +93,19 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         }
     }
 
-    /// The unit normal n, from b towards a.
+    /// Returns the unit normal n, from b towards a.
     #[inline(always)]
     pub fn normal(&self) -> Vector<T, L> {
         self.frame[0]
     }
 
-    /// Where its points are in the contacts of its system.
+    /// Returns the range of its points in the contacts of its system.
     #[inline(always)]
     pub fn points(&self) -> std::ops::Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
 
-    /// Components of a world vector along the frame: normal first.
+    /// Returns the components of a world vector along the frame, normal first.
     #[inline(always)]
     pub fn to_frame(&self, world: Vector<T, L>) -> Vector<T, L> {
         let mut components = Vector::ZERO;
@@ -113,13 +115,13 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         components
     }
 
-    /// The world vector with these components along the frame.
+    /// Returns the world vector with these components along the frame.
     #[inline(always)]
     pub fn to_world(&self, components: Vector<T, L>) -> Vector<T, L> {
         self.sum_along(0..L, components)
     }
 
-    /// The same, from some of the components.
+    /// Returns the world vector of some of the components.
     #[inline(always)]
     fn sum_along(&self, axes: Range<usize>, components: Vector<T, L>) -> Vector<T, L> {
         let mut world = Vector::NEG_ZERO;
@@ -129,7 +131,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         world
     }
 
-    /// A rotation vector or a moment, given in world axes, in those of the frame.
+    /// Converts a rotation vector or a moment from world axes to those of the frame.
     pub fn turning<const A: usize>(&self, world: Vector<T, A>) -> Vector<T, A> {
         if A != L {
             return world;
@@ -143,7 +145,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         out
     }
 
-    /// The same the other way round.
+    /// Converts a rotation vector or a moment from the axes of the frame to world axes.
     pub fn turning_in_world<const A: usize>(&self, own: Vector<T, A>) -> Vector<T, A> {
         if A != L {
             return own;
@@ -157,7 +159,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         out
     }
 
-    /// An inverse inertia \[1/(kg m^2)\], given in world axes, in those of the frame.
+    /// Converts an inverse inertia \[1/(kg m^2)\] from world axes to those of the frame.
     #[inline(always)]
     pub(crate) fn tensor<const A: usize>(
         &self,
@@ -175,13 +177,14 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         world.seen_from(&axes)
     }
 
-    /// r_a and r_b of a point at this place: the point minus the centers of mass. \[m\]
+    /// Returns r_a and r_b of a point at the offset `place` from the center: the vectors to it from
+    /// the centers of mass. \[m\]
     pub fn anchors(&self, place: Vector<T, L>) -> [Vector<T, L>; 2] {
         self.arms.map(|arm| arm + self.to_world(place))
     }
 
-    /// How a moves against b, seen from the center in the frame. A point at the place s has the relative
-    /// velocity [`Velocity::at`] s.
+    /// Returns the velocity of a relative to b at the center, in the frame. A point at the offset s
+    /// has the relative velocity [`Velocity::at`] s.
     #[inline(always)]
     pub fn twist<const A: usize>(
         &self,
@@ -191,8 +194,8 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         self.twist_felt(a, b)
     }
 
-    /// The same as far as its points feel it: `B` is `A`, or 0 for a point in the center, where no turning is
-    /// felt.
+    /// Returns the twist as far as its points depend on it. `B` is `A`, or 0 for a single point at
+    /// the center, which does not depend on rotation.
     #[inline(always)]
     pub(crate) fn twist_felt<const A: usize, const B: usize>(
         &self,
@@ -213,14 +216,15 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         Velocity { linear: self.to_frame(a.at(self.arms[0]) - b.at(self.arms[1])), angular }
     }
 
-    /// J^T of a wrench, the sum of impulses and of their moments about the center, in the frame: the
-    /// momenta that a gains and b loses. \[N s, N m s\]
+    /// Returns J^T of a wrench: the momenta that a gains and b loses. The wrench is the sum of the
+    /// impulses and of their moments about the center, in the frame. \[N s, N m s\]
     #[inline(always)]
     pub fn momenta<const A: usize>(&self, wrench: &Velocity<T, L, A>) -> [Velocity<T, L, A>; 2] {
         self.momenta_of(&all_axes::<L, A>(), wrench)
     }
 
-    /// The same, from some of the components. The points give `B` moments: `A`, or 0 if they are in the center.
+    /// Returns the momenta from some components of a wrench. It has `B` moments: `A`, or 0 for a
+    /// single point at the center.
     #[inline(always)]
     fn momenta_of<const A: usize, const B: usize>(
         &self,
@@ -245,7 +249,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         ]
     }
 
-    /// v += M^-1 J^T of a wrench.
+    /// Applies a wrench to the velocities: v += M^-1 J^T wrench.
     #[inline(always)]
     pub fn apply<const A: usize>(
         &self,
@@ -257,7 +261,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         self.apply_of(&all_axes::<L, A>(), wrench, masses, a, b);
     }
 
-    /// The same, from some of the components.
+    /// Applies some components of a wrench to the velocities.
     #[inline(always)]
     pub(crate) fn apply_of<const A: usize, const B: usize>(
         &self,
@@ -273,7 +277,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     }
 }
 
-/// An orthonormal frame with `normal` first; equal normals give equal frames.
+/// Returns an orthonormal frame with `normal` first; equal normals give equal frames.
 #[inline(always)]
 pub fn contact_frame<T: Real, const L: usize>(normal: Vector<T, L>) -> [Vector<T, L>; L] {
     let mut frame = [normal; L];
@@ -283,7 +287,8 @@ pub fn contact_frame<T: Real, const L: usize>(normal: Vector<T, L>) -> [Vector<T
             frame[1][1] = normal[0];
         }
         3 => {
-            // The axis least along the normal, made orthogonal to it.
+            // Start from the axis least aligned with the normal, and make it orthogonal to the
+            // normal.
             let (mut axis, mut least) = (Vector::ZERO, normal[0] * normal[0]);
             axis[0] = T::ONE;
             for i in 1..L {

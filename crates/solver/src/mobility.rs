@@ -1,24 +1,24 @@
-//! [`Mobility`]: what impulses at a manifold do to the motion of its two bodies against each other.
+//! [`Mobility`]: response of the relative motion of two bodies to impulses at their manifold.
 
 use crate::body::{TwistAxes, all_axes};
 use crate::vector::{add_moment, spin};
 use crate::{InverseMass, Manifold, Real, SymmetricMatrix, Vector, Velocity};
 
-/// K = J M^-1 J^T of a manifold's center: the twist that a wrench gives ([`Manifold::twist`]). Its points'
-/// blocks of A are this, seen from their places.
+/// K = J M^-1 J^T at a manifold's center: maps a wrench to the twist that it produces
+/// ([`Manifold::twist`]). Transformed to the offsets of the points it gives their blocks of A.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Mobility<T: Real, const L: usize, const A: usize> {
-    /// Velocity of the center from impulses. \[1/kg\]
+    /// Velocity of the center per impulse. \[1/kg\]
     pub(crate) linear: SymmetricMatrix<T, L>,
-    /// Velocity of the center along an axis from moments, and turning from impulses along it.
-    /// \[1/(kg m)\]
+    /// Velocity of the center along an axis per moment; also rotation per impulse along that
+    /// axis. \[1/(kg m)\]
     pub(crate) cross: CrossBlock<T, L, A>,
-    /// Turning from moments. \[1/(kg m^2)\]
+    /// Rotation per moment. \[1/(kg m^2)\]
     pub(crate) angular: SymmetricMatrix<T, A>,
 }
 
-/// L rows of A.
+/// An L x A matrix, stored by rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(transparent)]
 pub(crate) struct CrossBlock<T, const L: usize, const A: usize>([Vector<T, A>; L]);
@@ -29,12 +29,12 @@ impl<T: Real, const L: usize, const A: usize> Default for CrossBlock<T, L, A> {
     }
 }
 
-/// An impulse along the normal that moves its center by less than this part of what it could by turning the bodies
-/// moves nothing: the moment r x n of a ball of infinite mass is rounding. \[1\]
+/// Normal mobilities below this fraction of trace(W) |arm|^2, summed over both bodies, count as
+/// zero. For a ball of infinite mass the moment r x n is only rounding error. \[1\]
 const ROUNDING: f64 = 1e-11;
 
 impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
-    /// Of a manifold between bodies of these inverse masses.
+    /// Returns the mobility of a manifold between bodies of these inverse masses.
     #[inline(always)]
     pub fn of(manifold: &Manifold<T, L>, masses: &[InverseMass<T, L, A>; 2]) -> Self {
         let mut mobility = Self::default();
@@ -42,8 +42,8 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
         mobility
     }
 
-    /// Becomes that of a manifold between bodies of these inverse masses, as far as points have to do with it that
-    /// feel `B` components of turning ([`Manifold::twist_felt`]); the rest is what it was.
+    /// Sets the part of the mobility that points need which depend on `B` components of rotation
+    /// ([`Manifold::twist_felt`]). The other parts do not change.
     #[inline(always)]
     pub(crate) fn set_felt<const B: usize>(
         &mut self,
@@ -66,7 +66,8 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
         *normal = (*normal - turning * T::from_f64(ROUNDING)).choose(*normal, T::ZERO);
     }
 
-    /// A body of this inverse mass and inertia, seen in the frame from its center of mass.
+    /// Adds a body of this inverse mass and inertia, with the arm from its center of mass, in the
+    /// frame.
     #[inline(always)]
     fn add_body<const B: usize>(
         &mut self,
@@ -74,7 +75,7 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
         angular: SymmetricMatrix<T, A>,
         arm: Vector<T, L>,
     ) {
-        // A moment about axis k turns the body at W e_k, and so moves the center at W e_k x arm.
+        // A moment about axis k gives the rotation W e_k, which moves the center at W e_k x arm.
         let mut cross = [Vector::<T, A>::ZERO; L];
         for k in 0..A {
             let mut turned = Vector::<T, A>::ZERO;
@@ -103,7 +104,7 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
         }
     }
 
-    /// The twist that a wrench gives.
+    /// Returns the twist that a wrench produces.
     #[inline(always)]
     pub fn twist(&self, wrench: &Velocity<T, L, A>) -> Velocity<T, L, A> {
         let mut twist = Velocity::NEG_ZERO;
@@ -111,8 +112,8 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
         twist
     }
 
-    /// Adds to the components `to` of a twist what the components `from` of a wrench give them; they have `B` of
-    /// turning and of moments ([`Manifold::twist_felt`]).
+    /// Adds to the components `to` of a twist the response to the components `from` of a wrench.
+    /// Both have `B` angular components ([`Manifold::twist_felt`]).
     #[inline(always)]
     pub(crate) fn add<const B: usize>(
         &self,

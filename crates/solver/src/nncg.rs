@@ -1,17 +1,20 @@
-//! Nonsmooth nonlinear conjugate gradients (Silcowitz-Hansen, Niebe and Erleben 2010): what a sweep
-//! changes is taken for a gradient, and sweeps are continued along conjugate directions.
+//! Nonsmooth nonlinear conjugate gradients, NNCG (Silcowitz-Hansen, Niebe and Erleben 2010). The
+//! change of the impulses in a sweep serves as a gradient, and sweeps continue along conjugate
+//! directions.
 //!
-//! With r' = sweep(r) the gradient is g = r - r'. If it has not grown, the next sweep starts from
-//! r' + beta p with beta = |g|^2 / |g of before|^2 (Fletcher and Reeves) and p <- beta p - g; if it
-//! has, from r' with p = 0. Sweeps project onto the cones again, so no step need be safe.
+//! With r' = sweep(r) the gradient is g = r - r'. If |g| has not grown, the next sweep starts from
+//! r' + beta p with beta = |g|^2 / |g_before|^2 (Fletcher and Reeves) and p <- beta p - g. If it
+//! has grown, it starts from r' with p = 0. Each sweep projects onto the cones again, so an
+//! extrapolated start outside them does no harm.
 //!
-//! The paper's sweep is symmetric, forward and back, as conjugate gradients ask of a preconditioner. One
-//! sweep forward needs a few more iterations, each of half the cost. And no contact is asked for the
-//! velocities that go with p: w = M^-1 J^T p is a number of each body, and known, since a sweep changes
-//! its velocity by -M^-1 J^T g.
+//! The paper's sweep is symmetric, forward and back, as conjugate gradients require of a
+//! preconditioner. One forward sweep needs a few more iterations, each of half the cost. The
+//! velocities that go with p need no pass over the contacts: w = M^-1 J^T p is kept per body, since
+//! a sweep changes the body's velocity by -M^-1 J^T g.
 //!
-//! Cost of an iteration: a sweep and a pass over the bodies. Place: stacks and mass ratios, about 4 n
-//! iterations for n bodies in a chain, with no matrix at all. No proof: the best iterate is kept.
+//! Cost of an iteration: a sweep and a pass over the bodies. Use: stacks and mass ratios; about 4 n
+//! iterations for n bodies in a chain, without a matrix. Convergence is not proven: the best
+//! iterate is kept.
 
 use crate::pgs::sweep;
 use crate::solution::{self, Goal, Solution};
@@ -52,21 +55,22 @@ pub fn solve<const L: usize, const A: usize>(
     })
 }
 
-/// |g|^2 of a contact, in the metric of its effective mass, so that heavy and light bodies count
-/// alike.
+/// Returns |g|^2 of a contact in the metric of its effective mass, so that heavy and light bodies
+/// count alike.
 #[inline(always)]
 pub(crate) fn size<T: Real, const L: usize>(contact: &Contact<T, L>, before: Vector<T, L>) -> T {
     let g = before - contact.impulse;
     contact.effective_mass.choose(g.dot(g) / contact.effective_mass, T::ZERO)
 }
 
-/// beta for gradients of this size and of the one `before`, which is renewed; 0 if it has grown.
+/// Returns beta for a gradient of this size after one of size `before`, which is updated; 0 if it
+/// has grown.
 pub(crate) fn beta_of<T: Scalar>(size: T, before: &mut T) -> T {
     let ratio = size / std::mem::replace(before, size);
     if ratio <= T::ONE { ratio } else { T::ZERO }
 }
 
-/// p <- beta p - g; 0 where beta is.
+/// Returns p <- beta p - g; 0 if beta is 0.
 #[inline(always)]
 pub(crate) fn next_direction<T: Real, const L: usize>(
     contact: &Contact<T, L>,
@@ -77,7 +81,8 @@ pub(crate) fn next_direction<T: Real, const L: usize>(
     (direction * beta - (before - contact.impulse)).only_if(beta)
 }
 
-/// w <- beta w + v' - v, the same of a body, whose velocity was `before` the sweep; 0 where beta is.
+/// Returns w <- beta w + v' - v of a body, whose velocity was `before` ahead of the sweep; 0 if
+/// beta is 0.
 #[inline(always)]
 pub(crate) fn next_way<T: Scalar, const L: usize, const A: usize>(
     velocity: &Velocity<T, L, A>,

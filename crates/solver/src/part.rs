@@ -3,27 +3,27 @@
 use crate::island::Islands;
 use crate::{Scalar, System, Velocity};
 
-/// Not in the part.
+/// Index of a body that is not in the part.
 const NONE: u32 = u32::MAX;
 
-/// Some manifolds of a system with their bodies, copied out of it.
+/// Copy of some manifolds of a system and their bodies.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SubSystem<const L: usize, const A: usize> {
     pub(crate) system: System<f64, L, A>,
-    /// Velocities of its bodies when they were copied.
+    /// Velocities of its bodies at the time of the copy.
     pub(crate) start: Vec<Velocity<f64, L, A>>,
-    /// Its manifolds in the whole system.
+    /// Indices of its manifolds in the whole system.
     pub(crate) manifolds: Vec<u32>,
-    /// Its bodies in the whole system.
+    /// Indices of its bodies in the whole system.
     pub(crate) bodies: Vec<u32>,
-    /// Of each body of the whole system: its index here.
+    /// For each body of the whole system, its index in the part or [`NONE`].
     inside: Vec<u32>,
-    /// Of each manifold of the whole system: whether it is here.
+    /// For each manifold of the whole system, whether it is in the part.
     holds: Vec<bool>,
 }
 
 impl<const L: usize, const A: usize> SubSystem<L, A> {
-    /// Leaves nothing in it; sizes it for parts of `whole`.
+    /// Removes everything, and sizes the part for pieces of `whole`.
     pub(crate) fn clear<T: Scalar>(&mut self, whole: &System<T, L, A>) {
         for body in self.bodies.drain(..) {
             self.inside[body as usize] = NONE;
@@ -40,17 +40,17 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
         self.system.contacts.clear();
     }
 
-    /// Whether a manifold of the whole system is here.
+    /// Returns true if a manifold of the whole system is in the part.
     pub(crate) fn holds(&self, manifold: usize) -> bool {
         self.holds[manifold]
     }
 
-    /// Whether a body of the whole system is here.
+    /// Returns true if a body of the whole system is in the part.
     pub(crate) fn has(&self, body: u32) -> bool {
         self.inside[body as usize] != NONE
     }
 
-    /// The velocity of a body as the part has it, else as the whole system does.
+    /// Returns the velocity of a body in the part, or else in the whole system.
     pub(crate) fn velocity<T: Scalar>(
         &self,
         whole: &System<T, L, A>,
@@ -62,7 +62,7 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
         }
     }
 
-    /// Takes a manifold of the whole system in.
+    /// Copies a manifold of the whole system into the part.
     pub(crate) fn add<T: Scalar>(&mut self, whole: &System<T, L, A>, index: usize) {
         let mut manifold = whole.manifolds[index].cast();
         manifold.bodies = manifold.bodies.map(|body| self.admit(whole, body));
@@ -74,7 +74,7 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
         self.holds[index] = true;
     }
 
-    /// Takes the manifolds of an island in.
+    /// Copies the manifolds of an island into the part.
     pub(crate) fn add_island<T: Scalar>(
         &mut self,
         whole: &System<T, L, A>,
@@ -88,7 +88,7 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
         }
     }
 
-    /// The index in the whole system of each of its contacts.
+    /// Returns the index in the whole system of each contact of the part.
     pub(crate) fn contacts<T: Scalar>(
         &self,
         whole: &System<T, L, A>,

@@ -1,17 +1,17 @@
-//! [`Real`]: what a number must do to run through the kernels.
+//! [`Real`]: the number type of the kernels.
 //!
-//! The kernels are written once over `Real`. `f32` is the world's number, `f64` the number of
-//! tests and certificates. There is no comparison that returns `bool`: choices are made with
-//! [`max`](Real::max), [`min`](Real::min) and [`choose`](Real::choose), so that a type holding
-//! several numbers side by side can be a `Real` too.
+//! The kernels are generic over `Real`: `f32` in the world, `f64` in tests and certificates. There
+//! is no comparison that returns `bool`. Kernels choose with [`max`](Real::max), [`min`](Real::min)
+//! and [`choose`](Real::choose), so that a type with several numbers side by side can be a `Real`
+//! too.
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// A number, or several numbers that go through the same operations.
+/// A number, or several numbers that undergo the same operations.
 ///
-/// Every operation rounds once (IEEE 754); none is fused or approximate, so equal inputs give
-/// equal bits on every machine.
+/// Every operation rounds once (IEEE 754). None is fused or approximate, so equal inputs give equal
+/// bits on every machine.
 pub trait Real:
     Copy
     + Debug
@@ -32,41 +32,42 @@ pub trait Real:
     const ZERO: Self;
     /// 1.
     const ONE: Self;
-    /// -0, where sums begin: x + -0 is x to the bit, and no compiler works it out; x + 0 is another bit
-    /// where x is -0.
+    /// -0, the start value of sums. x + -0 equals x bit for bit, so compilers drop the addition;
+    /// x + 0 has other bits if x is -0.
     const NEG_ZERO: Self;
 
-    /// The nearest value of this type.
+    /// Returns the nearest value of this type.
     fn from_f64(value: f64) -> Self;
 
-    /// Square root.
+    /// Returns the square root.
     fn sqrt(self) -> Self;
 
-    /// `self` if it is greater than `other`, else `other`.
+    /// Returns `self` if it is greater than `other`, else `other`.
     fn max(self, other: Self) -> Self;
 
-    /// `self` if it is less than `other`, else `other`.
+    /// Returns `self` if it is less than `other`, else `other`.
     fn min(self, other: Self) -> Self;
 
-    /// `positive` if `self > 0`, else `otherwise`.
+    /// Returns `positive` if `self > 0`, else `otherwise`.
     fn choose(self, positive: Self, otherwise: Self) -> Self;
 }
 
-/// A single number, which can be looked at.
+/// A single number, which can be compared and read.
 pub trait Scalar: Real + PartialOrd {
-    /// From 1 to the next larger number.
+    /// Distance from 1 to the next larger number.
     const EPSILON: f64;
 
-    /// Its value.
+    /// Returns the value as `f64`.
     fn to_f64(self) -> f64;
 }
 
-/// What another type can hold, to its nearest value: a number as a whole, several in parts.
+/// Conversion to the nearest value of another number type: of a scalar as a whole, of several
+/// numbers side by side in parts.
 pub trait Cast<U> {
-    /// How many parts there are.
+    /// Number of parts.
     const PARTS: usize;
 
-    /// The same numbers.
+    /// Converts part `index`.
     fn part(&self, index: usize) -> U;
 }
 

@@ -1,4 +1,4 @@
-//! [`Assembly`]: a [`System`] as matrices, from which a [`Problem`] is made, and the way back.
+//! [`Assembly`]: a [`System`] as matrices, which becomes a [`Problem`], and the way back.
 
 use faer::{Mat, Side};
 
@@ -9,29 +9,29 @@ use super::{
 use crate::cone::Law;
 use crate::{Scalar, System, Vector};
 
-/// Eigenvalues of a block of M below this part of its largest are zero. \[1\]
+/// Eigenvalues of a block of M below this fraction of its largest count as zero. \[1\]
 const ZERO: f64 = 1e-12;
 
 /// Bodies and contacts of a [`System`] as matrices: find r with
 ///
 /// v+ = v* + M^-1 J^T r, u = J v+ - t + E r, K ∋ r ⊥ u + mu |u_t| n ∈ K*,
 ///
-/// the law that [`cone`](crate::cone) states for one contact. So u of the [`Problem`] is by how much
-/// a contact separates faster than its target, positive along the normal from b to a, and J^T is the
-/// H of FCLIB. What the soft contacts give way, E r, is part of u.
+/// the law of [`cone`](crate::cone) at each contact. So u of the [`Problem`] is the velocity of a
+/// contact beyond its target, positive along the normal from b to a, and J^T is the H of FCLIB. u
+/// includes the yield E r of soft contacts.
 ///
-/// Contacts at which nothing can move are left out, as all methods over a [`System`] leave them
-/// alone. The impulses of collisions ([`Contact::impact`](crate::Contact::impact)) that friction may
-/// lean on besides are not part of this form.
+/// Contacts that nothing can move are left out; no method for a [`System`] changes them. The
+/// collision impulses ([`Contact::impact`](crate::Contact::impact)), which also bear friction, are
+/// not part of this form.
 #[derive(Clone, Debug)]
 pub struct Assembly {
-    /// Rows of a contact: the dimension of space.
+    /// Rows per contact: the dimension of space.
     pub dimension: usize,
-    /// M, zero for what nothing can move, and along what is locked. \[kg, kg m^2\]
+    /// M, zero for fixed bodies and along locked directions. \[kg, kg m^2\]
     pub mass: Matrix,
-    /// J, from velocities to contacts: for each the normal first, then the tangents.
+    /// J, which maps velocities to contacts: for each the normal first, then the tangents.
     pub jacobian: Matrix,
-    /// v*: what the velocities are without contacts. \[m/s, rad/s\]
+    /// v*: the velocities without contacts. \[m/s, rad/s\]
     pub velocities: Vec<f64>,
     /// t of each row. \[m/s\]
     pub targets: Vec<f64>,
@@ -39,15 +39,15 @@ pub struct Assembly {
     pub compliance: Vec<f64>,
     /// mu of each contact. \[1\]
     pub friction: Vec<f64>,
-    /// gamma_0 of each row: a guess. \[N s\]
+    /// gamma_0 of each row: the initial guess. \[N s\]
     pub guess: Vec<f64>,
-    /// Which contact of the system each contact is.
+    /// Index in the system of each contact.
     pub contacts: Vec<usize>,
 }
 
 impl Assembly {
-    /// Of a prepared system whose velocities are the prospective ones and whose impulses are a guess
-    /// that is not yet applied to them.
+    /// Assembles a prepared system. Its velocities are the prospective ones; its impulses are a
+    /// guess that is not yet applied to them.
     ///
     /// # Errors
     /// A number of the system is not finite.
@@ -96,7 +96,8 @@ impl Assembly {
         }
     }
 
-    /// W = J M^-1 J^T + E and q = J v* - t; of the normals alone where no contact has friction.
+    /// Returns the problem W = J M^-1 J^T + E, q = J v* - t; only its normal rows if no contact has
+    /// friction.
     ///
     /// # Errors
     /// Sizes do not fit, or a number is not finite.
@@ -105,15 +106,15 @@ impl Assembly {
         self.rows_as_problem(if rough { self.dimension } else { 1 })
     }
 
-    /// The same of all rows, with friction or without.
+    /// Returns the problem with all rows, with or without friction.
     ///
     /// # Errors
-    /// As [`Assembly::problem`].
+    /// Those of [`Assembly::problem`].
     pub fn problem_in_space(&self) -> Result<Problem, ProblemError> {
         self.rows_as_problem(self.dimension)
     }
 
-    /// Of all rows, or of one for each contact.
+    /// Builds the problem from all rows, or from the normal row of each contact.
     fn rows_as_problem(&self, dimension: usize) -> Result<Problem, ProblemError> {
         self.check()?;
         let step = if dimension == 1 { self.dimension } else { 1 };
@@ -143,16 +144,16 @@ impl Assembly {
         same("a row of M", self.mass.ncols(), columns)
     }
 
-    /// The guess for the [`Problem`].
+    /// Returns the guess as impulses of the [`Problem`].
     pub fn warm(&self, problem: &Problem) -> Vec<f64> {
         let step = if problem.dimension() == 1 { self.dimension } else { 1 };
         self.guess.iter().copied().step_by(step).collect()
     }
 
-    /// G of the [`certificate`](crate::certificate) for the impulses r of the [`Problem`] and the
-    /// velocities that they give: 1/2 dv . M dv <= G for the distance dv to the exact velocities;
-    /// with friction for the slip at hand. Infinite where a rigid contact (epsilon 0) misses its
-    /// target. \[J\]
+    /// Returns G of the [`certificate`](crate::certificate) for the impulses r of the [`Problem`]
+    /// and the velocities that they give. It bounds the error dv of these velocities by 1/2 dv . M
+    /// dv <= G; with friction, for the current slip. It is infinite if a rigid contact (epsilon 0)
+    /// misses its target. \[J\]
     pub fn gap(&self, r: &[f64]) -> f64 {
         let Ok(problem) = self.problem() else { return f64::INFINITY };
         match problem.dimension() {
@@ -162,7 +163,7 @@ impl Assembly {
         }
     }
 
-    /// Sum of what each contact loses by r against the impulse that answers its velocity.
+    /// Returns the sum over the contacts of the loss of r against the response to the velocity.
     fn losses<const D: usize>(&self, problem: &Problem, r: &[f64]) -> f64 {
         let u = problem.velocities(r);
         let mut gap = 0.0;
@@ -182,8 +183,8 @@ impl Assembly {
         if gap.is_nan() { f64::INFINITY } else { gap }
     }
 
-    /// Gives the impulses r of the [`Problem`] to the contacts of the system; not to its velocities,
-    /// for which there is [`System::apply_impulses`].
+    /// Stores the impulses r of the [`Problem`] in the contacts of the system. Velocities do not
+    /// change; see [`System::apply_impulses`].
     pub fn give_back<T: Scalar, const L: usize, const A: usize>(
         &self,
         r: &[f64],
@@ -202,7 +203,7 @@ impl Assembly {
 }
 
 impl Problem {
-    /// The problem of a system: [`Assembly::of_system`], [`Assembly::problem`].
+    /// Creates the problem of a system: [`Assembly::of_system`], then [`Assembly::problem`].
     ///
     /// # Errors
     /// A number of the system is not finite.
@@ -213,7 +214,7 @@ impl Problem {
     }
 }
 
-/// Some rows of a matrix, in this order.
+/// Returns these rows of a matrix, in this order.
 fn rows_of(matrix: &Matrix, kept: impl Iterator<Item = usize>) -> Result<Matrix, ProblemError> {
     let (mut entries, mut count) = (Vec::new(), 0);
     for row in kept {
@@ -224,8 +225,8 @@ fn rows_of(matrix: &Matrix, kept: impl Iterator<Item = usize>) -> Result<Matrix,
     from_entries(count, matrix.ncols(), &entries)
 }
 
-/// The inverse of a symmetric matrix on what it does not map to zero (Moore and Penrose), block by
-/// block. Its name is for the error: an entry is not finite.
+/// Returns the pseudo-inverse of a symmetric matrix (Moore and Penrose), block by block. `name` is
+/// used in the error for an entry that is not finite.
 fn pseudo_inverse(matrix: &Matrix, name: &'static str) -> Result<Matrix, ProblemError> {
     if let Some(i) = matrix.val().iter().position(|x| !x.is_finite()) {
         return Err(ProblemError::NotFinite(name, i));
