@@ -1,35 +1,36 @@
-//! The same system as matrices: J, M^-1, A = J M^-1 J^T and b, to read, to test against and to
-//! hand to other solvers. Feature `assembled`.
+//! The same system as matrices: J, M^-1, A = J M^-1 J^T and b, for study, tests and other solvers.
+//! Feature `assembled`.
 //!
-//! [`pgs`](crate::pgs) never forms these. They are here because the theory is written with them,
-//! and because a second, independent way to the same numbers is the best test of the first: a
-//! sweep of [`gauss_seidel`] over the rows of A gives the impulses that
-//! [`pgs::sweep_normals`](crate::pgs::sweep_normals) gives, sweep by sweep.
+//! [`pgs`](crate::pgs) never forms these matrices. They are here because the theory is written in
+//! them, and because an independent computation is the best test of the matrix-free one: each sweep
+//! of [`gauss_seidel`] over the rows of A gives the same impulses as
+//! [`pgs::sweep_normals`](crate::pgs::sweep_normals).
 //!
 //! With k contacts, N bodies and D = L + A velocities per body:
 //!
-//! | | size | what one block is | from |
+//! | | size | content of one block | from |
 //! |---|---|---|---|
 //! | v | D N | (v, omega) of a body | [`velocities`] |
 //! | J | k x D N | (n, r_a x n) for body a, (-n, -r_b x n) for body b | [`jacobian`] |
-//! | M^-1 | D N x D N | m^-1 on L diagonal places, then W = I^-1 | [`inverse_mass`] |
-//! | A | k x k | what impulse j does to normal velocity i | [`system_matrix`] |
+//! | M^-1 | D N x D N | m^-1 on L diagonal entries, then W = I^-1 | [`inverse_mass`] |
+//! | A | k x k | normal velocity i from a unit impulse j | [`system_matrix`] |
 //! | E | k x k | epsilon on the diagonal | [`soften`] adds it to A |
-//! | t, b | k | wanted velocities; b = t - J v | [`targets`], [`rhs`] |
+//! | t, b | k | target velocities; b = t - J v | [`targets`], [`rhs`] |
 //! | gamma | k | impulses | [`impulses`] |
 //!
-//! What is fixed is a body whose block of M^-1 is empty. So a wall has its columns in J (a moving
-//! wall pushes), but couples no two contacts in A.
+//! A fixed body has an empty block of M^-1. So a wall has its columns in J (a moving wall pushes),
+//! but couples no contacts in A.
 //!
-//! An [`Assembly`] is a whole system in this form, friction and compliance included; it makes a
-//! [`Problem`], and takes the impulses that solve it back.
+//! An [`Assembly`] is a whole system in this form, friction and compliance included. It creates a
+//! [`Problem`], and stores the solution in the system.
 //!
-//! A [`Problem`] is contacts that somebody else has put into matrices, u = W r + q, with or without
-//! friction. [`ladder::solve`] solves it to a tolerance by whatever method it takes, or says why not.
+//! A [`Problem`] is any contact problem given as matrices, u = W r + q, with or without friction.
+//! [`ladder::solve`] tries one method after the other until the tolerance is reached, or reports
+//! why it is not.
 //!
-//! | method | with friction | place |
+//! | method | with friction | use |
 //! |---|---|---|
-//! | [`block_gauss_seidel`] | yes | first: cheap, and often enough |
+//! | [`block_gauss_seidel`] | yes | first: cheap, and often sufficient |
 //! | [`proximal`] | yes | singular and ill-conditioned problems, to rounding |
 //! | [`newton`] | no | general matrices |
 //! | [`lemke`] | no | zero diagonals, any conditioning, some hundred contacts |
@@ -37,7 +38,7 @@
 //! | [`interior_point`] | convex model | a reference |
 //! | [`jam`] | no | proves that there is no solution |
 //!
-//! Everything here is `f64`, converted before the first product, whatever the number of the system.
+//! All numbers here are `f64`, converted before the first product, whatever the system's type.
 //!
 //! ```
 //! use drystone_solver::assembled::{equality, gauss_seidel, rhs, system_matrix};

@@ -1,27 +1,27 @@
-//! Gauss-Seidel by contacts: each contact is solved exactly while the others wait.
+//! Block Gauss-Seidel: solves one contact at a time exactly, the others fixed.
 //!
 //! With one row per contact this is projected Gauss-Seidel (Cryer 1971), with friction the
 //! nonsmooth Gauss-Seidel of Jean and Moreau (Moreau 1994, Jean 1999). A sweep costs one product
-//! with W and a local solve per contact. It converges for symmetric positive definite W without
-//! friction, at a rate that falls with the length of chains and with mass ratios; for other matrices
-//! it may go round in circles, which is noticed. It comes first, since nothing is cheaper per
-//! iteration, and it is what other methods fall back on for a better start.
+//! with W and a local solve per contact. Without friction it converges for symmetric positive
+//! definite W, more slowly with longer chains and larger mass ratios. For other matrices it may
+//! cycle, which is detected. It has the cheapest iterations, so it is tried first, and it provides
+//! new starts for other methods.
 
 use super::blocks::{Blocks, split};
 use super::outcome::{Limits, Outcome, Progress, Status};
 use super::problem::{largest, norm};
 use super::{Problem, jam, local};
 
-/// Sweeps between two looks at the residual, which costs as much as a sweep; of the first ones those
-/// in powers of two have one.
+/// Sweeps between evaluations of the residual, which cost as much as a sweep. Before the first of
+/// these, the sweeps numbered by powers of two are evaluated.
 const LOOK: usize = 10;
-/// If the best residual falls by less than 1 % in so many sweeps, no more is to be expected.
+/// Sweeps without a 1 % reduction of the best residual after which the method counts as stalled.
 const PATIENCE: usize = 1000;
 
-/// Sweeps until the residual is within the tolerance. `warm`: where to start, zero if `None`.
+/// Sweeps until the residual is within the tolerance. Starts from `warm`, or from zero if `None`.
 ///
-/// Needs W_nn > 0 at each contact (status `BadInput` else). `Stalled` says that the iterates repeat
-/// or do not come nearer.
+/// Needs W_nn > 0 at each contact; otherwise the status is `BadInput`. `Stalled` means that the
+/// iterates diverge, repeat or do not improve.
 pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
     match problem.dimension() {
         1 => sweeps::<1>(problem, warm, limits),
@@ -30,7 +30,7 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
     }
 }
 
-/// The state of sweeps over W + alpha with q - alpha c.
+/// State of sweeps for the problem with W + alpha and q - alpha c.
 pub(super) struct Sweeper<'a, const D: usize> {
     blocks: &'a Blocks<D>,
     offset: &'a [[f64; D]],
@@ -39,7 +39,7 @@ pub(super) struct Sweeper<'a, const D: usize> {
 }
 
 impl<'a, const D: usize> Sweeper<'a, D> {
-    /// `None` if a contact cannot be moved along its normal.
+    /// Creates the state; `None` if a contact has no positive W_nn.
     pub(super) fn new(
         blocks: &'a Blocks<D>,
         offset: &'a [[f64; D]],
@@ -49,8 +49,8 @@ impl<'a, const D: usize> Sweeper<'a, D> {
         usable.then(|| Self { blocks, offset, friction, lambda: vec![0.0; blocks.len()] })
     }
 
-    /// Every contact once, in order. The length of all changes, each times its own W_ii: how fast
-    /// the contacts still change their velocities. \[m/s\]
+    /// Solves every contact once, in order. Returns the norm of all changes of r, each multiplied
+    /// by its W_ii: the current rate of change of the velocities. \[m/s\]
     pub(super) fn sweep(&mut self, r: &mut [[f64; D]], shift: f64, center: &[[f64; D]]) -> f64 {
         let mut changed = 0.0;
         for i in 0..self.blocks.len() {
@@ -90,7 +90,7 @@ fn sweeps<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
     };
     let mut r = split::<D>(&start);
     let size = norm(problem.offset());
-    // Brent's cycle detection: an iterate of the past that the present ones are held against.
+    // Brent's cycle detection compares the iterates with an earlier one.
     let (mut anchor, mut since, mut period) = (r.clone(), 0, 1);
     let (mut mark, mut marked_at) = (f64::INFINITY, 0);
     while !progress.spent() {
@@ -129,7 +129,7 @@ fn sweeps<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
     progress.out_of_budget()
 }
 
-/// Impulses of a jam grow along its self-stress.
+/// Returns a proof if the growth of the impulses is one: in a jam they grow along its self-stress.
 fn growth<const D: usize>(
     problem: &Problem,
     before: &[[f64; D]],

@@ -1,16 +1,16 @@
-//! Sparse factors of matrices made of blocks: one block for each pair of coupled contacts.
+//! Sparse LU factorization of block matrices, with one block per pair of coupled contacts.
 //!
-//! Pivots stay within the blocks of the diagonal, so the structure of the factors is known ahead and
-//! found once per problem; contacts are eliminated in the order of least degree (Tinney and Walker
-//! 1967). That is stable for positive definite matrices, and nearly so for those of
-//! [`proximal`](super::proximal), whose shift keeps the blocks away from zero; what rounding leaves
-//! is removed by refinement there.
+//! Pivots stay within the diagonal blocks, so the structure of the factors is known in advance and
+//! found once per problem. Contacts are eliminated in minimum-degree order (Tinney and Walker
+//! 1967). This is stable for positive definite matrices. It is nearly stable for those of
+//! [`proximal`](super::proximal), whose shift keeps the blocks away from zero; refinement there
+//! removes rounding errors.
 
 use super::blocks::{Block, Blocks};
 
-/// P A P^T = L U, with the inverse blocks of the diagonal of U.
+/// P A P^T = L U, with the inverses of the diagonal blocks of U.
 pub(super) struct BlockLu<const D: usize> {
-    /// The contact eliminated at each place.
+    /// Contact eliminated at each step; `place` is the inverse.
     order: Vec<usize>,
     place: Vec<usize>,
     lower: Rows<D>,
@@ -41,7 +41,7 @@ impl<const D: usize> Rows<D> {
     }
 }
 
-/// a - b c
+/// a <- a - b c
 fn subtract_product<const D: usize>(a: &mut Block<D>, b: &Block<D>, c: &Block<D>) {
     for i in 0..D {
         for k in 0..D {
@@ -53,7 +53,7 @@ fn subtract_product<const D: usize>(a: &mut Block<D>, b: &Block<D>, c: &Block<D>
     }
 }
 
-/// a b
+/// Returns a b.
 fn product<const D: usize>(a: &Block<D>, b: &Block<D>) -> Block<D> {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..D).map(|k| a[i][k] * b[k][j]).sum()))
 }
@@ -62,7 +62,7 @@ fn is_zero<const D: usize>(a: &Block<D>) -> bool {
     a.as_flattened().iter().all(|&x| x == 0.0)
 }
 
-/// x - a y
+/// x <- x - a y
 fn subtract_applied<const D: usize>(x: &mut [f64; D], a: &Block<D>, y: &[f64; D]) {
     for i in 0..D {
         for j in 0..D {
@@ -75,7 +75,7 @@ fn applied<const D: usize>(a: &Block<D>, y: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|i| (0..D).map(|j| a[i][j] * y[j]).sum())
 }
 
-/// `None` if the block is singular.
+/// Returns the inverse, or `None` if the block is singular.
 fn inverted<const D: usize>(mut a: Block<D>) -> Option<Block<D>> {
     let mut x: Block<D> = [[0.0; D]; D];
     for i in 0..D {
@@ -106,7 +106,7 @@ fn inverted<const D: usize>(mut a: Block<D>) -> Option<Block<D>> {
 }
 
 impl<const D: usize> BlockLu<D> {
-    /// The structure for all matrices with the pattern of `blocks` or less.
+    /// Finds the structure for all matrices whose pattern is contained in that of `blocks`.
     pub(super) fn new(blocks: &Blocks<D>) -> Self {
         let n = blocks.len();
         let mut near: Vec<Vec<usize>> = vec![Vec::new(); n];
@@ -160,9 +160,9 @@ impl<const D: usize> BlockLu<D> {
         }
     }
 
-    /// Factors the matrix whose rows are C_i W_i + E_i, W_i being row i of `blocks`, and zero in the
-    /// columns of `absent`, whose own rows have C_i = 0: those cost nothing. `None` if a block of the
-    /// diagonal is singular.
+    /// Factors the matrix whose rows are C_i W_i + E_i, where W_i is row i of `blocks`. The columns
+    /// of `absent` contacts are zero in W, and their rows have C_i = 0; they cost nothing. `None`
+    /// if a diagonal block is singular.
     pub(super) fn factor(
         &mut self,
         blocks: &Blocks<D>,
@@ -234,7 +234,7 @@ impl<const D: usize> BlockLu<D> {
     }
 }
 
-/// Two sorted lists as one, each number once.
+/// Merges two sorted lists without duplicates.
 fn merge(a: &[usize], b: &[usize], merged: &mut Vec<usize>) {
     let (mut i, mut j) = (0, 0);
     while i < a.len() || j < b.len() {

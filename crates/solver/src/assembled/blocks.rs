@@ -1,10 +1,10 @@
-//! W by contacts: rows of blocks, each as large as a contact has rows.
+//! W as rows of square blocks, one row of blocks per contact.
 
 use super::matrices::Matrix;
 
 pub(super) type Block<const D: usize> = [[f64; D]; D];
 
-/// A sparse matrix of D x D blocks, stored by rows, with every block of the diagonal.
+/// A sparse matrix of D x D blocks, stored by rows. It stores every diagonal block.
 #[derive(Clone, Debug)]
 pub(super) struct Blocks<const D: usize> {
     start: Vec<usize>,
@@ -14,7 +14,7 @@ pub(super) struct Blocks<const D: usize> {
 }
 
 impl<const D: usize> Blocks<D> {
-    /// The blocks of a square matrix whose size is a multiple of D.
+    /// Splits a square matrix, whose size is a multiple of D, into blocks.
     pub(super) fn new(matrix: &Matrix) -> Self {
         let n = matrix.nrows() / D;
         let most = matrix.compute_nnz().min(n * n) + n;
@@ -22,7 +22,7 @@ impl<const D: usize> Blocks<D> {
             (Vec::with_capacity(n + 1), Vec::with_capacity(most), Vec::with_capacity(most));
         start.push(0);
         let mut diagonal = Vec::with_capacity(n);
-        // Where the block of a column is; of this row, if it is not before its first.
+        // Index of the block of each column; not of this row if it is below `first`.
         let mut place = vec![0; n];
         for i in 0..n {
             let (rows, first) = (D * i..D * (i + 1), columns.len());
@@ -53,7 +53,7 @@ impl<const D: usize> Blocks<D> {
         self.diagonal.len()
     }
 
-    /// The blocks of row i and their columns.
+    /// Returns the blocks of row i and their columns.
     pub(super) fn row(&self, i: usize) -> impl Iterator<Item = (usize, &Block<D>)> {
         let range = self.start[i]..self.start[i + 1];
         self.columns[range.clone()].iter().copied().zip(&self.values[range])
@@ -63,7 +63,7 @@ impl<const D: usize> Blocks<D> {
         &self.values[self.diagonal[i]]
     }
 
-    /// Row i of the product with r.
+    /// Returns row i of the product with r.
     #[inline]
     pub(super) fn product(&self, i: usize, r: &[[f64; D]]) -> [f64; D] {
         let mut u = [0.0; D];
@@ -77,7 +77,7 @@ impl<const D: usize> Blocks<D> {
         u
     }
 
-    /// The mean of the entries on the diagonal.
+    /// Returns the mean of the diagonal entries.
     pub(super) fn mean_diagonal(&self) -> f64 {
         let n = self.len();
         let sum: f64 = (0..n).map(|i| (0..D).map(|k| self.diagonal(i)[k][k]).sum::<f64>()).sum();
@@ -85,7 +85,7 @@ impl<const D: usize> Blocks<D> {
     }
 }
 
-/// Numbers by contacts.
+/// Splits numbers into one array per contact.
 pub(super) fn split<const D: usize>(r: &[f64]) -> Vec<[f64; D]> {
     r.chunks_exact(D).map(|chunk| std::array::from_fn(|k| chunk[k])).collect()
 }

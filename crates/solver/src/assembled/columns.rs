@@ -1,9 +1,9 @@
-//! v, t, gamma, epsilon and b: what a system has of each body and contact, as columns.
+//! The quantities v, t, gamma, epsilon and b of the bodies and contacts of a system, as columns.
 
 use super::matrices::{Column, jacobian};
 use crate::{Contact, Scalar, System};
 
-/// v: (v, omega) of every body, one after the other. \[m/s, rad/s\]
+/// Returns v: (v, omega) of every body, in order. \[m/s, rad/s\]
 pub fn velocities<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
     let width = L + A;
     Column::from_fn(width * system.velocities.len(), |row| {
@@ -19,18 +19,18 @@ fn of_contacts<T: Scalar, const L: usize, const A: usize>(
     Column::from_fn(system.contacts.len(), |i| value(&system.contacts[i]).to_f64())
 }
 
-/// t: the normal velocity that each contact should have after the step. \[m/s\]
+/// Returns t: the normal velocity that each contact should have after the step. \[m/s\]
 pub fn targets<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
     of_contacts(system, |contact| contact.target[0])
 }
 
-/// gamma: the accumulated normal impulses. \[N s\]
+/// Returns gamma: the accumulated normal impulses. \[N s\]
 pub fn impulses<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
     of_contacts(system, |contact| contact.impulse[0])
 }
 
-/// The accumulated impulses along the whole frame of each contact, normal first: what
-/// [`friction_jacobian`](super::friction_jacobian) takes to the bodies. \[N s\]
+/// Returns the accumulated impulses along the frame of each contact, normal first. The transpose of
+/// [`friction_jacobian`](super::friction_jacobian) maps them to the bodies. \[N s\]
 pub fn friction_impulses<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
 ) -> Column {
@@ -39,15 +39,15 @@ pub fn friction_impulses<T: Scalar, const L: usize, const A: usize>(
     })
 }
 
-/// epsilon: the diagonal of E. \[1/kg\]
+/// Returns epsilon: the diagonal of E. \[1/kg\]
 pub fn compliance<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
     of_contacts(system, |contact| contact.compliance)
 }
 
-/// b = t - J v, with the velocities that the system has now. \[m/s\]
+/// Returns b = t - J v for the current velocities. \[m/s\]
 ///
-/// It is the b of the problem while the velocities are the prospective ones, that is before any
-/// impulse has been applied to them. With t = -c_r J v it is the notes' -(1 + c_r) J v.
+/// This is the b of the problem while the velocities are the prospective ones, before any impulse
+/// has been applied to them. With t = -c_r J v it is the notes' -(1 + c_r) J v.
 pub fn rhs<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Column {
     targets(system) - jacobian(system) * velocities(system)
 }

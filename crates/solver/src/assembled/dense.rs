@@ -1,7 +1,7 @@
-//! Small dense matrices: factors with partial pivoting, in one order of operations, so that results
-//! do not depend on the number of threads.
+//! Small dense matrices: LU factorization with partial pivoting. The order of operations is fixed,
+//! so results do not depend on the number of threads.
 
-/// A square matrix, row by row.
+/// A square matrix, stored by rows.
 #[derive(Clone, Debug)]
 pub(super) struct Dense {
     n: usize,
@@ -28,7 +28,7 @@ impl Dense {
         &mut self.values[self.n * i..self.n * (i + 1)]
     }
 
-    /// `None` if the matrix is singular to rounding. Costs 2/3 n^3.
+    /// Factors the matrix; `None` if it is singular up to rounding. Costs 2/3 n^3.
     pub(super) fn factor(mut self) -> Option<Factors> {
         let n = self.n;
         let scale = self.values.iter().fold(0.0f64, |largest, x| largest.max(x.abs()));

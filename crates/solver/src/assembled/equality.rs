@@ -1,37 +1,37 @@
-//! Equation (2) as it stands, A gamma = b with no condition on the signs.
+//! Equation (2), A gamma = b, without a condition on the signs.
 //!
-//! This is what contacts would do if they could pull. It answers for systems in which every
-//! contact ends up pushing; otherwise it is where the complementarity problem starts from.
+//! Its solution describes contacts that could pull. It is the answer for systems in which every
+//! contact ends up pushing; otherwise it is the starting point of the complementarity problem.
 //!
-//! A is only positive semidefinite: redundant contacts (always with more contacts than velocities)
-//! make it singular. If b is in its range, as with one restitution for all contacts and no overlap
-//! repair, impulses exist, many of them, all with the same J^T gamma and so the same velocities.
-//! If b is not, there are none.
+//! A is only positive semidefinite. Redundant contacts make it singular, as always with more
+//! contacts than velocities. If b is in its range, as with one restitution for all contacts and no
+//! overlap repair, many impulses solve it. All have the same J^T gamma and so the same velocities.
+//! If b is not in its range, none do.
 
 use super::matrices::{Column, Matrix};
 
-/// What [`solve`] found.
+/// Result of [`solve`].
 #[derive(Clone, Debug)]
 pub struct Equality {
-    /// The impulses of least length among those with the least error. \[N s\]
+    /// Impulses of least norm among those with the smallest error. \[N s\]
     pub impulses: Column,
-    /// The rank of A: k if the impulses are the only ones, less if A is singular.
+    /// Rank of A: k if the impulses are unique, less if A is singular.
     pub rank: usize,
-    /// The length of A gamma - b: zero but for rounding if the equation has a solution. \[m/s\]
+    /// Norm of A gamma - b: zero up to rounding if the equation has a solution. \[m/s\]
     pub error: f64,
 }
 
 impl Equality {
-    /// Whether A is singular, so that the impulses are one answer of many, or no answer at all.
+    /// Returns true if A is singular, so that the impulses are one of many solutions, or none.
     pub fn is_singular(&self) -> bool {
         self.rank < self.impulses.nrows()
     }
 }
 
-/// Solves A gamma = b by least squares, from the singular values of A taken as a dense matrix.
-/// Those below k times the rounding of the largest count as zero.
+/// Solves A gamma = b by least squares, with the singular values of A as a dense matrix. Values up
+/// to k times the rounding of the largest count as zero.
 ///
-/// `None` if A has entries that are not finite.
+/// Returns `None` if A has entries that are not finite.
 pub fn solve(a: &Matrix, b: &Column) -> Option<Equality> {
     let k = b.nrows();
     let svd = a.to_dense().svd().ok()?;

@@ -1,11 +1,11 @@
-//! An interior-point method, by the crate clarabel (Goulart and Chen 2024): the reference for what
-//! has a unique optimum.
+//! Interior-point method, by the crate clarabel (Goulart and Chen 2024): the reference for problems
+//! with a unique optimum.
 //!
 //! It minimizes 1/2 r^T W r + q^T r over the cones, for symmetric positive semidefinite W. Without
 //! friction that is the complementarity problem. With friction it is the convex cone model
-//! (Anitescu and Tasora 2010), in which a sliding contact also lifts by mu |u_t|: another problem
-//! than Coulomb's wherever something slides, with an objective that is unique and can be compared.
-//! 10 to 40 iterations, each a sparse factorization.
+//! (Anitescu and Tasora 2010), in which a sliding contact also separates at mu |u_t|. Where
+//! contacts slide it differs from Coulomb's law, but its optimal objective is unique and can be
+//! compared. It takes 10 to 40 iterations, each with a sparse factorization.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -18,9 +18,10 @@ use super::problem::{largest, norm};
 use super::{Problem, jam};
 use crate::cone;
 
-/// The optimum of the convex model, brought onto the cones. It has `Converged` only if it solves the
-/// [`Problem`] itself, which with friction it does where nothing slides. The symmetric part of W is
-/// taken; a W that is far from symmetric is `BadInput`. Always starts by itself.
+/// Computes the optimum of the convex model, projected onto the cones. The status is `Converged`
+/// only if it solves the [`Problem`] itself; with friction that happens if nothing slides. Uses the
+/// symmetric part of W; a W far from symmetric is `BadInput`. `warm` has no effect on the
+/// iterations.
 pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
     let (mut progress, _) = Progress::new(problem, warm, limits);
     let size = largest(problem.matrix().val());
@@ -73,13 +74,13 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
     progress.end(Status::Stalled, reason)
 }
 
-/// 1/2 r^T W r + q^T r. \[J\]
+/// Returns 1/2 r^T W r + q^T r. \[J\]
 pub fn objective(problem: &Problem, r: &[f64]) -> f64 {
     let u = problem.velocities(r);
     r.iter().zip(u.iter().zip(problem.offset())).map(|(r, (u, q))| 0.5 * r * (u + q)).sum()
 }
 
-/// |r - P_K(r - u)| / |q|: zero exactly at the optimum of the convex cone model.
+/// Returns |r - P_K(r - u)| / |q|: zero exactly at the optimum of the convex cone model.
 pub fn convex_residual(problem: &Problem, r: &[f64]) -> f64 {
     let d = problem.dimension();
     let mut y = problem.velocities(r);
@@ -93,7 +94,7 @@ pub fn convex_residual(problem: &Problem, r: &[f64]) -> f64 {
     if error.is_finite() { error } else { f64::INFINITY }
 }
 
-/// The upper triangle of (W + W^T) / 2.
+/// Returns the upper triangle of (W + W^T) / 2.
 fn upper(problem: &Problem) -> CscMatrix<f64> {
     let (mut rows, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..problem.unknowns() {
@@ -107,7 +108,8 @@ fn upper(problem: &Problem) -> CscMatrix<f64> {
     CscMatrix::new_from_triplets(problem.unknowns(), problem.unknowns(), rows, columns, values)
 }
 
-/// s = -A r within cones: (mu r_n, r_t) where there is friction, else r_n >= 0 and r_t = 0.
+/// Returns the constraints s = -A r in cones: (mu r_n, r_t) where there is friction, else r_n >= 0
+/// and r_t = 0.
 fn constraints(problem: &Problem) -> (CscMatrix<f64>, Vec<SupportedConeT<f64>>) {
     let (n, d) = (problem.unknowns(), problem.dimension());
     let mut values = vec![-1.0; n];

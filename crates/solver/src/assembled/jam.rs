@@ -1,36 +1,37 @@
-//! Problems without a solution: the proof, and how to find it.
+//! Infeasible problems: the proof, and a search for it.
 //!
 //! For contacts without friction, let y >= 0 with W^T y <= 0. Then y . u = (W^T y) . r + y . q <=
-//! y . q for all r >= 0, while u >= 0 asks for y . u >= 0. So if y . q < 0 there are no impulses
-//! that end all approaching: the problem is contradictory. By Farkas' lemma such a y exists whenever
-//! there are none. For symmetric positive semidefinite W it follows that W y = 0: y is a set of
-//! impulses that balance each other, a self-stress, as in a body wedged between two walls that
-//! converge.
+//! y . q for all r >= 0, while u >= 0 requires y . u >= 0. So if y . q < 0 no impulses stop all
+//! approaching contacts: the problem is infeasible. By Farkas' lemma such a y exists for every
+//! infeasible problem.
+//!
+//! For symmetric positive semidefinite W it follows that W y = 0. Then y is a self-stress: impulses
+//! that balance each other, as in a body wedged between two converging walls.
 
 use super::Problem;
 use super::problem::largest;
 
-/// y >= 0 with W^T y <= 0 and y . q < 0: proof that no impulses solve a frictionless problem.
+/// Proof that no impulses solve a frictionless problem: y >= 0 with W^T y <= 0 and y . q < 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelfStress {
-    /// y, the largest being 1. Contacts with y > 0 are those that jam. \[1\]
+    /// y, scaled to a maximum of 1. The contacts with y > 0 jam. \[1\]
     pub weights: Vec<f64>,
-    /// -y . q: how fast the jammed contacts are forced together, weighted. \[m/s\]
+    /// -y . q: weighted approach velocity of the jammed contacts. \[m/s\]
     pub approach: f64,
-    /// Impulses that met all demands would sum to at least this: infinite if W^T y <= 0 to the last
-    /// bit, else approach / max (W^T y). \[N s\]
+    /// Lower bound on the sum of impulses that would solve the problem: infinite if W^T y <= 0
+    /// exactly, else approach / max (W^T y). \[N s\]
     pub least_sum: f64,
 }
 
-/// What may be left of (W^T y)_j as a part of sum_i |W_ij| y_i: rounding. \[1\]
+/// Largest (W^T y)_j, relative to sum_i |W_ij| y_i, that counts as rounding. \[1\]
 const ROUNDING: f64 = 1e-10;
 
-/// Makes y a proof, if it is one to rounding.
+/// Scales y and returns it as a proof, if it is one up to rounding.
 pub fn proof(problem: &Problem, mut y: Vec<f64>) -> Option<SelfStress> {
     if problem.dimension() != 1 || y.iter().any(|y| !y.is_finite()) {
         return None;
     }
-    // What is tiny beside the rest is rounding.
+    // Entries that are tiny relative to the largest are rounding errors.
     let size = y.iter().fold(0.0f64, |largest, &y| largest.max(y));
     if size <= 0.0 {
         return None;
@@ -55,9 +56,9 @@ pub fn proof(problem: &Problem, mut y: Vec<f64>) -> Option<SelfStress> {
     (balanced && together).then_some(SelfStress { weights: y, approach, least_sum })
 }
 
-/// Looks for a proof by linear programming: maximize -y . q subject to W^T y <= 0, sum y <= 1,
-/// y >= 0, by the simplex method with Bland's rule (1977), which ends. It starts at y = 0, so there
-/// is no first phase. `None` if the problem is feasible, or after `pivots`.
+/// Searches for a proof by linear programming: maximizes -y . q subject to W^T y <= 0, sum y <= 1,
+/// y >= 0. Uses the simplex method with Bland's rule (1977), which always ends. It starts at y = 0,
+/// so there is no first phase. `None` if the problem is feasible, or after `pivots`.
 ///
 /// A pivot costs 2 n^2.
 pub fn find(problem: &Problem, pivots: usize) -> Option<SelfStress> {
@@ -65,7 +66,7 @@ pub fn find(problem: &Problem, pivots: usize) -> Option<SelfStress> {
     if problem.dimension() != 1 || n == 0 {
         return None;
     }
-    // A tableau in the variables that are zero: rows W^T y, then the sum; then the objective.
+    // Tableau in the nonbasic variables: the rows W^T y, the sum, then the objective.
     let width = n + 1;
     let mut rows = vec![0.0; (n + 2) * width];
     let scale = largest(problem.matrix().val()).max(f64::MIN_POSITIVE);
@@ -108,7 +109,7 @@ pub fn find(problem: &Problem, pivots: usize) -> Option<SelfStress> {
     proof(problem, y)
 }
 
-/// Exchanges the variable of a row with that of a column.
+/// Exchanges the basic variable of a row with the nonbasic one of a column.
 fn pivot(rows: &mut [f64], width: usize, pivot_row: usize, column: usize) {
     let mut row: Vec<f64> = rows[pivot_row * width..(pivot_row + 1) * width].to_vec();
     let inverse = 1.0 / row[column];

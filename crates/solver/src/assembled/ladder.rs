@@ -1,15 +1,17 @@
-//! [`solve`]: the cheapest method first, the next where it gets no further.
+//! [`solve`]: tries the cheapest method first, and the next one where it makes no progress.
 //!
 //! | | without friction | with friction |
 //! |---|---|---|
-//! | 1 | [`block_gauss_seidel`], as long as its own rate promises a quick end | the same |
+//! | 1 | [`block_gauss_seidel`], as long as its rate predicts a quick end | the same |
 //! | 2 | [`proximal`] | [`proximal`] |
-//! | 3 | [`newton`] | [`block_gauss_seidel`], to the end of the budget |
+//! | 3 | [`newton`] | [`block_gauss_seidel`], up to 20 000 sweeps |
 //! | 4 | [`lemke`] | [`proximal`], from there |
 //! | 5 | [`enumeration`] | |
 //! | 6 | [`jam::find`]: a proof that there is no solution | |
+//! | 7 | [`block_gauss_seidel`], to the end of the budget | |
 //!
-//! Each starts from the best iterate so far. Nothing but residuals, rates and sizes decides.
+//! [`newton`], [`lemke`] and [`enumeration`] start by themselves, the others from the best iterate
+//! so far. Only residuals, rates and sizes decide.
 
 use std::time::{Duration, Instant};
 
@@ -18,11 +20,11 @@ use super::{
     Problem, block_gauss_seidel, enumeration, interior_point, jam, lemke, newton, proximal,
 };
 
-/// Sweeps that say how fast Gauss-Seidel is.
+/// Sweeps from which the rate of Gauss-Seidel is estimated.
 const TRIAL: usize = 60;
-/// The most sweeps that are worth waiting for instead of a Newton step.
+/// Largest predicted number of sweeps that is preferred to a Newton step.
 const WORTH: f64 = 120.0;
-/// The most pivots that a proof of contradiction may take, for each contact.
+/// Largest number of pivots per contact for a proof of infeasibility.
 const PIVOTS: usize = 50;
 
 /// A method for problems given as matrices.
@@ -43,7 +45,7 @@ pub enum MatrixMethod {
 }
 
 impl MatrixMethod {
-    /// All of them.
+    /// All methods.
     pub const ALL: [Self; 6] = [
         Self::GaussSeidel,
         Self::Proximal,
@@ -53,7 +55,7 @@ impl MatrixMethod {
         Self::InteriorPoint,
     ];
 
-    /// Its name in lower case, with hyphens.
+    /// Returns its name in lower case, with hyphens.
     pub fn name(self) -> &'static str {
         match self {
             Self::GaussSeidel => "gauss-seidel",
@@ -65,7 +67,7 @@ impl MatrixMethod {
         }
     }
 
-    /// Runs it alone.
+    /// Runs this method alone.
     pub fn solve(self, problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
         let solve = match self {
             Self::GaussSeidel => block_gauss_seidel::solve,
@@ -79,23 +81,23 @@ impl MatrixMethod {
     }
 }
 
-/// What the ladder found.
+/// Result of the ladder.
 #[derive(Clone, Debug)]
 pub struct Solved {
-    /// The method of the best iterate, or of the proof.
+    /// Method of the best iterate, or of the proof.
     pub method: MatrixMethod,
-    /// That iterate; iterations and history are those of all methods together.
+    /// Outcome with the best iterate; its iterations and history cover all methods.
     pub outcome: Outcome,
-    /// What each method did in its turn.
+    /// Attempts in their order.
     pub attempts: Vec<Attempt>,
 }
 
-/// One rung of the ladder.
+/// An attempt of the ladder with one method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attempt {
-    /// Which method.
+    /// Method of the attempt.
     pub method: MatrixMethod,
-    /// How it ended.
+    /// Status at its end.
     pub status: Status,
     /// Its own iterations.
     pub iterations: usize,
@@ -103,8 +105,8 @@ pub struct Attempt {
     pub residual: f64,
 }
 
-/// Solves by whatever method it takes. `limits.budget` holds for all methods together, an iteration
-/// being one of whichever method has its turn.
+/// Solves a problem with the first method that succeeds. `limits.budget` applies to all methods
+/// together and counts the iterations of each.
 pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Solved {
     let mut ladder = Ladder::new(problem, warm, limits);
     ladder.climb();
@@ -170,8 +172,8 @@ impl<'a> Ladder<'a> {
         }
     }
 
-    /// Runs a method, from the best iterate so far or by itself, and keeps what is better. Returns how
-    /// many more iterations its rate promises.
+    /// Runs a method, from the best iterate so far if `warm`, and keeps the better result. Returns
+    /// the number of further iterations that its rate predicts.
     fn rung(&mut self, method: MatrixMethod, budget: usize, warm: bool) -> Option<f64> {
         let so_far = &self.solved.outcome;
         let left = self.limits.budget - so_far.iterations.min(self.limits.budget);
@@ -185,7 +187,7 @@ impl<'a> Ladder<'a> {
         promised
     }
 
-    /// `before` is when its time began.
+    /// Merges an outcome; `before` is the time at which its method started.
     fn keep(&mut self, method: MatrixMethod, outcome: Outcome, before: Duration) {
         let Outcome { status, iterations, residual, .. } = outcome;
         self.solved.attempts.push(Attempt { method, status, iterations, residual });
@@ -204,7 +206,7 @@ impl<'a> Ladder<'a> {
             self.solved.outcome = Outcome { history, iterations, ..outcome };
             self.solved.method = method;
         } else if status != Status::BadInput {
-            // The best iterate stays; how the climb ended is what the last method says.
+            // The best iterate stays; the last method determines the status.
             (so_far.status, so_far.reason) = (status, outcome.reason);
         }
         if self.solved.outcome.status == Status::BadInput {
@@ -226,7 +228,7 @@ impl<'a> Ladder<'a> {
     }
 }
 
-/// How many more sweeps there would be at the rate of the last half.
+/// Returns the number of further sweeps predicted from the rate of the last half.
 fn promised(outcome: &Outcome, tolerance: f64) -> Option<f64> {
     let last = outcome.history.last()?;
     let half = outcome.history.iter().find(|s| 2 * s.iteration >= last.iteration)?;

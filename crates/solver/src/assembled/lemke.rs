@@ -1,27 +1,29 @@
-//! Lemke's method: from one corner to the next, without an error that shrinks, until one is a
-//! solution or an unbounded ray.
+//! Lemke's method: complementary pivoting, which ends at a solution or on an unbounded ray. There
+//! is no error that falls on the way.
 //!
-//! Lemke 1965; ties are broken lexicographically (Cottle, Pang and Stone 1992, section 4.9), so no
-//! basis comes twice and the method always ends. A pivot costs 4 n^2. Usually about n pivots are
-//! needed, but there are problems of size n that take 2^n - 1 (Murty 1978). It solves every problem
-//! without friction whose matrix is copositive-plus (all contacts among rigid bodies) or a P-matrix,
-//! zero diagonals included, whatever their conditioning; up to a few hundred contacts.
+//! Lemke 1965. Ties are broken lexicographically (Cottle, Pang and Stone 1992, section 4.9), so no
+//! basis repeats and the method always ends. A pivot costs 4 n^2. Usually about n pivots are
+//! needed, but there are problems of size n that take 2^n - 1 (Murty 1978).
+//!
+//! It solves every frictionless problem whose matrix is copositive-plus (all contacts among rigid
+//! bodies) or a P-matrix, whatever its conditioning and with zeros on the diagonal; up to a few
+//! hundred contacts.
 
 use super::dense::Dense;
 use super::outcome::{Limits, Outcome, Progress, Status};
 use super::{Problem, jam};
 
-/// Larger problems do not fit: the tableau has 2 n^2 numbers.
+/// Largest problem: the tableau has 2 n^2 numbers.
 pub const MOST: usize = 2000;
-/// A pivot is an entry that is larger than this, relative to its column.
+/// Smallest pivot, relative to the largest entry of its column.
 const SMALL: f64 = 1e-11;
 
-/// w - M z - d z_0 = q in the present basis; z_0 is the artificial variable.
+/// The tableau w - M z - d z_0 = q in the current basis; z_0 is the artificial variable.
 struct Tableau {
     n: usize,
     width: usize,
     rows: Vec<f64>,
-    /// The variable of each row: w is 0..n, z is n..2n, z_0 is 2n.
+    /// Variable of each row: w is 0..n, z is n..2n, z_0 is 2n.
     basis: Vec<usize>,
 }
 
@@ -31,9 +33,11 @@ enum End {
     Budget,
 }
 
-/// Pivots to a solution, to a ray, or to the end of the budget. A ray of a copositive-plus matrix
-/// proves that there is no solution (`Infeasible`); where it proves nothing the status is `Stalled`.
-/// Friction cannot be used (`BadInput`). Starts from the corner at infinity whatever `warm` says.
+/// Pivots to a solution, to a ray, or to the end of the budget.
+///
+/// A ray of a copositive-plus matrix proves that there is no solution (`Infeasible`); otherwise the
+/// status is `Stalled`. Problems with friction or too many contacts are `BadInput`. `warm` is
+/// returned if it is a solution, but the pivots do not start from it.
 pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
     let (mut progress, _) = Progress::new(problem, warm, limits);
     if problem.dimension() != 1 {
@@ -93,7 +97,7 @@ impl Tableau {
         if (0..n).all(|i| self.at(i, rhs) >= 0.0) {
             return End::Solution;
         }
-        // z_0 enters, just large enough for every row.
+        // z_0 enters with the smallest value that satisfies every row.
         let first = (0..n).min_by(|&i, &j| self.lexicographic(i, j, None));
         let Some(mut row) = first else {
             return End::Solution;
@@ -112,7 +116,7 @@ impl Tableau {
             if left == artificial {
                 return End::Solution;
             }
-            // What must not be positive beside the one that left.
+            // The complement of the variable that left enters.
             entering = if left < n { left + n } else { left - n };
             match self.leaving(entering) {
                 Some(next) => row = next,
@@ -121,7 +125,8 @@ impl Tableau {
         }
     }
 
-    /// The row that first hinders the entering variable from growing; z_0 if it is among them.
+    /// Returns the row of the ratio test: the first that limits the entering variable. The row of
+    /// z_0 is preferred on ties.
     fn leaving(&self, column: usize) -> Option<usize> {
         let n = self.n;
         let largest = (0..n).fold(0.0f64, |largest, i| largest.max(self.at(i, column).abs()));
@@ -133,8 +138,8 @@ impl Tableau {
         Some(artificial.filter(|&i| ratio(i) <= ratio(least)).unwrap_or(least))
     }
 
-    /// Which of two rows, each divided by its entry of a column, comes first in the order of
-    /// dictionaries: right side, then B^-1.
+    /// Compares two rows, each divided by its entry of a column, lexicographically: right-hand side
+    /// first, then B^-1.
     fn lexicographic(&self, i: usize, j: usize, column: Option<usize>) -> std::cmp::Ordering {
         let by = |row: usize| column.map_or(1.0, |column| self.at(row, column));
         let (by_i, by_j) = (by(i), by(j));
@@ -166,7 +171,7 @@ impl Tableau {
         self.basis[row] = column;
     }
 
-    /// z, without z_0.
+    /// Returns z, without z_0.
     fn solution(&self) -> Vec<f64> {
         let n = self.n;
         let mut z = vec![0.0; n];
@@ -178,7 +183,7 @@ impl Tableau {
         z
     }
 
-    /// How z changes as the entering variable grows without end.
+    /// Returns the direction of z as the entering variable grows without bound.
     fn ray(&self, entering: usize) -> Vec<f64> {
         let n = self.n;
         let mut z = vec![0.0; n];
@@ -194,7 +199,8 @@ impl Tableau {
     }
 }
 
-/// The solution of the last basis from the matrix itself, free of what the pivots rounded away.
+/// Solves for the last basis with the original matrix, which removes the rounding errors of the
+/// pivots.
 fn polish(problem: &Problem, tableau: &Tableau) -> Option<Vec<f64>> {
     let n = tableau.n;
     let pushing: Vec<usize> =
@@ -202,7 +208,8 @@ fn polish(problem: &Problem, tableau: &Tableau) -> Option<Vec<f64>> {
     solve_pushing(problem, pushing)
 }
 
-/// z with M z + q = 0 at the contacts that push, z = 0 at the others. `None` if M is singular there.
+/// Returns z with M z + q = 0 at the contacts that push, and z = 0 at the others. `None` if M is
+/// singular there.
 pub(super) fn solve_pushing(problem: &Problem, mut pushing: Vec<usize>) -> Option<Vec<f64>> {
     pushing.sort_unstable();
     let mut place = vec![usize::MAX; problem.unknowns()];

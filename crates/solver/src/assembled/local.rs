@@ -1,24 +1,25 @@
-//! One contact by itself, exactly: u = A r + b with Signorini's condition and Coulomb's law.
+//! Exact solution of one contact: u = A r + b with Signorini's condition and Coulomb's law.
 
 use super::blocks::Block;
 
-/// A state of sliding that fits this well is one. \[1\]
+/// Relative error of the sliding equation that counts as solved. \[1\]
 const TOLERANCE: f64 = 1e-14;
-/// From here one Newton step is enough. \[1\]
+/// Relative error from which one Newton step is enough. \[1\]
 const ALMOST: f64 = 1e-8;
-/// Newton steps, or halvings where Newton leads astray.
+/// Largest number of Newton steps, or of bisections where Newton's method fails.
 const STEPS: usize = 60;
 
-/// r of one contact with A_nn > 0.
+/// Returns r of one contact with A_nn > 0.
 ///
-/// It separates (b_n >= 0, r = 0), or it sticks (u = 0 within the cone), or it slides: u_n = 0 and
-/// u_t = -lambda r_t with lambda > 0 such that |r_t| = mu r_n. With r_n taken out, S = A_tt - A_tn
-/// A_nt / A_nn and c = b_t - A_tn b_n / A_nn, sliding is r_t = -(S + lambda)^-1 c: one equation for
-/// lambda. If A is positive semidefinite it has a root whenever the contact does not stick, because
-/// the left side is too large at 0 and r_t vanishes at infinity. (The same equation as polynomial of
-/// degree four: Bonnefon and Daviet 2011.)
+/// There are three cases. The contact separates: b_n >= 0, r = 0. It sticks: u = 0 with r in the
+/// cone. It slides: u_n = 0 and u_t = -lambda r_t with lambda > 0 such that |r_t| = mu r_n.
 ///
-/// `lambda` is where the search starts, and takes its result. \[1/kg\]
+/// With r_n eliminated, S = A_tt - A_tn A_nt / A_nn and c = b_t - A_tn b_n / A_nn, sliding means
+/// r_t = -(S + lambda)^-1 c: one equation for lambda. If A is positive semidefinite it has a root
+/// whenever the contact does not stick: |r_t| is too large at lambda = 0 and vanishes at infinity.
+/// (The same equation as a polynomial of degree four: Bonnefon and Daviet 2011.)
+///
+/// `lambda` is the initial guess, and receives the result. \[1/kg\]
 pub(super) fn solve<const D: usize>(
     a: &Block<D>,
     b: &[f64; D],
@@ -41,13 +42,13 @@ pub(super) fn solve<const D: usize>(
         r[0] = normal;
         r[1..].copy_from_slice(&tangents[..D - 1]);
     } else {
-        // Not positive semidefinite: the cone step, which always exists.
+        // A is not positive semidefinite: the frictionless response always exists.
         r[0] = -b[0] / a[0][0];
     }
     r
 }
 
-/// With one tangent the sign of r_t is that of -c, whatever lambda.
+/// Solves a contact with one tangent. There r_t has the sign of -c for every lambda.
 fn line<const D: usize>(a: &Block<D>, b: &[f64; D], friction: f64) -> Option<(f64, [f64; 2])> {
     let coupling = a[0][1] / a[0][0];
     let s = a[1][1] - a[1][0] * coupling;
@@ -62,7 +63,8 @@ fn line<const D: usize>(a: &Block<D>, b: &[f64; D], friction: f64) -> Option<(f6
     Some((normal, [side * normal, 0.0]))
 }
 
-/// With two tangents: the root of mu r_n / |r_t| - 1, nearly a straight line in lambda.
+/// Solves a contact with two tangents by the root of mu r_n / |r_t| - 1, which is nearly linear in
+/// lambda.
 fn disc<const D: usize>(
     a: &Block<D>,
     b: &[f64; D],
@@ -74,7 +76,7 @@ fn disc<const D: usize>(
     let (s11, s12, s21, s22) = (s(1, 1), s(1, 2), s(2, 1), s(2, 2));
     let c = [b[1] - a[1][0] * b[0] * inverse, b[2] - a[2][0] * b[0] * inverse];
     let free = -b[0] * inverse;
-    // -(S + lambda)^-1, and -(S + lambda)^-1 x
+    // inverted(lambda) = -(S + lambda)^-1
     let inverted = |lambda: f64| {
         let (p, q) = (s11 + lambda, s22 + lambda);
         let scale = 1.0 / (p * q - s12 * s21);
@@ -124,7 +126,7 @@ fn disc<const D: usize>(
         } else {
             4.0 * at
         };
-        // Where a step squares the error, the next one would be rounding.
+        // Convergence is quadratic here, so a further step would only change rounding.
         let last = error.abs() <= ALMOST || (next - at).abs() <= f64::EPSILON * at;
         at = next;
         if last {
@@ -133,7 +135,7 @@ fn disc<const D: usize>(
     }
     *lambda = at;
     let t = times(inverted(at), c);
-    // Exactly on the cone, whatever the rounding of lambda.
+    // Projects exactly onto the cone despite the rounding of lambda.
     let n = normal(t);
     let shrink = (friction * n / length(t)).min(1.0);
     Some((n, [shrink * t[0], shrink * t[1]]))
@@ -143,13 +145,13 @@ fn disc<const D: usize>(
 mod tests {
     use super::*;
 
-    /// A = G G^T + something, from a fixed sequence.
+    /// Returns the next number of a fixed pseudorandom sequence, in -1..1.
     fn random(state: &mut u64) -> f64 {
         *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
 
-    /// Signorini and Coulomb, each by its own words.
+    /// Checks Signorini's condition and Coulomb's law separately.
     fn check<const D: usize>(a: &Block<D>, b: &[f64; D], friction: f64, r: [f64; D]) {
         let u: [f64; D] =
             std::array::from_fn(|i| b[i] + (0..D).map(|j| a[i][j] * r[j]).sum::<f64>());

@@ -1,4 +1,4 @@
-//! J, M^-1, A and A + E.
+//! The matrices J, M^-1, A and A + E.
 
 use faer::sparse::Triplet;
 
@@ -7,17 +7,18 @@ use crate::{Manifold, Scalar, System, Vector, moment};
 /// A sparse matrix stored by rows.
 pub type Matrix = faer::sparse::SparseRowMat<usize, f64>;
 
-/// A column of numbers.
+/// A dense column vector.
 pub type Column = faer::Col<f64>;
 
 type Entry = Triplet<usize, usize, f64>;
 
-/// Indices below count contacts, bodies and coordinates of one system, so no entry is outside.
+/// Builds a matrix from entries. Their indices count contacts, bodies and coordinates of one
+/// system, so none is outside.
 fn matrix(rows: usize, columns: usize, entries: &[Entry]) -> Matrix {
     Matrix::try_new_from_triplets(rows, columns, entries).expect("entries within the matrix")
 }
 
-/// The part of a row of J that belongs to one body: `sign` (n, r x n).
+/// Adds the part of a row of J that belongs to one body: `sign` (n, r x n).
 fn block<const L: usize, const A: usize>(
     row: usize,
     body: u32,
@@ -32,7 +33,7 @@ fn block<const L: usize, const A: usize>(
     entries.extend(values.enumerate().map(|(i, x)| Entry::new(row, column + i, sign * x)));
 }
 
-/// Rows for the first `directions` vectors of the frame of each contact.
+/// Returns rows for the first `directions` vectors of the frame of each contact.
 fn rows<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
     directions: usize,
@@ -54,15 +55,16 @@ fn rows<T: Scalar, const L: usize, const A: usize>(
     matrix(directions * system.contacts.len(), width, &entries)
 }
 
-/// J, k x (L + A) N: normal velocities from the velocities of the bodies, v_n = J v.
+/// Returns J, k x (L + A) N, which maps the velocities of the bodies to normal velocities: v_n = J
+/// v.
 ///
-/// Row i has (n, r_a x n) in the columns of body a of contact i, (-n, -r_b x n) in those of body
-/// b, and nothing elsewhere.
+/// Row i has (n, r_a x n) in the columns of body a of contact i, (-n, -r_b x n) in those of body b,
+/// and zeros elsewhere.
 pub fn jacobian<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Matrix {
     rows(system, 1)
 }
 
-/// The Jacobian of contacts with friction, k L x (L + A) N: L rows for each contact, along its
+/// Returns the Jacobian of contacts with friction, k L x (L + A) N: L rows per contact, along its
 /// normal and its tangents.
 pub fn friction_jacobian<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
@@ -70,8 +72,8 @@ pub fn friction_jacobian<T: Scalar, const L: usize, const A: usize>(
     rows(system, L)
 }
 
-/// M^-1, block diagonal: for each body m^-1 on L places, then its A x A inverse inertia in world
-/// axes. A fixed body has no entries.
+/// Returns M^-1, block diagonal: for each body m^-1 on L diagonal entries, then its A x A inverse
+/// inertia in world axes. A fixed body has no entries.
 pub fn inverse_mass<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Matrix {
     let width = L + A;
     let mut entries = Vec::new();
@@ -91,8 +93,9 @@ pub fn inverse_mass<T: Scalar, const L: usize, const A: usize>(system: &System<T
     matrix(width * system.masses.len(), width * system.masses.len(), &entries)
 }
 
-/// A = J M^-1 J^T, k x k: what a unit impulse at contact j adds to the normal velocity of contact
-/// i. Symmetric, positive semidefinite; A_ii = 1 / m_eff of a rigid contact. Without compliance.
+/// Returns A = J M^-1 J^T, k x k: the normal velocity of contact i from a unit impulse at contact
+/// j. It is symmetric and positive semidefinite, and without compliance; A_ii = 1 / m_eff of a
+/// rigid contact.
 pub fn system_matrix<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
 ) -> Matrix {
@@ -101,7 +104,7 @@ pub fn system_matrix<T: Scalar, const L: usize, const A: usize>(
     &jacobian * (inverse_mass(system) * transposed)
 }
 
-/// A + E, the matrix of soft contacts: positive definite if every epsilon is positive.
+/// Returns A + E, the matrix of soft contacts: positive definite if every epsilon is positive.
 pub fn soften(a: &Matrix, compliance: &Column) -> Matrix {
     let k = compliance.nrows();
     let diagonal: Vec<_> = (0..k).map(|i| Entry::new(i, i, compliance[i])).collect();

@@ -1,23 +1,27 @@
-//! Newton's method on the function of Fischer and Burmeister, for any matrix without friction.
+//! Newton's method on the Fischer-Burmeister function, for any matrix without friction.
 //!
-//! phi(a, b) = a + b - sqrt(a^2 + b^2) is zero exactly where 0 <= a ⊥ b >= 0. Newton's method on
-//! phi(z_i, w_i) = 0 with an element of its generalized Jacobian, and steps down the gradient of
-//! |phi|^2 / 2 where Newton's direction does not lead down (De Luca, Facchinei and Kanzow 1996). Near a
-//! solution with a regular Jacobian it converges quadratically; far from one it comes to rest in a
-//! minimum of |phi|, which for P_0-matrices is a solution. An iteration costs a dense factorization,
-//! 2/3 n^3. It finds solutions of games and circuits where Lemke's method ends on a ray.
+//! phi(a, b) = a + b - sqrt(a^2 + b^2) is zero exactly where 0 <= a ⊥ b >= 0. The method solves
+//! phi(z_i, w_i) = 0 with an element of its generalized Jacobian. Where Newton's direction is not a
+//! descent direction it steps along the negative gradient of |phi|^2 / 2 (De Luca, Facchinei and
+//! Kanzow 1996).
+//!
+//! Near a solution with a regular Jacobian convergence is quadratic. From afar it ends in a minimum
+//! of
+//! |phi|, which for P_0-matrices is a solution. An iteration costs a dense factorization, 2/3 n^3. It
+//! finds solutions of games and circuits where Lemke's method ends on a ray.
 
 use super::Problem;
 use super::dense::Dense;
 use super::outcome::{Limits, Outcome, Progress, Status};
 use super::problem::{largest, transposed_product};
 
-/// Larger problems take too long with dense factors.
+/// Largest problem; dense factorizations of larger ones take too long.
 pub const MOST: usize = 1500;
-/// Steps without a fall of the residual by a hundredth, after which no more is to be expected.
+/// Steps without a 1 % reduction of the residual after which the method counts as stalled.
 const PATIENCE: usize = 100;
 
-/// Newton steps from `warm`, or from zero. Friction, or more than [`MOST`] contacts, are `BadInput`.
+/// Takes Newton steps from `warm`, or from zero. Friction, or more than [`MOST`] contacts, are
+/// `BadInput`.
 pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
     let (mut progress, mut z) = Progress::new(problem, warm, limits);
     if problem.dimension() != 1 {
@@ -26,7 +30,7 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
     if problem.unknowns() > MOST {
         return progress.end(Status::BadInput, "too large for dense factors");
     }
-    // Impulses in units in which the matrix has size one, so that z and w compare.
+    // Scales w by 1 / max |M|, so that z and s w are comparable.
     let size = largest(problem.matrix().val());
     let s = if size > 0.0 { 1.0 / size } else { 1.0 };
     let mut map = Map::at(problem, s, &z);
@@ -50,7 +54,7 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
     progress.end(Status::Converged, "within the tolerance")
 }
 
-/// phi and its derivatives with respect to z and to s w.
+/// phi and its derivatives with respect to z and s w.
 struct Map {
     value: Vec<f64>,
     by_z: Vec<f64>,
@@ -68,7 +72,8 @@ impl Map {
             if length > 0.0 {
                 (a + b - length, 1.0 - a / length, 1.0 - b / length)
             } else {
-                // Where phi has a corner: the element of the derivative half way between.
+                // Kink of phi: the element of the generalized derivative halfway between the two
+                // sides.
                 let part = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
                 (0.0, part, part)
             }
@@ -83,7 +88,7 @@ impl Map {
         Self { value, by_z, by_w, merit }
     }
 
-    /// The next iterate, `None` where nothing leads down.
+    /// Returns the next iterate, or `None` if no direction leads down.
     fn step(&self, problem: &Problem, s: f64, z: &[f64]) -> Option<(Vec<f64>, Self)> {
         let n = z.len();
         let weighted: Vec<f64> = (0..n).map(|i| s * self.by_w[i] * self.value[i]).collect();
@@ -93,7 +98,7 @@ impl Map {
         }
         let squared: f64 = gradient.iter().map(|g| g * g).sum();
         let newton = self.direction(problem, s, 0.0);
-        // With a little of the identity, where the Jacobian is singular.
+        // Damping by a multiple of the identity, in case the Jacobian is singular.
         let damping = 1e-6 * self.merit.sqrt().clamp(1e-9, 1.0);
         let damped = || self.direction(problem, s, damping);
         let downhill = |d: &Vec<f64>| {
@@ -118,7 +123,7 @@ impl Map {
         })
     }
 
-    /// -H^-1 phi with H = diag(by_z + damping) + s diag(by_w) M.
+    /// Returns -H^-1 phi with H = diag(by_z + damping) + s diag(by_w) M.
     fn direction(&self, problem: &Problem, s: f64, damping: f64) -> Option<Vec<f64>> {
         let matrix = problem.matrix();
         let mut jacobian =

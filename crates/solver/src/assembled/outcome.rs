@@ -1,4 +1,4 @@
-//! What every method is told and what it returns.
+//! Limits and outcome of every method.
 
 use std::time::{Duration, Instant};
 
@@ -7,12 +7,12 @@ use super::jam::SelfStress;
 use crate::cone;
 pub use crate::solution::Status;
 
-/// When a method is done.
+/// Stopping criteria of a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// [`Problem::residual`] that is good enough. \[1\]
+    /// [`Problem::residual`] to reach. \[1\]
     pub tolerance: f64,
-    /// The most iterations, of whatever kind the method has.
+    /// Largest number of iterations, of the method's own kind.
     pub budget: usize,
 }
 
@@ -22,37 +22,37 @@ impl Default for Limits {
     }
 }
 
-/// The residual that a method had at some iteration.
+/// Residual of a method at some iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Iterations done.
     pub iteration: usize,
-    /// [`Problem::residual`] then. \[1\]
+    /// [`Problem::residual`] at that iteration. \[1\]
     pub residual: f64,
-    /// Time since the start, that of measuring residuals included.
+    /// Time since the start, including the evaluation of residuals. \[s\]
     pub elapsed: Duration,
 }
 
-/// What a method found. Never panics, never calls something converged that is not.
+/// Result of a method. Methods never panic, and never report convergence above the tolerance.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// How it ended.
+    /// Status at the end.
     pub status: Status,
-    /// Why it ended so, in a few words.
+    /// Reason for the status, in a few words.
     pub reason: &'static str,
-    /// r of the best iterate: finite and within the friction cones, whatever happened. \[N s\]
+    /// r of the best iterate: finite and within the friction cones in every case. \[N s\]
     pub impulses: Vec<f64>,
     /// [`Problem::residual`] of `impulses`. \[1\]
     pub residual: f64,
     /// Iterations done: sweeps, pivots, Newton steps.
     pub iterations: usize,
-    /// The way there, in order of iterations.
+    /// Residuals in the order of iterations.
     pub history: Vec<Sample>,
-    /// The proof that there is no solution.
+    /// Proof that there is no solution, if there is one.
     pub certificate: Option<SelfStress>,
 }
 
-/// The best iterate so far and the way to it.
+/// Best iterate so far, and the history.
 pub(super) struct Progress<'a> {
     pub(super) problem: &'a Problem,
     pub(super) limits: Limits,
@@ -65,7 +65,7 @@ pub(super) struct Progress<'a> {
 }
 
 impl<'a> Progress<'a> {
-    /// Starts from `warm`, or from zero where that is none or of no use. Also gives the start.
+    /// Starts from `warm`, or from zero if that is `None` or invalid. Also returns the start.
     pub(super) fn new(
         problem: &'a Problem,
         warm: Option<&[f64]>,
@@ -79,7 +79,7 @@ impl<'a> Progress<'a> {
         (progress, start)
     }
 
-    /// At zero, of which nothing is known yet.
+    /// Starts from zero, whose residual is not yet evaluated.
     pub(super) fn unmeasured(problem: &'a Problem, limits: &Limits) -> Self {
         Self {
             problem,
@@ -93,8 +93,10 @@ impl<'a> Progress<'a> {
         }
     }
 
-    /// Projects an iterate onto the cones, measures that and keeps it if it is the best. The residual alone
-    /// bounds a violation of the cones by its part of q, which may be much of the impulses.
+    /// Projects an iterate onto the cones, evaluates the residual, and keeps the best iterate.
+    ///
+    /// The residual alone bounds a violation of the cones only relative to q, which can be much
+    /// larger than the impulses.
     pub(super) fn record(&mut self, r: &[f64]) -> f64 {
         self.projected.copy_from_slice(r);
         let contacts = self.projected.chunks_exact_mut(self.problem.dimension());
@@ -123,7 +125,7 @@ impl<'a> Progress<'a> {
         self.iterations >= self.limits.budget
     }
 
-    /// Ends; whatever the method thought, what is within the tolerance has converged.
+    /// Builds the outcome. The status is `Converged` whenever the residual is within the tolerance.
     pub(super) fn end(self, status: Status, reason: &'static str) -> Outcome {
         let (status, reason) = match status {
             Status::Converged => (status, reason),
@@ -160,7 +162,7 @@ mod tests {
 
     #[test]
     fn what_is_kept_lies_within_the_cones() {
-        // A large q, so that a violation of the cone is hidden in the residual.
+        // With a large q the residual hides a violation of the cone.
         let diagonal: Vec<_> = (0..3).map(|i| (i, i, 1e9)).collect();
         let matrix = from_entries(3, 3, &diagonal).unwrap();
         let problem = Problem::new(3, vec![0.5], matrix, vec![-1e9, 4e8, 0.0]).unwrap();

@@ -1,12 +1,12 @@
-//! Which entries of the matrices there are.
+//! Sparsity patterns of the matrices.
 //!
-//! Row i of J has two blocks. A has an entry (i, j) where contacts i and j share a body that can
-//! move: a body with n contacts fills n^2 entries, one with a single contact only a diagonal one.
+//! Row i of J has two blocks. A has an entry (i, j) if contacts i and j share a movable body. A
+//! body with n contacts fills n^2 entries; a body with one contact fills only a diagonal entry.
 
 use super::matrices::Matrix;
 use crate::{Scalar, System};
 
-/// A drawing of a sparse matrix: `#` for a stored entry, `.` for none, a line for each row.
+/// Draws a sparse matrix, one line per row: `#` for a stored entry, `.` for none.
 pub fn pattern(matrix: &Matrix) -> String {
     let mut drawing = String::new();
     for row in 0..matrix.nrows() {
@@ -20,7 +20,7 @@ pub fn pattern(matrix: &Matrix) -> String {
     drawing
 }
 
-/// The contacts of a body, in order: those whose impulses move it.
+/// Returns the contacts whose impulses act on a body, in ascending order.
 pub fn contacts_of<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
     body: u32,
