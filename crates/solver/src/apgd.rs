@@ -1,27 +1,28 @@
-//! Accelerated projected gradients (Nesterov 1983): steps against w = J v - t + epsilon gamma, projected
-//! onto the friction cones, each from a point ahead of the last one.
+//! Accelerated projected gradient descent, APGD (Nesterov 1983): steps against w = J v - t +
+//! epsilon gamma, projected onto the friction cones. Each starts from a point extrapolated beyond
+//! the last one.
 //!
-//! Lengths are measured in the effective masses, so that heavy and light bodies count alike: a step
-//! is gamma <- project(s - m_eff w / K), where K >= 1 bounds what a step changes of w; it is doubled
-//! until it does, and tried smaller after every step. Momentum is dropped where it points against the
-//! last step (O'Donoghue and Candes 2015). Coulomb's law: w_n is raised by mu |slip| of the point at
-//! hand (De Saxce and Feng 1998).
+//! Norms use the effective masses as metric, so that heavy and light bodies count alike. A step is
+//! gamma <- project(s - m_eff w / K), where K >= 1 bounds the change of w in a step. K is doubled
+//! until it does, and lowered after every step. The momentum is dropped where it points against the
+//! last step (O'Donoghue and Candes 2015). Coulomb's law: w_n is raised by mu |slip| of the current
+//! point (De Saxce and Feng 1998).
 //!
-//! Cost of an iteration: two passes over the contacts and no order among them. Place: where sweeps
-//! cannot be used, as on a device with thousands of lanes. About 1 / sqrt(smallest eigenvalue) of
-//! iterations, as [`nncg`](crate::nncg), but with a proof without friction.
+//! Cost of an iteration: two passes over the contacts, in any order. Use: where sweeps cannot run,
+//! as on a device with thousands of lanes. It takes about 1 / sqrt(smallest eigenvalue) iterations,
+//! like [`nncg`](crate::nncg), but without friction its convergence is proven.
 //!
-//! Reference: Mazhar, Heyn, Negrut and Tasora, Using Nesterov's Method to Accelerate Multibody Dynamics
-//! with Friction and Contact, 2015.
+//! Reference: Mazhar, Heyn, Negrut and Tasora, Using Nesterov's Method to Accelerate Multibody
+//! Dynamics with Friction and Contact, 2015.
 
 use crate::cone::Law;
 use crate::solution::{self, Goal, Solution};
 use crate::{Mass, System, Vector, Velocity};
 
-/// What K shrinks by after a step, to find its way down again.
+/// Factor by which K is lowered after a step.
 const EASE: f64 = 0.9;
 
-/// Doublings of K within a step.
+/// Largest number of doublings of K within a step.
 const DOUBLINGS: usize = 60;
 
 /// Iterates until the certificate is good enough.
@@ -55,7 +56,7 @@ pub fn solve<const L: usize, const A: usize>(
     })
 }
 
-/// Nesterov's sequence.
+/// Nesterov's momentum sequence.
 struct Momentum {
     theta: f64,
 }
@@ -67,7 +68,7 @@ impl Default for Momentum {
 }
 
 impl Momentum {
-    /// How far to go beyond the last step, as a part of it.
+    /// Returns the extrapolation beyond the last step, as a fraction of it.
     fn next(&mut self, restart: bool) -> f64 {
         if restart {
             self.theta = 1.0;
@@ -101,7 +102,7 @@ impl<const L: usize, const A: usize> State<L, A> {
         system.velocities.clone_from(&self.velocities);
     }
 
-    /// The point that lies beyond this one, seen from `last`; velocities are linear in impulses.
+    /// Extrapolates from `last` beyond this state; velocities are linear in impulses.
     fn beyond(mut self, last: &Self, part: f64) -> Self {
         for (own, last) in self.impulses.iter_mut().zip(&last.impulses) {
             *own += (*own - *last) * part;
@@ -112,8 +113,8 @@ impl<const L: usize, const A: usize> State<L, A> {
         self
     }
 
-    /// Of the way d from here to the impulses of the system: d . (A + R) d, and |d|^2 in the metric
-    /// of the effective masses. \[J\]
+    /// Returns, for the difference d between the impulses of the system and of this state, d . (A +
+    /// R) d, and |d|^2 in the metric of the effective masses. \[J\]
     fn change(&self, system: &System<f64, L, A>, masses: &[Mass<L, A>]) -> (f64, f64) {
         let (mut changed, mut length) = (0.0, 0.0);
         for ((mass, v), own) in masses.iter().zip(&system.velocities).zip(&self.velocities) {
@@ -130,7 +131,8 @@ impl<const L: usize, const A: usize> State<L, A> {
         (changed, length)
     }
 
-    /// Whether the step from here to the impulses of the system points against the way from `last`.
+    /// Returns true if the step from this state to the impulses of the system points against the
+    /// step from `last` to them.
     fn turns_back(&self, last: &Self, system: &System<f64, L, A>) -> bool {
         let mut sum = 0.0;
         for ((contact, own), last) in system.contacts.iter().zip(&self.impulses).zip(&last.impulses)
@@ -144,7 +146,7 @@ impl<const L: usize, const A: usize> State<L, A> {
     }
 }
 
-/// The manifold and index of each contact.
+/// Returns the manifold and the index of each contact.
 fn points<const L: usize, const A: usize>(
     system: &System<f64, L, A>,
 ) -> impl Iterator<Item = (usize, usize)> {
@@ -152,7 +154,7 @@ fn points<const L: usize, const A: usize>(
     manifolds.flat_map(|(index, manifold)| manifold.points().map(move |point| (index, point)))
 }
 
-/// w of each contact, raised by mu |slip|. \[m/s\]
+/// Returns w of each contact, raised by mu |slip|. \[m/s\]
 fn gradient<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Vec<Vector<f64, L>> {
     let of_contact = |(manifold, index): (usize, usize)| {
         let (manifold, contact) = (&system.manifolds[manifold], &system.contacts[index]);
@@ -165,7 +167,7 @@ fn gradient<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Vec<V
     points(system).map(of_contact).collect()
 }
 
-/// gamma <- project(s - m_eff w / K), s the impulses of `from`.
+/// gamma <- project(s - m_eff w / K), where s are the impulses of `from`.
 fn step<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     from: &State<L, A>,

@@ -1,36 +1,37 @@
-//! What the solver knows of a body: how fast it moves, and how hard it is to move.
+//! State and mass of a body in the solver: [`Velocity`], [`Mass`] and [`InverseMass`].
 
 use std::ops::{Add, AddAssign, Mul, Range, Sub, SubAssign};
 
 use crate::vector::spin;
 use crate::{Cast, Real, Scalar, SymmetricMatrix, Vector, moment};
 
-/// Linear and angular velocity of a body: one block of the notes' column v.
+/// Linear and angular velocity of a body: one block of the notes' column v. It also serves as a
+/// displacement (velocity times time), since J maps both alike.
 ///
-/// The same pair serves as a displacement (velocity times time), since J maps both alike. Laid out so that
-/// the numbers of a body come into registers of four in one go ([`Lanes`](crate::lanes::Lanes)).
+/// The layout lets the numbers of a body be loaded into registers of four
+/// ([`Lanes`](crate::lanes::Lanes)).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(16))]
 pub struct Velocity<T: Real, const L: usize, const A: usize> {
-    /// Of the center of mass. \[m/s\]
+    /// Velocity of the center of mass. \[m/s\]
     pub linear: Vector<T, L>,
-    /// About the center of mass, world axes. \[rad/s\]
+    /// Angular velocity in world axes. \[rad/s\]
     pub angular: Vector<T, A>,
 }
 
 impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
-    /// At rest.
+    /// Zero velocity.
     pub const ZERO: Self = Self { linear: Vector::ZERO, angular: Vector::ZERO };
-    /// Where sums begin ([`Real::NEG_ZERO`]).
+    /// Start value of sums ([`Real::NEG_ZERO`]).
     pub(crate) const NEG_ZERO: Self = Self { linear: Vector::NEG_ZERO, angular: Vector::NEG_ZERO };
 
-    /// v . p: of a velocity and a momentum, a power times a time. \[J\]
+    /// Returns v . p, the product of a velocity and a momentum. \[J\]
     #[inline(always)]
     pub fn dot(&self, other: &Self) -> T {
         self.linear.dot(other.linear) + self.angular.dot(other.angular)
     }
 
-    /// A part of it in another number.
+    /// Converts one [part](Cast::part) to another number type.
     #[inline(always)]
     pub(crate) fn part<U: Real>(&self, index: usize) -> Velocity<U, L, A>
     where
@@ -39,7 +40,7 @@ impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
         Velocity { linear: self.linear.part(index), angular: self.angular.part(index) }
     }
 
-    /// Velocity \[m/s\] of the point at the lever arm `r` \[m\]: v + omega x r.
+    /// Returns the velocity \[m/s\] of the point at the lever arm `r` \[m\]: v + omega x r.
     #[inline(always)]
     pub fn at(&self, r: Vector<T, L>) -> Vector<T, L> {
         if A == 0 { self.linear } else { self.linear + spin(self.angular, r) }
@@ -47,7 +48,7 @@ impl<T: Real, const L: usize, const A: usize> Velocity<T, L, A> {
 }
 
 impl<T: Scalar, const L: usize, const A: usize> Velocity<T, L, A> {
-    /// The same in another number.
+    /// Converts to another number type.
     #[inline(always)]
     pub fn cast<U: Real>(&self) -> Velocity<U, L, A> {
         self.part(0)
@@ -92,30 +93,31 @@ impl<T: Real, const L: usize, const A: usize> SubAssign for Velocity<T, L, A> {
     }
 }
 
-/// Some components of a twist or a wrench.
+/// A subset of the components of a twist or a wrench.
 #[derive(Clone, Debug)]
 pub(crate) struct TwistAxes {
     pub(crate) linear: Range<usize>,
     pub(crate) angular: Range<usize>,
 }
 
-/// All of them.
+/// Returns all components.
 pub(crate) const fn all_axes<const L: usize, const A: usize>() -> TwistAxes {
     TwistAxes { linear: 0..L, angular: 0..A }
 }
 
-/// What impulses along normals do and feel: the velocity along the normal, and turning that tilts it.
+/// Returns the components that normal impulses cause and depend on: the velocity along the normal,
+/// and rotation that tilts the normal.
 pub(crate) const fn along_normals<const A: usize>() -> TwistAxes {
     TwistAxes { linear: 0..1, angular: A / 3..A }
 }
 
-/// What impulses of friction do and feel: the rest.
+/// Returns the components that friction impulses cause and depend on: the others.
 pub(crate) const fn along_tangents<const L: usize, const A: usize>() -> TwistAxes {
     TwistAxes { linear: 1..L, angular: 0..A / 3 }
 }
 
-/// One block of M: (m, I), the latter in world axes. Zero for what nothing can move, and along what is
-/// locked.
+/// One block of M: (m, I), with I in world axes. Zero for a fixed body, and along locked
+/// directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mass<const L: usize, const A: usize> {
     /// m. \[kg\]
@@ -125,17 +127,19 @@ pub struct Mass<const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> Mass<L, A> {
-    /// Of what nothing can move.
+    /// Mass of a fixed body.
     pub const ZERO: Self = Self { linear: 0.0, angular: SymmetricMatrix::ZERO };
 
-    /// M v: the momentum of a body at this velocity. \[N s, N m s\]
+    /// Returns M v: the momentum of a body at this velocity. \[N s, N m s\]
     #[inline(always)]
     pub fn momentum(&self, v: &Velocity<f64, L, A>) -> Velocity<f64, L, A> {
         Velocity { linear: v.linear * self.linear, angular: self.angular * v.angular }
     }
 
-    /// Adds to what the error of an island is measured by: mass \[kg\], or, less than 0 as long as there is none, moments
-    /// of inertia of bodies that only turn \[kg m^2\].
+    /// Adds to the weight by which the error of an island is averaged: the mass \[kg\].
+    ///
+    /// While no body with a finite mass has been added, it is minus the sum of the moments of
+    /// inertia \[kg m^2\] of bodies that only rotate.
     #[inline(always)]
     pub(crate) fn add_measure(&self, measure: &mut f64) {
         if self.linear > 0.0 {
@@ -145,14 +149,14 @@ impl<const L: usize, const A: usize> Mass<L, A> {
         }
     }
 
-    /// v . M v: twice the kinetic energy. \[J\]
+    /// Returns v . M v: twice the kinetic energy. \[J\]
     #[inline(always)]
     pub fn squared(&self, v: &Velocity<f64, L, A>) -> f64 {
         v.dot(&self.momentum(v))
     }
 }
 
-/// One block of M^-1: (m^-1, I^-1), the latter in world axes. Zero for what nothing can move.
+/// One block of M^-1: (m^-1, I^-1), with I^-1 in world axes. Zero for a fixed body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct InverseMass<T: Real, const L: usize, const A: usize> {
@@ -163,16 +167,17 @@ pub struct InverseMass<T: Real, const L: usize, const A: usize> {
 }
 
 impl<T: Real, const L: usize, const A: usize> InverseMass<T, L, A> {
-    /// Of a body that nothing can move.
+    /// Inverse mass of a fixed body.
     pub const FIXED: Self = Self { linear: T::ZERO, angular: SymmetricMatrix::ZERO };
 
-    /// M^-1 p: the velocity that a momentum gives. \[m/s, rad/s\]
+    /// Returns M^-1 p: the velocity that a momentum produces. \[m/s, rad/s\]
     #[inline(always)]
     pub fn velocity(&self, momentum: &Velocity<T, L, A>) -> Velocity<T, L, A> {
         Velocity { linear: momentum.linear * self.linear, angular: self.angular * momentum.angular }
     }
 
-    /// M^-1 (p, r x p): the change of velocity from an impulse `p` \[N s\] at the lever arm `r` \[m\].
+    /// Returns M^-1 (p, r x p): the change of velocity from an impulse `p` \[N s\] at the lever arm
+    /// `r` \[m\].
     #[inline(always)]
     pub fn response(&self, r: Vector<T, L>, p: Vector<T, L>) -> Velocity<T, L, A> {
         Velocity { linear: p * self.linear, angular: self.angular * moment(r, p) }
@@ -180,18 +185,18 @@ impl<T: Real, const L: usize, const A: usize> InverseMass<T, L, A> {
 }
 
 impl<T: Scalar, const L: usize, const A: usize> InverseMass<T, L, A> {
-    /// The same in another number.
+    /// Converts to another number type.
     pub fn cast<U: Real>(&self) -> InverseMass<U, L, A> {
         InverseMass { linear: U::from_f64(self.linear.to_f64()), angular: self.angular.cast() }
     }
 
-    /// M of the same body.
+    /// Returns M of the same body.
     pub fn mass(&self) -> Mass<L, A> {
         let linear = self.linear.to_f64();
         let angular: SymmetricMatrix<f64, A> = self.angular.cast();
         Mass {
             linear: if linear > 0.0 { 1.0 / linear } else { 0.0 },
-            // Turned, what is locked about some axis is singular.
+            // A locked axis that is not a coordinate axis makes the matrix singular.
             angular: angular.inverse().unwrap_or_else(|| angular.pseudo_inverse()),
         }
     }

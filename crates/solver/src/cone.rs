@@ -1,35 +1,35 @@
-//! The law of one contact: which impulse answers which velocity.
+//! The law of one contact: its impulse as a function of its velocity.
 //!
-//! With compliance R = diag(epsilon, epsilon_T, ...) > 0 the impulse r of a contact is a function of
-//! what is missing to its target, y = t - u: the r of the friction cone
+//! With compliance R = diag(epsilon, epsilon_T, ...) > 0, the impulse r of a contact is a function
+//! of the velocity missing to its target, y = t - u. It is the r in the friction cone
 //!
 //! K = { r_n >= 0, |r_T| <= mu (r_n + impact) }
 //!
-//! for which r . y - r . R r / 2 is largest. That maximum, phi(y), is convex in y, and r its gradient:
-//! so a system of such contacts is the minimum of a convex function of the velocities
-//! ([`newton`](crate::newton)), and how far any r is from the answer to y is a number that is
-//! never negative ([`Law::loss`], on which [`certificate`](crate::certificate) rests).
+//! that maximizes r . y - r . R r / 2. The maximum phi(y) is convex in y, and r is its gradient. So
+//! a system of such contacts is the minimum of a convex function of the velocities
+//! ([`newton`](crate::newton)). The distance of any r from the response to y is a number that is
+//! never negative ([`Law::loss`], the basis of [`certificate`](crate::certificate)).
 //!
-//! Coulomb's law is this one with y_n lowered by mu |slip| (De Saxce and Feng 1998): without, a
-//! sliding contact would lift off at mu times its slip. [`Law::shift`] is that amount.
+//! Coulomb's law is this law with y_n lowered by mu |slip| (De Saxce and Feng 1998). Without that
+//! [`Law::shift`] a sliding contact would separate at mu times its slip velocity.
 
 use crate::{Contact, Manifold, Real, SymmetricMatrix, Vector};
 
 /// Friction and compliance of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Law<T: Real> {
-    /// mu. \[1\]
+    /// Coefficient mu. \[1\]
     pub friction: T,
-    /// Impulse of a collision in this step, which friction may lean on too. \[N s\]
+    /// Impulse of a collision in this step, which also bears friction. \[N s\]
     pub impact: T,
-    /// epsilon. \[1/kg\]
+    /// Normal compliance epsilon. \[1/kg\]
     pub normal: T,
-    /// epsilon_T. \[1/kg\]
+    /// Tangential compliance epsilon_T. \[1/kg\]
     pub tangential: T,
 }
 
 impl<T: Real> Law<T> {
-    /// The law of a prepared contact. Means nothing where nothing can move.
+    /// Returns the law of a prepared contact; meaningless where nothing can move.
     #[inline(always)]
     pub fn of<const L: usize>(manifold: &Manifold<T, L>, contact: &Contact<T, L>) -> Self {
         Self {
@@ -40,15 +40,15 @@ impl<T: Real> Law<T> {
         }
     }
 
-    /// The slip that Coulomb's law looks at, u_T - t_T + epsilon_T r_T, times mu: what y_n is lowered
-    /// by. \[m/s\]
+    /// Returns the shift of Coulomb's law, by which y_n is lowered: mu times the slip |u_T - t_T +
+    /// epsilon_T r_T|. \[m/s\]
     #[inline(always)]
     pub fn shift<const L: usize>(&self, y: Vector<T, L>, r: Vector<T, L>) -> T {
         let slip = r * self.tangential - y;
         self.friction * tangents(slip).length()
     }
 
-    /// The impulse that answers `y`: argmax over K of r . y - r . R r / 2. \[N s\]
+    /// Returns the impulse in response to `y`: argmax over K of r . y - r . R r / 2. \[N s\]
     #[inline(always)]
     pub fn response<const L: usize>(&self, y: Vector<T, L>) -> Vector<T, L> {
         let answer = self.respond(y);
@@ -61,8 +61,8 @@ impl<T: Real> Law<T> {
     fn respond<const L: usize>(&self, y: Vector<T, L>) -> Answer<T> {
         let mu = self.friction;
         let pull = tangents(y).length();
-        // What sticks has r_n = y_n / epsilon and r_T = y_T / epsilon_T. Compared without dividing, and
-        // for what is rigid as well.
+        // Sticking has r_n = y_n / epsilon and r_T = y_T / epsilon_T. The comparison avoids
+        // division, so it also works for rigid contacts.
         let held = self.tangential * mu;
         let free = pull - held * self.impact;
         let beyond = y[0].choose(self.normal * free - held * y[0], free);
@@ -78,10 +78,11 @@ impl<T: Real> Law<T> {
         Answer { normal, part, pull, beyond }
     }
 
-    /// phi(y) + r . R r / 2 - r . y for an r of K: zero exactly if r answers y, else more. \[J\]
+    /// Returns phi(y) + r . R r / 2 - r . y for an r in K: zero exactly if r is the response to y,
+    /// else positive. \[J\]
     ///
-    /// Written so that nothing cancels: with d = response - r it is d . R d / 2 plus
-    /// d . (y - R response), neither negative, since the response is best in a convex set.
+    /// The form avoids cancellation. With d = response - r it is d . R d / 2 plus d . (y - R
+    /// response). Neither is negative, since the response is optimal in a convex set.
     #[inline(always)]
     pub fn loss<const L: usize>(&self, y: Vector<T, L>, r: Vector<T, L>) -> T {
         let best = self.response(y);
@@ -89,7 +90,7 @@ impl<T: Real> Law<T> {
         T::from_f64(0.5) * d.dot(self.soften(d)) + d.dot(y - self.soften(best)).max(T::ZERO)
     }
 
-    /// R r. \[m/s\]
+    /// Returns R r. \[m/s\]
     #[inline(always)]
     pub fn soften<const L: usize>(&self, r: Vector<T, L>) -> Vector<T, L> {
         let mut out = r * self.tangential;
@@ -97,7 +98,7 @@ impl<T: Real> Law<T> {
         out
     }
 
-    /// The nearest impulse of K along the tangents. \[N s\]
+    /// Projects onto K along the tangents, after the normal component. \[N s\]
     #[inline(always)]
     pub fn clamp<const L: usize>(&self, r: Vector<T, L>) -> Vector<T, L> {
         let normal = r[0].max(T::ZERO);
@@ -109,9 +110,9 @@ impl<T: Real> Law<T> {
 }
 
 impl Law<f64> {
-    /// The nearest impulse of K.
+    /// Returns the nearest impulse in K. \[N s\]
     pub fn nearest<const L: usize>(&self, mut r: Vector<f64, L>) -> Vector<f64, L> {
-        // K is a cone with its apex at -impact, cut off where r_n is 0.
+        // K is a cone with its apex at r_n = -impact, cut off at r_n = 0.
         let mut onto = r;
         onto[0] += self.impact;
         project(&mut onto.0, self.friction);
@@ -123,17 +124,18 @@ impl Law<f64> {
         self.clamp(r)
     }
 
-    /// The derivative of the response: how fast r follows y. Symmetric, never negative. \[kg\]
+    /// Returns the derivative dr/dy of the response: symmetric, positive semidefinite. \[kg\]
     pub fn slope<const L: usize>(&self, y: Vector<f64, L>) -> SymmetricMatrix<f64, L> {
         let Answer { normal, part, pull, beyond } = self.respond(y);
         let mut slope = SymmetricMatrix::ZERO;
         let radius = self.friction * (normal + self.impact);
         if beyond <= 0.0 {
-            // On the edge it presses: what rests unpressed is about to be.
+            // On the boundary y_n = 0 the contact counts as pressed: a resting contact without load
+            // is about to get one.
             if y[0] >= 0.0 {
                 slope.0[0][0] = 1.0 / self.normal;
             }
-            // Without a disc there is nothing to stick in.
+            // Without a disc nothing can stick.
             for i in 1..L {
                 slope.0[i][i] = if radius > 0.0 { 1.0 / self.tangential } else { 0.0 };
             }
@@ -147,7 +149,7 @@ impl Law<f64> {
             }
         }
         if normal > 0.0 {
-            // Pressing and pulling both change r_n, and with it the disc.
+            // Normal and tangential velocities both change r_n, and with it the disc.
             let mut ray = along * self.friction;
             ray[0] = 1.0;
             let stiff = self.normal + self.friction * self.friction * self.tangential;
@@ -161,29 +163,30 @@ impl Law<f64> {
     }
 }
 
-/// What answers a velocity.
+/// Response to a velocity, in parts.
 struct Answer<T> {
     /// r_n. \[N s\]
     normal: T,
-    /// r_T over y_T. \[kg\]
+    /// r_T / y_T. \[kg\]
     part: T,
     /// |y_T|. \[m/s\]
     pull: T,
-    /// Positive where the contact slides.
+    /// Positive if the contact slides.
     beyond: T,
 }
 
-/// `v` without its component along the normal.
+/// Returns `v` without its normal component.
 #[inline(always)]
 pub(crate) fn tangents<T: Real, const L: usize>(mut v: Vector<T, L>) -> Vector<T, L> {
     v[0] = T::ZERO;
     v
 }
 
-/// Moves z to the nearest point of the cone |z_t| <= mu z_n: z = (z_n, z_t), normal first. Without
-/// tangents this is max(0, z_n); without friction it also removes the tangents.
+/// Projects z = (z_n, z_t), normal first, onto the cone |z_t| <= mu z_n. Without tangents this is
+/// max(0, z_n); without friction it also removes the tangents.
 ///
-/// The three cases are those of Tasora and Anitescu 2011: inside, below the polar cone, between.
+/// The three cases are those of Tasora and Anitescu 2011: inside the cone, inside the polar cone,
+/// between them.
 pub fn project(z: &mut [f64], friction: f64) {
     let Some((normal, tangents)) = z.split_first_mut() else {
         return;
@@ -198,7 +201,7 @@ pub fn project(z: &mut [f64], friction: f64) {
         return;
     }
     *normal = (*normal + friction * slip) / (1.0 + friction * friction);
-    // Where there are no tangents the length is zero, and nothing is scaled.
+    // Without tangents the slip is zero, and this loop is empty.
     for t in tangents {
         *t *= friction * *normal / slip;
     }
@@ -217,7 +220,7 @@ mod tests {
     fn each_case_of_the_projection() {
         assert_eq!(projected([2.0, 0.5, 0.0], 0.5), [2.0, 0.5, 0.0]);
         assert_eq!(projected([-1.0, 0.0, 1.5], 0.5), [0.0; 3]);
-        // (0, 3, 4) onto the edge of the cone with slope 1.
+        // (0, 3, 4) is projected to the edge of the cone with slope 1.
         let [n, a, b] = projected([0.0, 3.0, 4.0], 1.0);
         assert!((n - 2.5).abs() + (a - 1.5).abs() + (b - 2.0).abs() < 1e-15);
         assert_eq!(projected([1.0, 3.0, 4.0], 0.0), [1.0, 0.0, 0.0]);

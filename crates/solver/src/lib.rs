@@ -1,26 +1,27 @@
-//! Systems of contacts: velocities, masses, contacts; no shapes, poses, files or clocks.
+//! Contact solver for systems of bodies and contacts: velocities, masses, contacts; no shapes,
+//! poses, files or clocks.
 //!
 //! # The problem
 //!
 //! Bodies have velocities **v** and inverse masses M^-1. At each of k contacts they touch, or
-//! nearly, along a unit normal n that points from body b towards body a. Find impulses γ (gamma) so
-//! that after the step no contact separates more slowly than it should, none pulls, and none pushes
-//! harder than that takes:
+//! nearly touch, along a unit normal n that points from body b towards body a. Find impulses γ
+//! (gamma) such that after the step every contact separates at its target velocity or faster. No
+//! contact pulls, and none pushes if it separates faster than its target:
 //!
 //! ```text
 //! 1.  v_n = J v                                relative velocity along each normal, positive
 //!                                              when separating
 //! 2.  v⁺ = v + M⁻¹ Jᵀ γ                        impulses change velocities
-//! 3.  t = max(−c_r v_n⁻, c_d d)                the wanted v_n: a bounce, or the repair of an overlap
-//! 4.  A γ = b,  A = J M⁻¹ Jᵀ,  b = t − J v     what it takes to get exactly that
+//! 3.  t = max(−c_r v_n⁻, c_d d)                target of v_n: restitution, or overlap repair
+//! 4.  A γ = b,  A = J M⁻¹ Jᵀ,  b = t − J v     impulses that reach the target exactly
 //! 5.  0 ≤ γ  ⊥  A γ − b ≥ 0                    contacts only push, and those that separate faster
-//!                                              than wanted do not push at all
-//! 6.  γ_i ← max(0, γ_i + m_eff (t_i − v_i))    for each contact in turn, again and again
+//!                                              than their target do not push at all
+//! 6.  γ_i ← max(0, γ_i + m_eff (t_i − v_i))    for each contact in turn, repeatedly
 //!     v ← v + M⁻¹ J_iᵀ Δγ_i
 //! ```
 //!
-//! Here v is what the velocities would be without contacts (prospective), v⁻ what they were before
-//! the step's forces, and m_eff = 1 / A_ii.
+//! Here v are the velocities without contacts (prospective), v⁻ those before the step's forces,
+//! and m_eff = 1 / A_ii.
 //!
 //! | Equation | In code | Module |
 //! |---|---|---|
@@ -30,20 +31,20 @@
 //! | r x n, omega x r | [`moment`], [`spin`] | vector |
 //! | t: overlap and gap | [`System::set_targets`] | system |
 //! | t: restitution | [`restitution::set_targets`] | [`restitution`] |
-//! | belts, resistance to rolling | [`SurfaceEffects`] | surface |
+//! | belts, rolling resistance | [`SurfaceEffects`] | surface |
 //! | collisions, isolated as in (1) or together | [`restitution::collide`] | [`restitution`] |
 //! | one Gauss-Seidel sweep, step 6 | [`pgs::sweep`] | [`pgs`] |
 //! | v += M^-1 J^T gamma | [`System::apply_impulses`] | system |
-//! | how far from 5 | [`System::residual`] | system |
+//! | residual of 5 | [`System::residual`] | system |
 //! | J, M^-1, A, b as matrices; A gamma = b, (2) | `assembled` (feature `assembled`) | assembled |
 //!
-//! `T` is the number ([`Real`]), `L` and `A` the linear and angular dimensions of a body:
+//! `T` is the number type ([`Real`]), `L` and `A` are the linear and angular dimensions of a body:
 //! (2, 0) and (3, 0) are particles, (2, 1) and (3, 3) rigid bodies. The same source serves all.
 //!
 //! # Example
 //!
-//! Two balls stand on a floor, one on the other. Gravity acts for a step of 0.01 s; the contacts
-//! take back what it did.
+//! Two balls are stacked on a floor. Gravity acts for a step of 0.01 s; the contacts cancel the
+//! velocity that it adds.
 //!
 //! ```
 //! use drystone_solver::{
@@ -82,9 +83,9 @@
 //!
 //! # Features
 //!
-//! `assembled` adds the module `assembled`: the same systems as sparse matrices, Gauss-Seidel by
-//! rows to hold the matrix-free sweep against, and methods for contacts given as matrices. It brings
-//! in faer and clarabel.
+//! `assembled` adds the module `assembled`: the same systems as sparse matrices, Gauss-Seidel on
+//! their rows as a reference for the matrix-free sweep, and methods for contact problems given as
+//! matrices. It depends on faer and clarabel.
 
 pub mod apgd;
 #[cfg(feature = "assembled")]

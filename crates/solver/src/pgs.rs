@@ -1,19 +1,21 @@
-//! Projected Gauss-Seidel, matrix-free: the heart.
+//! Projected Gauss-Seidel (PGS), matrix-free: the basic method.
 //!
-//! One sweep visits every contact once. A visit asks what velocity the contact has now, every
-//! other impulse included, changes its own impulse so that the velocity becomes the target, keeps
-//! the impulse within what a contact can do, and passes the change on to its two bodies. The
-//! notes: "go ahead and let the impulse for collision i be included as an other collision", with
-//! the per-body sums kept as the velocities themselves. Cost: linear in the contacts.
+//! One sweep visits every contact once. A visit computes the current velocity of the contact, which
+//! includes all other impulses. It changes the impulse so that the velocity becomes the target,
+//! clamps it to the admissible range, and applies the change to the two bodies. The notes: "go
+//! ahead and let the impulse for collision i be included as an other collision", with the per-body
+//! sums kept as the velocities themselves. Cost: linear in the contacts.
 
 use crate::body::{all_axes, along_normals, along_tangents};
 use crate::contact::{RIGID, RIGID_APART, SOFT};
 use crate::solution::{self, Goal, Solution};
 use crate::{Contact, InverseMass, Manifold, Mobility, Real, System, Vector, Velocity};
 
-/// Sweeps until the certificate is good enough. Cost of an iteration: one sweep. Place: the first
-/// thing to try, from the impulses of the step before. Needs about 2.8 n^2 sweeps for a stack of
-/// n, and as many times more as the heaviest body is heavier than those below.
+/// Sweeps until the certificate is good enough.
+///
+/// Cost of an iteration: one sweep. Use: the first method to try, from the impulses of the previous
+/// step. A stack of n needs about 2.8 n^2 sweeps, times the mass ratio if the heaviest body lies on
+/// lighter ones.
 pub fn solve<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     goal: &Goal,
@@ -22,8 +24,9 @@ pub fn solve<const L: usize, const A: usize>(
 }
 
 impl<T: Real, const L: usize> Contact<T, L> {
-    /// gamma <- max(0, gamma - m_eff (v_n - t + epsilon gamma)): the accumulated impulse is
-    /// clamped, not its change, which is returned. `LAW` is that of [`excess`](Self::excess). \[N s\]
+    /// Visits the normal: gamma <- max(0, gamma - m_eff (v_n - t + epsilon gamma)). Clamps the
+    /// accumulated impulse, and returns its change. `LAW` is that of
+    /// [`excess`](Self::excess). \[N s\]
     #[inline(always)]
     fn visit_normal<const A: usize, const LAW: u8>(
         &mut self,
@@ -44,7 +47,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
         change
     }
 
-    /// Returns the change. \[N s\]
+    /// Visits the friction, and returns the change of the impulse. \[N s\]
     #[inline(always)]
     fn visit_friction<const A: usize>(
         &mut self,
@@ -58,28 +61,29 @@ impl<T: Real, const L: usize> Contact<T, L> {
     }
 }
 
-/// One sweep towards the targets: every contact once, in order, its normal before its friction.
+/// Runs one sweep towards the targets: every manifold once, in order, its normals before its
+/// friction.
 pub fn sweep<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
     visit_all::<T, L, A, SOFT, true>(system);
 }
 
-/// One sweep that takes the velocity of overlap repair and compliance out again, once they have
-/// moved the bodies: the same contacts, as rigid ones with no repair.
+/// Runs one sweep with rigid contacts and without overlap repair. It removes the velocity from
+/// repair and compliance after that has moved the bodies.
 pub fn relax<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
     visit_all::<T, L, A, RIGID, true>(system);
 }
 
-/// [`sweep`] over the normals alone.
+/// Runs one [`sweep`] over the normals alone.
 pub fn sweep_normals<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
     visit_all::<T, L, A, SOFT, false>(system);
 }
 
-/// [`sweep_normals`] with contacts that are apart as rigid ones.
+/// Runs one [`sweep_normals`] with contacts that are open treated as rigid.
 pub fn sweep_coming<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
     visit_all::<T, L, A, RIGID_APART, false>(system);
 }
 
-/// One visit to the manifold of this index, towards the targets.
+/// Visits the manifold of this index once, towards the targets.
 pub(crate) fn visit_manifold<T: Real, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     index: usize,
@@ -109,14 +113,15 @@ fn visit_of<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICTI
     system.set_velocities(&manifold, [a, b]);
 }
 
-/// Whether these points of a manifold are its center: it feels no turning, and impulses there have no moment.
+/// Returns true if the only point of a manifold is at its center. Rotation does not change its
+/// velocity, and its impulses have no moment.
 #[inline(always)]
 pub(crate) fn is_center<T: Real, const L: usize>(points: &[Contact<T, L>]) -> bool {
     matches!(points, [only] if only.place == Vector::ZERO)
 }
 
-/// One visit to a manifold: the normals of its points, whatever is to be done `between`, then their friction. Told
-/// whether they are its [center](is_center).
+/// Visits a manifold once: the normals of its points, then `between`, then their friction. `center`
+/// states whether [`is_center`] holds.
 #[inline(always)]
 pub(crate) fn visit<
     T: Real,
@@ -138,7 +143,7 @@ pub(crate) fn visit<
     }
 }
 
-/// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+/// Visits a manifold whose points depend on `B` components of rotation ([`Manifold::twist_felt`]).
 #[inline(always)]
 fn visit_felt<
     T: Real,
@@ -158,7 +163,8 @@ fn visit_felt<
     let (normals, all) = (&along_normals::<B>(), &all_axes::<L, B>());
     for contact in points.iter_mut() {
         let change = contact.visit_normal::<B, LAW>(&twist);
-        // The response to a unit is known before the change is: less to wait for.
+        // The response to a unit impulse does not depend on the change, so it can be computed in
+        // parallel.
         let mut response = Velocity::NEG_ZERO;
         mobility.add(normals, &contact.unit_wrench(0), normals, &mut response);
         twist += response * change[0];

@@ -1,18 +1,18 @@
-//! The proximal-point method for exact Coulomb friction, over a [`System`] by way of its matrices.
+//! Proximal-point method for exact Coulomb friction, on a [`System`] by way of its matrices.
 //!
-//! [`assembled::proximal`](crate::assembled::proximal) has the method and its references; here a
-//! system becomes a problem u = W r + q ([`Assembly`]), and the impulses come back. The residual
-//! that is asked for goes down until the certificate is good enough.
+//! [`assembled::proximal`](crate::assembled::proximal) has the method and its references. This
+//! module turns a system into a problem u = W r + q ([`Assembly`]), and copies the impulses back.
+//! The requested residual is lowered until the certificate is good enough.
 //!
-//! Cost: W has a block for each pair of contacts on one body, and is factored several times. Place:
-//! the last rung, where friction keeps Newton's shifts from settling.
+//! Cost: W has a block for each pair of contacts on one body, and is factored several times. Use:
+//! the last method of the ladder, where friction keeps Newton's shifts from converging.
 
 use crate::System;
 use crate::assembled::proximal;
 use crate::assembled::{Assembly, Limits};
 use crate::solution::{Goal, Solution, Status, Track};
 
-/// Relative residuals to ask for, one after the other.
+/// Relative residuals to request, in this order.
 const TOLERANCES: [f64; 4] = [1e-4, 1e-7, 1e-10, 1e-13];
 
 /// Solves a system whose velocities are the prospective ones and whose impulses are a guess.

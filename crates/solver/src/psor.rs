@@ -1,20 +1,21 @@
-//! Projected successive over-relaxation: sweeps that go further than each contact asks for, by a
-//! factor that is found on the way.
+//! Projected successive over-relaxation (PSOR): sweeps whose changes are enlarged by a factor
+//! omega, which is found during the iterations.
 //!
-//! Gauss-Seidel lowers the error by a rate rho per sweep; then the best factor is
-//! omega = 2 / (1 + sqrt(1 - rho)) (Young 1954), if A is like that of a chain. rho is measured from
-//! the certificates; where a factor makes the error grow, it is drawn back towards 1.
+//! Gauss-Seidel reduces the error at a rate rho per sweep. The best factor is then omega = 2 / (1 +
+//! sqrt(1 - rho)) (Young 1954), if A is like that of a chain. rho is measured by the certificates;
+//! if the error grows, omega is moved halfway back to 1.
 //!
-//! Cost of an iteration: one sweep. Place: regular stacks, where the best factor would need about
-//! 3 n sweeps for n bodies. The factor that is found is smaller, since the first sweeps of a column
-//! lower the error faster than the last: half of what plain sweeps need (`tests/suite/methods.rs`).
+//! Cost of an iteration: one sweep. Use: regular stacks, where the best factor would need about 3 n
+//! sweeps for n bodies. The measured factor is smaller, since the first sweeps of a column reduce
+//! the error faster than later ones. It takes half as many sweeps as PGS
+//! (`tests/suite/methods.rs`).
 
 use crate::cone::Law;
 use crate::pgs::visit_manifold;
 use crate::solution::{self, Goal, Solution};
 use crate::{System, Vector, certificate};
 
-/// Plain sweeps before the rate is taken, and sweeps between changes of the factor.
+/// Plain sweeps before the rate is measured, and sweeps between changes of the factor.
 const TRIAL: usize = 8;
 
 /// Iterates until the certificate is good enough.
@@ -37,7 +38,7 @@ pub fn solve<const L: usize, const A: usize>(
             } else if omega == 1.0 && mark.is_finite() {
                 omega = 2.0 / (1.0 + (1.0 - rate).sqrt());
             } else if rate > omega - 1.0 {
-                // Slower than the factor should be: not far enough yet.
+                // Slower than the best factor would be: omega is still too small.
                 omega += 0.25 * (2.0 - omega);
             }
             mark = error;
@@ -45,7 +46,8 @@ pub fn solve<const L: usize, const A: usize>(
     })
 }
 
-/// One sweep; each manifold's impulses change by `omega` times what a visit would change.
+/// Runs one sweep in which the impulses of each manifold change by `omega` times the change of a
+/// visit.
 fn sweep<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     omega: f64,

@@ -1,35 +1,35 @@
-//! What every method is asked, and what it answers.
+//! Stopping criteria and results common to all methods.
 
 use crate::certificate::{Certificate, CertificateScratch};
 use crate::{System, Vector, Velocity};
 
-/// When a method stops.
+/// Stopping criteria of a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
     /// Certified error to reach ([`Certificate::error`]). \[m/s\]
     pub tolerance: f64,
-    /// Iterations at most. \[1\]
+    /// Largest number of iterations. \[1\]
     pub budget: usize,
 }
 
-/// How a method ended.
+/// Status of a method at its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// What was asked for is reached: the error or the residual is within the tolerance.
+    /// The error or the residual is within the tolerance.
     Converged,
     /// The iterations are used up.
     Budget,
-    /// More iterations would not help.
+    /// Further iterations would not help.
     Stalled,
-    /// It is proven that there is no solution; of problems given as matrices alone.
+    /// It is proven that there is no solution; only for problems given as matrices.
     Infeasible,
-    /// A number of the system is not finite, its masses or compliances make no sense, or the method
-    /// is not for such problems.
+    /// A number is not finite, a mass or compliance is invalid, or the method does not apply to the
+    /// problem.
     BadInput,
 }
 
 impl Status {
-    /// The word for it, in lower case.
+    /// Returns its name in lower case.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Converged => "converged",
@@ -41,34 +41,34 @@ impl Status {
     }
 }
 
-/// The end of a method. The system holds the best velocities and impulses that it met.
+/// Result of a method. The system holds the best velocities and impulses found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
-    /// How it ended.
+    /// Status at the end.
     pub status: Status,
-    /// Of the velocities and impulses in the system.
+    /// Certificate of the velocities and impulses in the system.
     pub certificate: Certificate,
     /// Certified error before the first iteration and after each. \[m/s\]
     pub history: Vec<f64>,
 }
 
 impl Solution {
-    /// Iterations made.
+    /// Returns the number of iterations.
     pub fn iterations(&self) -> usize {
         self.history.len().saturating_sub(1)
     }
 }
 
-/// Iterations that may pass without lowering the error by a tenth, for methods that sweep: as many
-/// as were made before that, but at least this number.
+/// Iterations without a 10 % reduction of the error before a method with sweeps counts as stalled.
+/// The limit is half of all iterations so far if that is more.
 const PATIENCE: usize = 400;
 
-/// What a method keeps of its iterations.
+/// History and best iterate of a method.
 pub(crate) struct Track<const L: usize, const A: usize> {
     goal: Goal,
     patience: usize,
     history: Vec<f64>,
-    /// Iterations since the error was last lowered by a tenth, and what it was then.
+    /// Iterations since the last 10 % reduction of the error; `mark` is the error at that time.
     idle: usize,
     mark: f64,
     prospective: Vec<Velocity<f64, L, A>>,
@@ -79,7 +79,7 @@ pub(crate) struct Track<const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> Track<L, A> {
-    /// From the velocities and impulses of the system.
+    /// Starts from the velocities and impulses of the system.
     pub(crate) fn start(
         system: &System<f64, L, A>,
         prospective: &[Velocity<f64, L, A>],
@@ -103,7 +103,7 @@ impl<const L: usize, const A: usize> Track<L, A> {
         }
     }
 
-    /// After an iteration: its certificate.
+    /// Records the system after an iteration, and returns its certificate.
     pub(crate) fn record(&mut self, system: &System<f64, L, A>) -> Certificate {
         let certificate = self.scratch.certify(system, &self.prospective);
         let error = certificate.error();
@@ -121,7 +121,7 @@ impl<const L: usize, const A: usize> Track<L, A> {
         certificate
     }
 
-    /// How it stands; `Budget` also while iterations are left.
+    /// Returns the current status; `Budget` also while iterations are left.
     pub(crate) fn status(&self) -> Status {
         if self.best.error() <= self.goal.tolerance {
             Status::Converged
@@ -132,12 +132,12 @@ impl<const L: usize, const A: usize> Track<L, A> {
         }
     }
 
-    /// Whether another iteration is due.
+    /// Returns true if another iteration is due.
     pub(crate) fn goes_on(&self) -> bool {
         self.status() == Status::Budget && self.history.len() <= self.goal.budget
     }
 
-    /// Gives the best iterate back to the system.
+    /// Copies the best iterate back to the system.
     pub(crate) fn end(self, system: &mut System<f64, L, A>, status: Status) -> Solution {
         system.velocities = self.velocities;
         for (contact, impulse) in system.contacts.iter_mut().zip(self.impulses) {
@@ -147,7 +147,7 @@ impl<const L: usize, const A: usize> Track<L, A> {
     }
 }
 
-/// A method all of whose iterations are `iteration`, from the impulses that the system holds.
+/// Runs a method that repeats `iteration`, from the impulses in the system.
 pub(crate) fn iterate<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     goal: &Goal,

@@ -1,37 +1,42 @@
-//! [`SurfaceEffects`]: what two surfaces do besides holding each other. They run like belts, and they resist rolling.
+//! [`SurfaceEffects`]: conveyor belts, and resistance to rolling and spinning.
 //!
-//! A belt adds its velocity to the slip that friction sees:
+//! A belt adds its velocity to the slip that friction acts against:
 //!
 //! ```text
-//! t_T = -hold slip - c      c: how the surface of a runs against that of b, along the tangents
+//! t_T = -hold slip - c      c: surface velocity of a relative to b, along the tangents
 //! ```
 //!
-//! It is a part of the target, so every method and the certificate see it as they see any target. The
-//! slip of a sticking point is measured against the belt, and so does not grow with it.
+//! It is part of the target, so every method and the certificate treat it as any target. The slip
+//! of a sticking point is measured relative to the belt, so it does not grow with the motion of the
+//! belt.
 //!
-//! Resistance is an angular impulse tau between the two bodies, with omega their relative angular velocity:
+//! Resistance is an angular impulse tau between the two bodies, with omega their relative angular
+//! velocity:
 //!
 //! ```text
-//! rolling   |tau_T| <= rho P      tau_T <- onto disc (tau_T - omega_T / w)
+//! rolling   |tau_T| <= rho P      tau_T <- project onto the disc (tau_T - omega_T / w)
 //! spinning  |tau_n| <= sigma P    P: sum of the normal impulses of the manifold's points
 //! ```
 //!
-//! That is what a support gives whose force acts up to rho ahead of the contact. A solid ball of radius r slows at
-//! rho g / (1.4 r), and rests on slopes up to atan(rho / r). While a substep is solved tau is a given torque, that
-//! of the substep before; it is brought up to date after it. The certificate is of the problem with that torque.
+//! This models a support whose force acts up to rho ahead of the contact. A solid ball of radius r
+//! decelerates at rho g / (1.4 r), and stays at rest on slopes up to atan(rho / r). While a substep
+//! is solved tau is a given torque, that of the previous substep; it is updated afterwards. The
+//! certificate is for the problem with that torque.
 
 use crate::lanes::Lanes;
 use crate::{Contact, InverseMass, Manifold, Real, Vector, Velocity};
 
-/// How the surfaces of a manifold's two bodies run, and how they resist turning against each other.
+/// Motion of the surfaces of a manifold's two bodies, and their resistance to rotation relative to
+/// each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceEffects<T: Real, const L: usize, const A: usize> {
-    /// How the surface of a runs against that of b, besides their bodies: seen from the manifold's center, in its
-    /// frame, along the tangents and about the normal alone. \[m/s, rad/s\]
+    /// Surface velocity of a relative to b, in addition to the motion of the bodies: at the
+    /// manifold's center, in its frame. Only the tangential components and rotation about the
+    /// normal are used. \[m/s, rad/s\]
     pub belt: Velocity<T, L, A>,
-    /// rho, of rolling. \[m\]
+    /// Rolling resistance rho. \[m\]
     pub rolling: T,
-    /// sigma, of spinning about the normal. \[m\]
+    /// Spinning resistance sigma, about the normal. \[m\]
     pub spinning: T,
     /// tau: the accumulated angular impulse on a, in the frame. \[N m s\]
     pub torque: Vector<T, A>,
@@ -44,24 +49,25 @@ impl<T: Real, const L: usize, const A: usize> Default for SurfaceEffects<T, L, A
 }
 
 impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
-    /// Of surfaces that stand and resist nothing.
+    /// Surfaces that neither move nor resist.
     pub const NONE: Self =
         Self { belt: Velocity::ZERO, rolling: T::ZERO, spinning: T::ZERO, torque: Vector::ZERO };
 
-    /// The belt of a manifold whose surfaces run at these velocities against their bodies, given at the centers of
-    /// mass as those of bodies are.
+    /// Returns the belt of a manifold whose surfaces move at these velocities relative to their
+    /// bodies. The velocities are given at the centers of mass, like those of bodies.
     pub fn belt(manifold: &Manifold<T, L>, [a, b]: [&Velocity<T, L, A>; 2]) -> Velocity<T, L, A> {
         let mut belt = manifold.twist(a, b);
         belt.linear[0] = T::ZERO;
-        // Of turning what is not about the normal would lift; in the plane there is no other.
+        // Rotation about other axes than the normal would lift the contact; in 2D there is no
+        // rotation about the normal.
         for axis in A / 3..A {
             belt.angular[axis] = T::ZERO;
         }
         belt
     }
 
-    /// Takes the belt into the target of a contact, as often as `target` says \[1\], and into its slip, for
-    /// `time` \[s\].
+    /// Subtracts the belt velocity times `target` \[1\] from the target of a contact, and adds its
+    /// motion in `time` \[s\] to the slip.
     #[inline(always)]
     pub(crate) fn run(&self, contact: &mut Contact<T, L>, target: T, time: T) {
         let velocity = contact.relative_velocity(&self.belt);
@@ -71,14 +77,14 @@ impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
         }
     }
 
-    /// The wrench of tau.
+    /// Returns the wrench of tau.
     #[inline(always)]
     pub(crate) fn wrench(torque: Vector<T, A>) -> Velocity<T, L, A> {
         Velocity { linear: Vector::ZERO, angular: torque }
     }
 
-    /// Changes tau so that the bodies stop turning against each other, as far as the normal impulses `pressed`
-    /// \[N s\] allow, and passes the change on to them.
+    /// Changes tau so that the relative rotation stops, within the limits for the normal impulses
+    /// `pressed` \[N s\]. Applies the change to the bodies.
     #[inline(always)]
     pub fn resist(
         &mut self,
@@ -103,7 +109,7 @@ impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
             let wanted = before[0] - turning[0] * share(entry(0, 0));
             self.torque[0] = one(wanted, self.spinning * pressed);
             let spun = self.torque[0] - before[0];
-            // One over the largest eigenvalue of the tangents' block, so that no direction turns back.
+            // 1 / (largest eigenvalue of the tangential block), so that no direction overshoots.
             let half = T::from_f64(0.5);
             let (p, q, r) = (entry(1, 1), entry(1, 2), entry(2, 2));
             let (mean, half_difference) = ((p + r) * half, (p - r) * half);
@@ -125,7 +131,7 @@ impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
 }
 
 impl<V: Lanes, const L: usize, const A: usize> SurfaceEffects<V, L, A> {
-    /// Puts one into a lane.
+    /// Stores the effects of one manifold in a lane.
     pub(crate) fn set(&mut self, lane: usize, own: &SurfaceEffects<f32, L, A>) {
         for i in 0..L {
             self.belt.linear[i].set(lane, own.belt.linear[i]);
@@ -138,7 +144,7 @@ impl<V: Lanes, const L: usize, const A: usize> SurfaceEffects<V, L, A> {
         self.spinning.set(lane, own.spinning);
     }
 
-    /// That of a lane.
+    /// Returns the effects of the manifold in a lane.
     pub(crate) fn get(&self, lane: usize) -> SurfaceEffects<f32, L, A> {
         let mut own = SurfaceEffects::NONE;
         for i in 0..L {

@@ -1,13 +1,13 @@
 //! Symmetric projected Gauss-Seidel: a sweep forward and a sweep back.
 //!
-//! Cost of an iteration: two sweeps. Place: where the order of the contacts must not show, as in
-//! pictures that ought to be symmetric, and below [`nncg`](crate::nncg).
+//! Cost of an iteration: two sweeps. Use: where the order of the contacts must not show, as in
+//! symmetric scenes, and for the first sweeps of [`newton`](crate::newton).
 
 use crate::pgs::visit_manifold;
 use crate::solution::{self, Goal, Solution};
 use crate::{Real, System};
 
-/// Every manifold once in order, then once from the last to the first.
+/// Visits every manifold once in order, then once in reverse.
 pub fn sweep<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
     let count = system.manifolds.len();
     for index in (0..count).chain((0..count).rev()) {

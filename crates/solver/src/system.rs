@@ -5,23 +5,23 @@ use crate::{Contact, InverseMass, Manifold, Mobility, Real, Repair, Scalar, Vect
 
 /// The contact problem of a step:
 ///
-/// find gamma >= 0 with w = J v+ - t + epsilon gamma >= 0, gamma . w = 0, v+ = v + M^-1 J^T gamma,
+/// find gamma >= 0 with w = J v+ - t + epsilon gamma >= 0, gamma . w = 0, v+ = v + M^-1 J^T gamma.
 ///
-/// that is the notes' A gamma - b >= 0 with b = t - J v, v the prospective velocities.
+/// This is the notes' A gamma - b >= 0 with b = t - J v, where v are the prospective velocities.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct System<T: Real, const L: usize, const A: usize> {
-    /// v of each body: prospective before solving, v+ after.
+    /// v of each body: prospective velocity before solving, v+ after.
     pub velocities: Vec<Velocity<T, L, A>>,
     /// M^-1 of each body.
     pub masses: Vec<InverseMass<T, L, A>>,
     /// Manifolds, in the order in which a sweep visits them.
     pub manifolds: Vec<Manifold<T, L>>,
-    /// The points of the manifolds, one manifold after the other.
+    /// Points of the manifolds, manifold by manifold.
     pub contacts: Vec<Contact<T, L>>,
 }
 
 impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
-    /// A system without bodies or contacts.
+    /// Creates a system without bodies and contacts.
     pub fn new() -> Self {
         Self {
             velocities: Vec::new(),
@@ -38,10 +38,10 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         self.velocities.len() as u32 - 1
     }
 
-    /// Adds a manifold with these points; sets `first` and `count`.
+    /// Adds a manifold with these points, and sets its `first` and `count`.
     ///
     /// # Panics
-    /// A point is not in the manifold's plane ([`Contact::place`]).
+    /// A point is not in the manifold's tangent plane ([`Contact::place`]).
     pub fn add_manifold(&mut self, mut manifold: Manifold<T, L>, points: &[Contact<T, L>]) {
         assert!(points.iter().all(|point| point.place[0] == T::ZERO), "points in one plane");
         manifold.first = self.contacts.len() as u32;
@@ -50,19 +50,19 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         self.contacts.extend_from_slice(points);
     }
 
-    /// The inverse masses of the two bodies of a manifold.
+    /// Returns the inverse masses of the two bodies of a manifold.
     #[inline(always)]
     pub fn masses_of(&self, manifold: &Manifold<T, L>) -> [InverseMass<T, L, A>; 2] {
         manifold.bodies.map(|body| self.masses[body as usize])
     }
 
-    /// The velocities of the two bodies of a manifold.
+    /// Returns the velocities of the two bodies of a manifold.
     #[inline(always)]
     pub fn velocities_of(&self, manifold: &Manifold<T, L>) -> [Velocity<T, L, A>; 2] {
         manifold.bodies.map(|body| self.velocities[body as usize])
     }
 
-    /// Gives the two bodies of a manifold these velocities.
+    /// Sets the velocities of the two bodies of a manifold.
     #[inline(always)]
     pub(crate) fn set_velocities(
         &mut self,
@@ -74,7 +74,7 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         }
     }
 
-    /// How the bodies of a manifold move against each other ([`Manifold::twist`]).
+    /// Returns the relative motion of the bodies of a manifold ([`Manifold::twist`]).
     #[inline(always)]
     pub fn twist_of(&self, manifold: &Manifold<T, L>) -> Velocity<T, L, A> {
         let [a, b] = self.velocities_of(manifold);
@@ -91,8 +91,8 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         }
     }
 
-    /// t: the velocity that each contact should have after the step. `displacements` is what each
-    /// body has moved since the gaps were measured.
+    /// Sets t: the velocity that each contact should have after the step. `displacements` are those
+    /// of the bodies since the gaps were measured.
     pub fn set_targets(&mut self, displacements: &[Velocity<T, L, A>], repair: &Repair<T>) {
         for manifold in &self.manifolds {
             let [a, b] = manifold.bodies.map(|body| &displacements[body as usize]);
@@ -103,14 +103,15 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         }
     }
 
-    /// Adds the impulses that the contacts hold to the velocities: v += M^-1 J^T gamma.
+    /// Adds the impulses of the contacts to the velocities: v += M^-1 J^T gamma.
     pub fn apply_impulses(&mut self) {
         for index in 0..self.manifolds.len() {
             self.change(index, |_, contact| contact.impulse);
         }
     }
 
-    /// v += M^-1 J^T of what `impulse` says of each contact of a manifold, and its index. \[N s\]
+    /// Adds impulses to the velocities: v += M^-1 J^T p, with p from `impulse` for each contact of
+    /// a manifold and its index. \[N s\]
     #[inline(always)]
     pub(crate) fn change(
         &mut self,
@@ -130,7 +131,7 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
 }
 
 impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
-    /// The same in another number.
+    /// Converts to another number type.
     pub fn cast<U: Real>(&self) -> System<U, L, A> {
         System {
             velocities: self.velocities.iter().map(Velocity::cast).collect(),
@@ -140,10 +141,10 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
         }
     }
 
-    /// How far the contacts are from their laws: the largest velocity error, over all contacts, of
-    /// |min(gamma / m_eff, w)| along the normal and of the friction's projection. \[m/s\]
+    /// Returns the residual of the contact laws: the largest velocity error over all contacts, of
+    /// |min(gamma / m_eff, w)| along the normal and of the friction projection. \[m/s\]
     ///
-    /// Zero exactly at a solution. `rigid` leaves out compliance and overlap repair, as
+    /// It is zero exactly at a solution. `rigid` leaves out compliance and overlap repair, as
     /// [`relax`](crate::pgs::relax) does.
     pub fn residual(&self, rigid: bool) -> f64 {
         if rigid { self.residual_of::<{ RIGID }>() } else { self.residual_of::<SOFT>() }

@@ -1,19 +1,19 @@
-//! Every set of contacts that might push, one after the other: 2^n systems of equations.
+//! Enumeration of all sets of contacts that might push: 2^n systems of equations.
 //!
-//! The definition as a method (Cottle, Pang and Stone 1992, chapter 1); costs up to 2^n n^3 / 3. It
-//! finds a solution whenever one has a nonsingular basis, whatever the matrix, and is what the others
-//! are held against. For small n only.
+//! The definition as a method (Cottle, Pang and Stone 1992, chapter 1). Costs up to 2^n n^3 / 3. It
+//! finds a solution whenever one has a nonsingular basis, whatever the matrix, and is the reference
+//! for the other methods. For small n only.
 
 use super::Problem;
 use super::lemke::solve_pushing;
 use super::outcome::{Limits, Outcome, Progress, Status};
 
-/// The most contacts.
+/// Largest number of contacts.
 pub const MOST: usize = 16;
 
-/// Tries the sets in the order of binary numbers and ends at the first that solves. An iteration is
-/// one set. `Stalled`: no set solves, so that solutions, if any, have singular bases. More than
-/// [`MOST`] contacts, or friction, are `BadInput`.
+/// Tries the sets in the order of binary numbers, and ends at the first that solves the problem. An
+/// iteration is one set. `Stalled` means that no set solves it, so any solutions have singular
+/// bases. Problems with friction or more than [`MOST`] contacts are `BadInput`.
 pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
     let (mut progress, _) = Progress::new(problem, warm, limits);
     let n = problem.unknowns();
@@ -35,7 +35,7 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
         let Some(z) = solve_pushing(problem, pushing) else {
             continue;
         };
-        // Only what is better is worth a place in the history.
+        // The history holds improvements only.
         if problem.residual(&z) < progress.residual() {
             progress.record(&z);
         }
@@ -46,8 +46,8 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
     progress.end(Status::Stalled, "no complementary basis solves the problem")
 }
 
-/// All solutions with a nonsingular basis, in the order of binary numbers, each once. For tests and
-/// for teaching; none if there are more than [`MOST`] contacts or friction.
+/// Returns all solutions with a nonsingular basis, each once, in the order of binary numbers. For
+/// tests and teaching. Returns none for problems with friction or more than [`MOST`] contacts.
 pub fn all(problem: &Problem, tolerance: f64) -> Vec<Vec<f64>> {
     let n = problem.unknowns();
     if problem.dimension() != 1 || n > MOST {

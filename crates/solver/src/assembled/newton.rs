@@ -6,9 +6,8 @@
 //! Kanzow 1996).
 //!
 //! Near a solution with a regular Jacobian convergence is quadratic. From afar it ends in a minimum
-//! of
-//! |phi|, which for P_0-matrices is a solution. An iteration costs a dense factorization, 2/3 n^3. It
-//! finds solutions of games and circuits where Lemke's method ends on a ray.
+//! of |phi|, which for P_0-matrices is a solution. An iteration costs a dense factorization, 2/3
+//! n^3. It finds solutions of games and circuits where Lemke's method ends on a ray.
 
 use super::Problem;
 use super::dense::Dense;
