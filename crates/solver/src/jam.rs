@@ -103,8 +103,9 @@ pub fn find<T: Scalar, const L: usize, const A: usize>(
     jams
 }
 
-/// Returns the manifold with the largest `missing` \[m/s\] among `own`, those that touch its
-/// bodies, the neighbors of these, and so on, in the order of `own`.
+/// Returns up to [`MOST`] of the manifolds `own`, in their order: the one with the largest
+/// `missing` \[m/s\], those that touch its bodies and miss their targets, the neighbors of these,
+/// and so on.
 fn around_worst<T: Scalar, const L: usize, const A: usize>(
     whole: &System<T, L, A>,
     own: &[usize],

@@ -202,7 +202,7 @@ mod tests {
         }
     }
 
-    /// A ball with its center of mass off its center rolls on a floor without slip. Its center
+    /// Rolls a ball with its center of mass off its center, on a floor without slip. Its center
     /// moves straight, the gap stays the same, and the contact point is below the center.
     #[test]
     fn what_rolls_stays_on_the_floor() {
@@ -225,7 +225,8 @@ mod tests {
         }
     }
 
-    /// J d plus the bend equals the actual change of the gap, and both arms end at the same point.
+    /// Checks that J d plus the bend is the actual change of the gap, and that both arms end at one
+    /// point.
     #[test]
     fn the_bend_is_what_j_leaves_out() {
         for normal_share in AXES {

@@ -133,7 +133,7 @@ pub struct SolveReport {
     pub islands: usize,
     /// Iterations of [`nncg`], each over all islands that still need it.
     pub iterations: usize,
-    /// Number of islands solved by Newton's method.
+    /// Number of islands given to Newton's method.
     pub newton: usize,
     /// Time spent on certificates.
     pub certifying: Duration,
@@ -531,8 +531,9 @@ fn replace<const L: usize, const A: usize>(
 mod tests {
     use super::*;
 
-    /// At rates that need a thousand iterations a small island is given up, a large one is not. An
-    /// island without progress, or with too little, is given up; a large one later.
+    /// Checks the limits by rate. At rates that need a thousand iterations a small island is given
+    /// up, a large one is not. An island without progress, or with too little, is given up; a large
+    /// one later.
     #[test]
     fn a_large_island_may_take_more_iterations() {
         let slow = |made, limit| is_hopeless([1.0, 0.9], [16, made], limit, 1e-3);
@@ -545,7 +546,7 @@ mod tests {
         assert!(is_hopeless([1.0, f64::NAN], [1, 1], 2000, 1e-3));
     }
 
-    /// An island's limit grows with its bodies, from the smallest limit on.
+    /// Checks that an island's limit grows with its bodies, and is at least [`IN_LANES`].
     #[test]
     fn islands_have_limits_by_their_bodies() {
         let mut system: System<f32, 2, 0> = System::new();

@@ -30,9 +30,9 @@ pub struct Manifold<T: Real, const L: usize> {
     /// Radii of curvature of the surfaces of a and b at the contact; 0 for a flat or sharp
     /// one. \[m\]
     pub radii: [T; 2],
-    /// Fractions of the rotations of a and b that the normal follows: (1, 0) on a face of a, (0, 1)
-    /// on a face of b, (1/2, 1/2) across two edges, (0, 0) along the line through two centers of
-    /// curvature. \[1\]
+    /// Fractions of the rotations of a and b that the normal follows. They are (1, 0) on a face of
+    /// a, (0, 1) on a face of b, (1/2, 1/2) across two edges, and (0, 0) along the line through two
+    /// centers of curvature. \[1\]
     pub normal_share: [T; 2],
     /// Bodies a and b, as indices into [`System::velocities`](crate::System::velocities).
     pub bodies: [u32; 2],

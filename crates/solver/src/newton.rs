@@ -1,11 +1,14 @@
 //! Newton's method in the velocities of the bodies: few iterations, each with a sparse
 //! factorization.
 //!
-//! Minimizes P(v) of the [`certificate`](crate::certificate). The gradient is M (v - v*) - J^T
-//! r(v), with the [response](Law::response) r of the contacts to the velocities. The second
-//! derivative H = M + J^T (dr/dy) J has one row of blocks per body, whatever the number of
-//! contacts. The line search along -H^-1 gradient lowers P in every step, and near the minimum
-//! convergence is quadratic.
+//! Minimizes P(v) of the [`certificate`](crate::certificate). The gradient is
+//!
+//! M (v - v*) - J^T r(v),
+//!
+//! with the [response](Law::response) r of the contacts to the velocities. The second derivative
+//! H = M + J^T (dr/dy) J has one row of blocks per body, whatever the number of contacts. The line
+//! search along -H^-1 gradient lowers P in every step, and near the minimum convergence is
+//! quadratic.
 //!
 //! Coulomb's law: the shift mu |slip| is frozen while P is minimized. It is updated whenever the
 //! error of the frozen problem is below that of the shift (De Saxce and Feng 1998).

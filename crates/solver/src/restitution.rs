@@ -327,15 +327,15 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         self.times.len() > before
     }
 
-    /// Newton's law: u >= -e u- where a point closes. Other points of the manifold may close their
-    /// gaps.
+    /// Applies Newton's law: u >= -e u- where a point closes. Other points of the manifold may
+    /// close their gaps.
     fn newton(&mut self) {
         self.aim(0, |closes, open, u, restitution| if closes { -restitution * u } else { open });
         self.solve();
     }
 
-    /// Poisson's law: compression, which adds the manifolds that it closes until none approaches,
-    /// then expansion.
+    /// Applies Poisson's law: compression, which adds the manifolds that it closes until none
+    /// approaches, then expansion.
     fn poisson<T: Scalar>(
         &mut self,
         whole: &System<T, L, A>,
@@ -366,7 +366,7 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         }
     }
 
-    /// Reflection by (1 + e) lambda, where lambda stops the closing points. Other points take no
+    /// Reflects by (1 + e) lambda, where lambda stops the closing points. Other points take no
     /// part.
     fn reflect(&mut self) {
         self.aim(0, |closes, _, _, _| if closes { 0.0 } else { f64::NEG_INFINITY });
@@ -421,8 +421,9 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         newton::solve(system, &goal);
     }
 
-    /// Limits the scale s of the impulses so that the kinetic energy does not grow: Delta T = s
-    /// gamma . u- + s^2 / 2 gamma^T A gamma <= 0 for s <= -2 gamma . u- / gamma^T A gamma.
+    /// Limits the scale s of the impulses so that the kinetic energy does not grow:
+    ///
+    /// Delta T = s gamma . u- + s^2 / 2 gamma^T A gamma <= 0 for s <= -2 gamma . u- / gamma^T A gamma.
     fn limit_energy(&mut self) {
         self.scale(|work, quadratic| (-2.0 * work / quadratic).min(1.0));
     }
@@ -499,9 +500,12 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
     }
 }
 
-/// Returns the time at which a point lands, 0..1 of the step: the root s of -open + s u + (1 - s)^2
-/// a / 2 by Newton's method. u is the velocity at the end of the step, and a the velocity that
-/// forces add in the step.
+/// Returns the time at which a point lands, 0..1 of the step, by Newton's method. It is the root s
+/// of
+///
+/// -open + s u + (1 - s)^2 a / 2,
+///
+/// where u is the velocity at the end of the step, and a the velocity that forces add in the step.
 fn comes_down(open: f64, u: f64, gained: f64) -> f64 {
     let mut time = open / u;
     for _ in 0..3 {

@@ -4,9 +4,11 @@
 
 use super::matrices::{Column, Matrix};
 
-/// Solves equation i for unknown i, the others fixed, written as a change of x_i: x_i = (b_i -
-/// sum_{j < i} a_ij x_j - sum_{j > i} a_ij x_j) / a_ii. A row without a diagonal entry, a contact
-/// where nothing can move, keeps its x_i.
+/// Solves equation i for unknown i, the others fixed, written as a change of x_i:
+///
+/// x_i = (b_i - sum_{j < i} a_ij x_j - sum_{j > i} a_ij x_j) / a_ii.
+///
+/// A row without a diagonal entry, a contact where nothing can move, keeps its x_i.
 pub fn solve_row(a: &Matrix, b: &Column, x: &Column, i: usize) -> f64 {
     let (mut a_ii, mut a_x) = (0.0, 0.0);
     for (j, &a_ij) in a.col_idx_of_row(i).zip(a.val_of_row(i)) {

@@ -15,9 +15,9 @@ const STEPS: usize = 60;
 /// cone. It slides: u_n = 0 and u_t = -lambda r_t with lambda > 0 such that |r_t| = mu r_n.
 ///
 /// With r_n eliminated, S = A_tt - A_tn A_nt / A_nn and c = b_t - A_tn b_n / A_nn, sliding means
-/// r_t = -(S + lambda)^-1 c: one equation for lambda. If A is positive semidefinite it has a root
-/// whenever the contact does not stick: |r_t| is too large at lambda = 0 and vanishes at infinity.
-/// (The same equation as a polynomial of degree four: Bonnefon and Daviet 2011.)
+/// r_t = -(S + lambda)^-1 c: one equation for lambda (as a polynomial of degree four: Bonnefon and
+/// Daviet 2011). If A is positive semidefinite it has a root whenever the contact does not stick.
+/// |r_t| is too large at lambda = 0 and vanishes at infinity.
 ///
 /// `lambda` is the initial guess, and receives the result. \[1/kg\]
 pub(super) fn solve<const D: usize>(
