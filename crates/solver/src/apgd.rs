@@ -1,6 +1,6 @@
-//! Accelerated projected gradient descent, APGD (Nesterov 1983): steps against w = J v - t +
-//! epsilon gamma, projected onto the friction cones. Each starts from a point extrapolated beyond
-//! the last one.
+//! Accelerated projected gradient descent, APGD (Nesterov 1983): steps against the gradient w = J
+//! v - t + epsilon gamma, projected onto the friction cones. Each step starts from a point
+//! extrapolated beyond the last one.
 //!
 //! Norms use the effective masses as metric, so that heavy and light bodies count alike. A step is
 //! gamma <- project(s - m_eff w / K), where K >= 1 bounds the change of w in a step. K is doubled
@@ -113,8 +113,8 @@ impl<const L: usize, const A: usize> State<L, A> {
         self
     }
 
-    /// Returns, for the difference d between the impulses of the system and of this state, d . (A +
-    /// R) d, and |d|^2 in the metric of the effective masses. \[J\]
+    /// Returns d . (A + R) d, and |d|^2 in the metric of the effective masses, for the difference d
+    /// between the impulses of the system and of this state. \[J\]
     fn change(&self, system: &System<f64, L, A>, masses: &[Mass<L, A>]) -> (f64, f64) {
         let (mut changed, mut length) = (0.0, 0.0);
         for ((mass, v), own) in masses.iter().zip(&system.velocities).zip(&self.velocities) {

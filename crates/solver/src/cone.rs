@@ -7,8 +7,8 @@
 //!
 //! that maximizes r . y - r . R r / 2. The maximum phi(y) is convex in y, and r is its gradient. So
 //! a system of such contacts is the minimum of a convex function of the velocities
-//! ([`newton`](crate::newton)). The distance of any r from the response to y is a number that is
-//! never negative ([`Law::loss`], the basis of [`certificate`](crate::certificate)).
+//! ([`newton`](crate::newton)). For any r, [`Law::loss`] measures the deviation from the response
+//! to y. It is never negative; [`certificate`](crate::certificate) rests on it.
 //!
 //! Coulomb's law is this law with y_n lowered by mu |slip| (De Saxce and Feng 1998). Without that
 //! [`Law::shift`] a sliding contact would separate at mu times its slip velocity.
@@ -40,8 +40,8 @@ impl<T: Real> Law<T> {
         }
     }
 
-    /// Returns the shift of Coulomb's law, by which y_n is lowered: mu times the slip |u_T - t_T +
-    /// epsilon_T r_T|. \[m/s\]
+    /// Returns the shift of Coulomb's law, by which y_n is lowered: mu times the length of the slip
+    /// u_T - t_T + epsilon_T r_T. \[m/s\]
     #[inline(always)]
     pub fn shift<const L: usize>(&self, y: Vector<T, L>, r: Vector<T, L>) -> T {
         let slip = r * self.tangential - y;
@@ -81,8 +81,8 @@ impl<T: Real> Law<T> {
     /// Returns phi(y) + r . R r / 2 - r . y for an r in K: zero exactly if r is the response to y,
     /// else positive. \[J\]
     ///
-    /// The form avoids cancellation. With d = response - r it is d . R d / 2 plus d . (y - R
-    /// response). Neither is negative, since the response is optimal in a convex set.
+    /// The form avoids cancellation. With d = response - r it is the sum of d . R d / 2 and
+    /// d . (y - R response). Neither is negative, since the response is optimal in a convex set.
     #[inline(always)]
     pub fn loss<const L: usize>(&self, y: Vector<T, L>, r: Vector<T, L>) -> T {
         let best = self.response(y);

@@ -28,8 +28,8 @@ pub struct Contact<T: Real, const L: usize> {
     pub gap: Vector<T, L>,
     /// Relative velocity to reach by the end of the step. \[m/s\]
     pub target: Vector<T, L>,
-    /// gamma: the accumulated impulse. The normal component is never negative, the tangential ones
-    /// are never larger than mu times the normal one and `impact`. \[N s\]
+    /// gamma: the accumulated impulse. The normal component is never negative. The tangential part
+    /// is never larger than mu times the sum of the normal component and `impact`. \[N s\]
     pub impulse: Vector<T, L>,
     /// Impulse of the collisions of this step, not part of `impulse`. \[N s\]
     pub impact: T,

@@ -2,7 +2,7 @@
 
 use crate::{InverseMass, Real, System};
 
-/// Island of bodies that are fixed or have no contacts: none.
+/// Index instead of an island for bodies that are fixed or have no contacts.
 pub const NONE: u32 = u32::MAX;
 
 /// Assignment of bodies to islands.

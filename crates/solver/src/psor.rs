@@ -1,9 +1,12 @@
 //! Projected successive over-relaxation (PSOR): sweeps whose changes are enlarged by a factor
 //! omega, which is found during the iterations.
 //!
-//! Gauss-Seidel reduces the error at a rate rho per sweep. The best factor is then omega = 2 / (1 +
-//! sqrt(1 - rho)) (Young 1954), if A is like that of a chain. rho is measured by the certificates;
-//! if the error grows, omega is moved halfway back to 1.
+//! Gauss-Seidel reduces the error at a rate rho per sweep. If A is like that of a chain, the best
+//! factor is then (Young 1954)
+//!
+//! omega = 2 / (1 + sqrt(1 - rho)).
+//!
+//! rho is measured by the certificates; if the error grows, omega is moved halfway back to 1.
 //!
 //! Cost of an iteration: one sweep. Use: regular stacks, where the best factor would need about 3 n
 //! sweeps for n bodies. The measured factor is smaller, since the first sweeps of a column reduce

@@ -423,7 +423,8 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
 
     /// Limits the scale s of the impulses so that the kinetic energy does not grow:
     ///
-    /// Delta T = s gamma . u- + s^2 / 2 gamma^T A gamma <= 0 for s <= -2 gamma . u- / gamma^T A gamma.
+    /// Delta T = s gamma . u- + s^2 / 2 gamma^T A gamma <= 0
+    /// for s <= -2 gamma . u- / gamma^T A gamma.
     fn limit_energy(&mut self) {
         self.scale(|work, quadratic| (-2.0 * work / quadratic).min(1.0));
     }

@@ -151,9 +151,9 @@ impl Assembly {
     }
 
     /// Returns G of the [`certificate`](crate::certificate) for the impulses r of the [`Problem`]
-    /// and the velocities that they give. It bounds the error dv of these velocities by 1/2 dv . M
-    /// dv <= G; with friction, for the current slip. It is infinite if a rigid contact (epsilon 0)
-    /// misses its target. \[J\]
+    /// and the velocities that they give. The error dv of these velocities has 1/2 dv . M dv <= G;
+    /// with friction, for the current slip. G is infinite if a rigid contact (epsilon 0) misses its
+    /// target. \[J\]
     pub fn gap(&self, r: &[f64]) -> f64 {
         let Ok(problem) = self.problem() else { return f64::INFINITY };
         match problem.dimension() {

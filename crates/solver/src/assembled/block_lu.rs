@@ -161,8 +161,8 @@ impl<const D: usize> BlockLu<D> {
     }
 
     /// Factors the matrix whose rows are C_i W_i + E_i, where W_i is row i of `blocks`. The columns
-    /// of `absent` contacts are zero in W, and their rows have C_i = 0; they cost nothing. `None`
-    /// if a diagonal block is singular.
+    /// of `absent` contacts count as zero, and their own rows have C_i = 0; they cost nothing.
+    /// `None` if a diagonal block is singular.
     pub(super) fn factor(
         &mut self,
         blocks: &Blocks<D>,

@@ -3,10 +3,10 @@
 //! Its solution describes contacts that could pull. It is the answer for systems in which every
 //! contact ends up pushing; otherwise it is the starting point of the complementarity problem.
 //!
-//! A is only positive semidefinite. Redundant contacts make it singular, as always with more
-//! contacts than velocities. If b is in its range, as with one restitution for all contacts and no
-//! overlap repair, many impulses solve it. All have the same J^T gamma and so the same velocities.
-//! If b is not in its range, none do.
+//! A is only positive semidefinite. Redundant contacts make it singular, and there are some
+//! whenever there are more contacts than velocities. If b is in the range of A, as with one
+//! restitution for all contacts and no overlap repair, many impulses solve the equation. All have
+//! the same J^T gamma and so the same velocities. If b is not in the range, none do.
 
 use super::matrices::{Column, Matrix};
 

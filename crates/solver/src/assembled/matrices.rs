@@ -55,8 +55,7 @@ fn rows<T: Scalar, const L: usize, const A: usize>(
     matrix(directions * system.contacts.len(), width, &entries)
 }
 
-/// Returns J, k x (L + A) N, which maps the velocities of the bodies to normal velocities: v_n = J
-/// v.
+/// Returns J, k x (L + A) N, which maps velocities of bodies to normal velocities: v_n = J v.
 ///
 /// Row i has (n, r_a x n) in the columns of body a of contact i, (-n, -r_b x n) in those of body b,
 /// and zeros elsewhere.

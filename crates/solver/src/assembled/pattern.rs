@@ -20,7 +20,7 @@ pub fn pattern(matrix: &Matrix) -> String {
     drawing
 }
 
-/// Returns the contacts whose impulses act on a body, in ascending order.
+/// Returns the contacts whose impulses act on a body, in the order of the manifolds.
 pub fn contacts_of<T: Scalar, const L: usize, const A: usize>(
     system: &System<T, L, A>,
     body: u32,

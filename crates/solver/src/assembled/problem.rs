@@ -10,8 +10,10 @@ use crate::cone;
 
 /// A contact problem in matrix form: find impulses r with
 ///
-/// u = W r + q, K the product of the cones |r_t| <= mu r_n, and at each contact K ∋ r ⊥ u + mu
-/// |u_t| n ∈ K*: Signorini's condition and Coulomb's law (de Saxce and Feng 1998).
+/// u = W r + q and, at each contact, K ∋ r ⊥ u + mu |u_t| n ∈ K*,
+///
+/// where K is the cone |r_t| <= mu r_n: Signorini's condition and Coulomb's law (de Saxce and Feng
+/// 1998).
 ///
 /// Contact i holds `dimension` consecutive rows: the normal first, then the tangents. With one row
 /// each this is the linear complementarity problem 0 <= r ⊥ W r + q >= 0. W need not be

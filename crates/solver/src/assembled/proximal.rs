@@ -10,9 +10,8 @@
 //!
 //! r_n = max(0, y_n), r_t = y_t projected onto the disc of radius mu max(0, y_n).
 //!
-//! They are one of three smooth laws at each contact: open, sticking, sliding. A line search on
-//! |F|^2 guards the steps. Where it fails, Gauss-Seidel sweeps on the shifted problem provide a new
-//! start.
+//! Each contact is in one of three cases: open, sticking, sliding. A line search on |F|^2 guards
+//! the steps. Where it fails, Gauss-Seidel sweeps on the shifted problem provide a new start.
 //!
 //! An iteration is a Newton step: one sparse factorization with one block per coupled pair of
 //! contacts. Near a solution convergence is fast and exact up to rounding, for singular and for
