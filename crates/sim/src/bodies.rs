@@ -3,23 +3,9 @@
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, Vector, Velocity};
 
-use crate::geometry::{Frame, Geometry, MassProperties, Precession, Reach};
+use crate::geometry::{Bounds, Frame, Geometry, MassProperties, Precession, Reach};
+use crate::ids::{Slots, put};
 use crate::scene::{Filter, Material, Motion};
-
-/// Names a body of a world; one that was removed is never mistaken for a later one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct BodyId {
-    pub(crate) index: u32,
-    pub(crate) generation: u32,
-}
-
-impl BodyId {
-    /// Its index in arrays over the bodies; in a world where nothing was removed, the order of
-    /// adding.
-    pub fn index(self) -> usize {
-        self.index as usize
-    }
-}
 
 /// A body to be added to a world.
 #[derive(Clone)]
@@ -40,6 +26,8 @@ pub struct Body<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub surface_velocity: Option<SurfaceMotion<L, A>>,
     /// Its shapes.
     pub colliders: Vec<Collider<G, L, A>>,
+    /// Whatever the caller wants to find again by [`World::user_data`](crate::World::user_data).
+    pub user_data: u128,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Body<G, L, A> {
@@ -54,6 +42,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Body<G, L, A> {
             damping: [0.0; 2],
             surface_velocity: None,
             colliders: vec![Collider::new(shape)],
+            user_data: 0,
         }
     }
 }
@@ -73,6 +62,9 @@ pub struct Collider<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub surface_velocity: Option<SurfaceMotion<L, A>>,
     /// What it collides with.
     pub filter: Filter,
+    /// Whatever the caller wants to find again by
+    /// [`World::collider_user_data`](crate::World::collider_user_data).
+    pub user_data: u128,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Collider<G, L, A> {
@@ -85,6 +77,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Collider<G, L, A> {
             material: Material::default(),
             surface_velocity: None,
             filter: Filter::default(),
+            user_data: 0,
         }
     }
 }
@@ -253,12 +246,12 @@ pub(crate) struct SpinState<const A: usize> {
 
 /// The state of all bodies, except velocities and world inverse masses, which the contact system
 /// holds.
+#[derive(Clone)]
 pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
-    /// None: removed.
+    pub(crate) slots: Slots,
+    /// None: the slot is free.
     pub(crate) motion: Vec<Option<Motion>>,
-    /// How many are removed.
-    pub(crate) vacant: usize,
-    pub(crate) generation: Vec<u32>,
+    pub(crate) user_data: Vec<u128>,
     /// At the center of mass.
     pub(crate) poses: Vec<G::Pose>,
     pub(crate) frames: Vec<Frame<L>>,
@@ -297,6 +290,7 @@ pub(crate) struct BodyParams<'a, const L: usize, const A: usize> {
     forces: &'a [Velocity<f32, L, A>],
     pub(crate) inertia: &'a [Inertia<L, A>],
     pub(crate) precession: &'a [Precession],
+    pub(crate) reach: &'a [Reach],
 }
 
 impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
@@ -346,12 +340,41 @@ pub(crate) fn damped<const L: usize, const A: usize>(
     }
 }
 
+/// The box around a solid in its own frame, or at a pose; none around what has no volume.
+pub(crate) fn extent<G: Geometry<L, A>, const L: usize, const A: usize>(
+    shape: &G::Shape,
+    pose: Option<&G::Pose>,
+) -> Option<Bounds<L>> {
+    let own = || G::pose(Vector::ZERO, &[]);
+    let has_volume = G::mass(shape, 1.0).mass > 0.0;
+    has_volume.then(|| G::bounds(shape, pose.unwrap_or(&own())))
+}
+
+/// The smallest extent of a box; unlimited of none. \[m\]
+pub(crate) fn smallest<const L: usize>(bounds: &Option<Bounds<L>>) -> f32 {
+    let extents = bounds.as_ref().map(|bounds| (bounds.max - bounds.min).0);
+    extents.into_iter().flatten().fold(f32::INFINITY, f32::min)
+}
+
+/// The smallest extent of all shapes of a body together, in its frame; of a single shape in its own. \[m\]
+fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(
+    colliders: &[Collider<G, L, A>],
+) -> f32 {
+    let pose = |collider: &Collider<G, L, A>| (colliders.len() > 1).then_some(collider.pose);
+    let each = colliders.iter();
+    let each = each.filter_map(|of| extent::<G, L, A>(&of.shape, pose(of).as_ref()));
+    smallest(&each.reduce(|all, own| Bounds {
+        min: Vector(std::array::from_fn(|i| all.min[i].min(own.min[i]))),
+        max: Vector(std::array::from_fn(|i| all.max[i].max(own.max[i]))),
+    }))
+}
+
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     pub(crate) fn new() -> Self {
         Self {
+            slots: Slots::default(),
             motion: Vec::new(),
-            vacant: 0,
-            generation: Vec::new(),
+            user_data: Vec::new(),
             poses: Vec::new(),
             frames: Vec::new(),
             remainders: Vec::new(),
@@ -369,6 +392,70 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             thickness: Vec::new(),
             forces: Vec::new(),
         }
+    }
+
+    /// Puts a body into the lowest free slot, without its colliders, and returns the slot.
+    pub(crate) fn insert(&mut self, body: &Body<G, L, A>, inertia: Inertia<L, A>) -> usize {
+        let slot = self.slots.take();
+        let moved = body.motion == Motion::Dynamic;
+        let to_center = G::pose(-inertia.center, &[]);
+        let pose = G::compose(&body.pose, &G::pose(inertia.center, &[]));
+        let reach = body.colliders.iter().fold(Reach::default(), |all, collider| {
+            all.joined(&G::reach(&collider.shape, &G::compose(&to_center, &collider.pose)))
+        });
+        let precession = if moved { inertia.precession() } else { Precession::NONE };
+        let thickness = if moved { thickness::<G, L, A>(&body.colliders) } else { f32::INFINITY };
+        put(&mut self.motion, slot, Some(body.motion));
+        put(&mut self.user_data, slot, body.user_data);
+        put(&mut self.poses, slot, pose);
+        put(&mut self.frames, slot, G::frame(&pose));
+        put(&mut self.remainders, slot, Vector::ZERO);
+        put(&mut self.paths, slot, 0.0);
+        put(&mut self.since_search, slot, SearchMotion::NOWHERE);
+        put(&mut self.moved_since_rebuild, slot, f32::MAX);
+        put(&mut self.needs_rebuild, slot, true);
+        put(&mut self.inertia, slot, inertia);
+        put(&mut self.precession, slot, precession);
+        put(&mut self.turns, slot, SpinState::default());
+        put(&mut self.turned, slot, false);
+        put(&mut self.gravity_factor, slot, body.gravity_factor);
+        put(&mut self.reach, slot, reach);
+        put(&mut self.thickness, slot, thickness);
+        self.set_damping(slot, body.damping);
+        if let Some(force) = self.forces.get_mut(slot) {
+            *force = Velocity::ZERO;
+        }
+        slot
+    }
+
+    /// Takes a body out of its slot.
+    pub(crate) fn remove(&mut self, slot: usize) {
+        self.slots.vacate(slot);
+        self.slots.release(slot);
+        self.motion[slot] = None;
+        self.inertia[slot] = Inertia::FIXED;
+        self.thickness[slot] = f32::INFINITY;
+        self.set_damping(slot, [0.0; 2]);
+        if let Some(force) = self.forces.get_mut(slot) {
+            *force = Velocity::ZERO;
+        }
+    }
+
+    /// Puts the origin of a body at a pose: a way that contacts have to follow as any other.
+    pub(crate) fn set_origin(&mut self, body: usize, origin: &G::Pose) {
+        let pose = G::compose(origin, &G::pose(self.inertia[body].center, &[]));
+        let (before, frame) = (self.frames[body], G::frame(&pose));
+        let way = frame.position - before.position;
+        let turned = 2.0 * self.reach[body].core;
+        let turned = if turned.is_finite() { turned } else { f32::MAX };
+        self.poses[body] = pose;
+        self.frames[body] = frame;
+        self.remainders[body] = Vector::ZERO;
+        self.turns[body] = SpinState::default();
+        self.paths[body] += f64::from(way.length() + turned);
+        self.since_search[body].linear += way;
+        self.since_search[body].turned += turned;
+        self.moved_since_rebuild[body] = f32::MAX;
     }
 
     /// Notes which bodies have moved by more than `limit` \[m\], or than a small part of their size, have
@@ -401,8 +488,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     /// What does not change in motion, and what does.
     pub(crate) fn in_motion(&mut self) -> BodiesInMotion<'_, G, L, A> {
-        let Self { motion, gravity_factor, damping, forces, inertia, precession, .. } = self;
-        let given = BodyParams { motion, gravity_factor, damping, forces, inertia, precession };
+        let Self { motion, gravity_factor, damping, forces, inertia, precession, reach, .. } = self;
+        let given =
+            BodyParams { motion, gravity_factor, damping, forces, inertia, precession, reach };
         BodiesInMotion {
             given,
             poses: &mut self.poses,
@@ -412,8 +500,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     }
 
     fn given(&self) -> BodyParams<'_, L, A> {
-        let Self { motion, gravity_factor, damping, forces, inertia, precession, .. } = self;
-        BodyParams { motion, gravity_factor, damping, forces, inertia, precession }
+        let Self { motion, gravity_factor, damping, forces, inertia, precession, reach, .. } = self;
+        BodyParams { motion, gravity_factor, damping, forces, inertia, precession, reach }
     }
 
     /// Sets the damping of a body: linear and angular. \[1/s\]

@@ -48,15 +48,17 @@ impl<const L: usize> BroadPhase<L> {
         if sum.is_nan() { f32::NEG_INFINITY } else { least }
     }
 
-    /// Adds a shape, the next in order.
-    pub(crate) fn add(&mut self, needed: &Bounds<L>) {
-        let shape = self.grow();
+    /// Adds a shape: one that was removed, or the next in order.
+    pub(crate) fn insert(&mut self, shape: u32, needed: &Bounds<L>) {
+        if shape as usize == self.boxes.len() {
+            self.grow();
+        }
         self.update(shape, needed);
     }
 
     /// The number of the next shape, which has no box yet.
     fn grow(&mut self) -> u32 {
-        self.boxes.push(Bounds::NEG_ZERO);
+        self.boxes.push(Bounds::EMPTY);
         self.moves.push(false);
         self.boxes.len() as u32 - 1
     }
@@ -95,7 +97,7 @@ impl<const L: usize> BroadPhase<L> {
 
     fn store(&mut self, shape: u32, stored: Option<&Bounds<L>>) {
         self.tree.set(shape, stored);
-        self.boxes[shape as usize] = stored.copied().unwrap_or(Bounds::NEG_ZERO);
+        self.boxes[shape as usize] = stored.copied().unwrap_or(Bounds::EMPTY);
         if !std::mem::replace(&mut self.moves[shape as usize], true) {
             self.moved.push(shape);
         }
@@ -104,6 +106,12 @@ impl<const L: usize> BroadPhase<L> {
     /// Forgets a shape.
     pub(crate) fn remove(&mut self, shape: u32) {
         self.store(shape, None);
+    }
+
+    /// Calls `found` with each shape whose stored box overlaps that of `shape`, which is one of them.
+    pub(crate) fn overlapping(&mut self, shape: u32, mut found: impl FnMut(u32)) {
+        let Self { tree, boxes, .. } = self;
+        tree.visit(&boxes[shape as usize], &mut found);
     }
 
     /// Drops the pairs whose boxes overlap no more, and returns those that have come to overlap since the last
@@ -149,7 +157,7 @@ mod tests {
     fn boxes_that_are_not_finite_are_near_nothing_and_come_back() {
         for wrong in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
             let mut phase = BroadPhase::new();
-            (0..20).for_each(|i| phase.add(&at(2.0 * i as f32)));
+            (0..20).for_each(|i| phase.insert(i, &at(2.0 * i as f32)));
             let mut known = Vec::new();
             assert!(pairs(&mut phase, &mut known).is_empty());
             for needed in [at(wrong), Bounds { min: Vector([wrong; 3]), ..at(0.0) }] {

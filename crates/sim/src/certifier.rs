@@ -6,6 +6,7 @@ use drystone_solver::ladder::{IslandSolver, SolveReport};
 use drystone_solver::solution::Goal;
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, System, Velocity};
+use serde::{Deserialize, Serialize};
 
 use crate::settings::StepSettings;
 
@@ -24,12 +25,12 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
     loads: Vec<Load>,
     /// As in [`Stiffness`].
     compliances: Vec<[f32; 2]>,
-    wait: Wait,
+    pub(crate) wait: Wait,
 }
 
 /// When jams are looked for again: after twice as many steps each time that there were none.
-#[derive(Default)]
-struct Wait {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Wait {
     left: u32,
     whole: u32,
     /// Searches so far: each begins with another island.

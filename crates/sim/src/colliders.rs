@@ -3,10 +3,11 @@
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Bodies, Collider, GRAIN, SurfaceMotion};
+use crate::bodies::{Bodies, Collider, GRAIN, SurfaceMotion, extent, smallest};
 use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
 use crate::geometry::{Bounds, Frame, Geometry};
+use crate::ids::{Slots, put};
 use crate::scene::{Combine, Filter, Material, Motion};
 use crate::sleep::Sleep;
 use crate::travel::TravelBound;
@@ -14,21 +15,34 @@ use crate::travel::TravelBound;
 /// Boxes are known to this part of how far they are from the origin. \[1\]
 const ROUNDING: f32 = 1e-6;
 
+/// No collider.
+const NONE: u32 = u32::MAX;
+
 /// The shapes of all bodies, one array per property.
+#[derive(Clone)]
 pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) slots: Slots,
+    /// Slots that are released once no pair names them any more.
+    vacated: Vec<u32>,
+    /// The first shape of each body, and the next of the same body for each shape.
+    first: Vec<u32>,
+    next: Vec<u32>,
+    pub(crate) user_data: Vec<u128>,
     pub(crate) body: Vec<u32>,
     pub(crate) shapes: Vec<G::Collider>,
     /// Smallest extent of a solid; unlimited for what has no volume. \[m\]
     thickness: Vec<f32>,
-    /// Shapes that each body has had, and the most of any body.
-    counts: Vec<u32>,
-    most: u32,
+    /// Whether any body has ever had several shapes.
+    compounds: bool,
     /// In the frame of the body's center of mass.
     local: Vec<G::Pose>,
     /// Turned with the body, seen from its center of mass.
     pub(crate) poses: Vec<G::Pose>,
-    /// What shapes that were added one after the other have in common, and which of them each shape has.
+    /// What shapes that were added one after the other have in common, how many shapes have it, and which of them each
+    /// shape has.
     surfaces: Vec<(Material, Filter)>,
+    uses: Vec<u32>,
+    unused: Vec<u32>,
     surface: Vec<u32>,
     /// Whether any of them has ever bounced.
     pub(crate) bounce: bool,
@@ -36,7 +50,6 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) resist: bool,
     /// How surfaces run; of none where there are no more.
     belts: Vec<Option<Belt<G, L, A>>>,
-    pub(crate) removed: Vec<bool>,
     /// By chunk: shapes that have outgrown their boxes in the broad phase, and the room that they need.
     outgrown: Vec<Vec<(u32, Bounds<L>)>>,
     /// As long as the path of its body, its way ahead and what is looked beyond add up to less, a shape
@@ -45,6 +58,7 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
 }
 
 /// How the surface of a shape runs.
+#[derive(Clone)]
 struct Belt<G: Geometry<L, A>, const L: usize, const A: usize> {
     motion: SurfaceMotion<L, A>,
     /// What it is given in, in the frame of the body's center of mass.
@@ -56,19 +70,24 @@ struct Belt<G: Geometry<L, A>, const L: usize, const A: usize> {
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
     pub(crate) fn new() -> Self {
         Self {
+            slots: Slots::default(),
+            vacated: Vec::new(),
+            first: Vec::new(),
+            next: Vec::new(),
+            user_data: Vec::new(),
             body: Vec::new(),
             shapes: Vec::new(),
             thickness: Vec::new(),
-            counts: Vec::new(),
-            most: 0,
+            compounds: false,
             local: Vec::new(),
             poses: Vec::new(),
             surfaces: Vec::new(),
+            uses: Vec::new(),
+            unused: Vec::new(),
             surface: Vec::new(),
             bounce: false,
             resist: false,
             belts: Vec::new(),
-            removed: Vec::new(),
             outgrown: Vec::new(),
             room_until: Vec::new(),
         }
@@ -83,31 +102,43 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         bodies: &Bodies<G, L, A>,
         broad_phase: &mut BroadPhase<L>,
     ) {
+        let slot = self.slots.take();
         let frame = &bodies.frames[body];
         let turned = turn::<G, L, A>(&local, &bodies.poses[body], frame);
-        broad_phase.add(&bounds::<G, L, A>(&collider.shape, &turned, frame));
-        self.body.push(body as u32);
-        self.thickness.push(smallest(&extent::<G, L, A>(&collider.shape, None)));
-        self.shapes.push(G::collider(collider.shape));
-        self.counts.resize(self.counts.len().max(body + 1), 0);
-        self.counts[body] += 1;
-        self.most = self.most.max(self.counts[body]);
+        broad_phase.insert(slot as u32, &bounds::<G, L, A>(&collider.shape, &turned, frame));
+        self.first.resize(self.first.len().max(body + 1), NONE);
+        self.compounds |= self.first[body] != NONE;
+        let next = std::mem::replace(&mut self.first[body], slot as u32);
         self.bounce |= collider.material.restitution > 0.0;
         let resistance =
             [collider.material.rolling_resistance, collider.material.spinning_resistance];
         self.resist |= A > 0 && resistance.iter().any(|of| *of > 0.0);
-        if let Some(motion) = collider.surface_velocity {
-            self.set_belt(self.body.len() - 1, Some(Belt { motion, frame: local, own: true }));
+        let surface = self.intern((collider.material, collider.filter));
+        let thickness = smallest(&extent::<G, L, A>(&collider.shape, None));
+        put(&mut self.next, slot, next);
+        put(&mut self.user_data, slot, collider.user_data);
+        put(&mut self.body, slot, body as u32);
+        put(&mut self.thickness, slot, thickness);
+        put(&mut self.shapes, slot, G::collider(collider.shape));
+        put(&mut self.local, slot, local);
+        put(&mut self.poses, slot, turned);
+        put(&mut self.surface, slot, surface);
+        put(&mut self.room_until, slot, 0.0);
+        let belt = collider.surface_velocity;
+        self.set_belt(slot, belt.map(|motion| Belt { motion, frame: local, own: true }));
+    }
+
+    /// Where a surface is among those that shapes have in common.
+    fn intern(&mut self, surface: (Material, Filter)) -> u32 {
+        let last = self.surfaces.len().wrapping_sub(1);
+        if self.surfaces.last() == Some(&surface) && self.uses[last] > 0 {
+            self.uses[last] += 1;
+            return last as u32;
         }
-        self.local.push(local);
-        self.poses.push(turned);
-        let surface = (collider.material, collider.filter);
-        if self.surfaces.last() != Some(&surface) {
-            self.surfaces.push(surface);
-        }
-        self.surface.push(self.surfaces.len() as u32 - 1);
-        self.removed.push(false);
-        self.room_until.push(0.0);
+        let index = self.unused.pop().map_or(self.surfaces.len(), |index| index as usize);
+        put(&mut self.surfaces, index, surface);
+        put(&mut self.uses, index, 1);
+        index as u32
     }
 
     fn set_belt(&mut self, id: usize, belt: Option<Belt<G, L, A>>) {
@@ -122,23 +153,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
     /// Has the surface of a body run, whose origin is at `frame` in that of its center of mass; but for shapes
     /// that have a motion of their own.
     pub(crate) fn run(&mut self, body: usize, motion: Option<SurfaceMotion<L, A>>, frame: G::Pose) {
-        for id in 0..self.body.len() {
+        let mut collider = self.first_of(body);
+        while collider != NONE {
+            let id = collider as usize;
             let own =
                 self.belts.get(id).is_some_and(|belt| belt.as_ref().is_some_and(|belt| belt.own));
-            if self.body[id] == body as u32 && !self.removed[id] && !own {
+            if !own {
                 self.set_belt(id, motion.map(|motion| Belt { motion, frame, own: false }));
             }
+            collider = self.next[id];
         }
     }
 
-    /// A body may have several shapes.
+    /// Whether a body has several shapes.
     pub(crate) fn is_compound(&self, body: u32) -> bool {
-        self.counts.get(body as usize).is_some_and(|&count| count > 1)
+        let first = self.first_of(body as usize);
+        first != NONE && self.next[first as usize] != NONE
     }
 
-    /// Some body may have several shapes.
+    /// Whether any body may have several shapes.
     pub(crate) fn has_compounds(&self) -> bool {
-        self.most > 1
+        self.compounds
     }
 
     /// Neither of two surfaces runs or resists rolling.
@@ -172,14 +207,45 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         ]
     }
 
-    /// Removes the shapes of a body.
+    fn first_of(&self, body: usize) -> u32 {
+        self.first.get(body).copied().unwrap_or(NONE)
+    }
+
+    /// The shapes of a body, the last that was added first.
+    pub(crate) fn of_body(&self, body: usize) -> impl Iterator<Item = u32> + use<'_, G, L, A> {
+        let mut at = self.first_of(body);
+        std::iter::from_fn(move || {
+            let collider = at;
+            at = *self.next.get(collider as usize)?;
+            Some(collider)
+        })
+    }
+
+    /// Removes the shapes of a body. Their slots are taken again after the next [release](Self::release).
     pub(crate) fn remove(&mut self, body: usize, broad_phase: &mut BroadPhase<L>) {
-        for (id, (owner, removed)) in self.body.iter().zip(&mut self.removed).enumerate() {
-            if *owner == body as u32 && !*removed {
-                *removed = true;
-                broad_phase.remove(id as u32);
+        let mut collider = self.first_of(body);
+        while collider != NONE {
+            let slot = collider as usize;
+            self.slots.vacate(slot);
+            self.vacated.push(collider);
+            self.shapes[slot] = G::nothing();
+            self.set_belt(slot, None);
+            let surface = self.surface[slot];
+            self.uses[surface as usize] -= 1;
+            if self.uses[surface as usize] == 0 {
+                self.unused.push(surface);
             }
+            broad_phase.remove(collider);
+            collider = self.next[slot];
         }
+        if let Some(first) = self.first.get_mut(body) {
+            *first = NONE;
+        }
+    }
+
+    /// Lets the slots of removed shapes be taken again: no pair names them.
+    pub(crate) fn release(&mut self) {
+        self.vacated.drain(..).for_each(|slot| self.slots.release(slot as usize));
     }
 
     /// Turns all shapes with their bodies, also of those that sleep, wherever they were before.
@@ -189,6 +255,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         for ((turned, local), &body) in parts {
             let body = body as usize;
             *turned = turn::<G, L, A>(local, &bodies.poses[body], &bodies.frames[body]);
+        }
+    }
+
+    /// Turns the shapes of a body with it, and gives them boxes where they are.
+    pub(crate) fn place_body(
+        &mut self,
+        body: usize,
+        bodies: &Bodies<G, L, A>,
+        broad_phase: &mut BroadPhase<L>,
+    ) {
+        let (pose, frame) = (&bodies.poses[body], &bodies.frames[body]);
+        let own: Vec<u32> = self.of_body(body).collect();
+        for collider in own {
+            let at = collider as usize;
+            self.poses[at] = turn::<G, L, A>(&self.local[at], pose, frame);
+            self.room_until[at] = 0.0;
+            let shape = G::shape_of(&self.shapes[at]);
+            broad_phase.update(collider, &bounds::<G, L, A>(shape, &self.poses[at], frame));
         }
     }
 
@@ -203,8 +287,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         reach: f32,
         pool: &ThreadPool,
     ) {
-        let Self { body, shapes, thickness, local, poses, removed, outgrown, room_until, .. } =
-            self;
+        let Self { slots, body, shapes, thickness, local, poses, outgrown, room_until, .. } = self;
         let (useful, share) = pool.share(body.len(), GRAIN);
         outgrown.resize_with(body.len().div_ceil(share), Vec::new);
         let rooms = outgrown.iter_mut().zip(room_until.chunks_mut(share));
@@ -215,7 +298,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             {
                 let body = body[id] as usize;
                 let moves = bodies.motion[body] != Some(Motion::Static);
-                if removed[id] || !moves || sleep.is_sleeping(body) {
+                if !moves || !slots.is_taken(id) || sleep.is_sleeping(body) {
                     continue;
                 }
                 let (frame, ahead) = (&bodies.frames[body], travel[body].linear);
@@ -281,6 +364,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
     }
 }
 
+/// Bodies and colliders as they were added. Their state is that of when they last changed: a checkpoint has the numbers.
+pub(crate) struct Definitions<G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) bodies: Bodies<G, L, A>,
+    pub(crate) colliders: Colliders<G, L, A>,
+}
+
 /// The pose of a shape as seen from its body's center of mass, turned with the body.
 fn turn<G: Geometry<L, A>, const L: usize, const A: usize>(
     local: &G::Pose,
@@ -298,35 +387,6 @@ fn bounds<G: Geometry<L, A>, const L: usize, const A: usize>(
 ) -> Bounds<L> {
     let Bounds { min, max } = G::bounds(shape, turned);
     Bounds { min: min + frame.position, max: max + frame.position }
-}
-
-/// The box around a solid in its own frame, or at a pose; none around what has no volume.
-fn extent<G: Geometry<L, A>, const L: usize, const A: usize>(
-    shape: &G::Shape,
-    pose: Option<&G::Pose>,
-) -> Option<Bounds<L>> {
-    let own = || G::pose(Vector::ZERO, &[]);
-    let has_volume = G::mass(shape, 1.0).mass > 0.0;
-    has_volume.then(|| G::bounds(shape, pose.unwrap_or(&own())))
-}
-
-/// The smallest extent of a box; unlimited of none. \[m\]
-fn smallest<const L: usize>(bounds: &Option<Bounds<L>>) -> f32 {
-    let extents = bounds.as_ref().map(|bounds| (bounds.max - bounds.min).0);
-    extents.into_iter().flatten().fold(f32::INFINITY, f32::min)
-}
-
-/// The smallest extent of all shapes of a body together, in its frame; of a single shape in its own. \[m\]
-pub(crate) fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(
-    colliders: &[Collider<G, L, A>],
-) -> f32 {
-    let pose = |collider: &Collider<G, L, A>| (colliders.len() > 1).then_some(collider.pose);
-    let each = colliders.iter();
-    let each = each.filter_map(|of| extent::<G, L, A>(&of.shape, pose(of).as_ref()));
-    smallest(&each.reduce(|all, own| Bounds {
-        min: Vector(std::array::from_fn(|i| all.min[i].min(own.min[i]))),
-        max: Vector(std::array::from_fn(|i| all.max[i].max(own.max[i]))),
-    }))
 }
 
 /// [`Pair::lever`]: when b turns, the points of a near it are farther out than its own, by the size of a; once

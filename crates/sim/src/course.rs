@@ -6,12 +6,16 @@ use drystone_solver::thread_pool::Divide;
 use drystone_solver::wide::{Landing, MovedBodies, WideBatch};
 
 use crate::geometry::Geometry;
-use crate::motion::{MovingBodies, SubstepParams};
-use crate::report::{Clock, Stage};
+use crate::motion::{Advanced, MovingBodies, SubstepParams};
+use crate::report::{Stage, StageTimer};
 
 /// After so many substeps contacts are asked again what they give to the velocities
 /// ([`MovingBodies::push`]): what rounding adds to it would add up.
 const REFRESH_INTERVAL: u32 = 4;
+
+/// Surfaces approach each other at this many times [`Advanced::fastest`] at most: 2^(3/2), and some for the
+/// bend of their paths. \[1\]
+const APPROACH: f32 = 3.5;
 
 /// The bodies of a batch, and their contacts.
 pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -67,9 +71,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     }
 
     /// A sweep of rigid contacts: takes the velocity of overlap repair out again, and stops what has landed.
-    pub(crate) fn relax(&mut self, renewed: bool, params: &SubstepParams<L>) {
+    pub(crate) fn relax(&mut self, renewed: bool, fastest: f32, params: &SubstepParams<L>) {
         let MovingBodies { velocities, displacements, .. } = &mut self.bodies;
-        let landing = Landing { displacements, dt: params.h };
+        let landing = Landing { displacements, dt: params.h, approach: APPROACH * fastest };
         self.contacts.relax(velocities, renewed, Some(landing));
         if self.contacts.has_surfaces() {
             self.contacts.resist(velocities);
@@ -85,7 +89,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     }
 
     /// Through all substeps.
-    fn run(&mut self, params: &SubstepParams<L>, clock: &mut Clock) {
+    fn run(&mut self, params: &SubstepParams<L>, clock: &mut StageTimer) {
         let mut renewed = false;
         for substep in 0..params.substeps {
             self.bodies.predict(params);
@@ -94,10 +98,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             clock.lap(Stage::WarmStart);
             self.solve(params, substep, turning);
             clock.lap(Stage::Solve);
-            let turned = self.bodies.advance(params);
+            let Advanced { turned, fastest } = self.bodies.advance(params);
             clock.lap(Stage::Advance);
             renewed = turned && self.renew(params);
-            self.relax(renewed, params);
+            self.relax(renewed, fastest, params);
             clock.lap(Stage::Relax);
         }
         self.trace(params);
@@ -105,7 +109,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     }
 
     /// Batch after batch through all substeps; each by one member of the pool, if none is much of the whole.
-    pub(crate) fn run_by_batch(self, params: &SubstepParams<L>, clock: &mut Clock) {
+    pub(crate) fn run_by_batch(self, params: &SubstepParams<L>, clock: &mut StageTimer) {
         let (pool, runs) = (self.bodies.pool, self.contacts.runs());
         let all = Mutex::new(clock.another());
         pool.for_each(runs > 1, self.divide(runs), |run| {

@@ -24,13 +24,13 @@ pub use rigid::{Rigid2, Rigid3};
 pub use spheres::Spheres;
 
 /// A dimension: `L` linear and `A` angular degrees of freedom.
-pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
+pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'static {
     /// Position and rotation.
     type Pose: Copy + Debug + PartialEq + Send + Sync;
     /// A convex shape, a half-space or a triangle mesh.
     type Shape: Clone + Send + Sync;
     /// A shape with what its contacts need at hand.
-    type Collider: Send + Sync;
+    type Collider: Clone + Send + Sync;
     /// Memory that [`collide`](Self::collide) reuses.
     type Scratch: Default + Send + Sync;
 
@@ -84,6 +84,9 @@ pub trait Geometry<const L: usize, const A: usize>: Send + Sync + 'static {
 
     /// A shape made ready for [`collide`](Self::collide).
     fn collider(shape: Self::Shape) -> Self::Collider;
+
+    /// A ball of no size, which stands where a shape was removed.
+    fn nothing() -> Self::Collider;
 
     /// The shape it is made of.
     fn shape_of(collider: &Self::Collider) -> &Self::Shape;
@@ -324,7 +327,7 @@ pub struct Bounds<const L: usize> {
 
 impl<const L: usize> Bounds<L> {
     /// The box of nothing: it overlaps none, and adds nothing to what is around it.
-    pub const NEG_ZERO: Self =
+    pub const EMPTY: Self =
         Self { min: Vector([f32::INFINITY; L]), max: Vector([f32::NEG_INFINITY; L]) };
 
     /// How far its farthest corner is from the origin. \[m\]

@@ -71,6 +71,7 @@ mod course;
 pub mod decomposition;
 mod forms;
 pub mod geometry;
+mod ids;
 mod ledger;
 mod motion;
 mod narrow_phase;
@@ -89,14 +90,15 @@ mod travel;
 mod tuner;
 mod world;
 
-pub use bodies::{Body, BodyId, Collider, Inertia, SurfaceMotion};
+pub use bodies::{Body, Collider, Inertia, SurfaceMotion};
 pub use decomposition::{
     Decomposition, DecompositionOptions, Decompositions, Deviation, NotSolid, decompose,
 };
 pub use drystone_solver::jam::Jam;
 pub use drystone_solver::ladder::{Method, SolveReport};
 pub use drystone_solver::restitution::ImpactLaw;
-pub use drystone_solver::{Vector, Velocity};
+pub use drystone_solver::{Clock, Vector, Velocity};
+pub use ids::{BodyId, ColliderId};
 pub use ledger::Ledger;
 pub use report::{Measure, Nearby, Stage, StepReport};
 pub use saved::SavedSystem;

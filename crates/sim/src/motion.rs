@@ -1,6 +1,6 @@
 //! Bodies in free motion: the start and the end of a substep.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use drystone_solver::kinematics;
 use drystone_solver::thread_pool::ThreadPool;
@@ -199,77 +199,137 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     }
 
     /// Displacement += h v. A body that precesses turns at once: its free motion keeps the angular
-    /// momentum and, to second order in h, the energy. The others turn at the end of the step. Returns
-    /// whether any has turned ([`kinematics`](drystone_solver::kinematics)).
-    pub(crate) fn advance(&mut self, params: &SubstepParams<L>) -> bool {
-        let (first, given, h) = (self.first, self.given, params.h);
+    /// momentum and, to second order in h, the energy. The others turn at the end of the step.
+    pub(crate) fn advance(&mut self, params: &SubstepParams<L>) -> Advanced {
+        let (given, h) = (self.given, params.h);
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let moved = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
         let placed = self.poses.chunks_mut(share).zip(self.turns.chunks_mut(share));
         let placed = placed.zip(self.turned.chunks_mut(share).zip(self.masses.chunks_mut(share)));
-        let any = AtomicBool::new(false);
-        self.pool.for_each(useful, moved.zip(placed).enumerate(), |(part, (moved, placed))| {
+        let firsts = (self.first..).step_by(share);
+        let (any, fastest) = (AtomicBool::new(false), AtomicU32::new(0));
+        self.pool.for_each(useful, firsts.zip(moved.zip(placed)), |(first, (moved, placed))| {
             let ((velocities, prospective), displacements) = moved;
-            let ((poses, turned_by), (turned, masses)) = placed;
-            let first = first + share * part;
-            let mut own_turned = false;
+            let ((poses, turns), (turned, masses)) = placed;
+            let mut squared = 0.0_f32;
             for start in (0..velocities.len()).step_by(CHUNK) {
                 let own = start..velocities.len().min(start + CHUNK);
-                let (mut precessing, mut count) = ([0_u16; CHUNK], 0);
-                let moved = displacements[own.clone()].iter_mut().zip(&velocities[own.clone()]);
-                let placed = turned_by[own.clone()].iter_mut().zip(&mut turned[own.clone()]);
-                let placed = placed.zip(&given.precession[first..][own]);
-                for (body, ((displacement, velocity), ((turned_by, turned), kind))) in
-                    (0..).zip(moved.zip(placed))
-                {
-                    let step = *velocity * h;
-                    *displacement += step;
-                    let turn = step.angular;
-                    let turns = turns(velocity.angular);
-                    *turned |= turns;
-                    own_turned |= turns;
-                    // In the plane nothing precesses.
-                    if A == 3 && kind.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
-                        turned_by.followed += turn;
-                        precessing[count] = body;
-                        count += 1;
-                    }
+                let mut bodies = Chunk::<G, L, A> {
+                    first: first + start,
+                    velocities: &mut velocities[own.clone()],
+                    prospective: &mut prospective[own.clone()],
+                    displacements: &mut displacements[own.clone()],
+                    poses: &mut poses[own.clone()],
+                    turns: &mut turns[own.clone()],
+                    turned: &mut turned[own.clone()],
+                    masses: &mut masses[own],
+                    given,
+                };
+                let (mut precessing, mut count) = ([0; CHUNK], 0);
+                let advanced = bodies.advance(h, &mut precessing, &mut count);
+                squared = squared.max(advanced.fastest);
+                if advanced.turned {
+                    any.store(true, Ordering::Relaxed);
                 }
-                for group in precessing[..count].chunks(TOGETHER) {
-                    // The last stands where there is none.
-                    let own = |index: usize| start + usize::from(group[index.min(group.len() - 1)]);
-                    let spins: [_; TOGETHER] = std::array::from_fn(|index| {
-                        let own = own(index);
-                        let inertia = &given.inertia[first + own];
-                        Spin {
-                            pose: poses[own],
-                            moments: [&inertia.moments, &inertia.inverse_moments],
-                            precession: given.precession[first + own],
-                            omega: velocities[own].angular,
-                            remainder: turned_by[own].remainder,
-                        }
-                    });
-                    G::precess(&spins, group.len(), h, |index, pose, [omega, remainder]| {
-                        let own = own(index);
-                        // It is not from contacts.
-                        prospective[own].angular += omega - velocities[own].angular;
-                        velocities[own].angular = omega;
-                        turned_by[own].remainder = remainder;
-                        poses[own] = pose;
-                        let turn = omega * h;
-                        if turn.dot(turn) > kinematics::FAST_TURN * kinematics::FAST_TURN {
-                            let moments = given.inertia[first + own].inverse_moments;
-                            masses[own].angular = G::frame(&pose).tensor(moments);
-                        }
-                    });
-                }
+                bodies.precess(h, &precessing[..count]);
             }
-            if own_turned {
-                any.store(true, Ordering::Relaxed);
-            }
+            // Numbers that are not negative are ordered as their bits are.
+            fastest.fetch_max(squared.to_bits(), Ordering::Relaxed);
         });
-        any.into_inner()
+        let fastest = f32::from_bits(fastest.into_inner()).sqrt();
+        Advanced { turned: any.into_inner(), fastest }
+    }
+}
+
+/// How fast bodies have moved in a substep.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Advanced {
+    /// Whether any turns faster than [`LEAST_SPIN`](kinematics::LEAST_SPIN).
+    pub(crate) turned: bool,
+    /// The largest root of v^2 + (omega r)^2, where r is the farthest that a turn moves a surface
+    /// ([`Reach::core`]): surfaces approach each other at 2^(3/2) times this, at most. \[m/s\]
+    ///
+    /// [`Reach::core`]: crate::geometry::Reach::core
+    pub(crate) fastest: f32,
+}
+
+/// Bodies that follow each other, [`CHUNK`] at most.
+struct Chunk<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// The number of the first.
+    first: usize,
+    velocities: &'a mut [Velocity<f32, L, A>],
+    prospective: &'a mut [Velocity<f32, L, A>],
+    displacements: &'a mut [Velocity<f32, L, A>],
+    poses: &'a mut [G::Pose],
+    turns: &'a mut [SpinState<A>],
+    turned: &'a mut [bool],
+    masses: &'a mut [InverseMass<f32, L, A>],
+    /// Of all bodies.
+    given: BodyParams<'a, L, A>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
+    /// Displacement += h v; lists the first `count` bodies that are `precessing`. Returns the square of the
+    /// fastest speed.
+    fn advance(&mut self, h: f32, precessing: &mut [u16; CHUNK], count: &mut usize) -> Advanced {
+        let moved = self.displacements.iter_mut().zip(&*self.velocities);
+        let spins = self.turns.iter_mut().zip(&mut *self.turned);
+        let kinds = self.given.precession[self.first..].iter().zip(&self.given.reach[self.first..]);
+        let mut advanced = Advanced { turned: false, fastest: 0.0 };
+        for (body, ((moved, spin), (kind, reach))) in (0..).zip(moved.zip(spins).zip(kinds)) {
+            let ((displacement, velocity), (spin, turned)) = (moved, spin);
+            let step = *velocity * h;
+            *displacement += step;
+            let turn = step.angular;
+            let turns = turns(velocity.angular);
+            *turned |= turns;
+            advanced.turned |= turns;
+            let spinning = velocity.angular.dot(velocity.angular);
+            // The reach of a half-space is infinite.
+            let swing = if spinning > 0.0 { spinning * (reach.core * reach.core) } else { 0.0 };
+            let squared = velocity.linear.dot(velocity.linear) + swing;
+            advanced.fastest = advanced.fastest.max(squared);
+            // In the plane nothing precesses.
+            if A == 3 && kind.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                spin.followed += turn;
+                precessing[*count] = body;
+                *count += 1;
+            }
+        }
+        advanced
+    }
+
+    /// Turns these bodies freely for `h` \[s\].
+    fn precess(&mut self, h: f32, precessing: &[u16]) {
+        for group in precessing.chunks(TOGETHER) {
+            // The last stands where there is none.
+            let own = |index: usize| usize::from(group[index.min(group.len() - 1)]);
+            let spins: [_; TOGETHER] = std::array::from_fn(|index| {
+                let own = own(index);
+                let inertia = &self.given.inertia[self.first + own];
+                Spin {
+                    pose: self.poses[own],
+                    moments: [&inertia.moments, &inertia.inverse_moments],
+                    precession: self.given.precession[self.first + own],
+                    omega: self.velocities[own].angular,
+                    remainder: self.turns[own].remainder,
+                }
+            });
+            G::precess(&spins, group.len(), h, |index, pose, [omega, remainder]| {
+                let own = own(index);
+                // It is not from contacts.
+                self.prospective[own].angular += omega - self.velocities[own].angular;
+                self.velocities[own].angular = omega;
+                self.turns[own].remainder = remainder;
+                self.poses[own] = pose;
+                let turn = omega * h;
+                if turn.dot(turn) > kinematics::FAST_TURN * kinematics::FAST_TURN {
+                    let moments = self.given.inertia[self.first + own].inverse_moments;
+                    self.masses[own].angular = G::frame(&pose).tensor(moments);
+                }
+            });
+        }
     }
 }
 

@@ -1,7 +1,8 @@
 //! What a step says of itself.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use drystone_solver::Clock;
 use drystone_solver::jam::Jam;
 use drystone_solver::ladder::SolveReport;
 use serde::{Deserialize, Serialize};
@@ -106,7 +107,7 @@ pub struct StepReport {
 
 impl StepReport {
     /// Takes in what solving or examining a substep has come to, and its time.
-    pub(crate) fn join(&mut self, outcome: &SolveReport, clock: &mut Clock) {
+    pub(crate) fn join(&mut self, outcome: &SolveReport, clock: &mut StageTimer) {
         clock.lap(Stage::Solve);
         if clock.last.is_some() {
             clock.stages[Stage::Solve as usize] -= outcome.certifying;
@@ -153,28 +154,28 @@ pub struct Nearby {
 
 /// Charges time to stages.
 #[derive(Clone)]
-pub(crate) struct Clock {
-    /// When the last lap ended; `None` where nobody asks for times.
-    last: Option<Instant>,
+pub(crate) struct StageTimer {
+    clock: Clock,
+    /// When the last lap ended; none where nobody asks for times.
+    last: Option<Duration>,
     pub(crate) stages: [Duration; Stage::ALL.len()],
 }
 
-impl Clock {
-    pub(crate) fn start(timing: bool) -> Self {
-        Self { last: timing.then(Instant::now), stages: Default::default() }
+impl StageTimer {
+    pub(crate) fn start(clock: Clock) -> Self {
+        Self { clock, last: clock.now(), stages: Default::default() }
     }
 
     /// One for a member of a pool, which starts now, if this one runs.
     pub(crate) fn another(&self) -> Self {
-        Self::start(self.last.is_some())
+        Self::start(self.clock)
     }
 
     /// Charges the time since the last lap to `stage`.
     pub(crate) fn lap(&mut self, stage: Stage) {
-        if let Some(last) = &mut self.last {
-            let now = Instant::now();
-            self.stages[stage as usize] += now - *last;
-            *last = now;
+        if self.last.is_some() {
+            self.stages[stage as usize] += self.clock.since(self.last);
+            self.last = self.clock.now();
         }
     }
 
@@ -187,10 +188,9 @@ impl Clock {
 
     /// Charges the time since the last lap to stages as `others` have charged it, who worked side by side.
     pub(crate) fn lap_as(&mut self, others: &Self) {
-        let Some(last) = &mut self.last else { return };
-        let (now, all) = (Instant::now(), others.stages.iter().sum::<Duration>());
-        let passed = (now - *last).as_secs_f64();
-        *last = now;
+        let all = others.stages.iter().sum::<Duration>();
+        let passed = self.clock.since(self.last).as_secs_f64();
+        self.last = self.clock.now();
         for (own, other) in self.stages.iter_mut().zip(&others.stages) {
             if !other.is_zero() {
                 *own += other.mul_f64(passed / all.as_secs_f64());

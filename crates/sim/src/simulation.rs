@@ -5,10 +5,11 @@ use std::array::from_fn;
 use drystone_solver::{Manifold, SymmetricMatrix, Vector, Velocity};
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::bodies::{Body, BodyId, Collider, Inertia, SurfaceMotion};
+use crate::bodies::{Body, Collider, Inertia, SurfaceMotion};
 use crate::decomposition::Decompositions;
 use crate::forms::{FromScene, Pieces, floats, place, times};
 use crate::geometry::{Frame, Geometry, MassProperties, Rigid2, Rigid3, Spheres};
+use crate::ids::BodyId;
 use crate::report::{Measure, Nearby, StepReport};
 use crate::scene::{self, BodiesAs, Motion, Rotation, Scene, Track};
 use crate::settings::StepSettings;
@@ -255,6 +256,7 @@ fn convert<G: FromScene<L, A>, const L: usize, const A: usize>(
             material: shape.material.clone(),
             surface_velocity: shape.surface_velocity.as_ref().map(surface_motion),
             filter: shape.filter,
+            user_data: 0,
         }));
     }
     Ok(Body {
@@ -269,6 +271,7 @@ fn convert<G: FromScene<L, A>, const L: usize, const A: usize>(
         damping: [body.linear_damping as f32, body.angular_damping as f32],
         surface_velocity: body.surface_velocity.as_ref().map(surface_motion),
         colliders,
+        user_data: 0,
     })
 }
 

@@ -9,6 +9,9 @@ use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
 use crate::scene::Motion;
 
+/// No body.
+const NONE: u32 = u32::MAX;
+
 /// A body holds still below this speed of any of its points. \[m/s\]
 const STILL: f32 = 0.005;
 
@@ -19,17 +22,37 @@ pub(crate) struct Sleep<const L: usize> {
     pub(crate) still: Vec<f32>,
     /// The group that each body fell asleep with; 0: it is awake.
     pub(crate) group: Vec<u32>,
-    /// Of the pairs that rest.
+    /// The next body of the same group; the groups are rings.
+    next: Vec<u32>,
+    /// Number of bodies that sleep.
+    count: usize,
+    /// Static and kinematic bodies that were added or moved since contacts were last searched for: they may touch
+    /// sleepers.
+    pub(crate) placed: Vec<u32>,
+    /// Manifolds of the pairs that sleep.
     pub(crate) records: ManifoldCache<L>,
     islands: Islands,
-    /// Of each island: whether all of it holds still.
+    /// Of each island: whether all of it holds still, and a body that has fallen asleep.
     ready: Vec<bool>,
+    members: Vec<u32>,
 }
 
 impl<const L: usize> Sleep<L> {
-    /// That of a world that goes on.
-    pub(crate) fn resumed(still: Vec<f32>, group: Vec<u32>) -> Self {
-        Self { still, group, ..Self::default() }
+    /// Resumes from the state of a checkpoint.
+    pub(crate) fn resumed(
+        still: Vec<f32>,
+        group: Vec<u32>,
+        placed: Vec<u32>,
+        records: ManifoldCache<L>,
+    ) -> Self {
+        let (awake, next) = (vec![0; group.len()], vec![NONE; group.len()]);
+        let mut resumed = Self { still, group: awake, next, placed, records, ..Self::default() };
+        let groups = group.iter().copied().max().unwrap_or(0) as usize;
+        let mut members = vec![NONE; groups + 1];
+        for (body, &group) in group.iter().enumerate().filter(|(_, group)| **group != 0) {
+            resumed.enter(body, group, &mut members[group as usize]);
+        }
+        resumed
     }
 
     /// Makes room for a body, or forgets what was in its place.
@@ -37,16 +60,37 @@ impl<const L: usize> Sleep<L> {
         let bodies = self.group.len().max(body + 1);
         self.still.resize(bodies, 0.0);
         self.group.resize(bodies, 0);
+        self.next.resize(bodies, NONE);
         (self.still[body], self.group[body]) = (0.0, 0);
+    }
+
+    /// Puts a body into a group, of which `member` is one if there is any.
+    fn enter(&mut self, body: usize, group: u32, member: &mut u32) {
+        let own = body as u32;
+        self.group[body] = group;
+        self.count += 1;
+        if *member == NONE {
+            self.next[body] = own;
+        } else {
+            self.next[body] = std::mem::replace(&mut self.next[*member as usize], own);
+        }
+        *member = own;
+    }
+
+    /// Notes that a static or kinematic body is where it was not before.
+    pub(crate) fn place(&mut self, body: usize) {
+        if !self.placed.contains(&(body as u32)) {
+            self.placed.push(body as u32);
+        }
     }
 
     pub(crate) fn is_sleeping(&self, body: usize) -> bool {
         self.group[body] != 0
     }
 
-    /// Whether anything sleeps.
-    pub(crate) fn is_used(&self) -> bool {
-        self.group.iter().any(|&group| group != 0)
+    /// Number of bodies that sleep.
+    pub(crate) fn count(&self) -> usize {
+        self.count
     }
 
     /// Whether a body may touch what was not touched before: it moves, or can be moved.
@@ -63,18 +107,21 @@ impl<const L: usize> Sleep<L> {
         }
     }
 
-    /// Wakes all that fell asleep with a body; returns whether it slept.
-    pub(crate) fn wake(&mut self, body: usize) -> bool {
-        let group = self.group[body];
-        if group == 0 {
+    /// Wakes all bodies that fell asleep with this one, and calls `woken` with each; returns whether it slept.
+    pub(crate) fn wake(&mut self, body: usize, mut woken: impl FnMut(usize)) -> bool {
+        if self.group[body] == 0 {
             return false;
         }
-        for (of, still) in self.group.iter_mut().zip(&mut self.still) {
-            if *of == group {
-                (*of, *still) = (0, 0.0);
+        let mut member = body;
+        loop {
+            (self.group[member], self.still[member]) = (0, 0.0);
+            self.count -= 1;
+            woken(member);
+            member = self.next[member] as usize;
+            if member == body {
+                return true;
             }
         }
-        true
     }
 
     /// Puts pairs to rest of which neither body is active; their records move here.
@@ -144,14 +191,18 @@ impl<const L: usize> Sleep<L> {
             }
         }
         let first = 1 + self.group.iter().copied().max().unwrap_or(0);
-        let mut any = false;
-        for (body, &island) in of_body.iter().enumerate() {
+        let asleep = self.count;
+        self.members.clear();
+        self.members.resize(self.islands.count, NONE);
+        for body in 0..self.group.len() {
+            let island = self.islands.of_body[body];
             if self.ready.get(island as usize) == Some(&true) {
-                self.group[body] = first + island;
+                let mut member = self.members[island as usize];
+                self.enter(body, first + island, &mut member);
+                self.members[island as usize] = member;
                 system.velocities[body] = Velocity::ZERO;
-                any = true;
             }
         }
-        any
+        self.count > asleep
     }
 }

@@ -3,8 +3,9 @@
 //! To hand a line of memory from one core to another takes as long as a few contacts on one machine and as long as a
 //! hundred on another, so no number of contacts tells. Results do not depend on who works, so it may be tried out.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use drystone_solver::Clock;
 use drystone_solver::thread_pool::ThreadPool;
 
 /// Steps before the first trial: those that make room for everything.
@@ -59,14 +60,13 @@ impl ThreadTuner {
     }
 
     /// Begins a step; returns the time, if it counts.
-    pub(crate) fn start(&self, pool: &ThreadPool) -> Option<Instant> {
+    pub(crate) fn start(&self, pool: &ThreadPool, clock: Clock) -> Option<Duration> {
         pool.rest(self.is_alone());
-        (self.is_tried() && pool.threads() > 1).then(Instant::now)
+        if self.is_tried() && pool.threads() > 1 { clock.now() } else { None }
     }
 
     /// Ends a step of so many sweeps over so many contacts.
-    pub(crate) fn stop(&mut self, start: Option<Instant>, sweeps: usize, contacts: usize) {
-        let time = start.map_or(Duration::ZERO, |start| start.elapsed());
+    pub(crate) fn stop(&mut self, time: Duration, sweeps: usize, contacts: usize) {
         self.took(time.as_secs_f64() / sweeps.max(1) as f64, contacts);
     }
 
@@ -166,11 +166,11 @@ mod tests {
     fn a_trial_is_alone_and_together_by_turns() {
         let (pool, mut tuner) = (ThreadPool::new(2), ThreadTuner::default());
         for step in 0..FIRST + TRIAL {
-            let start = tuner.start(&pool);
+            let start = tuner.start(&pool, Clock::system());
             let alone = step >= FIRST && step % 2 == 1;
             assert_eq!(pool.is_useful(1000), !alone, "step {step}");
             assert_eq!(start.is_some(), step >= FIRST, "step {step}");
-            tuner.stop(start, 8, 1000);
+            tuner.stop(Clock::system().since(start), 8, 1000);
         }
     }
 }

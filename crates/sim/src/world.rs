@@ -4,25 +4,26 @@ mod checkpoint;
 
 pub use checkpoint::{Checkpoint, CheckpointError};
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use drystone_solver::restitution::{self, ImpactSettings, ImpactSolver};
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::wide::Wide;
-use drystone_solver::{InverseMass, System, Vector, Velocity};
+use drystone_solver::{Clock, InverseMass, System, Vector, Velocity};
 
-use crate::bodies::{Bodies, Body, BodyId, GRAIN, Inertia, SearchMotion, SpinState, SurfaceMotion};
+use crate::bodies::{Bodies, Body, GRAIN, Inertia, SpinState, SurfaceMotion};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, ManifoldCache, Pair};
 use crate::certifier::Certifier;
-use crate::colliders::{self, Colliders};
+use crate::colliders::{Colliders, Definitions};
 use crate::course::SubstepContext;
-use crate::geometry::{Geometry, MassProperties, Precession, Reach};
+use crate::geometry::{Geometry, MassProperties};
+use crate::ids::{self, BodyId, ColliderId, put};
 use crate::ledger::LedgerBuilder;
-use crate::motion::{self, MovingBodies, SubstepParams};
+use crate::motion::{self, Advanced, MovingBodies, SubstepParams};
 use crate::narrow_phase::{NarrowPhaseInput, PairWorker, closing, manifolds};
 use crate::patches::{Patches, Shapes};
-use crate::report::{Clock, Measure, Stage, StepReport};
+use crate::report::{Measure, Stage, StageTimer, StepReport};
 use crate::rows::CacheSource;
 use crate::saved::SavedSystem;
 use crate::scene::Motion;
@@ -54,8 +55,12 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub settings: StepSettings,
     /// Acceleration of free fall. \[m/s^2\]
     pub gravity: Vector<f32, L>,
+    /// Tells its identifiers from those of other worlds.
+    id: u32,
     bodies: Bodies<G, L, A>,
     colliders: Colliders<G, L, A>,
+    /// Bodies and colliders as they have been since the last change, for checkpoints.
+    definitions: OnceLock<Arc<Definitions<G, L, A>>>,
     broad_phase: BroadPhase<L>,
     pairs: Vec<Pair>,
     fresh_pairs: Vec<Pair>,
@@ -91,6 +96,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     patches: Patches<L>,
     pool: Arc<ThreadPool>,
     tuner: ThreadTuner,
+    clock: Clock,
     /// Whether steps time their stages.
     timing: bool,
     /// Whether steps save their last contact system, and that of the last step.
@@ -134,8 +140,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Self {
             settings,
             gravity: Vector::ZERO,
+            id: ids::new_world(),
             bodies: Bodies::new(),
             colliders: Colliders::new(),
+            definitions: OnceLock::new(),
             broad_phase: BroadPhase::new(),
             pairs: Vec::new(),
             fresh_pairs: Vec::new(),
@@ -161,6 +169,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             patches: Patches::default(),
             pool: Arc::default(),
             tuner: ThreadTuner::default(),
+            clock: Clock::system(),
             timing: false,
             saving: false,
             saved: None,
@@ -190,94 +199,81 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             _ => Inertia::FIXED,
         };
-        let to_center = G::pose(-inertia.center, &[]);
-        let pose = G::compose(&body.pose, &G::pose(inertia.center, &[]));
-        let index = self.allocate();
-        let reach = body
-            .colliders
-            .iter()
-            .map(|collider| G::reach(&collider.shape, &G::compose(&to_center, &collider.pose)));
-        let reach = reach.fold(Reach::default(), |all, own| all.joined(&own));
-        let bodies = &mut self.bodies;
-        bodies.motion[index] = Some(body.motion);
-        bodies.poses[index] = pose;
-        bodies.frames[index] = G::frame(&pose);
-        bodies.remainders[index] = Vector::ZERO;
-        let moved = body.motion == Motion::Dynamic;
-        bodies.precession[index] = if moved { inertia.precession() } else { Precession::NONE };
-        bodies.turns[index] = SpinState::default();
-        bodies.inertia[index] = inertia;
-        bodies.gravity_factor[index] = body.gravity_factor;
-        bodies.set_damping(index, body.damping);
-        bodies.reach[index] = reach;
-        bodies.thickness[index] =
-            if moved { colliders::thickness::<G, L, A>(&body.colliders) } else { f32::INFINITY };
-        bodies.moved_since_rebuild[index] = f32::INFINITY;
-        self.pushes[index] = Velocity::ZERO;
-        if let Some(force) = bodies.forces.get_mut(index) {
-            *force = Velocity::ZERO;
-        }
+        let slot = self.bodies.insert(&body, inertia);
+        self.definitions = OnceLock::new();
         let moves = body.motion != Motion::Static;
-        self.system.velocities[index] = if moves { body.velocity } else { Velocity::ZERO };
-        self.sleep.reset(index);
-        self.system.masses[index] = self.bodies.inverse_mass(index);
+        let velocity = if moves { body.velocity } else { Velocity::ZERO };
+        put(&mut self.system.velocities, slot, velocity);
+        put(&mut self.system.masses, slot, self.bodies.inverse_mass(slot));
+        put(&mut self.displacements, slot, Velocity::ZERO);
+        put(&mut self.pushes, slot, Velocity::ZERO);
+        self.sleep.reset(slot);
+        if body.motion != Motion::Dynamic {
+            self.sleep.place(slot);
+        }
+        let to_center = G::pose(-inertia.center, &[]);
         for collider in body.colliders {
             let local = G::compose(&to_center, &collider.pose);
-            self.colliders.add(index, collider, local, &self.bodies, &mut self.broad_phase);
+            self.colliders.add(slot, collider, local, &self.bodies, &mut self.broad_phase);
         }
-        self.colliders.run(index, body.surface_velocity, to_center);
-        BodyId { index: index as u32, generation: self.bodies.generation[index] }
+        self.colliders.run(slot, body.surface_velocity, to_center);
+        BodyId::new(&self.bodies.slots, slot, self.id)
     }
 
-    /// A slot for a new body: the lowest that is free.
-    fn allocate(&mut self) -> usize {
-        let bodies = &mut self.bodies;
-        if bodies.vacant > 0
-            && let Some(index) = bodies.motion.iter().position(Option::is_none)
-        {
-            bodies.vacant -= 1;
-            bodies.generation[index] += 1;
-            return index;
-        }
-        let origin = G::pose(Vector::ZERO, &[]);
-        bodies.motion.push(None);
-        bodies.generation.push(0);
-        bodies.poses.push(origin);
-        bodies.frames.push(G::frame(&origin));
-        bodies.remainders.push(Vector::ZERO);
-        bodies.paths.push(0.0);
-        bodies.since_search.push(SearchMotion::NOWHERE);
-        bodies.moved_since_rebuild.push(0.0);
-        bodies.needs_rebuild.push(false);
-        bodies.inertia.push(Inertia::FIXED);
-        bodies.precession.push(Precession::NONE);
-        bodies.turns.push(SpinState::default());
-        bodies.gravity_factor.push(1.0);
-        bodies.reach.push(Reach::default());
-        bodies.thickness.push(f32::INFINITY);
-        bodies.turned.push(false);
-        self.displacements.push(Velocity::ZERO);
-        self.pushes.push(Velocity::ZERO);
-        self.system.add_body(Velocity::ZERO, InverseMass::FIXED) as usize
-    }
-
-    /// Removes a body; returns whether it was there.
+    /// Removes a body with its colliders, and wakes all that was near it; returns whether it was there.
     pub fn remove(&mut self, id: BodyId) -> bool {
-        let Some(index) = self.index(id) else { return false };
-        self.wake_neighbors(index);
-        self.bodies.motion[index] = None;
-        self.bodies.vacant += 1;
-        self.bodies.inertia[index] = Inertia::FIXED;
-        self.system.velocities[index] = Velocity::ZERO;
-        self.system.masses[index] = InverseMass::FIXED;
-        self.colliders.remove(index, &mut self.broad_phase);
+        let Some(slot) = self.index(id) else { return false };
+        self.wake_neighbors(slot);
+        self.sleep.placed.retain(|&placed| placed as usize != slot);
+        self.colliders.remove(slot, &mut self.broad_phase);
+        self.bodies.remove(slot);
+        self.definitions = OnceLock::new();
+        self.system.velocities[slot] = Velocity::ZERO;
+        self.system.masses[slot] = InverseMass::FIXED;
+        self.pushes[slot] = Velocity::ZERO;
         true
     }
 
+    /// The slot of a body, if it is there.
     fn index(&self, id: BodyId) -> Option<usize> {
-        let index = id.index();
-        let there = self.bodies.motion.get(index).is_some_and(Option::is_some);
-        (there && self.bodies.generation[index] == id.generation).then_some(index)
+        id.slot(&self.bodies.slots, self.id)
+    }
+
+    /// The body in a slot, if there is one.
+    pub fn body_at(&self, slot: usize) -> Option<BodyId> {
+        let slots = &self.bodies.slots;
+        let taken = slot < slots.len() && slots.is_taken(slot);
+        taken.then(|| BodyId::new(slots, slot, self.id))
+    }
+
+    /// All bodies, slot by slot.
+    pub fn bodies(&self) -> impl Iterator<Item = BodyId> + '_ {
+        (0..self.len()).filter_map(|slot| self.body_at(slot))
+    }
+
+    /// The colliders of a body, the last that was added first.
+    pub fn colliders(&self, id: BodyId) -> impl Iterator<Item = ColliderId> + '_ {
+        let colliders = self.index(id).map(|slot| self.colliders.of_body(slot));
+        colliders
+            .into_iter()
+            .flatten()
+            .map(|slot| ColliderId::new(&self.colliders.slots, slot as usize, self.id))
+    }
+
+    /// The body of a collider.
+    pub fn body_of(&self, id: ColliderId) -> Option<BodyId> {
+        let slot = id.slot(&self.colliders.slots, self.id)?;
+        self.body_at(self.colliders.body[slot] as usize)
+    }
+
+    /// [`Body::user_data`] of a body.
+    pub fn user_data(&self, id: BodyId) -> Option<u128> {
+        self.index(id).map(|slot| self.bodies.user_data[slot])
+    }
+
+    /// [`Collider::user_data`](crate::Collider::user_data) of a collider.
+    pub fn collider_user_data(&self, id: ColliderId) -> Option<u128> {
+        id.slot(&self.colliders.slots, self.id).map(|slot| self.colliders.user_data[slot])
     }
 
     /// Slots for bodies, removed ones included: what indices run over.
@@ -332,9 +328,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Gives a kinematic body the velocity that takes it to `target` within `dt` \[s\]. A dynamic one
-    /// wakes, and is thrown there.
+    /// wakes, and is thrown there. A static one stays: [`World::set_pose`] takes any body elsewhere.
     pub fn move_to(&mut self, id: BodyId, target: &G::Pose, dt: f32) {
         let Some(index) = self.index(id) else { return };
+        if self.bodies.motion[index] == Some(Motion::Static) {
+            return;
+        }
         let from = self.bodies.origin(index);
         let apart = G::frame(target).position - G::frame(&from).position;
         self.wake_slot(index);
@@ -345,10 +344,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
     }
 
+    /// Puts a body elsewhere at once, whatever is in between; its velocity stays. It wakes, with all that was near it;
+    /// who is near its new place wakes when they touch.
+    pub fn set_pose(&mut self, id: BodyId, pose: &G::Pose) {
+        let Some(index) = self.index(id) else { return };
+        self.wake_neighbors(index);
+        self.bodies.set_origin(index, pose);
+        let Self { bodies, colliders, broad_phase, .. } = self;
+        colliders.place_body(index, bodies, broad_phase);
+        if bodies.motion[index] != Some(Motion::Dynamic) {
+            self.sleep.place(index);
+        }
+    }
+
     /// Has the surface of a body run, or stand, and wakes what is near it; but for shapes that have a motion of
     /// their own.
     pub fn set_surface_velocity(&mut self, id: BodyId, motion: Option<SurfaceMotion<L, A>>) {
         if let Some(index) = self.index(id) {
+            self.definitions = OnceLock::new();
             self.wake_neighbors(index);
             let to_center = G::pose(-self.bodies.inertia[index].center, &[]);
             self.colliders.run(index, motion, to_center);
@@ -358,6 +371,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Sets the rates at which the linear and angular velocity of a body decay, and wakes it. \[1/s\]
     pub fn set_damping(&mut self, id: BodyId, damping: [f32; 2]) {
         if let Some(index) = self.index(id) {
+            self.definitions = OnceLock::new();
             self.wake_slot(index);
             self.bodies.set_damping(index, damping);
         }
@@ -399,6 +413,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         system
     }
 
+    /// Takes the time from this clock: by default that of the system. Without one no stage takes any time, and no number
+    /// of threads is found to be faster than another; results stay the same.
+    pub fn set_clock(&mut self, clock: Clock) {
+        self.clock = clock;
+        self.certifier.island_solver.clock = clock;
+    }
+
     /// Whether steps report the time of their stages ([`StepReport::stages`]). By default they do not: where a step
     /// takes a few microseconds, reading the clock 26 times is a tenth of it.
     pub fn time_stages(&mut self, timing: bool) {
@@ -419,8 +440,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Moves the world on by `dt` \[s\].
     pub fn step(&mut self, dt: f32) -> StepReport {
         let mut report = StepReport::default();
-        let mut clock = Clock::start(self.timing);
-        let start = self.tuner.start(&self.pool);
+        let mut clock = StageTimer::start(if self.timing { self.clock } else { Clock::NONE });
+        let start = self.tuner.start(&self.pool, self.clock);
         if self.settings.sleep <= 0.0 || self.gravity != self.last_gravity {
             self.wake_all();
         }
@@ -467,12 +488,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         report.stages = clock.stages;
         report.substeps = substeps;
-        report.asleep = (0..self.len()).filter(|&body| self.sleep.is_sleeping(body)).count();
+        report.asleep = self.sleep.count();
         report.not_finite = self.not_finite();
         report.pairs = self.pairs.len();
         report.manifolds = self.records.manifolds.len();
         report.contacts = self.records.points.len();
-        self.tuner.stop(start, report.sweeps, report.contacts);
+        self.tuner.stop(self.clock.since(start), report.sweeps, report.contacts);
         report
     }
 
@@ -527,7 +548,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         h: f32,
         (substeps, last): (u32, bool),
         same: bool,
-        clock: &mut Clock,
+        clock: &mut StageTimer,
         report: &mut StepReport,
     ) {
         let plan = self.plan(h, substeps, last);
@@ -636,7 +657,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         plan: &Plan<L>,
         substep: u32,
         renewed: &mut bool,
-        clock: &mut Clock,
+        clock: &mut StageTimer,
         report: &mut StepReport,
     ) {
         let params = &plan.params;
@@ -690,7 +711,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.wide.unpack(&mut self.system);
             self.books.depart(&self.system);
         }
-        let turned = self.course().bodies.advance(params);
+        let Advanced { turned, fastest } = self.course().bodies.advance(params);
         clock.lap(Stage::Advance);
         if plan.ledger {
             self.books.arrive(&self.system.velocities);
@@ -699,7 +720,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if turned && (plan.solving || plan.examined.is_some()) {
             self.certifier.island_solver.follow(&self.system);
         }
-        self.course().relax(*renewed, params);
+        self.course().relax(*renewed, fastest, params);
         if plan.ledger {
             self.wide.unpack(&mut self.system);
             self.surfaces.note(&self.wide);
@@ -741,7 +762,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Gives poses back at the end of a part.
-    fn arrive(&mut self, plan: &Plan<L>, clock: &mut Clock, report: &mut StepReport) {
+    fn arrive(&mut self, plan: &Plan<L>, clock: &mut StageTimer, report: &mut StepReport) {
         let velocities = &mut self.system.velocities;
         motion::arrive(&mut self.bodies, &self.pool, &self.displacements, velocities);
         if plan.ledger {
@@ -769,27 +790,31 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Wakes a body, by its slot, and all that sleeps with it; returns whether it slept.
     fn wake_slot(&mut self, body: usize) -> bool {
-        let slept = self.sleep.wake(body);
-        if slept {
-            self.update_masses();
-        }
-        slept
+        let (bodies, masses) = (&self.bodies, &mut self.system.masses);
+        self.sleep.wake(body, |member| masses[member] = bodies.inverse_mass(member))
     }
 
-    /// Wakes a body and all that is near it.
+    /// Wakes a body and all whose boxes overlap one of its own.
     fn wake_neighbors(&mut self, body: usize) {
-        for pair in 0..self.pairs.len() {
-            let [a, b] = self.pairs[pair].bodies.map(|body| body as usize);
-            if a == body || b == body {
-                self.wake_slot(a);
-                self.wake_slot(b);
-            }
+        let Self { bodies, colliders, broad_phase, sleep, system, .. } = self;
+        let mut wake = |body: usize| {
+            sleep.wake(body, |member| system.masses[member] = bodies.inverse_mass(member));
+        };
+        wake(body);
+        for collider in colliders.of_body(body) {
+            broad_phase.overlapping(collider, |other| {
+                if colliders.pair(bodies, [collider.min(other), collider.max(other)]).is_some() {
+                    wake(colliders.body[other as usize] as usize);
+                }
+            });
         }
     }
 
     fn wake_all(&mut self) {
-        for body in 0..self.len() {
-            self.wake_slot(body);
+        if self.sleep.count() > 0 {
+            for body in 0..self.len() {
+                self.wake_slot(body);
+            }
         }
     }
 
@@ -820,6 +845,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         }
         cache::merge(&mut self.pairs, fresh);
+        self.colliders.release();
     }
 
     /// Finds manifolds, of which points are reused while bodies move less than `reuse` \[m\]. Returns whether
@@ -835,7 +861,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         std::mem::swap(&mut self.records, &mut self.old_records);
         self.update_active();
-        if self.sleep.is_used() {
+        if self.sleep.count() > 0 {
             let active = |body: u32| self.active[body as usize];
             self.sleep.rest_pairs(&mut self.pairs, &self.old_records, active);
         }
@@ -849,6 +875,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             traced = false;
             // What is touched wakes, and may wake what it touches.
             if !self.wake_touched() {
+                self.sleep.placed.clear();
                 self.find_patches();
                 self.settle_seams(dt);
                 // A tolerance shares loads as it should.
@@ -870,12 +897,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.pool.for_each(useful, self.active.chunks_mut(share).enumerate(), |(part, own)| {
             (share * part..).zip(own).for_each(|(body, own)| *own = active(body));
         });
+        self.sleep.placed.iter().for_each(|&body| self.active[body as usize] = true);
     }
 
     /// Wakes what something active touches; returns whether any slept.
     fn wake_touched(&mut self) -> bool {
         let mut any = false;
-        if !self.sleep.is_used() {
+        if self.sleep.count() == 0 {
             return any;
         }
         for record in 0..self.records.manifolds.len() {

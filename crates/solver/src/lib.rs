@@ -94,6 +94,7 @@ mod batch;
 mod body;
 pub mod certificate;
 mod cholesky;
+mod clock;
 pub mod color;
 pub mod cone;
 mod contact;
@@ -122,6 +123,7 @@ mod vector;
 pub mod wide;
 
 pub use body::{InverseMass, Mass, Velocity};
+pub use clock::Clock;
 pub use contact::{Contact, Repair};
 pub use manifold::{Manifold, contact_frame};
 pub use mobility::Mobility;

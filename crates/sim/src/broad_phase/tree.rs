@@ -140,13 +140,13 @@ impl<const L: usize> Tree<L> {
         let place = self.places[number as usize];
         match to {
             Some(to) if place == NONE => {
-                self.push(number, [&Bounds::NEG_ZERO, to], true);
+                self.push(number, [&Bounds::EMPTY, to], true);
                 self.loose += 1;
             }
             _ if place == NONE => {}
             to => {
                 let (leaf, lane) = (place as usize / WIDTH, place as usize % WIDTH);
-                self.levels[0].nodes[leaf].set(lane, to.unwrap_or(&Bounds::NEG_ZERO));
+                self.levels[0].nodes[leaf].set(lane, to.unwrap_or(&Bounds::EMPTY));
                 self.levels[0].changed[leaf] |= 1 << lane;
                 if to.is_none() {
                     self.loose += 1;
@@ -202,6 +202,30 @@ impl<const L: usize> Tree<L> {
             let (parent, lane) = (index / WIDTH, index % WIDTH);
             nodes[parent].set(lane, &node.bounds());
             changed[parent] |= u8::from(*bits != 0) << lane;
+        }
+    }
+
+    /// Calls `found` with the number of each box that overlaps this one.
+    pub(super) fn visit(&mut self, bounds: &Bounds<L>, found: &mut impl FnMut(u32)) {
+        self.refit();
+        if let Some(top) = self.levels.len().checked_sub(1) {
+            self.visit_node(top, 0, bounds, found);
+        }
+    }
+
+    fn visit_node(
+        &self,
+        level: usize,
+        node: usize,
+        bounds: &Bounds<L>,
+        found: &mut impl FnMut(u32),
+    ) {
+        for lane in lanes(self.levels[level].nodes[node].overlapping(bounds)) {
+            let index = WIDTH * node + lane;
+            match level {
+                0 => found(self.numbers[index]),
+                _ => self.visit_node(level - 1, index, bounds, found),
+            }
         }
     }
 
@@ -391,7 +415,7 @@ fn halve<const L: usize>(entries: &mut [Entry<L>]) {
     let around = |all: Bounds<L>, Entry { center, .. }: &Entry<L>| {
         all.joined(&Bounds { min: *center, max: *center })
     };
-    let all = entries.iter().fold(Bounds::NEG_ZERO, around);
+    let all = entries.iter().fold(Bounds::EMPTY, around);
     let sides = all.max - all.min;
     let axis = (1..L).fold(0, |most, axis| if sides[axis] > sides[most] { axis } else { most });
     entries.select_nth_unstable_by(half, |a, b| a.center[axis].total_cmp(&b.center[axis]));

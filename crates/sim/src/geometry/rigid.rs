@@ -1,5 +1,7 @@
 //! Rigid bodies in 2D and 3D over parry, which supplies shapes, bounds, mass and manifolds.
 
+use std::sync::Arc;
+
 use drystone_solver::{SymmetricMatrix, Vector};
 use parry2d::shape::ConvexPolygon;
 
@@ -100,6 +102,10 @@ macro_rules! over_parry {
 
         fn collider(shape: Self::Shape) -> Self::Collider {
             Collider { form: $form(&shape), shape }
+        }
+
+        fn nothing() -> Self::Collider {
+            Self::collider($parry::shape::SharedShape::ball(0.0))
         }
 
         fn shape_of(collider: &Self::Collider) -> &Self::Shape {
@@ -287,12 +293,12 @@ enum ContactShape<H, const L: usize> {
     Cuboid(Cuboid<L>),
     /// In space alone.
     Cylinder(Cylinder),
-    /// Boxed, since it is the largest: shapes are visited at random.
-    Hull(Box<H>),
+    /// Shared with checkpoints, and apart, since it is the largest: shapes are visited at random.
+    Hull(Arc<H>),
     /// By its outward normal.
     Halfspace(Vector<f32, L>),
-    /// Of triangles; boxed as hulls are.
-    Mesh(Box<Surface>),
+    /// Of triangles; shared as hulls are.
+    Mesh(Arc<Surface>),
     /// Left to parry.
     Other,
 }
@@ -817,12 +823,12 @@ macro_rules! form {
 }
 
 form!(form_2, parry2d, ConvexPolygon, 2,
-    TypedShape::ConvexPolygon(polygon) => ContactShape::Hull(Box::new(polygon.clone())));
+    TypedShape::ConvexPolygon(polygon) => ContactShape::Hull(Arc::new(polygon.clone())));
 form!(form_3, parry3d, Hull, 3,
-    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(ContactShape::Other, |hull| ContactShape::Hull(Box::new(hull))),
+    TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(ContactShape::Other, |hull| ContactShape::Hull(Arc::new(hull))),
     TypedShape::Cylinder(of) =>
         ContactShape::Cylinder(Cylinder { radius: of.radius, half_height: of.half_height }),
-    TypedShape::TriMesh(mesh) => ContactShape::Mesh(Box::new(Surface::of(mesh))));
+    TypedShape::TriMesh(mesh) => ContactShape::Mesh(Arc::new(Surface::of(mesh))));
 
 impl Geometry<2, 1> for Rigid2 {
     type Pose = Pose2;

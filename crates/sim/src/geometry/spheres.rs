@@ -103,6 +103,10 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         shape
     }
 
+    fn nothing() -> Self::Collider {
+        SphereShape::Sphere { radius: 0.0 }
+    }
+
     fn is_sheet(_: &Self::Collider) -> bool {
         false
     }

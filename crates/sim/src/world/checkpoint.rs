@@ -1,6 +1,9 @@
 //! [`Checkpoint`]: a world between two steps, so that another can go on from there with the same bits.
 
+use std::any::Any;
 use std::array::from_fn;
+use std::fmt::{self, Debug, Formatter};
+use std::sync::{Arc, OnceLock};
 
 use drystone_solver::ladder::SolverMemory;
 use drystone_solver::wide::{CachedImpulse, Reuse};
@@ -11,6 +14,8 @@ use super::World;
 use crate::bodies::{SearchMotion, SpinState};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, CachedManifold, CachedPoint, ManifoldCache, Pair};
+use crate::certifier::Wait;
+use crate::colliders::Definitions;
 use crate::geometry::{
     Bounds, Curvature, Frame, Geometry, MAX_POINTS, NormalCarrier, pose_numbers,
 };
@@ -23,6 +28,11 @@ use crate::surfaces::HeldTorque;
 /// computes anew is left out: boxes of what does not move, contact systems, colors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
+    /// Generations of the slots of bodies and colliders.
+    slots: [Vec<u32>; 2],
+    /// Bodies and colliders as they were added; none where it was read from bytes.
+    #[serde(skip)]
+    definitions: Shared,
     /// Poses of the centers of mass ([`Geometry::write`]), which are not those of the bodies.
     poses: Vec<f32>,
     /// What rounding has left out of the positions. \[m\]
@@ -45,6 +55,8 @@ pub struct Checkpoint {
     boxes: Vec<f32>,
     /// Shapes that are near each other, and how many records they have.
     pairs: Vec<[u32; 3]>,
+    /// Whether each of these sleeps.
+    asleep: Vec<bool>,
     /// How far each can still come towards each other before they touch, if it has none: what has more room than it
     /// passes strikes nothing. \[m\]
     rooms: Vec<f32>,
@@ -63,8 +75,28 @@ pub struct Checkpoint {
     still: Vec<f32>,
     groups: Vec<u32>,
     gravity: Vec<f32>,
+    /// Static and kinematic bodies that have just come.
+    placed: Vec<u32>,
     /// What the solver has learned.
     memory: SolverMemory,
+    /// When jams are looked for again.
+    wait: Wait,
+}
+
+/// The [`Definitions`] of some world, if any: they are part of no comparison, since slots tell of changes.
+#[derive(Clone, Default)]
+struct Shared(Option<Arc<dyn Any + Send + Sync>>);
+
+impl PartialEq for Shared {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Debug for Shared {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.0.is_some() { "bodies" } else { "no bodies" })
+    }
 }
 
 /// Why a world does not take a checkpoint.
@@ -83,6 +115,9 @@ pub enum CheckpointError {
         /// How many the checkpoint has.
         found: usize,
     },
+    /// Bodies were added or removed since, and it was read from bytes, which do not hold bodies.
+    #[error("is a checkpoint of other bodies: some were added or removed since")]
+    OtherBodies,
     /// A number is infinite, or none.
     #[error("has {0} that are not finite")]
     NotFinite(&'static str),
@@ -92,20 +127,32 @@ pub enum CheckpointError {
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// The state between two steps.
+    /// The state between two steps, with the bodies: a world that has fewer or others by then gets them back.
+    ///
+    /// Read from bytes it is without the bodies, and only a world takes it that has them.
     pub fn checkpoint(&self) -> Checkpoint {
+        let definitions = self.definitions.get_or_init(|| {
+            Arc::new(Definitions { bodies: self.bodies.clone(), colliders: self.colliders.clone() })
+        });
+        let definitions = Shared(Some(Arc::clone(definitions) as Arc<dyn Any + Send + Sync>));
+        let slots = [&self.bodies.slots, &self.colliders.slots];
         let bodies = &self.bodies;
         let mut poses = Vec::with_capacity(self.len() * pose_numbers(L));
         bodies.poses.iter().for_each(|pose| G::write(pose, &mut poses));
         let (mut pairs, mut records) = (self.pairs.clone(), ManifoldCache::default());
+        let there = |collider: &u32| self.colliders.slots.is_taken(*collider as usize);
+        pairs.retain(|pair| pair.colliders.iter().all(there));
         for pair in &mut pairs {
             let from = if pair.rests { &self.sleep.records } else { &self.records };
             records.take_pair(pair, from);
         }
         let nothing = Bounds { min: Vector::ZERO, max: Vector::ZERO };
-        let boxes = self.broad_phase.boxes().iter().zip(&self.colliders.removed);
-        let boxes = boxes.map(|(stored, removed)| if *removed { nothing } else { *stored });
+        let boxes = self.broad_phase.boxes().iter().enumerate();
+        let there = |collider: usize| self.colliders.slots.is_taken(collider);
+        let boxes = boxes.map(|(at, stored)| if there(at) { *stored } else { nothing });
         Checkpoint {
+            slots: slots.map(|slots| slots.generations().to_vec()),
+            definitions,
             poses,
             remainders: flat(&bodies.remainders),
             spins: bodies.turns.iter().flat_map(|turn| turn.remainder.0).collect(),
@@ -123,7 +170,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
             rooms: pairs.iter().map(|of| if of.count > 0 { 0.0 } else { of.room }).collect(),
-            torques: self.torques(),
+            asleep: pairs.iter().map(|of| of.rests).collect(),
+            torques: self.torques(&pairs),
             records: records.manifolds.iter().map(|of| [of.part, of.count]).collect(),
             frames: records.manifolds.iter().flat_map(flat_record).collect(),
             points: records.points.iter().zip(&records.traces).flat_map(flat_point).collect(),
@@ -131,11 +179,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             still: self.sleep.still.clone(),
             groups: self.sleep.group.clone(),
             gravity: self.last_gravity.0.to_vec(),
+            placed: self.sleep.placed.clone(),
             memory: self.certifier.island_solver.memory,
+            wait: self.certifier.wait,
         }
     }
 
-    fn torques(&self) -> Vec<f32> {
+    fn torques(&self, pairs: &[Pair]) -> Vec<f32> {
         if !self.colliders.resist {
             return Vec::new();
         }
@@ -144,17 +194,42 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let found = held.binary_search_by_key(&pair.colliders, |held| held.colliders);
             found.map_or(Vector::ZERO, |at| held[at].torque).0
         };
-        self.pairs.iter().flat_map(of).collect()
+        pairs.iter().flat_map(of).collect()
     }
 
-    /// Takes on the state of a world with the same bodies, which were added and removed in the same
-    /// order, and the same settings: from here on both take the same steps, bit by bit.
+    /// Takes on the state of a world: from here on both take the same steps, bit by bit, with the same settings.
+    ///
+    /// Bodies that were added since are removed, and those that were removed come back with their identifiers.
+    /// Identifiers of bodies that were added since may be those of others that will be added.
     ///
     /// # Errors
     /// It is of another world. This one is then as it was.
     pub fn restore(&mut self, from: &Checkpoint) -> Result<(), CheckpointError> {
-        self.check(from)?;
-        let (pairs, records) = self.contacts_of(from)?;
+        let slots = [&self.bodies.slots, &self.colliders.slots];
+        let same = slots.map(|slots| slots.generations()) == [&from.slots[0][..], &from.slots[1]];
+        let definitions = from.definitions.0.clone().and_then(|of| of.downcast().ok());
+        let here = match (definitions, self.definitions.get()) {
+            (Some(of), Some(own)) if Arc::ptr_eq(&of, own) => None,
+            (of, _) => of,
+        };
+        let before = here.map(|of: Arc<Definitions<G, L, A>>| {
+            let bodies = std::mem::replace(&mut self.bodies, of.bodies.clone());
+            let colliders = std::mem::replace(&mut self.colliders, of.colliders.clone());
+            (bodies, colliders, std::mem::replace(&mut self.definitions, OnceLock::from(of)))
+        });
+        let contacts = self.check(from).and_then(|()| match before {
+            None if !same => Err(CheckpointError::OtherBodies),
+            _ => self.contacts_of(from),
+        });
+        let (pairs, [records, sleeping]) = match (contacts, before) {
+            (Ok(contacts), _) => contacts,
+            (Err(error), None) => return Err(error),
+            (Err(error), Some((bodies, colliders, definitions))) => {
+                (self.bodies, self.colliders) = (bodies, colliders);
+                self.definitions = definitions;
+                return Err(error);
+            }
+        };
         self.pairs = pairs;
         self.surfaces.held.clear();
         let torques = from.torques.chunks_exact(A.max(1)).zip(&self.pairs);
@@ -163,17 +238,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             torque: take(&mut numbers.iter().copied()),
         }));
         self.records = records;
-        self.sleep = Sleep::resumed(from.still.clone(), from.groups.clone());
+        let placed = from.placed.clone();
+        self.sleep = Sleep::resumed(from.still.clone(), from.groups.clone(), placed, sleeping);
         self.last_gravity = take(&mut from.gravity.iter().copied());
-        self.broad_phase = BroadPhase::with_boxes(
-            from.boxes.chunks_exact(2 * L).zip(&self.colliders.removed).map(
-                |(corners, removed)| {
-                    let mut corners = corners.iter().copied();
-                    let (min, max) = (take(&mut corners), take(&mut corners));
-                    (!removed).then_some(Bounds { min, max })
-                },
-            ),
-        );
+        let there = |collider: usize| self.colliders.slots.is_taken(collider);
+        let boxes = from.boxes.chunks_exact(2 * L).enumerate();
+        self.broad_phase = BroadPhase::with_boxes(boxes.map(|(collider, corners)| {
+            let mut corners = corners.iter().copied();
+            let (min, max) = (take(&mut corners), take(&mut corners));
+            there(collider).then_some(Bounds { min, max })
+        }));
+        self.certifier.wait = from.wait;
         self.certifier.island_solver.memory = from.memory;
         self.restore_bodies(from);
         self.wide.forget();
@@ -187,6 +262,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.bodies.poses[body] = pose;
             self.bodies.frames[body] = G::frame(&pose);
         }
+        let all = self.len();
+        self.system.velocities.resize(all, Velocity::ZERO);
+        self.system.masses.resize(all, InverseMass::FIXED);
+        self.pushes.resize(all, Velocity::ZERO);
+        self.displacements.resize(all, Velocity::ZERO);
         let bodies = &mut self.bodies;
         fill(&from.remainders, &mut bodies.remainders);
         let mut numbers = from.spins.iter().copied();
@@ -242,11 +322,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("features", points, from.features.len()),
             ("times at rest", bodies, from.still.len()),
             ("groups", bodies, from.groups.len()),
+            ("pairs asleep", from.pairs.len(), from.asleep.len()),
             ("gravity", L, from.gravity.len()),
         ] {
             if expected != found {
                 return Err(CheckpointError::OtherWorld { what, expected, found });
             }
+        }
+        if from.placed.iter().any(|&body| body as usize >= bodies) {
+            return Err(CheckpointError::OtherBodies);
         }
         for (what, numbers) in [
             ("poses", &from.poses),
@@ -272,22 +356,25 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
-    /// The pairs and records of a checkpoint whose sizes are right.
+    /// The pairs of a checkpoint whose sizes are right, and the manifolds of those that are awake and of those asleep.
     fn contacts_of(
         &self,
         from: &Checkpoint,
-    ) -> Result<(Vec<Pair>, ManifoldCache<L>), CheckpointError> {
+    ) -> Result<(Vec<Pair>, [ManifoldCache<L>; 2]), CheckpointError> {
         let shapes = self.colliders.body.len() as u32;
-        let (mut pairs, mut records): (Vec<Pair>, _) = (Vec::new(), ManifoldCache::default());
+        let (mut pairs, mut caches): (Vec<Pair>, [_; 2]) = (Vec::new(), Default::default());
         let mut manifolds = from.records.iter().zip(from.frames.chunks_exact(record_numbers(L)));
         let mut points = from.points.chunks_exact(point_numbers(L)).zip(&from.features);
-        for (&[a, b, count], &room) in from.pairs.iter().zip(&from.rooms) {
+        let states = from.rooms.iter().zip(&from.asleep);
+        for (&[a, b, count], (&room, &rests)) in from.pairs.iter().zip(states) {
+            let records: &mut ManifoldCache<L> = &mut caches[usize::from(rests)];
             let sorted = pairs.last().is_none_or(|last| last.colliders < [a, b]);
             let pair = (sorted && a < b && b < shapes)
                 .then(|| self.colliders.pair(&self.bodies, [a, b]))
                 .flatten()
                 .ok_or(CheckpointError::OtherPair([a, b]))?;
-            let pair = Pair { first: records.manifolds.len() as u32, count, room, ..pair };
+            let first = records.manifolds.len() as u32;
+            let pair = Pair { first, count, room, rests, ..pair };
             for (&[part, count], frames) in manifolds.by_ref().take(count as usize) {
                 if count as usize > MAX_POINTS {
                     return Err(CheckpointError::OtherPair([a, b]));
@@ -306,7 +393,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             pairs.push(pair);
         }
-        Ok((pairs, records))
+        Ok((pairs, caches))
     }
 }
 

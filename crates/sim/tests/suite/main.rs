@@ -28,6 +28,7 @@ mod scene;
 mod sleep;
 mod spin;
 mod squeeze;
+mod state;
 mod surfaces;
 mod usd;
 mod world;

@@ -97,13 +97,15 @@ pub struct Landing<'a, const L: usize, const A: usize> {
     pub displacements: &'a [Velocity<f32, L, A>],
     /// The length of the substep. \[s\]
     pub dt: f32,
+    /// No two surfaces have approached each other faster in it. \[m/s\]
+    pub approach: f32,
 }
 
 /// Sets the targets of points that have landed in the substep to 0: the bodies stop there, and do not arrive in the next
 /// substep at the speed of their approach.
 ///
-/// Exceptions: a point without an impulse has stopped nothing, bodies that bounce have their impact in the
-/// next substep, and J is out of date for bodies that have turned far.
+/// Exceptions: bodies that bounce have their impact in the next substep, and J is out of date for bodies that
+/// have turned far. Points that are too far apart for [`Landing::approach`] are not asked.
 #[inline(always)]
 pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     block: &Block<V, L, A>,
@@ -111,7 +113,9 @@ pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     first: usize,
     landing: &Landing<'_, L, A>,
 ) {
-    let coming = |point: &Contact<V, L>| (-point.target[0]).min(point.impulse[0]);
+    // The target is -1 / h of the gap before.
+    let approach = splat::<V>(landing.approach);
+    let coming = |point: &Contact<V, L>| (-point.target[0]).min(approach + point.target[0]);
     let coming = points.iter().fold(V::ZERO, |most, point| most.max(coming(point)));
     if !any(coming, block.used) {
         return;
@@ -145,7 +149,7 @@ fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
         let target = (gap + before * landed).choose(before, V::ZERO);
         let target = block.manifold.restitution.choose(before, target);
         let target = holds.choose(target, before);
-        contact.target[0] = (-before).min(contact.impulse[0]).choose(target, before);
+        contact.target[0] = (-before).choose(target, before);
     }
 }
 

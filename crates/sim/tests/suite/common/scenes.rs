@@ -247,6 +247,7 @@ pub(crate) fn body_of<G: Forms<L, A>, const L: usize, const A: usize>(
         damping: [0.0; 2],
         surface_velocity: None,
         colliders,
+        user_data: 0,
     })
 }
 
@@ -456,7 +457,7 @@ fn convex(random: &mut Random, dimension: usize, size: f32, aspect: f32) -> Shap
 /// A box around all shapes of a body.
 fn bounds<G: Forms<L, A>, const L: usize, const A: usize>(body: &scene::Body) -> Option<Bounds<L>> {
     let place = pose::<G, L, A>(&body.position, &body.rotation);
-    let mut all = Bounds::NEG_ZERO;
+    let mut all = Bounds::EMPTY;
     for shape in &body.shapes {
         let own = pose::<G, L, A>(&shape.position, &shape.rotation);
         all = all.joined(&G::bounds(&G::form(&shape.kind)?, &G::compose(&place, &own)));
@@ -579,7 +580,7 @@ fn cluster<G: Forms<L, A>, const L: usize, const A: usize>(
         bodies.push(body);
         boxes.push(own);
     }
-    let all = boxes.iter().fold(Bounds::NEG_ZERO, |all, own| all.joined(own));
+    let all = boxes.iter().fold(Bounds::EMPTY, |all, own| all.joined(own));
     (bodies, all)
 }
 
