@@ -75,7 +75,7 @@ pub(crate) unsafe fn halved<T, U>(of: &T) -> &U {
 /// Views a slice as [`halved`] does.
 ///
 /// # Safety
-/// As for [`halved`].
+/// The conditions of [`halved`] hold.
 #[inline(always)]
 pub(crate) unsafe fn halved_mut<T, U>(of: &mut [T]) -> &mut [U] {
     const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
@@ -168,7 +168,7 @@ pub(crate) fn lanes_of(mut set: u16) -> impl Iterator<Item = usize> {
 /// are adjacent in memory.
 ///
 /// # Safety
-/// As many numbers can be read at each pointer.
+/// So many numbers can be read at each pointer.
 #[inline(always)]
 pub(crate) unsafe fn gather<V: KernelLanes>(from: [*const f32; WIDTH], numbers: &mut [V]) {
     let count = numbers.len();
@@ -189,7 +189,7 @@ pub(crate) unsafe fn gather<V: KernelLanes>(from: [*const f32; WIDTH], numbers: 
 /// numbers; fewer than four are padded to four.
 ///
 /// # Safety
-/// As many numbers, and at least four, can be written at the pointer of each of these lanes.
+/// So many numbers, and at least four, can be written at the pointer of each of these lanes.
 #[inline(always)]
 pub(crate) unsafe fn scatter<V: KernelLanes>(numbers: &[V], to: [*mut f32; WIDTH], lanes: u16) {
     let count = numbers.len();
@@ -539,7 +539,7 @@ mod avx2 {
     /// Loads two rows, one into each half of the register.
     ///
     /// # Safety
-    /// As for [`Lanes::from_rows`].
+    /// The conditions of [`Lanes::from_rows`] hold.
     #[target_feature(enable = "avx2")]
     #[inline]
     unsafe fn two_rows(low: *const f32, high: *const f32, count: usize) -> __m256 {
