@@ -1,39 +1,39 @@
-//! [`Partition`]: bodies and manifolds in batches, each of which is solved through all substeps before the next,
-//! while it is in the cache of a core.
+//! [`Partition`]: bodies and manifolds divided into batches. Each batch is solved through all
+//! substeps before the next, while it is in the cache of a core.
 
 use std::ops::Range;
 
-/// What a batch takes up, about: half of a small second cache. \[bytes\]
+/// Approximate memory of a batch: half of a small level-2 cache. \[bytes\]
 pub(crate) const BATCH: usize = 1 << 18;
 
-/// What could not be divided is tried again after so many steps.
+/// Steps after which a system that could not be divided is tried again.
 const PATIENCE: u32 = 16;
 
-/// What belongs to a batch: bodies that follow each other and that no manifold joins to others.
+/// Extent of a batch: consecutive bodies that no manifold couples to others, with their manifolds.
 ///
-/// Islands are divided where no manifold crosses, in the order of the bodies: so passes over bodies stay
-/// passes over slices. Which batch a manifold is in changes no bit of what becomes of it.
+/// Batches are cut in the order of the bodies, where no manifold crosses the cut. So passes over
+/// bodies stay passes over slices. The batch of a manifold does not change its result by a bit.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct BatchRange {
     pub(crate) bodies: Range<usize>,
-    /// Among those of all, as blocks and their points.
+    /// Ranges among all colors, blocks and points.
     pub(crate) colors: Range<usize>,
     pub(crate) blocks: Range<usize>,
     pub(crate) points: Range<usize>,
 }
 
-/// A manifold as batches and colors see it.
+/// A manifold as partitioning and coloring see it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ConstraintKey {
     pub(crate) bodies: [u32; 2],
-    /// Whether they can be moved: the others may have many manifolds of a color.
+    /// Whether each body can be moved. Bodies that cannot may have many manifolds of one color.
     pub(crate) moving: [bool; 2],
-    /// That of the first which joins.
+    /// Batch of the first body that couples its manifolds.
     pub(crate) batch: u16,
     pub(crate) points: u32,
 }
 
-/// What a body, a manifold and a point take up. \[bytes\]
+/// Memory of a body, a manifold and a point. \[bytes\]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sizes {
     pub(crate) body: usize,
@@ -42,46 +42,51 @@ pub(crate) struct Sizes {
 }
 
 impl Sizes {
-    /// All fit into one batch.
+    /// Sizes with which everything fits into one batch.
     pub(crate) const NONE: Self = Self { body: 0, manifold: 0, point: 0 };
 }
 
-/// Which bodies are in which batch.
+/// Assignment of bodies to batches.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Partition {
-    /// The end of the bodies of each batch, and where they would end anew.
+    /// End of the bodies of each batch, and these ends in a new partition.
     ends: Vec<u32>,
     anew: Vec<u32>,
-    /// The batch of each body.
+    /// Batch of each body.
     of_body: Vec<u16>,
-    /// By body: the last one that a manifold joins it to, and what it and its manifolds take up.
+    /// For each body, the last body that a manifold couples it to, and the memory of the body and
+    /// of the manifolds counted with it.
     joined: Vec<(u32, u32)>,
-    /// Steps since a whole was last tried.
+    /// Steps since a division was last tried, while all bodies are one batch.
     waited: u32,
 }
 
 impl Partition {
-    /// How many batches there are.
+    /// Returns the number of batches.
     pub(crate) fn len(&self) -> usize {
         self.ends.len()
     }
 
-    /// The bodies of a batch.
+    /// Returns the bodies of a batch.
     pub(crate) fn bodies(&self, batch: usize) -> Range<usize> {
         let first = if batch == 0 { 0 } else { self.ends[batch - 1] };
         first as usize..self.ends[batch] as usize
     }
 
-    /// Whether it need not be looked at again while bodies and manifolds are the same.
+    /// Returns whether the partition needs no update while bodies and manifolds are the same. With
+    /// a single batch, each call counts as a step towards the next try.
     pub(crate) fn rests(&mut self) -> bool {
         let due = self.len() == 1 && self.waited + 1 == PATIENCE;
         self.waited += u32::from(self.len() == 1 && !due);
         !due
     }
 
-    /// Divides bodies, given by whether they move and whether they join, tells each manifold its batch, and
-    /// returns whether batches are others than before: they stay as they are where that will do. What does
-    /// not join belongs to no batch. `points` are those of all manifolds.
+    /// Divides the bodies into batches, tells each manifold its batch, and returns whether batches
+    /// have changed. Batches stay as they are where that is good enough.
+    ///
+    /// Each body is given by whether it can be moved and whether it couples its manifolds. A body
+    /// that does not couple them does not restrict the cuts. `points` is the number of points of
+    /// all manifolds.
     pub(crate) fn update(
         &mut self,
         of_bodies: &[[bool; 2]],
@@ -134,7 +139,7 @@ impl Partition {
         }
     }
 
-    /// Finds new ends, of batches that are large enough; returns whether the old ones are as good.
+    /// Finds new ends for batches that are large enough. Returns whether the old ends are as good.
     fn divide(&mut self) -> bool {
         self.anew.clear();
         let (mut last, mut size) = (0, 0);

@@ -1,4 +1,5 @@
-//! Which manifolds share no body, and so can be visited side by side.
+//! Graph coloring of manifolds. Manifolds of one color move no body in common, so lanes and threads
+//! can visit them in parallel.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
@@ -7,20 +8,20 @@ use crate::batch::{BatchRange, ConstraintKey, Partition, Sizes};
 use crate::lanes::{WIDTH, lanes_of};
 use crate::thread_pool::{ThreadPool, Worker};
 
-/// What a manifold was when manifolds were last taken in.
+/// State of a manifold relative to the last time that manifolds were packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reuse {
-    /// It was not there, or its number is not known.
+    /// The manifold is new, or its former index is unknown.
     New,
-    /// It had this number, and joined the same bodies.
+    /// The manifold had this index and joined the same bodies.
     Changed(u32),
-    /// It had this number, and is as it was then but for gaps and impulses, which are as they were
-    /// [traced](crate::wide::Batch::trace). It need not be taken in again.
+    /// The manifold had this index and is unchanged, except for gaps and impulses, which are as
+    /// [traced](crate::wide::Batch::trace). It need not be read again.
     Kept(u32),
 }
 
 impl Reuse {
-    /// The same of one that is not kept.
+    /// Returns `Changed` in place of `Kept`.
     pub fn changed(self) -> Self {
         match self {
             Self::Kept(number) => Self::Changed(number),
@@ -29,70 +30,72 @@ impl Reuse {
     }
 }
 
-/// Colors at most; what fits none of them comes after, one by one.
+/// Largest number of colors. Manifolds that fit no color come last, each in a block of its own.
 const COLORS: usize = 64;
 
-/// Manifolds of one color are sorted by their number of points, up to this many.
+/// Number of bins: the manifolds of a color are sorted by their number of points. The last bin also
+/// holds all longer manifolds.
 pub(crate) const BINS: usize = 8;
 
-/// Kinds of manifolds in a batch: their color and bin, or that they have no color.
+/// Number of kinds of manifolds in a batch: a color and a bin, or no color.
 const KINDS: usize = COLORS * BINS + 1;
 
-/// The kind of what has no color.
+/// Kind of a manifold without a color.
 const ALONE: usize = KINDS - 1;
 
-/// Manifolds that are worth as much as the least that is shared.
+/// Grain size: the number of manifolds in the smallest unit of parallel work.
 const GRAIN: usize = 256;
 
-/// No place; no manifold.
+/// No lane, or no manifold.
 const NONE: u32 = u32::MAX;
 
-/// What has been taken: how many manifolds that are kept, and points of all.
+/// Counts of the manifolds that were read: those that are kept, and the points of all.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Intake {
     kept: usize,
     points: usize,
 }
 
-/// What has become of the places of manifolds.
+/// Outcome of an update: whether manifolds keep their lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Placement {
-    /// All manifolds are those of the time before, where they were.
+    /// All manifolds are those of the last call and keep their lanes.
     Same,
-    /// Those that are not new have stayed.
+    /// Manifolds whose bodies, points and color are unchanged have kept their lanes.
     Stay,
-    /// All have others.
+    /// All manifolds have been assigned to lanes again.
     Anew,
 }
 
-/// The manifolds of a block. Lanes are bits.
+/// The manifolds of a block. Sets of lanes are bit masks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LaneMap {
-    /// Lanes that have one.
+    /// Lanes that hold a manifold.
     pub(crate) used: u16,
-    /// Those that had another before, or whose manifold has changed.
+    /// Lanes whose manifold is new or changed, or has left.
     pub(crate) stale: u16,
-    /// By lane; those that are idle have one of the others.
+    /// Manifold of each lane. Idle lanes repeat one of the others.
     pub(crate) manifolds: [u32; WIDTH],
 }
 
 impl LaneMap {
     const EMPTY: Self = Self { used: 0, stale: u16::MAX, manifolds: [0; WIDTH] };
 
-    /// How a block with idle lanes ranks, its number in the lower half: the first choice for a new manifold is the
-    /// last, so what changes often gathers where little stays as it is.
+    /// Returns the rank of a block with idle lanes, with the block index in the lower half. A new
+    /// manifold takes the fitting block of the highest rank. Blocks with changes, and empty ones,
+    /// rank highest, so that changes collect in few blocks.
     fn rank(&self, block: u32) -> Option<u64> {
         let [changes, idle] =
             [u32::from(self.stale != 0 || self.used == 0), self.used.count_zeros()];
         self.is_open().then(|| u64::from(changes << 8 | idle) << 32 | u64::from(block))
     }
 
-    /// Whether there is room for a manifold.
+    /// Returns whether a lane is idle.
     fn is_open(&self) -> bool {
         self.used != u16::MAX
     }
 
-    /// Puts a manifold into the first idle lane, and returns this.
+    /// Puts a manifold into the first idle lane and returns this lane.
     fn push(&mut self, manifold: u32) -> usize {
         if self.used == 0 {
             self.manifolds = [manifold; WIDTH];
@@ -108,22 +111,22 @@ impl LaneMap {
         self.used |= 1 << lane;
     }
 
-    /// The manifolds, and their lanes.
+    /// Returns the used lanes and their manifolds.
     fn iter(&self) -> impl Iterator<Item = (usize, u32)> {
         lanes_of(self.used).map(|lane| (lane, self.manifolds[lane]))
     }
 
-    /// The same, of which those are stale that have changed since they were here before.
+    /// Returns the map with those lanes stale whose manifold is not kept under its index.
     pub(crate) fn changed(&self, reuse: impl Fn(u32) -> Reuse) -> Self {
         let is_stale = |manifold| reuse(manifold) != Reuse::Kept(manifold);
         let bit = |(lane, manifold)| u16::from(is_stale(manifold)) << lane;
         Self { stale: self.iter().map(bit).fold(0, |all, own| all | own), ..*self }
     }
 
-    /// Leaves those that are still there in their lanes, by their new numbers.
+    /// Renumbers the manifolds that still exist, in their lanes, and removes the others.
     fn follow(&mut self, now: &Renumbering) {
         let was = *self;
-        // Whatever does not come back has left.
+        // Lanes whose manifold does not return stay stale.
         (self.stale, self.used) = (was.used, 0);
         for (lane, old) in was.iter() {
             if let Some((manifold, changed)) = now.of(old) {
@@ -134,15 +137,15 @@ impl LaneMap {
         self.fill();
     }
 
-    /// Fills idle lanes.
+    /// Lets idle lanes repeat the first manifold.
     fn fill(&mut self) {
         let first = self.iter().next().map_or(0, |(_, manifold)| manifold);
         lanes_of(!self.used).for_each(|lane| self.manifolds[lane] = first);
     }
 }
 
-/// What has become of the manifolds of the call before: the new number of each, twice, and one more if it has
-/// changed. Of no use after the call, so a clone has none.
+/// New index of each manifold of the last call: twice the index, plus one if the manifold has
+/// changed. It is valid only during a call, so a clone is empty.
 #[derive(Debug, Default)]
 struct Renumbering(Vec<AtomicU32>);
 
@@ -153,7 +156,7 @@ impl Clone for Renumbering {
 }
 
 impl Renumbering {
-    /// Of so many nothing is known.
+    /// Clears the map and sizes it for `count` manifolds.
     fn forget(&mut self, count: usize) {
         self.0.clear();
         self.0.resize_with(count, || AtomicU32::new(NONE));
@@ -173,12 +176,13 @@ impl Renumbering {
 #[derive(Clone, Debug)]
 pub(crate) struct Color {
     pub(crate) blocks: Range<u32>,
-    /// Where those end that were laid out for manifolds of 0 points, of one, and so on.
+    /// End of each bin: the blocks laid out for manifolds of 0 points, of 1 point, and so on.
     ends: [u32; BINS],
 }
 
 impl Color {
-    /// Those of a bin that a worker of a pool takes: its part of all, or all if they are too few to share.
+    /// Returns the blocks of a bin that a worker takes: its part of them. If the color has too few
+    /// blocks to share, the first worker takes them all.
     #[inline(always)]
     pub(crate) fn share(&self, worker: &Worker<'_>, bin: usize) -> Range<usize> {
         let start = if bin == 0 { self.blocks.start } else { self.ends[bin - 1] };
@@ -195,58 +199,62 @@ impl Color {
     }
 }
 
-/// The color of a manifold of this kind, among those that have blocks in these batches.
+/// Returns the color of a manifold of this kind in its batch, if that color has blocks.
 #[inline(always)]
 fn color_of(kind: u32, of: &ConstraintKey, batches: &[Range<usize>]) -> Option<usize> {
     let colors = &batches[usize::from(of.batch)];
-    // Colors have blocks in their order, but for those that none was of.
+    // The colors of a batch follow each other without gaps; only the last ones can be missing.
     let color = colors.start + kind as usize / BINS;
     (kind as usize != ALONE && colors.contains(&color)).then_some(color)
 }
 
-/// Places for manifolds in blocks of [`WIDTH`] lanes: no two of a block move the same body.
+/// Assignment of manifolds to blocks of [`WIDTH`] lanes. No two manifolds of a block move the same
+/// body.
 #[derive(Clone, Debug, Default)]
 pub struct Coloring {
-    /// The place of each manifold: its block times [`WIDTH`] plus its lane. Where all are placed anew, a block
-    /// is filled from lane 0 on, and blocks come batch after batch, color after color, in a color by
-    /// number of points, then in the order of the manifolds.
+    /// Lane of each manifold: the index of its block times [`WIDTH`], plus the lane in the block.
+    ///
+    /// After a full layout, blocks are filled from lane 0 on. They are ordered by batch, then
+    /// color, then number of points, then the order of the manifolds.
     pub places: Vec<u32>,
-    /// Batch after batch; what fits in none has one of its own.
+    /// Colors, batch after batch. A manifold that fits no color gets a color of its own.
     pub(crate) colors: Vec<Color>,
-    /// Which of them are those of each batch.
+    /// Range of `colors` of each batch.
     pub(crate) batches: Vec<Range<usize>>,
     pub(crate) division: Partition,
-    /// Points of the longest manifold of each block.
+    /// Number of points of the longest manifold in each block.
     pub points: Vec<u32>,
-    /// For how many points each block has room.
+    /// Number of points for which each block has room.
     pub(crate) rooms: Vec<u32>,
-    /// The manifolds of each block.
+    /// Manifolds of each block.
     pub(crate) members: Vec<LaneMap>,
-    /// How many points there are before those of each manifold, and of all.
+    /// Number of points before those of each manifold, then the number of all points.
     firsts: Vec<u32>,
     keys: Vec<ConstraintKey>,
-    /// Of each body, whether it moves and whether it joins.
+    /// For each body, whether it can be moved and whether it couples its manifolds.
     bodies: Vec<[bool; 2]>,
-    /// The kind of each manifold.
+    /// Kind of each manifold.
     kinds: Vec<u32>,
-    /// The keys of the call before, their kinds and places, and what has become of them.
+    /// Keys, kinds and lanes of the last call, and the new indices of its manifolds.
     before: Vec<ConstraintKey>,
     kinds_before: Vec<u32>,
     places_before: Vec<u32>,
     now: Renumbering,
     used: Vec<u64>,
-    /// By batch and kind: how many, then the next place.
+    /// For each batch and kind, the number of manifolds, then the next free lane.
     next: Vec<u32>,
-    /// What a sweep did for nothing when all were placed anew.
+    /// Wasted work of a sweep (`sweep`) after the last full layout.
     idle: u32,
-    /// Blocks of each color with idle lanes, as they rank ([`LaneMap::rank`]).
+    /// Blocks of each color with idle lanes, in the order of [`LaneMap::rank`].
     open: Vec<Vec<u64>>,
 }
 
 impl Coloring {
-    /// Colors manifolds, given by their bodies and number of points, greedily in their order: each
-    /// takes the first color that neither of its bodies has. `moves` tells whether a body can be
-    /// moved; the others may have many manifolds of a color. Depends on nothing but its arguments.
+    /// Colors manifolds greedily in their order, each given by its bodies and its number of points.
+    /// A manifold takes the first color that neither of its bodies has.
+    ///
+    /// `moves` says whether a body can be moved; other bodies may have many manifolds of one color.
+    /// The result depends only on the arguments.
     pub fn assign(
         &mut self,
         bodies: usize,
@@ -262,8 +270,9 @@ impl Coloring {
         self.lay_out(false);
     }
 
-    /// Takes bodies: of each, whether it moves, and whether it joins; those that do not can be in several batches.
-    /// Returns whether they are those of the call before.
+    /// Sets the bodies, each given by whether it can be moved and whether it couples its manifolds.
+    /// Manifolds on a body that does not couple them can be in several batches. Returns whether the
+    /// bodies are those of the last call.
     pub(crate) fn take_bodies(&mut self, bodies: impl Iterator<Item = [bool; 2]> + Clone) -> bool {
         let same = self.bodies.iter().copied().eq(bodies.clone());
         if !same {
@@ -273,7 +282,7 @@ impl Coloring {
         same
     }
 
-    /// Takes manifolds, given by their bodies and number of points.
+    /// Reads the manifolds, each given by its bodies and its number of points.
     pub(crate) fn take(
         &mut self,
         count: usize,
@@ -301,9 +310,11 @@ impl Coloring {
         Intake { kept: all_kept.into_inner(), points: all_points.into_inner() }
     }
 
-    /// Places what has been `taken` as [`assign`](Self::assign) does, but in batches, of what takes up these
-    /// `sizes`. Manifolds that are not new stay in their places if they have the same color and many of them are
-    /// kept, and new ones get what places there are. Colors are what they would be without.
+    /// Assigns the manifolds that have been `taken` to lanes, as [`assign`](Self::assign) does, but
+    /// in batches. Bodies, manifolds and points have these `sizes`.
+    ///
+    /// If many manifolds are kept, manifolds that are not new and have their old color keep their
+    /// lanes, and new manifolds take idle lanes. Colors are those of a full layout in any case.
     pub(crate) fn update(
         &mut self,
         sizes: Sizes,
@@ -316,7 +327,7 @@ impl Coloring {
             return Placement::Same;
         }
         self.color();
-        // If one in eight has changed, there is one in almost every block.
+        // If one manifold in eight has changed, almost every block contains one.
         let many = 8 * taken.kept > 7 * self.keys.len();
         if many && !divided && self.stay(reuse, pool) {
             return Placement::Stay;
@@ -325,7 +336,7 @@ impl Coloring {
         Placement::Anew
     }
 
-    /// Finds the kind of each manifold, and how many points come before it.
+    /// Finds the kind of each manifold, and the number of points before it.
     fn color(&mut self) {
         let mask = |moves: bool| u64::from(moves).wrapping_neg();
         self.used.clear();
@@ -351,8 +362,8 @@ impl Coloring {
         self.firsts.push(before);
     }
 
-    /// Gives all manifolds places by their kinds, a new color in a new block. With a block to `spare` for
-    /// each color that has any.
+    /// Assigns all manifolds to lanes by their kinds, each color to blocks of its own. With
+    /// `spare`, every color that has blocks gets one more.
     fn lay_out(&mut self, spare: bool) {
         self.next.clear();
         self.next.resize(self.division.len() * KINDS, 0);
@@ -414,8 +425,8 @@ impl Coloring {
         self.make_room();
     }
 
-    /// Takes the memory that manifolds may need to come and go in these blocks: then it is not taken in a scene that
-    /// has come to rest.
+    /// Reserves the memory that manifolds may need to come and go in these blocks, so that a
+    /// settled scene allocates nothing.
     fn make_room(&mut self) {
         let most = WIDTH * self.members.len();
         self.now.0.reserve(most.saturating_sub(self.now.0.len()));
@@ -433,8 +444,8 @@ impl Coloring {
         }
     }
 
-    /// Leaves manifolds that are not new in their places, and finds some for the others. Returns whether there
-    /// are any.
+    /// Leaves manifolds in their lanes if they are not new, and finds lanes for the others. Returns
+    /// whether the layout is good enough (`settle`).
     fn stay(&mut self, reuse: impl Fn(u32) -> Reuse + Sync, pool: &ThreadPool) -> bool {
         std::mem::swap(&mut self.places, &mut self.places_before);
         self.places.resize(self.keys.len(), NONE);
@@ -450,7 +461,7 @@ impl Coloring {
                     Reuse::Changed(old) => (old as usize, true),
                     Reuse::Kept(old) => (old as usize, false),
                 };
-                // What is of the same kind has the same color.
+                // Manifolds of the same kind have the same color.
                 let kind = kinds[index];
                 let same = keys[index] == before[old] && kind == kinds_before[old];
                 if same && kind as usize != ALONE {
@@ -473,16 +484,16 @@ impl Coloring {
         self.settle()
     }
 
-    /// What a sweep does for nothing and for something, about: a manifold is as much as one of its points, and
-    /// blocks do for all lanes what the longest one needs.
+    /// Estimates the wasted and the useful work of a sweep. A manifold costs as much as one of its
+    /// points. A block does for all lanes the work that its longest manifold needs.
     fn sweep(&self) -> [u32; 2] {
         let used = (self.keys.len() + self.all_points()) as u32;
         let all: u32 = self.points.iter().filter(|&&points| points > 0).map(|of| 1 + of).sum();
         [WIDTH as u32 * all - used, used]
     }
 
-    /// Finds places for the manifolds that have none; returns whether there are any, and whether a sweep does
-    /// not much more for nothing than where all were placed anew.
+    /// Finds lanes for the manifolds that have none. Returns whether all have got one, and whether
+    /// a sweep wastes little more work than after the last full layout.
     fn settle(&mut self) -> bool {
         for (open, Color { blocks, .. }) in self.open.iter_mut().zip(&self.colors) {
             open.clear();
@@ -520,7 +531,7 @@ impl Coloring {
         idle <= self.idle + used / 32
     }
 
-    /// The batches as they were laid out, one after the other.
+    /// Writes the extents of the batches, one after the other.
     pub(crate) fn extents(&self, out: &mut Vec<BatchRange>) {
         out.clear();
         let (mut block, mut point) = (0, 0);
@@ -535,18 +546,18 @@ impl Coloring {
         }
     }
 
-    /// Where the points of a manifold are among those of all, one manifold's after the other's.
+    /// Returns the range of a manifold's points among all points, which are ordered by manifold.
     pub(crate) fn points_of(&self, manifold: u32) -> Range<usize> {
         let manifold = manifold as usize;
         self.firsts[manifold] as usize..self.firsts[manifold + 1] as usize
     }
 
-    /// How many points all manifolds have.
+    /// Returns the number of points of all manifolds.
     pub(crate) fn all_points(&self) -> usize {
         self.firsts.last().map_or(0, |&all| all as usize)
     }
 
-    /// A manifold as it was given.
+    /// Returns the key of a manifold.
     pub(crate) fn key(&self, manifold: u32) -> &ConstraintKey {
         &self.keys[manifold as usize]
     }

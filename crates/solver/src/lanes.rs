@@ -1,14 +1,15 @@
-//! [`Lanes`]: sixteen numbers side by side, which go through the kernels as one [`Real`].
+//! [`Lanes`]: sixteen numbers in SIMD lanes, which the kernels process as one [`Real`].
 //!
-//! Sixteen on every target, so that layout and bits never depend on the machine: [`Avx2`] holds them in
-//! two registers, [`Portable`] in whatever the compiler makes of an array. Each lane is an `f32` of its
-//! own and rounds as one; nothing is fused or approximate.
+//! There are sixteen lanes on every target, so layout and bits never depend on the machine.
+//! [`Avx2`] holds them in two registers, [`Portable`] in an array that the compiler vectorizes as
+//! it can. Each lane is an `f32` and rounds as one; no operation is fused or approximate.
 //!
-//! Sixteen, since a visit is a chain: each point waits for the one before it, longer than the arithmetic
-//! of eight lanes takes. The second register fills the wait.
+//! Sixteen lanes suit a visit, which is a dependency chain: each point waits for the result of the
+//! one before it. That wait is longer than the arithmetic of eight lanes, and the second register
+//! fills it.
 //!
-//! This module, with its entry point [`Lanes::run`], [`pool`](crate::thread_pool) and how a pool walks over
-//! blocks (`wide/walk.rs`) are the only unsafe code of the project.
+//! Unsafe code is confined to this module with its entry point [`Lanes::run`], to
+//! [`thread_pool`](crate::thread_pool), and to `wide/walk.rs` and `wide/gather.rs`.
 #![allow(unsafe_code)]
 
 use std::ops::{Add, AddAssign, Div, Index, Mul, Neg, Sub, SubAssign};
@@ -18,74 +19,75 @@ use crate::{Cast, Real, Vector};
 /// Number of lanes, on every target.
 pub const WIDTH: usize = 16;
 
-/// Half of them.
+/// Half of the lanes.
 pub(crate) const HALF: usize = WIDTH / 2;
 
-/// GatherLanes `f32` that are computed together.
+/// Sixteen `f32` that go through the same operations.
 ///
 /// # Safety
-/// [`Half`](Self::Half) is laid out as this is, and any bytes of the one are good ones of the other.
+/// [`Half`](Self::Half) has the layout of this type, and every bit pattern that is valid for one of
+/// them is valid for the other.
 pub unsafe trait Lanes: KernelLanes + Cast<Self::Doubles> + 'static {
-    /// As many of them as fill a register of `f64`: a part each.
+    /// `f64` lanes for one part of these lanes ([`Cast::part`]): [`PART`] of them.
     type Doubles: Doubles;
 
-    /// The same bytes, of which arithmetic changes the first half alone.
+    /// A type of the same layout, whose arithmetic changes only the first half of the lanes.
     type Half: KernelLanes;
 
-    /// Changes one of them.
+    /// Sets the number in a lane.
     fn set(&mut self, lane: usize, number: f32);
 
-    /// One of them.
+    /// Returns the number in a lane.
     fn get(&self, lane: usize) -> f32;
 
-    /// Runs `f` with the instructions that this type needs. Arithmetic on the type is only fast, and
-    /// on [`Avx2`] only allowed, within.
+    /// Runs `f` with the instructions that this type needs. Outside of `run`, arithmetic on the
+    /// type is slow, and on [`Avx2`] it is not allowed.
     fn run<R>(f: impl FnOnce() -> R) -> R;
 }
 
-/// [`Lanes`], all or [half](Lanes::Half) of them: what goes through the kernels.
+/// [`Lanes`] or their [half](Lanes::Half): the number type of the kernels.
 pub trait KernelLanes: Real {
-    /// The numbers.
+    /// Makes lanes of these numbers.
     fn from_array(numbers: [f32; WIDTH]) -> Self;
 
-    /// The numbers of each lane, which lie side by side: `count` of them, up to four; what is more means
-    /// nothing.
+    /// Reads the first `count` numbers, up to four, of the row of each lane. Column i of the result
+    /// holds number i of each lane; columns from `count` on are unspecified.
     ///
     /// # Safety
-    /// So many can be read at each place.
+    /// `count` numbers can be read at each pointer.
     unsafe fn from_rows(rows: [*const f32; WIDTH], count: usize) -> [Self; 4];
 
-    /// The four numbers of each lane.
+    /// Returns the four numbers of each lane.
     fn to_rows(columns: [Self; 4]) -> [Row; WIDTH];
 }
 
-/// What is made of lanes, as made of [half](Lanes::Half) of them.
+/// Views a value made of lanes as one made of [half](Lanes::Half) lanes.
 ///
 /// # Safety
-/// That is how the two types differ, and their layout is laid down (`repr(C)`).
+/// The two types differ only in their lanes, and their layout is fixed (`repr(C)`).
 #[inline(always)]
 pub(crate) unsafe fn halved<T, U>(of: &T) -> &U {
     const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
-    // SAFETY: the same bytes, as the caller promises.
+    // SAFETY: both types have the same bytes, as the caller promises.
     unsafe { &*std::ptr::from_ref(of).cast() }
 }
 
-/// [`halved`].
+/// Views a slice as [`halved`] does.
 ///
 /// # Safety
-/// The same.
+/// The conditions of [`halved`] hold.
 #[inline(always)]
 pub(crate) unsafe fn halved_mut<T, U>(of: &mut [T]) -> &mut [U] {
     const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
-    // SAFETY: the same bytes, as the caller promises.
+    // SAFETY: both types have the same bytes, as the caller promises.
     unsafe { std::slice::from_raw_parts_mut(of.as_mut_ptr().cast(), of.len()) }
 }
 
 /// Four numbers of one lane.
 pub type Row = [f32; 4];
 
-/// An array with a number for each lane; written out, since a loop that is not unrolled would go through
-/// memory.
+/// Makes an array with a value for each lane. Its elements are written out, since a loop that is
+/// not unrolled would go through memory.
 #[macro_export]
 macro_rules! each_lane {
     ($lane:ident => $of:expr) => {
@@ -96,18 +98,18 @@ macro_rules! each_lane {
     };
 }
 
-/// One `f32`, or one in each lane: what is brought together for either is written once.
+/// A single `f32`, or one in each lane. Code that gathers values is written once for both.
 pub trait GatherLanes: Real {
-    /// One of something for each.
+    /// One value for each lane.
     type Each<T: Copy>: Copy + Index<usize, Output = T>;
 
-    /// What `of` has for each lane, or for lane 0 where there is one number.
+    /// Returns the value of `of` for each lane, or for lane 0 if there is only one number.
     fn each<T: Copy>(of: impl Fn(usize) -> T) -> Self::Each<T>;
 
-    /// The numbers.
+    /// Returns the number made of these numbers, one for each lane.
     fn gathered(numbers: Self::Each<f32>) -> Self;
 
-    /// A vector of each.
+    /// Returns the vector made of these vectors, one for each lane.
     fn gathered_vector<const N: usize>(of: Self::Each<&Vector<f32, N>>) -> Vector<Self, N>;
 }
 
@@ -146,13 +148,13 @@ impl<V: Lanes> GatherLanes for V {
     #[inline(always)]
     fn gathered_vector<const N: usize>(of: [&Vector<f32, N>; WIDTH]) -> Vector<Self, N> {
         let mut out = Vector::ZERO;
-        // SAFETY: a vector is its numbers.
+        // SAFETY: each vector is an array of `N` numbers.
         unsafe { gather(each_lane!(lane => of[lane].0.as_ptr()), &mut out.0) };
         out
     }
 }
 
-/// The lanes of a set, which has a bit for each.
+/// Returns the lanes in a set, which has one bit for each lane.
 #[inline(always)]
 pub(crate) fn lanes_of(mut set: u16) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -162,14 +164,16 @@ pub(crate) fn lanes_of(mut set: u16) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The numbers of each lane, which lie side by side: as many as there is room for, up to eight.
+/// Reads as many numbers for each lane as fit into `numbers`, up to eight. The numbers of a lane
+/// are adjacent in memory.
 ///
 /// # Safety
-/// So many can be read at each place.
+/// So many numbers can be read at each pointer.
 #[inline(always)]
 pub(crate) unsafe fn gather<V: KernelLanes>(from: [*const f32; WIDTH], numbers: &mut [V]) {
     let count = numbers.len();
-    // SAFETY: as the caller promises. Of more than four, the last four overlap the first.
+    // SAFETY: as the caller promises. With more than four numbers, the last four overlap the first
+    // four.
     unsafe {
         let first = V::from_rows(from, count);
         let row = count.min(4);
@@ -181,10 +185,11 @@ pub(crate) unsafe fn gather<V: KernelLanes>(from: [*const f32; WIDTH], numbers: 
     }
 }
 
-/// Writes the numbers of some lanes, as bits, side by side, up to eight; less than four as four.
+/// Writes `numbers` to adjacent memory for each lane in the set `lanes`. There are up to eight
+/// numbers; fewer than four are padded to four.
 ///
 /// # Safety
-/// So many can be written at the place of each of the lanes.
+/// So many numbers, and at least four, can be written at the pointer of each of these lanes.
 #[inline(always)]
 pub(crate) unsafe fn scatter<V: KernelLanes>(numbers: &[V], to: [*mut f32; WIDTH], lanes: u16) {
     let count = numbers.len();
@@ -217,9 +222,9 @@ pub(crate) unsafe fn scatter<V: KernelLanes>(numbers: &[V], to: [*mut f32; WIDTH
     }
 }
 
-/// GatherLanes `f64` that are computed together, within [`Lanes::run`].
+/// One or several `f64` that go through the same operations, within [`Lanes::run`].
 pub trait Doubles: Real {
-    /// One of them.
+    /// Returns the number in a lane.
     fn get(&self, lane: usize) -> f64;
 }
 
@@ -230,18 +235,19 @@ impl Doubles for f64 {
     }
 }
 
-/// Number of [`Doubles`] lanes.
+/// Number of lanes in a part, which [`Lanes::Doubles`] holds.
 pub const PART: usize = 8;
 
-/// `N` numbers, or registers of numbers, of which the first `USED` go through the same operations; the others stay
-/// what they are on the left. All kinds fill a line of a cache, and none lies across two.
+/// `N` numbers, or registers of numbers, of which operations change the first `USED`. The others
+/// keep the value of the left operand. Every such type fills one cache line and is aligned to it.
 ///
-/// Loops, not closures or `array::map`: those are not inlined where other instructions are allowed.
+/// The operations are loops: closures and `array::map` are not inlined into functions with other
+/// target features.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct LaneArray<R, const N: usize, const USED: usize>([R; N]);
 
-/// An operation on each member.
+/// Applies an operation to each of the first `USED` members.
 macro_rules! each {
     ($a:ident $(, $b:ident)*; $result:expr) => {{
         let mut out = $a;
@@ -335,7 +341,7 @@ impl<R: Real, const N: usize, const USED: usize> Real for LaneArray<R, N, USED> 
     }
 }
 
-/// Numbers that need no special instructions.
+/// Lanes that need no special instructions.
 pub type Portable = LaneArray<f32, WIDTH, WIDTH>;
 
 impl Cast<LaneArray<f64, PART, PART>> for Portable {
@@ -358,7 +364,7 @@ impl Doubles for LaneArray<f64, PART, PART> {
     }
 }
 
-// SAFETY: both are sixteen numbers.
+// SAFETY: both types are arrays of sixteen `f32`.
 unsafe impl Lanes for Portable {
     type Doubles = LaneArray<f64, PART, PART>;
     type Half = LaneArray<f32, WIDTH, HALF>;
@@ -420,11 +426,11 @@ mod avx2 {
     use super::{Doubles, KernelLanes, LaneArray, Lanes, PART, Row, WIDTH};
     use crate::{Cast, Real};
 
-    /// Numbers in registers of AVX2. Values can be made and moved anywhere; arithmetic must happen
+    /// Lanes in AVX2 registers. Values can be created and moved anywhere; arithmetic must happen
     /// within [`Lanes::run`].
     pub type Avx2 = LaneArray<Floats, 2, 2>;
 
-    /// Whether this machine has the instructions.
+    /// Returns whether this machine has AVX2.
     pub fn available() -> bool {
         std::arch::is_x86_feature_detected!("avx2")
     }
@@ -434,20 +440,20 @@ mod avx2 {
         f()
     }
 
-    // SAFETY: both are two registers.
+    // SAFETY: both types are two registers.
     unsafe impl Lanes for Avx2 {
         type Doubles = LaneArray<Floats64, 2, 2>;
         type Half = LaneArray<Floats, 2, 1>;
 
         #[inline(always)]
         fn set(&mut self, lane: usize, number: f32) {
-            // SAFETY: registers in memory are as many numbers; the index is checked.
+            // SAFETY: the registers occupy the memory of `WIDTH` numbers; the index is checked.
             unsafe { (*std::ptr::from_mut(self).cast::<[f32; WIDTH]>())[lane] = number }
         }
 
         #[inline(always)]
         fn get(&self, lane: usize) -> f32 {
-            // SAFETY: registers in memory are as many numbers; the index is checked.
+            // SAFETY: the registers occupy the memory of `WIDTH` numbers; the index is checked.
             unsafe { (*std::ptr::from_ref(self).cast::<[f32; WIDTH]>())[lane] }
         }
 
@@ -462,7 +468,7 @@ mod avx2 {
     impl<const USED: usize> KernelLanes for LaneArray<Floats, 2, USED> {
         #[inline(always)]
         fn from_array(numbers: [f32; WIDTH]) -> Self {
-            // SAFETY: both are as many bytes of plain numbers.
+            // SAFETY: both types are the same number of bytes of plain numbers.
             unsafe { std::mem::transmute(numbers) }
         }
 
@@ -510,7 +516,7 @@ mod avx2 {
     impl Doubles for LaneArray<Floats64, 2, 2> {
         #[inline(always)]
         fn get(&self, lane: usize) -> f64 {
-            // SAFETY: registers in memory are as many numbers; the index is checked.
+            // SAFETY: the registers occupy the memory of `PART` numbers; the index is checked.
             unsafe { (*std::ptr::from_ref(self).cast::<[f64; PART]>())[lane] }
         }
     }
@@ -530,14 +536,14 @@ mod avx2 {
         }
     }
 
-    /// Two rows, one in each half.
+    /// Loads two rows, one into each half of the register.
     ///
     /// # Safety
-    /// As for [`Lanes::from_rows`].
+    /// The conditions of [`Lanes::from_rows`] hold.
     #[target_feature(enable = "avx2")]
     #[inline]
     unsafe fn two_rows(low: *const f32, high: *const f32, count: usize) -> __m256 {
-        // SAFETY: what is read beyond `count` is masked out, and so is not read.
+        // SAFETY: as the caller promises; numbers beyond `count` are masked out and not read.
         unsafe {
             if count >= 4 {
                 return _mm256_loadu2_m128(high, low);
@@ -548,7 +554,7 @@ mod avx2 {
         }
     }
 
-    /// Four columns of four numbers from four rows, in each half.
+    /// Transposes four rows of four numbers into four columns, in each half.
     #[target_feature(enable = "avx2")]
     #[inline]
     fn transposed([a, b, c, d]: [__m256; 4]) -> [__m256; 4] {
@@ -619,7 +625,8 @@ mod avx2 {
                 type Output = Self;
                 #[inline(always)]
                 fn neg(self) -> Self {
-                    // SAFETY: within `run`, the machine has AVX2. Flips the sign bit, as scalar negation.
+                    // SAFETY: within `run`, the machine has AVX2. Flips the sign bit, as the scalar
+                    // does.
                     unsafe { Self($xor(self.0, $set(-0.0))) }
                 }
             }
@@ -642,13 +649,13 @@ mod avx2 {
 
                 #[inline(always)]
                 fn max(self, other: Self) -> Self {
-                    // SAFETY: as above. The instruction is `self > other ? self : other`, as the scalar.
+                    // SAFETY: as above. Computes `self > other ? self : other`, as the scalar does.
                     unsafe { Self($max(self.0, other.0)) }
                 }
 
                 #[inline(always)]
                 fn min(self, other: Self) -> Self {
-                    // SAFETY: as above. The instruction is `self < other ? self : other`, as the scalar.
+                    // SAFETY: as above. Computes `self < other ? self : other`, as the scalar does.
                     unsafe { Self($min(self.0, other.0)) }
                 }
 
@@ -675,14 +682,14 @@ mod avx2 {
     }
 
     register!(
-        /// Eight `f32` in a register, under the terms of [`Avx2`].
+        /// Eight `f32` in a register, under the rules of [`Avx2`].
         Floats, __m256, f32, 8,
         _mm256_set1_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps, _mm256_sqrt_ps,
         _mm256_max_ps, _mm256_min_ps, _mm256_xor_ps, _mm256_cmp_ps, _mm256_blendv_ps
     );
 
     register!(
-        /// Four `f64` in a register, under the terms of [`Avx2`].
+        /// Four `f64` in a register, under the rules of [`Avx2`].
         Floats64, __m256d, f64, 4,
         _mm256_set1_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd, _mm256_sqrt_pd,
         _mm256_max_pd, _mm256_min_pd, _mm256_xor_pd, _mm256_cmp_pd, _mm256_blendv_pd

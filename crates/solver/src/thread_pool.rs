@@ -1,9 +1,10 @@
-//! [`ThreadPool`]: threads that stay, work on one thing together, and wait for each other without locks.
+//! [`ThreadPool`]: persistent threads that work on one job together and wait for each other without
+//! locks.
 //!
-//! A sweep over blocks of independent contacts takes some microseconds from color to color: too short
-//! to hand work out and gather it in. So all threads walk through the same sweep, each over its own
-//! share of each color, and meet after each ([`Worker::barrier`]). Between two sweeps they wait for the
-//! next on the processor for a moment, then asleep.
+//! A sweep over blocks of independent contacts takes some microseconds for each color. That is too
+//! short to dispatch tasks and collect them. So all threads walk through the same sweep, each over
+//! its share of each color, and wait at a barrier after each color ([`Worker::barrier`]). Between
+//! two sweeps, threads poll for the next job for a moment, then sleep.
 #![allow(unsafe_code)]
 
 use std::marker::PhantomData;
@@ -14,23 +15,24 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle, Thread};
 
-/// Pieces of work for each worker, at least.
+/// Least number of grains of work for each worker.
 const SHARE: usize = 8;
 
-/// Items of half a microsecond each, from which on one worker alone takes longer than all with a meeting.
+/// Number of items of half a microsecond each, from which one worker alone takes longer than all
+/// workers with a barrier.
 const MEETING: usize = 4;
 
-/// Looks at a flag before a waiting thread lets others run: some 30 microseconds. None where there are
-/// fewer processors than threads.
+/// Polls of a flag before a waiting thread yields: some 30 microseconds. Where there are fewer
+/// processors than threads, threads yield at once.
 const LOOKS: u32 = 512;
 
-/// How often it lets others run before it sleeps: about a millisecond.
+/// Yields of a waiting thread before it sleeps: about a millisecond.
 const YIELDS: u32 = 2048;
 
 /// A job as the threads see it. It lives as long as [`ThreadPool::run`] waits for it.
 type Job = *const (dyn Fn(&Worker<'_>) + Sync);
 
-/// Threads that work together. Without any the caller works alone.
+/// Threads that work together. Without helper threads the caller works alone.
 #[derive(Debug)]
 pub struct ThreadPool {
     common: Arc<Common>,
@@ -42,29 +44,29 @@ pub struct ThreadPool {
 #[derive(Debug)]
 struct Common {
     threads: usize,
-    /// Looks at a flag before others may run.
+    /// Polls of a flag before a waiting thread yields.
     looks: u32,
-    /// What to do, and how many jobs there have been.
+    /// Current job, and the number of jobs so far.
     job: Mutex<Option<Task>>,
     jobs: AtomicUsize,
-    /// Helpers that are still at the job.
+    /// Helpers that are still running the job.
     busy: AtomicUsize,
-    /// How often threads have come to a meeting of the job.
+    /// Number of arrivals at barriers in the job.
     arrived: AtomicUsize,
-    /// A worker has panicked: nobody waits for it any more.
+    /// Whether a worker has panicked, so that nobody waits for it any more.
     broken: AtomicBool,
     ended: AtomicBool,
-    /// Whether a job is under way.
+    /// Whether a job is running.
     taken: AtomicBool,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Task(Job);
 
-// SAFETY: what it points to is `Sync`, and `ThreadPool::run` keeps it alive while helpers use it.
+// SAFETY: the job is `Sync`, and `ThreadPool::run` keeps it alive while helpers use it.
 unsafe impl Send for Task {}
 
-/// One thread of a pool at a job.
+/// One thread of a pool during a job.
 #[derive(Debug)]
 pub struct Worker<'a> {
     index: usize,
@@ -73,10 +75,10 @@ pub struct Worker<'a> {
 }
 
 impl ThreadPool {
-    /// A pool of so many threads, the caller included; fewer where no more threads can be had.
+    /// Starts a pool of `threads` threads, including the caller; fewer if no more can be started.
     pub fn new(threads: usize) -> Self {
         let wanted = threads.max(1);
-        // Only as many as start take part: so they start before anybody counts.
+        // Some threads may fail to start, so all are started before they are counted.
         let (ready, mut started) = (Arc::new(Mutex::new(None::<Arc<Common>>)), Vec::new());
         for index in 1..wanted {
             let ready = Arc::clone(&ready);
@@ -114,40 +116,41 @@ impl ThreadPool {
         Self { common, helpers: started, rests: AtomicBool::new(false) }
     }
 
-    /// How many work together.
+    /// Returns the number of threads, including the caller.
     pub fn threads(&self) -> usize {
         self.common.threads
     }
 
-    /// Whether the caller works alone from now on.
+    /// Sets whether the caller works alone from now on: then no work is useful to share.
     pub fn rest(&self, rests: bool) {
         self.rests.store(rests, Ordering::Relaxed);
     }
 
-    /// Whether so many pieces of work are enough to share.
+    /// Returns whether so many grains of work are enough to share.
     pub fn is_useful(&self, pieces: usize) -> bool {
         pieces >= SHARE * self.common.threads && !self.rests.load(Ordering::Relaxed)
     }
 
-    /// Whether items are enough to share, so many of which are a piece of work, and how many each worker then
-    /// takes: large shares, which stay in the cache of whoever took them the last time.
+    /// Returns whether `items` are enough to share, with `piece` of them to a grain, and how many
+    /// each worker then takes. The shares are large, so that they stay in the cache of the core
+    /// that took them the last time.
     pub fn share(&self, items: usize, piece: usize) -> (bool, usize) {
         let useful = self.is_useful(items / piece);
         (useful, items.div_ceil(if useful { self.threads() } else { 1 }).max(1))
     }
 
-    /// Does `job` once on each worker, and returns when all are done. The caller does it alone where a
-    /// pool is not `useful`, and within a job.
+    /// Runs `job` once on each worker and returns when all are done. The caller runs it alone if a
+    /// pool is not `useful`, and within another job.
     pub fn run(&self, useful: bool, job: &(dyn Fn(&Worker<'_>) + Sync)) {
         let common = &*self.common;
-        // Within a job that is seen without a line of memory going from core to core.
+        // The load detects a nested job without moving a cache line between cores.
         let is_taken =
             || common.taken.load(Ordering::Relaxed) || common.taken.swap(true, Ordering::Acquire);
         if !useful || self.helpers.is_empty() || is_taken() {
             return job(&Worker::ALONE);
         }
-        // SAFETY: only the lifetime is forgotten. `job` outlives this call, which does not return, nor
-        // unwind, before `busy` says that no helper uses it any more.
+        // SAFETY: only the lifetime is erased. `job` outlives this call, which neither returns nor
+        // unwinds before `busy` says that no helper uses the job any more.
         let task = unsafe { std::mem::transmute::<&(dyn Fn(&Worker<'_>) + Sync), Job>(job) };
         *common.job.lock().unwrap_or_else(PoisonError::into_inner) = Some(Task(task));
         common.broken.store(false, Ordering::Relaxed);
@@ -170,7 +173,8 @@ impl ThreadPool {
 }
 
 impl ThreadPool {
-    /// Hands `items` out one after the other, to whoever is free. Alone where it is not `useful`.
+    /// Hands out `items` one after the other to whichever worker is free. The caller works alone if
+    /// a pool is not `useful`.
     pub fn for_each<T: Send>(
         &self,
         useful: bool,
@@ -201,7 +205,7 @@ impl Drop for ThreadPool {
         self.common.ended.store(true, Ordering::Release);
         for helper in self.helpers.drain(..) {
             helper.thread().unpark();
-            // It has told of a panic already.
+            // The helper has already reported its panic.
             let _ = helper.join();
         }
     }
@@ -212,7 +216,7 @@ impl Common {
         Worker { index, count: self.threads, common: Some(self) }
     }
 
-    /// Waits for something that is to happen soon; `sleep` once it has taken long.
+    /// Waits for an event that is expected soon: polls, then yields, then calls `sleep` repeatedly.
     fn wait(&self, happened: impl Fn() -> bool, sleep: impl Fn()) {
         for _ in 0..self.looks {
             if happened() {
@@ -232,7 +236,7 @@ impl Common {
         }
     }
 
-    /// The life of a helper.
+    /// Runs jobs on a helper thread until the pool ends.
     fn serve(&self, index: usize) {
         let mut done = 0;
         loop {
@@ -258,28 +262,30 @@ impl Common {
 impl Worker<'_> {
     const ALONE: Self = Self { index: 0, count: 1, common: None };
 
-    /// How many there are.
+    /// Returns the number of workers.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Whether it is the one that does what cannot be shared.
+    /// Returns whether this worker does the work that cannot be shared.
     pub fn is_first(&self) -> bool {
         self.index == 0
     }
 
-    /// Whether there are others, and so many items, of half a microsecond each, are worth a meeting.
+    /// Returns whether there are other workers, and so many items of half a microsecond each are
+    /// worth a barrier.
     #[inline(always)]
     pub fn shares(&self, items: usize) -> bool {
         self.count > 1 && items >= MEETING
     }
 
-    /// Its part of some items.
+    /// Returns the part of some items that this worker takes.
     pub fn part(&self, items: Range<usize>) -> Range<usize> {
         self.part_after(0, items)
     }
 
-    /// The same after `before` items of another kind: who had fewer of those than others has more of these.
+    /// Returns the part that this worker takes of items that follow `before` items of another kind.
+    /// A worker that had fewer of those than others gets more of these.
     #[inline(always)]
     pub fn part_after(&self, before: usize, items: Range<usize>) -> Range<usize> {
         let all = before + items.len();
@@ -288,7 +294,7 @@ impl Worker<'_> {
         items.start + start..items.start + start.max(end(self.index + 1))
     }
 
-    /// Waits until all threads have come here.
+    /// Waits until all workers have arrived here.
     ///
     /// # Panics
     /// Another worker has panicked.
@@ -302,18 +308,18 @@ impl Worker<'_> {
     }
 }
 
-/// What consists of several, one after the other, that different threads can have.
+/// A value made of consecutive elements, which can be split among threads.
 pub trait Divide: Sized {
-    /// Of how many.
+    /// Returns the number of elements.
     fn count(&self) -> usize;
 
-    /// The first `count` of them, and the others.
+    /// Returns the first `count` elements, and the others.
     ///
     /// # Panics
-    /// There are not so many.
+    /// There are fewer than `count` elements.
     fn split_at(self, count: usize) -> (Self, Self);
 
-    /// Parts of as many each, but for the last ones: `parts` of them, or one of each where there are fewer.
+    /// Splits the value into at most `parts` parts of equal size, of which the last may be smaller.
     fn divide(self, parts: usize) -> impl Iterator<Item = Self> {
         let size = self.count().div_ceil(parts.max(1)).max(1);
         let mut left = Some(self);
@@ -327,8 +333,8 @@ pub trait Divide: Sized {
     }
 }
 
-/// Items in chunks of `size`, each with its own of `parts`: every item has as many, one item's after the
-/// other's.
+/// Splits `items` into chunks of `size`, each with its slice of `parts`. Every item has `count` of
+/// the parts, which are ordered by item.
 pub fn chunks_with_parts<'a, T, U>(
     items: &'a [T],
     size: usize,
@@ -344,23 +350,24 @@ pub fn chunks_with_parts<'a, T, U>(
     })
 }
 
-/// A slice whose elements several threads use at once, each its own. They are numbered from any number on.
+/// A slice whose elements several threads use at once, each thread its own. The elements are
+/// numbered from any number on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DisjointSlice<'a, T> {
-    /// Where number 0 is, or would be.
+    /// Address of element 0, even if the slice begins later.
     zero: *mut T,
     first: usize,
     end: usize,
     lifetime: PhantomData<&'a mut [T]>,
 }
 
-// SAFETY: it is a `&mut [T]` of which each thread uses other elements, as `get_mut` demands.
+// SAFETY: it is a `&mut [T]` of which each thread uses different elements, as `get_mut` demands.
 unsafe impl<T: Send + Sync> Send for DisjointSlice<'_, T> {}
 // SAFETY: as above.
 unsafe impl<T: Send + Sync> Sync for DisjointSlice<'_, T> {}
 
 impl<'a, T> DisjointSlice<'a, T> {
-    /// Of which `get_mut` must not be used.
+    /// Makes a slice for reading, on which `get_mut` must not be used.
     pub(crate) fn reading(first: usize, slice: &'a [T]) -> Self {
         let zero = slice.as_ptr().cast_mut().wrapping_sub(first);
         Self { zero, first, end: first + slice.len(), lifetime: PhantomData }
@@ -371,7 +378,7 @@ impl<'a, T> DisjointSlice<'a, T> {
         Self { zero, first, end: first + slice.len(), lifetime: PhantomData }
     }
 
-    /// Another slice, with the same numbers, of which `get_mut` must not be used.
+    /// Makes a slice for reading with the same numbering, on which `get_mut` must not be used.
     pub(crate) fn beside(&self, slice: &'a [T]) -> Self {
         Self::reading(self.first, slice)
     }
@@ -381,21 +388,23 @@ impl<'a, T> DisjointSlice<'a, T> {
     }
 
     /// # Panics
-    /// Not all of these are there.
+    /// Some of these elements are not in the slice.
     #[inline(always)]
     pub(crate) fn check(&self, numbers: Range<usize>) {
-        // One by one: no flags to be combined.
+        // Separate assertions, so that no flags have to be combined.
         assert!(self.first <= numbers.start);
         assert!(numbers.start <= numbers.end);
         assert!(numbers.end <= self.end);
     }
 
-    /// Where a worker is, or would be.
+    /// Returns the address of an element, even if it is not in the slice.
     #[inline(always)]
     pub(crate) fn place(&self, number: u32) -> *mut T {
         self.zero.wrapping_add(number as usize)
     }
 
+    /// Returns these elements.
+    ///
     /// # Safety
     /// Nobody else uses these elements at the same time.
     #[inline(always)]
@@ -403,7 +412,7 @@ impl<'a, T> DisjointSlice<'a, T> {
     pub(crate) unsafe fn get_mut(&self, numbers: Range<usize>) -> &mut [T] {
         self.check(numbers.clone());
         let start = self.zero.wrapping_add(numbers.start);
-        // SAFETY: within the slice; the caller keeps others away.
+        // SAFETY: the elements are within the slice, and the caller keeps others away from them.
         unsafe { std::slice::from_raw_parts_mut(start, numbers.len()) }
     }
 }

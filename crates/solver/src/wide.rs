@@ -1,8 +1,8 @@
-//! Sixteen manifolds at a time: a [`System`](crate::System) packed into [`Lanes`](crate::lanes::Lanes), color by
-//! color.
+//! Packed contact systems: a [`System`](crate::System) in [`Lanes`](crate::lanes::Lanes), sixteen
+//! manifolds at a time, color by color.
 //!
-//! The kernels are those of [`pgs`](crate::pgs), run on a number that is sixteen numbers. The
-//! velocities of the bodies are gathered once per visit to a block and serve all its points.
+//! The kernels are those of [`pgs`](crate::pgs), run on a number type that holds sixteen numbers. A
+//! visit to a block gathers the velocities of its bodies once, for all its points.
 
 mod batch;
 mod best;

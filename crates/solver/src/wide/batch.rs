@@ -1,4 +1,5 @@
-//! [`Batch`]: a part of a packed system that nothing joins to the rest; and the [`Passes`] over it.
+//! [`Batch`]: a part of a packed system that no manifold couples to the rest; and the [`Passes`]
+//! over it.
 
 use std::fmt::Debug;
 use std::ops::Range;
@@ -15,33 +16,34 @@ use crate::lanes::Lanes;
 use crate::thread_pool::{DisjointSlice, Divide, ThreadPool};
 use crate::{Contact, Repair, SurfaceEffects, Velocity};
 
-/// Bodies that follow each other and that no manifold joins to others, with their manifolds, in their
-/// [`Packed`](super::Packed) system. It can be taken through all substeps before the next one is, or while
-/// others are.
+/// Consecutive bodies that no manifold couples to others, with their manifolds, in their
+/// [`Packed`](super::Packed) system. It can be solved through all substeps before the next batch,
+/// or in parallel with other batches.
 ///
-/// Velocities, displacements and whatever else there is of its bodies come as slices of only these.
+/// Velocities, displacements and other data of bodies are passed as slices over its own bodies
+/// only.
 #[derive(Debug)]
 pub struct Batch<'a, V: Lanes, const L: usize, const A: usize> {
-    /// It may be several, one after the other.
+    /// One extent, or several consecutive ones.
     extents: &'a [BatchRange],
     pub(super) bodies: Range<usize>,
     pub(super) colors: &'a [Color],
-    /// The numbers of its first block and point.
+    /// Indices of the first block and the first point.
     pub(super) first_block: usize,
     pub(super) first_point: usize,
     pub(super) blocks: &'a mut [Block<V, L, A>],
     pub(super) contacts: &'a mut [Contact<V, L>],
     pub(super) coloring: &'a Coloring,
-    /// Where those of all points of the system go, if anywhere.
+    /// Cached impulses of all points of the system, if they are to be written.
     pub(super) traces: DisjointSlice<'a, CachedImpulse<L>>,
-    /// Of all blocks of the system, if any.
+    /// Surface effects of all blocks of the system, if any.
     pub(super) surfaces: DisjointSlice<'a, SurfaceEffects<V, L, A>>,
     pub(super) pool: &'a ThreadPool,
     pub(super) passes: &'static dyn Passes<V, L, A>,
 }
 
 impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
-    /// Of these extents, whose blocks and points come first of the ones given.
+    /// Makes a batch of these extents. Its blocks and points are the first ones of the slices.
     pub(super) fn new(
         extents: &'a [BatchRange],
         blocks: &'a mut [Block<V, L, A>],
@@ -70,18 +72,19 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         }
     }
 
-    /// Its bodies.
+    /// Returns the range of its bodies.
     pub fn bodies(&self) -> Range<usize> {
         self.bodies.clone()
     }
 
-    /// How many blocks of manifolds it has.
+    /// Returns the number of its blocks.
     pub fn size(&self) -> usize {
         self.blocks.len()
     }
 
-    /// In how many runs of as many batches its pool had better go over it: one for each member, or one for all
-    /// together, if the largest would take much longer than its share.
+    /// Returns the number of parts into which its thread pool should divide it: one for each
+    /// thread. It is only one if there is too little work, or if the largest part would take much
+    /// longer than its share.
     pub fn runs(&self) -> usize {
         let (all, threads) = (self.size(), self.pool.threads());
         let mut runs = self.extents.chunks(self.count().div_ceil(threads).max(1));
@@ -90,23 +93,24 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         if is_even && self.pool.is_useful(all) { threads } else { 1 }
     }
 
-    /// [`System::apply_impulses`](crate::System::apply_impulses).
+    /// Applies the impulses as [`System::apply_impulses`](crate::System::apply_impulses) does.
     pub fn apply_impulses(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.passes.apply_impulses(self, velocities);
     }
 
-    /// [`pgs::sweep`](crate::pgs::sweep).
+    /// Sweeps once as [`pgs::sweep`](crate::pgs::sweep) does.
     pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.passes.sweep(self, velocities);
     }
 
-    /// [`pgs::sweep_normals`](crate::pgs::sweep_normals).
+    /// Sweeps once over the normals as [`pgs::sweep_coming`](crate::pgs::sweep_coming) does.
     pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.passes.sweep_normals(self, velocities, None);
     }
 
-    /// [`System::set_targets`](crate::System::set_targets) and [`pgs::sweep_normals`](crate::pgs::sweep_normals)
-    /// in one pass. Whether bodies turn: then targets know how their paths bend.
+    /// Sets the targets as [`System::set_targets`](crate::System::set_targets) does and sweeps once
+    /// over the normals ([`sweep_normals`](Self::sweep_normals)), in one pass. If bodies are
+    /// `turning`, targets account for the curvature of their paths.
     pub fn sweep_normals_to_targets(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
@@ -118,15 +122,16 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         self.passes.sweep_normals(self, velocities, Some(&targets));
     }
 
-    /// Renews J where bodies turn, after they have moved for `dt` \[s\] ([`kinematics`](crate::kinematics)):
-    /// effective masses are those of this `softness`. Returns whether any J is another: that of a ball on a plane
-    /// stays, however fast it rolls.
+    /// Renews J where bodies rotate, after they have moved for `dt` \[s\]
+    /// ([`kinematics`](crate::kinematics)). Effective masses are those of this `softness`. Returns
+    /// whether any J has changed; that of a ball on a plane stays, however fast the ball rolls.
     pub fn renew(&mut self, bodies: MovedBodies<'_, L, A>, [dt, softness]: [f32; 2]) -> bool {
         self.passes.renew(self, bodies, [dt, softness])
     }
 
-    /// [`pgs::relax`](crate::pgs::relax); whether J has been [renewed](Self::renew) before.
-    /// With a landing, bodies that have come down in the substep stop, unless they bounce.
+    /// Relaxes once as [`pgs::relax`](crate::pgs::relax) does. `renewed` says whether J has been
+    /// [renewed](Self::renew) before. With a `landing`, bodies that have landed in the substep
+    /// stop, unless they bounce.
     pub fn relax(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
@@ -136,47 +141,50 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Batch<'a, V, L, A> {
         self.passes.relax(self, velocities, renewed, landing);
     }
 
-    /// Whether any surface of the system runs or resists rolling ([`Packed::take_surfaces`]).
+    /// Returns whether any surface of the system runs or resists rolling
+    /// ([`Packed::take_surfaces`]).
     ///
     /// [`Packed::take_surfaces`]: super::Packed::take_surfaces
     pub fn has_surfaces(&self) -> bool {
         self.surfaces.len() > 0
     }
 
-    /// Adds belts to targets that have just been set, when they have run for `elapsed` \[s\] since gaps were
-    /// measured: `hold` is that of [`Repair`].
+    /// Adds the velocities of belts to targets that have just been set. The belts have run for
+    /// `elapsed` \[s\] since gaps were measured. `hold` is that of [`Repair`].
     pub fn run_belts(&mut self, elapsed: f32, hold: f32) {
         self.passes.run_belts(self, [1.0 + hold * elapsed, 0.0]);
     }
 
-    /// Moves slips on by belts that have run for `elapsed` \[s\], before they are [traced](Batch::trace).
+    /// Adds the motion of belts that have run for `elapsed` \[s\] to the slips, before these are
+    /// [traced](Batch::trace).
     pub fn carry_belts(&mut self, elapsed: f32) {
         self.passes.run_belts(self, [0.0, elapsed]);
     }
 
-    /// Adds the torques of resistance that are held to the velocities.
+    /// Applies the accumulated torques of resistance to the velocities.
     pub fn apply_resistance(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.passes.apply_resistance(self, velocities);
     }
 
-    /// [`SurfaceEffects::resist`] of all manifolds.
+    /// Applies [`SurfaceEffects::resist`] to all manifolds.
     pub fn resist(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.passes.resist(self, velocities);
     }
 
-    /// Moves gaps and slips on, once bodies have moved by `displacements`, and gives what the points hand to
-    /// the next step, one manifold's after the other's, to where the system was told to
-    /// ([`Packed::whole`](super::Packed::whole)): `hold` is that of [`Repair`].
+    /// Updates gaps and slips after the bodies have moved by `displacements`. Writes the data that
+    /// points pass to the next step, ordered by manifold, to the slice given to
+    /// [`Packed::whole`](super::Packed::whole). `hold` is that of [`Repair`].
     pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
         self.passes.trace(self, displacements, hold);
     }
 }
 
-/// What a system has besides blocks and points: who is where, traces of all points, surfaces of all blocks.
+/// Other data of a system: its coloring, the cached impulses of all points, and the surface effects
+/// of all blocks.
 type Of<'a, V, const L: usize, const A: usize> =
     (&'a Coloring, DisjointSlice<'a, CachedImpulse<L>>, DisjointSlice<'a, SurfaceEffects<V, L, A>>);
 
-/// Into the batches it is made of.
+/// Splits a batch into the extents of which it is made.
 impl<V: Lanes, const L: usize, const A: usize> Divide for Batch<'_, V, L, A> {
     fn count(&self) -> usize {
         self.extents.len()
@@ -195,7 +203,7 @@ impl<V: Lanes, const L: usize, const A: usize> Divide for Batch<'_, V, L, A> {
     }
 }
 
-/// All of a packed system, to be read.
+/// A packed system that is only read.
 #[derive(Clone, Copy)]
 pub(crate) struct View<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a [Block<V, L, A>],
@@ -206,7 +214,7 @@ pub(crate) struct View<'a, V: Lanes, const L: usize, const A: usize> {
 
 pub(super) type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
 
-/// What is done to blocks, by the names of the methods of [`Batch`] and [`Packed`](super::Packed).
+/// Passes over blocks, named as the methods of [`Batch`] and [`Packed`](super::Packed).
 pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync {
     fn prepare(&self, block: &mut Block<V, L, A>, points: &mut [Contact<V, L>], softness: f32);
 
@@ -228,7 +236,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
 
     fn sweep(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
 
-    /// Length of the substep and softness.
+    /// `terms` are the length of the substep \[s\] and the softness.
     fn renew(
         &self,
         batch: &mut Batch<'_, V, L, A>,
@@ -244,7 +252,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         landing: Option<Landing<'_, L, A>>,
     );
 
-    /// Target and time of [`SurfaceEffects::run`].
+    /// `parts` are the target \[1\] and the time \[s\] of [`SurfaceEffects::run`].
     fn run_belts(&self, batch: &mut Batch<'_, V, L, A>, parts: [f32; 2]);
 
     fn apply_resistance(&self, batch: &mut Batch<'_, V, L, A>, velocities: &mut Velocities<L, A>);
@@ -259,7 +267,8 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         done: &[bool],
     );
 
-    /// With residuals, for the line: both as in [`Packed::certify`](super::Packed::certify).
+    /// `which` says whether to compute residuals and the line, as in
+    /// [`Packed::certify`](super::Packed::certify).
     fn certify<'a>(
         &self,
         all: View<'_, V, L, A>,
@@ -269,7 +278,7 @@ pub(crate) trait Passes<V: Lanes, const L: usize, const A: usize>: Debug + Sync 
         scratch: &'a mut CertificateScratch<L, A>,
     ) -> &'a [Certificate];
 
-    /// Of rigid contacts.
+    /// Returns the residual of rigid contacts. \[m/s\]
     fn residual(&self, all: View<'_, V, L, A>, velocities: &Velocities<L, A>) -> f32;
 
     fn overlap(&self, all: View<'_, V, L, A>) -> f32;

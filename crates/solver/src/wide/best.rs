@@ -1,4 +1,4 @@
-//! [`Wide`]: a packed system on the best lanes of this machine, chosen when it runs.
+//! [`Wide`]: a packed system on the best lanes of this machine, chosen at run time.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -15,27 +15,27 @@ use crate::lanes::{Avx2, avx2_available};
 use crate::thread_pool::{Divide, ThreadPool};
 use crate::{InverseMass, Manifold, Repair, SurfaceEffects, System, Velocity};
 
-/// A system of `f32` contacts, packed, on the best lanes of this machine.
+/// A packed system of `f32` contacts on the best lanes of this machine.
 #[derive(Clone, Debug)]
 pub enum Wide<const L: usize, const A: usize> {
-    /// On any machine.
+    /// Lanes for any machine.
     Portable(Packed<Portable, L, A>),
-    /// On one with AVX2.
+    /// Lanes for a machine with AVX2.
     #[cfg(target_arch = "x86_64")]
     Avx2(Packed<Avx2, L, A>),
 }
 
-/// A [`Batch`] of it.
+/// A [`Batch`] of a [`Wide`] system.
 #[derive(Debug)]
 pub enum WideBatch<'a, const L: usize, const A: usize> {
-    /// On any machine.
+    /// Lanes for any machine.
     Portable(Batch<'a, Portable, L, A>),
-    /// On one with AVX2.
+    /// Lanes for a machine with AVX2.
     #[cfg(target_arch = "x86_64")]
     Avx2(Batch<'a, Avx2, L, A>),
 }
 
-/// Does the same on whichever lanes there are.
+/// Evaluates the same expression on whichever lanes there are.
 macro_rules! on_lanes {
     ($of:expr, $own:ident => $do:expr) => {
         match $of {
@@ -47,7 +47,7 @@ macro_rules! on_lanes {
 }
 
 impl<const L: usize, const A: usize> Wide<L, A> {
-    /// An empty one.
+    /// Returns an empty system on the best lanes of this machine.
     pub fn new() -> Self {
         #[cfg(target_arch = "x86_64")]
         if avx2_available() {
@@ -56,12 +56,12 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         Self::Portable(Packed::new())
     }
 
-    /// [`Packed::set_pool`].
+    /// Calls [`Packed::set_pool`].
     pub fn set_pool(&mut self, pool: Arc<ThreadPool>) {
         on_lanes!(self, packed => packed.set_pool(pool));
     }
 
-    /// [`Packed::pack`].
+    /// Calls [`Packed::pack`].
     pub fn pack(
         &mut self,
         rows: &impl ManifoldSource<L>,
@@ -71,17 +71,17 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         on_lanes!(self, packed => packed.pack(rows, masses, softness));
     }
 
-    /// [`Packed::forget`].
+    /// Calls [`Packed::forget`].
     pub fn forget(&mut self) {
         on_lanes!(self, packed => packed.forget());
     }
 
-    /// [`Packed::unpack`].
+    /// Calls [`Packed::unpack`].
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
         on_lanes!(self, packed => packed.unpack(system));
     }
 
-    /// [`Packed::take_surfaces`].
+    /// Calls [`Packed::take_surfaces`].
     pub fn take_surfaces(
         &mut self,
         surfaces: Option<impl FnMut(usize, &Manifold<f32, L>) -> SurfaceEffects<f32, L, A>>,
@@ -89,22 +89,22 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         on_lanes!(self, packed => packed.take_surfaces(surfaces));
     }
 
-    /// [`Packed::give_surfaces`].
+    /// Calls [`Packed::give_surfaces`].
     pub fn give_surfaces(&self, to: impl FnMut(&Manifold<f32, L>, &SurfaceEffects<f32, L, A>)) {
         on_lanes!(self, packed => packed.give_surfaces(to));
     }
 
-    /// [`Packed::take_impacts`].
+    /// Calls [`Packed::take_impacts`].
     pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
         on_lanes!(self, packed => packed.take_impacts(system));
     }
 
-    /// [`Packed::take_impulses`].
+    /// Calls [`Packed::take_impulses`].
     pub fn take_impulses(&mut self, system: &System<f32, L, A>) {
         on_lanes!(self, packed => packed.take_impulses(system));
     }
 
-    /// [`Packed::set_targets`].
+    /// Calls [`Packed::set_targets`].
     pub fn set_targets(
         &mut self,
         displacements: &[Velocity<f32, L, A>],
@@ -114,17 +114,17 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         on_lanes!(self, packed => packed.set_targets(displacements, turning, repair));
     }
 
-    /// [`Packed::set_islands`].
+    /// Calls [`Packed::set_islands`].
     pub fn set_islands(&mut self, islands: &Islands) {
         on_lanes!(self, packed => packed.set_islands(islands));
     }
 
-    /// [`Packed::gradients`].
+    /// Calls [`Packed::gradients`].
     pub fn gradients(&self) -> &[f32] {
         on_lanes!(self, packed => packed.gradients())
     }
 
-    /// [`Packed::certify`].
+    /// Calls [`Packed::certify`].
     pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
         &self,
         velocities: &[Velocity<f32, L, A>],
@@ -137,27 +137,27 @@ impl<const L: usize, const A: usize> Wide<L, A> {
         })
     }
 
-    /// [`Packed::residual`].
+    /// Calls [`Packed::residual`].
     pub fn residual(&self, velocities: &[Velocity<f32, L, A>]) -> f32 {
         on_lanes!(self, packed => packed.residual(velocities))
     }
 
-    /// [`Packed::overlap`].
+    /// Calls [`Packed::overlap`].
     pub fn overlap(&self) -> f32 {
         on_lanes!(self, packed => packed.overlap())
     }
 
-    /// [`Packed::begin_conjugate`].
+    /// Calls [`Packed::begin_conjugate`].
     pub fn begin_conjugate(&mut self) {
         on_lanes!(self, packed => packed.begin_conjugate());
     }
 
-    /// [`Packed::conjugate`].
+    /// Calls [`Packed::conjugate`].
     pub fn conjugate(&mut self, velocities: &mut [Velocity<f32, L, A>], done: &[bool]) {
         on_lanes!(self, packed => packed.conjugate(velocities, done));
     }
 
-    /// [`Packed::whole`].
+    /// Calls [`Packed::whole`].
     pub fn whole<'a>(&'a mut self, traces: &'a mut [CachedImpulse<L>]) -> WideBatch<'a, L, A> {
         match self {
             Self::Portable(packed) => WideBatch::Portable(packed.whole(traces)),
@@ -174,32 +174,32 @@ impl<const L: usize, const A: usize> Default for Wide<L, A> {
 }
 
 impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
-    /// [`Batch::bodies`].
+    /// Calls [`Batch::bodies`].
     pub fn bodies(&self) -> Range<usize> {
         on_lanes!(self, batch => batch.bodies())
     }
 
-    /// [`Batch::runs`].
+    /// Calls [`Batch::runs`].
     pub fn runs(&self) -> usize {
         on_lanes!(self, batch => batch.runs())
     }
 
-    /// [`Batch::apply_impulses`].
+    /// Calls [`Batch::apply_impulses`].
     pub fn apply_impulses(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         on_lanes!(self, batch => batch.apply_impulses(velocities));
     }
 
-    /// [`Batch::sweep`].
+    /// Calls [`Batch::sweep`].
     pub fn sweep(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         on_lanes!(self, batch => batch.sweep(velocities));
     }
 
-    /// [`Batch::sweep_normals`].
+    /// Calls [`Batch::sweep_normals`].
     pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         on_lanes!(self, batch => batch.sweep_normals(velocities));
     }
 
-    /// [`Batch::sweep_normals_to_targets`].
+    /// Calls [`Batch::sweep_normals_to_targets`].
     pub fn sweep_normals_to_targets(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
@@ -212,12 +212,12 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
         });
     }
 
-    /// [`Batch::renew`].
+    /// Calls [`Batch::renew`].
     pub fn renew(&mut self, bodies: MovedBodies<'_, L, A>, terms: [f32; 2]) -> bool {
         on_lanes!(self, batch => batch.renew(bodies, terms))
     }
 
-    /// [`Batch::relax`].
+    /// Calls [`Batch::relax`].
     pub fn relax(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
@@ -227,32 +227,32 @@ impl<const L: usize, const A: usize> WideBatch<'_, L, A> {
         on_lanes!(self, batch => batch.relax(velocities, renewed, landing));
     }
 
-    /// [`Batch::has_surfaces`].
+    /// Calls [`Batch::has_surfaces`].
     pub fn has_surfaces(&self) -> bool {
         on_lanes!(self, batch => batch.has_surfaces())
     }
 
-    /// [`Batch::run_belts`].
+    /// Calls [`Batch::run_belts`].
     pub fn run_belts(&mut self, elapsed: f32, hold: f32) {
         on_lanes!(self, batch => batch.run_belts(elapsed, hold));
     }
 
-    /// [`Batch::carry_belts`].
+    /// Calls [`Batch::carry_belts`].
     pub fn carry_belts(&mut self, elapsed: f32) {
         on_lanes!(self, batch => batch.carry_belts(elapsed));
     }
 
-    /// [`Batch::apply_resistance`].
+    /// Calls [`Batch::apply_resistance`].
     pub fn apply_resistance(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         on_lanes!(self, batch => batch.apply_resistance(velocities));
     }
 
-    /// [`Batch::resist`].
+    /// Calls [`Batch::resist`].
     pub fn resist(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         on_lanes!(self, batch => batch.resist(velocities));
     }
 
-    /// [`Batch::trace`].
+    /// Calls [`Batch::trace`].
     pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
         on_lanes!(self, batch => batch.trace(displacements, hold));
     }

@@ -1,4 +1,4 @@
-//! [`Block`]: sixteen manifolds side by side.
+//! [`Block`]: sixteen manifolds in lanes.
 
 use super::rows::{LaneSlots, ManifoldSource, open};
 use crate::color::{Coloring, LaneMap};
@@ -7,35 +7,35 @@ use crate::lanes::{GatherLanes, KernelLanes, Lanes, WIDTH, lanes_of};
 use crate::pgs::is_center;
 use crate::{Contact, InverseMass, Manifold, Mobility, Vector, Velocity};
 
-/// Points of blocks of which single lanes are taken in, at most.
+/// Largest number of points in a block whose lanes are read one by one.
 const FEW: usize = 8;
 
-/// Lanes that are taken in one by one, at most: all together is faster then.
+/// Largest number of lanes that are read one by one; beyond it, reading all together is faster.
 const SINGLY: u32 = 5;
 
-/// Up to sixteen manifolds that move different bodies.
+/// Up to sixteen manifolds, no two of which move the same body.
 #[derive(Clone, Debug)]
 pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
-    /// The lanes in use, as bits.
+    /// Lanes in use, as bits.
     pub(super) used: u16,
     pub(super) bodies: [[u32; WIDTH]; 2],
-    /// All of these are from the first to before the second: the bodies of its batch.
+    /// Range of the bodies of its batch, which contains all its `bodies`.
     pub(super) reach: [u32; 2],
-    /// Of each side, the lanes whose body can be moved, as bits.
+    /// For each side, the lanes whose body can be moved, as bits.
     pub(super) moving: [u16; 2],
-    /// The same of those whose body is in another batch: it stands. The other body of the manifold is named
-    /// in its stead.
+    /// For each side, the lanes whose body is in another batch, as bits. Such a body has zero
+    /// velocity, and `bodies` names the other body of the manifold in its place.
     pub(super) away: [u16; 2],
     pub(super) islands: [u32; WIDTH],
-    /// Whether all that its manifolds have is a point in the center.
+    /// Whether each manifold has a single point, at its center.
     pub(super) center: bool,
-    /// Whether J has been renewed where bodies turned, and half of what that changes J^T gamma by: what a
-    /// gains and b loses before velocities are solved.
+    /// Whether J has been renewed where bodies rotate, and half of the resulting change of J^T
+    /// gamma: the momenta that a gains and b loses before velocities are solved. \[N s, N m s\]
     pub(super) renewed: bool,
     pub(super) lag: [Velocity<V, L, A>; 2],
     pub(super) masses: [InverseMass<V, L, A>; 2],
     pub(super) mobility: Mobility<V, L, A>,
-    /// `bodies` of this one mean nothing: each lane has its own.
+    /// The `bodies` of this manifold have no meaning, since each lane has its own.
     pub(super) manifold: Manifold<V, L>,
 }
 
@@ -57,7 +57,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Gives it other manifolds in lanes that are stale, and idle ones something of its batch.
+    /// Assigns new manifolds to stale lanes, and bodies of the batch to idle lanes.
     pub(super) fn seat(&mut self, members: &LaneMap, coloring: &Coloring) {
         let LaneMap { used, stale, manifolds } = members;
         let batch = coloring.key(manifolds[0]).batch;
@@ -87,7 +87,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         self.used = *used;
     }
 
-    /// The bodies of each side, those of other batches included.
+    /// Returns the bodies of each side, including those of other batches.
     #[inline(always)]
     fn bodies_of(&self, members: &LaneMap, coloring: &Coloring) -> [[u32; WIDTH]; 2] {
         let mut out = self.bodies;
@@ -99,7 +99,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         out
     }
 
-    /// Takes those of its manifolds in that are stale, and their points.
+    /// Reads the stale manifolds and their points.
     #[inline(always)]
     pub(super) fn take(
         &mut self,
@@ -118,7 +118,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             for side in 0..2 {
                 take_masses(&mut self.masses[side], masses, &all, side);
             }
-            // All else is taken, or follows from it.
+            // All other data is read, or follows from it.
             for contact in &mut *points {
                 (contact.target, contact.impact) = (Vector::ZERO, V::ZERO);
             }
@@ -145,7 +145,8 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Takes W of its bodies anew, where they have turned: the masses of the bodies from number `first` on.
+    /// Updates W of its bodies after they have rotated. `masses` are those of the bodies from index
+    /// `first` on.
     #[inline(always)]
     pub(super) fn take_turned(&mut self, first: usize, masses: &[InverseMass<f32, L, A>]) {
         let still = InverseMass::FIXED;
@@ -161,7 +162,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Finds the effective masses of its points ([`Contact::prepare`]).
+    /// Computes the effective masses of its points ([`Contact::prepare`]).
     #[inline(always)]
     pub(super) fn prepare(&mut self, points: &mut [Contact<V, L>], softness: V) {
         self.center = is_center(points);
@@ -172,7 +173,8 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+    /// Computes the effective masses of points that feel `B` components of rotation
+    /// ([`Manifold::twist_felt`]).
     #[inline(always)]
     fn prepare_felt<const B: usize>(&mut self, points: &mut [Contact<V, L>], softness: V) {
         self.mobility.set_felt::<B>(&self.manifold, &self.masses);
@@ -181,7 +183,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// The manifold in a lane, which is between these bodies, without its points.
+    /// Returns the manifold in a lane, without its points. It is between these bodies.
     pub(super) fn manifold_in(&self, lane: usize, bodies: [u32; 2]) -> Manifold<f32, L> {
         let wide = &self.manifold;
         Manifold {
@@ -198,24 +200,24 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// The bodies of each lane.
+    /// Returns the bodies of each lane.
     ///
     /// # Panics
-    /// One is in another batch.
+    /// A body is in another batch.
     pub(super) fn pairs(&self) -> [[u32; 2]; WIDTH] {
         assert_eq!(self.away, [0; 2], "manifolds within one batch");
         let [a, b] = &self.bodies;
         std::array::from_fn(|lane| [a[lane], b[lane]])
     }
 
-    /// The island of all its manifolds, if it is one.
+    /// Returns the island of all its manifolds, if it is the same.
     #[inline(always)]
     pub(super) fn island(&self) -> Option<u32> {
         let [first, ..] = self.islands;
         self.islands.iter().fold(true, |one, of| one & (*of == first)).then_some(first)
     }
 
-    /// Whether all its manifolds belong to islands that are done.
+    /// Returns whether all its manifolds belong to islands that are done.
     #[inline(always)]
     pub(super) fn is_done(&self, done: &[bool]) -> bool {
         let is_done = |island: u32| done.get(island as usize).copied().unwrap_or(true);
@@ -226,7 +228,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     }
 }
 
-/// Puts a vector into a lane of a wide one.
+/// Sets a lane of a wide vector.
 pub(super) fn set<V: Lanes, const N: usize>(
     wide: &mut Vector<V, N>,
     lane: usize,
@@ -237,7 +239,7 @@ pub(super) fn set<V: Lanes, const N: usize>(
     }
 }
 
-/// Puts M^-1 of a body into a lane.
+/// Sets a lane of a wide M^-1.
 #[inline(always)]
 fn set_mass<V: Lanes, const L: usize, const A: usize>(
     wide: &mut InverseMass<V, L, A>,
@@ -250,7 +252,7 @@ fn set_mass<V: Lanes, const L: usize, const A: usize>(
     }
 }
 
-/// Puts what [`ManifoldSource::take`] gives of a manifold into a lane.
+/// Sets a lane of a wide manifold to the data that [`ManifoldSource::take`] reads.
 #[inline(always)]
 fn set_manifold<V: Lanes, const L: usize>(
     wide: &mut Manifold<V, L>,
@@ -272,7 +274,7 @@ fn set_manifold<V: Lanes, const L: usize>(
     }
 }
 
-/// The same of a point.
+/// Sets `place`, `gap`, `impulse` and `impact` of a point in a lane.
 #[inline(always)]
 fn set_contact<V: Lanes, const L: usize>(
     wide: &mut Contact<V, L>,
@@ -285,8 +287,8 @@ fn set_contact<V: Lanes, const L: usize>(
     wide.impact.set(lane, own.impact);
 }
 
-/// Opens points in lanes that have become idle: what is left in them would go on, towards numbers that some
-/// processors are slow with.
+/// Opens the points in idle lanes. Otherwise their data would keep changing, towards subnormal
+/// numbers, which are slow on some processors.
 #[inline(always)]
 fn clear<V: Lanes, const L: usize>(points: &mut [Contact<V, L>], idle: u16) {
     for lane in lanes_of(idle) {
@@ -297,7 +299,7 @@ fn clear<V: Lanes, const L: usize>(points: &mut [Contact<V, L>], idle: u16) {
     }
 }
 
-/// Takes M^-1 of the bodies of a side.
+/// Reads M^-1 of the bodies on a side.
 #[inline(always)]
 fn take_masses<V: GatherLanes, const L: usize, const A: usize>(
     wide: &mut InverseMass<V, L, A>,
@@ -316,7 +318,7 @@ pub(super) fn splat<V: KernelLanes>(value: f32) -> V {
     V::from_array([value; WIDTH])
 }
 
-/// What a lane of a contact has.
+/// Returns the contact in a lane.
 pub(super) fn contact_in<V: Lanes, const L: usize>(
     wide: &Contact<V, L>,
     lane: usize,

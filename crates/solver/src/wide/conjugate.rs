@@ -1,24 +1,24 @@
-//! [`nncg`](crate::nncg) on packed systems, island by island.
+//! Conjugate gradients ([`nncg`](crate::nncg)) on packed systems, island by island.
 
 use super::block::Block;
 use crate::island::{Islands, NONE};
 use crate::lanes::{Lanes, WIDTH};
 use crate::{Vector, Velocity, nncg};
 
-/// What conjugate gradients keep from iteration to iteration.
+/// State of conjugate gradients between iterations.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Conjugate<V: Lanes, const L: usize, const A: usize> {
-    /// Of each point: impulses before the sweep, and directions.
+    /// For each point, the impulse before the sweep, and the search direction p.
     pub(super) before: Vec<Vector<V, L>>,
     pub(super) direction: Vec<Vector<V, L>>,
-    /// Of each body: the velocities that go with them.
+    /// For each body, the velocity before the sweep, and M^-1 J^T p.
     pub(super) velocities: Vec<Velocity<f32, L, A>>,
     pub(super) ways: Vec<Velocity<f32, L, A>>,
-    /// |g|^2 of each block.
+    /// g|^2 of each block. \[J\]
     pub(super) gradients: Vec<V>,
-    /// The island of each body.
+    /// Island of each body.
     pub(super) of_body: Vec<u32>,
-    /// Of each island: |g|^2 of this iteration and of the one before, and beta.
+    /// For each island, |g|^2 of this iteration and of the last one \[J\], and beta.
     sizes: Vec<f32>,
     sizes_before: Vec<f32>,
     pub(super) betas: Vec<f32>,
@@ -27,19 +27,20 @@ pub(super) struct Conjugate<V: Lanes, const L: usize, const A: usize> {
 impl<V: Lanes, const L: usize, const A: usize> Conjugate<V, L, A> {
     pub(super) fn set_islands(&mut self, islands: &Islands) {
         self.of_body.clone_from(&islands.of_body);
-        // One more for what belongs to no island.
+        // The last entry is for manifolds without an island.
         for of_islands in [&mut self.sizes, &mut self.sizes_before, &mut self.betas] {
             of_islands.resize(islands.count + 1, 0.0);
         }
     }
 
-    /// |g|^2 of each island.
+    /// Returns |g|^2 of each island. \[J\]
     pub(super) fn sizes(&self) -> &[f32] {
         let islands = self.sizes.len().saturating_sub(1);
         &self.sizes[..islands]
     }
 
-    /// Forgets the directions of the last system. This one has so many blocks and points.
+    /// Forgets the search directions of the last system, and sizes the state for so many blocks and
+    /// points.
     pub(super) fn begin(&mut self, blocks: usize, points: usize) {
         self.before.resize(points, Vector::ZERO);
         self.direction.resize(points, Vector::ZERO);
@@ -47,16 +48,16 @@ impl<V: Lanes, const L: usize, const A: usize> Conjugate<V, L, A> {
         self.velocities.resize(self.of_body.len(), Velocity::ZERO);
         self.ways.resize(self.of_body.len(), Velocity::ZERO);
         self.sizes_before.fill(f32::INFINITY);
-        // With which all directions begin at 0.
+        // With beta = 0, all search directions start at 0.
         self.betas.fill(0.0);
     }
 
-    /// beta of each island, from the gradients of its blocks, always in the same order.
+    /// Computes beta of each island from the gradients of its blocks, always in the same order.
     #[inline(always)]
     pub(super) fn find_betas(&mut self, blocks: &[Block<V, L, A>], done: &[bool]) {
         self.sizes.fill(0.0);
         let last = self.sizes.len() - 1;
-        // Blocks of one island that follow each other are summed side by side.
+        // Consecutive blocks of one island are summed lane by lane.
         let (mut island, mut sum) = (NONE, V::ZERO);
         let of = |island: u32| (island as usize).min(last);
         let total = |of: V| (0..WIDTH).map(|lane| of.get(lane)).sum::<f32>();
@@ -80,12 +81,12 @@ impl<V: Lanes, const L: usize, const A: usize> Conjugate<V, L, A> {
         for (beta, (&size, before)) in self.betas.iter_mut().zip(sizes) {
             *beta = nncg::beta_of(size, before);
         }
-        // What has no island has no direction.
+        // Manifolds without an island have no search direction.
         self.betas[last] = 0.0;
     }
 }
 
-/// What there is of an island; the last belongs to none.
+/// Returns the entry of an island; the last entry is for manifolds without an island.
 #[inline(always)]
 pub(super) fn of(island: u32, all: &[f32]) -> f32 {
     all[(island as usize).min(all.len() - 1)]

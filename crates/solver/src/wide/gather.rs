@@ -7,17 +7,20 @@ use crate::thread_pool::DisjointSlice;
 use crate::{Velocity, each_lane};
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
-    /// The velocities, or whatever else, of the bodies in each lane, `from` that of body number `first` on.
+    /// Returns the velocities, or other such data, of the bodies in each lane. `from` begins with
+    /// body `first`.
     #[inline(always)]
     pub(super) fn gather_from(
         &self,
         first: usize,
         from: &[Velocity<f32, L, A>],
     ) -> [Velocity<V, L, A>; 2] {
-        // SAFETY: nobody changes what is borrowed.
+        // SAFETY: the slice is borrowed, so nobody changes it.
         unsafe { self.gather(&DisjointSlice::reading(first, from)) }
     }
 
+    /// Returns the velocities of the bodies in each lane.
+    ///
     /// # Safety
     /// Nobody changes the velocities of its bodies at the same time.
     #[inline(always)]
@@ -31,7 +34,7 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     }
 
     /// # Safety
-    /// As for `gather`, and checked.
+    /// The conditions of `gather` hold, and the bodies have been checked.
     #[inline(always)]
     unsafe fn gather_side<C: KernelLanes>(
         &self,
@@ -41,7 +44,8 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         let bodies = &self.bodies[side];
         let mut numbers = [C::ZERO; 8];
         let at = each_lane!(lane => from.place(bodies[lane]).cast::<f32>().cast_const());
-        // SAFETY: as the caller promises; a velocity takes up whole rows, as which they are read fastest.
+        // SAFETY: as the caller promises. A velocity takes up whole rows, which are the fastest to
+        // read.
         unsafe { gather(at, &mut numbers[..(L + A).max(4)]) };
         if self.away[side] != 0 {
             self.stop(side, &mut numbers[..L + A]);
@@ -52,7 +56,8 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         out
     }
 
-    /// Sets the numbers of bodies of other batches to zero, where those of their partners are.
+    /// Sets the velocities of bodies in other batches to zero; they are those of the other bodies
+    /// of their manifolds.
     #[inline(always)]
     fn stop<C: KernelLanes>(&self, side: usize, numbers: &mut [C]) {
         let mut away = [0.0; WIDTH];
@@ -65,7 +70,11 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Stops where a body of the block is not there: lanes are read and written without a look.
+    /// Checks that the bodies of the block are in a slice, since lanes are read and written
+    /// unchecked.
+    ///
+    /// # Panics
+    /// Some are not.
     #[inline(always)]
     pub(super) fn check(&self, of: &DisjointSlice<'_, Velocity<f32, L, A>>) {
         const { assert!(size_of::<Velocity<f32, L, A>>() >= size_of::<Row>() * (L + A).div_ceil(4)) };

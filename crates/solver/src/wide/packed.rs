@@ -1,4 +1,4 @@
-//! [`Packed`]: a system in lanes.
+//! [`Packed`]: a contact system packed into lanes.
 
 use std::sync::Arc;
 
@@ -17,8 +17,8 @@ use crate::lanes::{Lanes, WIDTH};
 use crate::thread_pool::{DisjointSlice, Divide, ThreadPool, chunks_with_parts};
 use crate::{Contact, InverseMass, Manifold, Repair, SurfaceEffects, System, Velocity};
 
-/// Blocks of a strip that are taken in one after the other, at least, and one of each color: what is read for
-/// them stays in the first cache.
+/// Least number of blocks in a strip; a strip also has at least one block of each color. Blocks are
+/// packed strip by strip, so that the data read for them stays in the level-1 cache.
 const STRIP: usize = 32;
 
 /// A system of `f32` contacts, packed into lanes of type `V`.
@@ -26,12 +26,12 @@ const STRIP: usize = 32;
 pub struct Packed<V: Lanes, const L: usize, const A: usize> {
     blocks: Vec<Block<V, L, A>>,
     contacts: Vec<Contact<V, L>>,
-    /// Of each block; none where no surface runs or resists rolling.
+    /// Surface effects of each block; empty if no surface runs or resists rolling.
     surfaces: Vec<SurfaceEffects<V, L, A>>,
     coloring: Coloring,
     extents: Vec<BatchRange>,
     conjugate: Conjugate<V, L, A>,
-    /// The softness of its points; `None` if they have to be taken in anew.
+    /// Softness of the points; `None` if all manifolds have to be read again.
     softness: Option<f32>,
     pool: Arc<ThreadPool>,
     passes: &'static dyn Passes<V, L, A>,
@@ -44,7 +44,7 @@ impl<V: Lanes, const L: usize, const A: usize> Default for Packed<V, L, A> {
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
-    /// An empty one.
+    /// Returns an empty system.
     pub fn new() -> Self {
         Self {
             blocks: Vec::new(),
@@ -59,13 +59,14 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         }
     }
 
-    /// Lets a pool work on it; results do not depend on it.
+    /// Sets the thread pool that works on the system. Results do not depend on it.
     pub fn set_pool(&mut self, pool: Arc<ThreadPool>) {
         self.pool = pool;
     }
 
-    /// Takes manifolds in between bodies of these masses, and finds the effective masses of their
-    /// points ([`Contact::prepare`]). Leaves those alone that are [kept](Reuse::Kept).
+    /// Packs manifolds between bodies of these masses, and computes the effective masses of their
+    /// points ([`Contact::prepare`]). Manifolds that are [kept](Reuse::Kept) are not read again,
+    /// unless the softness has changed.
     pub fn pack<R: ManifoldSource<L>>(
         &mut self,
         rows: &R,
@@ -104,7 +105,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         let (pool, runs) = (whole.pool, whole.runs());
         pool.for_each(runs > 1, whole.divide(runs), |mut run| {
             let Batch { coloring, passes, .. } = run;
-            // A batch stays in the cache as it is.
+            // Several batches need no strips, since each fits into the cache.
             let blocks = if run.count() > 1 { 0 } else { run.size() };
             let strips = (blocks / STRIP.max(coloring.colors.len())).max(1);
             BlocksMut::new(&mut run).each(
@@ -128,17 +129,20 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         });
     }
 
-    /// All bodies and manifolds as one, to be split into what can be solved through all substeps, one after
-    /// the other ([`ManifoldSource::stands`]). [`Batch::trace`] writes to `traces`, as many as there are points; without
-    /// it they can be none.
+    /// Returns all bodies and manifolds as one batch. It can be split into batches that are solved
+    /// one after the other, each through all substeps ([`ManifoldSource::stands`]).
+    ///
+    /// [`Batch::trace`] writes to `traces`, which has one element for each point. Without `trace`,
+    /// it may be empty.
     pub fn whole<'a>(&'a mut self, traces: &'a mut [CachedImpulse<L>]) -> Batch<'a, V, L, A> {
         let Self { extents, blocks, contacts, surfaces, coloring, pool, passes, .. } = self;
         let (traces, surfaces) = (DisjointSlice::new(0, traces), DisjointSlice::new(0, surfaces));
         Batch::new(extents, blocks, contacts, (coloring, traces, surfaces), (pool, *passes))
     }
 
-    /// Takes in what the surfaces of each manifold do, by its number and itself without its points. Nothing, until
-    /// this is called again, where there are none.
+    /// Sets the surface effects of each manifold. The function gets the index of the manifold, and
+    /// the manifold without its points. With `None` there are no surface effects until the next
+    /// call.
     pub fn take_surfaces(
         &mut self,
         surfaces: Option<impl FnMut(usize, &Manifold<f32, L>) -> SurfaceEffects<f32, L, A>>,
@@ -152,7 +156,8 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         }
     }
 
-    /// Gives each manifold without its points, and what its surfaces have come to; nothing where none do anything.
+    /// Passes each manifold without its points, and the current effects of its surfaces, to a
+    /// function. Does nothing if there are no surface effects.
     pub fn give_surfaces(&self, mut to: impl FnMut(&Manifold<f32, L>, &SurfaceEffects<f32, L, A>)) {
         if !self.surfaces.is_empty() {
             for ([block, lane], manifold) in seats(&self.coloring, &self.blocks) {
@@ -161,7 +166,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         }
     }
 
-    /// Gives `system` the manifolds and contacts as they are now.
+    /// Writes the manifolds and contacts to `system` as they are now.
     pub fn unpack(&self, system: &mut System<f32, L, A>) {
         let System { manifolds, contacts, .. } = system;
         manifolds.clear();
@@ -192,8 +197,9 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         });
     }
 
-    /// [`System::set_targets`]; `turning` are the velocities at which the substep will move bodies, if
-    /// any turns ([`kinematics`](crate::kinematics)).
+    /// Sets the targets of all contacts as [`System::set_targets`] does. `turning` are the
+    /// velocities at which the substep will move the bodies, if any rotates
+    /// ([`kinematics`](crate::kinematics)).
     pub fn set_targets(
         &mut self,
         displacements: &[Velocity<f32, L, A>],
@@ -210,12 +216,12 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         View { blocks, contacts, coloring, pool }
     }
 
-    /// Has [`Packed::conjugate`] begin anew, without directions.
+    /// Makes [`Packed::conjugate`] start again, without search directions.
     pub fn begin_conjugate(&mut self) {
         self.conjugate.begin(self.blocks.len(), self.contacts.len());
     }
 
-    /// One iteration of [`nncg`](crate::nncg) over the islands that are not `done`.
+    /// Runs one iteration of [`nncg`](crate::nncg) over the islands that are not `done`.
     pub fn conjugate(&mut self, velocities: &mut [Velocity<f32, L, A>], done: &[bool]) {
         let mut state = std::mem::take(&mut self.conjugate);
         let passes = self.passes;
@@ -223,14 +229,16 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         self.conjugate = state;
     }
 
-    /// |g|^2 of each island in the last iteration; 0 where it was done. \[J\]
+    /// Returns |g|^2 of each island in the last iteration, or 0 if the island was done. \[J\]
     pub fn gradients(&self) -> &[f32] {
         self.conjugate.sizes()
     }
 
-    /// The certificate of each island ([`certificate`](crate::certificate)), in `f64`, with the
-    /// masses that `scratch` was given; with `RESIDUALS` or G alone, for the best impulses on the `LINE`
-    /// or those at hand.
+    /// Returns the certificate of each island ([`certificate`](crate::certificate)), computed in
+    /// `f64` with the masses of `scratch`.
+    ///
+    /// With `RESIDUALS` it has all residuals, otherwise none. With `LINE` it is for the best
+    /// impulses on the line, otherwise for the current ones.
     pub fn certify<'a, const RESIDUALS: bool, const LINE: bool>(
         &self,
         velocities: &[Velocity<f32, L, A>],
@@ -247,24 +255,24 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         )
     }
 
-    /// Has all be taken in anew by the next [`Packed::pack`].
+    /// Makes the next [`Packed::pack`] read all manifolds again.
     pub fn forget(&mut self) {
         self.softness = None;
     }
 
-    /// Takes over the impulses of collisions from the contacts of `system`. The next [`Packed::pack`] takes
-    /// all in anew.
+    /// Copies the impulses of collisions from the contacts of `system`. The next [`Packed::pack`]
+    /// reads all manifolds again.
     pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
         self.forget();
         self.copy_in(system, |wide, lane, contact| wide.impact.set(lane, contact.impact));
     }
 
-    /// Takes over the impulses from the contacts of `system`.
+    /// Copies the impulses from the contacts of `system`.
     pub fn take_impulses(&mut self, system: &System<f32, L, A>) {
         self.copy_in(system, |wide, lane, contact| set(&mut wide.impulse, lane, &contact.impulse));
     }
 
-    /// `copy` for each contact of `system` and its lane.
+    /// Calls `copy` for each contact of `system`, with the wide contact and its lane.
     fn copy_in(
         &mut self,
         system: &System<f32, L, A>,
@@ -279,17 +287,17 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         }
     }
 
-    /// [`System::residual`] of rigid contacts between bodies that move so. \[m/s\]
+    /// Returns [`System::residual`] of rigid contacts for these velocities. \[m/s\]
     pub fn residual(&self, velocities: &[Velocity<f32, L, A>]) -> f32 {
         self.passes.residual(self.view(), velocities)
     }
 
-    /// How far the deepest contact overlaps; 0 if none does. \[m\]
+    /// Returns the deepest overlap of a contact, or 0 if none overlaps. \[m\]
     pub fn overlap(&self) -> f32 {
         self.passes.overlap(self.view())
     }
 
-    /// Tells each manifold which island it belongs to.
+    /// Sets the island of each manifold.
     pub fn set_islands(&mut self, islands: &Islands) {
         self.conjugate.set_islands(islands);
         for block in self.blocks.iter_mut().filter(|block| block.used != 0) {
@@ -298,7 +306,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     }
 }
 
-/// Block and lane of each manifold, and itself without its points.
+/// Returns the block and lane of each manifold, and the manifold without its points.
 fn seats<'a, V: Lanes, const L: usize, const A: usize>(
     coloring: &'a Coloring,
     blocks: &'a [Block<V, L, A>],

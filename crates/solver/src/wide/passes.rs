@@ -1,7 +1,7 @@
-//! The passes over a packed system, block by block.
+//! Passes over a packed system, block by block.
 //!
-//! They are most of the code that there is to compile, and it is hard to optimise. So it is compiled
-//! once, with this crate, for every kind of lanes and bodies: who uses a packed system calls it through
+//! They are most of the code to compile, and they are hard to optimize. So they are compiled once,
+//! with this crate, for all lanes and bodies. Users of a packed system call them through
 //! [`Passes`].
 
 use std::any::Any;
@@ -21,17 +21,17 @@ use crate::lanes::{Lanes, PART, Portable, WIDTH, lanes_of};
 use crate::thread_pool::DisjointSlice;
 use crate::{Contact, SurfaceEffects, Velocity, nncg};
 
-/// Bodies that are worth as much as the least that is shared, in a certificate.
+/// Grain size of the pass over the bodies in a certificate.
 const CERTIFICATE_GRAIN: usize = 16;
 
-/// The same, in an iteration of conjugate gradients.
+/// Grain size of the pass over the bodies in an iteration of conjugate gradients.
 const CONJUGATE_GRAIN: usize = 256;
 
 /// References to `&dyn Passes<V, L, A>`, one for each kind of bodies.
 type Table = [&'static dyn Any; 4];
 
-/// The [`Table`] of a type of lanes. Whatever it stands in must not be generic, nor be inlined: it is
-/// where they are compiled.
+/// Makes the [`Table`] of a type of lanes. The function that contains it must be neither generic
+/// nor inlined, since the passes are compiled there.
 macro_rules! table {
     ($lanes:ty) => {
         [
@@ -54,10 +54,11 @@ fn avx2() -> Table {
     table!(Avx2)
 }
 
-/// The passes for these lanes and bodies.
+/// Returns the passes for these lanes and bodies.
 ///
 /// # Panics
-/// There are no such lanes or bodies: neither particles nor rigid ones, in the plane nor in space.
+/// The lanes are unknown, or the bodies are neither particles nor rigid bodies in two or three
+/// dimensions.
 pub(super) fn passes<V: Lanes, const L: usize, const A: usize>() -> &'static dyn Passes<V, L, A> {
     let tables = [
         portable(),
@@ -296,7 +297,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<V, L, A> for Compiled {
     }
 }
 
-/// The largest of what blocks and their points have; nothing comes of points that are not there.
+/// Returns the largest value of any block. Absent points do not count.
 #[inline(always)]
 fn worst<V: Lanes, const L: usize, const A: usize>(
     all: View<'_, V, L, A>,
@@ -307,7 +308,7 @@ fn worst<V: Lanes, const L: usize, const A: usize>(
         #[inline(always)]
         || {
             for block in all.blocks.iter().filter(|block| block.used != 0) {
-                // In this order, what is no number is passed over.
+                // With the arguments in this order, NaN is ignored.
                 worst = of(block, &all.contacts[block.manifold.points()]).max(worst);
             }
         },
@@ -335,19 +336,19 @@ fn visit_all<V: Lanes, const L: usize, const A: usize, const LAW: u8, const FRIC
     );
 }
 
-/// One iteration over the islands that are not `done`.
+/// Runs one iteration over the islands that are not `done`.
 fn iterate<V: Lanes, const L: usize, const A: usize>(
     state: &mut Conjugate<V, L, A>,
     batch: &mut Batch<'_, V, L, A>,
     velocities: &mut [Velocity<f32, L, A>],
     done: &[bool],
 ) {
-    // Bodies of what is done must not go on: most of its contacts do not.
+    // Bodies of islands that are done must stop, as most of their contacts do.
     let of_done = state.betas.iter_mut().zip(done).filter(|(_, done)| **done);
     of_done.for_each(|(beta, _)| *beta = 0.0);
     let betas = &state.betas;
     let pool = batch.pool;
-    // v <- v + beta M^-1 J^T p, of what the bodies know of the last sweep.
+    // v <- v + beta M^-1 J^T p, from the changes of the velocities in the last sweep.
     let (useful, share) = pool.share(velocities.len(), CONJUGATE_GRAIN);
     let bodies = velocities.chunks_mut(share).zip(state.of_body.chunks(share));
     let bodies = bodies.zip(state.velocities.chunks_mut(share).zip(state.ways.chunks_mut(share)));
@@ -361,7 +362,7 @@ fn iterate<V: Lanes, const L: usize, const A: usize>(
                 {
                     let beta = of(island, betas);
                     *way = nncg::next_way(velocity, before, way, beta);
-                    // Not read back: memory written in parts and read as a whole is waited for.
+                    // The velocity is not read back: a wide load after narrower stores would stall.
                     let moved = *velocity + *way * beta;
                     (*velocity, *before) = (moved, moved);
                 }

@@ -1,38 +1,39 @@
-//! What goes into a packed system, [`ManifoldSource`], and what comes out, [`CachedImpulse`].
+//! Input of a packed system, [`ManifoldSource`], and its output, [`CachedImpulse`].
 
 use crate::color::Reuse;
 use crate::lanes::{GatherLanes, WIDTH};
 use crate::{Contact, Manifold, Real, System, Vector};
 
-/// Manifolds and their points, to be packed.
+/// A source of manifolds and their points, to be packed.
 pub trait ManifoldSource<const L: usize>: Sync {
-    /// How many manifolds there are.
+    /// Returns the number of manifolds.
     fn count(&self) -> usize;
 
-    /// The bodies of a manifold and how many points it has.
+    /// Returns the bodies of a manifold and its number of points.
     fn key(&self, manifold: u32) -> ([u32; 2], u32);
 
-    /// Whether the keys are those of the last time, and need not be gone through. By default they
-    /// may be others.
+    /// Returns whether the keys are those of the last call and need not be read. The default is
+    /// `false`.
     fn same_keys(&self) -> bool {
         false
     }
 
-    /// What a manifold was the time before. By default all are new.
+    /// Returns the state of a manifold relative to the last call. By default all manifolds are new.
     fn reuse(&self, manifold: u32) -> Reuse {
         let _ = manifold;
         Reuse::New
     }
 
-    /// Whether a body that cannot be moved does not move at all: its manifolds can be in several batches. By
-    /// default none is known to.
+    /// Returns whether a body that cannot be moved has zero velocity. The manifolds of such a body
+    /// can be in several batches. The default is `false`.
     fn stands(&self, body: u32) -> bool {
         let _ = body;
         false
     }
 
-    /// Takes manifolds to their seats, and their points, place, gap and impulse, to `points`, which are as many
-    /// or more: one that is not there is [`FAR`] open.
+    /// Reads manifolds into the lanes `seats`, and `place`, `gap` and `impulse` of their points
+    /// into `points`. There may be more `points` than a manifold has; an absent point has the gap
+    /// [`FAR`].
     fn take<V: GatherLanes>(
         &self,
         seats: &LaneSlots<'_>,
@@ -41,55 +42,55 @@ pub trait ManifoldSource<const L: usize>: Sync {
     );
 }
 
-/// Where manifolds are taken to: into all lanes of a block, or one of them.
+/// Lanes into which manifolds are read: all lanes of a block, or one of them.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneSlots<'a> {
     pub(super) manifolds: &'a [u32; WIDTH],
     pub(super) bodies: &'a [[u32; WIDTH]; 2],
-    /// Of each side, the lanes whose body can be moved, as bits.
+    /// For each side, the lanes whose body can be moved, as bits.
     pub(super) moving: [u16; 2],
-    /// The lanes in question, as bits, and the first of them.
+    /// The lanes, as bits, and the first of them.
     pub(super) lanes: u16,
     pub(super) first: usize,
 }
 
 impl LaneSlots<'_> {
-    /// The number of the manifold of a lane. Lanes count from the first.
+    /// Returns the index of the manifold in a lane. Lanes are counted from the first one.
     #[inline(always)]
     pub fn manifold(&self, lane: usize) -> usize {
         self.manifolds[self.first + lane] as usize
     }
 
-    /// The body on a side of it.
+    /// Returns the body on a side of this manifold.
     #[inline(always)]
     pub fn body(&self, side: usize, lane: usize) -> usize {
         self.bodies[side][self.first + lane] as usize
     }
 
-    /// Whether that can be moved.
+    /// Returns whether this body can be moved.
     #[inline(always)]
     pub fn moves(&self, side: usize, lane: usize) -> bool {
         self.moving[side] >> (self.first + lane) & 1 != 0
     }
 
-    /// Whether all bodies can be moved.
+    /// Returns whether all bodies can be moved.
     #[inline(always)]
     pub fn all_move(&self) -> bool {
         self.moving[0] & self.moving[1] & self.lanes == self.lanes
     }
 }
 
-/// What a point hands to the next step, in the frame of its manifold ([`Contact`]).
+/// Data that a point passes to the next step, in the frame of its manifold ([`Contact`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct CachedImpulse<const L: usize> {
     /// gamma. \[N s\]
     pub impulse: Vector<f32, L>,
-    /// After the step; of the slip what friction holds. \[m\]
+    /// Gap after the step. The slip is at most what friction holds. \[m\]
     pub gap: Vector<f32, L>,
 }
 
-/// The gap of a point that is not there: so far open that it never takes an impulse. \[m\]
+/// Gap of an absent point, so wide that the point never gets an impulse. \[m\]
 pub const FAR: f32 = 1e6;
 
 impl<const L: usize, const A: usize> ManifoldSource<L> for System<f32, L, A> {
@@ -133,7 +134,7 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for System<f32, L, A> {
     }
 }
 
-/// A point that is not there.
+/// Returns an absent point.
 pub(super) fn open<T: Real, const L: usize>() -> Contact<T, L> {
     let mut contact = Contact::default();
     contact.gap[0] = T::from_f64(f64::from(FAR));

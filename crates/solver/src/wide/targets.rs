@@ -1,21 +1,23 @@
-//! [`Targets`]: what the contacts of blocks are to reach.
+//! Changes of the contacts in a block between visits: their targets ([`Targets`]), landing, and the
+//! renewal of J.
 
 use super::block::{Block, splat};
 use crate::kinematics::Moved;
 use crate::lanes::{Lanes, WIDTH};
 use crate::{Contact, InverseMass, Manifold, Repair, Vector, Velocity};
 
-/// J is renewed where that changes velocities by less than this part of what the bodies turn with: under weights,
-/// not in blows. \[1\]
+/// J is renewed only where that changes velocities by less than this fraction of the velocity from
+/// rotation. So it is renewed under weights, but not in impacts. \[1\]
 const MOST_LAG: f64 = 0.2;
 
-/// What targets are set from ([`System::set_targets`](crate::System::set_targets)).
+/// Data from which targets are set ([`System::set_targets`](crate::System::set_targets)).
 #[derive(Clone, Copy)]
 pub(crate) struct Targets<'a, V: Lanes, const L: usize, const A: usize> {
-    /// The number of the first body.
+    /// Index of the first body.
     first: usize,
     pub(super) displacements: &'a [Velocity<f32, L, A>],
-    /// Whether bodies turn, so that targets must know how paths bend ([`kinematics`](crate::kinematics)).
+    /// Whether bodies rotate, so that targets account for the curvature of paths
+    /// ([`kinematics`](crate::kinematics)).
     pub(super) turning: bool,
     repair: Repair<V>,
 }
@@ -41,7 +43,8 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
         }
     }
 
-    /// Those of the points of a block, whose bodies move at the `velocities` if any turns.
+    /// Sets the targets of the points of a block. The bodies move at `velocities`, which are given
+    /// if any body rotates.
     #[inline(always)]
     pub(super) fn set(
         &self,
@@ -56,7 +59,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
         }
     }
 
-    /// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+    /// Sets the targets of points that feel `B` components of rotation ([`Manifold::twist_felt`]).
     #[inline(always)]
     fn set_felt<const B: usize>(
         &self,
@@ -87,25 +90,25 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Targets<'a, V, L, A> {
     }
 }
 
-/// A point has landed if less than this part of its gap is left. \[1\]
+/// A point has landed if less than this fraction of its gap is left. \[1\]
 const LANDED: f64 = 1e-3;
 
-/// Where bodies are after a substep.
+/// Positions of bodies after a substep.
 #[derive(Clone, Copy)]
 pub struct Landing<'a, const L: usize, const A: usize> {
-    /// All that they have moved since gaps were measured.
+    /// Displacements since gaps were measured. \[m, rad\]
     pub displacements: &'a [Velocity<f32, L, A>],
-    /// The length of the substep. \[s\]
+    /// Length of the substep. \[s\]
     pub dt: f32,
     /// No two surfaces have approached each other faster in it. \[m/s\]
     pub approach: f32,
 }
 
-/// Sets the targets of points that have landed in the substep to 0: the bodies stop there, and do not arrive in the next
-/// substep at the speed of their approach.
+/// Sets the targets of points that have landed in the substep to 0. Their bodies stop there, and do
+/// not enter the next substep at the speed of their approach.
 ///
-/// Exceptions: bodies that bounce have their impact in the next substep, and J is out of date for bodies that
-/// have turned far. Points that are too far apart for [`Landing::approach`] are not asked.
+/// Some targets stay. Bodies that bounce have their impact in the next substep. J is out of date for
+/// bodies that have rotated far. Points that [`Landing::approach`] cannot have closed are skipped.
 #[inline(always)]
 pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     block: &Block<V, L, A>,
@@ -127,7 +130,7 @@ pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     }
 }
 
-/// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+/// Sets the targets for points that feel `B` components of rotation ([`Manifold::twist_felt`]).
 ///
 /// [`Manifold::twist_felt`]: crate::Manifold
 #[inline(always)]
@@ -145,7 +148,7 @@ fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     for contact in points {
         let gap = contact.gap[0] + contact.normal_velocity(&moved);
         let before = contact.target[0];
-        // The target was -1 / h of the gap that there was.
+        // The target was -1 / h times the gap before the substep.
         let target = (gap + before * landed).choose(before, V::ZERO);
         let target = block.manifold.restitution.choose(before, target);
         let target = holds.choose(target, before);
@@ -153,14 +156,14 @@ fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     }
 }
 
-/// Whether any of the `used` lanes is positive.
+/// Returns whether any of the `used` lanes is positive.
 #[inline(always)]
 fn any<V: Lanes>(of: V, used: u16) -> bool {
     (0..WIDTH).fold(false, |any, lane| any | (of.get(lane) > 0.0 && used >> lane & 1 != 0))
 }
 
-/// Positive where a lag \[N s, N m s\] changes velocities by less than [`MOST_LAG`] of what the bodies turn with
-/// at these spins \[rad/s\].
+/// Returns a positive number where a lag \[N s, N m s\] changes velocities by less than
+/// [`MOST_LAG`] of the velocity that rotation at these `spins` \[rad/s\] gives at the arms.
 #[inline(always)]
 fn settles<V: Lanes, const L: usize, const A: usize>(
     arms: &[Vector<V, L>; 2],
@@ -181,20 +184,22 @@ fn settles<V: Lanes, const L: usize, const A: usize>(
 /// Bodies that have moved for a substep.
 #[derive(Clone, Copy)]
 pub struct MovedBodies<'a, const L: usize, const A: usize> {
-    /// What they have moved at.
+    /// Velocities at which they have moved. \[m/s, rad/s\]
     pub velocities: &'a [Velocity<f32, L, A>],
-    /// All that they have moved since gaps were measured.
+    /// Displacements since gaps were measured. \[m, rad\]
     pub displacements: &'a [Velocity<f32, L, A>],
-    /// M^-1 where they are now.
+    /// M^-1 in the current orientations.
     pub masses: &'a [InverseMass<f32, L, A>],
-    /// Whether they turn faster than [`LEAST_SPIN`](crate::kinematics::LEAST_SPIN), or have since gaps were measured.
+    /// Whether each body rotates faster than [`LEAST_SPIN`](crate::kinematics::LEAST_SPIN), or has
+    /// done so since gaps were measured.
     pub turned: &'a [bool],
 }
 
-/// Renews J of the manifolds of a block whose bodies turn ([`kinematics`](crate::kinematics)), and M^-1.
+/// Renews J of the manifolds of a block whose bodies rotate ([`kinematics`](crate::kinematics)),
+/// and M^-1.
 ///
-/// An impulse by W of a slender body as it lay before would spin it about another axis than its own. `terms` are
-/// the length of the substep \[s\] and the softness of contacts.
+/// With the old W of a slender body, an impulse would make it spin about an axis that is not its
+/// own. `terms` are the length of the substep \[s\] and the softness of contacts.
 #[inline(always)]
 pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
     block: &mut Block<V, L, A>,
@@ -215,7 +220,7 @@ pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
     }
 }
 
-/// The same of points that feel `B` components of turning ([`Manifold::twist_felt`]).
+/// Renews J for points that feel `B` components of rotation ([`Manifold::twist_felt`]).
 ///
 /// [`Manifold::twist_felt`]: crate::Manifold
 #[inline(always)]
@@ -246,13 +251,14 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     let gap = deepest.gap[0] + deepest.normal_velocity(&before);
     let twist = if B == 0 { V::ZERO } else { V::ONE };
     let Moved { frame, arms, bend } = manifold.moved(gap, moved, twist);
-    // Half of the impulse acts by J before the motion, half by J after it.
+    // Half of the impulse acts through J before the motion, half through J after it.
     let half = V::from_f64(0.5);
     let [to_a, from_b] = manifold.momenta(&wrench);
     let next = Manifold { frame, arms, ..*manifold };
     let [to_a_next, from_b_next] = next.momenta(&wrench);
     let lag = [(to_a_next - to_a) * half, (from_b_next - from_b) * half];
-    // What is struck turns at once: that its arms lag behind would feed itself.
+    // An impact changes rotation at once, so correcting the lag of its arms would feed back on
+    // itself.
     let turns = turns.min(settles(&arms, &block.masses, &lag, spins));
     let choose = |new: Vector<V, L>, old: Vector<V, L>| {
         let mut out = old;
@@ -275,7 +281,7 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
         own.renew(&before, &after);
         contact.gap = choose(own.gap, contact.gap);
     }
-    // For all of them: what a lane gets must not depend on those beside it.
+    // Done in all lanes: the result of a lane must not depend on the other lanes.
     block.take_turned(first, bodies.masses);
     block.prepare(points, softness);
 }

@@ -1,10 +1,13 @@
-//! How a pool goes over the blocks of a packed system.
+//! Parallel sweeps over the blocks of a packed system.
 //!
-//! All members walk through the colors side by side, each over its share of the blocks of a color, and
-//! barrier after each; colors of few blocks are done by one. A share has as many blocks of long manifolds as any
-//! other, and the same bodies in all colors, as far as neighbors follow each other. Within a color no two
-//! blocks have a body in common that is written to, and each block has its own points. So what a worker
-//! touches at a [`BlockVisit`] nobody else does, and nothing depends on how many members there are.
+//! All threads go through the colors together, each over its share of the blocks of a color, and
+//! wait at a barrier after each color. The first thread does colors of few blocks alone. All shares
+//! contain about as many blocks of long manifolds. A thread visits about the same bodies in every
+//! color, if neighboring bodies have consecutive manifolds.
+//!
+//! No two blocks of a color write to the same body, and each block has its own points. So only one
+//! thread accesses the data of a [`BlockVisit`], and results do not depend on the number of
+//! threads.
 #![allow(unsafe_code)]
 
 mod ahead;
@@ -20,44 +23,44 @@ use crate::pgs::{Parts, visit};
 use crate::thread_pool::{DisjointSlice, ThreadPool, Worker};
 use crate::{Contact, SurfaceEffects, Velocity, each_lane};
 
-/// Bytes of blocks from which on what comes next is asked for ahead: by far more than the second cache holds.
-/// With less, asking takes longer than it saves.
+/// Size of the blocks from which on upcoming data is prefetched: far more than a level-2 cache
+/// holds. For less, prefetching costs more than it saves. \[bytes\]
 const LARGE: usize = 4 << 20;
 
-/// A batch and the velocities of its bodies.
+/// A sweep over the blocks of a batch, with the velocities of its bodies.
 pub(super) struct BlockSweep<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a [Block<V, L, A>],
-    /// The number of the first block.
+    /// Index of the first block.
     first: usize,
-    /// The blocks of each color to walk over.
+    /// Colors to sweep over.
     colors: &'a [Color],
     contacts: DisjointSlice<'a, Contact<V, L>>,
     velocities: DisjointSlice<'a, Velocity<f32, L, A>>,
-    /// What else visits read of bodies.
+    /// Other data of bodies that visits read.
     also: Option<DisjointSlice<'a, Velocity<f32, L, A>>>,
-    /// Whether to look ahead.
+    /// Whether to prefetch.
     large: bool,
     pool: &'a ThreadPool,
 }
 
-/// A worker's way over the blocks, from the first color to the last.
+/// Iterator over the blocks that a worker visits, from the first color to the last.
 pub(super) struct BlockIter<'a, V: Lanes, const L: usize, const A: usize> {
     ground: &'a BlockSweep<'a, V, L, A>,
     worker: &'a Worker<'a>,
-    /// Colors begun.
+    /// Number of colors begun.
     begun: usize,
-    /// Bins of the last one begun.
+    /// Number of bins begun of the last of these colors.
     bins: usize,
     share: Range<usize>,
 }
 
-/// A worker at a block.
+/// A visit of a worker to a block.
 pub(super) struct BlockVisit<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) index: usize,
     pub(super) block: &'a Block<V, L, A>,
     velocities: &'a DisjointSlice<'a, Velocity<f32, L, A>>,
     contacts: &'a DisjointSlice<'a, Contact<V, L>>,
-    /// Where to look ahead.
+    /// The sweep whose upcoming blocks to prefetch, if any.
     ahead: Option<&'a BlockSweep<'a, V, L, A>>,
 }
 
@@ -75,12 +78,12 @@ impl<'g, V: Lanes, const L: usize, const A: usize> BlockSweep<'g, V, L, A> {
         Self { blocks, first: *first, colors, contacts, velocities, also: None, large, pool }
     }
 
-    /// The same, where visits read something else of bodies, too.
+    /// Names other data of bodies that visits read, so that it is prefetched, too.
     pub(super) fn and(self, also: Option<&'g [Velocity<f32, L, A>]>) -> Self {
         Self { also: also.map(|also| self.velocities.beside(also)), ..self }
     }
 
-    /// Has the pool walk over the blocks, if they are worth it, and `visit` each.
+    /// Calls `visit` for each block, on all threads of the pool if there are enough blocks.
     #[inline(always)]
     pub(super) fn each(&self, visit: impl Fn(BlockVisit<'_, V, L, A>) + Sync) {
         self.pool.run(self.pool.is_useful(self.blocks.len()), &|worker| {
@@ -88,7 +91,8 @@ impl<'g, V: Lanes, const L: usize, const A: usize> BlockSweep<'g, V, L, A> {
             V::run(
                 #[inline(always)]
                 || {
-                    // `for_each` would be compiled apart, without the instructions of the lanes.
+                    // `for_each` would be compiled separately, without the instructions of the
+                    // lanes.
                     for at in walk {
                         visit(at);
                     }
@@ -113,7 +117,8 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for BlockIter<'a, V,
                     continue;
                 }
                 let now = colors.get(self.begun);
-                // Between two colors that the first worker does alone there is nobody to wait for.
+                // Two consecutive colors that the first worker does alone need no barrier between
+                // them.
                 let alone = |of: &Color| !self.worker.shares(of.blocks.len());
                 if before.is_some() && !(before.is_some_and(alone) && now.is_some_and(alone)) {
                     self.worker.barrier();
@@ -129,7 +134,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for BlockIter<'a, V,
             let index = self.share.next()?;
             let BlockSweep { blocks, first, contacts, velocities, large, .. } = self.ground;
             let block = &blocks[index - first];
-            // Some wait for manifolds to come.
+            // Blocks may be empty, as room for new manifolds.
             if block.used != 0 {
                 let ahead = large.then_some(self.ground);
                 let at = BlockVisit { index, block, velocities, contacts, ahead };
@@ -146,22 +151,23 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
         self.of_points(self.contacts)
     }
 
-    /// What belongs to the points of the block, in an array over all points.
+    /// Returns the elements of the block's points in an array over all points.
     #[inline(always)]
     pub(super) fn of_points<T>(&self, all: &'a DisjointSlice<'a, T>) -> &'a mut [T] {
         // SAFETY: no other block has these points, and no other worker is at this block.
         unsafe { all.get_mut(self.block.manifold.points()) }
     }
 
-    /// What belongs to the block, in an array over all blocks.
+    /// Returns the element of the block in an array over all blocks.
     #[inline(always)]
     pub(super) fn of_block<T>(&self, all: &'a DisjointSlice<'a, T>) -> &'a mut [T] {
         // SAFETY: no other worker is at this block.
         unsafe { all.get_mut(self.index..self.index + 1) }
     }
 
-    /// One visit to its manifolds ([`pgs`](crate::pgs)), in half of the lanes if they are all there; if
-    /// `lagging`, after their impulses have followed a renewed J.
+    /// Visits the manifolds of the block once ([`pgs`](crate::pgs)), in half of the lanes if the
+    /// other half is idle. If `lagging`, velocities first get the change of J^T gamma from a
+    /// renewed J.
     #[inline(always)]
     pub(super) fn visit<const LAW: u8, const FRICTION: bool>(
         &self,
@@ -173,7 +179,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
         if self.block.used >> HALF != 0 {
             return self.visit_in::<V, LAW, FRICTION>((manifold, mobility, masses), points, lag);
         }
-        // SAFETY: of what is made of lanes the layout is laid down.
+        // SAFETY: types made of lanes have a fixed layout (`repr(C)`).
         unsafe {
             let parts = (halved(manifold), halved(mobility), halved(masses));
             let lag = match lag {
@@ -214,22 +220,24 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
         }
     }
 
-    /// To be called on the way from [`gather`](Self::gather) to [`scatter`](Self::scatter).
+    /// Prefetches a part of the upcoming data. Call it between [`gather`](Self::gather) and
+    /// [`scatter`](Self::scatter).
     #[inline(always)]
     pub(super) fn between(&self) {
         self.look_ahead(2);
     }
 
-    /// The velocities of the bodies in each lane.
+    /// Returns the velocities of the bodies in each lane.
     #[inline(always)]
     pub(super) fn gather<C: KernelLanes>(&self) -> [Velocity<C, L, A>; 2] {
-        // SAFETY: bodies that are written to belong to one block of a color; only its worker is here.
+        // SAFETY: bodies that are written to belong to one block of a color, and only its worker is
+        // here.
         let velocities = unsafe { self.block.gather(self.velocities) };
         self.look_ahead(1);
         velocities
     }
 
-    /// Gives bodies that can be moved new velocities.
+    /// Sets the velocities of the bodies that can be moved.
     #[inline(always)]
     pub(super) fn scatter<C: KernelLanes>(&self, [a, b]: [Velocity<C, L, A>; 2]) {
         self.look_ahead(3);
@@ -245,15 +253,15 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
         numbers[..L].copy_from_slice(&velocity.linear.0);
         numbers[L..L + A].copy_from_slice(&velocity.angular.0);
         let to = each_lane!(lane => self.velocities.place(bodies[lane]).cast());
-        // SAFETY: checked above; nobody else is at these bodies, as in `gather`. A velocity takes up whole
-        // rows.
+        // SAFETY: the bodies are checked above, and nobody else is at them, as in `gather`. A
+        // velocity takes up whole rows.
         unsafe {
             scatter(&numbers[..L + A], to, self.block.moving[side]);
         }
     }
 }
 
-/// A packed system and the velocities of its bodies, to be read on the way over its blocks.
+/// A sweep that only reads a packed system and the velocities of its bodies.
 pub(super) struct ReadSweep<'a, V: Lanes, const L: usize, const A: usize>(BlockSweep<'a, V, L, A>);
 
 impl<'g, V: Lanes, const L: usize, const A: usize> ReadSweep<'g, V, L, A> {
@@ -271,7 +279,7 @@ impl<'g, V: Lanes, const L: usize, const A: usize> ReadSweep<'g, V, L, A> {
         })
     }
 
-    /// [`BlockSweep::each`].
+    /// Calls `visit` for each block as [`BlockSweep::each`] does.
     #[inline(always)]
     pub(super) fn each(&self, visit: impl Fn(BlockRead<'_, V, L, A>) + Sync) {
         self.0.each(
@@ -281,7 +289,7 @@ impl<'g, V: Lanes, const L: usize, const A: usize> ReadSweep<'g, V, L, A> {
     }
 }
 
-/// A worker at a block that it only reads.
+/// A visit of a worker to a block that it only reads.
 pub(super) struct BlockRead<'a, V: Lanes, const L: usize, const A: usize>(BlockVisit<'a, V, L, A>);
 
 impl<'a, V: Lanes, const L: usize, const A: usize> BlockRead<'a, V, L, A> {
@@ -289,7 +297,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockRead<'a, V, L, A> {
         self.0.block
     }
 
-    /// [`BlockVisit::gather`].
+    /// Returns the velocities of the bodies in each lane as [`BlockVisit::gather`] does.
     #[inline(always)]
     pub(super) fn gather(&self) -> [Velocity<V, L, A>; 2] {
         let velocities = self.0.gather();
@@ -298,14 +306,15 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockRead<'a, V, L, A> {
         velocities
     }
 
-    /// What belongs to the lanes of the block, in an array over those of all blocks.
+    /// Returns the elements of the block's lanes in an array over the lanes of all blocks.
     #[inline(always)]
     pub(super) fn of_lanes<T>(&self, all: &'a DisjointSlice<'a, T>) -> &'a mut [T] {
         // SAFETY: no other worker is at this block.
         unsafe { all.get_mut(WIDTH * self.0.index..WIDTH * (self.0.index + 1)) }
     }
 
-    /// What belongs to the body on a side of a lane, in an array over all bodies, if that can be moved.
+    /// Returns the element of the body on a side of a lane in an array over all bodies, if that
+    /// body can be moved.
     #[inline(always)]
     pub(super) fn of_body<'b, T>(
         &'b mut self,
@@ -315,12 +324,14 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockRead<'a, V, L, A> {
     ) -> Option<&'b mut T> {
         let moves = self.0.block.moving[side] >> lane & 1 != 0;
         let body = self.0.block.bodies[side][lane] as usize;
-        // SAFETY: bodies that can be moved belong to one block of a color; only its worker is here.
+        // SAFETY: bodies that can be moved belong to one block of a color, and only its worker is
+        // here.
         moves.then(|| unsafe { &mut all.get_mut(body..body + 1)[0] })
     }
 }
 
-/// Blocks and their points, each by itself: to be changed in any order, by the members that sweep over them.
+/// Blocks and their points, which are changed independently and in any order. Each worker takes the
+/// blocks that it also sweeps over.
 pub(super) struct BlocksMut<'a, V: Lanes, const L: usize, const A: usize> {
     blocks: DisjointSlice<'a, Block<V, L, A>>,
     contacts: DisjointSlice<'a, Contact<V, L>>,
@@ -339,9 +350,10 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlocksMut<'a, V, L, A> {
         Self { blocks, contacts, traces, surfaces, coloring, colors, pool }
     }
 
-    /// Has the pool do some `work` on each block and the points that it has room for, if they are worth it: on a
-    /// strip of each color, then the next of each. In many strips manifolds that follow each other are together, in
-    /// one blocks are.
+    /// Calls `work` for each block and the points that it has room for, on all threads of the pool
+    /// if there are enough blocks. Each worker goes over a strip of each color, then over the next
+    /// strip of each. With many strips, consecutive manifolds are close in this order; with one,
+    /// consecutive blocks are.
     #[inline(always)]
     pub(super) fn each(
         &self,
@@ -362,7 +374,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlocksMut<'a, V, L, A> {
         });
     }
 
-    /// Those of a color that a worker takes, in one of so many strips.
+    /// Calls `work` for the blocks of a color that a worker takes, in one of these strips.
     #[inline(always)]
     fn each_of(
         &self,
@@ -386,14 +398,14 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlocksMut<'a, V, L, A> {
         }
     }
 
-    /// What the surfaces of a block do; there must be some.
+    /// Returns the surface effects of a block. The system must have surface effects.
     #[inline(always)]
     pub(super) fn surface(&self, index: usize) -> &SurfaceEffects<V, L, A> {
-        // SAFETY: nobody changes them on the way over a field.
+        // SAFETY: nobody changes surface effects during a pass over the blocks.
         unsafe { &self.surfaces.get_mut(index..index + 1)[0] }
     }
 
-    /// Puts the traces of one point of each manifold of a block where they belong.
+    /// Writes the cached impulses of one point of each manifold of a block.
     #[inline(always)]
     pub(super) fn trace(&self, index: usize, point: usize, contact: &Contact<V, L>) {
         let members = &self.coloring.members[index];
@@ -409,7 +421,8 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlocksMut<'a, V, L, A> {
         numbers[..L].copy_from_slice(&contact.impulse.0);
         numbers[L..2 * L].copy_from_slice(&contact.gap.0);
         let to = each_lane!(lane => self.traces.place(at[lane]).cast());
-        // SAFETY: just checked; no other block has these points. A trace is so many numbers.
+        // SAFETY: the range was just checked, and no other block has these points. A cached impulse
+        // is as many numbers.
         unsafe { scatter(&numbers[..2 * L], to, lanes) };
     }
 }

@@ -1,4 +1,4 @@
-//! A system and its matrices: the same velocities at contacts, the same residual, the same solution.
+//! Tests that a system and its matrices agree on contact velocities, residuals and solutions.
 
 use crate::common::{Random, Recipe, assert_all_close, assert_close, random_scene};
 use drystone_solver::assembled::{Assembly, Limits, Problem, ProblemError, Status, ladder};
@@ -7,8 +7,8 @@ use drystone_solver::{
     Contact, InverseMass, Manifold, SymmetricMatrix, System, Vector, Velocity, contact_frame,
 };
 
-/// Soft contacts between random bodies, one of which can only slide, and a contact between two
-/// walls, one of which moves.
+/// Returns soft contacts between random bodies, one of which cannot rotate, and contacts with two
+/// walls. One of the walls moves and touches the other.
 fn any_system<const L: usize, const A: usize>(seed: u64, friction: bool) -> System<f64, L, A> {
     let random = &mut Random(seed);
     let recipe = Recipe {
@@ -40,8 +40,9 @@ fn any_system<const L: usize, const A: usize>(seed: u64, friction: bool) -> Syst
     system
 }
 
-/// The largest velocity error of a contact, from what matrices say of it: the normal condition, and
-/// how far a step along the slip takes the friction.
+/// Returns the largest natural residual of a contact, computed from the impulses `r` and velocities
+/// `u` of the matrix problem. It covers the normal condition and the change of friction by a
+/// projected step against the slip. \[m/s\]
 fn natural_residual<const L: usize, const A: usize>(
     system: &System<f64, L, A>,
     assembly: &Assembly,
@@ -92,7 +93,8 @@ fn matrices_agree<const L: usize, const A: usize>(seed: u64, friction: bool) {
     }
     assert_all_close(u.iter().copied(), expected, 1e-10);
     let (residual, gap) = (certify(&system, &prospective).natural_residual, assembly.gap(&warm));
-    // Along the line of impulses that the certificate searches it can only be less.
+    // The certificate searches a line of impulses that starts here, and along it the gap only
+    // falls.
     assert!(certify(&system, &prospective).gap <= gap * (1.0 + 1e-9), "seed {seed} ({L},{A})");
     assert_close(natural_residual(&system, &assembly, &warm, &u), residual, 1e-10);
 }
@@ -132,7 +134,7 @@ fn a_solution_by_matrices_is_certified() {
     }
 }
 
-/// A body that turns about one axis only, which is along no axis of the world.
+/// A body that can rotate only about one axis, which is parallel to no world axis.
 #[test]
 fn locked_axes_stay_locked() {
     let (axis, n) = (Vector([0.6, 0.0, 0.8]), Vector([0.0, 1.0, 0.0]));
@@ -154,7 +156,7 @@ fn locked_axes_stay_locked() {
     system.add_manifold(manifold, &[Contact::default()]);
     system.prepare(0.0);
     let problem = Problem::of_system(&system).unwrap();
-    // r x n = (0, 0, 1), of which the axis has 0.8.
+    // r x n = (0, 0, 1), whose component along the axis is 0.8.
     assert_close(problem.matrix()[(0, 0)], 2.0 + 5.0 * 0.8 * 0.8, 1e-12);
 }
 

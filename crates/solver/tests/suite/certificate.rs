@@ -1,14 +1,15 @@
-//! The certificate never promises too much, and little too little.
+//! Tests that the error bound of the certificate holds, and that it is tight.
 
 use crate::common::{Random, Recipe, random_scene};
 use drystone_solver::certificate::{Certificate, certify};
 use drystone_solver::solution::{Goal, Status};
 use drystone_solver::{InverseMass, System, Velocity, ladder, newton, pgs};
 
-/// As good as f64 gets.
+/// About as accurate as `f64` allows.
 const EXACT: Goal = Goal { tolerance: 1e-12, budget: 200 };
 
-/// A system that one can stand in: prospective velocities, a guess of zero, soft contacts.
+/// Returns a random system with prospective velocities, zero impulses and contacts of this
+/// softness.
 fn random_system<const L: usize, const A: usize>(
     random: &mut Random,
     friction: bool,
@@ -32,7 +33,7 @@ fn random_system<const L: usize, const A: usize>(
     system
 }
 
-/// sqrt((v - w) . M (v - w) / m): what the certificate bounds. \[m/s\]
+/// Returns sqrt((v - w) . M (v - w) / m), the quantity that the certificate bounds. \[m/s\]
 fn apart<const L: usize, const A: usize>(
     system: &System<f64, L, A>,
     v: &[Velocity<f64, L, A>],
@@ -47,12 +48,12 @@ fn apart<const L: usize, const A: usize>(
     (squared / mass).sqrt()
 }
 
-/// Whether anything can be solved at all.
+/// Returns whether no contact of the system has a body that can move.
 fn is_trivial<const L: usize, const A: usize>(system: &System<f64, L, A>) -> bool {
     system.contacts.iter().all(|contact| contact.effective_mass == 0.0)
 }
 
-/// Largest bound over true error that was met, and how many pairs were compared.
+/// Ratios of the certified bound to the true error, one for each comparison.
 struct Tightness {
     ratios: Vec<f64>,
 }
@@ -69,7 +70,7 @@ fn bound_holds<const L: usize, const A: usize>(
     }
     let mut exact = system.clone();
     let solution = newton::solve(&mut exact, &EXACT);
-    // Another formula for the same law: that of the sweeps.
+    // The residual of the sweeps is another formula for the same law.
     let residual = exact.residual(false);
     assert!(residual < 1e-8, "seed {seed} ({L},{A}): {residual} after {solution:?}");
     let mut sweeping = system.clone();
@@ -81,7 +82,7 @@ fn bound_holds<const L: usize, const A: usize>(
         if truth > 1e-6 {
             tightness.ratios.push(certificate.error() / truth);
         }
-        // Velocities that the impulses do not give.
+        // Perturbed velocities, which no longer agree with the impulses.
         let mut strayed = sweeping.clone();
         for (velocity, mass) in strayed.velocities.iter_mut().zip(&system.masses) {
             if *mass != InverseMass::FIXED {
@@ -119,14 +120,16 @@ fn the_bound_is_never_violated_and_tight() {
             at(1.0)
         );
         assert!(ratios.len() > 1000);
-        // The stiffer a contact, the more a small error of its impulse weighs.
+        // The stiffer a contact, the more a small error of its impulse weighs, and the looser the
+        // bound.
         if softness >= 0.1 {
             assert!(at(0.99) < 20.0);
         }
     }
 }
 
-/// Coulomb friction: Newton's method with renewed shifts ends where the law of the sweeps holds.
+/// With Coulomb friction, Newton's method with updated shifts converges to a point that satisfies
+/// the law of the sweeps.
 fn friction_is_solved<const L: usize, const A: usize>(seed: u64, failed: &mut usize) {
     let system = random_system::<L, A>(&mut Random(seed), true, 0.01);
     if is_trivial(&system) {
@@ -153,7 +156,7 @@ fn newton_solves_coulomb_friction() {
     assert!(failed <= 40, "{failed} of 1000 systems did not converge");
 }
 
-/// What one method cannot do, the next one can.
+/// The ladder of methods solves systems on which single methods fail.
 fn ladder_solves<const L: usize, const A: usize>(seed: u64, failed: &mut usize) {
     let system = random_system::<L, A>(&mut Random(seed), true, 0.01);
     if is_trivial(&system) {

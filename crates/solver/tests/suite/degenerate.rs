@@ -1,5 +1,5 @@
-//! What no method may stumble over: copies of a contact, contacts at which nothing moves, masses far
-//! apart, targets that contradict each other. Each ends with a status and finite numbers.
+//! Tests on degenerate systems: copies of a contact, contacts between fixed bodies, extreme mass
+//! ratios and contradictory targets. Every method must end with a status and finite numbers.
 
 use crate::common::Scene;
 use drystone_solver::assembled::ladder::{self, MatrixMethod};
@@ -11,7 +11,7 @@ use drystone_solver::{System, Vector, jam, newton, nncg, pgs, psor, symmetric};
 
 type OnBodies<const L: usize, const A: usize> = fn(&mut System<f64, L, A>, &Goal) -> Solution;
 
-/// Runs every method; returns those that solved the system to 1e-6 m/s, or to a residual of 1e-9.
+/// Runs every method. Returns those that solved the system to 1e-6 m/s, or to a residual of 1e-9.
 fn solved_by<const L: usize, const A: usize>(
     name: &str,
     system: &System<f64, L, A>,
@@ -55,7 +55,7 @@ fn solved_by<const L: usize, const A: usize>(
     solved
 }
 
-/// Velocities and impulses are finite numbers.
+/// Asserts that velocities and impulses are finite.
 fn check<const L: usize, const A: usize>(name: &str, method: &str, system: &System<f64, L, A>) {
     for velocity in &system.velocities {
         let finite = velocity.dot(velocity).is_finite();
@@ -67,12 +67,12 @@ fn check<const L: usize, const A: usize>(name: &str, method: &str, system: &Syst
     }
 }
 
-/// The axis along which everything happens.
+/// Returns the axis along which the bodies move and touch.
 fn up<const L: usize>() -> Vector<f64, L> {
     Vector(std::array::from_fn(|i| if i == 1 { 1.0 } else { 0.0 }))
 }
 
-/// A ball that falls onto a floor with `copies` of one contact.
+/// Returns a ball that falls onto a floor, with `copies` of one contact.
 fn fallen<const L: usize, const A: usize>(copies: usize) -> Scene<L, A> {
     let mut scene = Scene::new();
     let floor = scene.wall();
@@ -109,7 +109,7 @@ fn nothing_moves<const L: usize, const A: usize>() {
         scene.system.prepare(0.05);
         let solved = solved_by("two walls", &scene.system);
         assert!(solved.contains(&"newton") && solved.contains(&"ladder"), "({L},{A}): {solved:?}");
-        // There is nothing between walls that could jam.
+        // Contacts between walls cannot jam.
         assert_eq!(jam::find(&scene.system, &mut Islands::default(), 0.1, 0), []);
     }
 }
@@ -126,7 +126,7 @@ fn masses<const L: usize, const A: usize>(ratio: f64) {
     assert!(solved.contains(&"newton"), "{name}: {solved:?}");
 }
 
-/// A ball in a slot too narrow for it, both sides of which want it out at 1 m/s.
+/// A ball is squeezed between two walls, and both contacts have a target of 1 m/s.
 fn contradiction<const L: usize, const A: usize>(softness: f64) {
     let mut scene = Scene::<L, A>::new();
     let ball = scene.ball(Vector::ZERO, 1.0);
@@ -150,7 +150,7 @@ fn contradiction<const L: usize, const A: usize>(softness: f64) {
     let jams = jam::find(&own, &mut Islands::default(), 0.1, 0);
     assert_eq!(jams.len(), 1, "{name}");
     assert_eq!((&jams[0].contacts[..], &jams[0].bodies[..]), (&[0, 1][..], &[0, 1, 2][..]));
-    // It has 1 m/s on either side, less what it moves.
+    // Each contact misses 1 m/s; the velocity of the ball cancels in the mean.
     assert!((jams[0].missing - 1.0).abs() < 1e-6, "{name}: {jams:?}");
 }
 

@@ -1,4 +1,5 @@
-//! Two ways to one answer: matrices and sweeps, f64 and f32, any order, a scene and its mirror.
+//! Equivalence tests: matrices and sweeps, `f64` and `f32`, any order of contacts, and a scene and
+//! its mirror image lead to one answer.
 
 use crate::common::counting::Counting;
 use crate::common::{Random, Recipe, Scene, assert_all_close, random_scene};
@@ -43,14 +44,16 @@ mod assembled {
         velocities,
     };
 
-    /// gamma_i <- max(0, gamma_i + m_eff (t_i - v_n)) is row i of projected Gauss-Seidel on A + E.
+    /// Compares sweeps: gamma_i <- max(0, gamma_i + m_eff (t_i - v_n)) is row i of projected
+    /// Gauss-Seidel on A + E.
     fn sweep_by_sweep<const L: usize, const A: usize>(seed: u64, softness: f64) {
         let random = &mut Random(seed);
         let mut system = any_scene::<L, A>(random).system;
         system.prepare(softness);
         let a = soften(&system_matrix(&system), &compliance(&system));
         let (b, v) = (rhs(&system), velocities(&system));
-        // From impulses of any kind, which the system holds before they have moved anything.
+        // The sweeps start from arbitrary impulses, before the system has applied them to the
+        // velocities.
         for contact in &mut system.contacts {
             contact.impulse[0] = random.within(0.0, 1.0);
         }
@@ -79,7 +82,7 @@ mod assembled {
     }
 }
 
-/// The same source in f32: equal to f64 but for the rounding of f32.
+/// Sweeps in `f32` equal sweeps in `f64` up to the rounding of `f32`.
 fn single_precision<const L: usize, const A: usize>(seed: u64) {
     let mut single: System<f32, L, A> = any_scene::<L, A>(&mut Random(seed)).system.cast();
     let mut double: System<f64, L, A> = single.cast();
@@ -95,7 +98,7 @@ fn single_precision<const L: usize, const A: usize>(seed: u64) {
 const REPAIR: Repair<f32> =
     Repair { dt: 0.01, rate: 0.2, slop: 0.001, push_speed: 1.0, hold: 20.0 };
 
-/// Some substeps of a packed system.
+/// Returns a system after three substeps in packed form.
 fn packed<V: Lanes, const L: usize, const A: usize>(
     system: &System<f32, L, A>,
     displacements: &[Velocity<f32, L, A>],
@@ -120,7 +123,7 @@ fn packed<V: Lanes, const L: usize, const A: usize>(
     system
 }
 
-/// Enough manifolds for many blocks, with gaps.
+/// Returns a system with random gaps and enough manifolds for many blocks.
 fn crowd<const L: usize, const A: usize>(random: &mut Random) -> System<f64, L, A> {
     let recipe = Recipe {
         bodies: 2 + random.below(40),
@@ -135,8 +138,8 @@ fn crowd<const L: usize, const A: usize>(random: &mut Random) -> System<f64, L, 
     system
 }
 
-/// Lanes give the bits of one number at a time, in the order of the lanes, whatever type
-/// holds them.
+/// Sweeps in lanes give the bits of sweeps over single contacts in the order of the lanes, for
+/// every lane type.
 fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let mut scene = crowd::<L, A>(random);
@@ -189,7 +192,8 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
     }
 }
 
-/// A manifold's center may be any place in its plane: its only point, where no turning is felt, or another.
+/// The result does not depend on where in its plane a manifold has its center. A single point at
+/// the center, which feels no rotation, gives the same result as one elsewhere.
 fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let recipe = Recipe { bodies: 60, manifolds: 200, points: 1 + seed as usize % 2, walls: true };
@@ -221,7 +225,7 @@ fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
     }
 }
 
-/// Points at different heights are several manifolds.
+/// Points at different heights need separate manifolds.
 #[test]
 #[should_panic(expected = "points in one plane")]
 fn a_point_off_the_plane_is_refused() {
@@ -237,15 +241,15 @@ fn a_center_is_anywhere() {
     }
 }
 
-/// A system of which some manifolds are kept, and some have changed.
+/// A source of which some manifolds are kept and some have changed.
 struct Keeping<'a, const L: usize, const A: usize> {
     system: &'a System<f32, L, A>,
     reuse: Vec<Reuse>,
-    /// Whether it has the outlines of the time before.
+    /// Whether the keys are those of the last call.
     same: bool,
-    /// Whether it tells which bodies do not move at all.
+    /// Whether the source reports the fixed bodies that have zero velocity.
     standing: bool,
-    /// Lanes that were taken in.
+    /// Number of lanes that were read.
     taken: AtomicUsize,
 }
 
@@ -281,8 +285,8 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for Keeping<'_, L, A> {
     }
 }
 
-/// A step of a system that is kept and of one that is taken in anew, from `system` on, which is what both lead
-/// to. Returns how many lanes the first one took in.
+/// Steps `system` with the packed system `keeping` and with one packed from scratch, and checks
+/// that the results are equal. Returns the number of lanes that `keeping` read.
 fn step_both<const L: usize, const A: usize>(
     keeping: &mut Packed<Portable, L, A>,
     seen: &System<f32, L, A>,
@@ -315,8 +319,9 @@ fn step_both<const L: usize, const A: usize>(
     rows.taken.into_inner()
 }
 
-/// What is kept in lanes is not looked at, and has the bits of what was traced and is taken in again. It is
-/// not kept if its softness is another, if there is one manifold less of few, or if it was to be forgotten.
+/// Kept manifolds are not read again, and have the bits of manifolds that are written to the cache
+/// and packed again. They are read again after a change of softness, when one of few manifolds is
+/// removed, and after [`Packed::forget`].
 fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let mut system: System<f32, L, A> = crowd::<L, A>(random).cast();
@@ -325,7 +330,7 @@ fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
         let softness = if round < 3 { 0.1 } else { 0.2 };
         let mut seen = system.clone();
         match round {
-            // All are kept: nobody sees this.
+            // All manifolds are kept, so the changed friction is not read.
             2 => seen.manifolds.iter_mut().for_each(|manifold| manifold.friction += 1.0),
             4 => {
                 let last = system.manifolds.pop().unwrap();
@@ -353,14 +358,15 @@ fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
     }
 }
 
-/// Manifolds come and go among those that are kept, which stay in most of their blocks. Returns how many lanes
-/// are taken in by a pool of so many `members`, round by round. In the end some have other friction each time.
+/// Manifolds are added to and removed from a packed system whose other manifolds mostly keep their
+/// blocks. Returns the number of lanes that a pool of `members` threads reads in each round. In the
+/// last rounds some manifolds also change their friction.
 fn come_and_go(members: usize) -> Vec<usize> {
     let random = &mut Random(11);
     let recipe = Recipe { bodies: 2700, manifolds: 4500, points: 4, walls: true };
     let whole: System<f32, 3, 3> = random_scene::<3, 3>(random, recipe).system.cast();
     let mut system = whole.clone();
-    // Of each manifold of the whole, its number in the system.
+    // The index in `system` of each manifold of `whole`.
     let mut numbers: Vec<Option<u32>> = (0..whole.manifolds.len() as u32).map(Some).collect();
     let mut keeping = Packed::<Portable, 3, 3>::new();
     keeping.set_pool(Arc::new(ThreadPool::new(members)));
@@ -407,14 +413,15 @@ fn blocks_stay_while_others_come_and_go() {
     assert_eq!(come_and_go(2), taken);
 }
 
-/// All bodies as one island.
+/// Returns all bodies as one island.
 fn all_as_one<const L: usize, const A: usize>(system: &System<f32, L, A>) -> Islands {
     let mut islands = Islands::default();
     (islands.of_body, islands.count) = (vec![0; system.velocities.len()], 1);
     islands
 }
 
-/// Enough manifolds and blocks that a pool shares them, taken in, swept and conjugated by teams of every size.
+/// Thread pools of every size give the bits of one thread, with enough blocks to be shared among
+/// the threads. Covers packing, sweeps and conjugate iterations.
 fn threads_and_one<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let recipe = Recipe { bodies: 1200, manifolds: 4500, points: 4, walls: true };
@@ -452,7 +459,8 @@ fn thread_pools_of_any_size_and_one() {
     in_all_four!(threads_and_one, 11);
 }
 
-/// Crowds on one ground, which comes first, and on walls that move, one crowd's bodies after the other's.
+/// Returns 100 crowds, with the bodies of one crowd after those of the other. Most crowds stand on
+/// one ground, which is body 0; the others have their own walls.
 fn crowds<const L: usize, const A: usize>(random: &mut Random) -> System<f32, L, A> {
     let mut all: System<f32, L, A> = System::new();
     all.add_body(Velocity::ZERO, InverseMass::FIXED);
@@ -473,8 +481,8 @@ fn crowds<const L: usize, const A: usize>(random: &mut Random) -> System<f32, L,
     all
 }
 
-/// Of each island, |g|^2 is that of its contacts, wherever they are in the lanes; and when some are done, the bodies
-/// of all still have what their contacts gave them.
+/// g|^2 of each island is the sum over its own contacts, whichever lanes hold them. After some
+/// islands are done, the velocities of all bodies still agree with the impulses of their contacts.
 fn gradients_by_island<const L: usize, const A: usize>(seed: u64) {
     let start = crowds::<L, A>(&mut Random(seed));
     let mut islands = Islands::default();
@@ -506,7 +514,7 @@ fn gradients_by_island<const L: usize, const A: usize>(seed: u64) {
     for (&found, &size) in wide.gradients().iter().zip(&expected) {
         assert!((f64::from(found) - size).abs() <= 1e-5 * size, "{found} and {size}");
     }
-    // Done once they have directions.
+    // Islands are done only after they have search directions.
     for iteration in 0..5 {
         let done = |island| iteration > 1 && island % 3 == 0;
         let done: Vec<bool> = (0..islands.count).map(done).collect();
@@ -526,8 +534,8 @@ fn gradients_are_of_islands() {
     in_all_four!(gradients_by_island, 17);
 }
 
-/// Batches each through all substeps, one after the other or on several threads at once, have the bits of
-/// substeps of everything.
+/// Solving each batch through all substeps, one after the other or on several threads, gives the
+/// bits of substeps over the whole system.
 fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let mut system = crowds::<L, A>(random);
@@ -589,7 +597,7 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
         assert_eq!(by(&mut side_by_side, true, 3), expected);
         system = expected.0;
         if round == 1 {
-            // Two of a batch and the next: it has to be divided otherwise.
+            // A manifold between two batches: the system has to be partitioned differently.
             let manifold = Manifold { bodies: join, ..system.manifolds[0] };
             let points = system.contacts[manifold.points()].to_vec();
             for body in join {
@@ -606,7 +614,8 @@ fn batches_and_everything() {
     in_all_four!(batches_and_whole, 5);
 }
 
-/// The certificate of all contacts together, by lanes and by one number at a time.
+/// Returns the certificate of all contacts together, once computed in lanes and once contact by
+/// contact.
 fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     start: &System<f32, L, A>,
 ) -> [Certificate; 2] {
@@ -631,7 +640,7 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     let at_hand = packed.certify::<false, false>(v, prospective, &islands, &mut scratch)[0];
     let lanes = packed.certify::<true, true>(v, prospective, &islands, &mut scratch)[0];
     let one = certify(&system, prospective);
-    // What bodies are pushed by along conjugate directions is what their contacts would give them.
+    // The velocity changes along conjugate directions agree with the impulses of the contacts.
     let energy = |(velocity, mass): (&Velocity<f32, L, A>, &InverseMass<f32, L, A>)| {
         mass.mass().squared(&velocity.cast())
     };
@@ -644,7 +653,8 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
     [lanes, one]
 }
 
-/// G without the defect, of the impulses at hand: by its definition, one contact after the other.
+/// G without the defect, for the current impulses: summed by its definition, one contact after the
+/// other.
 fn losses<const L: usize, const A: usize>(system: &System<f64, L, A>) -> f64 {
     let mut sum = 0.0;
     for manifold in &system.manifolds {
@@ -691,8 +701,8 @@ fn certificates_of_lanes_and_one() {
     }
 }
 
-/// Certificates of many islands have the bits of one thread on any number of them, again and again, with a pool that
-/// has worked together.
+/// Certificates of many islands have the same bits on one thread and on several. The check repeats
+/// with a thread pool that has already been used.
 fn certificates_by_threads<const L: usize, const A: usize>(seed: u64) {
     let start = crowds::<L, A>(&mut Random(seed));
     let mut islands = Islands::default();
@@ -744,7 +754,7 @@ fn certificates_do_not_depend_on_the_threads() {
 #[test]
 fn a_block_moves_each_body_once() {
     let random = &mut Random(7);
-    // More manifolds on body 1 than there are colors.
+    // Body 1 has more manifolds than there are colors.
     let pairs: Vec<([u32; 2], u32)> = (0..300)
         .map(|i| {
             let other = 2 + random.below(40) as u32;
@@ -775,8 +785,7 @@ fn a_block_moves_each_body_once() {
     }
 }
 
-/// With a soft system, whose solution is the only one, the order of visits does not change where
-/// the sweeps lead.
+/// A soft system has a unique solution, so sweeps in any order converge to it.
 fn any_order<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let mut system = any_scene::<L, A>(random).system;
@@ -805,13 +814,13 @@ fn any_order<const L: usize, const A: usize>(seed: u64) {
     }
 }
 
-/// A vector in a mirror across the plane x = 0.
+/// Mirrors a vector across the plane x = 0.
 fn reflected<const N: usize>(mut vector: Vector<f64, N>) -> Vector<f64, N> {
     vector[0] = -vector[0];
     vector
 }
 
-/// A rotation in that mirror: what turns in the mirror's plane keeps its sense.
+/// Mirrors an angular velocity. A rotation whose plane is parallel to the mirror keeps its sense.
 fn turned<const A: usize>(omega: Vector<f64, A>) -> Vector<f64, A> {
     if A == 3 { reflected(-omega) } else { -omega }
 }
@@ -823,7 +832,8 @@ fn mirrored<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Syste
             Velocity { linear: reflected(velocity.linear), angular: turned(velocity.angular) };
     }
     for mass in &mut mirror.masses {
-        // R W R with R = diag(turned(1)): entries between the first axis and the others.
+        // R W R with R = diag(turned(1)): entries that couple the first axis to the others change
+        // sign.
         let sign = turned(Vector([1.0; A]));
         let entry = |i: usize, j: usize| mass.angular.0[i][j] * sign[i] * sign[j];
         let rows = std::array::from_fn(|i| Vector(std::array::from_fn(|j| entry(i, j))));
@@ -832,7 +842,8 @@ fn mirrored<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Syste
     for manifold in &mut mirror.manifolds {
         manifold.frame = manifold.frame.map(reflected);
         manifold.arms = manifold.arms.map(reflected);
-        // The image of a right-handed frame is none; with its last axis turned round it is.
+        // The mirror image of a right-handed frame is left-handed. Reversing its last axis makes it
+        // right-handed again.
         manifold.frame[L - 1] = -manifold.frame[L - 1];
     }
     for contact in &mut mirror.contacts {
@@ -855,14 +866,14 @@ fn mirror<const L: usize, const A: usize>(seed: u64) {
     assert_all_close(normals(&image), normals(&system), 1e-12);
 }
 
-/// Which body of a contact is called a does not matter, if the frame is turned round with it.
+/// Exchanging bodies a and b of each contact changes nothing if the frame is rotated accordingly.
 fn exchange<const L: usize, const A: usize>(seed: u64) {
     let mut system = any_scene::<L, A>(&mut Random(seed)).system;
     let mut exchanged = system.clone();
     for manifold in &mut exchanged.manifolds {
         manifold.bodies.reverse();
         manifold.arms.reverse();
-        // Half a turn about the last tangent, in the plane about the point.
+        // Rotates by half a turn: about the last tangent in 3D, about the point in 2D.
         for axis in &mut manifold.frame[..2] {
             *axis = -*axis;
         }
@@ -908,8 +919,8 @@ proptest! {
     }
 }
 
-/// Operations of a sweep over a pile in which `contacts` contacts all push on one body: the worst
-/// case for anything that searches for the contacts of a body.
+/// Counts the operations of a sweep over `contacts` contacts that all act on one body. This is the
+/// worst case for a method that searches for the contacts of a body.
 fn operations<const L: usize, const A: usize>(
     contacts: usize,
     sweep: fn(&mut System<Counting, L, A>),

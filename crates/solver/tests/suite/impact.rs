@@ -1,4 +1,4 @@
-//! Laws of impact: what contacts that collide at once do with each other.
+//! Tests of the laws of impact, which say how contacts respond that collide at once.
 
 use crate::common::{Random, Recipe, Scene, assert_all_close, assert_close, random_scene};
 use drystone_solver::restitution::{ImpactLaw, ImpactSettings, ImpactSolver, collide};
@@ -7,7 +7,8 @@ use proptest::prelude::*;
 
 const LAWS: [ImpactLaw; 3] = [ImpactLaw::Newton, ImpactLaw::Poisson, ImpactLaw::Reflections];
 
-/// Collisions of bodies that do not move meanwhile.
+/// Resolves collisions, with at most 400 sweeps per impact. The bodies do not move and no forces
+/// act.
 fn resolve<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     law: ImpactLaw,
@@ -17,7 +18,7 @@ fn resolve<const L: usize, const A: usize>(
     sweeping(system, law, threshold, rounds, 400)
 }
 
-/// The same with this many sweeps over a blow at most.
+/// Resolves collisions like [`resolve`], with at most this many sweeps per impact.
 fn sweeping<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     law: ImpactLaw,
@@ -35,7 +36,7 @@ fn along<const L: usize>(x: f64) -> Vector<f64, L> {
     Vector(std::array::from_fn(|i| if i == 0 { x } else { 0.0 }))
 }
 
-/// Touching balls in a row with these masses and speeds along it.
+/// Returns a row of touching balls with these masses, and with these speeds along the row.
 fn row<const L: usize, const A: usize>(
     masses: &[f64],
     speeds: &[f64],
@@ -59,7 +60,7 @@ fn speeds<const L: usize, const A: usize>(scene: &Scene<L, A>) -> Vec<f64> {
     scene.system.velocities.iter().map(|velocity| velocity.linear[0]).collect()
 }
 
-/// What five equal balls in a row make of these speeds.
+/// Checks the speeds of five equal balls in a row after their collisions.
 fn cradle<const L: usize, const A: usize>(
     law: ImpactLaw,
     restitution: f64,
@@ -80,13 +81,14 @@ fn a_cradle_passes_on_as_many_balls_as_come() {
         in_all_four!(cradle, law, 1.0, [1.0, 1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0, 1.0]);
         in_all_four!(cradle, law, 1.0, [1.0, 0.0, 0.0, 0.0, -1.0], [-1.0, 0.0, 0.0, 0.0, 1.0]);
     }
-    // Compressed together, all five share the momentum; what they give back they share as well.
+    // Compression brings all five balls to a common speed. Expansion then repeats the compression
+    // impulses times the restitution.
     in_all_four!(cradle, Poisson, 1.0, [1.0, 0.0, 0.0, 0.0, 0.0], [-0.6, 0.4, 0.4, 0.4, 0.4]);
     in_all_four!(cradle, Poisson, 0.5, [1.0, 0.0, 0.0, 0.0, 0.0], [-0.2, 0.3, 0.3, 0.3, 0.3]);
 }
 
-/// A light ball between a wall and one `ratio` times as heavy that comes in: how often they
-/// collide (G. Galperin, "Playing pool with pi", 2003).
+/// Counts the collisions of a light ball between a wall and an approaching ball `ratio` times as
+/// heavy (G. Galperin, "Playing pool with pi", 2003).
 fn collisions_with_wall<const L: usize, const A: usize>(ratio: f64, law: ImpactLaw) -> usize {
     let mut scene = Scene::<L, A>::new();
     let wall = scene.wall();
@@ -101,7 +103,8 @@ fn collisions_with_wall<const L: usize, const A: usize>(ratio: f64, law: ImpactL
     resolve(&mut scene.system, law, 0.0, 10_000)
 }
 
-/// Between two balls and a wall collisions alternate, so velocities alone give their order.
+/// Collisions with the wall and between the balls alternate, so velocities alone determine their
+/// order.
 fn digits_of_pi<const L: usize, const A: usize>() {
     for law in [ImpactLaw::Newton, ImpactLaw::Reflections] {
         for (ratio, count) in [(1.0, 3), (1e2, 31), (1e4, 314), (1e6, 3141)] {
@@ -115,7 +118,7 @@ fn two_balls_and_a_wall_count_the_digits_of_pi() {
     in_all_four!(digits_of_pi);
 }
 
-/// A cue ball that comes along x into the tip of a triangle of 15 touching balls.
+/// Returns a cue ball that moves along x into the tip of a triangle of 15 touching balls.
 fn break_shot(restitution: f64) -> Scene<2, 0> {
     let mut scene = Scene::new();
     let half = 0.5f64;
@@ -142,7 +145,8 @@ fn break_shot(restitution: f64) -> Scene<2, 0> {
     scene
 }
 
-/// How far velocities are from their mirror image across the x axis.
+/// Returns the largest difference between the velocities and their mirror image across the x axis.
+/// \[m/s\]
 fn asymmetry(scene: &Scene<2, 0>) -> f64 {
     let mut worst = 0.0f64;
     for (i, p) in scene.positions.iter().enumerate() {
@@ -164,20 +168,21 @@ fn a_break_is_symmetric_and_keeps_its_energy() {
     assert!(asymmetry(&scene) < 1e-9, "asymmetry {} m/s", asymmetry(&scene));
     assert_close(scene.kinetic_energy() / energy, 1.0, 1e-12);
     assert_all_close(scene.momentum().0, momentum.0, 1e-12);
-    // Whatever is in touch separates.
+    // No touching balls approach each other any more.
     assert_eq!(resolve(&mut scene.system, ImpactLaw::Reflections, 1e-9, 1), 0);
 
     let mut poisson = break_shot(1.0);
     resolve(&mut poisson.system, ImpactLaw::Poisson, 1e-9, 1000);
     assert!(asymmetry(&poisson) < 1e-9, "asymmetry {} m/s", asymmetry(&poisson));
 
-    // One after the other, the first neighbor of a ball takes what the second would get.
+    // Newton's law resolves one collision after the other, so the first neighbor of a ball receives
+    // momentum that belongs to the second.
     let mut newton = break_shot(1.0);
     resolve(&mut newton.system, ImpactLaw::Newton, 1e-9, 1000);
     assert!(asymmetry(&newton) > 0.1, "asymmetry {} m/s", asymmetry(&newton));
 }
 
-/// One contact: all laws say u+ = -e u-.
+/// At a single contact all laws give u+ = -e u-.
 fn one_contact<const L: usize, const A: usize>(law: ImpactLaw, restitution: f64) {
     let mut scene = row::<L, A>(&[2.0, 3.0], &[1.0, -2.0], restitution);
     assert_eq!(resolve(&mut scene.system, law, 0.0, 1), 1);
@@ -194,7 +199,7 @@ fn one_contact_returns_its_part_of_the_approach() {
     }
 }
 
-/// A square that lands flat on its two lower corners.
+/// A square lands flat on its two lower corners.
 #[test]
 fn a_flat_landing_bounces_straight_up() {
     for law in LAWS {
@@ -214,7 +219,8 @@ fn a_flat_landing_bounces_straight_up() {
     }
 }
 
-/// Two walls that approach, since something drives them, and a ball between.
+/// A driven wall moves towards a fixed wall and pushes a ball. The contact between the walls is not
+/// a collision.
 #[test]
 fn what_nothing_moves_does_not_collide() {
     for law in LAWS {
@@ -244,7 +250,8 @@ fn any_scene<const L: usize, const A: usize>(random: &mut Random, walls: bool) -
     scene
 }
 
-/// Kinetic energy never grows, no contact pulls, momentum stays.
+/// Collisions never add kinetic energy, contacts never pull, and without walls momentum is
+/// conserved.
 fn passive<const L: usize, const A: usize>(seed: u64) {
     for law in LAWS {
         let random = &mut Random(seed);
@@ -252,7 +259,7 @@ fn passive<const L: usize, const A: usize>(seed: u64) {
         let walls = scene.system.manifolds.iter().any(|manifold| {
             manifold.bodies.iter().any(|&body| !scene.masses[body as usize].is_finite())
         });
-        // The wall weighs nothing, so that sums over bodies are finite.
+        // A mass of 0 leaves the wall out of the sums, which stay finite.
         *scene.masses.last_mut().unwrap() = 0.0;
         let (linear, angular) = (scene.momentum(), scene.angular_momentum());
         let mut energy = scene.kinetic_energy();
@@ -264,14 +271,14 @@ fn passive<const L: usize, const A: usize>(seed: u64) {
         }
         assert!(scene.system.contacts.iter().all(|contact| contact.impact >= 0.0));
         if !walls {
-            // Contacts that hold each other press much harder than they move.
+            // Contacts that push against each other have impulses much larger than the momenta.
             assert_all_close(scene.momentum().0, linear.0, 1e-5);
             assert_all_close(scene.angular_momentum(), angular, 1e-5);
         }
     }
 }
 
-/// Elastic reflections keep the energy, whatever touches what.
+/// Elastic reflections conserve kinetic energy for any arrangement of contacts.
 fn elastic<const L: usize, const A: usize>(seed: u64) {
     let mut scene = any_scene::<L, A>(&mut Random(seed), seed.is_multiple_of(2));
     scene.system.manifolds.iter_mut().for_each(|manifold| manifold.restitution = 1.0);
@@ -280,9 +287,9 @@ fn elastic<const L: usize, const A: usize>(seed: u64) {
     assert_close(scene.kinetic_energy() / before, 1.0, 1e-12);
 }
 
-/// The order of the contacts plays no part where all are solved together, with one restitution:
-/// with several it does where contacts are redundant, as any may take the blow. As many sweeps as
-/// contacts need that pull nearly the same way.
+/// The order of contacts does not affect laws that solve all contacts together with one
+/// restitution. With several restitutions it does where contacts are redundant, since any of them
+/// may take the impact. Contacts with nearly parallel rows of J need this many sweeps.
 fn any_order<const L: usize, const A: usize>(seed: u64) {
     for law in [ImpactLaw::Poisson, ImpactLaw::Reflections] {
         let recipe = Recipe { bodies: 6, manifolds: 4, points: 1, walls: true };

@@ -1,4 +1,5 @@
-//! The promises of the crate: formulas, forms that agree, answers that are known.
+//! Tests of the crate's promises: the formulas of the notes, forms that must agree, and problems
+//! with known answers.
 
 #[macro_use]
 mod common;

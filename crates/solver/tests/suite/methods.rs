@@ -1,4 +1,4 @@
-//! Every method leads to the same velocities; how many iterations each needs.
+//! Tests that all methods converge to the same velocities, and of the iterations that each needs.
 
 use crate::common::{Random, Recipe, Scene, random_scene};
 use drystone_solver::solution::{Goal, Solution, Status};
@@ -41,7 +41,7 @@ fn agree<const L: usize, const A: usize>(seed: u64, friction: bool) {
         let mut solved = system.clone();
         let solution = method(&mut solved, &goal);
         if solution.status != Status::Converged {
-            // Coulomb friction promises nobody an end.
+            // No method is guaranteed to converge with Coulomb friction.
             assert!(friction, "seed {seed} ({L},{A}) {name}: {:?}", solution.status);
             continue;
         }
@@ -65,7 +65,8 @@ fn all_methods_agree() {
     }
 }
 
-/// A column of balls that fall onto a floor together, at 1 m/s; masses from the bottom up.
+/// Returns a column of balls that fall onto a floor together at 1 m/s. The masses are listed from
+/// the bottom up.
 fn column(masses: &[f64], softness: f64) -> System<f64, 2, 0> {
     let mut scene = Scene::<2, 0>::new();
     let mut below = scene.wall();
@@ -79,7 +80,8 @@ fn column(masses: &[f64], softness: f64) -> System<f64, 2, 0> {
     scene.system
 }
 
-/// Iterations until the velocities, all of 1 m/s before, are within 1 mm/s by the certificate.
+/// Returns the iterations until the certificate bounds the velocity error by 1 mm/s. All velocities
+/// are 1 m/s before.
 fn iterations(system: &System<f64, 2, 0>, method: Tried<2, 0>) -> usize {
     let solution = method(&mut system.clone(), &Goal { tolerance: 1e-3, budget: 200_000 });
     assert_eq!(

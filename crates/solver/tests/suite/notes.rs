@@ -1,7 +1,8 @@
-//! One test for each formula of the theory, in its order, then for each thing that a careful
-//! reader adds to it (`docs/notation.md` lists them), then the identities that hold for any system.
+//! Tests of the formulas in the lecture notes, one test each and in the order of the notes. Tests
+//! of the points that the notes leave out follow (`docs/notation.md` lists them), then identities
+//! that hold for every system.
 //!
-//! Expected values are worked out with plain arithmetic, not with the crate's own kernels.
+//! Expected values come from plain arithmetic, not from the crate's own kernels.
 
 use crate::common::{Random, Recipe, Scene, assert_all_close, assert_close, random_scene};
 use drystone_solver::assembled::{
@@ -50,7 +51,7 @@ fn unit<const L: usize>(angle: f64) -> Vector<f64, L> {
     }))
 }
 
-/// Isolated collisions, of bodies that do not move meanwhile.
+/// Resolves collisions one by one by Newton's law. The bodies do not move and no forces act.
 fn collide<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     threshold: f64,
@@ -62,7 +63,8 @@ fn collide<const L: usize, const A: usize>(
     restitution::collide(system, &mut moved, &forced, &how, &mut ImpactSolver::default())
 }
 
-/// A ball of 1 kg that touches fixed walls, the normals (towards it) at these angles.
+/// Returns a ball of 1 kg that touches fixed walls. The normals point towards the ball, at these
+/// angles \[rad\].
 fn ball_in_walls(angles: &[f64]) -> Scene<2, 0> {
     let mut scene = Scene::new();
     let ball = scene.ball(Vector::ZERO, 1.0);
@@ -90,12 +92,13 @@ mod spherical_particles_without_friction {
         assert_eq!(v_n, 5.0, "positive: a leaves b upwards");
     }
 
-    /// (1): gamma = -(1 + c_r) m_eff v_1^-, v_a^+ = v_a^- + gamma n / m_a, v_b^+ = v_b^- - gamma n / m_b.
+    /// Equation (1): gamma = -(1 + c_r) m_eff v_1^-,
+    /// v_a^+ = v_a^- + gamma n / m_a, v_b^+ = v_b^- - gamma n / m_b.
     fn isolated_collision<const L: usize, const A: usize>() {
         let (m_a, m_b, c_r) = (2.0, 3.0, 0.5);
         let mut scene = Scene::<L, A>::new();
         let n = unit::<L>(0.3);
-        // The point of contact is on the line between the centers, so rotation plays no part.
+        // The point of contact lies on the line between the centers, so the impulse has no moment.
         let (a, b) = (scene.ball(n, m_a), scene.ball(Vector::ZERO, m_b));
         scene.push(a, b, n);
         scene.system.manifolds[0].restitution = c_r;
@@ -129,7 +132,7 @@ mod spherical_particles_without_friction {
         in_all_four!(isolated_collision);
     }
 
-    /// A wall is a contact with one body that can move: m_eff = m_a.
+    /// A contact with a wall has one movable body: m_eff = m_a.
     #[test]
     fn a_wall_is_a_contact_with_one_moving_body() {
         let mut scene = Scene::<2, 0>::new();
@@ -160,8 +163,8 @@ mod spherical_particles_without_friction {
 mod a_collision_in_the_context_of_a_second {
     use super::*;
 
-    /// gamma_1 = m_eff (-(1 + c_r) v_1^- + m_b^-1 gamma_2 n_1 . n_2), B second in collision 1 and
-    /// first in collision 2.
+    /// gamma_1 = m_eff (-(1 + c_r) v_1^- + m_b^-1 gamma_2 n_1 . n_2), where B is the second body of
+    /// collision 1 and the first body of collision 2.
     #[test]
     fn two_coupled_collisions() {
         let (m_a, m_b, c_r, gamma_2) = (2.0, 3.0, 0.25, 0.7);
@@ -185,13 +188,14 @@ mod a_collision_in_the_context_of_a_second {
         assert_close(scene.system.contacts[0].impulse[0], gamma_1, ROUNDING);
     }
 
-    /// s_ix: +1 where X is the first body of contact i, -1 where it is the second, else 0.
+    /// s_ix: +1 if X is the first body of contact i, -1 if it is the second, else 0.
     fn sign<const L: usize>(system: &System<f64, L, 0>, i: usize, body: u32) -> f64 {
         let [a, b] = system.manifolds[i].bodies;
         f64::from(u8::from(a == body)) - f64::from(u8::from(b == body))
     }
 
-    /// gamma_ix: the impulses of all contacts but i on body X, sum of s_jx gamma_j n_j.
+    /// gamma_ix: the sum of s_jx gamma_j n_j over all contacts j but i, which is their total
+    /// impulse on body X.
     fn others<const L: usize>(
         system: &System<f64, L, 0>,
         gamma: &[f64],
@@ -205,7 +209,7 @@ mod a_collision_in_the_context_of_a_second {
         sum
     }
 
-    /// gamma_1 = m_eff (-(1 + c_r) v_1^- - m_a^-1 n_1 . gamma_1a + m_b^-1 n_1 . gamma_1b), clamped.
+    /// gamma_1 = max(0, m_eff (-(1 + c_r) v_1^- - m_a^-1 n_1 . gamma_1a + m_b^-1 n_1 . gamma_1b)).
     fn accumulated<const L: usize>(seed: u64) {
         let random = &mut Random(seed);
         let recipe = Recipe { bodies: 4, manifolds: 9, points: 1, walls: true };
@@ -228,7 +232,7 @@ mod a_collision_in_the_context_of_a_second {
         let gamma_1 = m_eff * (-(1.0 + c_r) * v_n[0] - w_a * gamma_1a + w_b * gamma_1b);
         assert_close(scene.system.contacts[0].impulse[0], gamma_1.max(0.0), 1e-10);
 
-        // gamma_ix = gamma_x - s_ix gamma_i n_i, gamma_x the sum over all contacts.
+        // gamma_ix = gamma_x - s_ix gamma_i n_i, where gamma_x is the sum over all contacts.
         for body in [a, b] {
             let all = others(&system, &gamma, usize::MAX, body);
             let one = n * (sign(&system, 0, body) * gamma[0]);
@@ -244,7 +248,8 @@ mod a_collision_in_the_context_of_a_second {
         }
     }
 
-    /// The algorithm: prospective velocities, impulses from zero, visit until converged.
+    /// The algorithm of the notes: start from the prospective velocities and zero impulses, and
+    /// visit the contacts until they converge.
     #[test]
     fn the_iteration_converges_to_resting_weight() {
         let (g_dt, count) = (0.1, 5);
@@ -275,7 +280,7 @@ mod overlap_repair {
     const REPAIR: Repair<f64> =
         Repair { dt: 0.01, rate: 0.2, slop: 0.0, push_speed: 1e9, hold: 0.0 };
 
-    /// A ball of 2 kg that overlaps the floor by `depth`.
+    /// Returns a ball of 2 kg that overlaps the floor by `depth` \[m\].
     fn sunk(depth: f64) -> Scene<2, 0> {
         let mut scene = Scene::new();
         let (ball, wall) = (scene.ball(Vector::ZERO, 2.0), scene.wall());
@@ -285,19 +290,20 @@ mod overlap_repair {
         scene
     }
 
-    /// One step of position by the velocity.
+    /// Moves the ball for one step: adds its velocity times the step to the gap.
     fn advance(scene: &mut Scene<2, 0>) {
         scene.system.contacts[0].gap[0] += REPAIR.dt * scene.system.velocities[0].linear[1];
     }
 
-    /// Targets from the overlap, then impulses from zero.
+    /// Sets the targets from the overlap, then sweeps once from zero impulses.
     fn solve(scene: &mut Scene<2, 0>) {
         scene.system.contacts[0].impulse = Vector::ZERO;
         scene.system.set_targets(&[Velocity::ZERO; 2], &REPAIR);
         pgs::sweep_normals(&mut scene.system);
     }
 
-    /// gamma = m_eff (-(1 + c_r) v^- + c_d d): the nudge is a velocity c_d d, c_d = rate / dt.
+    /// gamma = m_eff (-(1 + c_r) v^- + c_d d): the overlap adds the velocity c_d d, with c_d =
+    /// rate / dt.
     #[test]
     fn a_nudge_in_proportion_to_the_overlap() {
         let mut scene = sunk(0.03);
@@ -320,8 +326,8 @@ mod overlap_repair {
         assert_eq!(target(0.5), 1.5);
     }
 
-    /// The overlap decays as (1 - beta)^n if the repair moves bodies but is taken out of their
-    /// velocities again.
+    /// The overlap decays as (1 - beta)^n if the relax pass removes the repair velocity after it
+    /// has moved the bodies.
     #[test]
     fn overlap_decays_exponentially_when_relaxed() {
         let mut scene = sunk(0.1);
@@ -335,7 +341,8 @@ mod overlap_repair {
         }
     }
 
-    /// Without that, a free body keeps the speed c_d d_0 and its overlap shrinks linearly.
+    /// Without the relax pass a free body keeps the speed c_d d_0, and its overlap shrinks
+    /// linearly.
     #[test]
     fn repair_left_in_the_velocity_is_momentum() {
         let mut scene = sunk(0.1);
@@ -348,7 +355,8 @@ mod overlap_repair {
         }
     }
 
-    /// Under gravity it launches the body if d > g / c_d^2, and only then.
+    /// Under gravity, repair without a relax pass launches the body if d > g / c_d^2, and only
+    /// then.
     #[test]
     fn repair_launches_a_body_from_deep_overlap() {
         let limit = 10.0 / (20.0 * 20.0);
@@ -363,7 +371,7 @@ mod overlap_repair {
         }
     }
 
-    /// A gap s lets the contact close, and no further: v_n >= -s / h.
+    /// A contact with a gap s may close the gap within the step and no more: v_n >= -s / h.
     #[test]
     fn a_gap_may_close_within_the_step() {
         let mut scene = sunk(-0.02);
@@ -379,7 +387,8 @@ mod overlap_repair {
         assert_eq!(slower.system.contacts[0].impulse[0], 0.0);
     }
 
-    /// The gap is the one now: where it was measured, and what the bodies moved since.
+    /// The target uses the current gap: the measured gap plus the displacements of the bodies
+    /// since.
     #[test]
     fn the_gap_follows_the_displacements() {
         let mut scene = sunk(0.1);
@@ -392,14 +401,15 @@ mod overlap_repair {
 mod restitution_targets {
     use super::*;
 
-    /// A ball above the floor: gap \[m\], velocity before the step, the velocity wanted after it.
+    /// Returns the target velocity of a ball above the floor, for a gap \[m\], a velocity before
+    /// the step and a restitution threshold \[m/s\].
     fn target(gap: f64, before: f64, threshold: f64) -> f64 {
         let mut scene = ball_in_walls(&[std::f64::consts::FRAC_PI_2]);
         scene.system.manifolds[0].restitution = 0.5;
         scene.system.contacts[0].gap[0] = gap;
         let repair = Repair { dt: 0.01, rate: 0.2, slop: 0.0, push_speed: 10.0, hold: 0.0 };
         scene.system.set_targets(&[Velocity::ZERO; 2], &repair);
-        // The prospective velocity, which must not matter.
+        // The prospective velocity must not affect the target.
         scene.system.velocities[0].linear[1] = before - 123.0;
         let before = Velocity { linear: Vector([0.0, before]), ..Velocity::ZERO };
         restitution::set_targets(&mut scene.system, &[before, Velocity::ZERO], threshold);
@@ -436,7 +446,7 @@ mod restitution_targets {
         assert_close(target(0.05, 0.0, 1.0), -5.0, ROUNDING);
     }
 
-    /// The target is -c_r v^-; 1 + c_r belongs to the change, that is to b.
+    /// The target is -c_r v^-. The factor 1 + c_r belongs to the change of velocity, and so to b.
     #[test]
     fn one_plus_restitution_is_in_the_change() {
         let mut scene = ball_in_walls(&[std::f64::consts::FRAC_PI_2]);
@@ -474,13 +484,13 @@ mod why_does_it_work {
         assert_eq!(shape(friction_jacobian(&scene.system)), (k * L, (L + A) * n));
     }
 
-    /// J is k x (L + A) N, not k x N: each body has L + A velocities.
+    /// J is k x (L + A) N, not k x N, since each body has L + A velocity components.
     #[test]
     fn sizes_of_the_matrices() {
         in_all_four!(shapes);
     }
 
-    /// M has each mass once for each linear velocity, then the inertia.
+    /// M holds the mass of each body once per linear velocity component, then its inertia.
     #[test]
     fn the_mass_matrix() {
         let mut particles = Scene::<2, 0>::new();
@@ -537,7 +547,7 @@ mod why_does_it_work {
         }
     }
 
-    /// A is symmetric, its diagonal 1 / m_eff, gamma^T A gamma never negative.
+    /// A is symmetric, its diagonal is 1 / m_eff, and gamma^T A gamma is never negative.
     fn system_matrix_facts<const L: usize, const A: usize>(seed: u64) {
         let random = &mut Random(seed);
         let recipe = Recipe { bodies: 3, manifolds: 6, points: 3, walls: true };
@@ -552,12 +562,13 @@ mod why_does_it_work {
         let gamma = Column::from_fn(a.nrows(), |_| random.within(-1.0, 1.0));
         let energy = gamma.transpose() * (&a * &gamma);
         assert!(energy >= -1e-12 * gamma.norm_l2(), "{energy}");
-        // Zero where contacts are redundant, as where they outnumber the velocities.
+        // The smallest eigenvalue is 0 if contacts are redundant, as when they outnumber the
+        // velocities.
         let smallest = a.self_adjoint_eigenvalues(faer::Side::Lower).unwrap()[0];
         assert!(smallest > -1e-11, "{smallest}");
     }
 
-    /// (2): A gamma = b gives v_n^+ = -c_r v_n^-.
+    /// Equation (2): A gamma = b gives v_n^+ = -c_r v_n^-.
     fn equation_2<const L: usize, const A: usize>(seed: u64) {
         let recipe = Recipe { bodies: 4, manifolds: 3, points: 2, walls: true };
         let mut scene = random_scene::<L, A>(&mut Random(seed), recipe);
@@ -592,7 +603,8 @@ mod why_does_it_work {
         }
     }
 
-    /// Two pairs that collide apart: J is 2 x 8, A diagonal, (2) gives (1) twice.
+    /// Two pairs collide independently: J is 2 x 8, A is diagonal, and (2) reduces to (1) for each
+    /// pair.
     #[test]
     fn two_independent_pairs() {
         let mut scene = Scene::<2, 0>::new();
@@ -619,7 +631,7 @@ mod why_does_it_work {
         assert_all_close(numbers(&solved.impulses), [gamma_1, gamma_2], 1e-12);
     }
 
-    /// Seven balls piled between a floor (7) and a wall (8): which entries A has.
+    /// Sparsity pattern of A for seven balls piled between a floor (7) and a wall (8).
     #[test]
     fn seven_bodies_and_walls() {
         let mut scene = Scene::<2, 0>::new();
@@ -665,12 +677,12 @@ mod why_does_it_work {
         }
         assert_eq!(contacts_of(&scene.system, 3), [3, 4, 7]);
         assert_eq!(contacts_of(&scene.system, 6), [9]);
-        // The floor joins nothing: its contacts are apart in A.
+        // The floor is fixed, so it does not couple its contacts: their entries of A are zero.
         assert_eq!(contacts_of(&scene.system, floor), [0, 1, 2]);
         assert!(a.get(0, 1).is_none() && a.get(1, 2).is_none());
     }
 
-    /// a_ij = sum of s_xi s_xj m_x^-1 n_i . n_j over the bodies x of both.
+    /// a_ij is the sum of s_xi s_xj m_x^-1 n_i . n_j over the bodies x that contacts i and j share.
     #[test]
     fn entries_of_the_system_matrix() {
         let mut scene = Scene::<2, 0>::new();
@@ -685,7 +697,8 @@ mod why_does_it_work {
         assert_close(matrix[(0, 1)], -0.25 * n_0.dot(n_1), ROUNDING);
     }
 
-    /// A is pulled off B: the equality pulls B along, the contact law lets go.
+    /// A moves away from B. The equality A gamma = b pulls B along; the contact law lets the
+    /// contact open.
     #[test]
     fn contacts_do_not_pull() {
         let mut scene = Scene::<2, 0>::new();
@@ -700,8 +713,8 @@ mod why_does_it_work {
         assert_eq!(scene.system.velocities[1], Velocity::ZERO);
     }
 
-    /// Two contacts, one of which would pull: taking its impulse away afterwards leaves the other
-    /// wrong; the clamp has to be part of the problem.
+    /// With two contacts of which one would pull, clamping its impulse after solving leaves the
+    /// other impulse wrong. The clamp has to be part of the problem.
     #[test]
     fn clamping_after_solving_is_wrong() {
         // A = [[1, 1/2], [1/2, 1]], b = (1, 0.2).
@@ -726,7 +739,7 @@ mod why_does_it_work {
         assert!(scene.system.residual(false) < 1e-12);
     }
 
-    /// gamma >= 0, w = A gamma - b >= 0, gamma . w = 0; each contact is in one of two modes.
+    /// gamma >= 0, w = A gamma - b >= 0 and gamma . w = 0: each contact either pushes or separates.
     fn complementarity<const L: usize, const A: usize>(seed: u64) {
         let recipe = Recipe { bodies: 5, manifolds: 5, points: 2, walls: true };
         let mut scene = random_scene::<L, A>(&mut Random(seed), recipe);
@@ -744,7 +757,7 @@ mod why_does_it_work {
             assert!(gamma[i] * w[i] < 1e-9, "both {} and {}", gamma[i], w[i]);
         }
         assert!((gamma.transpose() * &w).abs() < 1e-8);
-        // The system's own residual says the same.
+        // `System::residual` agrees.
         assert_close(
             scene.system.residual(false),
             gauss_seidel::complementarity(&a, &b, &gamma),
@@ -774,7 +787,7 @@ mod why_does_it_work {
         }
     }
 
-    /// Without the clamp it solves equation (2).
+    /// Gauss-Seidel without the clamp solves equation (2).
     #[test]
     fn gauss_seidel_solves_the_equality() {
         let scene = ball_in_walls(&[0.0, 0.9]);
@@ -788,8 +801,9 @@ mod why_does_it_work {
         assert_all_close(numbers(&x), numbers(&exact.impulses), 1e-12);
     }
 
-    /// The row of A, written out for particles, is the formula of the second section:
-    /// m_eff (-(1 + c_r) v_i^- - m_a^-1 sum s_ak gamma_k n_k . n_i + m_b^-1 sum s_bk gamma_k n_k . n_i).
+    /// For particles, the expanded row of A is the formula of the notes' second section:
+    /// gamma_i = m_eff (-(1 + c_r) v_i^- - m_a^-1 sum s_ak gamma_k n_k . n_i +
+    /// m_b^-1 sum s_bk gamma_k n_k . n_i).
     #[test]
     fn gauss_seidel_expanded_is_one_visit() {
         let recipe = Recipe { bodies: 4, manifolds: 8, points: 1, walls: true };
@@ -826,7 +840,8 @@ mod why_does_it_work {
         }
     }
 
-    /// The same contact three times: A is singular, gamma one of many, v+ the only one.
+    /// With one contact repeated three times, A is singular. Many impulses solve the problem, but
+    /// v^+ is unique.
     #[test]
     fn redundant_contacts_share_a_unique_velocity() {
         let up = std::f64::consts::FRAC_PI_2;
@@ -853,7 +868,8 @@ mod why_does_it_work {
         assert!(solved.is_singular() && solved.rank == 1 && solved.error < 1e-12);
         assert_all_close(numbers(&solved.impulses), [2.0 / 3.0; 3], 1e-12);
 
-        // Different restitution at the three: the equality has no solution, the contact law has.
+        // With a different target at each of the three, the equality has no solution, but the
+        // contact law has one.
         for (contact, t) in scene.system.contacts.iter_mut().zip([0.0, 1.0, 2.0]) {
             contact.target[0] = t;
         }
@@ -864,8 +880,9 @@ mod why_does_it_work {
         assert_close((&a * gamma)[0] - 2.0, 2.0, 1e-12);
     }
 
-    /// Wedged between walls that both push: no impulses can do it, and Gauss-Seidel runs away,
-    /// (1, 2), (3, 4), (5, 6), ... A little compliance gives the problem a solution.
+    /// A ball is wedged between two walls that both push. No impulses satisfy both, and
+    /// Gauss-Seidel diverges: (1, 2), (3, 4), (5, 6), ... A small compliance makes the problem
+    /// solvable.
     #[test]
     fn jammed_contacts_run_away_and_compliance_holds_them() {
         let mut scene = ball_in_walls(&[0.0, std::f64::consts::PI]);
@@ -895,7 +912,7 @@ mod why_does_it_work {
             pgs::sweep_normals(&mut soft);
         }
         assert!(soft.residual(false) < 1e-12);
-        // By symmetry each gives way by epsilon gamma = 1.
+        // By symmetry each contact yields by epsilon gamma = 1.
         assert_close(soft.contacts[0].impulse[0] * soft.contacts[0].compliance, 1.0, 1e-9);
     }
 }
@@ -915,7 +932,8 @@ mod rigid_bodies {
         m.map(|row| dot(row, v))
     }
 
-    /// A bar (principal moments far apart, turned out of the axes) against a smaller one.
+    /// Returns two touching bars of 2 kg and 1.5 kg. Their principal moments of inertia differ
+    /// widely, about axes that are not the world's.
     fn two_bars() -> Scene<3, 3> {
         let mut scene = Scene::new();
         let mut random = Random(3);
@@ -982,7 +1000,7 @@ mod rigid_bodies {
         }
     }
 
-    /// 1 / m_eff = m_a^-1 + m_b^-1 + (r_a x n) . I_a^-1 (r_a x n) + the same for b.
+    /// 1 / m_eff = m_a^-1 + m_b^-1 + (r_a x n) . I_a^-1 (r_a x n) + (r_b x n) . I_b^-1 (r_b x n).
     #[test]
     fn effective_mass() {
         let scene = two_bars();
@@ -995,7 +1013,7 @@ mod rigid_bodies {
             let alpha = cross(r, n);
             right += dot(alpha, times(w, alpha));
             other_form += dot(n, cross(times(w, alpha), r));
-            // I^-1 applied to n in place of r x n.
+            // The formula as the notes print it: I^-1 applied to n instead of r x n.
             misplaced += dot(times(w, n), cross(alpha, r));
         }
         let m_eff = scene.system.contacts[0].effective_mass;
@@ -1004,7 +1022,7 @@ mod rigid_bodies {
         assert!((1.0 / misplaced / m_eff - 1.0).abs() > 0.1, "{misplaced} {right}");
     }
 
-    /// For a ball I^-1 is a number, and it does not matter where it stands.
+    /// For a ball, I^-1 is a scalar, so its position in the formula does not matter.
     #[test]
     fn effective_mass_of_a_ball() {
         let mut scene = Scene::<3, 3>::new();
@@ -1016,7 +1034,7 @@ mod rigid_bodies {
         assert_close(scene.system.contacts[0].effective_mass, 1.0 / misplaced, ROUNDING);
     }
 
-    /// In the plane r x n is the number r_x n_y - r_y n_x.
+    /// In the plane, r x n is the scalar r_x n_y - r_y n_x.
     #[test]
     fn effective_mass_in_the_plane() {
         let mut scene = Scene::<2, 1>::new();
@@ -1029,8 +1047,9 @@ mod rigid_bodies {
         assert_close(scene.system.contacts[0].effective_mass, expected, ROUNDING);
     }
 
-    /// gamma_i = -m_eff [(1 + c_r) v_i^- - c_d d + n . (Delta v_a - Delta v_b + Delta omega_a x r_a
-    /// - Delta omega_b x r_b)], the changes those from all contacts but i, each with its sign s_jx.
+    /// gamma_i = -m_eff [(1 + c_r) v_i^- - c_d d + n . Delta u], with
+    /// Delta u = Delta v_a - Delta v_b + Delta omega_a x r_a - Delta omega_b x r_b.
+    /// The changes Delta come from all contacts j but i, each with its sign s_jx.
     #[test]
     fn in_the_context_of_other_collisions() {
         let random = &mut Random(5);
@@ -1081,8 +1100,9 @@ mod rigid_bodies {
 mod a_bit_about_implementation {
     use super::*;
 
-    /// Delta gamma_i = m_eff (b_i - n_i . (m_a^-1 gamma_a - m_b^-1 gamma_b)), contact i's own impulse
-    /// included in the sums: the same new impulse as with it left out.
+    /// Delta gamma_i = m_eff (b_i - n_i . (m_a^-1 gamma_a - m_b^-1 gamma_b)), where the sums
+    /// gamma_a and gamma_b include contact i. The new impulse equals the one from sums that leave
+    /// contact i out.
     #[test]
     fn a_change_from_sums_that_include_the_contact_itself() {
         let scene = ball_in_walls(&[0.0, 0.7, 1.9]);
@@ -1098,8 +1118,8 @@ mod a_bit_about_implementation {
         }
     }
 
-    /// P_x = sum s gamma n and T_x = sum s (r x gamma n): the velocities, updated in place, are
-    /// v* + P / m and omega* + I^-1 T.
+    /// With P_x = sum s gamma n and T_x = sum s (r x gamma n), the velocities that sweeps update in
+    /// place are v* + P / m and omega* + I^-1 T.
     fn accumulators<const L: usize, const A: usize>(seed: u64) {
         let recipe = Recipe { bodies: 4, manifolds: 6, points: 3, walls: true };
         let mut scene = random_scene::<L, A>(&mut Random(seed), recipe);
@@ -1137,8 +1157,8 @@ mod a_bit_about_implementation {
         }
     }
 
-    /// What is clamped is the impulse, not its change: an impulse that came out too large at first
-    /// must be able to shrink.
+    /// The accumulated impulse is clamped, not its change: an impulse that an early visit makes too
+    /// large must be able to shrink.
     #[test]
     fn the_accumulated_impulse_is_clamped_not_the_change() {
         let mut scene = ball_in_walls(&[0.0, std::f64::consts::FRAC_PI_3]);
@@ -1172,7 +1192,8 @@ mod identities {
         random_scene(random, recipe)
     }
 
-    /// Delta T = -(1 - e) / (2 (1 + e)) gamma^T A gamma, where (2) holds with one e for all.
+    /// Delta T = -(1 - e) / (2 (1 + e)) gamma^T A gamma, if (2) holds with one restitution e for
+    /// all.
     fn energy_of_the_equality<const L: usize, const A: usize>(seed: u64) {
         let random = &mut Random(seed);
         let mut scene = any_scene::<L, A>(random, true);
@@ -1185,12 +1206,12 @@ mod identities {
         scene.system.apply_impulses();
         let quadratic = gamma.transpose() * (&a * &gamma);
         let expected = -(1.0 - e) / (2.0 * (1.0 + e)) * quadratic;
-        // Nearly redundant contacts have large impulses, and rounding in proportion.
+        // Nearly redundant contacts have large impulses, and rounding errors in proportion.
         let error = scene.kinetic_energy() - before - expected;
         assert!(error.abs() < 1e-9 * (1.0 + gamma.squared_norm_l2()), "{error} {expected}");
     }
 
-    /// Delta T = 1/2 gamma . (u^- + u^+) for any impulses, along tangents too.
+    /// Delta T = 1/2 gamma . (u^- + u^+) for any impulses, including tangential ones.
     fn energy_of_any_impulses<const L: usize, const A: usize>(seed: u64) {
         let random = &mut Random(seed);
         let mut scene = any_scene::<L, A>(random, true);
@@ -1206,8 +1227,8 @@ mod identities {
         assert_close(scene.kinetic_energy() - before, 0.5 * work, 1e-10);
     }
 
-    /// After any number of sweeps v = v* + M^-1 J^T gamma, J v - t = A gamma - b, gamma >= 0, and
-    /// friction within mu gamma.
+    /// After any number of sweeps, v = v* + M^-1 J^T gamma, J v - t = A gamma - b, gamma >= 0, and
+    /// friction is at most mu gamma.
     fn invariants_of_a_sweep<const L: usize, const A: usize>(seed: u64) {
         let random = &mut Random(seed);
         let mut scene = any_scene::<L, A>(random, true);
@@ -1238,12 +1259,12 @@ mod identities {
         }
     }
 
-    /// Both bodies are pushed at one point: linear and angular momentum stay. Friction between
-    /// particles, which cannot turn, is the exception.
+    /// Contacts conserve linear and angular momentum, since both bodies are pushed at one point.
+    /// Friction between particles, which have no rotation, conserves only linear momentum.
     fn momentum<const L: usize, const A: usize>(seed: u64) {
         let random = &mut Random(seed);
         let mut scene = any_scene::<L, A>(random, false);
-        // The wall of the scene touches nothing here and weighs nothing.
+        // The wall touches nothing in this scene. A mass of 0 leaves it out of the sums.
         *scene.masses.last_mut().unwrap() = 0.0;
         let (linear, angular) = (scene.momentum(), scene.angular_momentum());
         let mut pushed = scene.clone();
@@ -1251,7 +1272,7 @@ mod identities {
             pgs::sweep_normals(&mut pushed.system);
         }
         collide(&mut pushed.system, 0.1, 4);
-        // Contacts that hold each other press much harder than they move.
+        // Contacts that push against each other have impulses much larger than the momenta.
         assert_all_close(pushed.momentum().0, linear.0, 1e-5);
         assert_all_close(pushed.angular_momentum(), angular.iter().copied(), 1e-5);
 
@@ -1265,7 +1286,7 @@ mod identities {
         }
     }
 
-    /// Collisions never add kinetic energy, whatever their restitutions.
+    /// Collisions never add kinetic energy, for any restitutions.
     fn collisions_lose_energy<const L: usize, const A: usize>(seed: u64) {
         let random = &mut Random(seed);
         let mut scene = any_scene::<L, A>(random, true);
@@ -1314,8 +1335,9 @@ mod identities {
         }
     }
 
-    /// A rod, one end of which comes down while the other goes up: a bounce of the first would
-    /// press the second, and holding that at zero would add energy. The blow is made weaker.
+    /// One end of a rod moves down while the other moves up. A full bounce of the first end would
+    /// press the second end against the floor, and stopping that end would add energy. So the
+    /// impact is scaled down.
     #[test]
     fn a_blow_that_would_add_energy_is_scaled_down() {
         let mut scene = Scene::<2, 1>::new();
@@ -1325,7 +1347,7 @@ mod identities {
         scene.touch([rod, floor], Vector([0.0, 1.0]), &ends);
         scene.system.manifolds[0].restitution = 1.0;
         scene.system.prepare(0.0);
-        // Ends at -1 and 0.2 m/s.
+        // The ends move at -1 and 0.2 m/s.
         scene.system.velocities[0] =
             Velocity { linear: Vector([0.0, -0.4]), angular: Vector([0.6]) };
         let before = scene.kinetic_energy();
@@ -1342,7 +1364,7 @@ mod identities {
         assert_close(scene.kinetic_energy(), before, 1e-12);
     }
 
-    /// Restitution 1, one collision: kinetic energy stays exactly.
+    /// A single collision with restitution 1 conserves kinetic energy.
     #[test]
     fn an_elastic_collision_keeps_its_energy() {
         let recipe = Recipe { bodies: 2, manifolds: 1, points: 1, walls: false };

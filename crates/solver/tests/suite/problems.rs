@@ -1,4 +1,5 @@
-//! Problems given as matrices: answers on paper, methods that agree, collections of real problems.
+//! Tests on problems given as matrices: problems with known solutions, agreement of the methods,
+//! and collections of real problems.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -32,7 +33,7 @@ fn assert_near(x: &[f64], y: &[f64], tolerance: f64) {
     assert!(x.iter().zip(y).all(|(x, y)| (x - y).abs() <= tolerance), "{x:?} is not {y:?}");
 }
 
-/// What every outcome must be, whatever the method and the problem.
+/// Asserts what holds for every outcome, whatever the method and the problem.
 #[track_caller]
 fn assert_honest(problem: &Problem, outcome: &Outcome, limits: &Limits) {
     assert!(outcome.impulses.iter().all(|r| r.is_finite()));
@@ -43,7 +44,8 @@ fn assert_honest(problem: &Problem, outcome: &Outcome, limits: &Limits) {
     assert!(outcome.history.is_sorted_by_key(|sample| sample.iteration));
 }
 
-/// Every method alone: those that can must solve it, none may claim what is not so.
+/// Runs each method alone and checks that none misreports its outcome. Returns the methods that
+/// converged.
 fn solved_by(problem: &Problem) -> Vec<(MatrixMethod, Outcome)> {
     let limits = Limits { tolerance: 1e-11, budget: 20_000 };
     let run = |method: MatrixMethod| (method, method.solve(problem, None, &limits));
@@ -55,12 +57,12 @@ fn solved_by(problem: &Problem) -> Vec<(MatrixMethod, Outcome)> {
 }
 
 // ---------------------------------------------------------------------------------------------
-// Answers on paper
+// Problems with known solutions
 // ---------------------------------------------------------------------------------------------
 
 #[test]
 fn ortiz_and_other_problems_with_answers() {
-    // Zero diagonal: Gauss-Seidel must refuse, others solve.
+    // The diagonal is zero, so Gauss-Seidel must refuse the problem; other methods solve it.
     let zeros = lcp([[0.0, 2.0, -1.0], [-1.0, 0.0, 1.0], [2.0, -2.0, 0.0]], [-3.0, 6.0, -1.0]);
     let refused = block_gauss_seidel::solve(&zeros, None, &Limits::default());
     assert_eq!(refused.status, Status::BadInput);
@@ -70,12 +72,13 @@ fn ortiz_and_other_problems_with_answers() {
         let z = &outcome.impulses;
         assert!(zeros.residual(z) < 1e-11, "{method:?}");
     }
-    // Two contacts that balance, pushed apart on one side: y = (1, 1) is free, u is not.
+    // The two contacts balance: impulses are determined only up to a multiple of (1, 1), but the
+    // velocities are unique.
     let ray = lcp([[1.0, -1.0], [-1.0, 1.0]], [1.0, -1.0]);
     for (_, outcome) in solved_by(&ray) {
         assert_near(&ray.velocities(&outcome.impulses), &[0.0, 0.0], 1e-9);
     }
-    // Degenerate: any z_1 + z_2 = 1.
+    // Degenerate: every z >= 0 with z_1 + z_2 = 1 is a solution.
     let twins = lcp([[1.0, 1.0], [1.0, 1.0]], [-1.0, -1.0]);
     let found = solved_by(&twins);
     assert!(found.len() >= 5, "{found:?}");
@@ -84,7 +87,7 @@ fn ortiz_and_other_problems_with_answers() {
     }
 }
 
-/// Cottle, Pang and Stone, example 4.4.23: a game of two persons.
+/// Cottle, Pang and Stone, example 4.4.23: a two-person (bimatrix) game.
 #[test]
 fn a_game_that_ends_lemkes_method_on_a_ray() {
     let game = lcp(
@@ -121,7 +124,8 @@ fn a_cycle_is_noticed_and_the_next_method_solves() {
 
 #[test]
 fn a_jam_is_proven() {
-    // A body between two walls that come together: Gauss-Seidel grows as (1, 2), (3, 4), ...
+    // A body between two walls that move together: the impulses of Gauss-Seidel grow as (1, 2), (3,
+    // 4), ...
     let jam = lcp([[1.0, -1.0], [-1.0, 1.0]], [-1.0, -1.0]);
     for method in [MatrixMethod::GaussSeidel, MatrixMethod::Lemke, MatrixMethod::InteriorPoint] {
         let outcome = method.solve(&jam, None, &Limits::default());
@@ -135,7 +139,8 @@ fn a_jam_is_proven() {
     assert_eq!(solved.outcome.status, Status::Infeasible);
 }
 
-/// Murty 1978: M has 1 on the diagonal and 2 below, q = -1; z = (1, 0, ..., 0).
+/// Murty 1978: M has 1 on the diagonal and 2 below it, and q = -1. The solution is z = (1, 0, ...,
+/// 0).
 #[test]
 fn lemkes_method_takes_exponentially_many_pivots_where_it_must() {
     for n in 3..=9usize {
@@ -158,7 +163,7 @@ fn lemkes_method_takes_exponentially_many_pivots_where_it_must() {
     }
 }
 
-/// One box on a plane, pushed: sticks within the cone, slides on its edge.
+/// A pushed box on a plane sticks inside the friction cone, slides on its boundary, or lifts off.
 #[test]
 fn coulombs_law_at_one_contact() {
     let w = matrix(&[vec![2.0, 0.0, 0.0], vec![0.0, 2.0, 0.0], vec![0.0, 0.0, 2.0]]);
@@ -181,7 +186,8 @@ fn coulombs_law_at_one_contact() {
 // Properties
 // ---------------------------------------------------------------------------------------------
 
-/// G G^T of rank k plus a diagonal: positive semidefinite. The right side is feasible.
+/// Returns a feasible problem whose matrix is positive semidefinite: G G^T with G of `rank`
+/// columns, plus `shift` on the diagonal.
 fn random_semidefinite(random: &mut Random, n: usize, rank: usize, shift: f64) -> Problem {
     let g: Vec<Vec<f64>> =
         (0..n).map(|_| (0..rank).map(|_| random.within(-1.0, 1.0)).collect()).collect();
@@ -211,7 +217,8 @@ fn all_methods_agree_on_the_velocities() {
         for method in MatrixMethod::ALL {
             let outcome = method.solve(&problem, None, &limits);
             assert_honest(&problem, &outcome, &limits);
-            // The interior stays a little inside; what stalls says so.
+            // The interior-point method stops slightly inside the cone, so the tolerance is wide. A
+            // method that stalls reports it.
             if outcome.status == Status::Converged {
                 assert_near(&problem.velocities(&outcome.impulses), &u, 1e-4);
             }
@@ -222,7 +229,8 @@ fn all_methods_agree_on_the_velocities() {
     }
 }
 
-/// P-matrices have one solution for every q: I + skew + positive semidefinite.
+/// A P-matrix gives one solution for every q. These matrices are a positive diagonal plus a
+/// skew-symmetric matrix.
 #[test]
 fn all_methods_agree_on_unsymmetric_matrices() {
     let limits = Limits { tolerance: 1e-11, budget: 50_000 };
@@ -278,7 +286,7 @@ fn no_matrix_makes_a_method_lie_or_panic() {
         solved += u32::from(outcome.status == Status::Converged);
         if let Some(stress) = outcome.certificate {
             proven += 1;
-            // No solution, then: neither does enumeration find one.
+            // The problem has no solution, so enumeration must not find one either.
             assert!(enumeration::all(&problem, 1e-10).is_empty(), "seed {seed}");
             assert!(stress.approach > 0.0 && stress.weights.iter().all(|&y| y >= 0.0));
         }
@@ -316,7 +324,7 @@ fn friction_over_random_bodies_is_solved_by_both_methods() {
         let u: Vec<f64> =
             (0..3 * contacts).map(|j| (0..dofs).map(|i| h[i][j] * v[i]).sum()).collect();
         assert_near(&u, &problem.velocities(&solved.outcome.impulses), 1e-10);
-        // Friction never gives energy.
+        // Friction never adds energy.
         for (r, u) in solved.outcome.impulses.chunks(3).zip(u.chunks(3)) {
             assert!(r[1] * u[1] + r[2] * u[2] <= 1e-9);
         }
@@ -335,7 +343,7 @@ fn bad_numbers_are_refused() {
     let two = || matrix(&[vec![1.0, 0.0], vec![0.0, 1.0]]);
     assert_eq!(refused(2, &[-0.5], two(), &[1.0, 1.0]), ProblemError::Friction(0, -0.5));
     assert_eq!(refused(2, &[], two(), &[1.0, 1.0]), ProblemError::Size("mu", 0, 1));
-    // A start that is no start is not taken.
+    // An invalid warm start is ignored.
     let problem = lcp([[2.0]], [-1.0]);
     for warm in [vec![f64::NAN], vec![1.0; 3]] {
         let outcome = block_gauss_seidel::solve(&problem, Some(&warm), &Limits::default());
@@ -382,7 +390,7 @@ fn data(folder: &str) -> Option<PathBuf> {
     Some(Path::new(&root).join(folder))
 }
 
-/// What the ladder finds, and the shortest of three times. \[ms\]
+/// Returns the result of the ladder and the shortest of three run times. \[ms\]
 fn timed(problem: &Problem, limits: &Limits) -> (Solved, f64) {
     let once = || {
         let start = Instant::now();
@@ -392,7 +400,7 @@ fn timed(problem: &Problem, limits: &Limits) -> (Solved, f64) {
     let runs = [once(), once(), once()];
     let shortest = runs.iter().fold(f64::INFINITY, |shortest, run| shortest.min(run.1));
     let [first, second, _] = runs;
-    // The same bits every time.
+    // Every run must give the same bits.
     assert_eq!(first.0.outcome.impulses, second.0.outcome.impulses);
     (first.0, shortest)
 }

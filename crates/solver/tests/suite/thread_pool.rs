@@ -1,4 +1,4 @@
-//! Threads that work together: everything is done once, in order, whatever happens.
+//! Tests of the thread pool: every item is processed once, and a panic leaves the pool usable.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use drystone_solver::thread_pool::ThreadPool;
 
-/// Shares are as many as threads, or one where there is too little to share.
+/// There are as many shares as threads, or at most one if there are too few items to share.
 #[test]
 fn shares_cover_all_items() {
     for threads in [1, 2, 3, 8] {
@@ -38,7 +38,8 @@ fn every_member_does_a_job_once_and_parts_cover_it() {
     }
 }
 
-/// Of kinds that are shared out one after the other everybody has about as many in all, in order, and each once.
+/// When several ranges are split one after the other, all workers get about the same total, and
+/// each item goes to one worker.
 #[test]
 fn what_some_had_less_of_they_have_more_of_later() {
     let kinds = [1, 3, 0, 5, 1, 1, 13, 2];
@@ -105,7 +106,7 @@ fn a_job_within_a_job_is_done_alone() {
     assert_eq!(done.into_inner(), 2);
 }
 
-/// A panic of any worker reaches the caller, who then has a pool that works.
+/// A panic in any worker reaches the caller, and the pool still works afterwards.
 #[test]
 fn a_panic_is_passed_on() {
     let pool = ThreadPool::new(3);

@@ -1,6 +1,6 @@
-//! What a walk asks memory for before it comes there.
+//! Software prefetching for sweeps over blocks.
 //!
-//! A block is some pages away from the next, where what a processor fetches by itself ends.
+//! Consecutive blocks are some pages apart, and hardware prefetching ends at a page.
 
 use std::ops::Range;
 
@@ -9,21 +9,23 @@ use crate::lanes::{Lanes, WIDTH};
 use crate::wide::block::Block;
 use crate::{Manifold, SymmetricMatrix};
 
-/// Parts in which a visit asks for what comes next, at its start, before, between and after its normals and
-/// friction: what is asked for at once, it waits for.
+/// Number of parts into which a visit divides its prefetches: at its start, and before, between and
+/// after its normals and friction. A visit would stall on prefetches issued all at once.
 const PARTS: usize = 4;
 
 impl<V: Lanes, const L: usize, const A: usize> BlockSweep<'_, V, L, A> {
-    /// How many blocks ahead: more of them where they are small.
+    /// Prefetch distance in blocks; longer for small blocks.
     const AHEAD: usize = 1 + 8192 / size_of::<Block<V, L, A>>();
 
-    /// Asks for a part of what the next blocks on the way need: of one that is soon reached, and was asked for
-    /// before, points and velocities; and another one as far behind it.
+    /// Prefetches a part of the data of two upcoming blocks. At distance `AHEAD` these are the
+    /// points and velocities of a block that itself was prefetched earlier. At twice this distance
+    /// it is the block itself.
     #[inline(always)]
     pub(super) fn look_ahead(&self, index: usize, part: usize) {
         let own = index - self.first;
         if let Some(block) = self.blocks.get(own + 2 * Self::AHEAD) {
-            // Most follow others of their kind, and their own is not known yet.
+            // Most blocks have the same `center` as the ones before; that of this one is not known
+            // yet.
             block.fetch(self.blocks[own].center, part);
         }
         if let Some(block) = self.blocks.get(own + Self::AHEAD) {
@@ -42,11 +44,11 @@ impl<V: Lanes, const L: usize, const A: usize> BlockSweep<'_, V, L, A> {
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
-    /// Asks for a part of what a visit reads, of points in the `center` less.
+    /// Prefetches a part of the data that a visit reads, which is less for points in the `center`.
     #[inline(always)]
     fn fetch(&self, center: bool, part: usize) {
         if A < 3 {
-            // Too little is not read for gaps to be worth the while.
+            // In small blocks, too little data is unread for skipping it to pay off.
             return fetch_part(self, 1, part);
         }
         let Self { bodies, moving, masses, mobility, manifold, .. } = self;
@@ -77,14 +79,14 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     }
 }
 
-/// Asks for memory that is soon read, wherever it is, to come into the second cache: the way to the first has
-/// room for few lines at a time.
+/// Prefetches memory into the level-2 cache, since the path to level 1 has room for few cache lines
+/// at a time. Any address is allowed.
 #[inline(always)]
 fn fetch<T>(first: *const T, count: usize) {
     fetch_bytes(first.cast(), 0..count * size_of::<T>());
 }
 
-/// The same of a part of it.
+/// Prefetches one part of this memory.
 #[inline(always)]
 fn fetch_part<T>(first: *const T, count: usize, part: usize) {
     let size = (count * size_of::<T>()).div_ceil(PARTS);
@@ -96,14 +98,14 @@ fn fetch_bytes(first: *const u8, bytes: Range<usize>) {
     #[cfg(target_arch = "x86_64")]
     for line in bytes.step_by(64) {
         use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
-        // SAFETY: nothing is read.
+        // SAFETY: a prefetch reads nothing.
         unsafe { _mm_prefetch::<_MM_HINT_T1>(first.wrapping_add(line).cast()) };
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = (first, bytes);
 }
 
-/// The same of what products read.
+/// Prefetches the entries of a matrix that products read.
 #[inline(always)]
 fn fetch_matrix<T, const N: usize>(matrix: &SymmetricMatrix<T, N>) {
     for (i, row) in matrix.0.iter().enumerate() {

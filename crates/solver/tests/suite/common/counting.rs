@@ -1,4 +1,4 @@
-//! [`Counting`]: how many operations an algorithm takes, by running it.
+//! [`Counting`]: a number type that counts the operations of an algorithm while it runs.
 
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -9,7 +9,7 @@ thread_local! {
     static OPERATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// A number that counts what is done with it.
+/// A number that counts the operations on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Counting(pub f64);
 
@@ -19,7 +19,7 @@ impl Counting {
         Self(value)
     }
 
-    /// Operations of some work.
+    /// Returns the number of operations of some work.
     pub(crate) fn during(work: impl FnOnce()) -> u64 {
         let before = OPERATIONS.get();
         work();
@@ -40,7 +40,7 @@ macro_rules! counting {
 
 counting!(Sub sub, Mul mul, Div div);
 
-/// With nothing it is no work.
+/// Adding `NEG_ZERO`, the value of an empty sum, is not counted.
 impl Add for Counting {
     type Output = Self;
     fn add(self, other: Self) -> Self {
@@ -73,7 +73,7 @@ impl SubAssign for Counting {
 impl Real for Counting {
     const ZERO: Self = Self(0.0);
     const ONE: Self = Self(1.0);
-    /// Too small to change a sum, and what no work gives.
+    /// Too small to change a sum, and not a result of counted operations.
     const NEG_ZERO: Self = Self(-5e-324);
 
     fn from_f64(value: f64) -> Self {

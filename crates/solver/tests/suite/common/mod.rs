@@ -1,11 +1,12 @@
-//! Random systems of contacts, and what the tests measure on them with arithmetic of their own.
+//! Random systems of contacts, and quantities that the tests compute from them independently of the
+//! crate.
 pub(crate) mod counting;
 
 use drystone_solver::{
     Contact, InverseMass, Manifold, SymmetricMatrix, System, Vector, Velocity, contact_frame,
 };
 
-/// Runs a generic check for particles and rigid bodies, in two and three dimensions.
+/// Runs a generic check for particles and for rigid bodies, in two and in three dimensions.
 #[macro_export]
 macro_rules! in_all_four {
     ($check:ident $(, $argument:expr)*) => {{
@@ -16,7 +17,7 @@ macro_rules! in_all_four {
     }};
 }
 
-/// |a - b| within `tolerance` of the larger of 1 and their sizes.
+/// Asserts that |a - b| is at most `tolerance` times the largest of 1, |a| and |b|.
 #[track_caller]
 pub(crate) fn assert_close(a: f64, b: f64, tolerance: f64) {
     let scale = 1f64.max(a.abs()).max(b.abs());
@@ -37,7 +38,7 @@ pub(crate) fn assert_all_close(
     }
 }
 
-/// SplitMix64: a seed names a system.
+/// The SplitMix64 generator: its seed determines the system.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -72,12 +73,12 @@ impl Random {
     }
 }
 
-/// A system, and what only a test needs to know of its bodies.
+/// A system, with properties of its bodies that only the tests need.
 #[derive(Clone)]
 pub(crate) struct Scene<const L: usize, const A: usize> {
     pub(crate) system: System<f64, L, A>,
     pub(crate) positions: Vec<Vector<f64, L>>,
-    /// Infinite for what is fixed.
+    /// Mass of each body; infinite for a wall. \[kg\]
     pub(crate) masses: Vec<f64>,
     pub(crate) inertias: Vec<SymmetricMatrix<f64, A>>,
 }
@@ -92,7 +93,8 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         }
     }
 
-    /// A body at rest with these principal moments of inertia about these axes.
+    /// Adds a body at rest with these principal moments of inertia about these axes; returns its
+    /// index.
     pub(crate) fn body(
         &mut self,
         position: Vector<f64, L>,
@@ -107,7 +109,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         self.system.add_body(Velocity::ZERO, InverseMass { linear: 1.0 / mass, angular: inverse })
     }
 
-    /// A ball: a sphere of unit radius of gyration, at the origin of its own axes.
+    /// Adds a ball, with a radius of gyration of 1 m, and returns its index.
     pub(crate) fn ball(&mut self, position: Vector<f64, L>, mass: f64) -> u32 {
         let axes = std::array::from_fn(|i| {
             Vector(std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }))
@@ -115,7 +117,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         self.body(position, mass, Vector([mass; A]), &axes)
     }
 
-    /// A body that nothing moves.
+    /// Adds a fixed body and returns its index.
     pub(crate) fn wall(&mut self) -> u32 {
         self.positions.push(Vector::ZERO);
         self.masses.push(f64::INFINITY);
@@ -123,8 +125,8 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         self.system.add_body(Velocity::ZERO, InverseMass::FIXED)
     }
 
-    /// Contacts at these points, drawn into the plane of the first, between two bodies; the normal from the second to
-    /// the first.
+    /// Adds contacts between two bodies at these points, projected onto the tangent plane through
+    /// the first point. The normal points from the second body to the first.
     pub(crate) fn touch(
         &mut self,
         bodies: [u32; 2],
@@ -148,14 +150,14 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         self.system.add_manifold(manifold, &contacts);
     }
 
-    /// One contact, for systems where the place does not matter.
+    /// Adds one contact halfway between the bodies, for systems where its position does not matter.
     pub(crate) fn push(&mut self, a: u32, b: u32, normal: Vector<f64, L>) {
         let middle = |x: Vector<f64, L>, y: Vector<f64, L>| (x + y) * 0.5;
         let point = middle(self.positions[a as usize], self.positions[b as usize]);
         self.touch([a, b], normal, &[point]);
     }
 
-    /// Sum of 1/2 m v^2 + 1/2 omega . I omega. \[J\]
+    /// Returns the sum of 1/2 m v^2 + 1/2 omega . I omega. \[J\]
     pub(crate) fn kinetic_energy(&self) -> f64 {
         let mut energy = 0.0;
         for (i, v) in self.system.velocities.iter().enumerate() {
@@ -167,7 +169,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         energy
     }
 
-    /// Sum of m v. \[N s\]
+    /// Returns the sum of m v. \[N s\]
     pub(crate) fn momentum(&self) -> Vector<f64, L> {
         let mut sum = Vector::ZERO;
         for (i, v) in self.system.velocities.iter().enumerate() {
@@ -176,7 +178,8 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         sum
     }
 
-    /// Sum of x x m v + I omega, a number for each plane of rotation. \[N m s\]
+    /// Returns the sum of x x m v + I omega, with one component for each plane of rotation.
+    /// \[N m s\]
     pub(crate) fn angular_momentum(&self) -> Vec<f64> {
         let planes: &[[usize; 2]] = if L == 2 { &[[0, 1]] } else { &[[1, 2], [2, 0], [0, 1]] };
         let mut sums = vec![0.0; planes.len()];
@@ -194,19 +197,20 @@ impl<const L: usize, const A: usize> Scene<L, A> {
     }
 }
 
-/// What a random system is made of.
+/// Parameters of a random system.
 #[derive(Clone, Copy)]
 pub(crate) struct Recipe {
     pub(crate) bodies: usize,
     pub(crate) manifolds: usize,
-    /// Points of a manifold: 1 to this.
+    /// Largest number of points in a manifold; the smallest is 1.
     pub(crate) points: usize,
-    /// Whether contacts with walls are among them.
+    /// Whether some manifolds touch a wall.
     pub(crate) walls: bool,
 }
 
-/// Contacts between random bodies at random places. Particles touch along the line between them.
-/// Targets are random; effective masses are those of rigid contacts.
+/// Returns a scene of random bodies with contacts at random positions. Normals between particles
+/// lie along the line between them. Targets are random; effective masses are those of rigid
+/// contacts.
 pub(crate) fn random_scene<const L: usize, const A: usize>(
     random: &mut Random,
     recipe: Recipe,
