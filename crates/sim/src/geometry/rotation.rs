@@ -71,17 +71,17 @@ const FOURTH_ORDER: [f64; 3] =
 /// Largest number of substeps: a rotation of 32 rad. A faster body rotates no farther in a step.
 const PARTS: usize = 512;
 
-/// Returns the mean angular velocity of a free rotation for `h` in body axes, and half of the
-/// rotation angle over that velocity. It solves the implicit midpoint rule by fixed-point
-/// iteration,
+/// Returns the mean angular velocity omega_m of a free rotation for `h`, in body axes, and s h / 2.
+/// It solves the implicit midpoint rule by fixed-point iteration,
 ///
 /// Pi' - Pi = s h Pi_m x omega_m, with Pi_m = (Pi + Pi') / 2 and omega_m = I^-1 Pi_m.
 ///
 /// The rule conserves |Pi| and the energy exactly, for any number s, since the change is
 /// perpendicular to both Pi_m and omega_m. Pi' is Pi rotated back about omega_m by twice the arc
-/// tangent of s h |omega_m| / 2, the Cayley map. With the s used here, this angle is h |omega|
-/// itself. References: Austin, Krishnaprasad and Wang, Almost Poisson integration of rigid body
-/// systems, 1993; Simo and Wong, Unconditionally stable algorithms for rigid body dynamics, 1991.
+/// tangent of s h |omega_m| / 2, the Cayley map. s is chosen so that this angle is h |omega| for a
+/// steady rotation, with a relative error of sixth order. References: Austin, Krishnaprasad and
+/// Wang, Almost Poisson integration of rigid body systems, 1993; Simo and Wong, Unconditionally
+/// stable algorithms for rigid body dynamics, 1991.
 #[inline(always)]
 fn middle<T: Real>(
     seen: Vector<T, 3>,
