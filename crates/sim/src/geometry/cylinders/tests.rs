@@ -2,7 +2,7 @@ use super::*;
 use crate::geometry::random::Random;
 use crate::geometry::solid::Cuboid;
 
-/// The gap along an axis from b to a: the distance of a's support beyond b's. \[m\]
+/// A function of a direction: a support function, or the gap along an axis from b to a. \[m\]
 type Separates<'a> = &'a dyn Fn([f64; 3]) -> f64;
 
 fn wide(of: V) -> [f64; 3] {
