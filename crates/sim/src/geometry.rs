@@ -365,7 +365,7 @@ impl<const L: usize> Bounds<L> {
 /// Mass, center of mass and inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MassProperties<const L: usize, const A: usize> {
-    /// \[kg\]
+    /// Mass. \[kg\]
     pub mass: f32,
     /// Center of mass. \[m\]
     pub center: Vector<f32, L>,

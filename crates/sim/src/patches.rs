@@ -1,11 +1,11 @@
 //! Contact patches of compounds: points that two bodies share in one plane form one patch, and
 //! covered sides between parts have no contacts.
 //!
-//! 1. A contact with a side of a part is opened if another part of the same body covers that side:
-//!    its gap is set so large that it takes no impulse. So bricks of four parts that stand on each
-//!    other do not push sideways at the seams between the parts. 2. If the gaps of all points in a
-//!    plane are those between two planes, the outermost points determine them. The inner points are
-//!    opened.
+//! 1. A contact with a side of a part is opened if another part of the same body covers that side.
+//!    An open contact has such a large gap that it takes no impulse. So bricks of four parts that
+//!    stand on each other do not push sideways at the seams between the parts.
+//! 2. If the gaps of all points in a plane are those between two planes, the outermost points
+//!    determine them. The inner points are opened.
 //!
 //! Each part of a body that lies on another body has a manifold of its own. Two bricks of five
 //! parts share up to 36 points in one plane, where four are enough. Which of them carry the load is

@@ -2,13 +2,13 @@
 //! collisions with internal edges.
 //!
 //! Two solids may be apart along several axes. The axis with the largest gap, which
-//! [`Geometry::collide`] reports, may be the wrong one. For example, a box that slides over the
-//! seam between two flush boxes has a gap to the side of the next box, and none above its top. Two
+//! [`Geometry::collide`] reports, may be the wrong one. Consider a box that slides over the seam
+//! between two flush boxes. It has a gap to the side of the next box, and none above its top. Two
 //! rules decide:
 //!
 //! 1. An axis holds bodies apart if they have a gap along it. A small overlap counts as none if it
-//!    is sag: a contact holds one of the bodies above a plane, and the other body does not stick
-//!    out of that plane by more than a multiple of the contact's overlap.
+//!    is sag. This is the case if a contact holds one of the bodies above a plane, and the other
+//!    body does not stick out of that plane by more than a multiple of the contact's overlap.
 //! 2. Among these axes, the one counts along which the bodies overlap least after their motion
 //!    until the next search. This motion takes account of the contacts that hold them.
 //!

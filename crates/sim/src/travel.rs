@@ -48,7 +48,7 @@ pub(crate) struct MotionView<'a, const L: usize, const A: usize> {
     /// Reach of the shapes of each body.
     pub(crate) reach: &'a [Reach],
     pub(crate) since_search: &'a [SearchMotion<L>],
-    /// The time in which they move. \[s\]
+    /// Duration of the motion. \[s\]
     pub(crate) dt: f32,
 }
 

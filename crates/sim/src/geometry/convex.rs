@@ -20,7 +20,7 @@ struct Facet {
     removed: bool,
 }
 
-/// No facet.
+/// Marks a missing neighbor.
 const NONE: u32 = u32::MAX;
 
 /// Returns the triangles of the hull of points \[m\], counter-clockwise seen from outside. Returns
@@ -118,8 +118,8 @@ impl Hull<'_> {
     }
 
     /// Assigns each point to the first of these facets that it is above. A point above none of them
-    /// is inside the hull: seen from outside, the line from it to a facet that it was above enters
-    /// through a new one.
+    /// is inside the hull. Seen from outside, the line from it to a facet that it was above
+    /// enters through a new one.
     fn sort(&mut self, points: Vec<u32>, facets: &[u32]) {
         for point in points {
             let above = |&facet: &u32| self.side(self.facets[facet as usize].corners, point) > 0.0;

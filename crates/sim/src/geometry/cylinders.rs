@@ -2,13 +2,13 @@
 //! meshes see `mesh`.
 //!
 //! A cylinder has a segment as its axis and two discs as caps. The same points always face a plane
-//! ([`Facing`]): points on the rim of the nearer cap, the first of them in the direction of the
-//! lean, and the point above the first on the rim of the other cap. A cylinder lies on the line
-//! between these two points. The first one is the deepest point of a coin that rolls on its rim. So
-//! lying, leaning and standing cylinders are one case.
+//! ([`Facing`]). These are points on the rim of the nearer cap, the first of them in the direction
+//! of the lean, and the point above the first on the other rim. A cylinder lies on the line between
+//! these two points. The first one is the deepest point of a coin that rolls on its rim. So lying,
+//! leaning and standing cylinders are one case.
 //!
-//! The axis of separation is searched in a few families, each solved for its best member: the
-//! normals of faces, the axes of the cylinders, the axes across a line and a cylinder
+//! The axis of separation is searched in a few families, each solved for its best member. They are
+//! the normals of faces, the axes of the cylinders, the axes across a line and a cylinder
 //! ([`Placed::to_line`]), and those across two rims ([`climb`]). The gap along each candidate is
 //! then measured on the whole shapes, so a family that does not apply loses.
 

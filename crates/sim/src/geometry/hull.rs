@@ -13,8 +13,8 @@ use super::{MassProperties, convex};
 /// bodies on the face penetrate.
 const FLAT: f32 = 1e-4;
 
-/// Largest distance of a corner from the plane of its face, as a fraction of the hull's thickness:
-/// faces of a thin hull are close to each other. \[1\]
+/// Largest distance of a corner from the plane of its face, as a fraction of the hull's thickness.
+/// \[1\] Faces of a thin hull are close to each other.
 const FLAT_OF_THICKNESS: f32 = 1e-2;
 
 /// Number of points that the search for the farthest point handles at once.
@@ -175,9 +175,9 @@ impl Surface {
         Some(Self { points, triangles })
     }
 
-    /// Returns mass, center of mass and inertia of the enclosed solid: the sum over the tetrahedra
-    /// from one point to each triangle. parry is not used, since it converts the inertia to
-    /// principal axes and back, with sines that differ between machines.
+    /// Returns mass, center of mass and inertia of the enclosed solid. They are sums over the
+    /// tetrahedra from one point to each triangle. (parry converts the inertia to principal axes
+    /// and back, with sines that differ between machines.)
     fn mass(&self, density: f32) -> MassProperties<3, 3> {
         let Self { points, triangles } = self;
         let at =

@@ -1,10 +1,10 @@
 //! Contact of convex shapes with triangle meshes, in the frame of the mesh.
 //!
-//! For each triangle near a shape, the axis of the largest gap is searched: among the triangle's
-//! normal, and the axes that an edge, a vertex or the shape proposes and the topology of the mesh
-//! admits ([`Surface`](surface::Surface)). Contacts are collected by feature. All triangles of a
-//! facet share a manifold, as do all features below one face of the shape; an edge or a vertex
-//! counts once.
+//! For each triangle near a shape, the axis of the largest gap is searched. The candidates are the
+//! triangle's normal, and axes that an edge, a vertex or the shape proposes. The topology of the
+//! mesh must admit them ([`Surface`](surface::Surface)). Contacts are collected by feature. All
+//! triangles of a facet share a manifold, as do all features below one face of the shape; an edge
+//! or a vertex counts once.
 //!
 //! An open mesh has two sides: a shape touches it from the side of its center. A closed mesh pushes
 //! shapes out along its outward normals, even if their centers are inside.
@@ -36,8 +36,8 @@ const ON_EDGE: f32 = 1e-4;
 /// depth beyond the edge. \[1\]
 const STEEPEST: f32 = 10.0;
 
-/// The part of a mesh that a manifold belongs to: a side of a facet, an edge, a vertex, or all
-/// features under a face of the shape.
+/// The part of a mesh that a manifold belongs to. It is a side of a facet, an edge, a vertex, or
+/// the set of all features under a face of the shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Part {
     Facet { facet: u32, behind: bool },
@@ -219,9 +219,9 @@ pub(super) struct MeshQuery<'a> {
 }
 
 impl MeshQuery<'_> {
-    /// Returns the only side of a facet that can be touched: the outer side of a solid, or the side
-    /// where the shape was in the step before. So a shape that was pressed through an open mesh is
-    /// pushed back.
+    /// Returns the only side of a facet that can be touched. For a solid it is the outer side, for
+    /// a sheet the side where the shape was in the step before. So a shape that was pressed through
+    /// an open mesh is pushed back.
     fn only_side(&self, facet: &Facet) -> Option<f32> {
         let faced = self.faced.filter(|faced| faced.sheet == facet.sheet % SHEETS);
         if facet.solid { Some(1.0) } else { faced.map(|faced| faced.side) }
@@ -239,9 +239,9 @@ impl MeshQuery<'_> {
     /// True if a point is over a triangle, on a side of it (1 or -1) and at a `height` above it.
     /// \[m\]
     ///
-    /// A point beyond an edge is still over the triangle in two cases: where the mesh rises beyond
-    /// the edge and the point is below it there, and where motion within the step may bring the
-    /// point back over the triangle.
+    /// A point beyond an edge is still over the triangle in two cases. Either the mesh rises beyond
+    /// the edge and the point is below it there. Or motion within the step may bring the point back
+    /// over the triangle.
     fn is_over(&self, face: &Face, facet: &Facet, side: f32, place: V, height: f32) -> bool {
         let corners = self.surface.corners(face);
         (0..3).all(|k| {

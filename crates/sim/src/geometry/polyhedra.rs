@@ -58,8 +58,8 @@ pub(super) fn collide<const L: usize>(
 const BESIDE: f32 = 0.5;
 
 /// Fills `touch` with the contact points of the other solid over a face of `solid`, up to a gap of
-/// `prediction` \[m\], in the frame of `solid`, which is a. `gap` is the gap along the normal.
-/// \[m\]
+/// `prediction` \[m\]. They are given in the frame of `solid`, which is a. `gap` is the gap along
+/// the normal. \[m\]
 fn on_face<const L: usize>(
     (solid, of): (&impl Solid<L>, FaceOf),
     (other, from_other): (&impl Solid<L>, &Frame<L>),

@@ -124,8 +124,8 @@ pub(super) fn between_rounds<const L: usize>(
     gap
 }
 
-/// Fills `touch` with the contact points of a round shape, as a, and a solid, as b, up to a gap of
-/// `prediction` \[m\], in the frame of the solid.
+/// Fills `touch` with the contact points of a round shape, as a, and a solid, as b, in the frame of
+/// the solid. Points count up to a gap of `prediction` \[m\].
 ///
 /// Returns a lower bound of the gap \[m\], or `None` if the core is in the solid and no face is
 /// certain to be the nearest. `before` is the feature of a contact point of the step before.

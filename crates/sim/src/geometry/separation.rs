@@ -33,7 +33,7 @@ pub(super) struct Separation<const L: usize> {
 pub(super) enum Axis<const L: usize> {
     /// The normal of a face.
     Face(FaceOf),
-    /// Across two edges.
+    /// An axis across two edges.
     Edges(Crossing<L>),
 }
 
@@ -205,10 +205,10 @@ impl<const L: usize> Best<L> {
     ///
     /// Without overlap, F within the face is sufficient: the gap is at most the distance from F to
     /// the far point. With overlap, let the far point be d below F. Let the solid contain the disc
-    /// of radius 1.5 d in the face about F, and the point 4 d below F. The gap along an axis at
-    /// angle t to the normal is at most that between the far point and any of these points: -d (cos
-    /// t + 1.5 sin t) and 3 d cos t. The first is at most -d up to 112 degrees, the second from 110
-    /// degrees on.
+    /// of radius 1.5 d in the face about F, and the point 4 d below F. Consider an axis at angle t
+    /// to the normal. The gap along it is at most that between the far point and any of these
+    /// points: -d (cos t + 1.5 sin t) and 3 d cos t. The first is at most -d up to 112 degrees, the
+    /// second from 110 degrees on.
     pub(super) fn is_sure(&self, solid: &impl Solid<L>) -> bool {
         let (normal, _) = solid.face(self.face);
         let foot = self.far - normal * self.gap;

@@ -31,8 +31,9 @@ pub(super) trait Solid<const L: usize> {
     /// Appends the vertices of a face, in order around it.
     fn corners(&self, face: usize, out: &mut Vec<Corner<L>>);
 
-    /// Calls `side` with each plane through a side of a face: a point of it, and a vector out of
-    /// the face, about as long as the face. `memory` is scratch memory for its corners.
+    /// Calls `side` with each plane through a side of a face. The arguments are a point of the
+    /// plane, and a vector out of the face, about as long as the face. `memory` is scratch memory
+    /// for its corners.
     fn sides(
         &self,
         face: usize,

@@ -75,7 +75,7 @@ fn settled(random: &mut Random, of: Placed) -> Placed {
     Placed { axis, side: side * (1.0 / side.length()), ..of }
 }
 
-/// Checks a contact against the exact shapes: its points are on both surfaces, no gap is smaller
+/// Checks a contact against the exact shapes. Its points are on both surfaces, no gap is smaller
 /// than reported, and the deepest point is as deep as the overlap.
 fn check(
     what: &str,

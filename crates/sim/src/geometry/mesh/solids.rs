@@ -81,7 +81,7 @@ pub(super) trait Shape {
 
 /// A face of a shape.
 pub(super) struct Outline<'a> {
-    /// Its number.
+    /// Index of the face.
     pub(super) face: usize,
     /// Outward unit normal.
     pub(super) normal: V,
@@ -346,9 +346,9 @@ impl<S: Shape> Meeting<'_, S> {
         }
     }
 
-    /// Collects the contacts of the shape over a triangle: corners of its lowest face over the
-    /// triangle, and parts of that face over the boundary of the facet. If `all` is false, the
-    /// contact may still turn out to belong to another facet ([`Self::keep_genuine`]).
+    /// Collects the contacts of the shape over a triangle. These are corners of its lowest face
+    /// over the triangle, and parts of that face over the boundary of the facet. If `all` is false,
+    /// the contact may still turn out to belong to another facet ([`Self::keep_genuine`]).
     fn on_facet(&self, face: &Face, above: usize, all: bool, gathered: &mut Gathered) {
         let MeshQuery { surface, prediction, .. } = self.ahead;
         let Above { facet: number, behind, low, face: own, corners, .. } =
@@ -388,9 +388,9 @@ impl<S: Shape> Meeting<'_, S> {
         gathered.memory.truncate(start);
     }
 
-    /// Removes the overlapping points of facets to which no contact belongs. A facet keeps them if
-    /// they are near the deepest point of the shape, or if one of its triangles has the face normal
-    /// as its best axis.
+    /// Removes the overlapping points of facets to which no contact belongs. A facet keeps them in
+    /// two cases: they are near the deepest point of the shape, or the face normal is the best axis
+    /// for one of its triangles.
     fn keep_genuine(&self, gathered: &mut Gathered) {
         for at in 0..gathered.facets.len() {
             let Above { facet: number, behind, genuine, .. } = gathered.facets[at];

@@ -1,10 +1,10 @@
 //! [`Surface`]: a triangle mesh with the topology that decides which contact normals its features
 //! admit.
 //!
-//! A vertex or an edge admits the normal d if no point of the mesh around it is farther along d:
-//! the feature is a local maximum of d . x. In a flat or concave region only the face admits
-//! normals, so contacts do not catch on internal edges. The rule needs no winding, and holds for
-//! both sides of an open mesh.
+//! A vertex or an edge admits the normal d if it is a local maximum of d . x: no point of the mesh
+//! around it is farther along d. In a flat or concave region only the face admits normals, so
+//! contacts do not catch on internal edges. The rule needs no winding, and holds for both sides of
+//! an open mesh.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -45,7 +45,7 @@ pub(crate) struct Surface {
     fans: Vec<u32>,
 }
 
-/// A triangle.
+/// A triangle of the mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Face {
     /// Counter-clockwise seen from where the normal of its facet points.
@@ -185,9 +185,9 @@ impl Surface {
         along > UPRIGHT || !solid && along < -UPRIGHT
     }
 
-    /// Returns the point of a triangle nearest to `place`. The flag is true if `place` is on the
-    /// given side of the surface there (1: where the normals point, or -1), or beyond the boundary
-    /// of the surface.
+    /// Returns the point of a triangle nearest to `place`, and whether `place` is on the given side
+    /// of the surface there. The side is 1 where the normals point, or -1. Beyond the boundary of
+    /// the surface, the flag is true.
     pub(super) fn nearest(&self, face: &Face, side: f32, place: V) -> (V, bool) {
         let facet = &self.facets[face.facet as usize];
         let corners = self.corners(face);
