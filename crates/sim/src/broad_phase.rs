@@ -1,4 +1,4 @@
-//! Which shapes are near each other: boxes in a tree that follows them as they move.
+//! Broad phase: pairs of near shapes, by a tree of bounding boxes that follows the shapes.
 
 mod tree;
 
@@ -9,19 +9,19 @@ use tree::Tree;
 use crate::cache::Pair;
 use crate::geometry::Bounds;
 
-/// Boxes are stored larger than needed by this part of their size, so that a shape has to move
-/// before the tree changes.
+/// Margin of stored boxes as a fraction of their size: a shape has to leave its box before the tree
+/// changes. \[1\]
 const MARGIN: f32 = 0.05;
 
-/// The tree over the boxes of all shapes.
+/// The tree over the bounding boxes of all shapes.
 pub(crate) struct BroadPhase<const L: usize> {
     tree: Tree<L>,
-    /// The enlarged box of each shape.
+    /// Enlarged box of each shape.
     boxes: Vec<Bounds<L>>,
-    /// Which have changed since pairs were last asked for, and for each whether it has.
+    /// Shapes whose boxes have changed since the last query, and a flag for each shape.
     moved: Vec<u32>,
     moves: Vec<bool>,
-    /// Whether it goes on from the boxes of another, whose pairs may be known.
+    /// True if it started with the boxes of another broad phase, whose pairs may be known.
     goes_on: bool,
 }
 
@@ -36,13 +36,14 @@ impl<const L: usize> BroadPhase<L> {
         }
     }
 
-    /// How much more room a shape that needs this much has in its stored box, on each side; less than
-    /// none if it is not within, and so for a box that has a NaN. \[m\]
+    /// Returns the margin of a shape's stored box around `needed`, the smallest of all sides. \[m\]
+    /// It is negative if `needed` is not within the stored box, and negative infinity if `needed`
+    /// contains a NaN.
     pub(crate) fn room(&self, shape: usize, needed: &Bounds<L>) -> f32 {
         let stored = &self.boxes[shape];
         let sides =
             (0..L).map(|i| (needed.min[i] - stored.min[i]).min(stored.max[i] - needed.max[i]));
-        // The smaller of a number and NaN is the number, but their sum is NaN.
+        // The minimum of a number and NaN is the number, but their sum is NaN.
         let (least, sum) = sides
             .fold((f32::INFINITY, 0.0), |(least, sum), side| (f32::min(least, side), sum + side));
         if sum.is_nan() { f32::NEG_INFINITY } else { least }
@@ -56,15 +57,16 @@ impl<const L: usize> BroadPhase<L> {
         self.update(shape, needed);
     }
 
-    /// The number of the next shape, which has no box yet.
+    /// Returns the number of the next shape, which has no box yet.
     fn grow(&mut self) -> u32 {
         self.boxes.push(Bounds::EMPTY);
         self.moves.push(false);
         self.boxes.len() as u32 - 1
     }
 
-    /// Makes room for `needed` where it has grown out of its box. A box that has a NaN is near nothing until it
-    /// has none; one that is infinite ends at the largest number, since the tree takes infinity for no box.
+    /// Enlarges the box of a shape if `needed` is not within it. A shape whose box contains a NaN
+    /// is near no other until the box is finite again. Infinite boxes are clamped to the largest
+    /// number, since the tree uses infinity for empty boxes.
     pub(crate) fn update(&mut self, shape: u32, needed: &Bounds<L>) {
         if self.room(shape as usize, needed) >= 0.0 {
             return;
@@ -80,12 +82,12 @@ impl<const L: usize> BroadPhase<L> {
         self.store(shape, Some(&Bounds { min: within(stored.min), max: within(stored.max) }));
     }
 
-    /// The boxes of all shapes as they are stored.
+    /// Returns the stored boxes of all shapes.
     pub(crate) fn boxes(&self) -> &[Bounds<L>] {
         &self.boxes
     }
 
-    /// A broad phase that goes on from boxes that another has stored; none for removed shapes.
+    /// Returns a broad phase with boxes that another one has stored; removed shapes have none.
     pub(crate) fn with_boxes(boxes: impl Iterator<Item = Option<Bounds<L>>>) -> Self {
         let mut out = Self { goes_on: true, ..Self::new() };
         for stored in boxes {
@@ -103,7 +105,7 @@ impl<const L: usize> BroadPhase<L> {
         }
     }
 
-    /// Forgets a shape.
+    /// Removes a shape.
     pub(crate) fn remove(&mut self, shape: u32) {
         self.store(shape, None);
     }
@@ -114,8 +116,8 @@ impl<const L: usize> BroadPhase<L> {
         tree.visit(&boxes[shape as usize], &mut found);
     }
 
-    /// Drops the pairs whose boxes overlap no more, and returns those that have come to overlap since the last
-    /// call, lower index first, sorted; none if no box has changed.
+    /// Drops the pairs whose boxes no longer overlap. Returns the pairs that have started to
+    /// overlap since the last call, lower index first, sorted, or `None` if no box has changed.
     pub(crate) fn follow<'a>(
         &'a mut self,
         pairs: &'a mut Vec<Pair>,
@@ -132,7 +134,7 @@ impl<const L: usize> BroadPhase<L> {
         });
         moved.drain(..).for_each(|shape| moves[shape as usize] = false);
         let found = tree.overlaps(pool);
-        // To a tree that goes on all are new.
+        // To a tree that starts with stored boxes, all pairs are new.
         let known = if std::mem::take(goes_on) { &pairs[..] } else { &[] };
         let is_new = |pair: &[u32; 2]| {
             known.is_empty() || known.binary_search_by(|of| of.colliders.cmp(pair)).is_err()
@@ -166,7 +168,7 @@ mod tests {
                     assert!(found.contains(&3) && found[1] < 20, "{wrong}: {found:?}");
                 }
             }
-            // To a neighbor's place.
+            // Moves it onto a neighbor.
             phase.update(3, &at(8.2));
             let found = pairs(&mut phase, &mut known);
             assert!(found.is_empty() || found == [[3, 4]], "{wrong}: {found:?}");

@@ -1,5 +1,6 @@
-//! What a dimension must supply: poses that advance, shapes with bounds and mass, and the points
-//! where two shapes touch. Everything else in a world is written once for all of them.
+//! [`Geometry`]: everything that depends on the dimension. That is poses, shapes with bounds and
+//! mass, and the contact points of two shapes. The rest of a world is written once for all
+//! dimensions.
 
 mod convex;
 mod cylinders;
@@ -23,31 +24,34 @@ pub(crate) use hull::{mass_within, shape as convex_shape};
 pub use rigid::{Rigid2, Rigid3};
 pub use spheres::Spheres;
 
-/// A dimension: `L` linear and `A` angular degrees of freedom.
+/// A geometry with `L` linear and `A` angular degrees of freedom per body.
 pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'static {
     /// Position and rotation.
     type Pose: Copy + Debug + PartialEq + Send + Sync;
     /// A convex shape, a half-space or a triangle mesh.
     type Shape: Clone + Send + Sync;
-    /// A shape with what its contacts need at hand.
+    /// A shape with the data that contact detection needs.
     type Collider: Clone + Send + Sync;
-    /// Memory that [`collide`](Self::collide) reuses.
+    /// Scratch memory that [`collide`](Self::collide) reuses.
     type Scratch: Default + Send + Sync;
 
-    /// A pose from a position \[m\] and a rotation: nothing (`A` = 0), an angle \[rad\], or a unit
-    /// quaternion x, y, z, w.
+    /// Returns the pose with this position \[m\] and rotation. The rotation is empty (`A` = 0), an
+    /// angle \[rad\], or a unit quaternion x, y, z, w.
     fn pose(position: Vector<f32, L>, rotation: &[f32]) -> Self::Pose;
 
-    /// Position and the world directions of the pose's axes.
+    /// Returns the position of a pose and the world directions of its axes.
     fn frame(pose: &Self::Pose) -> Frame<L>;
 
-    /// The pose translated by `by` \[m\] and turned by the rotation vector `turn` \[rad\] about its
-    /// position, exactly.
+    /// Returns the pose translated by `by` \[m\] and rotated by the rotation vector `turn` \[rad\]
+    /// about its position. The rotation is exact, not linearized.
     fn advance(pose: &Self::Pose, by: Vector<f32, L>, turn: Vector<f32, A>) -> Self::Pose;
 
-    /// The first `count` of some bodies turn freely for `h` \[s\]: calls `end` with the number of each, its pose
-    /// then, its angular velocity, and what rounding has left out of that. Keeps angular momentum and energy at any
-    /// angle. Only bodies in space change their angular velocity.
+    /// Rotates the first `count` of some bodies freely, without torque, for `h` \[s\]. Calls `end`
+    /// with the index of each body, its new pose, its new angular velocity, and the rounding error
+    /// left out of that velocity.
+    ///
+    /// Angular momentum and energy are conserved at any angle. The angular velocity changes in 3D
+    /// only.
     fn precess(
         spins: &[Spin<'_, Self::Pose, A>; TOGETHER],
         count: usize,
@@ -60,65 +64,68 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
         }
     }
 
-    /// The rotation vector \[rad\] that turns `from` into `to`.
+    /// Returns the rotation vector \[rad\] that rotates `from` into `to`.
     fn turn_between(from: &Self::Pose, to: &Self::Pose) -> Vector<f32, A>;
 
-    /// `local`, given in the frame of `pose`, in the world.
+    /// Returns the world pose of `local`, which is given in the frame of `pose`.
     fn compose(pose: &Self::Pose, local: &Self::Pose) -> Self::Pose;
 
-    /// Appends position and rotation: 3D px py pz qx qy qz qw, 2D px py angle.
+    /// Appends position and rotation to `out`: in 3D px py pz qx qy qz qw, in 2D px py angle.
     fn write(pose: &Self::Pose, out: &mut Vec<f32>);
 
-    /// The pose that [`write`](Self::write) wrote, to the last bit; a number that is missing is 0.
+    /// Returns the pose that [`write`](Self::write) wrote, bit for bit. Missing numbers count as 0.
     fn read(numbers: &[f32]) -> Self::Pose;
 
-    /// The axis-aligned box around a shape.
+    /// Returns the axis-aligned bounding box of a shape.
     fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<L>;
 
-    /// How far a shape comes from the origin.
+    /// Returns bounds on the distance of a shape from the origin.
     fn reach(shape: &Self::Shape, pose: &Self::Pose) -> Reach;
 
-    /// Mass, center and inertia of a shape of this density in its own frame; zero for what has
-    /// no volume.
+    /// Returns mass, center of mass and inertia of a shape of this density, in its own frame. They
+    /// are zero for shapes without volume.
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<L, A>;
 
-    /// A shape made ready for [`collide`](Self::collide).
+    /// Prepares a shape for [`collide`](Self::collide).
     fn collider(shape: Self::Shape) -> Self::Collider;
 
-    /// A ball of no size, which stands where a shape was removed.
+    /// Returns a ball of no size, which fills the slot of a removed shape.
     fn nothing() -> Self::Collider;
 
-    /// The shape it is made of.
+    /// Returns the shape that a collider was made from.
     fn shape_of(collider: &Self::Collider) -> &Self::Shape;
 
-    /// Whether it may have no inside: what has passed it is lost.
+    /// True if the shape may have no interior, so that a body which has passed through it is not
+    /// pushed back.
     fn is_sheet(collider: &Self::Collider) -> bool;
 
-    /// Whether it is curved: where it rolls, other points of it touch.
+    /// True if the shape is curved: other points of it touch as it rolls.
     fn rolls(collider: &Self::Collider) -> bool;
 
-    /// The shape has a farthest point in each direction ([`farthest`](Self::farthest)).
+    /// True if the shape has a farthest point in each direction ([`farthest`](Self::farthest)).
     fn has_ends(_: &Self::Collider) -> bool {
         false
     }
 
-    /// Whether it has edges that another shape may meet from the side.
+    /// True if the shape has edges that another shape may touch from the side.
     fn has_corners(_: &Self::Collider) -> bool {
         false
     }
 
-    /// The radius by which a shape is round about its core, where its surface looks along `axis`; 0 of corners. \[m\]
+    /// Returns the radius by which the surface is rounded about its core, where it faces along
+    /// `axis`. \[m\] It is 0 at flat faces and corners.
     fn roundness(_: &Self::Collider, _: &Self::Pose, _axis: Vector<f32, L>) -> f32 {
         0.0
     }
 
-    /// A point is inside of a box or a hull, or outside by no more than `near`. \[m\]
+    /// True if a point is inside a box or a hull, or outside by no more than `near`. \[m\] False
+    /// for all other shapes.
     fn holds(_: &Self::Collider, _: &Self::Pose, _point: Vector<f32, L>, _near: f32) -> bool {
         false
     }
 
-    /// The point of a shape that is farthest along a direction; none of what has no end, and of meshes,
-    /// whose neighbors are flush by their own topology.
+    /// Returns the farthest point of a shape along a direction. Returns `None` for unbounded
+    /// shapes, and for meshes, whose neighboring triangles are flush by their own topology.
     fn farthest(
         _: &Self::Collider,
         _: &Self::Pose,
@@ -127,13 +134,15 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
         None
     }
 
-    /// A ball that is within a convex shape, and where its center is: however fast the shape turns, there is always
-    /// something of it. None of balls, and of what has no end or no inside.
+    /// Returns the center and the collider of a ball inside a convex shape. However fast the shape
+    /// rotates, it always covers this ball. Returns `None` for balls, unbounded shapes and shapes
+    /// without interior.
     fn core(_: &Self::Collider) -> Option<(Vector<f32, L>, Self::Collider)> {
         None
     }
 
-    /// Calls `face` with the outward normal of each flat face of a shape whose plane is within `near` \[m\] of a point.
+    /// Calls `face` with the outward normal of each flat face whose plane is within `near` \[m\] of
+    /// a point.
     fn faces_at(
         _: &Self::Collider,
         _: &Self::Pose,
@@ -143,9 +152,11 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     ) {
     }
 
-    /// Reports each manifold of points at which two shapes overlap or are as near as contacts are looked for.
-    /// Returns how far they are apart at least. \[m\] `before` is the feature of a point at which they
-    /// touched a step ago: what is asked first.
+    /// Reports each manifold of points at which two shapes overlap or are within the distance of
+    /// `ahead`.
+    ///
+    /// Returns a lower bound of the gap. \[m\] `before` is the feature of a contact point of the
+    /// step before, whose features are tested first.
     fn collide(
         a: (&Self::Collider, &Self::Pose),
         b: (&Self::Collider, &Self::Pose),
@@ -156,94 +167,96 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     ) -> f32;
 }
 
-/// How far ahead contacts are looked for.
+/// Distances that a contact query looks ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LookAhead<const L: usize> {
-    /// Shapes that are no farther apart touch. \[m\]
+    /// Prediction distance: shapes with no larger gap are in contact. \[m\]
     pub prediction: f32,
-    /// How a moves against b until contacts are searched again. \[m\]
+    /// Displacement of a relative to b until the next contact search. \[m\]
     pub motion: Vector<f32, L>,
-    /// How far their surfaces come by turning until then. \[m\]
+    /// Largest displacement of their surfaces by rotation until then. \[m\]
     pub turning: f32,
 }
 
 impl<const L: usize> From<f32> for LookAhead<L> {
-    /// Of shapes that hold still.
+    /// Returns the query for shapes that do not move.
     fn from(prediction: f32) -> Self {
         Self { prediction, motion: Vector::ZERO, turning: 0.0 }
     }
 }
 
-/// How far shapes come from the center that they turn about.
+/// Bounds on the distance of shapes from the center that they rotate about.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reach {
-    /// All of them. \[m\]
+    /// Largest distance of any point of the shapes. \[m\]
     pub all: f32,
-    /// Without what is round about a core, as a ball is about its center: what a turn moves, since a ball that
-    /// turns is where it was. \[m\]
+    /// Largest distance of the cores of the shapes. \[m\] A shape rounded about a core counts with
+    /// its core only: a ball with its center, since a ball that rotates about its center does not
+    /// move. This is the lever by which a rotation moves surfaces.
     pub core: f32,
 }
 
 impl Reach {
-    /// Of both.
+    /// Returns the reach of two sets of shapes together.
     pub fn joined(&self, other: &Self) -> Self {
         Self { all: self.all.max(other.all), core: self.core.max(other.core) }
     }
 }
 
-/// A body that turns.
+/// A body that rotates freely.
 #[derive(Clone, Copy, Debug)]
 pub struct Spin<'a, P, const A: usize> {
-    /// Its pose.
+    /// Its pose at the start.
     pub pose: P,
-    /// I_0 and its inverse.
+    /// I_0 and its inverse, in the frame of the body.
     pub moments: [&'a SymmetricMatrix<f32, A>; 2],
-    /// How it precesses.
+    /// Bounds on its precession.
     pub precession: Precession,
     /// Angular velocity. \[rad/s\]
     pub omega: Vector<f32, A>,
-    /// What rounding has left out of it. \[rad/s\]
+    /// Rounding error left out of `omega`. \[rad/s\]
     pub remainder: Vector<f32, A>,
 }
 
-/// How a body that turns freely changes its angular velocity.
+/// Bounds on the change of the angular velocity of a body that rotates freely.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Precession {
-    /// By how much of itself over the angle, at most: 0 for balls, 1 for all solids. \[1\]
+    /// Largest relative change of the angular velocity per angle of rotation: 0 for balls, 1 for
+    /// all solids. \[1\]
     pub rate: f32,
-    /// Its largest over its smallest moment of inertia, or more. \[1\]
+    /// Upper bound of the ratio of the largest moment of inertia to the smallest. \[1\]
     pub spread: f32,
 }
 
 impl Precession {
-    /// It stays.
+    /// No precession: the angular velocity stays constant.
     pub const NONE: Self = Self { rate: 0.0, spread: 1.0 };
 }
 
-/// Bodies that [`Geometry::precess`] turns at once.
+/// Number of bodies that [`Geometry::precess`] rotates at once.
 pub const TOGETHER: usize = 8;
 
-/// Numbers that [`Geometry::write`] writes in `dimension` dimensions.
+/// Returns how many numbers [`Geometry::write`] appends in `dimension` dimensions.
 pub const fn pose_numbers(dimension: usize) -> usize {
     if dimension == 3 { 7 } else { 3 }
 }
 
-/// The first numbers, and 0 for those that are missing.
+/// Returns the first `N` numbers, with 0 for missing ones.
 fn leading<const N: usize>(numbers: &[f32]) -> [f32; N] {
     std::array::from_fn(|i| numbers.get(i).copied().unwrap_or(0.0))
 }
 
-/// Where a pose is and how it is turned.
+/// Position and orientation of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame<const L: usize> {
-    /// \[m\]
+    /// Origin. \[m\]
     pub position: Vector<f32, L>,
     /// World directions of the local axes: the columns of R.
     pub axes: [Vector<f32, L>; L],
 }
 
 impl<const L: usize> Frame<L> {
-    /// The frame that everything is seen from.
+    /// The world frame.
     pub const IDENTITY: Self = {
         let mut axes = [Vector([0.0; L]); L];
         let mut i = 0;
@@ -254,13 +267,13 @@ impl<const L: usize> Frame<L> {
         Self { position: Vector([0.0; L]), axes }
     };
 
-    /// R p + x.
+    /// Transforms a point to the world: R p + x.
     #[inline]
     pub fn point(&self, local: Vector<f32, L>) -> Vector<f32, L> {
         self.position + self.direction(local)
     }
 
-    /// R d.
+    /// Rotates a direction to the world: R d.
     #[inline]
     pub fn direction(&self, local: Vector<f32, L>) -> Vector<f32, L> {
         let mut world = Vector::ZERO;
@@ -270,19 +283,19 @@ impl<const L: usize> Frame<L> {
         world
     }
 
-    /// R^T (p - x).
+    /// Transforms a world point to this frame: R^T (p - x).
     #[inline]
     pub fn local_point(&self, world: Vector<f32, L>) -> Vector<f32, L> {
         self.local_direction(world - self.position)
     }
 
-    /// R^T d.
+    /// Rotates a world direction to this frame: R^T d.
     #[inline]
     pub fn local_direction(&self, world: Vector<f32, L>) -> Vector<f32, L> {
         Vector(std::array::from_fn(|i| self.axes[i].dot(world)))
     }
 
-    /// The same frame, seen from another.
+    /// Returns this frame in the coordinates of another one.
     pub fn seen_from(&self, other: &Self) -> Self {
         Self {
             position: other.local_point(self.position),
@@ -290,7 +303,8 @@ impl<const L: usize> Frame<L> {
         }
     }
 
-    /// A rotation vector of the local frame in world axes (in 2D a number, in particles nothing).
+    /// Rotates a rotation vector of this frame to world axes. In 2D it is a scalar, which does not
+    /// change.
     pub fn turning<const A: usize>(&self, local: Vector<f32, A>) -> Vector<f32, A> {
         if A != L {
             return local;
@@ -304,7 +318,8 @@ impl<const L: usize> Frame<L> {
         world
     }
 
-    /// A tensor of the local frame in world axes: R D R^T (in 2D a number, in particles nothing).
+    /// Rotates a tensor of this frame to world axes: R D R^T. In 2D it is a scalar, which does not
+    /// change.
     pub fn tensor<const A: usize>(
         &self,
         local: SymmetricMatrix<f32, A>,
@@ -326,22 +341,22 @@ pub struct Bounds<const L: usize> {
 }
 
 impl<const L: usize> Bounds<L> {
-    /// The box of nothing: it overlaps none, and adds nothing to what is around it.
+    /// The empty box: it overlaps no box, and joining it changes nothing.
     pub const EMPTY: Self =
         Self { min: Vector([f32::INFINITY; L]), max: Vector([f32::NEG_INFINITY; L]) };
 
-    /// How far its farthest corner is from the origin. \[m\]
+    /// Returns the distance of the farthest corner from the origin. \[m\]
     pub fn reach(&self) -> f32 {
         let far = |i| self.max[i].max(-self.min[i]);
         Vector(std::array::from_fn::<f32, L, _>(far)).length()
     }
 
-    /// Whether the boxes have a point in common.
+    /// True if the boxes have a point in common.
     pub fn overlaps(&self, other: &Self) -> bool {
         (0..L).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])
     }
 
-    /// The box around both.
+    /// Returns the smallest box around both.
     pub fn joined(&self, other: &Self) -> Self {
         Self {
             min: Vector(std::array::from_fn(|i| self.min[i].min(other.min[i]))),
@@ -350,22 +365,22 @@ impl<const L: usize> Bounds<L> {
     }
 }
 
-/// Mass and its first two moments.
+/// Mass, center of mass and inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MassProperties<const L: usize, const A: usize> {
-    /// \[kg\]
+    /// Mass. \[kg\]
     pub mass: f32,
     /// Center of mass. \[m\]
     pub center: Vector<f32, L>,
-    /// About the center of mass. \[kg m^2\]
+    /// Inertia about the center of mass. \[kg m^2\]
     pub inertia: SymmetricMatrix<f32, A>,
 }
 
 impl<const L: usize, const A: usize> MassProperties<L, A> {
-    /// Nothing.
+    /// A massless body.
     pub const ZERO: Self = Self { mass: 0.0, center: Vector::ZERO, inertia: SymmetricMatrix::ZERO };
 
-    /// The same mass, given in a frame, in that frame's surroundings.
+    /// Transforms mass properties from a frame to the coordinates in which the frame is given.
     pub fn placed(&self, frame: &Frame<L>) -> Self {
         Self {
             mass: self.mass,
@@ -374,7 +389,7 @@ impl<const L: usize, const A: usize> MassProperties<L, A> {
         }
     }
 
-    /// Both together (parallel axis theorem).
+    /// Returns the mass properties of both bodies together, by the parallel axis theorem.
     pub fn joined(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
         if mass <= 0.0 {
@@ -400,48 +415,48 @@ impl<const L: usize, const A: usize> MassProperties<L, A> {
     }
 }
 
-/// The most points of a manifold.
+/// Largest number of points of a manifold.
 pub const MAX_POINTS: usize = 4;
 
-/// Two shapes touching, or nearly: points that share a normal.
+/// A contact manifold: contact points of two shapes that share a normal.
 #[derive(Clone, Debug, Default)]
 pub struct ContactManifold<const L: usize> {
-    /// Which part of the shapes: the triangle of a mesh.
+    /// Number of the part of the shapes that touches, as a triangle or facet of a mesh.
     pub part: u32,
     /// World unit normal, from b towards a.
     pub normal: Vector<f32, L>,
-    /// What the surfaces are like where they touch.
+    /// Curvature of the surfaces at the contact.
     pub surfaces: Curvature,
-    /// The points.
+    /// Contact points.
     pub points: Vec<ManifoldPoint<L>>,
 }
 
-/// How two surfaces are curved where they touch, and what their normal follows when bodies turn.
+/// Curvature of two surfaces at a contact, and the motion of their normal as the bodies rotate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Curvature {
-    /// Radii of curvature of a and b; 0 for what is flat or sharp. \[m\]
+    /// Radii of curvature of a and b; 0 for flat faces and sharp edges. \[m\]
     pub radii: [f32; 2],
-    /// What the normal follows.
+    /// The feature that the normal follows.
     pub normal: NormalCarrier,
 }
 
-/// What the normal of a contact follows when bodies turn.
+/// The feature that a contact normal follows when the bodies rotate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NormalCarrier {
-    /// Both bodies alike: two edges cross.
+    /// Two crossing edges: the normal follows both bodies alike.
     #[default]
     Edges,
     /// The face of a.
     FaceOfA,
     /// The face of b.
     FaceOfB,
-    /// The line of the centers of curvature.
+    /// The line between the centers of curvature.
     Centers,
 }
 
 impl NormalCarrier {
-    /// The parts of the rotations of a and b
-    /// ([`Manifold::carries`](drystone_solver::Manifold::carries)). \[1\]
+    /// Returns the fractions of the rotations of a and b that the normal follows
+    /// ([`Manifold::normal_share`](drystone_solver::Manifold::normal_share)). \[1\]
     pub(crate) fn shares(self) -> [f32; 2] {
         match self {
             Self::Edges => [0.5; 2],
@@ -451,14 +466,15 @@ impl NormalCarrier {
         }
     }
 
-    /// The carrier with these parts.
+    /// Returns the carrier with these shares; [`Self::Edges`] if none has them.
     pub(crate) fn of(shares: [f32; 2]) -> Self {
         let all = [Self::FaceOfA, Self::FaceOfB, Self::Centers];
         all.into_iter().find(|carrier| carrier.shares() == shares).unwrap_or(Self::Edges)
     }
 
-    /// Where bodies are pushed, of a point on the surface of each: on the one that moves with the points
-    /// ([`drystone_solver::kinematics`]).
+    /// Returns the point at which impulses act on both bodies, given the contact point on the
+    /// surface of each. It is on the surface that moves with the contact points
+    /// ([`drystone_solver::kinematics`]), and midway between edges.
     pub(crate) fn place<const L: usize>(self, [on_a, on_b]: [Vector<f32, L>; 2]) -> Vector<f32, L> {
         match self {
             Self::FaceOfA => on_b,
@@ -467,7 +483,7 @@ impl NormalCarrier {
         }
     }
 
-    /// The same with a and b exchanged.
+    /// Returns the carrier after an exchange of a and b.
     fn exchanged(self) -> Self {
         match self {
             Self::FaceOfA => Self::FaceOfB,
@@ -477,21 +493,21 @@ impl NormalCarrier {
     }
 }
 
-/// A point where two shapes touch.
+/// A contact point of two shapes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ManifoldPoint<const L: usize> {
-    /// On the surface of a, world. \[m\]
+    /// Point on the surface of a, in the world. \[m\]
     pub on_a: Vector<f32, L>,
-    /// On the surface of b, world. \[m\]
+    /// Point on the surface of b, in the world. \[m\]
     pub on_b: Vector<f32, L>,
-    /// Distance along the normal, negative when overlapping. \[m\]
+    /// Gap along the normal, negative if the shapes overlap. \[m\]
     pub gap: f32,
-    /// Names the features of both shapes that meet here; equal from step to step.
+    /// Identifies the features of both shapes that touch here; stable from step to step.
     pub feature: u64,
 }
 
 impl<const L: usize> ContactManifold<L> {
-    /// From the coordinates of `frame` to those around it.
+    /// Transforms the manifold from the coordinates of `frame` to those in which `frame` is given.
     fn place(&mut self, frame: &Frame<L>) {
         self.normal = frame.direction(self.normal);
         for point in &mut self.points {
@@ -500,7 +516,7 @@ impl<const L: usize> ContactManifold<L> {
         }
     }
 
-    /// The same, of b and a.
+    /// Exchanges a and b.
     fn exchange(&mut self) {
         self.normal = -self.normal;
         let Curvature { radii: [a, b], normal } = self.surfaces;
@@ -510,11 +526,11 @@ impl<const L: usize> ContactManifold<L> {
         }
     }
 
-    /// Keeps at most as many points as the dimension needs (2D: 2, 3D: 4): the deepest, then those
-    /// that span the most area with it.
+    /// Reduces the points to as many as the dimension needs (2D: 2, 3D: 4). It keeps the deepest
+    /// point, then those that span the largest area with it.
     ///
-    /// Points that are equally deep to within `FLAT` do not count as the deepest. Then the choice
-    /// depends on places alone, and a patch at rest keeps its points from step to step.
+    /// Depths that are equal to within `FLAT` do not decide which point is the deepest. Then the
+    /// choice depends on positions alone, and a resting patch keeps its points from step to step.
     pub fn reduce(&mut self) {
         let most = if L == 2 { 2 } else { MAX_POINTS };
         let points = &mut self.points;
@@ -555,30 +571,31 @@ impl<const L: usize> ContactManifold<L> {
     }
 }
 
-/// Depths that differ by less than this part of a patch's extent count as equal. \[1\]
+/// Depths that differ by less than this fraction of a patch's extent count as equal. \[1\]
 const FLAT: f32 = 1e-5;
 
-/// Values that differ by less than this part count as equal when points are chosen. \[1\]
+/// Scores of candidate points that differ by less than this fraction count as equal. \[1\]
 const ALIKE: f32 = 1e-3;
 
-/// Points nearer than this part of a patch's extent are one: rounding has made two of it. A patch as
-/// slender as one to a thousand keeps its width. \[1\]
+/// Points closer than this fraction of a patch's extent are one point that rounding has split. It
+/// is small enough that a patch of aspect ratio 1:1000 keeps its width. \[1\]
 const SAME: f32 = 1e-4;
 
-/// Coordinates are known to this part of themselves. \[1\]
+/// Relative rounding error of coordinates. \[1\]
 const ROUNDING: f32 = 3e-7;
 
 fn squared<const L: usize>(v: Vector<f32, L>) -> f32 {
     v.dot(v)
 }
 
-/// (edge x arm) . normal: twice the area that a point adds to one side of an edge.
+/// Returns (edge x arm) . normal: twice the area that a point adds on one side of an edge.
 fn across<const L: usize>(edge: Vector<f32, L>, arm: Vector<f32, L>, n: Vector<f32, L>) -> f32 {
     let area: Vector<f32, L> = drystone_solver::moment(edge, arm);
     area.dot(n)
 }
 
-/// The point from `from` on with the largest value; the first of those that are [`ALIKE`].
+/// Returns the index of the point with the largest value, from `from` on; the first one if several
+/// are within [`ALIKE`].
 fn best<P>(points: &[P], from: usize, value: impl Fn(&P) -> f32) -> usize {
     let (mut index, mut most) = (from, value(&points[from]));
     for (i, point) in points.iter().enumerate().skip(from + 1) {
@@ -590,8 +607,8 @@ fn best<P>(points: &[P], from: usize, value: impl Fn(&P) -> f32) -> usize {
     index
 }
 
-/// Drops points that lie on an earlier, deeper one: two points in one place share its load
-/// without holding anything.
+/// Merges points at one position into one point with the smallest gap. Two points at one position
+/// share a load without supporting any moment.
 fn merge_duplicates<const L: usize>(points: &mut Vec<ManifoldPoint<L>>) {
     if points.len() < 2 {
         return;

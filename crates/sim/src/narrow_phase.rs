@@ -1,4 +1,4 @@
-//! Where near shapes touch: from pairs to the manifolds of this step.
+//! Narrow phase: contact manifolds from pairs of near shapes.
 
 mod places;
 
@@ -18,52 +18,54 @@ use crate::narrow_phase::places::ManifoldWriter;
 use crate::seams::{self, AHEAD, Approaching, STILL};
 use crate::travel::{MotionView, TravelBound};
 
-/// What the narrow phase reads.
+/// Input of the narrow phase.
 pub(crate) struct NarrowPhaseInput<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) shapes: &'a [G::Collider],
-    /// Poses of the shapes, turned with their bodies but seen from their centers of mass.
+    /// Poses of the shapes, rotated with their bodies, relative to the centers of mass of the
+    /// bodies.
     pub(crate) poses: &'a [G::Pose],
     pub(crate) bodies: &'a Bodies<G, L, A>,
-    /// By body.
+    /// Travel bounds by body.
     pub(crate) travel: &'a [TravelBound<L>],
-    /// How they move in the time to the next search.
+    /// Motion of the bodies until the next contact search.
     pub(crate) moving: MotionView<'a, L, A>,
-    /// Whether the records of the step before have been traced since: else their traces are still seen as
-    /// they were handed on.
+    /// True if the solver has updated the cached impulses since the manifolds were found. If false,
+    /// the impulses are still in the frames of the `traced` normals of their manifolds.
     pub(crate) traced: bool,
-    /// ManifoldCache of what rests.
+    /// Cached manifolds of sleeping pairs.
     pub(crate) resting: &'a ManifoldCache<L>,
-    /// Whether a body moves or can be moved.
+    /// By body: true if it moves or can be moved.
     pub(crate) active: &'a [bool],
     pub(crate) prediction_distance: f32,
-    /// How far bodies fall more than they do now in the time to the next search. \[m\]
+    /// Displacement by gravity until the next search, beyond that of the present velocities. \[m\]
     pub(crate) fall: f32,
     pub(crate) reuse_distance: f32,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, L, A> {
-    /// The normal that the traces of a record are seen from.
+    /// Returns the normal in whose frame the cached impulses of a manifold are given.
     fn seen_from(&self, record: &CachedManifold<L>) -> Vector<f32, L> {
         if self.traced { record.normal } else { record.traced }
     }
 
-    /// The frames of two bodies, from the center of mass of b: so it does not matter how far they are from the
-    /// origin.
+    /// Returns the frames of two bodies relative to the center of mass of b, which keeps precision
+    /// far from the origin.
     #[inline(always)]
     fn frames(&self, bodies: [u32; 2]) -> (Frame<L>, Frame<L>) {
         frames(self.bodies, bodies)
     }
 
-    /// How far a may move against b before the points of a pair are found anew. \[m\]
+    /// Returns the relative motion up to which the contact points of a pair are reused. \[m\]
     fn lasting(&self, pair: &Pair) -> f32 {
         self.reuse_distance.min(OFF * pair.thickness)
     }
 
-    /// How far ahead contacts of a pair are looked for; none if it has no records, and more room than that.
+    /// Returns the query distances of a pair, or `None` if it has no cached manifolds and a larger
+    /// gap.
     #[inline(always)]
     fn ahead(&self, pair: &Pair) -> Option<LookAhead<L>> {
         let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
-        // Never through a thin body to what is behind it.
+        // Limits the prediction, so that no feature is found through a thin body.
         let fall = if pair.sheet { self.fall } else { 0.0 };
         let near = self.prediction_distance.min(THIN * pair.thickness + fall)
             + a.neighbor_push.max(b.neighbor_push);
@@ -73,8 +75,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, 
         (turning >= room).then_some(LookAhead { prediction: near + turning, motion, turning })
     }
 
-    /// Calls `found` with those of a pair's manifolds whose bodies come closer than the gap, counted from its first,
-    /// where corners may meet.
+    /// Calls `found` with the manifolds of a pair whose bodies approach by more than the gap, if
+    /// the shapes may touch at corners. Manifolds are counted from the first of the pair.
     #[inline(always)]
     fn closing(
         &self,
@@ -102,11 +104,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, 
     }
 }
 
-/// Points span a patch that is wider than `least` \[m\] in all directions. Both bodies are there, and overlap by as much
-/// along any axis across the normal. So none but the normal can hold them apart.
+/// True if contact points span a patch that is wider than `least` \[m\] in all directions. Both
+/// bodies extend over the patch, so they overlap by as much along any axis across the normal. So
+/// only the normal can separate them.
 fn is_broad<const L: usize>(points: &[CachedPoint<L>], normal: Vector<f32, L>, least: f32) -> bool {
     let [first, others @ ..] = points else { return false };
-    // In the plane the side of a polygon is as broad as its top.
+    // In 2D, the side of a polygon can be as wide as its top.
     if L == 2 || points.len() < L {
         return false;
     }
@@ -127,7 +130,7 @@ fn is_broad<const L: usize>(points: &[CachedPoint<L>], normal: Vector<f32, L>, l
     width.dot(width) > least * least
 }
 
-/// The frames of two bodies, from the center of mass of b.
+/// Returns the frames of two bodies relative to the center of mass of b.
 #[inline(always)]
 fn frames<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &Bodies<G, L, A>,
@@ -138,59 +141,62 @@ fn frames<G: Geometry<L, A>, const L: usize, const A: usize>(
     (a, Frame { position: Vector::ZERO, ..frames[b as usize] })
 }
 
-/// The prediction distance is at most this part of the thinner shape. \[1\]
+/// The prediction distance is at most this fraction of the thinner shape. \[1\]
 const THIN: f32 = 0.25;
 
-/// Points are reused while bodies move by at most this part of the thinner shape: so far their places may be
-/// off. \[1\]
+/// Contact points are reused while the relative motion is at most this fraction of the thinner
+/// shape, which bounds the error of their positions. \[1\]
 const OFF: f32 = 1.0 / 32.0;
 
-/// Gaps are known to this part of themselves and of the distance between the bodies. \[1\]
+/// Rounding error of gaps, relative to themselves and to the distance between the bodies. \[1\]
 const ROUNDING: f32 = 1e-5;
 
-/// A way shorter than this part of the thinner shape leads nowhere. \[1\]
+/// Approach by less than this fraction of the thinner shape beyond the gap is ignored. \[1\]
 const NOWHERE: f32 = 1e-6;
 
-/// A patch that is wider than this part of the thinner shape is no corner. \[1\]
+/// A patch wider than this fraction of the thinner shape is not a corner. \[1\]
 const BROAD: f32 = 0.1;
 
-/// Pairs that are worth as much as the least that is shared.
+/// Grain size for sharing pairs between threads.
 const GRAIN: usize = 16;
 
-/// What one worker finds for its pairs.
+/// Scratch memory and results of one worker for its pairs.
 pub(crate) struct PairWorker<G: Geometry<L, A>, const L: usize, const A: usize> {
     scratch: G::Scratch,
     core: Option<ShapeCore<G, L, A>>,
-    /// Those of the step before that its pairs have.
+    /// Range of its pairs' manifolds in the cache of the step before.
     known: Range<usize>,
-    /// Found anew.
+    /// Newly found manifolds.
     records: ManifoldCache<L>,
-    /// The records of all its pairs, in their order.
+    /// The manifolds of all its pairs, in their order.
     runs: Vec<CacheRun>,
-    /// How many manifolds and points they have.
+    /// Number of manifolds and points in `runs`.
     counts: [usize; 2],
-    /// Those whose bodies come closer than their gap, pairs counted from its first.
+    /// Manifolds whose bodies approach by more than the gap. Pairs are counted from the worker's
+    /// first.
     closing: Vec<Approaching>,
 }
 
-/// The ball within a shape that comes through more than it is thick ([`Geometry::core`]): it cannot turn out of the
-/// way. A slender thing that is struck turns so far in a substep that the contacts of its corners let it pass.
+/// A ball inside a shape ([`Geometry::core`]), for shapes that approach by more than the thickness
+/// of a pair. A slender body rotates so far in the substep after an impact that the contacts of its
+/// corners let it through. The ball cannot rotate out of the way.
 struct ShapeCore<G: Geometry<L, A>, const L: usize, const A: usize> {
-    /// The number of the shape.
+    /// Number of the shape.
     shape: u32,
     center: Vector<f32, L>,
     ball: G::Collider,
 }
 
-/// A core stands in for what its shape touches where their normals are alike: the cosine between them. \[1\]
+/// A contact of a core counts if the cosine between its normal and that of the shape's contact is
+/// more than this. \[1\]
 const ALIKE: f32 = 0.99;
 
-/// Tells the parts of what cores touch from those of shapes, by which one is a core.
+/// Bits in a part number that mark contacts of a core, by the side of the core.
 const CORES: [u32; 2] = [1 << 29, 1 << 28];
 
-/// ManifoldCache of pairs that follow each other.
+/// A run of consecutive manifolds in one cache.
 struct CacheRun {
-    /// Of the step before: they are kept. Else what the worker has found.
+    /// True if they are kept in the cache of the step before; false if the worker has found them.
     old: bool,
     manifolds: Range<usize>,
 }
@@ -214,8 +220,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for PairWorker<G
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
-    /// Measures the room of a pair that has just come near, as far as it is less than `prediction` \[m\]: the box
-    /// around a half-space or a wall that stands askew also holds what is far away.
+    /// Measures the room of a pair that has just come near, up to `prediction` \[m\]. Its bounding
+    /// boxes do not tell: the box of a half-space or of an oblique wall also contains distant
+    /// points.
     pub(crate) fn measure_room(
         &mut self,
         colliders: &Colliders<G, L, A>,
@@ -231,11 +238,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
         let gap =
             G::collide(shape_a, shape_b, prediction, None, &mut self.scratch, &mut |_: &_| ());
         pair.room = 0.0;
-        // What its bodies have come so far was before.
+        // `Pair::left` will subtract all motion since the last search, but this gap was measured
+        // after it.
         pair.room = known_to(gap, a.position) - pair.left(&bodies.since_search);
     }
 
-    /// Gives each pair its range among the records of these pairs; `own` are those that they have had.
+    /// Finds the manifolds of these pairs and sets the range of each pair. `own` holds those of the
+    /// step before.
     fn find(
         &mut self,
         around: &NarrowPhaseInput<'_, G, L, A>,
@@ -256,7 +265,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
                 !(rested || known.is_empty() || around.reuse_distance == 0.0 || needs_rebuild());
             if kept {
                 own.keep(known.clone(), around.traced);
-                // How far its bodies go in the meantime is not noted.
+                // The motion of its bodies is not tracked while its manifolds are kept.
                 pair.room = 0.0;
             }
             let old = kept || collide(around, pair, &mut own, (scratch, core), records);
@@ -283,7 +292,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
         counts[1] = runs.iter().map(points).sum();
     }
 
-    /// Brings its runs together; `offset` points come before.
+    /// Copies its runs to a joint cache, in which `offset` points come before.
     fn copy(
         &self,
         old: &ManifoldCache<L>,
@@ -303,7 +312,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
             into.copy_from_slice(&from.reuse[own.clone()]);
             let records = manifolds.split_off_mut(..own.len()).unwrap_or_default();
             for ((into, reuse), record) in records.iter_mut().zip(into).zip(&from.manifolds[own]) {
-                // What is kept has been traced as it is.
+                // The impulses of kept manifolds are given in the frame of their present normal.
                 let kept = matches!(reuse, Reuse::Kept(_));
                 let traced = if kept { record.normal } else { record.traced };
                 *into =
@@ -314,7 +323,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
     }
 }
 
-/// The manifolds that the last search found to be closing, in the order of their pairs.
+/// Returns the manifolds that the last search found to be closing, in the order of their pairs.
 pub(crate) fn closing<G: Geometry<L, A>, const L: usize, const A: usize>(
     workers: &[PairWorker<G, L, A>],
     pairs: usize,
@@ -328,9 +337,11 @@ pub(crate) fn closing<G: Geometry<L, A>, const L: usize, const A: usize>(
     })
 }
 
-/// Finds the manifolds of all pairs, in the order of the pairs whatever the number of threads, and gives
-/// each pair its range; pairs that rest keep theirs. `old` are those of the step before, of which some are
-/// measured anew where they are. Returns whether there are others: then `records` is filled with them.
+/// Finds the manifolds of all pairs and sets the range of each pair. The order is that of the
+/// pairs, whatever the number of threads. Sleeping pairs keep their manifolds.
+///
+/// `old` holds the manifolds of the step before; some of them are updated in place. Returns true if
+/// the set of manifolds has changed: then `records` holds the new set.
 pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &NarrowPhaseInput<'_, G, L, A>,
     pairs: &mut [Pair],
@@ -344,7 +355,8 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
         workers.resize_with(chunks, PairWorker::default);
     }
     let workers = &mut workers[..chunks];
-    // The records of a chunk begin where those of its first pair do, and end where the next ones begin.
+    // The range of a chunk starts at the first manifold of its pairs and ends where the next
+    // chunk's starts.
     let mut end = old.manifolds.len();
     for (pairs, worker) in pairs.chunks(share).zip(&mut *workers).rev() {
         let first = pairs.iter().find(|pair| !pair.rests && pair.count > 0);
@@ -383,7 +395,7 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     true
 }
 
-/// Brings together what the workers have found.
+/// Joins the results of the workers.
 fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
     old: &ManifoldCache<L>,
     workers: &[PairWorker<G, L, A>],
@@ -413,8 +425,8 @@ fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
     });
 }
 
-/// Finds the manifolds of a pair: those that it has had, where they are (then true), or others, which are appended
-/// to `records`.
+/// Finds the manifolds of a pair. Returns true if all of them are updated in place; otherwise they
+/// are appended to `records`.
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &NarrowPhaseInput<'_, G, L, A>,
     pair: &mut Pair,
@@ -439,7 +451,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     if known && reuse(around, pair, (a, b), own, records, rested) {
         return !rested;
     }
-    // What has records did not have to be near before.
+    // A pair with cached manifolds has not been tested for its gap.
     let Some(ahead) = ahead.or_else(|| around.ahead(pair)) else { return false };
     let [a_shape, b_shape] = pair.colliders;
     let pose_a = G::advance(&around.poses[a_shape as usize], a.position, Vector::ZERO);
@@ -473,7 +485,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let shape_a = (&around.shapes[a_shape as usize], &pose_a);
     let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
-    // Along what it comes through.
+    // Normal along which a body may pass through the thinner shape.
     let mut passed = None;
     let approach = |normal: Vector<f32, L>| -normal.dot(ahead.motion);
     let mut all = |touch: &ContactManifold<L>| {
@@ -511,8 +523,8 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     again
 }
 
-/// Measures the records of a pair as long as their points last; whether they do. What has rested is appended to
-/// `records`.
+/// Updates the gaps of a pair's cached manifolds if their points are still valid. Returns whether
+/// they are. The manifolds of a pair that was asleep are appended to `records`.
 #[inline(always)]
 fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
     around: &NarrowPhaseInput<'_, G, L, A>,
@@ -538,7 +550,7 @@ fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
     if rested {
         records.take_pair(pair, around.resting);
         let mut woken = records.view_mut();
-        // They were not in the step before, and come as they were traced.
+        // They were not in the step before, and `take_pair` has already set their `traced` normals.
         woken.measure(pair.records(), [a, b], (most, turned), false);
     } else {
         own.measure(pair.records(), [a, b], (most, turned), around.traced);
@@ -546,12 +558,14 @@ fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
     true
 }
 
-/// A gap, or what is left of a way, as far as it is known of bodies that are so far apart. \[m\]
+/// Returns a gap, or what is left of a reuse distance, less its rounding error at this distance of
+/// the bodies. \[m\]
 fn known_to<const L: usize>(gap: f32, apart: Vector<f32, L>) -> f32 {
     gap - ROUNDING * (gap.abs() + apart.length())
 }
 
-/// How far a has moved against b, as seen from it, since the record's points were found. \[m\]
+/// Returns how far a has moved relative to b, in the frame of b, since the contact points were
+/// found. \[m\]
 fn moved<const L: usize>(record: &CachedManifold<L>, seen: &Frame<L>) -> f32 {
     let moved = (seen.position - record.found_at.position).length();
     let mut turned = 0.0f32;
@@ -568,7 +582,7 @@ mod tests {
     use crate::colliders::lever;
     use crate::geometry::random::Random;
 
-    /// Particles, which do not turn, use their room up by their way alone.
+    /// Particles, which do not rotate, use up their room by translation alone.
     #[test]
     fn what_does_not_turn_has_room() {
         let pair = Pair { lever: lever([0.0; 2]), room: 1.0, count: 1, ..Pair::APART };
@@ -577,13 +591,13 @@ mod tests {
         assert!((left - 0.75).abs() < 1e-6, "{left} m");
     }
 
-    /// As long as a pair has room, a has moved less against b, as that one sees it, than points last for.
+    /// While a pair has room, the motion of a in the frame of b is less than the reuse distance.
     #[test]
     fn points_last_while_there_is_room() {
         let (mut random, most, mut worst) = (Random(8), 0.01, 0.0f32);
         for _ in 0..300 {
             let reach = [0, 1].map(|_| 0.55 + 0.45 * random.number());
-            // They touch, or are not far from it.
+            // They touch, or nearly do.
             let mut places = [Vector([0.0, 0.0]), Vector([reach[0] + 1.4 * reach[1], 0.0])];
             let mut angles = [3.0 * random.number(), 3.0 * random.number()];
             let frames = |places: &[Vector<f32, 2>; 2], angles: &[f32; 2]| {

@@ -1,13 +1,16 @@
-//! Contacts of compounds: what two bodies share in one plane is one patch, and sides between parts are none.
+//! Contact patches of compounds: points that two bodies share in one plane form one patch, and
+//! covered sides between parts have no contacts.
 //!
-//! 1. Where a part touches a side of another that a third part covers, that contact is none: a sibling of one of the two
-//!    is there. So bricks that stand on each other, each of four parts, do not push sideways at the seams between these.
-//! 2. Where the gaps of all points in a plane are those of one plane seen from another, the outermost tell all, and the
-//!    others are opened.
+//! 1. A contact with a side of a part is opened if another part of the same body covers that side.
+//!    An open contact has such a large gap that it takes no impulse. So bricks of four parts that
+//!    stand on each other do not push sideways at the seams between the parts.
+//! 2. If the gaps of all points in a plane are those between two planes, the outermost points
+//!    determine them. The inner points are opened.
 //!
-//! Parts of a body that lie on another in one plane have a manifold each. Two bricks of five parts share up to 36
-//! points where four are enough: which of them carry the load is not determined, sweeps hand it to and fro, and a tower
-//! of such bricks walks.
+//! Each part of a body that lies on another body has a manifold of its own. Two bricks of five
+//! parts share up to 36 points in one plane, where four are enough. Which of them carry the load is
+//! not determined. Sweeps then shift the load between them, and a tower of such bricks creeps
+//! sideways.
 
 use drystone_solver::Vector;
 use drystone_solver::wide::{FAR, Reuse};
@@ -17,30 +20,32 @@ use crate::cache::{self, ManifoldCache, Pair, deepest_first};
 use crate::colliders::Colliders;
 use crate::geometry::{ContactManifold, Geometry, MAX_POINTS, ManifoldPoint};
 
-/// The cosine of two normals that are one. \[1\]
+/// Normals with a larger cosine between them count as equal. \[1\]
 const SAME: f32 = 1.0 - 1e-4;
 
-/// A point is in a plane if it is no farther from it than this part of the extent of the patch. \[1\]
+/// A point is in a plane if its distance is at most this fraction of the extent of the patch. \[1\]
 const FLAT: f32 = 1e-4;
 
-/// A part covers a side where it is no farther from it than this part of the thinner shape. \[1\]
+/// A part covers a side if its distance from it is at most this fraction of the thinner shape.
+/// \[1\]
 const FLUSH: f32 = 5e-4;
 
-/// A place is in front of a side by so many times that. \[1\]
+/// Distance in front of a side at which a cover is looked for, as a multiple of that tolerance.
+/// \[1\]
 const AHEAD: f32 = 4.0;
 
-/// A patch has a width if that is more than this part of its length. \[1\]
+/// A patch has a width if it is more than this fraction of its length. \[1\]
 const WIDE: f32 = 0.05;
 
-/// Brings the manifolds of bodies with several shapes together.
+/// Finds and reduces the contact patches of bodies with several shapes.
 #[derive(Default)]
 pub(crate) struct Patches<const L: usize> {
-    /// All of this step, and those of bodies that have stirred.
+    /// Manifolds of compounds in this step, and those of bodies that have moved.
     all: Vec<Part>,
     parts: Vec<Part>,
-    /// ManifoldCache to be opened.
+    /// Manifolds to be opened.
     none: Vec<u32>,
-    /// The points in a plane, all and those that are kept: their features are where they come from.
+    /// Points in a plane: all, and those that are kept. Their features are indices into `places`.
     plane: Vec<ManifoldPoint<L>>,
     touch: ContactManifold<L>,
     places: Vec<[usize; 2]>,
@@ -52,18 +57,19 @@ struct Part {
     bodies: [u32; 2],
     record: u32,
     pair: u32,
-    /// Its surfaces do not run, and do not resist rolling.
+    /// True if its surfaces have no surface velocity and no rolling resistance.
     plain: bool,
 }
 
-/// Shapes and the places of their bodies.
+/// Shapes and bodies, by which positions are tested.
 pub(crate) struct Shapes<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) colliders: &'a Colliders<G, L, A>,
     pub(crate) bodies: &'a Bodies<G, L, A>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Shapes<'_, G, L, A> {
-    /// A shape of a pair holds a place, from the center of mass of b, or is within `near` of it. \[m\]
+    /// True if a shape of a pair contains `place`, from the center of mass of b, or is within
+    /// `near` of it. \[m\]
     fn hold(&self, pair: &Pair, side: usize, place: Vector<f32, L>, near: f32) -> bool {
         let shape = pair.colliders[side] as usize;
         let place = if side == 0 { place - self.bodies.apart(pair.bodies) } else { place };
@@ -72,7 +78,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Shapes<'_, G, L, A> {
 }
 
 impl<const L: usize> Patches<L> {
-    /// Finds the manifolds of compounds that are not as they were, and opens those between sides that are covered.
+    /// Finds the manifolds of compounds that have changed, and opens those between covered sides.
     pub(crate) fn find<G: Geometry<L, A>, const A: usize>(
         &mut self,
         pairs: &[Pair],
@@ -111,7 +117,7 @@ impl<const L: usize> Patches<L> {
         }
     }
 
-    /// Opens the points that the patches of what was found do not need.
+    /// Opens the points that the changed patches do not need.
     pub(crate) fn join(&mut self, records: &mut ManifoldCache<L>) {
         let stirred = std::mem::take(&mut self.parts);
         for parts in stirred.chunk_by(|a, b| a.bodies == b.bodies) {
@@ -120,7 +126,7 @@ impl<const L: usize> Patches<L> {
         self.parts = stirred;
     }
 
-    /// Opens inner points of each plane in which two bodies touch.
+    /// Opens the inner points of each plane in which two bodies touch.
     fn join_all(&mut self, parts: &[Part], records: &mut ManifoldCache<L>) {
         for (at, first) in parts.iter().enumerate() {
             let record = records.manifolds[first.record as usize];
@@ -131,7 +137,7 @@ impl<const L: usize> Patches<L> {
                     && other.friction == record.friction
                     && other.restitution == record.restitution
             };
-            // It was one with what came before.
+            // Skip it if it was joined with an earlier one.
             if !first.plain || parts[..at].iter().any(|part| is_alike(&part)) {
                 continue;
             }
@@ -156,7 +162,7 @@ impl<const L: usize> Patches<L> {
         }
     }
 
-    /// Opens the points of a plane that are within others, if these tell how deep they are.
+    /// Opens the points of a plane that lie within others, if these determine their depths.
     fn open_inner(&mut self, records: &mut ManifoldCache<L>) {
         let all = self.touch.points.len();
         if all <= if L == 2 { 2 } else { MAX_POINTS } {
@@ -184,7 +190,8 @@ impl<const L: usize> Patches<L> {
     }
 }
 
-/// Appends the manifolds of which all points are on a side that another part of the same body covers.
+/// Appends to `none` the manifolds all of whose points are on a side that another part of the same
+/// body covers.
 fn covered<G: Geometry<L, A>, const L: usize, const A: usize>(
     (parts, pairs): (&[Part], &[Pair]),
     shapes: &Shapes<'_, G, L, A>,
@@ -213,7 +220,7 @@ fn covered<G: Geometry<L, A>, const L: usize, const A: usize>(
     none.extend(parts.iter().filter(is_none).map(|part| part.record));
 }
 
-/// Depth of two planes in each other: a linear function of the place.
+/// The gap between two planes: a linear function of the position.
 struct Depth<const L: usize> {
     from: Vector<f32, L>,
     gap: f32,
@@ -222,7 +229,7 @@ struct Depth<const L: usize> {
 }
 
 impl<const L: usize> Depth<L> {
-    /// By the points at the corners of a patch; none if it has no width.
+    /// Returns the function through the corners of a patch, or `None` if the patch has no width.
     fn of(corners: &[ManifoldPoint<L>], normal: Vector<f32, L>) -> Option<Self> {
         let [first, second, rest @ ..] = corners else { return None };
         let level = |v: Vector<f32, L>| v - normal * normal.dot(v);
@@ -250,7 +257,7 @@ impl<const L: usize> Depth<L> {
         (length > 0.0).then_some(Self { from, gap, slope, tolerance })
     }
 
-    /// A point is as deep as it should be where it is.
+    /// True if the gap of a point agrees with the function.
     fn tells(&self, point: &ManifoldPoint<L>) -> bool {
         let gap = self.gap + self.slope.dot(point.on_a - self.from);
         (point.gap - gap).abs() <= self.tolerance

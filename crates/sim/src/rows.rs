@@ -1,4 +1,4 @@
-//! From records to the contact system: what the solver is given.
+//! Converts cached manifolds to the rows of the contact system, the input of the solver.
 
 use drystone_solver::lanes::GatherLanes;
 use drystone_solver::wide::{CachedImpulse, FAR, LaneSlots, ManifoldSource, Reuse};
@@ -8,19 +8,20 @@ use crate::cache::{self, CachedManifold, CachedPoint, ManifoldCache};
 use crate::certifier::Stiffness;
 use crate::geometry::MAX_POINTS;
 
-/// What a point adds to the mean of so many. \[1\]
+/// Weight of a point in the mean of as many points as the index. \[1\]
 const SHARES: [f32; MAX_POINTS + 1] = [0.0, 1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0];
 
-/// The records of a step as manifolds.
+/// The cached manifolds of a step as a source of solver manifolds.
 pub(crate) struct CacheSource<'a, const L: usize, const A: usize> {
     pub(crate) records: &'a ManifoldCache<L>,
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) stiffness: Stiffness<'a>,
-    /// Whether these are the manifolds of the step before, with as many points.
+    /// True if these are the manifolds of the step before, with as many points.
     pub(crate) same: bool,
-    /// Whether all substeps are taken for everything at once.
+    /// True if all bodies take their substeps together.
     pub(crate) together: bool,
-    /// Whether manifolds have to be in order: what is summed over them must not depend on what has come and gone.
+    /// True if the manifolds must be in order, so that sums over them do not depend on contacts
+    /// that have come and gone.
     pub(crate) in_order: bool,
 }
 
@@ -94,7 +95,8 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
             }
             contact.impulse[0] = contact.impulse[0].max(V::ZERO);
         }
-        // In the plane of the first point, the deepest: what is open presses on nothing.
+        // The center is in the plane of the first point, which is the deepest: open points exert no
+        // force.
         let mean = sum * V::gathered(V::each(|lane| SHARES[records[lane].count as usize]));
         let center = match points {
             [] => mean,
@@ -110,7 +112,7 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
 }
 
 impl<const L: usize, const A: usize> CacheSource<'_, L, A> {
-    /// A point of a record and its trace; one that is not there is far away.
+    /// Returns a point of a manifold and its cached impulse. Points beyond its count are open.
     #[inline(always)]
     fn point(
         &self,
@@ -135,8 +137,8 @@ mod tests {
     use crate::certifier::Certifier;
     use crate::settings::StepSettings;
 
-    /// Points are taken to the plane of the first, about their push point: one that is open by half a meter is not felt
-    /// above it.
+    /// Points are projected to the plane of the first, about the mean of the push points. A point
+    /// that is open by half a meter has no effect above that plane.
     #[test]
     fn points_lie_in_the_plane_of_the_deepest() {
         let mut records: ManifoldCache<3> = ManifoldCache::default();
@@ -172,8 +174,8 @@ mod tests {
         assert!(sum.length() < 1e-6 && (apart - 0.25).abs() < 1e-6, "{contacts:?}");
     }
 
-    /// What is kept is taken in anew where its stiffness is another, and where manifolds have to be in order and
-    /// some have come or gone.
+    /// A kept manifold is gathered again if its stiffness has changed. It is also gathered again if
+    /// manifolds must be in order and some have come or gone.
     #[test]
     fn what_is_kept_is_as_stiff_and_in_order() {
         let mut records: ManifoldCache<3> = ManifoldCache::default();

@@ -2,11 +2,11 @@
 
 use drystone_solver::{System, Vector};
 
-/// What a solver was given in a substep.
+/// Input of the solver in a substep.
 #[derive(Clone, Debug)]
 pub struct SavedSystem<const L: usize, const A: usize> {
-    /// Prospective velocities, targets, and the impulses of the substep before as a guess that is not
-    /// yet applied. Body i is slot i of the world.
+    /// The contact system: prospective velocities, targets, and the impulses of the substep before
+    /// as an initial guess that is not applied yet. Body i is slot i of the world.
     pub system: System<f32, L, A>,
     /// Centers of mass, from which the anchors of contacts are measured. \[m\]
     pub positions: Vec<Vector<f32, L>>,
@@ -14,41 +14,41 @@ pub struct SavedSystem<const L: usize, const A: usize> {
     pub substep: f32,
 }
 
-/// The same as matrices, whatever the dimension. Feature `assembled`.
+/// A saved system as matrices, for any dimension. Feature `assembled`.
 #[cfg(feature = "assembled")]
 #[derive(Clone, Debug)]
 pub struct SavedProblem {
     /// M, J, v*, t, epsilon, mu and gamma_0.
     pub assembly: drystone_solver::assembled::Assembly,
-    /// One for each contact of the assembly, in its order.
+    /// The contacts of the assembly, in its order.
     pub contacts: Vec<SavedContact>,
-    /// Velocities of a body: linear and angular.
+    /// Number of velocity components of a body: linear and angular.
     pub width: usize,
     /// Length of the substep. \[s\]
     pub substep: f64,
 }
 
-/// Where a contact is.
+/// Position and frame of a contact.
 #[cfg(feature = "assembled")]
 #[derive(Clone, Debug)]
 pub struct SavedContact {
-    /// Bodies a and b, slots of the world; a scene's bodies in its order.
+    /// Slots of bodies a and b in the world; a scene's bodies are in its order.
     pub bodies: [u32; 2],
-    /// The point, in the world. \[m\]
+    /// Contact point in the world. \[m\]
     pub point: Vec<f64>,
     /// The contact frame: the unit normal from b to a, then the tangents.
     pub frame: Vec<Vec<f64>>,
-    /// Impulse of a collision in this substep, which friction may lean on and the matrices leave
-    /// out. \[N s\]
+    /// Impulse of an impact in this substep. It counts as normal impulse for friction, and the
+    /// matrices do not contain it. \[N s\]
     pub impact: f64,
 }
 
 #[cfg(feature = "assembled")]
 impl<const L: usize, const A: usize> SavedSystem<L, A> {
-    /// As matrices.
+    /// Returns the system as matrices.
     ///
     /// # Errors
-    /// A number is not finite.
+    /// Fails if a number is not finite.
     pub fn problem(&self) -> Result<SavedProblem, drystone_solver::assembled::ProblemError> {
         let assembly = drystone_solver::assembled::Assembly::of_system(&self.system)?;
         let numbers = |v: Vector<f32, L>| v.0.map(f64::from).to_vec();

@@ -1,16 +1,19 @@
-//! Which way bodies are held apart where they meet at a corner.
+//! Contact normals at seams and corners: the axes along which bodies are held apart, without
+//! collisions with internal edges.
 //!
-//! Two solids that are apart along several axes are parted by each of them, and the axis with the most gap
-//! (the one that [`Geometry::collide`] reports) may be the wrong one: a box that slides over the seam
-//! between two flush boxes has room ahead of the next one's side, and none above its top. Two rules decide:
+//! Two solids may be apart along several axes. The axis with the largest gap, which
+//! [`Geometry::collide`] reports, may be the wrong one. Consider a box that slides over the seam
+//! between two flush boxes. It has a gap to the side of the next box, and none above its top. Two
+//! rules decide:
 //!
-//! 1. An axis holds bodies apart if they have a gap along it. An overlap counts as none that is no more than
-//!    what a contact of one of them sags, where that contact holds it above a plane and the other does not
-//!    stick out of that plane by more.
-//! 2. Of these axes the one counts along which the bodies overlap least after the motion that lies ahead of
-//!    them, what holds them taken into account.
+//! 1. An axis holds bodies apart if they have a gap along it. A small overlap counts as none if it
+//!    is sag. This is the case if a contact holds one of the bodies above a plane, and the other
+//!    body does not stick out of that plane by more than a multiple of the contact's overlap.
+//! 2. Among these axes, the one counts along which the bodies overlap least after their motion
+//!    until the next search. This motion takes account of the contacts that hold them.
 //!
-//! So nothing runs into the side of what does not stick out of the floor, and a step that does stops it.
+//! So a body does not hit the side of a box that is flush with the floor, but a step that sticks
+//! out stops it.
 
 use drystone_solver::wide::Reuse;
 use drystone_solver::{Vector, Velocity};
@@ -19,93 +22,98 @@ use crate::bodies::Bodies;
 use crate::cache::{CachedManifold, ManifoldCache, Pair, deepest_first};
 use crate::geometry::{Curvature, Frame, Geometry, NormalCarrier};
 
-/// A neighbor that sticks out of a plane by less than this part of the thinner shape is flush with it. \[1\]
+/// A neighbor is flush with a plane if it sticks out by less than this fraction of the thinner
+/// shape. \[1\]
 const FLUSH: f32 = 5e-4;
 
-/// Neighbors may differ by what they sag, too, and by what that adds to the one below: so many times the
-/// overlap with the plane is allowed for. \[1\]
+/// Allowed overlap with the plane of a contact that sags, as a multiple of the contact's overlap.
+/// Neighbors may sag differently, and each adds sag to those below. \[1\]
 const SAGS: f32 = 3.0;
 
-/// No more of an overlap than this part of the thinner shape is taken for sag. \[1\]
+/// Overlap that counts as sag is at most this fraction of the thinner shape. \[1\]
 const MOST_SAG: f32 = 0.05;
 
-/// Bodies may come so many times as far as they do at the velocities at the start: contacts that they all but reach
-/// count, too. \[1\]
+/// Factor of the motion ahead: contacts that bodies almost reach at their present velocities count,
+/// too. \[1\]
 pub(crate) const AHEAD: f32 = 1.1;
 
-/// Bodies that touch are at rest if they come closer by less than this part of the thinner shape until the next search.
-/// \[1\]
+/// Touching bodies are at rest if they approach by less than this fraction of the thinner shape
+/// until the next search. \[1\]
 pub(crate) const STILL: f32 = 2e-4;
 
-/// The cosine of two axes that are one. \[1\]
+/// Axes with a larger cosine between them count as equal. \[1\]
 const SAME: f32 = 1.0 - 1e-6;
 
-/// A plane whose normal has a cosine of less than this with an axis holds nothing along that. \[1\]
+/// A plane does not hold bodies along an axis if the cosine between its normal and the axis is less
+/// than this. \[1\]
 const ACROSS: f32 = 0.7;
 
-/// Planes that are compared for one manifold, at most.
+/// Largest number of planes that are compared for one manifold.
 const PLANES: usize = 32;
 
-/// Where the points of turned manifolds are said to have been found: so far away that they are found again
-/// in the next step. \[m\]
+/// Coordinate stored as `found_at` of manifolds that got another axis: so far away that their
+/// points are recomputed in the next step. \[m\]
 const NOWHERE: f32 = 1e9;
 
-/// A manifold whose bodies come closer than its gap: the number of its pair, and which of its records it is.
+/// A manifold whose bodies approach by more than its gap: the index of its pair, and its index
+/// among the manifolds of the pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Approaching {
     pub(crate) pair: u32,
     pub(crate) record: u32,
 }
 
-/// What decides how bodies meet.
+/// Input of [`SeamResolver::settle`].
 pub(crate) struct SeamInput<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) shapes: &'a [G::Collider],
-    /// Poses of the shapes, turned with their bodies but seen from their centers of mass.
+    /// Poses of the shapes, rotated with their bodies, relative to the centers of mass of the
+    /// bodies.
     pub(crate) poses: &'a [G::Pose],
     pub(crate) bodies: &'a Bodies<G, L, A>,
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
-    /// The time to the next search. \[s\]
+    /// Time until the next contact search. \[s\]
     pub(crate) dt: f32,
 }
 
-/// Memory for [`settle`](Self::settle).
+/// Scratch memory of [`settle`](Self::settle).
 #[derive(Default)]
 pub(crate) struct SeamResolver<const L: usize> {
-    /// By body: the first of its records, twice its number and 1 more for b's side.
+    /// By body: its first manifold, as twice the index, plus 1 if the body is b.
     first: Vec<u32>,
-    /// By record and side: the next one of the same body.
+    /// By manifold and side: the next manifold of the same body.
     next: Vec<u32>,
     turns: Vec<AxisChange<L>>,
 }
 
-/// A record has been turned to another axis than it was found with.
+/// True if a manifold got another axis than the one it was found with.
 pub(crate) fn is_turned<const L: usize>(record: &CachedManifold<L>) -> bool {
     record.found_at.position[0] == NOWHERE
 }
 
-/// No further record.
+/// End of a list of manifolds.
 const END: u32 = u32::MAX;
 
-/// A manifold that is turned to another axis.
+/// A manifold that gets another axis.
 #[derive(Clone, Copy)]
 struct AxisChange<const L: usize> {
     closing: Approaching,
     record: u32,
-    /// The record of the plane that allows it; [`END`]: none.
+    /// Manifold of the plane that allows it; [`END`] if there is none.
     plane: u32,
-    /// Whose points it keeps: of a body that is held, or else that another's face passes.
+    /// The body whose contact points are kept, a (0) or b (1): the one that a plane holds, or else
+    /// the one that passes the other's face.
     side: usize,
     way: SeparatingAxis<L>,
 }
 
-/// An axis between two bodies.
+/// An axis that holds two bodies apart.
 #[derive(Clone, Copy)]
 struct SeparatingAxis<const L: usize> {
-    /// From b to a.
+    /// Unit vector from b to a.
     axis: Vector<f32, L>,
-    /// \[m\]
+    /// Gap along the axis. \[m\]
     gap: f32,
-    /// How far b reaches along the axis, from the center of mass of b. \[m\]
+    /// Extent of b along the axis, from the center of mass of b. \[m\]
     height: f32,
 }
 
@@ -113,19 +121,19 @@ struct SeparatingAxis<const L: usize> {
 #[derive(Clone, Copy)]
 struct HoldingPlane<const L: usize> {
     record: u32,
-    /// Whether a (0) or b (1) is held.
+    /// The body that is held, a (0) or b (1).
     side: usize,
-    /// From b to a, whichever of them is held.
+    /// Unit normal from b to a, whichever of them is held.
     axis: Vector<f32, L>,
-    /// An overlap along the axis that is none. \[m\]
+    /// Overlap along the axis that counts as none. \[m\]
     allowed: f32,
-    /// The body that holds it, and the gap to that. \[m\]
+    /// The body that holds it, and the gap to that body. \[m\]
     holder: u32,
     gap: f32,
 }
 
 impl<const L: usize> HoldingPlane<L> {
-    /// Towards the body that is held.
+    /// Returns the normal towards the body that is held.
     fn outward(&self) -> Vector<f32, L> {
         self.axis * if self.side == 0 { 1.0 } else { -1.0 }
     }
@@ -134,7 +142,7 @@ impl<const L: usize> HoldingPlane<L> {
         Self { record: END, side: 0, axis: Vector::ZERO, allowed: 0.0, holder: 0, gap: 0.0 };
 }
 
-/// A manifold with the frames and poses of its bodies, from the center of mass of b.
+/// Shapes, poses and frames of a pair, relative to the center of mass of b.
 struct SeamPair<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     shapes: [&'a G::Collider; 2],
     poses: [G::Pose; 2],
@@ -142,7 +150,8 @@ struct SeamPair<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamPair<'_, G, L, A> {
-    /// How far the bodies are apart along an axis from b to a; `None` of what has no end.
+    /// Returns the gap of the bodies along an axis from b to a, or `None` for unbounded shapes and
+    /// meshes.
     fn along(&self, axis: Vector<f32, L>) -> Option<SeparatingAxis<L>> {
         let farthest = |side: usize, direction: Vector<f32, L>| {
             let far = G::farthest(self.shapes[side], &self.poses[side], direction)?;
@@ -152,15 +161,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamPair<'_, G, L, A> {
         Some(SeparatingAxis { axis, gap: -farthest(0, -axis)? - height, height })
     }
 
-    /// By how much both are round about their cores where they face each other. \[m\]
+    /// Returns the radii by which both are rounded about their cores where they face each other.
+    /// \[m\]
     fn roundness(&self, normal: Vector<f32, L>) -> [f32; 2] {
         [0, 1].map(|side| G::roundness(self.shapes[side], &self.poses[side], normal))
     }
 }
 
 impl<const L: usize> SeamResolver<L> {
-    /// Turns manifolds to the axes along which their bodies are held apart. They are decided one by one, by
-    /// the manifolds as they were found, so their order does not matter.
+    /// Changes manifolds to the axes along which their bodies are held apart. Each is decided by
+    /// the manifolds as they were found, so the order does not matter.
     pub(crate) fn settle<G: Geometry<L, A>, const A: usize>(
         &mut self,
         meeting: &SeamInput<'_, G, L, A>,
@@ -178,7 +188,7 @@ impl<const L: usize> SeamResolver<L> {
             let record = pair.first + closing.record;
             let turn = self.decide(meeting, (pair, closing), record, records);
             let Some(turn) = turn else { continue };
-            // Two do not stand aside for each other.
+            // Two manifolds must not give way to each other.
             let mutual = self.turns.binary_search_by_key(&turn.plane, |other| other.record);
             if !mutual.is_ok_and(|at| self.turns[at].plane == record) {
                 self.turns.push(turn);
@@ -191,7 +201,7 @@ impl<const L: usize> SeamResolver<L> {
         }
     }
 
-    /// Links the records of each body that can be moved.
+    /// Links the manifolds of each dynamic body into a list.
     fn link<G: Geometry<L, A>, const A: usize>(
         &mut self,
         bodies: &Bodies<G, L, A>,
@@ -211,15 +221,16 @@ impl<const L: usize> SeamResolver<L> {
         }
     }
 
-    /// The records of a body, and whether it is their b.
+    /// Returns the manifolds of a body, and whether the body is their b.
     fn of(&self, body: u32) -> impl Iterator<Item = (u32, bool)> {
         let start = Some(self.first[body as usize]).filter(|&at| at != END);
         let after = |at: &u32| Some(self.next[*at as usize]).filter(|&at| at != END);
         std::iter::successors(start, after).map(|at| (at / 2, at % 2 == 1))
     }
 
-    /// The planes above which contacts hold one of the bodies of a manifold that touch at these `places`, if the
-    /// other does not stick out of them there; and how many they are.
+    /// Returns the planes above which contacts hold a body of a manifold, and their number. A plane
+    /// counts if the other body does not stick out of it at the contact, which is at `places` on
+    /// both bodies.
     fn planes<G: Geometry<L, A>, const A: usize>(
         &self,
         bodies: &Bodies<G, L, A>,
@@ -253,7 +264,7 @@ impl<const L: usize> SeamResolver<L> {
         (planes, count)
     }
 
-    /// How to turn a manifold, if it is to be turned.
+    /// Returns the new axis of a manifold, if it gets one.
     fn decide<G: Geometry<L, A>, const A: usize>(
         &self,
         meeting: &SeamInput<'_, G, L, A>,
@@ -269,7 +280,8 @@ impl<const L: usize> SeamResolver<L> {
         let places = [corner.frames[0].point(point.on_a), corner.frames[1].point(point.on_b)];
         let (planes, count) = self.planes(bodies, (pair, record), (number, &places), records);
         let planes = &planes[..count];
-        // A contact that touches, and that no plane holds, is no side of a neighbor. So are nearly all of a heap.
+        // A contact that touches, with no plane that holds its bodies, is not at the side of a
+        // neighbor. Nearly all contacts of a heap end here.
         if gap <= 0.0 && planes.is_empty() {
             return None;
         }
@@ -277,12 +289,12 @@ impl<const L: usize> SeamResolver<L> {
             let center = bodies.apart([body, record.bodies[1]]);
             meeting.velocities[body as usize].at(place - center)
         };
-        // What is round goes where its core goes, however it turns.
+        // A round body moves as its core does, however it rotates.
         let round = corner.roundness(normal);
         let cores = [places[0] + normal * round[0], places[1] - normal * round[1]];
         let mut velocities = [0, 1].map(|side| velocity(record.bodies[side], cores[side]));
         for plane in planes {
-            // The holder leaves the body no more than this gap to move by.
+            // The holder lets the body approach by no more than this gap.
             let outward = plane.outward();
             if outward.dot(normal).abs() < ACROSS {
                 let by = velocity(plane.holder, cores[plane.side]);
@@ -292,7 +304,7 @@ impl<const L: usize> SeamResolver<L> {
             }
         }
         let mut ahead = (velocities[0] - velocities[1]) * (AHEAD * meeting.dt);
-        // Bodies that touch and hardly move stay as they were: else rest would tremble.
+        // Bodies that touch and hardly move keep their axis; otherwise resting bodies jitter.
         if gap <= 0.0 && normal.dot(ahead).abs() <= STILL * pair.thickness {
             if !record.undecided {
                 return None;
@@ -307,7 +319,7 @@ impl<const L: usize> SeamResolver<L> {
         let mut ask = |axis: Vector<f32, L>, allowed: f32, plane: u32, side: usize| {
             let Some(way) = corner.along(axis).filter(|way| way.gap >= -allowed) else { return };
             let then = way.gap.max(0.0) + axis.dot(ahead);
-            // Where nothing holds it, it must pass.
+            // Without a plane that holds them, the bodies must pass along the axis without overlap.
             if then > most && (plane != END || then >= 0.0) {
                 most = then;
                 best = Some(AxisChange { closing, record: number, plane, side, way });
@@ -316,8 +328,8 @@ impl<const L: usize> SeamResolver<L> {
         for plane in planes {
             ask(plane.axis, plane.allowed, plane.record, plane.side);
         }
-        // A body on a plane touches the other's side below its edge: by what it sags, and by what it still climbs on its
-        // way there.
+        // A body on a plane touches the other's side below its edge: by its sag, and by the height
+        // that it still climbs on its way there.
         let until = gap.max(0.0) / -normal.dot(ahead).min(-f32::MIN_POSITIVE);
         let near = planes.iter().fold(FLUSH * pair.thickness, |most, plane| {
             let up = plane.axis - normal * plane.axis.dot(normal);
@@ -363,8 +375,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
         }
     }
 
-    /// Turns a manifold. Its points stay where they are on one of the bodies; one that is round is touched where it
-    /// is nearest along the new axis.
+    /// Changes the axis of a manifold. Its points stay where they are on one of the bodies. On a
+    /// round body they move to the nearest points along the new axis.
     fn turn(&self, pair: &mut Pair, turn: &AxisChange<L>, records: &mut ManifoldCache<L>) {
         let SeparatingAxis { axis, gap, height } = turn.way;
         let reuse = &mut records.reuse[turn.record as usize];
@@ -391,7 +403,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
         }
         deepest_first(points, traces);
         record.normal = axis;
-        // The plane that the points lie on carries the normal.
+        // The body with the plane carries the normal.
         record.surfaces = if of_a {
             Curvature { radii: [around, 0.0], normal: NormalCarrier::FaceOfB }
         } else {

@@ -1,6 +1,7 @@
-//! [`SurfaceStates`]: belts and resistance to rolling, from the colliders of a pair to its manifolds.
+//! [`SurfaceStates`]: surface velocities (belts) and rolling resistance, from the colliders of a
+//! pair to its manifolds.
 //!
-//! A scene without either has none of this: the table is empty, and no step looks further.
+//! In a scene without either, the table is empty and costs nothing.
 
 use drystone_solver::wide::Wide;
 use drystone_solver::{Manifold, SurfaceEffects, Vector, Velocity};
@@ -10,19 +11,21 @@ use crate::cache::Pair;
 use crate::colliders::Colliders;
 use crate::geometry::Geometry;
 
-/// What the surfaces of the manifolds of a part do, and the torques that pairs hand on.
+/// Surface effects of the manifolds of a contact search, and the torques that pairs pass on to the
+/// next search.
 #[derive(Default)]
 pub(crate) struct SurfaceStates<const L: usize, const A: usize> {
-    /// By manifold; none where nothing runs or resists.
+    /// By manifold; empty if no surface moves or resists.
     rows: Vec<SurfaceRow<L, A>>,
-    /// Angular impulses of the pairs that resist, in the order of pairs. World axes. \[N m s\]
+    /// Angular impulses of the pairs with resistance, in the order of pairs. World axes. \[N m s\]
     pub(crate) held: Vec<HeldTorque<A>>,
     before: Vec<HeldTorque<A>>,
-    /// As the lanes left them, where ledgers ask.
+    /// Surface effects after solving, if a ledger needs them.
     pub(crate) done: Vec<SurfaceEffects<f32, L, A>>,
 }
 
-/// The belt where the manifold is at half the time: that of the start would throw outward what goes round.
+/// Returns the belt velocity at the position of the manifold after half of `dt`. That of the start
+/// would throw bodies on a turntable outward.
 fn belt<const L: usize, const A: usize>(
     manifold: &Manifold<f32, L>,
     belts: [&Velocity<f32, L, A>; 2],
@@ -35,22 +38,23 @@ fn belt<const L: usize, const A: usize>(
     SurfaceEffects::belt(&Manifold { arms: [arm_a + ahead, arm_b - ahead], ..*manifold }, belts)
 }
 
-/// What a pair hands on.
+/// Torque of a pair that is passed on to the next search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HeldTorque<const A: usize> {
     pub(crate) colliders: [u32; 2],
     pub(crate) torque: Vector<f32, A>,
 }
 
-/// The surfaces of a manifold.
+/// Surfaces of a manifold.
 #[derive(Clone, Copy)]
 struct SurfaceRow<const L: usize, const A: usize> {
-    /// How those of a and b run, as a velocity at the center of mass of each. World axes. \[m/s, rad/s\]
+    /// Surface velocities of a and b, each given at the center of mass of its body. World axes.
+    /// \[m/s, rad/s\]
     belts: [Velocity<f32, L, A>; 2],
     runs: bool,
-    /// Of rolling and of spinning. \[m\]
+    /// Rolling and spinning resistance. \[m\]
     resistance: [f32; 2],
-    /// World axes. \[N m s\]
+    /// Accumulated angular impulse, world axes. \[N m s\]
     torque: Vector<f32, A>,
 }
 
@@ -64,12 +68,13 @@ impl<const L: usize, const A: usize> SurfaceRow<L, A> {
 }
 
 impl<const L: usize, const A: usize> SurfaceStates<L, A> {
-    /// Whether the surfaces of a manifold run against each other.
+    /// True if a surface of the manifold has a velocity relative to its body.
     pub(crate) fn runs(&self, manifold: usize) -> bool {
         self.rows.get(manifold).is_some_and(|row| row.runs)
     }
 
-    /// Gives the lanes what the surfaces of so many manifolds do between bodies of these velocities for `dt` \[s\].
+    /// Sets the surface effects of the manifolds in the lanes, for bodies with these velocities
+    /// that move for `dt` \[s\].
     pub(crate) fn give<G: Geometry<L, A>>(
         &mut self,
         (colliders, bodies): (&Colliders<G, L, A>, &Bodies<G, L, A>),
@@ -109,7 +114,7 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
         }));
     }
 
-    /// Takes torques back from the lanes at the end of a part.
+    /// Reads the torques back from the lanes, after the last substep of a contact search.
     pub(crate) fn take_back<G: Geometry<L, A>>(
         &mut self,
         colliders: &Colliders<G, L, A>,
@@ -141,7 +146,7 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
         }
     }
 
-    /// Keeps what the lanes have, for a ledger.
+    /// Copies the surface effects of the lanes, for a ledger.
     pub(crate) fn note(&mut self, wide: &Wide<L, A>) {
         self.done.clear();
         wide.give_surfaces(|_, surface| self.done.push(*surface));

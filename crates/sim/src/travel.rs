@@ -1,4 +1,5 @@
-//! How far bodies move within a step and pass each other: how far ahead contacts are looked for, and how often.
+//! Travel bounds: motion of bodies within a step and relative to each other. They determine how far
+//! ahead contacts are searched, and how often.
 
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Vector, Velocity};
@@ -7,49 +8,54 @@ use crate::bodies::{GRAIN, SearchMotion};
 use crate::cache::Pair;
 use crate::geometry::{Frame, Reach};
 
-/// Pairs that are worth as much as the least that is shared.
+/// Grain size for sharing pairs between threads.
 const PAIR_GRAIN: usize = 256;
 
-/// Below this part of the thinner shape it is little that bodies turn: whether they turn as one is not asked. \[1\]
+/// Rotations that move surfaces by less than this fraction of the thinner shape are not checked for
+/// a common rotation of both bodies. \[1\]
 const TURNS: f32 = 0.25;
 
-/// A shape that turns by more than this part of its thickness could pass through what is not near yet. \[1\]
+/// A shape that moves by more than this fraction of its thickness as it rotates could pass through
+/// shapes that are not near yet. \[1\]
 const SWING: f32 = 0.5;
 
-/// How a body moves within a step.
+/// Bounds on the motion of a body within a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TravelBound<const L: usize> {
-    /// dt v. \[m\]
+    /// Displacement of the center, dt v. \[m\]
     pub(crate) linear: Vector<f32, L>,
-    /// dt |omega| times what its shapes reach that turns. \[m\]
+    /// Displacement of surfaces by rotation: dt |omega| times the reach of the cores of its shapes.
+    /// \[m\]
     pub(crate) angular: f32,
-    /// How far its center and that of a neighbor move against each other, the most: how far it can move against
-    /// another neighbor, should this one push it within the step. \[m\]
+    /// Largest relative displacement of its center and that of a neighbor. If the neighbor pushes
+    /// it within the step, it can move this far against another neighbor. \[m\]
     pub(crate) neighbor_push: f32,
 }
 
 impl<const L: usize> TravelBound<L> {
-    /// How far a shape of this thickness \[m\] may come by turning, where that is much: a bat that swings. \[m\]
+    /// Returns the displacement by rotation of a shape of this thickness \[m\] if it is large, as
+    /// that of a swinging bat; else 0. \[m\]
     pub(crate) fn swing(&self, thickness: f32) -> f32 {
         if self.angular > SWING * thickness { self.angular } else { 0.0 }
     }
 }
 
-/// Bodies in motion.
+/// Motion of all bodies.
 #[derive(Clone, Copy)]
 pub(crate) struct MotionView<'a, const L: usize, const A: usize> {
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) frames: &'a [Frame<L>],
-    /// Of their shapes.
+    /// Reach of the shapes of each body.
     pub(crate) reach: &'a [Reach],
     pub(crate) since_search: &'a [SearchMotion<L>],
-    /// The time in which they move. \[s\]
+    /// Duration of the motion. \[s\]
     pub(crate) dt: f32,
 }
 
 impl<const L: usize, const A: usize> MotionView<'_, L, A> {
-    /// What two bodies pass of each other: by how their centers move, and by how their surfaces turn. \[m\] None if
-    /// both together are less than their `room` \[m\]; it is asked for where they turn much.
+    /// Returns bounds on the relative motion of two bodies: of their centers, and of their surfaces
+    /// by rotation. \[m\] Returns `None` if the sum is less than their `room` \[m\], which is
+    /// evaluated only for large rotations.
     #[inline(always)]
     pub(crate) fn passed(
         &self,
@@ -65,7 +71,8 @@ impl<const L: usize, const A: usize> MotionView<'_, L, A> {
         (passed[0] + passed[1] >= room()).then(|| self.together(pair.bodies, passed))
     }
 
-    /// The same as seen from one of them that turns, if that is less: what lies in a drum turns with it.
+    /// Returns these bounds as seen from one of the rotating bodies, if they are smaller. Bodies in
+    /// a drum rotate with it.
     #[inline(never)]
     fn together(&self, bodies: [u32; 2], passed: [f32; 2]) -> [f32; 2] {
         let [a, b] = bodies.map(|body| body as usize);
@@ -84,26 +91,26 @@ impl<const L: usize, const A: usize> MotionView<'_, L, A> {
     }
 }
 
-/// How all bodies move within a step, and pass each other.
+/// Travel bounds of all bodies, and their relative motion.
 #[derive(Default)]
 pub(crate) struct TravelBounds<const L: usize> {
     /// By body.
     pub(crate) own: Vec<TravelBound<L>>,
-    /// What each thread has found.
+    /// Results of each thread.
     passed: Vec<ThreadTravel>,
 }
 
-/// What pairs pass of each other.
+/// Relative motion of the pairs of one thread.
 #[derive(Default)]
 struct ThreadTravel {
     /// By body: [`TravelBound::neighbor_push`].
     neighbor_pushes: Vec<f32>,
-    /// The most of any pair, as part of the thinner shape. \[1\]
+    /// Largest relative motion of any pair, as a fraction of the thinner shape. \[1\]
     worst: f32,
 }
 
 impl<const L: usize> TravelBounds<L> {
-    /// Those of all bodies.
+    /// Computes the bounds of all bodies.
     pub(crate) fn find<const A: usize>(&mut self, moving: MotionView<'_, L, A>, pool: &ThreadPool) {
         let MotionView { velocities, reach, dt, .. } = moving;
         self.own.resize(velocities.len(), TravelBound::default());
@@ -118,9 +125,13 @@ impl<const L: usize> TravelBounds<L> {
         });
     }
 
-    /// Finds what near bodies pass of each other, with what gravity adds, `fall` \[m\], and their pushes of neighbors; the most, as
-    /// part of the thinner shape. \[1\] Near are bodies that have less room than that and `margin` \[m\]. Nobody
-    /// pushes a body that nothing moves: so what goes past a floor does not matter to others on it.
+    /// Computes the relative motion of near bodies, `fall` \[m\] by gravity included, and their
+    /// pushes of neighbors. Returns the largest relative motion as a fraction of the thinner shape.
+    /// \[1\]
+    ///
+    /// Bodies are near if their room is less than their relative motion plus `fall` and `margin`
+    /// \[m\]. A fixed body gets no push, so a body that moves along a floor does not affect others
+    /// on it.
     pub(crate) fn pass<const A: usize>(
         &mut self,
         moving: MotionView<'_, L, A>,
@@ -171,7 +182,7 @@ mod tests {
     use super::*;
     use crate::geometry::random::Random;
 
-    /// Bodies as they are, in arrays.
+    /// Bodies in arrays.
     struct Swarm {
         velocities: Vec<Velocity<f32, 3, 3>>,
         frames: Vec<Frame<3>>,
@@ -196,7 +207,8 @@ mod tests {
         }
     }
 
-    /// Blows and the worst pair, of so many pairs that threads share them, are those of one pair after the other.
+    /// With any number of threads, pushes and the worst pair are equal to those computed pair by
+    /// pair. There are enough pairs for threads to share.
     #[test]
     fn what_pairs_pass_by_any_number_of_threads() {
         let mut random = Random(5);
@@ -220,7 +232,7 @@ mod tests {
         neighbor_pushes[7] = 0.0;
         for members in 1..5 {
             let (pool, mut travels) = (ThreadPool::new(members), TravelBounds::default());
-            // What the first has left must not matter to the second.
+            // The results of the first run must not affect the second.
             for moving in [swarm.moving(0.3), moving] {
                 travels.find(moving, &pool);
                 let found = travels.pass(moving, &masses, &pairs, [fall, 0.0], &pool);
@@ -233,7 +245,8 @@ mod tests {
         }
     }
 
-    /// No point that belongs to both, as where they touch, passes more than is said, however they turn.
+    /// No point that belongs to both bodies, as a contact point, moves by more than the bound,
+    /// however they rotate.
     #[test]
     fn no_point_passes_more() {
         let mut random = Random(9);
@@ -260,7 +273,8 @@ mod tests {
         assert!(least < 1.2, "far too much is said: {least} times at least");
     }
 
-    /// What lies in a drum turns with it: it passes nothing of the wall, however far that is from the axis.
+    /// A body in a drum rotates with it: it has no motion relative to the wall, however far the
+    /// wall is from the axis.
     #[test]
     fn what_turns_as_one_passes_nothing() {
         let mut random = Random(4);
@@ -277,7 +291,7 @@ mod tests {
         let mut pairs = [pair([0, 1], false)];
         let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &pool);
         assert!(found < 1e-4 && travels.own[0].neighbor_push < 1e-5, "{found}, {:?}", travels.own);
-        // A third of the turn is not its own, and what is far does not count.
+        // Now a third of the drum's rotation is relative, and distant bodies do not count.
         swarm.velocities[0].angular = spin * (2.0 / 3.0);
         let moving = swarm.moving(0.1);
         let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &pool);
@@ -287,7 +301,7 @@ mod tests {
         assert_eq!(travels.pass(moving, &free(2), &pairs, [0.0; 2], &pool), 0.0);
     }
 
-    /// Bodies that can be moved.
+    /// Returns the inverse masses of bodies that can be moved.
     fn free(bodies: usize) -> Vec<InverseMass<f32, 3, 3>> {
         vec![InverseMass { linear: 1.0, ..InverseMass::FIXED }; bodies]
     }

@@ -1,43 +1,45 @@
-//! [`ThreadTuner`]: whether threads are worth what they cost, as measured.
+//! [`ThreadTuner`]: measures whether using all threads is faster than using one.
 //!
-//! To hand a line of memory from one core to another takes as long as a few contacts on one machine and as long as a
-//! hundred on another, so no number of contacts tells. Results do not depend on who works, so it may be tried out.
+//! Moving a cache line from one core to another takes as long as a few contacts on one machine, and
+//! as long as a hundred on another. So no number of contacts decides. Results do not depend on the
+//! number of threads, so both ways can be tried.
 
 use std::time::Duration;
 
 use drystone_solver::Clock;
 use drystone_solver::thread_pool::ThreadPool;
 
-/// Steps before the first trial: those that make room for everything.
+/// Steps before the first trial: they allocate most memory.
 const FIRST: u32 = 8;
 
-/// Steps of a trial, alone and together by turns.
+/// Steps of a trial, with all threads and with one in turn.
 const TRIAL: u32 = 8;
 
-/// Steps from a trial to the next, if it has changed anything, or there has come to be other work; each that has not
-/// doubles them, up to the second. What was tried while other programs were busy does not hold for long.
+/// Steps from one trial to the next. The first number applies after a trial that has changed the
+/// choice, and after the work has changed. Each other trial doubles it, up to the second number. A
+/// trial that runs while other programs are busy is not valid for long.
 const PERIODS: [u32; 2] = [32, 128];
 
-/// So many times as many contacts, or as few, are other work: what was tried while all fell says nothing of how it
-/// lies. \[1\]
+/// The work has changed if the number of contacts has grown or shrunk by more than this factor. A
+/// trial while bodies fall tells nothing about the heap they form. \[1\]
 const OTHER: usize = 2;
 
-/// Fewer contacts than these are as many: one does them alone.
+/// Smaller numbers of contacts count as this number: one thread solves them alone.
 const FEW: usize = 256;
 
-/// One works alone if that takes less than this part of the time. \[1\]
+/// One thread works alone if that takes less than this fraction of the time. \[1\]
 const FASTER: f64 = 0.95;
 
-/// Whether steps are taken alone.
+/// The choice between one thread and all threads.
 #[derive(Debug)]
 pub(crate) struct ThreadTuner {
-    /// Steps since the last trial began, and from that to the next.
+    /// Steps since the last trial began, and steps from that to the next trial.
     steps: u32,
     period: u32,
-    /// Contacts when it ended, once there was one.
+    /// Number of contacts at the end of the last trial; none before the first trial.
     contacts: Option<usize>,
-    /// What a sweep has taken in each step of the trial, with all that belongs to it, together and alone by turns.
-    /// \[s\]
+    /// Duration of each step of the trial over its number of sweeps, with all threads and with one
+    /// in turn. \[s\]
     times: [f64; TRIAL as usize],
     alone: bool,
 }
@@ -59,13 +61,13 @@ impl ThreadTuner {
         if self.is_tried() { self.steps % 2 == 1 } else { self.alone }
     }
 
-    /// Begins a step; returns the time, if it counts.
+    /// Begins a step. Returns the time if the step is part of a trial.
     pub(crate) fn start(&self, pool: &ThreadPool, clock: Clock) -> Option<Duration> {
         pool.rest(self.is_alone());
         if self.is_tried() && pool.threads() > 1 { clock.now() } else { None }
     }
 
-    /// Ends a step of so many sweeps over so many contacts.
+    /// Ends a step that did `sweeps` sweeps over `contacts` contacts in some `time`.
     pub(crate) fn stop(&mut self, time: Duration, sweeps: usize, contacts: usize) {
         self.took(time.as_secs_f64() / sweeps.max(1) as f64, contacts);
     }
@@ -94,8 +96,9 @@ impl ThreadTuner {
         }
     }
 
-    /// The upper median of every other time from that of a step of the trial on: what interrupts one step does not
-    /// count, but a processor that is always busy with something else does. \[s\]
+    /// Returns the upper median of every second time, starting with step `first` of the trial. An
+    /// interruption of a single step does not count, but a processor that is always busy with other
+    /// work does. \[s\]
     fn usual(&self, first: usize) -> f64 {
         let mut times: [f64; TRIAL as usize / 2] =
             std::array::from_fn(|i| self.times[first + 2 * i]);
@@ -108,8 +111,9 @@ impl ThreadTuner {
 mod tests {
     use super::*;
 
-    /// One works alone after the first trial in which that was faster, until one in which it was not; what
-    /// interrupts single steps does not matter, what interrupts most steps together does.
+    /// One thread works alone after a trial in which that was faster, until one in which it was
+    /// not. Interruptions of single steps do not matter, but interruptions of most steps with all
+    /// threads do.
     #[test]
     fn alone_where_that_is_faster() {
         let mut tuner = ThreadTuner::default();
@@ -140,8 +144,8 @@ mod tests {
         assert!(tuner.is_alone());
     }
 
-    /// A trial comes early where there are twice as many contacts as at the last, or half as many; not before that
-    /// has ended.
+    /// A trial starts early if there are more than twice as many contacts as at the last one, or
+    /// less than half as many. It does not start before the last one has ended.
     #[test]
     fn other_work_is_tried_again() {
         let mut tuner = ThreadTuner::default();
@@ -161,7 +165,7 @@ mod tests {
         }
     }
 
-    /// In a trial a pool rests in every other step, and only then is time taken.
+    /// In a trial, the pool rests in every other step. Time is taken only in a trial.
     #[test]
     fn a_trial_is_alone_and_together_by_turns() {
         let (pool, mut tuner) = (ThreadPool::new(2), ThreadTuner::default());

@@ -1,7 +1,8 @@
-//! [`Tree`]: boxes that move, and which of them have come to overlap.
+//! [`Tree`]: a bounding volume hierarchy of moving boxes, which finds the pairs that have started
+//! to overlap.
 //!
-//! Eight boxes to a leaf, eight leaves to a node, and so on up: what is near in space is side by side, and eight boxes
-//! are compared at once.
+//! A leaf holds eight boxes, a node eight leaves, and so on up. Boxes near each other in space are
+//! adjacent in memory, and eight boxes are compared at once.
 
 use drystone_solver::Vector;
 use drystone_solver::thread_pool::ThreadPool;
@@ -9,54 +10,55 @@ use wide::f32x8;
 
 use crate::geometry::Bounds;
 
-/// Boxes of a node.
+/// Number of boxes of a node.
 const WIDTH: usize = 8;
 
-/// No place.
+/// No position.
 const NONE: u32 = u32::MAX;
 
-/// The tree is built anew when its leaves have become so much larger, in the mean.
+/// The tree is rebuilt when its leaves have grown by this factor on average. \[1\]
 const WORN: f64 = 1.4;
 
-/// Or when more than one in so many boxes has been added or taken out.
+/// The tree is also rebuilt when more than one in this many boxes has been added or removed.
 const LOOSE: usize = 4;
 
-/// Boxes so many times as large as half of them are apart from the rest.
+/// Boxes more than this many times as large as the median are separated from the rest. \[1\]
 const LARGE: f32 = 4.0;
 
-/// Overlaps above the leaves that are worth as much as the least that is shared.
+/// Grain size for sharing overlaps above the leaves between threads.
 const GRAIN: usize = 1;
 
-/// Boxes, each with a number.
+/// A tree of numbered boxes.
 #[derive(Default)]
 pub(super) struct Tree<const L: usize> {
-    /// Leaves with the boxes; then nodes with the boxes around those of the level before, up to one.
+    /// Leaves with the boxes, then nodes with the boxes around those of the level below, up to one
+    /// node.
     levels: Vec<Level<L>>,
-    /// The leaves as they were when overlaps were last asked for.
+    /// The leaves at the last query for overlaps.
     before: Vec<Node<L>>,
-    /// The number of each box in the leaves, in their order; and where each number is.
+    /// The number of each box in the leaves, and the position of each number.
     numbers: Vec<u32>,
     places: Vec<u32>,
-    /// Boxes that were added or taken out since it was built.
+    /// Number of boxes added or removed since the tree was built.
     loose: usize,
-    /// One over the extent of each leaf when it was built. \[1/m\]
+    /// Inverse of the extent of each leaf when the tree was built. \[1/m\]
     built: Vec<f32>,
-    /// How many times as large the leaves are now, all together. \[1\]
+    /// Sum of the growth factors of all leaves since then. \[1\]
     wear: f64,
-    /// Where two nodes overlap: still to be looked at, in a level and in the one below.
+    /// Overlapping nodes that are still to be tested, in a level and in the one below.
     ahead: [Vec<Both>; 2],
-    /// What each thread has found, as numbers that sort.
+    /// Pairs found by each thread, as sortable numbers.
     found: Vec<Vec<u64>>,
 }
 
-/// Two nodes of a level, the earlier first, or one with itself.
+/// Two nodes of a level, the earlier first, or one node twice.
 type Both = [usize; 2];
 
-/// A box, when the tree is built.
+/// A box while the tree is built.
 struct Entry<const L: usize> {
-    /// \[m\]
+    /// Center. \[m\]
     center: Vector<f32, L>,
-    /// \[m\]
+    /// Sum of the sides. \[m\]
     extent: f32,
     number: u32,
     changed: bool,
@@ -65,18 +67,18 @@ struct Entry<const L: usize> {
 #[derive(Default)]
 struct Level<const L: usize> {
     nodes: Vec<Node<L>>,
-    /// Which boxes of each have changed since overlaps were last asked for, as bits.
+    /// Boxes of each node that have changed since the last query, as bits.
     changed: Vec<u8>,
 }
 
-/// Boxes side by side.
+/// Eight boxes side by side.
 #[derive(Clone, Copy)]
 struct Node<const L: usize> {
     min: [f32x8; L],
     max: [f32x8; L],
 }
 
-/// The sum of the sides. \[m\]
+/// Returns the sum of the sides. \[m\]
 fn extent<const L: usize>(of: &Bounds<L>) -> f32 {
     (0..L).map(|i| (of.max[i] - of.min[i]).max(0.0)).sum()
 }
@@ -99,7 +101,7 @@ impl<const L: usize> Node<L> {
         }
     }
 
-    /// The box around all.
+    /// Returns the box around all.
     fn bounds(&self) -> Bounds<L> {
         let fold = |of: [f32x8; L], pick: fn(f32, f32) -> f32| {
             Vector(of.map(|of| {
@@ -111,7 +113,7 @@ impl<const L: usize> Node<L> {
         Bounds { min: fold(self.min, least), max: fold(self.max, most) }
     }
 
-    /// Which overlap a box, as bits.
+    /// Returns which boxes overlap `other`, as bits.
     #[inline]
     fn overlapping(&self, other: &Bounds<L>) -> u8 {
         let along = |i: usize| {
@@ -122,7 +124,7 @@ impl<const L: usize> Node<L> {
     }
 }
 
-/// The places of the bits.
+/// Returns the positions of the bits that are set.
 fn lanes(mut bits: u8) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lane = (bits != 0).then(|| bits.trailing_zeros() as usize);
@@ -132,7 +134,7 @@ fn lanes(mut bits: u8) -> impl Iterator<Item = usize> {
 }
 
 impl<const L: usize> Tree<L> {
-    /// Changes the box of a number; none takes it out.
+    /// Sets the box of a number; `None` removes it.
     pub(super) fn set(&mut self, number: u32, to: Option<&Bounds<L>>) {
         if self.places.len() <= number as usize {
             self.places.resize(number as usize + 1, NONE);
@@ -157,12 +159,12 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Puts a box at the end, as it was before and is now.
+    /// Appends a box, with its state at the last query and now.
     fn push(&mut self, number: u32, [before, now]: [&Bounds<L>; 2], changed: bool) {
         let mut place = self.numbers.len();
         self.places[number as usize] = place as u32;
         self.numbers.push(number);
-        // A place in each level, up to one with a single node.
+        // It gets a position in each level, up to one with a single node.
         for level in 0.. {
             if level == self.levels.len() {
                 self.levels.push(Level::default());
@@ -189,7 +191,7 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Finds the boxes of a level from the one before, and which have changed.
+    /// Recomputes the boxes of a level from the level below, and which have changed.
     fn fill(&mut self, level: usize) {
         let (below, above) = self.levels.split_at_mut(level);
         let Level { nodes, changed } = &mut above[0];
@@ -229,7 +231,8 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Each two numbers whose boxes have come to overlap since the last call: the lower in the upper half, sorted.
+    /// Returns the pairs of numbers whose boxes have started to overlap since the last call. The
+    /// lower number is in the upper half; the pairs are sorted.
     pub(super) fn overlaps(&mut self, pool: &ThreadPool) -> &[u64] {
         self.refit();
         if self.wear > WORN * self.built.len() as f64 || LOOSE * self.loose > self.numbers.len() {
@@ -257,7 +260,7 @@ impl<const L: usize> Tree<L> {
         all
     }
 
-    /// Goes down to the nodes above the leaves that overlap. Returns their level.
+    /// Descends to the overlapping nodes above the leaves. Returns their level.
     fn descend(&mut self) -> usize {
         let [mut ahead, mut below] = std::mem::take(&mut self.ahead);
         ahead.clear();
@@ -274,7 +277,7 @@ impl<const L: usize> Tree<L> {
         top.min(1)
     }
 
-    /// What has come to overlap in two nodes.
+    /// Finds the boxes of two nodes that have started to overlap.
     #[inline(never)]
     fn search(&self, level: usize, both: Both, found: &mut Vec<u64>) {
         match level {
@@ -283,7 +286,7 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Each two nodes below two nodes.
+    /// Reports the pairs of overlapping nodes below two nodes.
     #[inline(always)]
     fn meet(&self, level: usize, [a, b]: Both, mut report: impl FnMut(Both)) {
         self.cross(level, [a, b], |lane, with| {
@@ -291,7 +294,7 @@ impl<const L: usize> Tree<L> {
         });
     }
 
-    /// What has come to overlap in two leaves.
+    /// Finds the boxes of two leaves that have started to overlap.
     #[inline(always)]
     fn compare(&self, [a, b]: Both, found: &mut Vec<u64>) {
         self.cross(0, [a, b], |lane, mut with| {
@@ -308,8 +311,9 @@ impl<const L: usize> Tree<L> {
         });
     }
 
-    /// Of boxes of the first node, which of the second they overlap, as bits, if one of the two has changed: each two
-    /// once, and each with itself.
+    /// Reports the overlaps between the boxes of two nodes: a box of the first node, and boxes of
+    /// the second as bits. One of the two boxes must have changed. Each pair is reported once. In a
+    /// node with itself, each box overlaps itself.
     #[inline(always)]
     fn cross(&self, level: usize, [a, b]: Both, mut report: impl FnMut(usize, u8)) {
         let Level { nodes, changed } = &self.levels[level];
@@ -333,7 +337,7 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Tells each level what has changed in the one before.
+    /// Updates each level where the level below has changed.
     fn refit(&mut self) {
         for level in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(level);
@@ -352,7 +356,7 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Puts all boxes in order.
+    /// Rebuilds the tree with all boxes in spatial order.
     fn build(&mut self) {
         let order = self.order();
         let leaves = self.levels.drain(..).next().unwrap_or_default().nodes;
@@ -374,8 +378,8 @@ impl<const L: usize> Tree<L> {
         self.loose = 0;
     }
 
-    /// What is near in space after each other, and large boxes at the end: among small ones they would make a leaf
-    /// large.
+    /// Returns the boxes in spatial order, with large ones at the end: among small boxes they would
+    /// enlarge a leaf.
     fn order(&self) -> Vec<Entry<L>> {
         let Some(leaves) = self.levels.first() else { return Vec::new() };
         let boxes = leaves.nodes.iter().zip(&leaves.changed).flat_map(|(&leaf, &changed)| {
@@ -401,8 +405,8 @@ impl<const L: usize> Tree<L> {
     }
 }
 
-/// Puts boxes in order by halves along the longest side of where their centers are, and so on; all halves but the
-/// last fill their nodes.
+/// Sorts boxes recursively by halves along the longest side of the box around their centers. All
+/// halves but the last fill their nodes.
 fn halve<const L: usize>(entries: &mut [Entry<L>]) {
     if entries.len() <= WIDTH {
         return;

@@ -1,8 +1,8 @@
-//! The convex hull of points, exactly: no tolerance decides on which side of a plane a point lies.
+//! Exact convex hulls: no tolerance decides on which side of a plane a point lies.
 //!
-//! Quickhull (Barber, Dobkin and Huhdanpaa 1996) with exact predicates (Shewchuk 1997). Faces whose plane
-//! goes through a new point are replaced with those that it is above. So no triangle is without area, and
-//! points that lie in a plane or on a line need no exception.
+//! The algorithm is quickhull (Barber, Dobkin and Huhdanpaa 1996) with exact predicates (Shewchuk
+//! 1997). A new point replaces the faces that it is above, and also those in whose plane it lies.
+//! So no triangle is degenerate, and coplanar or collinear points need no special case.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -13,18 +13,18 @@ use robust::{Coord3D, orient3d};
 struct Facet {
     /// Counter-clockwise seen from outside.
     corners: [u32; 3],
-    /// Beyond the edge from each corner to the next.
+    /// The facets beyond the edges from each corner to the next.
     neighbors: [u32; 3],
-    /// Points above it that belong to no other facet.
+    /// Points above the facet that belong to no other facet.
     above: Vec<u32>,
     removed: bool,
 }
 
-/// No facet.
+/// Marks a missing neighbor.
 const NONE: u32 = u32::MAX;
 
-/// The triangles around points \[m\], counter-clockwise seen from outside; `None` where the points lie in a
-/// plane or are not finite.
+/// Returns the triangles of the hull of points \[m\], counter-clockwise seen from outside. Returns
+/// `None` if the points are coplanar or not finite.
 pub(super) fn hull(points: &[Vector<f32, 3>]) -> Option<Vec<[u32; 3]>> {
     if points.len() < 4 || points.iter().any(|point| point.0.iter().any(|x| !x.is_finite())) {
         return None;
@@ -33,7 +33,7 @@ pub(super) fn hull(points: &[Vector<f32, 3>]) -> Option<Vec<[u32; 3]>> {
     let simplex = hull.simplex()?;
     for skip in 0..4 {
         let [a, b, c] = [1, 2, 3].map(|i| simplex[(skip + i) % 4]);
-        // What is left out is below.
+        // The fourth point is below.
         let corners = if hull.side([a, b, c], simplex[skip]) < 0.0 { [a, b, c] } else { [a, c, b] };
         hull.facets.push(Facet {
             corners,
@@ -64,7 +64,8 @@ impl Hull<'_> {
         Vector(self.points[point as usize].0.map(f64::from))
     }
 
-    /// Positive if a point is above the plane through three others, 0 if it is in it.
+    /// Returns a positive number if a point is above the plane through three others, and 0 if it is
+    /// in the plane.
     fn side(&self, [a, b, c]: [u32; 3], point: u32) -> f64 {
         let [a, b, c, d] = [a, b, c, point].map(|of| {
             let [x, y, z] = self.points[of as usize].0;
@@ -73,7 +74,7 @@ impl Hull<'_> {
         -orient3d(a, b, c, d)
     }
 
-    /// Four points that span a volume, far from each other.
+    /// Returns four points that span a volume, far from each other.
     fn simplex(&self) -> Option<[u32; 4]> {
         let all = || 0..self.points.len() as u32;
         let most =
@@ -90,12 +91,12 @@ impl Hull<'_> {
         if self.side([a, b, c], d) != 0.0 {
             return Some([a, b, c, d]);
         }
-        // What rounding hides.
+        // Rounding has hidden a point that is out of the plane.
         let d = all().find(|&p| self.side([a, b, c], p) != 0.0)?;
         Some([a, b, c, d])
     }
 
-    /// Finds the neighbors of facets that close a surface with those they have.
+    /// Links new facets to each other and closes the surface.
     fn join(&mut self, facets: &[u32]) {
         let mut open = HashMap::new();
         for &facet in facets {
@@ -116,8 +117,9 @@ impl Hull<'_> {
         }
     }
 
-    /// Gives each point to the first of these facets that it is above. A point that is above none is within the
-    /// hull: seen from outside, the line to a facet that it was above enters by a new one.
+    /// Assigns each point to the first of these facets that it is above. A point above none of them
+    /// is inside the hull. Seen from outside, the line from it to a facet that it was above
+    /// enters through a new one.
     fn sort(&mut self, points: Vec<u32>, facets: &[u32]) {
         for point in points {
             let above = |&facet: &u32| self.side(self.facets[facet as usize].corners, point) > 0.0;
@@ -127,7 +129,7 @@ impl Hull<'_> {
         }
     }
 
-    /// The point that is the farthest above a facet, of those that belong to it.
+    /// Returns the point farthest above a facet, among those assigned to it.
     fn farthest(&self, facet: u32) -> Option<u32> {
         let facet = &self.facets[facet as usize];
         let [a, b, c] = facet.corners.map(|corner| self.at(corner));
@@ -136,9 +138,9 @@ impl Hull<'_> {
         facet.above.iter().copied().max_by(|p, q| height(p).total_cmp(&height(q)))
     }
 
-    /// Adds a point above a facet; returns the new facets.
+    /// Adds a point above a facet. Returns the new facets.
     fn add(&mut self, point: u32, seen_first: u32) -> Vec<u32> {
-        // All around that the point is above or in the plane of.
+        // Collect the connected facets that the point is above, or in the plane of.
         let mut seen = vec![seen_first];
         self.facets[seen_first as usize].removed = true;
         let mut horizon = Vec::new();
@@ -159,7 +161,7 @@ impl Hull<'_> {
             }
             at += 1;
         }
-        // What was beyond may have been seen since.
+        // Facets beyond the horizon may have been collected since.
         horizon.retain(|(_, beyond)| !self.facets[*beyond as usize].removed);
         let first = self.facets.len() as u32;
         for ([from, to], beyond) in horizon {

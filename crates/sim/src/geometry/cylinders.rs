@@ -1,16 +1,16 @@
-//! Contact of cylinders, with each other and with half-spaces, boxes, hulls, balls and capsules; with meshes see
-//! `mesh`.
+//! Contact of cylinders with each other and with half-spaces, boxes, hulls, balls and capsules. For
+//! meshes see `mesh`.
 //!
-//! A cylinder is a segment, its axis, with two discs, its caps. What of it looks against a face are
-//! always the same places ([`Facing`]): four on the rim of the cap that is nearer, the first where
-//! the cylinder leans to, and the one above it on the rim of the other cap. The line between these
-//! two is the line on which it lies; the deepest point of a coin that rolls on its rim is the first.
-//! So lying, leaning and standing are one case.
+//! A cylinder has a segment as its axis and two discs as caps. The same points always face a plane
+//! ([`Facing`]). These are points on the rim of the nearer cap, the first of them in the direction
+//! of the lean, and the point above the first on the other rim. A cylinder lies on the line between
+//! these two points. The first one is the deepest point of a coin that rolls on its rim. So lying,
+//! leaning and standing cylinders are one case.
 //!
-//! The axis of separation is one of a few families, each solved for its best member: the normal of
-//! a face, the axis of a cylinder, across a line and a cylinder ([`Placed::to_line`]), and across
-//! two rims ([`climb`]). What an axis really separates is then measured on the whole shapes, so a
-//! family that does not apply loses.
+//! The axis of separation is searched in a few families, each solved for its best member. They are
+//! the normals of faces, the axes of the cylinders, the axes across a line and a cylinder
+//! ([`Placed::to_line`]), and those across two rims ([`climb`]). The gap along each candidate is
+//! then measured on the whole shapes, so a family that does not apply loses.
 
 use drystone_solver::{Vector, moment};
 
@@ -20,64 +20,66 @@ use super::separation::{PREFERENCE, best_face, edge_beyond};
 use super::solid::Solid;
 use super::{ContactManifold, Frame, ManifoldPoint};
 
-/// A vector in space.
+/// A vector in 3D.
 type V = Vector<f32, 3>;
 
-/// A cylinder about the y axis.
+/// A cylinder about the y axis of its frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cylinder {
-    /// \[m\]
+    /// Radius. \[m\]
     pub(super) radius: f32,
     /// Half of the distance between the caps. \[m\]
     pub(super) half_height: f32,
 }
 
-/// A cylinder somewhere.
+/// A cylinder with a position and an orientation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
     center: V,
-    /// Unit vector.
+    /// Unit vector along the axis.
     axis: V,
-    /// A unit vector across the axis that turns with the body.
+    /// Unit vector across the axis that rotates with the body.
     side: V,
     radius: f32,
     half: f32,
 }
 
-/// A cylinder that leans by less than this against a face stands flat on it: then the places on its
-/// rim do not follow the lean, which is rounding. \[rad\]
+/// A cylinder that leans against a face by less than this stands flat on it. The lean is then
+/// rounding, and the rim points do not follow it. \[rad\]
 const AIMED: f32 = 2e-4;
 
-/// Lines at an angle whose sine is less than this lie along each other. \[1\]
+/// Lines at an angle whose sine is less than this count as parallel. \[1\]
 const PARALLEL: f32 = 0.1;
 
-/// What lies outside of a border by less than this part of the size within it lies on it. \[1\]
+/// Points outside a border by less than this fraction of the size within it count as on the border.
+/// \[1\]
 const BORDER: f32 = 1e-4;
 
-/// A face is looked at along an axis only if the cosine between that and its normal is more than
-/// this. \[1\]
+/// A face is projected along an axis only if the cosine between the axis and its normal is more
+/// than this. \[1\]
 pub(super) const STEEP: f32 = 0.1;
 
-/// A manifold stands for all of a contact if it is as deep to within this part of the prediction
-/// distance, ... \[1\]
+/// Tolerance of [`deepest_allowed`] as a fraction of the prediction distance. \[1\]
 const AS_DEEP: f32 = 1e-3;
 
-/// ... this part of the overlap, ... \[1\]
+/// Tolerance of [`deepest_allowed`] as a fraction of the overlap. \[1\]
 const OF_OVERLAP: f32 = 0.25;
 
-/// ... and this part of the size, which is rounding. \[1\]
+/// Relative rounding error: tolerance of [`deepest_allowed`] as a fraction of the size. \[1\]
 const ROUNDING: f32 = 1e-6;
 
-/// An edge loses this part of how far it is behind what an axis separates. \[1\]
+/// Penalty of an edge, as a fraction of the difference between its own gap and that of the whole
+/// shapes along its axis. \[1\]
 const BEHIND: f32 = 0.01;
 
-/// Bisections until a direction is known to single precision.
+/// Number of bisections that find a direction to single precision.
 const BISECTIONS: usize = 24;
 
-/// Steps of Newton's method at most.
+/// Largest number of Newton steps.
 const CLIMBS: usize = 16;
 
-/// Kinds of points, in the upper bits of their names; those on a rim are 0..8.
+/// Kinds of contact points, in the upper bits of their features. Points on the rims have the
+/// features 0..8.
 const CROSSING: u32 = 1 << 28;
 const CUT: u32 = 2 << 28;
 const CORNER: u32 = 3 << 28;
@@ -97,36 +99,37 @@ impl Cylinder {
     }
 }
 
-/// Where something is nearest to a cylinder, or least deep in it.
+/// The nearest feature of another shape to a cylinder, or the feature with the least overlap.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
-    /// From the cylinder to it, a unit vector.
+    /// Unit vector from the cylinder to the feature.
     pub(super) normal: V,
-    /// \[m\]
+    /// Gap along the normal. \[m\]
     pub(super) gap: f32,
-    /// Where on a segment, from 0 to 1.
+    /// Position of the nearest point on a segment, from 0 to 1.
     pub(super) part: f32,
-    /// Whether it is beside the cylinder, not over a rim or cap.
+    /// True if the feature is beside the cylinder, not over a rim or a cap.
     beside: bool,
 }
 
-/// The cosine between axis and normal above which a cylinder touches with a cap or a rim that does not
-/// roll. \[1\]
+/// If the cosine between axis and normal is above this, a cylinder touches with a cap, or with a
+/// rim that does not roll. \[1\]
 const TILTED: f32 = 0.9;
 
 impl Placed {
-    /// The distance along a normal from its surface to its axis, about which it rolls; 0 where it stands. \[m\]
+    /// Returns the distance along a normal from the surface to the axis about which the cylinder
+    /// rolls; 0 if it touches with a cap. \[m\]
     pub(super) fn roundness(&self, normal: V) -> f32 {
         let cosine = self.axis.dot(normal);
         if cosine.abs() < TILTED { self.radius / (1.0 - cosine * cosine).sqrt() } else { 0.0 }
     }
 
-    /// Whether it stands on a cap along a normal.
+    /// True if the cylinder stands on a cap along a normal.
     pub(super) fn stands(&self, normal: V) -> bool {
         self.axis.dot(normal).abs() > 1.0 - 1e-6
     }
 
-    /// The middle of what of the axis is in a solid.
+    /// Returns the midpoint of the part of the axis that is inside a solid.
     fn within(&self, solid: &impl Solid<3>) -> Option<V> {
         let core = self.core();
         let along = core.ends[1] - core.ends[0];
@@ -153,24 +156,24 @@ impl Placed {
         self.center
     }
 
-    /// The outward normal and the middle of each cap.
+    /// Returns the outward normal and the center of each cap.
     pub(super) fn caps(&self) -> [(V, V); 2] {
         [self.axis, -self.axis].map(|normal| (normal, self.center + normal * self.half))
     }
 
-    /// The square of its radius. \[m^2\]
+    /// Returns the square of the radius. \[m^2\]
     pub(super) fn disc(&self) -> f32 {
         self.radius * self.radius
     }
 
-    /// Coordinates of a point across the axis, from it. \[m\]
+    /// Returns the coordinates of a point in the plane across the axis, from the axis. \[m\]
     pub(super) fn seen_along(&self, point: V) -> [f32; 2] {
         let arm = point - self.center;
         let other: V = moment(self.axis, self.side);
         [self.side.dot(arm), other.dot(arm)]
     }
 
-    /// A segment is surely farther away than `prediction`. \[m\]
+    /// True if a segment is certainly farther away than `prediction`. \[m\]
     pub(super) fn is_beyond(&self, ends: [V; 2], prediction: f32) -> bool {
         let (core, own) = (self.core(), RoundedCore { ends, radius: 0.0 });
         let [s, t] = nearest(&core, &own);
@@ -179,8 +182,8 @@ impl Placed {
         apart.dot(apart) > reach * reach
     }
 
-    /// Ways from the surface to a segment: the nearest, and if that comes from within, the way round the axis that has
-    /// passed it.
+    /// Returns candidates for the separation from a segment. The first is the nearest way out. If
+    /// the segment has entered through the side, the second leads out through the opposite side.
     pub(super) fn ways_to(&self, ends: [V; 2]) -> impl Iterator<Item = Nearest> {
         let found = self.to_segment(ends);
         let passed = found.beside && found.gap < 0.0;
@@ -189,8 +192,9 @@ impl Placed {
         [Some(found), passed.then_some(other)].into_iter().flatten()
     }
 
-    /// Places on the cylinder and on an edge where they touch along a way: at both ends if one lies along the other, else
-    /// where they are nearest.
+    /// Returns the contact points on the cylinder and on an edge, along a candidate from
+    /// [`Self::ways_to`]. If edge and axis are parallel, these are both ends of their common part,
+    /// else the nearest points.
     pub(super) fn places_on(
         &self,
         [from, to]: [V; 2],
@@ -219,43 +223,44 @@ impl Placed {
         both.map(Some)
     }
 
-    /// A direction as far as it is across the axis.
+    /// Returns the component of a direction across the axis.
     fn across(&self, direction: V) -> V {
         direction - self.axis * self.axis.dot(direction)
     }
 
-    /// The farthest point along a direction.
+    /// Returns the farthest point along a direction.
     fn support(&self, direction: V) -> V {
         let cap = self.axis * self.half.copysign(self.axis.dot(direction));
         self.center + cap + self.flank(direction)
     }
 
-    /// How far it reaches along a unit vector from its center. \[m\]
+    /// Returns the extent along a unit vector, from the center. \[m\]
     pub(super) fn extent(&self, direction: V) -> f32 {
         let along = self.axis.dot(direction);
         self.half * along.abs() + self.radius * self.across(direction).length()
     }
 
-    /// The axis as the core of a capsule.
+    /// Returns the axis as the core of a capsule.
     fn core(&self) -> RoundedCore<3> {
         let arm = self.axis * self.half;
         RoundedCore { ends: [self.center - arm, self.center + arm], radius: self.radius }
     }
 
-    /// The line on its side that is farthest along a direction, from the axis. \[m\]
+    /// Returns the offset from the axis to the line on the side that is farthest along a direction.
+    /// \[m\]
     fn flank(&self, direction: V) -> V {
         let across = self.across(direction);
         let length = across.length();
         if length > 0.0 { self.level(across * (1.0 / length)) * self.radius } else { across }
     }
 
-    /// A unit vector across the axis without what rounding has left along that: much, where it was
-    /// short.
+    /// Removes the component along the axis that rounding has left in a unit vector across it. This
+    /// component is large if the vector was short before it was normalized.
     fn level(&self, across: V) -> V {
         across - self.axis * self.axis.dot(across)
     }
 
-    /// From the surface to a point.
+    /// Finds the nearest way from the surface to a point.
     fn to_point(self, point: V, part: f32) -> Nearest {
         let arm = point - self.center;
         let along = self.axis.dot(arm);
@@ -275,12 +280,13 @@ impl Placed {
         Nearest { normal, gap, part, beside: out > 0.0 && up <= 0.0 }
     }
 
-    /// From the surface to a line through a point along a unit vector e.
+    /// Finds the best axis between the surface and the line through a point along a unit vector e.
     ///
-    /// Seen along e the line is a point, and the cylinder a segment, its axis, with half an ellipse
-    /// about each end: its cap. With x along the segment, the ellipse has the half axes r |e . u| and r. Of
-    /// the direction n = (x, y) the gap is X x + Y y - r sqrt(y^2 + (e . u)^2 x^2), with (X, Y)
-    /// from the end of the segment to the point; where its derivative is zero it is largest.
+    /// Seen along e, the line is a point. The cylinder is the projection of its axis, a segment,
+    /// with half an ellipse, its cap, about each end. With x along the segment, the ellipse has the
+    /// half axes r |e . u| and r. In the direction n = (x, y) the gap is X x + Y y - r sqrt(y^2 +
+    /// (e . u)^2 x^2), with (X, Y) from the end of the segment to the point. The gap is largest
+    /// where its derivative vanishes.
     fn to_line(self, point: V, e: V) -> Nearest {
         let arm = point - self.center;
         let arm = arm - e * e.dot(arm);
@@ -318,7 +324,7 @@ impl Placed {
         Nearest { normal, gap, part: 0.0, beside: n[0] == 0.0 }
     }
 
-    /// From the surface to a segment.
+    /// Finds the nearest way from the surface to a segment.
     fn to_segment(self, [from, to]: [V; 2]) -> Nearest {
         let length = (to - from).length();
         if length == 0.0 {
@@ -335,7 +341,7 @@ impl Placed {
             if squared > 1e-8 {
                 (cosine * self.axis.dot(arm) - e.dot(arm)) / squared
             } else {
-                // In the middle of what lies along the cylinder.
+                // Take the middle of the part that lies along the cylinder.
                 let ends = [-self.half, self.half]
                     .map(|end| ((end - self.axis.dot(arm)) * cosine).clamp(0.0, length));
                 if ends[0] == ends[1] {
@@ -352,8 +358,8 @@ impl Placed {
         self.to_point(if part == 0.0 { from } else { to }, part)
     }
 
-    /// What looks against a face with this outward normal, aimed at where it is nearest. `before` is
-    /// the feature of a point where they touched a step ago.
+    /// Returns the points that face a plane with this outward normal, aimed at the lowest point of
+    /// the rim. `before` is the feature of a contact point of the step before.
     pub(super) fn facing(&self, normal: V, before: Option<u64>) -> Facing {
         let along = self.axis.dot(normal);
         let lean = self.axis * along - normal;
@@ -365,7 +371,7 @@ impl Placed {
         let center = self.center + toward * self.half;
         let quarter = match before {
             _ if !aimed => 0,
-            // It keeps its name while it goes around.
+            // The lowest point keeps its feature as it moves around the rim.
             Some(name) if name < 8 => name as u32 & 3,
             _ => {
                 let other: V = moment(self.axis, self.side);
@@ -382,27 +388,29 @@ impl Placed {
     }
 }
 
-/// What of a cylinder looks against a face.
+/// The points of a cylinder that can touch a face.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facing {
-    /// Of the cap that is nearer.
+    /// Center of the nearer cap. \[m\]
     center: V,
-    /// Out of that cap.
+    /// Outward normal of that cap.
     toward: V,
-    /// From there to its rim: to where it is nearest, and a quarter on.
+    /// Arms from the center to the rim: to its lowest point, and to the point a quarter turn on.
+    /// \[m\]
     arms: [V; 2],
-    /// In which quarter the first was when it got its name.
+    /// Quarter in which the lowest point was when it got its feature.
     quarter: u32,
-    /// 0 or 4.
+    /// Offset of the cap in features: 0 or 4.
     cap: u32,
-    /// On the rim of the other cap, above the first; none where the cylinder stands flat.
+    /// Point on the rim of the other cap above the lowest point; none if the cylinder stands flat.
     above: Option<V>,
-    /// The cylinder rolls on the first of these places. Others of the rim do not come down as that turns.
+    /// True if the cylinder rolls on the lowest point. Other rim points then do not come down as it
+    /// rolls.
     rolls: bool,
 }
 
 impl Facing {
-    /// Each point with its name.
+    /// Returns each point with its feature.
     pub(super) fn points(&self) -> impl Iterator<Item = (V, u32)> {
         let [first, second] = self.arms;
         let name = |of: u32, cap: u32| cap + ((self.quarter + of) & 3);
@@ -413,27 +421,27 @@ impl Facing {
         rim.map(move |(arm, of)| (center + arm, name(of, cap))).chain(above)
     }
 
-    /// The line on which it lies, from its start along it.
+    /// Returns the line on which the cylinder lies: its start, and the vector to its end.
     pub(super) fn line(&self) -> Option<[V; 2]> {
         let start = self.center + self.arms[0];
         self.above.map(|above| [start, above - start])
     }
 
-    /// A point carried along `normal` to the plane of the cap, and how far that is. `None`: the cap
-    /// looks aside.
+    /// Moves a point along `normal` to the plane of the cap. Returns it and the distance \[m\], or
+    /// `None` if the cap faces sideways.
     fn lifted(&self, point: V, normal: V) -> Option<(V, f32)> {
         let cosine = -self.toward.dot(normal);
         let gap = self.toward.dot(point - self.center) / cosine;
         (cosine > STEEP).then(|| (point + normal * gap, gap))
     }
 
-    /// Whether a point of the cap's plane is on the cap.
+    /// True if a point in the plane of the cap is on the cap.
     fn holds(&self, point: V) -> bool {
         within(point - self.center, self.arms[0].dot(self.arms[0]))
     }
 }
 
-/// Whether what this arm leads to is in a disc with a radius of this square.
+/// True if the end of this arm is in a disc about its start; `squared` is the square of the radius.
 pub(super) fn within(arm: V, squared: f32) -> bool {
     arm.dot(arm) <= squared * (1.0 + 2.0 * BORDER)
 }
@@ -442,20 +450,21 @@ fn point(on_a: V, on_b: V, gap: f32, name: u32) -> ManifoldPoint<3> {
     ManifoldPoint { on_a, on_b, gap, feature: u64::from(name) }
 }
 
-/// Keeps what is near. Whether its deepest point stands for a contact with this gap. \[m\]
+/// Keeps the points within `prediction`. Returns true if the deepest one represents a contact with
+/// this gap. \[m\]
 fn is_supported(touch: &mut ContactManifold<3>, gap: f32, size: f32, prediction: f32) -> bool {
     touch.points.retain(|point| point.gap <= prediction);
     let least = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
     least <= deepest_allowed(gap, size, prediction)
 }
 
-/// The gap of a point that stands for a contact with this gap, at most. \[m\]
+/// Returns the largest gap of a point that represents a contact with this gap. \[m\]
 fn deepest_allowed(gap: f32, size: f32, prediction: f32) -> f32 {
     gap + AS_DEEP * prediction + OF_OVERLAP * (-gap).max(0.0) + ROUNDING * size
 }
 
-/// Fills `touch` with where a cylinder, as a, overlaps a half-space or is within `prediction` \[m\]
-/// of it; returns the gap. \[m\]
+/// Fills `touch` with the contact points of a cylinder, as a, and a half-space, up to a gap of
+/// `prediction` \[m\]. Returns the gap. \[m\]
 pub(super) fn on_plane(
     cylinder: &Placed,
     plane: &Plane<3>,
@@ -476,8 +485,8 @@ pub(super) fn on_plane(
     apart
 }
 
-/// Appends where a cylinder is over a face of a solid, as seen along `normal`, which points from the
-/// solid to the cylinder.
+/// Appends the contact points of a cylinder over a face of a solid, as seen along `normal`, which
+/// points from the solid to the cylinder.
 fn over_polygon(
     cylinder: &Placed,
     (solid, face): (&impl Solid<3>, usize),
@@ -502,7 +511,8 @@ fn over_polygon(
     let line = facing.line();
     let (mut range, mut cuts, mut number) = ([0.0, 1.0], [None; 2], 0);
     solid.sides(face, memory, |on_side, outward| {
-        // The same side for points that are not carried to the face yet.
+        // Tilt the plane of the side, so that it clips points before they are projected along
+        // `normal`.
         let on_side = on_side + upright * upright.dot(vertex - on_side);
         let outward = outward - upright * (outward.dot(normal) / cosine);
         if let Some([start, along]) = line {
@@ -544,9 +554,9 @@ fn over_polygon(
     }
 }
 
-/// Where the rim of the nearer cap crosses a plane.
+/// Returns the points at which the rim of the nearer cap crosses a plane.
 fn crossings(facing: &Facing, on_plane: V, outward: V) -> [Option<V>; 2] {
-    // A x + B y = C with x^2 + y^2 = 1.
+    // Solve a x + b y = c with x^2 + y^2 = 1.
     let [a, b] = facing.arms.map(|arm| outward.dot(arm));
     let c = outward.dot(on_plane - facing.center);
     let squared = a * a + b * b;
@@ -561,8 +571,8 @@ fn crossings(facing: &Facing, on_plane: V, outward: V) -> [Option<V>; 2] {
     })
 }
 
-/// Appends where a cylinder is over the cap of another, as seen along `normal`, which points out of
-/// that cap.
+/// Appends the contact points of a cylinder over a cap of another, as seen along `normal`, which
+/// points out of that cap.
 fn over_cap(
     cylinder: &Placed,
     other: &Placed,
@@ -590,7 +600,7 @@ fn over_cap(
             }
         }
     }
-    // The rims of both caps cross here if they are parallel; else this is not on the cap.
+    // Parallel caps: their rims cross here. Otherwise these points are not on the cap and drop out.
     let center = facing.center - normal * normal.dot(facing.center - middle);
     let between = middle - center;
     let distance = between.length();
@@ -613,8 +623,9 @@ fn over_cap(
     }
 }
 
-/// The part of a line, from where this arm leads to, that is in a disc with a radius of this square;
-/// the first is more than the second where there is none.
+/// Returns the range of a line from `arm` along `along`, from 0 to 1, that is in a disc about the
+/// origin; `squared` is the square of its radius. If there is none, the first number is larger than
+/// the second.
 pub(super) fn in_disc(arm: V, along: V, squared: f32) -> [f32; 2] {
     let (a, b, c) = (along.dot(along), arm.dot(along), arm.dot(arm) - squared);
     let left = b * b - a * c;
@@ -625,9 +636,9 @@ pub(super) fn in_disc(arm: V, along: V, squared: f32) -> [f32; 2] {
     [((-b - root) / a).max(0.0), ((-b + root) / a).min(1.0)]
 }
 
-/// Fills `touch` with where a cylinder, as a, overlaps a solid or is within `prediction` \[m\] of it,
-/// in the solid's frame; returns how far they are apart at least. \[m\] `before` is the feature of a
-/// point where they touched a step ago.
+/// Fills `touch` with the contact points of a cylinder, as a, and a solid, up to a gap of
+/// `prediction` \[m\], in the frame of the solid. Returns a lower bound of the gap. \[m\] `before`
+/// is the feature of a contact point of the step before.
 pub(super) fn on_solid(
     cylinder: &Placed,
     solid: &impl Solid<3>,
@@ -649,7 +660,7 @@ pub(super) fn on_solid(
         touch.reduce();
         return gap;
     }
-    // What an axis from the solid to the cylinder separates.
+    // Gap of the whole shapes along an axis from the solid to the cylinder.
     let separates = |n: V| n.dot(cylinder.center - solid.support(n)) - cylinder.extent(n);
     let beyond = if supported { gap + PREFERENCE * prediction } else { gap };
     let caps = [cylinder.axis, -cylinder.axis].map(|n| (separates(n), n));
@@ -677,7 +688,7 @@ pub(super) fn on_solid(
         }
         for found in cylinder.ways_to(ends).filter(|found| found.gap <= prediction) {
             let gap = separates(-found.normal);
-            // Of edges with one axis, the one that is touched.
+            // Among edges with the same axis, prefer the one that touches.
             let value = gap - BEHIND * (found.gap - gap).abs();
             if value > best.0 {
                 best = (value, Some((edge, ends, Nearest { gap, ..found })));
@@ -698,7 +709,7 @@ pub(super) fn on_solid(
     gap
 }
 
-/// Fills `touch` with where a cylinder touches an edge, along an axis that has this gap.
+/// Fills `touch` with the contact points of a cylinder and an edge along the axis of `found`.
 fn on_edge(
     cylinder: &Placed,
     (edge, ends): (usize, [V; 2]),
@@ -718,8 +729,8 @@ fn on_edge(
     }
 }
 
-/// Fills `touch` with where a cylinder, as a, overlaps a ball or capsule or is within `prediction`
-/// \[m\] of it; returns the gap. \[m\]
+/// Fills `touch` with the contact points of a cylinder, as a, and a ball or capsule, up to a gap of
+/// `prediction` \[m\]. Returns the gap. \[m\]
 pub(super) fn on_round(
     cylinder: &Placed,
     round: &RoundedCore<3>,
@@ -728,7 +739,7 @@ pub(super) fn on_round(
 ) -> f32 {
     let mut found = cylinder.to_segment(round.ends);
     if found.gap < 0.0 {
-        // The core is in the cylinder: which way out is the shortest for all of it.
+        // The core is in the cylinder: find the shortest way out for all of it.
         let middle = round.at(0.5) - cylinder.center;
         let across: V = moment(cylinder.axis, round.ends[1] - round.ends[0]);
         let separates = |normal: V| {
@@ -779,8 +790,8 @@ pub(super) fn on_round(
     gap
 }
 
-/// Fills `touch` with where two cylinders overlap or are within `prediction` \[m\]; returns how far
-/// they are apart at least. \[m\]
+/// Fills `touch` with the contact points of two cylinders, up to a gap of `prediction` \[m\].
+/// Returns a lower bound of the gap. \[m\]
 pub(super) fn between(
     a: &Placed,
     b: &Placed,
@@ -818,7 +829,7 @@ pub(super) fn between(
         consider(climb([a, b], apart, apart * (1.0 / distance)));
     }
     for _ in 0..2 {
-        // From the farthest point of one to the nearest of the other.
+        // Directions between the deepest point of one cylinder and the surface of the other.
         let own = b.to_point(a.support(-start), 0.0).normal;
         let other = -a.to_point(b.support(start), 0.0).normal;
         for from in [start, own, other] {
@@ -850,7 +861,7 @@ pub(super) fn between(
     }
     touch.normal = normal;
     gap = flanks([a, b], (normal, gap), prediction, touch).unwrap_or_else(|| {
-        // Their sides cross, or a rim touches.
+        // The sides cross, or a rim touches.
         let cosines = [a, b].map(|of| of.axis.dot(normal).abs());
         let on_a = if cosines[0].max(cosines[1]) < AIMED {
             let [s, _] = nearest(&a.core(), &b.core());
@@ -866,8 +877,8 @@ pub(super) fn between(
     gap
 }
 
-/// Fills `touch` with the ends of where two cylinders lie along each other, if they do, and these
-/// are as deep as the gap along the normal.
+/// Fills `touch` with the ends of the common line of two parallel cylinders that lie on each other.
+/// Returns `None` if they do not, or if the ends are less deep than the gap along the normal.
 fn flanks(
     [a, b]: [&Placed; 2],
     (normal, gap): (V, f32),
@@ -896,9 +907,11 @@ fn flanks(
     None
 }
 
-/// Climbs to the axis that two rims are farthest apart along, or overlap least: Newton's method on
-/// the sphere of directions n for S(n) = n . d - sum of h |n . u| + r |n - (n . u) u|, with the
-/// distance d of the centers. Where a kink is in the way it stops; other families have these.
+/// Climbs to the axis along which two rims have the largest gap, or the least overlap.
+///
+/// This is Newton's method on the sphere of directions n for S(n) = n . d - sum of (h |n . u| + r
+/// |n - (n . u) u|), with the distance d of the centers. It stops at a kink; the other families
+/// cover kinks.
 fn climb(both: [&Placed; 2], apart: V, start: V) -> V {
     let value = |n: V| n.dot(apart) - both[0].extent(n) - both[1].extent(n);
     let (mut n, mut height) = (start, value(start));
@@ -923,7 +936,8 @@ fn climb(both: [&Placed; 2], apart: V, start: V) -> V {
         let x = rims[0].0;
         let y: V = moment(n, x);
         let seen = [x, y].map(|axis| slope.dot(axis));
-        // How much it bends down; made definite by what it lacks.
+        // Negated Hessian in the tangent plane, with its diagonal raised until it is positive
+        // definite.
         let mut bend = [height, 0.0, height];
         for (tangent, curve) in rims {
             let [p, q] = [x, y].map(|axis| tangent.dot(axis));

@@ -1,4 +1,4 @@
-//! Convex hulls whose faces are flat.
+//! Convex hulls with flat faces.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -8,43 +8,47 @@ use drystone_solver::{SymmetricMatrix, Vector, moment};
 use super::solid::{Corner, Polyhedron, Solid};
 use super::{MassProperties, convex};
 
-/// How far a corner may be from the plane of its face, as part of the hull's largest side: what
-/// rounding in a file leaves of a flat face. More, and what rests on the face would sink in.
+/// Largest distance of a corner from the plane of its face, as a fraction of the hull's largest
+/// side. \[1\] Flat faces in files have rounding errors up to this. A larger tolerance would let
+/// bodies on the face penetrate.
 const FLAT: f32 = 1e-4;
 
-/// The same, as part of the hull's thickness: faces of a thin hull lie close to each other.
+/// Largest distance of a corner from the plane of its face, as a fraction of the hull's thickness.
+/// \[1\] Faces of a thin hull are close to each other.
 const FLAT_OF_THICKNESS: f32 = 1e-2;
 
-/// Points that are looked at together when the farthest is sought.
+/// Number of points that the search for the farthest point handles at once.
 const BLOCK: usize = 8;
 
 /// A convex hull as a [`Solid`].
 #[derive(Clone, Debug)]
 pub struct Hull {
     points: Vec<Vector<f32, 3>>,
-    /// The same by coordinates, the last block filled up with its last point.
+    /// The points as a structure of arrays; the last block is filled up with the last point.
     blocks: Vec<[[f32; BLOCK]; 3]>,
     faces: Vec<Face>,
-    /// Of all faces, one after the other, counter-clockwise seen from outside.
+    /// Corners of all faces, face by face, counter-clockwise seen from outside.
     corners: Vec<u32>,
     edges: Vec<[u32; 2]>,
-    /// Those around all faces, one face after the other.
+    /// Edges around all faces, face by face.
     sides: Vec<u32>,
-    /// The faces on both sides of each edge.
+    /// The two faces at each edge.
     flanks: Vec<[u32; 2]>,
 }
 
 #[derive(Clone, Debug)]
 struct Face {
     normal: Vector<f32, 3>,
-    /// The point of the hull that is farthest out: no other is beyond the plane through it.
+    /// The point of the hull that is farthest along the normal: no point is beyond the plane
+    /// through it.
     outermost: Vector<f32, 3>,
     corners: Range<usize>,
     sides: Range<usize>,
 }
 
 impl Hull {
-    /// The hull of points \[m\]; `None` where they span no volume, or less than single precision tells from none.
+    /// Builds the hull of points \[m\]. Returns `None` if they span no volume, or less than single
+    /// precision can resolve.
     pub(super) fn of(points: &[parry3d::math::Vector]) -> Option<Self> {
         let Surface { points, triangles } = Surface::around(points)?;
         let block = |some: &[Vector<f32, 3>]| {
@@ -56,12 +60,12 @@ impl Hull {
         let mut hull = Self { points, blocks, faces, corners, edges, sides, flanks };
         hull.join(&triangles);
         hull.find_sides();
-        // No solid has fewer.
+        // A solid has at least four faces.
         let flat = |face: &Face| !face.normal.dot(face.normal).is_finite();
         (hull.faces.len() >= 4 && !hull.faces.iter().any(flat)).then_some(hull)
     }
 
-    /// Makes faces of the triangles of the surface, joined where they lie in a plane.
+    /// Makes faces of the triangles of the surface, joining coplanar ones.
     fn join(&mut self, triangles: &[[u32; 3]]) {
         let at = |corner: u32| self.points[corner as usize];
         let axes = [0, 1, 2].map(|axis| Vector(std::array::from_fn(|i| (i == axis) as u8 as f32)));
@@ -73,7 +77,8 @@ impl Hull {
         for (index, &[a, b, c]) in triangles.iter().enumerate() {
             of_edge.extend([[a, b], [b, c], [c, a]].map(|edge| (edge, index)));
         }
-        // From the largest on: slivers, whose own planes mean nothing, join what they lie on.
+        // Start with the largest triangles. Slivers have no reliable plane, so they join larger
+        // ones.
         let mut order: Vec<usize> = (0..triangles.len()).collect();
         order.sort_by(|&a, &b| areas[b].length().total_cmp(&areas[a].length()));
         let mut free = vec![true; triangles.len()];
@@ -108,7 +113,7 @@ impl Hull {
             let outermost = self.support(normal);
             let start = self.corners.len();
             let ends = around.iter().zip(around.iter().cycle().skip(1));
-            // Each is a side of two faces, there and back.
+            // Each edge occurs in two faces, in opposite directions.
             self.edges.extend(ends.filter(|(from, to)| from < to).map(|(&from, &to)| [from, to]));
             self.corners.extend(around);
             let corners = start..self.corners.len();
@@ -135,30 +140,30 @@ impl Hull {
     }
 }
 
-/// Why a hull is refused.
+/// Error message for hulls without volume.
 pub(crate) const NO_VOLUME: &str =
     "a hull of these points has no volume; give points that do not lie in one plane";
-/// The same.
+/// Error message for hulls that are too thin.
 pub(crate) const TOO_THIN: &str = "a hull of these points is more than 10000 times as long as thick, which single \
      precision cannot place; check for a point that is far off, or use a box or capsule";
 
-/// A hull thinner than this part of its size is refused. \[1\]
+/// A hull thinner than this fraction of its size is refused. \[1\]
 const THINNEST: f32 = 1e-4;
 
-/// Triangles that close a surface around a convex solid.
+/// A closed surface of triangles around a solid.
 pub(crate) struct Surface {
-    /// \[m\]
+    /// Vertices. \[m\]
     points: Vec<Vector<f32, 3>>,
     /// Counter-clockwise seen from outside.
     triangles: Vec<[u32; 3]>,
 }
 
 impl Surface {
-    /// Around points \[m\]; `None` where they span no volume.
+    /// Builds the convex hull of points \[m\]. Returns `None` if they span no volume.
     fn around(points: &[parry3d::math::Vector]) -> Option<Self> {
         let all: Vec<Vector<f32, 3>> = points.iter().map(|p| Vector(p.to_array())).collect();
         let mut triangles = convex::hull(&all)?;
-        // Only those that are corners, in their order.
+        // Keep the points that are corners, in their order.
         let mut numbers = vec![u32::MAX; all.len()];
         triangles.iter().flatten().for_each(|&corner| numbers[corner as usize] = 0);
         let mut points = Vec::new();
@@ -170,8 +175,9 @@ impl Surface {
         Some(Self { points, triangles })
     }
 
-    /// Mass, center and inertia of what it encloses: the sum over the tetrahedra from a point to each triangle.
-    /// (parry turns the inertia into principal axes and back, with sines that are not the same on every machine.)
+    /// Returns mass, center of mass and inertia of the enclosed solid. They are sums over the
+    /// tetrahedra from one point to each triangle. (parry converts the inertia to principal axes
+    /// and back, with sines that differ between machines.)
     fn mass(&self, density: f32) -> MassProperties<3, 3> {
         let Self { points, triangles } = self;
         let at =
@@ -212,10 +218,10 @@ impl Surface {
     }
 }
 
-/// The convex hull of points \[m\] as a shape.
+/// Returns the convex hull of points \[m\] as a shape.
 ///
 /// # Errors
-/// It has no volume, or is too thin.
+/// Fails if the hull has no volume or is too thin.
 pub(crate) fn shape(
     points: &[parry3d::math::Vector],
 ) -> Result<parry3d::shape::SharedShape, &'static str> {
@@ -239,7 +245,8 @@ pub(crate) fn shape(
         .ok_or(NO_VOLUME)
 }
 
-/// Three times the volume over the surface: half of the thickness of a ball or cube, 1.5 times that of a plate. \[m\]
+/// Returns three times the volume over the surface. \[m\] For a ball or cube it is half of the
+/// thickness, for a plate 1.5 times the thickness.
 fn thickness(points: &[Vector<f32, 3>], triangles: &[[u32; 3]]) -> f32 {
     let at = |corner: u32| -> Vector<f64, 3> {
         let arm = points[corner as usize] - points[0];
@@ -255,13 +262,13 @@ fn thickness(points: &[Vector<f32, 3>], triangles: &[[u32; 3]]) -> f32 {
     if surface > 0.0 { (3.0 * volume / surface) as f32 } else { 0.0 }
 }
 
-/// Mass, center and inertia of the hull of points \[m\].
+/// Returns mass, center of mass and inertia of the hull of points \[m\].
 pub(super) fn mass(points: &[parry3d::math::Vector], density: f32) -> MassProperties<3, 3> {
     Surface::around(points).map_or(MassProperties::ZERO, |surface| surface.mass(density))
 }
 
-/// Mass, center and inertia of what a closed surface of triangles, counter-clockwise seen from outside,
-/// encloses.
+/// Returns mass, center of mass and inertia of the solid within a closed surface of triangles,
+/// which are counter-clockwise seen from outside.
 pub(crate) fn mass_within(
     points: &[parry3d::math::Vector],
     triangles: &[[u32; 3]],
@@ -271,7 +278,7 @@ pub(crate) fn mass_within(
     Surface { points, triangles: triangles.to_vec() }.mass(density)
 }
 
-/// Twice the area of a polygon, along its normal.
+/// Returns the normal of a polygon, of twice its area in length.
 fn area(corners: &[Vector<f32, 3>]) -> Vector<f32, 3> {
     let mut area = Vector::ZERO;
     for pair in corners.windows(2) {
@@ -280,7 +287,8 @@ fn area(corners: &[Vector<f32, 3>]) -> Vector<f32, 3> {
     area
 }
 
-/// Removes ways there and back from a closed line, which joining all triangles around a point leaves.
+/// Removes spurs, which go along an edge and back, from a closed polygon. Joining all triangles
+/// around a point leaves them.
 fn cut_spurs(around: &mut Vec<u32>) {
     let mut at = 0;
     while around.len() > 3 && at < around.len() {

@@ -1,12 +1,13 @@
-//! Contact of convex shapes with triangle meshes, in the mesh's frame.
+//! Contact of convex shapes with triangle meshes, in the frame of the mesh.
 //!
-//! Each triangle near a shape is asked along which direction the two are farthest apart: its face's normal, or
-//! one that an edge, a vertex or the shape proposes and the mesh's topology admits
-//! ([`Surface`](surface::Surface)). What is found is gathered by feature: triangles of one facet share a
-//! manifold, and so do all that lies under one face of the shape; an edge or a vertex counts once.
+//! For each triangle near a shape, the axis of the largest gap is searched. The candidates are the
+//! triangle's normal, and axes that an edge, a vertex or the shape proposes. The topology of the
+//! mesh must admit them ([`Surface`](surface::Surface)). Contacts are collected by feature. All
+//! triangles of a facet share a manifold, as do all features below one face of the shape; an edge
+//! or a vertex counts once.
 //!
-//! An open mesh has two sides: a shape touches it from where its center is. A closed one pushes out along its
-//! outward normals, also what has its center inside.
+//! An open mesh has two sides: a shape touches it from the side of its center. A closed mesh pushes
+//! shapes out along its outward normals, even if their centers are inside.
 
 mod cylinder;
 mod polyhedra;
@@ -28,13 +29,15 @@ pub(super) use self::rounds::round;
 
 type V = Vector<f32, 3>;
 
-/// Places within this part of an edge's length of it are on both sides. \[1\]
+/// Points within this fraction of an edge's length of the edge are on both sides of it. \[1\]
 const ON_EDGE: f32 = 1e-4;
 
-/// A hollow edge holds what is below it as far as this multiple of the depth beyond it, at most. \[1\]
+/// At a concave edge, a point below the mesh still counts for a triangle up to this multiple of its
+/// depth beyond the edge. \[1\]
 const STEEPEST: f32 = 10.0;
 
-/// Which part of a mesh a manifold is of: a side of a facet, an edge, a vertex, or all under a face of the shape.
+/// The part of a mesh that a manifold belongs to. It is a side of a facet, an edge, a vertex, or
+/// the set of all features under a face of the shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Part {
     Facet { facet: u32, behind: bool },
@@ -53,7 +56,8 @@ impl Part {
         }
     }
 
-    /// How it and a shape of this radius, or a sharp one, are curved where they touch. \[m\]
+    /// Returns the curvature of the surfaces at a contact of this part with a shape of this radius,
+    /// which is 0 for sharp shapes. \[m\]
     fn surfaces(self, radius: f32) -> Curvature {
         let normal = match self {
             Self::Facet { .. } => NormalCarrier::FaceOfB,
@@ -65,39 +69,40 @@ impl Part {
     }
 }
 
-/// What is found on the way through a mesh: one manifold for each part. The normals point out of the mesh.
+/// Contacts of a shape with a mesh, one manifold for each part. The normals point out of the mesh.
 #[derive(Default)]
 pub(super) struct Gathered {
     manifolds: Vec<ContactManifold<3>>,
     count: usize,
-    /// The triangles near the shape.
+    /// Triangles near the shape.
     near: Vec<u32>,
-    /// What the shape is to the facets near it.
+    /// Position of the shape above the facets near it.
     facets: Vec<Above>,
     polygon: Vec<Corner<3>>,
     vertices: Vec<V>,
     faces: Vec<(V, f32)>,
     memory: Vec<Corner<3>>,
-    /// The piece of the mesh that it touches, and whether on both sides.
+    /// Sheet of the mesh that the shape touches, and whether it touches it on both sides.
     faced: Option<Faced>,
     both: bool,
-    /// Of a round shape. \[m\]
+    /// Radius of a round shape. \[m\]
     radius: f32,
 }
 
-/// What a shape is to one side of a facet.
+/// Position of a shape above one side of a facet.
 #[derive(Clone, Debug)]
 struct Above {
     facet: u32,
     behind: bool,
-    /// How far its lowest point is above the plane. \[m\]
+    /// Height of its lowest point above the plane. \[m\]
     low: f32,
-    /// Of a solid: its face that looks there, and the corners of that one in the polygons.
+    /// For a solid: its face opposite to the facet, and the corners of that face in `polygon`.
     face: u32,
     corners: std::ops::Range<usize>,
-    /// Of a round shape: which part of its core is over the facet.
+    /// For a round shape: the range of its core over the facet, from 0 to 1.
     over: [f32; 2],
-    /// A solid is farthest from a triangle of it: all that is over it counts, not only what has come by.
+    /// True if the facet's normal is the best axis for one of its triangles: then all points over
+    /// it count, also those that overlap.
     genuine: bool,
 }
 
@@ -110,14 +115,14 @@ impl Gathered {
         (self.faced, self.both, self.radius) = (None, false, 0.0);
     }
 
-    /// Notes that the shape touches a side of a facet, or of what is around it.
+    /// Records that the shape touches this side of a facet, or of its surroundings.
     fn face(&mut self, facet: &Facet, side: f32) {
         let own = Faced { sheet: facet.sheet % SHEETS, side };
         self.both |= self.faced.is_some_and(|known| known.sheet == own.sheet && known != own);
         self.faced = Some(own);
     }
 
-    /// The manifold of a part.
+    /// Finds or adds the manifold of a part.
     fn of(&mut self, part: Part, normal: V) -> &mut ContactManifold<3> {
         let number = part.number();
         let known = self.manifolds[..self.count].iter().position(|touch| touch.part == number);
@@ -140,14 +145,15 @@ impl Gathered {
         self.manifolds[..self.count].iter().any(|touch| touch.part == number)
     }
 
-    /// Reports the manifolds, reduced, with the shape as a and in the coordinates around the mesh's `frame`.
+    /// Reports the manifolds, reduced, with the shape as a, in the coordinates in which the mesh's
+    /// `frame` is given.
     pub(super) fn report(
         &mut self,
         frame: &Frame<3>,
         mesh_is_a: bool,
         report: &mut dyn FnMut(&ContactManifold<3>),
     ) {
-        // Where the shape is told from a point's name in the next step.
+        // The next step reads from a point's feature where the shape is.
         let name = if self.both { 0 } else { self.faced.map_or(0, Faced::name) };
         for touch in &mut self.manifolds[..self.count] {
             if touch.points.is_empty() {
@@ -164,17 +170,17 @@ impl Gathered {
     }
 }
 
-/// A piece of a mesh that a shape has touched a step ago, and on which side.
+/// The sheet of a mesh that a shape touched in the step before, and the side of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Faced {
     sheet: u32,
     side: f32,
 }
 
-/// Pieces are told apart by numbers below this.
+/// Sheets are distinguished modulo this number.
 const SHEETS: u32 = 1 << 16;
 
-/// Where the name of a piece begins in that of a point, behind two bits that are another's.
+/// Position of the sheet in the feature of a point, below two bits of another meaning.
 const FACED: u32 = 44;
 
 impl Faced {
@@ -182,7 +188,7 @@ impl Faced {
         (u64::from(self.sheet) << 2 | if self.side < 0.0 { 3 } else { 2 }) << FACED
     }
 
-    /// What the name of a point tells.
+    /// Reads the sheet from the feature of a point.
     pub(super) fn of(feature: u64) -> Option<Self> {
         let name = feature >> FACED;
         let side = if name & 1 == 1 { -1.0 } else { 1.0 };
@@ -191,36 +197,38 @@ impl Faced {
     }
 }
 
-/// Adds a point, once.
+/// Adds a point, unless a point with its feature is known.
 fn add(touch: &mut ContactManifold<3>, point: ManifoldPoint<3>) {
     if touch.points.iter().all(|known| known.feature != point.feature) {
         touch.points.push(point);
     }
 }
 
-/// A shape and a mesh: how far ahead contacts are looked for.
+/// A contact query for a shape and a mesh.
 #[derive(Clone, Copy)]
 pub(super) struct MeshQuery<'a> {
     pub(super) surface: &'a Surface,
-    /// \[m\]
+    /// Prediction distance. \[m\]
     pub(super) prediction: f32,
-    /// How the shape moves against the mesh until contacts are searched again. \[m\]
+    /// Displacement of the shape relative to the mesh until the next contact search. \[m\]
     pub(super) motion: V,
-    /// How far it comes by turning until then. \[m\]
+    /// Largest displacement of its surface by rotation until then. \[m\]
     pub(super) turning: f32,
-    /// What the shape has touched a step ago.
+    /// The sheet that the shape touched in the step before.
     pub(super) faced: Option<Faced>,
 }
 
 impl MeshQuery<'_> {
-    /// The side of a facet that alone touches: that of a solid, or where the shape was a step ago. So what is pressed
-    /// through an open mesh in between is pushed back.
+    /// Returns the only side of a facet that can be touched. For a solid it is the outer side, for
+    /// a sheet the side where the shape was in the step before. So a shape that was pressed through
+    /// an open mesh is pushed back.
     fn only_side(&self, facet: &Facet) -> Option<f32> {
         let faced = self.faced.filter(|faced| faced.sheet == facet.sheet % SHEETS);
         if facet.solid { Some(1.0) } else { faced.map(|faced| faced.side) }
     }
 
-    /// The side of a facet that a shape with this center touches, and whether that is hidden from the center.
+    /// Returns the side of a facet that a shape with this center touches, and whether the center is
+    /// behind that side.
     fn side(&self, facet: &Facet, center: V) -> (f32, bool) {
         let height = facet.normal.dot(center) - facet.offset;
         let near = if height < 0.0 { -1.0 } else { 1.0 };
@@ -228,9 +236,12 @@ impl MeshQuery<'_> {
         (side, side != near)
     }
 
-    /// Whether a place is over a triangle, on a side of it (1 or -1) and at a `height` above it. \[m\] Beyond
-    /// an edge where the mesh rises, it still is where it is below the mesh there; and where what moves there
-    /// within the step may be turned towards the triangle.
+    /// True if a point is over a triangle, on a side of it (1 or -1) and at a `height` above it.
+    /// \[m\]
+    ///
+    /// A point beyond an edge is still over the triangle in two cases. Either the mesh rises beyond
+    /// the edge and the point is below it there. Or motion within the step may bring the point back
+    /// over the triangle.
     fn is_over(&self, face: &Face, facet: &Facet, side: f32, place: V, height: f32) -> bool {
         let corners = self.surface.corners(face);
         (0..3).all(|k| {
@@ -253,7 +264,8 @@ impl MeshQuery<'_> {
         })
     }
 
-    /// Whether a place at a `height` above a triangle comes down on it, or to where it may. \[m\]
+    /// True if a point at a `height` above a triangle \[m\] comes down on it, or moves to a place
+    /// where it may.
     fn comes_over(&self, face: &Face, facet: &Facet, side: f32, place: V, height: f32) -> bool {
         let approach = -side * facet.normal.dot(self.motion);
         height > 0.0
@@ -268,8 +280,8 @@ impl MeshQuery<'_> {
     }
 }
 
-/// Gathers where a box or a hull touches a mesh or is within `prediction` of it, in the frame of the mesh. Returns how
-/// far they are apart at least. \[m\]
+/// Collects the contacts of a box or a hull with a mesh, up to a gap of `prediction`, in the frame
+/// of the mesh. Returns a lower bound of the gap. \[m\]
 pub(super) fn polyhedron(
     ahead: MeshQuery<'_>,
     shape: &impl Polyhedron,
@@ -280,7 +292,8 @@ pub(super) fn polyhedron(
     solids::gather(ahead, &polyhedra::Seen { shape, frame }, tree, gathered)
 }
 
-/// The same of a cylinder. `before` is the feature of a point where they touched a step ago.
+/// Does for a cylinder what [`polyhedron`] does for a solid. `before` is the feature of a contact
+/// point of the step before.
 pub(super) fn cylinder(
     ahead: MeshQuery<'_>,
     cylinder: cylinders::Placed,
@@ -292,7 +305,8 @@ pub(super) fn cylinder(
     solids::gather(ahead, &cylinder::Seen { cylinder, before }, tree, gathered)
 }
 
-/// Where a mesh is near a half-space, in the frame of the mesh: its vertices. Returns how far they are apart.
+/// Fills `touch` with the sharp vertices of a mesh near a half-space, in the frame of the mesh.
+/// Returns a lower bound of the gap. \[m\]
 pub(super) fn on_plane(
     surface: &Surface,
     (point, normal): (V, V),

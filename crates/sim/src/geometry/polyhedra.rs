@@ -1,8 +1,8 @@
-//! Contact between boxes and hulls: the points where the face along which they are held against each
-//! other ([`separation`](super::separation)) meets the other's face.
+//! Contact manifolds of boxes and hulls. The reference face is on the axis of separation
+//! ([`separation`](super::separation)); the other solid's face is clipped against its sides.
 //!
-//! A point that changes from step to step shakes what rests there, so clipping never loses a corner that
-//! lies on a side.
+//! A contact point that changes from step to step makes resting bodies jitter. So clipping never
+//! removes a corner that lies on a side.
 
 use drystone_solver::Vector;
 
@@ -10,17 +10,18 @@ use super::separation::{Axis, Crossing, FaceOf, Separation};
 use super::solid::{Corner, Cuboid, Solid};
 use super::{ContactManifold, Curvature, Frame, ManifoldPoint, NormalCarrier};
 
-/// Polygons that are reused.
+/// Polygons for clipping, with reused memory.
 #[derive(Default)]
 pub(super) struct Clipper<const L: usize> {
-    /// For the corners of a reference face.
+    /// Corners of a reference face.
     pub(super) reference: Vec<Corner<L>>,
     pub(super) incident: Vec<Corner<L>>,
     next: Vec<Corner<L>>,
 }
 
-/// Fills `touch`, in the frame of a, with where `a` and `b` overlap or are within `prediction` \[m\]
-/// along the axis between them; returns the gap. \[m\] `from_b` is the frame of b as seen from a.
+/// Fills `touch`, in the frame of a, with the contact points of `a` and `b` along the axis of
+/// `separation`, up to a gap of `prediction` \[m\]. Returns the gap. \[m\] `from_b` is the frame of
+/// b as seen from a.
 pub(super) fn collide<const L: usize>(
     a: &impl Solid<L>,
     b: &impl Solid<L>,
@@ -52,11 +53,13 @@ pub(super) fn collide<const L: usize>(
     gap
 }
 
-/// If what is over a face has less than this part of the overlap, most of it is beside the face. \[1\]
+/// If the points over a face have less than this fraction of the overlap, most of the overlap is
+/// beside the face. \[1\]
 const BESIDE: f32 = 0.5;
 
-/// Fills `touch` with where the other solid is over a face of one, and within `prediction` \[m\] of it, in the
-/// frame of the one with the face, which is a. Along the normal they are `gap` \[m\] apart.
+/// Fills `touch` with the contact points of the other solid over a face of `solid`, up to a gap of
+/// `prediction` \[m\]. They are given in the frame of `solid`, which is a. `gap` is the gap along
+/// the normal. \[m\]
 fn on_face<const L: usize>(
     (solid, of): (&impl Solid<L>, FaceOf),
     (other, from_other): (&impl Solid<L>, &Frame<L>),
@@ -96,34 +99,36 @@ fn on_face<const L: usize>(
     let is_inside = |point: Vector<f32, L>| {
         (0..solid.faces()).map(|face| solid.face(face)).all(|(n, on)| n.dot(point - on) <= 0.0)
     };
-    // The farthest point stands for what would be over the face: two hulls that wedge would sink in until
-    // another axis wins. Or it is under a neighbor of the face, in much the same direction.
+    // The farthest point replaces points that should be over the face. Without it, two hulls that
+    // wedge would penetrate until another axis wins. This point may also be below a neighboring
+    // face with almost the same normal.
     if touch.points.is_empty() || gap < 0.0 && least > BESIDE * gap && is_inside(far()) {
         touch.points.extend(near(&Corner::new(far(), 0xffff)));
     }
     touch.reduce();
 }
 
-/// The boundary of a half-space.
+/// The boundary plane of a half-space.
 pub(super) struct Plane<const L: usize> {
     pub(super) point: Vector<f32, L>,
-    /// Out of the half-space.
+    /// Unit normal out of the half-space.
     pub(super) normal: Vector<f32, L>,
 }
 
-/// What of a shape can lie on a plane.
+/// The part of a shape that can touch a plane.
 pub(super) enum PlaneSupport<'a, H, const L: usize> {
-    /// A face.
+    /// A face of a box or a hull.
     Cuboid(&'a Cuboid<L>),
     Hull(&'a H),
-    /// Balls of this radius around these centers: a ball, the ends of a capsule.
+    /// Balls of this radius about these centers: a ball, or the ends of a capsule. \[m\]
     RoundedCore(&'a [Vector<f32, L>], f32),
 }
 
-/// Fills `touch` with where a shape overlaps a half-space or is within `prediction` \[m\] of it; returns how
-/// far they are apart \[m\].
-/// `from_shape` is the frame of the shape as seen from where `plane` and `touch` are given; the
-/// shape is a if `above`, else b.
+/// Fills `touch` with the contact points of a shape and a half-space, up to a gap of `prediction`
+/// \[m\]. Returns the gap. \[m\]
+///
+/// `from_shape` is the frame of the shape in the coordinates of `plane` and `touch`. The shape is a
+/// if `above`, else b.
 pub(super) fn on_plane<const L: usize>(
     plane: &Plane<L>,
     footing: &PlaneSupport<'_, impl Solid<L>, L>,
@@ -176,14 +181,15 @@ pub(super) fn on_plane<const L: usize>(
     apart
 }
 
-/// Keeps the part of a polygon, in the plane of a line, behind a plane (Sutherland-Hodgman).
+/// Clips a convex polygon to the inner side of a plane (Sutherland-Hodgman). In 2D the polygon is a
+/// segment.
 fn cut<const L: usize>(
     [polygon, next]: [&mut Vec<Corner<L>>; 2],
     side: u32,
     point: Vector<f32, L>,
     outward: Vector<f32, L>,
 ) {
-    // A corner that lies on the plane is inside.
+    // A corner on the plane counts as inside.
     let tolerance = 1e-4 * outward.dot(outward);
     let mut all_inside = true;
     for corner in polygon.iter_mut() {
@@ -194,12 +200,13 @@ fn cut<const L: usize>(
         return;
     }
     next.clear();
-    // The ends of a line do not meet.
+    // A segment is not closed.
     let mut before = if L > 2 { polygon.last() } else { None };
     for here in &*polygon {
         let inside = here.height <= tolerance;
         if let Some(from) = before.filter(|from| (from.height <= tolerance) != inside) {
-            // Where both are near the plane on the same side of it, its line meets it far away.
+            // If both corners are near the plane on the same side, the line through them crosses it
+            // far away.
             let part = (from.height / (from.height - here.height)).clamp(0.0, 1.0);
             let position = from.position + (here.position - from.position) * part;
             let features = from.feature.min(here.feature) & 0xffff;

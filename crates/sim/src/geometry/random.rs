@@ -1,8 +1,8 @@
-//! Numbers for tests.
+//! Random numbers for tests.
 
 use drystone_solver::Vector;
 
-/// Numbers within -1..1 (splitmix64).
+/// A generator of numbers from -1 to 1 (splitmix64).
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {

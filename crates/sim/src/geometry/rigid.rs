@@ -1,4 +1,5 @@
-//! Rigid bodies in 2D and 3D over parry, which supplies shapes, bounds, mass and manifolds.
+//! Rigid bodies in 2D and 3D. Shapes, bounding boxes and masses come from parry, as do the contact
+//! manifolds of pairs that this crate does not handle itself.
 
 use std::sync::Arc;
 
@@ -19,31 +20,34 @@ use super::{
     NormalCarrier, Precession, Reach, Spin, TOGETHER, leading,
 };
 
-/// Half of the size that stands for an unbounded shape. \[m\]
+/// Largest absolute coordinate and reach of a shape, which stands for infinity. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
 
-/// The cosine of a cylinder's axis and the normal of its contact below which it lies on its side. \[1\]
+/// A cylinder lies on its side if the cosine between its axis and the contact normal is less than
+/// this. \[1\]
 const LYING: f32 = 0.1;
 
-/// So few bodies turn faster one after the other than side by side.
+/// Up to this many bodies turn faster one by one than eight side by side.
 const ALONE: usize = 2;
 
-/// Larger turns in a substep are taken in parts. \[rad\]
+/// Largest rotation per substep for a single step in single precision; larger ones are split into
+/// parts. \[rad\]
 const COARSE: f32 = 1.0 / 128.0;
 
-/// Above this ratio of its moments of inertia, the rounding of `f32` is seen in a body's energy: it grows with the root
-/// of the ratio. \[1\]
+/// Largest ratio of the moments of inertia for steps in single precision. \[1\] Above it, the
+/// rounding of `f32` shows in the energy of a body. The error grows with the square root of the
+/// ratio.
 const COMPACT: f32 = 100.0;
 
-/// Rigid bodies in the plane: (L, A) = (2, 1).
+/// Rigid bodies in 2D: (L, A) = (2, 1).
 #[derive(Clone, Copy, Debug)]
 pub struct Rigid2;
 
-/// Rigid bodies in space: (L, A) = (3, 3).
+/// Rigid bodies in 3D: (L, A) = (3, 3).
 #[derive(Clone, Copy, Debug)]
 pub struct Rigid3;
 
-/// Position and angle in the plane. The angle counts turns; its sine and cosine are kept with it.
+/// Position and angle in 2D. The angle counts full turns; its sine and cosine are stored with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose2 {
     position: parry2d::math::Vector,
@@ -68,7 +72,7 @@ impl From<Pose2> for parry2d::math::Pose {
     }
 }
 
-/// The part of [`Geometry`] that reads the same over parry2d and parry3d.
+/// Implements the part of [`Geometry`] that is the same for parry2d and parry3d.
 macro_rules! over_parry {
     (
         $parry:ident, $polyhedra:ident, $meshes:ident, $each:ident, $ask:ident, $hull:ident,
@@ -90,7 +94,8 @@ macro_rules! over_parry {
             use $parry::shape::TypedShape;
             let (sphere, bounds) =
                 (shape.compute_bounding_sphere(&(*pose).into()), Self::bounds(shape, pose));
-            // The one is less for a ball in the center, the other for a wall about it.
+            // The sphere is the tighter bound for a ball at the origin, the box for a wall around
+            // it.
             let all = (sphere.center.length() + sphere.radius).min(bounds.reach());
             let round = match shape.as_typed_shape() {
                 TypedShape::Ball(ball) => ball.radius,
@@ -233,7 +238,8 @@ macro_rules! over_parry {
         ) -> f32 {
             let ahead = ahead.into();
             let prediction = ahead.prediction;
-            // As what is round below, but most of a heap of balls.
+            // Two balls skip the general path for round shapes below: they are most pairs in a heap
+            // of balls.
             if let (ContactShape::Ball(radius_a), ContactShape::Ball(radius_b)) =
                 (&a.0.form, &b.0.form)
             {
@@ -246,7 +252,7 @@ macro_rules! over_parry {
                 return apart;
             }
             let query = Query { from_b: &frames[1].seen_from(&frames[0]), prediction, before };
-            // What parry is asked with.
+            // Poses in parry's types, computed only if parry is needed.
             let poses = || [a.1, b.1].map(|pose| $parry::math::Pose::from(*pose));
             let posed = || {
                 let [pose_a, pose_b] = poses();
@@ -270,40 +276,41 @@ macro_rules! over_parry {
                     report(touch);
                 }
             });
-            // Triangles that were not looked at are farther than that.
+            // Triangles outside the search box are farther apart than `prediction`.
             if all { apart } else { apart.min(prediction) }
         }
     };
 }
 
-/// A shape, prepared for contact.
+/// A shape prepared for contact detection.
 #[derive(Clone)]
 pub struct Collider<S, H, const L: usize> {
     shape: S,
     form: ContactShape<H, L>,
 }
 
-/// A shape as contacts see it.
+/// The form of a shape that contact detection distinguishes.
 #[derive(Clone)]
 enum ContactShape<H, const L: usize> {
-    /// Of this radius. \[m\]
+    /// Its radius. \[m\]
     Ball(f32),
-    /// The ends of its segment, and its radius. \[m\]
+    /// The ends of its core segment, and its radius. \[m\]
     Capsule([Vector<f32, L>; 2], f32),
     Cuboid(Cuboid<L>),
-    /// In space alone.
+    /// 3D only.
     Cylinder(Cylinder),
-    /// Shared with checkpoints, and apart, since it is the largest: shapes are visited at random.
+    /// Shared with checkpoints, and behind a pointer because it is the largest variant: colliders are
+    /// read in random order.
     Hull(Arc<H>),
-    /// By its outward normal.
+    /// Its outward normal.
     Halfspace(Vector<f32, L>),
-    /// Of triangles; shared as hulls are.
+    /// A triangle mesh, shared for the same reasons as hulls.
     Mesh(Arc<Surface>),
-    /// Left to parry.
+    /// A shape that is left to parry.
     Other,
 }
 
-/// What is tested against another: a shape, or one triangle of it.
+/// One side of a contact test: a shape, or one triangle of a mesh.
 struct ConvexPart<'a, S: ?Sized, H, const L: usize> {
     shape: &'a S,
     form: &'a ContactShape<H, L>,
@@ -320,11 +327,11 @@ impl<S: ?Sized, H, const L: usize> Copy for ConvexPart<'_, S, H, L> {}
 type Piece2<'a> = ConvexPart<'a, dyn parry2d::shape::Shape, ConvexPolygon, 2>;
 type Piece3<'a> = ConvexPart<'a, dyn parry3d::shape::Shape, Hull, 3>;
 
-/// Memory for one thread's collisions.
+/// Scratch memory for the contact detection of one thread.
 #[derive(Default)]
 pub struct Scratch<M, E, const L: usize> {
     manifold: M,
-    /// The expanding polytope of EPA.
+    /// The polytope that EPA expands.
     expansion: E,
     touch: ContactManifold<L>,
     clipper: Clipper<L>,
@@ -345,7 +352,8 @@ impl<H, const L: usize> ContactShape<H, L> {
     }
 }
 
-/// A ball within a solid about the mean of its vertices: its center and radius. \[m\]
+/// Returns the center and the radius of a ball inside a solid. \[m\] The center is the mean of the
+/// ends of all edges.
 fn ball_within<const L: usize>(solid: &impl Solid<L>) -> (Vector<f32, L>, f32) {
     let mut sum = Vector::ZERO;
     for edge in 0..solid.edges() {
@@ -360,7 +368,7 @@ fn ball_within<const L: usize>(solid: &impl Solid<L>) -> (Vector<f32, L>, f32) {
     (center, (0..solid.faces()).map(inside).fold(f32::INFINITY, f32::min))
 }
 
-/// A point is inside of a solid, or outside by no more than `near`. \[m\]
+/// True if a point is inside a solid, or outside by no more than `near`. \[m\]
 fn holds<const L: usize>(solid: &impl Solid<L>, point: Vector<f32, L>, near: f32) -> bool {
     (0..solid.faces()).all(|face| {
         let (normal, vertex) = solid.face(face);
@@ -368,7 +376,8 @@ fn holds<const L: usize>(solid: &impl Solid<L>, point: Vector<f32, L>, near: f32
     })
 }
 
-/// Calls `found` with the outward normal of each face of a solid whose plane is within `near` \[m\] of a point.
+/// Calls `found` with the outward normal of each face whose plane is within `near` \[m\] of a
+/// point.
 fn faces_at<const L: usize>(
     solid: &impl Solid<L>,
     frame: &Frame<L>,
@@ -385,8 +394,10 @@ fn faces_at<const L: usize>(
     }
 }
 
-/// Contact of a round shape or a half-space with another shape, in the frame of a; returns how far they are
-/// apart at least. `None`: they are something else, or one is too deep in the other.
+/// Finds the contact of a round shape or a half-space with another shape, in the frame of a.
+///
+/// Returns a lower bound of the gap. \[m\] Returns `None` for other pairs, and for a core that is
+/// so deep in a solid that its nearest face is not certain.
 fn round_or_plane<H: Solid<L>, const L: usize>(
     [a, b]: [&ContactShape<H, L>; 2],
     Query { from_b, prediction, before }: Query<'_, L>,
@@ -430,7 +441,8 @@ fn round_or_plane<H: Solid<L>, const L: usize>(
     }
 }
 
-/// What of a shape can lie on a plane.
+/// Returns the part of a shape that can touch a plane, or `None` if [`on_plane`] does not handle
+/// the shape.
 fn footing<H, const L: usize>(form: &ContactShape<H, L>) -> Option<PlaneSupport<'_, H, L>> {
     Some(match form {
         ContactShape::Ball(radius) => PlaneSupport::RoundedCore(&[Vector::ZERO], *radius),
@@ -444,8 +456,8 @@ fn footing<H, const L: usize>(form: &ContactShape<H, L>) -> Option<PlaneSupport<
     })
 }
 
-/// Contact between the shapes that parry is not asked for; returns how far they are apart at least. `None`:
-/// they are something else. `before` is the feature of a point where they touched a step ago.
+/// Finds the contact of two shapes in 2D. Returns a lower bound of the gap \[m\], or `None` for
+/// pairs that are left to parry.
 fn polygons(
     query: Query<'_, 2>,
     [a, b]: [Piece2<'_>; 2],
@@ -463,7 +475,8 @@ fn polygons(
     })
 }
 
-/// As [`polygons`], in space, where parry is asked for the nearest points: `posed` is b as seen from a.
+/// Does in 3D what [`polygons`] does in 2D. `posed` returns the pose of b in the frame of a; parry
+/// uses it to propose an axis between solids.
 fn solids(
     query: Query<'_, 3>,
     [a, b]: [Piece3<'_>; 2],
@@ -496,8 +509,8 @@ fn solids(
     })
 }
 
-/// Contact of a cylinder, as a, with a shape, in that one's frame; returns how far they are apart at least. `None`: the
-/// shape is left to parry.
+/// Finds the contact of a cylinder, as a, with a shape, as b, in the frame of the shape. Returns a
+/// lower bound of the gap \[m\], or `None` if the shape is left to parry.
 fn on_cylinder(
     cylinder: &cylinders::Placed,
     form: &ContactShape<Hull, 3>,
@@ -527,7 +540,7 @@ fn on_cylinder(
     })
 }
 
-/// How a cylinder, as a, and a shape are curved where they touch along a normal.
+/// Returns the curvature of a cylinder, as a, and of a shape, as b, at a contact with this normal.
 fn cylinder_on(
     cylinder: &cylinders::Placed,
     form: &ContactShape<Hull, 3>,
@@ -560,10 +573,10 @@ fn cylinder_on(
     Curvature { radii: [own, other], normal }
 }
 
-/// The cosine of two directions that are one. \[1\]
+/// Directions with a larger cosine between them count as equal. \[1\]
 const SAME: f32 = 1.0 - 1e-6;
 
-/// There are none in the plane.
+/// Returns `None`: in 2D, meshes are left to parry, triangle by triangle.
 fn no_meshes<S>(
     _: [&Collider<S, ConvexPolygon, 2>; 2],
     _: &[Frame<2>; 2],
@@ -574,8 +587,8 @@ fn no_meshes<S>(
     None
 }
 
-/// Contact of a mesh with a shape; returns how far they are apart at least. `None`: they are
-/// something else.
+/// Finds the contact of a mesh with a shape. Returns a lower bound of the gap \[m\], or `None` for
+/// other pairs. Two meshes never touch.
 fn on_meshes(
     both: [&Collider<parry3d::shape::SharedShape, Hull, 3>; 2],
     frames: &[Frame<3>; 2],
@@ -626,8 +639,8 @@ fn on_meshes(
     Some(apart)
 }
 
-/// What is asked about two shapes: the frame of b as seen from a, how far apart they may be \[m\], and the
-/// feature of a point where they touched a step ago.
+/// A contact query for two shapes: the frame of b as seen from a, the prediction distance \[m\],
+/// and the feature of a contact point of the step before.
 #[derive(Clone, Copy)]
 struct Query<'a, const L: usize> {
     from_b: &'a Frame<L>,
@@ -635,7 +648,7 @@ struct Query<'a, const L: usize> {
     before: Option<u64>,
 }
 
-/// Contact of two boxes.
+/// Finds the contact of two boxes. Returns the gap. \[m\]
 fn boxes<const L: usize>(
     [a, b]: [&Cuboid<L>; 2],
     Query { from_b, prediction, .. }: Query<'_, L>,
@@ -646,7 +659,8 @@ fn boxes<const L: usize>(
     collide(a, b, from_b, prediction, separation, clipper, touch)
 }
 
-/// Contact of two solids of which one is no box.
+/// Finds the contact of two solids, not both of them boxes. Returns the gap. \[m\] `crossing`
+/// proposes an axis across two edges.
 fn meet<const L: usize>(
     a: &impl Solid<L>,
     b: &impl Solid<L>,
@@ -659,7 +673,7 @@ fn meet<const L: usize>(
     collide(a, b, from_b, prediction, separation, clipper, touch)
 }
 
-/// A shape that is enlarged.
+/// A support map scaled by a factor.
 struct Enlarged<'a> {
     shape: &'a dyn parry3d::shape::SupportMap,
     factor: f32,
@@ -671,15 +685,16 @@ impl parry3d::shape::SupportMap for Enlarged<'_> {
     }
 }
 
-/// The power of two that takes a length \[m\] to about 1: so numbers keep their bits.
+/// Returns the power of two that scales a length \[m\] to about 1. Such a scale is free of
+/// rounding.
 fn to_unit(length: f32) -> f32 {
     let exponent = (length.to_bits() >> 23 & 0xff).clamp(64, 190);
     f32::from_bits((254 - exponent) << 23)
 }
 
-/// The nearest points of two solids (GJK), or of their least overlap (EPA). Close to touching its
-/// axis may be wrong, so it only counts for what it separates. Its tolerances are lengths, so both are
-/// enlarged to a size of about 1.
+/// Finds the nearest points of two solids by GJK, or those of the least overlap by EPA. Close to
+/// touching, their axis may be wrong, so the caller measures the gap along it. The tolerances of
+/// both algorithms are lengths, so both shapes are scaled to a size of about 1.
 fn closest(
     from_b: &parry3d::math::Pose,
     a: &dyn parry3d::shape::Shape,
@@ -689,7 +704,7 @@ fn closest(
 ) -> Option<Crossing<3>> {
     use parry3d::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
     let (a, b) = (a.as_support_map()?, b.as_support_map()?);
-    // About as large as the smaller one.
+    // Largest extent of each shape along an axis; the smaller shape sets the scale.
     let sizes = [a, b].map(|shape| {
         use parry3d::math::Vector as V;
         [V::X, V::Y, V::Z]
@@ -721,12 +736,14 @@ fn closest(
     Some(Crossing { axis: Vector(axis.to_array()), on_a, on_b, feature: 0 })
 }
 
-/// Defines how two shapes are gone through piece by piece, and what is made of pieces that parry is left.
+/// Defines the loop over the convex pieces of two shapes, and the call to parry for a pair of
+/// pieces.
 macro_rules! pieces {
     ($each:ident, $ask:ident, $piece:ident, $parry:ident, $hull:ident, $l:literal) => {
-        /// Calls `pair` with the convex pieces of two shapes that may be within `prediction` \[m\]: the shapes
-        /// themselves, or each triangle of a mesh that is near the other, with the directions in which it may be
-        /// pushed, and its number. Returns whether no piece was left out.
+        /// Calls `pair` with the convex pieces of two shapes that may be within `prediction` \[m\].
+        /// Pieces are the shapes themselves, or each triangle of a mesh that is near the other
+        /// shape, with its admissible normals and its number. Returns true if all pieces were
+        /// visited.
         fn $each(
             both: [&Collider<$parry::shape::SharedShape, $hull, $l>; 2],
             posed: impl Fn() -> $parry::math::Pose,
@@ -761,7 +778,7 @@ macro_rules! pieces {
             false
         }
 
-        /// Fills `touch` with the manifold that parry finds between two pieces of shapes with these poses.
+        /// Fills `touch` with the manifold that parry finds between two pieces with these poses.
         fn $ask(
             [a, b]: [$piece<'_>; 2],
             cones: [Option<&dyn $parry::query::details::NormalConstraints>; 2],
@@ -800,7 +817,7 @@ macro_rules! pieces {
 pieces!(each_piece_2, ask_parry_2, Piece2, parry2d, ConvexPolygon, 2);
 pieces!(each_piece_3, ask_parry_3, Piece3, parry3d, Hull, 3);
 
-/// Defines how contacts see a shape.
+/// Defines the conversion of a parry shape to its `ContactShape`.
 macro_rules! form {
     ($name:ident, $parry:ident, $hull:ident, $l:literal, $($hulls:pat => $found:expr),+) => {
         fn $name(shape: &$parry::shape::SharedShape) -> ContactShape<$hull, $l> {
@@ -915,7 +932,7 @@ impl Geometry<3, 3> for Rigid3 {
         let axes = parry3d::math::Matrix::from_quat(pose.rotation);
         Frame {
             position: Vector(pose.translation.to_array()),
-            // Not by way of an array, which is not always optimized away.
+            // Column by column: a temporary array is not always optimized away.
             axes: [
                 Vector(axes.x_axis.to_array()),
                 Vector(axes.y_axis.to_array()),
@@ -993,7 +1010,7 @@ impl Geometry<3, 3> for Rigid3 {
     fn turn_between(from: &Self::Pose, to: &Self::Pose) -> Vector<f32, 3> {
         let turn = to.rotation * from.rotation.inverse();
         let [x, y, z, w] = turn.to_array();
-        // The shorter way round.
+        // q and -q are one rotation; this takes the smaller angle.
         let sign = if w < 0.0 { -1.0 } else { 1.0 };
         let sine = Vector([x, y, z]) * sign;
         let length = sine.length();
@@ -1035,7 +1052,8 @@ impl Geometry<3, 3> for Rigid3 {
     over_parry!(parry3d, solids, on_meshes, each_piece_3, ask_parry_3, Hull, form_3, 3, 3);
 }
 
-/// Whether a body turns so little in `h` \[s\], and is so compact, that eight at once are exact enough.
+/// True if a body turns so little in `h` \[s\], and is so compact, that one step in single
+/// precision is exact enough.
 #[inline(always)]
 fn is_coarse<P>(spin: &Spin<'_, P, 3>, h: f32) -> bool {
     let Precession { rate, spread } = spin.precession;
@@ -1058,8 +1076,9 @@ mod tests {
     use super::*;
     use crate::geometry::random::Random;
 
-    /// Shapes anywhere on a body are within all of their reach, and no side of the box around them comes farther
-    /// than their cores by a turn; balls in the center not at all.
+    /// All points of a shape stay within `Reach::all` of the origin. A rotation by theta moves no
+    /// side of its bounding box by more than `Reach::core` times theta; a ball at the origin does
+    /// not move.
     #[test]
     fn reach_holds_what_turns() {
         let mut random = Random(11);

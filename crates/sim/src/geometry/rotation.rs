@@ -1,5 +1,5 @@
-//! Rotations in space, and bodies that turn freely. Written once over [`Real`]; [`Eight`] turns eight bodies at
-//! once, since one alone waits for itself: each of its numbers needs the one before.
+//! Rotations in 3D, and the free rotation of rigid bodies, generic over [`Real`]. [`Eight`] rotates
+//! eight bodies at once: the computation for one body is a single chain of dependent operations.
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -15,7 +15,7 @@ pub(super) struct Quaternion<T: Real> {
 }
 
 impl Quaternion<f32> {
-    /// Turns by a rotation vector \[rad\].
+    /// Returns the rotation by a rotation vector \[rad\].
     pub(super) fn versor(turn: Vector<f32, 3>) -> Self {
         let squared = turn.dot(turn);
         Self { axis: turn * half_sine_over_angle(squared), w: half_cosine(squared) }
@@ -32,14 +32,14 @@ impl<T: Real> Quaternion<T> {
         Self { axis: self.axis * scale, w: self.w * scale }
     }
 
-    /// This rotation after another.
+    /// Returns this rotation after another.
     pub(super) fn after(self, other: Self) -> Self {
         let across: Vector<T, 3> = moment(self.axis, other.axis);
         let axis = self.axis * other.w + other.axis * self.w + across;
         Self { axis, w: self.w * other.w - self.axis.dot(other.axis) }.normalized()
     }
 
-    /// q v q^-1 - v.
+    /// Returns q v q^-1 - v.
     fn twist(self, v: Vector<T, 3>) -> Vector<T, 3> {
         let across: Vector<T, 3> = moment(self.axis, v) * T::from_f64(2.0);
         let back: Vector<T, 3> = moment(self.axis, across);
@@ -51,32 +51,37 @@ impl<T: Real> Quaternion<T> {
     }
 }
 
-/// Rounds of the fixed point of [`middle`] at small angles: what is left is the angle to the fifth power.
+/// Iterations of the fixed point of [`middle`] at small angles; the error is of fifth order in the
+/// angle.
 const ROUNDS: usize = 3;
 
-/// The same in [`precess_finely`], for angles up to [`FINE`]: what is left is below the rounding of `f64`.
+/// Iterations of the fixed point in [`precess_finely`], for angles up to [`FINE`]; the error is
+/// below the rounding of `f64`.
 const FINE_ROUNDS: usize = 9;
 
-/// Angle of a part of a turn in [`precess_finely`], at most. \[rad\]
+/// Largest angle of a substep in [`precess_finely`]. \[rad\]
 const FINE: f64 = 1.0 / 16.0;
 
-/// The midpoint rule over these parts of h, one after the other, is of fourth order: 1 / (2 - c), -c / (2 - c) and
-/// 1 / (2 - c) with c the cube root of 2. Reference: Yoshida, Construction of higher order symplectic integrators, 1990.
+/// Fractions of h for three midpoint steps in sequence, which together are of fourth order: 1 /
+/// (2 - c), -c / (2 - c) and 1 / (2 - c), with c the cube root of 2. Reference: Yoshida,
+/// Construction of higher order symplectic integrators, 1990.
 const FOURTH_ORDER: [f64; 3] =
     [1.351_207_191_959_657_8, -1.702_414_383_919_315_3, 1.351_207_191_959_657_8];
 
-/// Parts of a turn at most: 32 rad. A body that is faster turns no farther in a substep.
+/// Largest number of substeps: a rotation of 32 rad. A faster body rotates no farther in a step.
 const PARTS: usize = 512;
 
-/// The mean of the angular velocities before and after a body turns freely for `h`, as the body sees it, and half of
-/// the angle over it: the implicit midpoint rule,
+/// Returns the mean angular velocity omega_m of a free rotation for `h`, in body axes, and s h / 2.
+/// It solves the implicit midpoint rule by fixed-point iteration,
 ///
 /// Pi' - Pi = s h Pi_m x omega_m, with Pi_m = (Pi + Pi') / 2 and omega_m = I^-1 Pi_m.
 ///
-/// It keeps |Pi| and the energy exactly, for any number s, since the change is across both Pi_m and omega_m. Pi' is
-/// Pi turned back by twice the arc tangent of s h |omega_m| / 2 about omega_m, the Cayley map. s makes that the angle
-/// h |omega| itself. References: Austin, Krishnaprasad and Wang, Almost Poisson integration of rigid body systems,
-/// 1993; Simo and Wong, Unconditionally stable algorithms for rigid body dynamics, 1991.
+/// The rule conserves |Pi| and the energy exactly, for any number s, since the change is
+/// perpendicular to both Pi_m and omega_m. Pi' is Pi rotated back about omega_m by twice the arc
+/// tangent of s h |omega_m| / 2, the Cayley map. s is chosen so that this angle is h |omega| for a
+/// steady rotation, with a relative error of sixth order. References: Austin, Krishnaprasad and
+/// Wang, Almost Poisson integration of rigid body systems, 1993; Simo and Wong, Unconditionally
+/// stable algorithms for rigid body dynamics, 1991.
 #[inline(always)]
 fn middle<T: Real>(
     seen: Vector<T, 3>,
@@ -98,7 +103,7 @@ fn middle<T: Real>(
     (turning, half)
 }
 
-/// q v q^-1 - v for q of this axis and w = 1, which need not be a unit.
+/// Returns q v q^-1 - v for q with this axis and w = 1, which need not be of unit length.
 #[inline(always)]
 fn cayley_twist<T: Real>(axis: Vector<T, 3>, v: Vector<T, 3>) -> Vector<T, 3> {
     let across: Vector<T, 3> = moment(axis, v);
@@ -106,7 +111,8 @@ fn cayley_twist<T: Real>(axis: Vector<T, 3>, v: Vector<T, 3>) -> Vector<T, 3> {
     (across + back) * (T::from_f64(2.0) / (T::ONE + axis.dot(axis)))
 }
 
-/// [`Geometry::precess`](super::Geometry::precess), for small angles.
+/// Rotates one body freely by a small angle; see [`Geometry::precess`](super::Geometry::precess).
+/// Returns the new attitude, and the change of the angular velocity.
 #[inline]
 pub(super) fn precess<T: Real>(
     q: Quaternion<T>,
@@ -114,8 +120,8 @@ pub(super) fn precess<T: Real>(
     omega: Vector<T, 3>,
     h: T,
 ) -> (Quaternion<T>, Vector<T, 3>) {
-    // All as the body sees it, where I stays and L turns the other way; in differences, which keep what rounding
-    // would take from sums.
+    // Compute in body axes, in which I is constant and L rotates the other way. Compute
+    // differences, since sums would lose digits to rounding.
     let seen = q.inverse().turned(omega);
     let momentum = moments * seen;
     let (turning, half) = middle(seen, momentum, inverse_moments, h, ROUNDS);
@@ -125,11 +131,13 @@ pub(super) fn precess<T: Real>(
     (q.after(Quaternion { axis, w: T::ONE }), change)
 }
 
-/// A body that has turned: how it is turned, its angular velocity, and what rounding has left out of that.
+/// State after a free rotation: the attitude, the angular velocity, and the rounding error left out
+/// of that velocity.
 pub(super) type Turned = (Quaternion<f32>, [Vector<f32, 3>; 2]);
 
-/// The same for any angle, and for slender bodies, whose energy in the turning of the one axis does not bear the
-/// rounding of that of the others. `omega` comes with what rounding had left out.
+/// Rotates one body freely by any angle. It computes in double precision for slender bodies: the
+/// energy of their rotation about one axis is sensitive to rounding in the rotation about the
+/// others. `omega` is the angular velocity, and the rounding error left out of it.
 pub(super) fn precess_finely(
     q: Quaternion<f32>,
     moments: &SymmetricMatrix<f32, 3>,
@@ -159,16 +167,17 @@ pub(super) fn precess_finely(
         }
     }
     let to = Quaternion { axis: to.axis.cast(), w: to.w as f32 };
-    // As the rounded attitude has it: so rounding turns the body, but changes neither its energy nor |L|.
+    // Use the rounded attitude: then rounding rotates the body, but changes neither its energy nor
+    // |L|.
     let end = exact(to).turned(seen);
     let omega = end.cast();
     (to, [omega, (end - omega.cast()).cast()])
 }
 
-/// Squares of angles for which series will do: their error is below one rounding.
+/// Squares of angles below this use series, whose error is less than one rounding. \[rad^2\]
 const SMALL: f32 = 0.25;
 
-/// a - x (b - x (c - x d)).
+/// Returns a - x (b - x (c - x d)).
 fn series(x: f32, [a, b, c, d]: [f32; 4]) -> f32 {
     a - x * (b - x * (c - x * d))
 }
@@ -181,7 +190,7 @@ fn cosine_series(squared: f32) -> f32 {
     series(squared, [1.0, 1.0 / 8.0, 1.0 / 384.0, 1.0 / 46_080.0])
 }
 
-/// sin(t/2)/t, by the square of the angle t.
+/// Returns sin(t/2)/t from the square of the angle t.
 fn half_sine_over_angle(squared: f32) -> f32 {
     if squared < SMALL {
         return sine_series(squared);
@@ -190,12 +199,12 @@ fn half_sine_over_angle(squared: f32) -> f32 {
     libm::sinf(0.5 * angle) / angle
 }
 
-/// cos(t/2), by the square of the angle t.
+/// Returns cos(t/2) from the square of the angle t.
 fn half_cosine(squared: f32) -> f32 {
     if squared < SMALL { cosine_series(squared) } else { libm::cosf(0.5 * squared.sqrt()) }
 }
 
-/// An array with an item for each lane, written out, since a loop would go through memory.
+/// Builds an array with one item per lane. It is unrolled, since a loop would go through memory.
 macro_rules! each_eight {
     ($lane:ident => $of:expr) => {
         drystone_solver::each_lane!($lane => $of; 0 1 2 3 4 5 6 7)
@@ -203,7 +212,7 @@ macro_rules! each_eight {
 }
 pub(super) use each_eight;
 
-/// Eight numbers side by side; each goes through what a single one would.
+/// Eight numbers side by side. Each lane gets the result that it would get alone, bit for bit.
 #[derive(Clone, Copy, Default, PartialEq, Debug)]
 pub(super) struct Eight(f32x8);
 
@@ -213,7 +222,7 @@ impl Eight {
         Self(f32x8::new(numbers))
     }
 
-    /// A vector of each lane.
+    /// Packs one vector per lane.
     #[inline(always)]
     pub(super) fn vector(of: [Vector<f32, 3>; 8]) -> Vector<Self, 3> {
         let along = |i: usize| Self::new(each_eight!(lane => of[lane][i]));
@@ -225,7 +234,7 @@ impl Eight {
         self.0.as_array()[lane]
     }
 
-    /// That of a lane.
+    /// Returns the vector of a lane.
     #[inline(always)]
     pub(super) fn of_lane(vector: &Vector<Self, 3>, lane: usize) -> Vector<f32, 3> {
         let [x, y, z] = &vector.0;
@@ -310,7 +319,7 @@ mod tests {
     #[test]
     fn eight_turn_as_one_does() {
         let mut random = Random(7);
-        // Faster ones are turned one by one, in parts.
+        // Faster bodies are rotated one by one, in substeps.
         for speed in [1e-3, 1.0, 7.0] {
             let bodies: [_; 8] = std::array::from_fn(|_| {
                 let q = Quaternion::versor(random.vector() * 2.0);

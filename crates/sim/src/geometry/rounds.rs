@@ -1,7 +1,7 @@
-//! Contact of balls and capsules, with each other and with boxes and hulls.
+//! Contact of balls and capsules with each other and with boxes and hulls.
 //!
-//! What is round is a point or a segment, its core, with a radius about it: where the nearest points of two
-//! cores are, the shapes are nearest too.
+//! A round shape is a core, a point or a segment, with a radius about it. The nearest points of two
+//! shapes are on the line through the nearest points of their cores.
 
 use drystone_solver::Vector;
 
@@ -11,25 +11,26 @@ use super::solid::Solid;
 use super::spheres::between_balls;
 use super::{ContactManifold, Curvature, Frame, ManifoldPoint, NormalCarrier};
 
-/// A ball or a capsule: the ends of its core, the same ones for a ball, and its radius. \[m\]
+/// A ball or a capsule: the ends of its core, which coincide for a ball, and its radius. \[m\]
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RoundedCore<const L: usize> {
     pub(super) ends: [Vector<f32, L>; 2],
     pub(super) radius: f32,
 }
 
-/// Cores at an angle whose sine is less than this lie along each other.
+/// Cores at an angle whose sine is less than this count as parallel. \[1\]
 const PARALLEL: f32 = 0.1;
 
-/// A point between the outer ones counts that is deeper by this part of the prediction distance.
+/// A point between the outer ones counts if it is deeper by this fraction of the prediction
+/// distance. \[1\]
 const DEEPER: f32 = 0.01;
 
-/// What is nearest an edge counts as lying on the face if the square of the cosine between its direction and the
-/// face's normal is more than this: so a capsule across a box rests on both of its edges.
+/// A core over an edge counts as over the face if the squared cosine between its direction and the
+/// face's normal is more than this. So a capsule across a box rests on both edges. \[1\]
 const UPRIGHT: f32 = 0.999;
 
 impl<const L: usize> RoundedCore<L> {
-    /// The same, out of the frame it is given in.
+    /// Transforms it from `frame` to the coordinates in which `frame` is given.
     pub(super) fn placed(&self, frame: &Frame<L>) -> Self {
         Self { ends: self.ends.map(|end| frame.point(end)), ..*self }
     }
@@ -38,17 +39,17 @@ impl<const L: usize> RoundedCore<L> {
         self.ends[1] - self.ends[0]
     }
 
-    /// A point of the core, from 0 to 1.
+    /// Returns the point at `part` of the core, from 0 to 1.
     pub(super) fn at(&self, part: f32) -> Vector<f32, L> {
         self.ends[0] + self.along() * part
     }
 
-    /// The end that is farther along a direction.
+    /// Returns the end that is farther along a direction.
     fn farther(&self, direction: Vector<f32, L>) -> Vector<f32, L> {
         self.ends[usize::from(direction.dot(self.along()) > 0.0)]
     }
 
-    /// Which part of the core is nearest to a point.
+    /// Returns the position of the point nearest to `point` on the core, from 0 to 1.
     fn nearest(&self, point: Vector<f32, L>) -> f32 {
         let along = self.along();
         let squared = along.dot(along);
@@ -60,12 +61,12 @@ impl<const L: usize> RoundedCore<L> {
     }
 }
 
-/// Which parts of two cores are nearest.
+/// Returns the positions of the nearest points on two cores, from 0 to 1.
 pub(super) fn nearest<const L: usize>(a: &RoundedCore<L>, b: &RoundedCore<L>) -> [f32; 2] {
     let (along_a, along_b, between) = (a.along(), b.along(), a.ends[0] - b.ends[0]);
     let (squared_a, squared_b) = (along_a.dot(along_a), along_b.dot(along_b));
     let both = along_a.dot(along_b);
-    // Of the line of a to that of b.
+    // Squared sine of the angle, times both squared lengths.
     let sine = squared_a * squared_b - both * both;
     let refined = |s: f32| {
         let t = b.nearest(a.at(s));
@@ -75,7 +76,7 @@ pub(super) fn nearest<const L: usize>(a: &RoundedCore<L>, b: &RoundedCore<L>) ->
         let line = both * along_b.dot(between) - squared_b * along_a.dot(between);
         return refined((line / sine).clamp(0.0, 1.0));
     }
-    // One end or the other is nearer by a little.
+    // The cores are parallel: rounding decides which end is nearer.
     let apart = |&[s, t]: &[f32; 2]| {
         let apart = a.at(s) - b.at(t);
         apart.dot(apart)
@@ -84,8 +85,8 @@ pub(super) fn nearest<const L: usize>(a: &RoundedCore<L>, b: &RoundedCore<L>) ->
     if apart(&ends[1]) < apart(&ends[0]) { ends[1] } else { ends[0] }
 }
 
-/// Fills `touch` with where two round shapes, given in one frame, overlap or are within `prediction` \[m\];
-/// returns the gap. \[m\]
+/// Fills `touch` with the contact points of two round shapes in one frame, up to a gap of
+/// `prediction` \[m\]. Returns the gap. \[m\]
 pub(super) fn between_rounds<const L: usize>(
     a: &RoundedCore<L>,
     b: &RoundedCore<L>,
@@ -123,9 +124,11 @@ pub(super) fn between_rounds<const L: usize>(
     gap
 }
 
-/// Fills `touch` with where a round shape, as a, overlaps a solid, as b and in the solid's frame, or is within
-/// `prediction` \[m\] of it; returns how far they are apart at least. \[m\] `before` is the feature of a point
-/// where they touched a step ago. `None`: the core is in the solid, and no face is sure to be the nearest.
+/// Fills `touch` with the contact points of a round shape, as a, and a solid, as b, in the frame of
+/// the solid. Points count up to a gap of `prediction` \[m\].
+///
+/// Returns a lower bound of the gap \[m\], or `None` if the core is in the solid and no face is
+/// certain to be the nearest. `before` is the feature of a contact point of the step before.
 pub(super) fn on_solid<const L: usize>(
     round: &RoundedCore<L>,
     solid: &impl Solid<L>,
@@ -136,7 +139,7 @@ pub(super) fn on_solid<const L: usize>(
 ) -> Option<f32> {
     let reach = prediction + round.radius;
     let farther = |direction| round.farther(direction);
-    // What was touched a step ago mostly is again.
+    // The feature of the step before usually touches again.
     let mut known = None;
     match before.map_or(Known::Nothing, Known::of) {
         Known::Face(FaceOf { face, .. }) if face < solid.faces() => {
@@ -166,7 +169,7 @@ pub(super) fn on_solid<const L: usize>(
     if best.gap <= 0.0 && enters(round, solid) {
         return None;
     }
-    // What is nearest is on an edge, mostly of that face.
+    // The nearest feature is an edge, usually of that face.
     let around = Nearest::among(solid.around(best.face), round, solid);
     let nearest = match around.filter(|own| own.is_nearest(solid)) {
         Some(nearest) => nearest,
@@ -179,20 +182,20 @@ pub(super) fn on_solid<const L: usize>(
     Some(nearest.touch(round, prediction, touch))
 }
 
-/// Where an edge of a solid is nearest to a core.
+/// The nearest points of an edge of a solid and a core.
 struct Nearest<const L: usize> {
     number: usize,
     edge: RoundedCore<L>,
-    /// Of the core.
+    /// Position on the core, from 0 to 1.
     part: f32,
-    /// On the edge. \[m\]
+    /// Point on the edge. \[m\]
     point: Vector<f32, L>,
-    /// From there to the core. \[m\]
+    /// From the edge to the core. \[m\]
     apart: Vector<f32, L>,
 }
 
 impl<const L: usize> Nearest<L> {
-    /// The nearest of some edges.
+    /// Returns the nearest of some edges.
     fn among(
         edges: impl Iterator<Item = usize>,
         round: &RoundedCore<L>,
@@ -213,13 +216,14 @@ impl<const L: usize> Nearest<L> {
         self.apart.dot(self.apart)
     }
 
-    /// Whether nothing of the solid is nearer, to within rounding: none of it is farther out.
+    /// True if no feature of the solid is nearer, to within rounding: no point of the solid is
+    /// farther along the direction to the core.
     fn is_nearest(&self, solid: &impl Solid<L>) -> bool {
         let farther = solid.support(self.apart) - self.point;
         self.apart.dot(farther) < 1e-4 * self.squared()
     }
 
-    /// Whether the core is as good as straight above a face.
+    /// True if the direction to the core is nearly the normal of a face.
     fn is_upright(&self, solid: &impl Solid<L>, face: usize) -> bool {
         let upright = solid.face(face).0.dot(self.apart);
         upright > 0.0 && upright * upright >= UPRIGHT * self.squared()
@@ -239,7 +243,7 @@ impl<const L: usize> Nearest<L> {
     }
 }
 
-/// Whether a core is partly within a solid.
+/// True if part of a core is inside a solid.
 fn enters<const L: usize>(round: &RoundedCore<L>, solid: &impl Solid<L>) -> bool {
     let mut within = [0.0, 1.0];
     for face in 0..solid.faces() {
@@ -249,8 +253,8 @@ fn enters<const L: usize>(round: &RoundedCore<L>, solid: &impl Solid<L>) -> bool
     within[0] <= within[1]
 }
 
-/// Leaves of a range of a core the part that is behind a plane, `height` being that of its start and `rise` how
-/// much higher its end is.
+/// Restricts a range of a core to the part behind a plane. `height` is the height of the core's
+/// start above the plane, `rise` the height of its end above its start.
 fn behind(range: &mut [f32; 2], height: f32, rise: f32) {
     if rise > 0.0 {
         range[1] = range[1].min(-height / rise);
@@ -261,7 +265,8 @@ fn behind(range: &mut [f32; 2], height: f32, rise: f32) {
     }
 }
 
-/// Where the part of a core that is over a face is near it, and the `lowest` of it.
+/// Adds the contact points of a core with a face: the ends of the part over the face, extended to
+/// the `lowest` point.
 fn on_face<const L: usize>(
     round: &RoundedCore<L>,
     lowest: f32,

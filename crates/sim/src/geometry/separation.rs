@@ -1,30 +1,30 @@
-//! How far two solids are apart, or how little they overlap, and along which axis.
+//! Separation of two solids: the axis along which they have the largest gap or the least overlap.
 //!
-//! Where two faces lie on each other, every axis near their normal is as good to within rounding,
-//! and an axis that changes from step to step shakes what rests there. So an edge must win by more
-//! than [`PREFERENCE`], and b's face likewise against a's. Where they overlap, those near the rims of
-//! both faces win by a little as soon as one leans, each with a single point that tips it back over: so an edge must
-//! win by [`FAVOR`] as well.
+//! If two faces lie on each other, all axes near their normal are equally good to within
+//! rounding. An axis that changes from step to step makes resting bodies jitter. So an edge must
+//! win by more than [`PREFERENCE`], and so must b's face against a's. Where the solids overlap and
+//! one of them leans, edges near the rims of both faces win by a little. Their single contact point
+//! then tips the body back over. So an edge must win by [`FAVOR`] as well.
 
 use drystone_solver::{Vector, moment};
 
 use super::Frame;
 use super::solid::{Cuboid, Solid};
 
-/// By how much an axis must win, as part of the prediction distance.
+/// Margin by which an axis must win, as a fraction of the prediction distance. \[1\]
 pub(super) const PREFERENCE: f32 = 0.01;
 
-/// By how much of the overlap an edge must win. \[1\]
+/// Margin by which an edge must win, as a fraction of the overlap. \[1\]
 const FAVOR: f32 = 0.25;
 
-/// The gap that an edge must have more of than a face with this one. \[m\]
+/// Returns the gap that an edge must exceed to win against a face with the gap `face`. \[m\]
 pub(super) fn edge_beyond(face: f32, prediction: f32) -> f32 {
     prediction.min(face + PREFERENCE * prediction + FAVOR * (-face).max(0.0))
 }
 
-/// The axis along which two solids are farthest apart, or overlap least.
+/// The axis along which two solids have the largest gap, or the least overlap.
 pub(super) struct Separation<const L: usize> {
-    /// How far they are apart along it. \[m\]
+    /// Gap along the axis. \[m\]
     pub(super) gap: f32,
     pub(super) axis: Axis<L>,
 }
@@ -33,45 +33,45 @@ pub(super) struct Separation<const L: usize> {
 pub(super) enum Axis<const L: usize> {
     /// The normal of a face.
     Face(FaceOf),
-    /// Across two edges.
+    /// An axis across two edges.
     Edges(Crossing<L>),
 }
 
-/// A face of a or of b.
+/// A face of a or b.
 #[derive(Clone, Copy)]
 pub(super) struct FaceOf {
     pub(super) b: bool,
     pub(super) face: usize,
 }
 
-/// Two edges that cross: the axis between them, from a to b, and the nearest points, in the frame
-/// of a.
+/// Two crossing edges: the axis across them, from a to b, and their nearest points, in the frame of
+/// a.
 #[derive(Clone, Copy)]
 pub(super) struct Crossing<const L: usize> {
     pub(super) axis: Vector<f32, L>,
     pub(super) on_a: Vector<f32, L>,
     pub(super) on_b: Vector<f32, L>,
-    /// Names the edges; 0: nothing does.
+    /// Identifies the edges; 0 if unknown.
     pub(super) feature: u64,
 }
 
-/// Bits for the number of an edge.
+/// Number of bits for the number of an edge.
 const EDGE_BITS: u32 = 31;
 
 impl FaceOf {
-    /// Names a corner of what lies on it.
+    /// Returns the feature of a corner that lies on the face.
     pub(super) fn feature(self, corner: u32) -> u64 {
         let side = if self.b { 1 } else { 2 };
         side << 62 | (self.face as u64) << 32 | u64::from(corner)
     }
 }
 
-/// Names an edge of each.
+/// Returns the feature of a pair of edges.
 pub(super) fn edges_feature([a, b]: [usize; 2]) -> u64 {
     3 << 62 | (a as u64) << EDGE_BITS | b as u64
 }
 
-/// What the name of a point tells of where the solids touched.
+/// The touching parts of the solids, as far as the feature of a contact point tells.
 pub(super) enum Known {
     Face(FaceOf),
     Edges([usize; 2]),
@@ -91,9 +91,11 @@ impl Known {
     }
 }
 
-/// The axis between two boxes: of their faces, and in space of their edges. `from_b` is the frame of b as seen
-/// from a. Along an axis that both are symmetric about, a gap is the distance of the centers less how far
-/// each reaches.
+/// Finds the axis between two boxes, among their face normals and, in 3D, the axes across their
+/// edges. `from_b` is the frame of b as seen from a.
+///
+/// Both boxes are symmetric about their centers. So the gap along an axis is the distance of the
+/// centers along it, less the extents of both.
 pub(super) fn between_boxes<const L: usize>(
     a: &Cuboid<L>,
     b: &Cuboid<L>,
@@ -132,15 +134,16 @@ pub(super) fn between_boxes<const L: usize>(
     best
 }
 
-/// a's face, unless b's is better by a `margin` \[m\]; each with its gap \[m\].
+/// Returns a's face, unless b's gap is larger by more than `margin` \[m\]. Each is given with its
+/// gap \[m\].
 fn better_face<const L: usize>([a, b]: [(f32, usize); 2], margin: f32) -> Separation<L> {
     let of_b = b.0 > a.0 + margin;
     let face = if of_b { b.1 } else { a.1 };
     Separation { gap: a.0.max(b.0), axis: Axis::Face(FaceOf { b: of_b, face }) }
 }
 
-/// The axis between two solids of which one is no box. `before` is the feature of a point where they touched a
-/// step ago; `crossing` proposes an axis that is no face's normal.
+/// Finds the axis between two solids, not both of them boxes. `before` is the feature of a contact
+/// point of the step before. `crossing` proposes an axis across two edges.
 pub(super) fn between<const L: usize>(
     a: &impl Solid<L>,
     b: &impl Solid<L>,
@@ -152,7 +155,7 @@ pub(super) fn between<const L: usize>(
     let far_b = |d| from_b.point(b.support(from_b.local_direction(d)));
     let far_a = |d| from_b.local_point(a.support(from_b.direction(d)));
     let margin = PREFERENCE * prediction;
-    // What has won a step ago mostly wins again.
+    // The axis of the step before usually wins again.
     let again = match before.map_or(Known::Nothing, Known::of) {
         Known::Nothing => None,
         Known::Face(of) => {
@@ -174,12 +177,12 @@ pub(super) fn between<const L: usize>(
     }
     let of_b = best_face(b, from_b.local_point(Vector::ZERO), prediction, far_a);
     let best = better_face([&of_a, &of_b].map(|of| (of.gap, of.face)), margin);
-    // In the plane, sides are all the axes there are.
+    // In 2D, the normals of the sides are all the axes there are.
     if L == 2 || of_b.gap > prediction || of_a.is_sure(a) || of_b.is_sure(b) {
         return best;
     }
     let Some(mut crossing) = crossing() else { return best };
-    // What the axis really separates, whoever proposed it.
+    // Measure the gap along the axis, whoever proposed it.
     let gap = crossing.axis.dot(far_b(-crossing.axis) - a.support(crossing.axis));
     if gap > edge_beyond(best.gap, prediction) {
         let on_b = from_b.local_direction(-crossing.axis);
@@ -189,7 +192,7 @@ pub(super) fn between<const L: usize>(
     best
 }
 
-/// A face, how far the other solid is outside of it, and that one's point which is the least far.
+/// A face, the gap of the other solid along its normal, and the point of that solid closest to it.
 pub(super) struct Best<const L: usize> {
     pub(super) gap: f32,
     pub(super) face: usize,
@@ -197,14 +200,15 @@ pub(super) struct Best<const L: usize> {
 }
 
 impl<const L: usize> Best<L> {
-    /// Whether no axis can have more gap than this face of `solid`, as it has room about the foot F of
-    /// the far point on the face.
+    /// True if no axis can have a larger gap than this face of `solid`. The test uses the room
+    /// about the foot F of the far point on the face.
     ///
-    /// With no overlap, F within the face is enough: the solids are no farther apart than F and the far
-    /// point. Let that one be d below F, let the solid hold the disc of radius 1.5 d in the face about F,
-    /// and the point 4 d below F. The gap along an axis at angle t to the normal is at most that between
-    /// the far point and any of these: -d (cos t + 1.5 sin t) and 3 d cos t. The first is at most -d up to
-    /// 112 degrees, the second from 110 on.
+    /// Without overlap, F within the face is sufficient: the gap is at most the distance from F to
+    /// the far point. With overlap, let the far point be d below F. Let the solid contain the disc
+    /// of radius 1.5 d in the face about F, and the point 4 d below F. Consider an axis at angle t
+    /// to the normal. The gap along it is at most that between the far point and any of these
+    /// points: -d (cos t + 1.5 sin t) and 3 d cos t. The first is at most -d up to 112 degrees, the
+    /// second from 110 degrees on.
     pub(super) fn is_sure(&self, solid: &impl Solid<L>) -> bool {
         let (normal, _) = solid.face(self.face);
         let foot = self.far - normal * self.gap;
@@ -221,7 +225,8 @@ impl<const L: usize> Best<L> {
     }
 }
 
-/// A face of `solid` against the other one, whose farthest point along a direction is `other`.
+/// Measures a face of `solid` against the other solid, whose farthest point along a direction is
+/// `other`.
 pub(super) fn measure<const L: usize>(
     solid: &impl Solid<L>,
     face: usize,
@@ -232,7 +237,8 @@ pub(super) fn measure<const L: usize>(
     Best { gap: normal.dot(far - vertex), face, far }
 }
 
-/// The gap along a face's normal, if it is more than `enough` or no axis can have more. \[m\]
+/// Returns the gap along a face's normal if it is more than `enough`, or if no axis can have a
+/// larger one. \[m\]
 fn still<const L: usize>(
     solid: &impl Solid<L>,
     face: usize,
@@ -243,9 +249,8 @@ fn still<const L: usize>(
     (found.gap > enough || found.is_sure(solid)).then_some(found.gap)
 }
 
-/// The face that the other solid is farthest outside of (or least inside), or any that it is outside
-/// of by more than `enough`. `center` is within the other solid or near it; all in the frame of
-/// `solid`.
+/// Returns the face with the largest gap, or any face with a gap of more than `enough`. `center` is
+/// within the other solid or near it. All arguments are in the frame of `solid`.
 pub(super) fn best_face<const L: usize>(
     solid: &impl Solid<L>,
     center: Vector<f32, L>,
@@ -266,7 +271,8 @@ pub(super) fn best_face<const L: usize>(
             break;
         }
         let (normal, vertex) = solid.face(face);
-        // No point of the other solid is less far out than its farthest: most faces lose by one.
+        // The farthest point bounds the gap of a face from above: for most faces, one such test is
+        // sufficient.
         if face == best.face || normal.dot(best.far - vertex) < best.gap {
             continue;
         }
@@ -278,8 +284,8 @@ pub(super) fn best_face<const L: usize>(
     best
 }
 
-/// The axis across an edge of each box with the most gap, if that is more than `least` \[m\]: the gap, and the
-/// number of each edge.
+/// Returns the largest gap along an axis across an edge of each box, and the axis numbers of both
+/// edges. Returns `None` if it is not more than `least` \[m\].
 fn best_edges<const L: usize>(
     a: &Vector<f32, L>,
     b: &Vector<f32, L>,
@@ -293,14 +299,15 @@ fn best_edges<const L: usize>(
         let (j, k) = ((i + 1) % L, (i + 2) % L);
         for n in 0..L {
             let (p, q) = ((n + 1) % L, (n + 2) % L);
-            // The axis is e_i x b_n: not of unit length, so gaps are compared as squares that keep their sign.
+            // The axis e_i x b_n is not of unit length, so gaps are compared as squares that keep
+            // their sign.
             let [x, y] = [-axes[n][k], axes[n][j]];
             let squared = x * x + y * y;
             let apart = (x * position[j] + y * position[k]).abs();
             let reach_a = a[j] * x.abs() + a[k] * y.abs();
             let reach_b = b[p] * axes[q][i].abs() + b[q] * axes[p][i].abs();
             let gap = apart - reach_a - reach_b;
-            // Parallel edges: a face's normal is as good.
+            // Skip parallel edges, for which a face normal is as good.
             if squared >= 1e-6 && gap * gap.abs() > beat * squared {
                 let gap = gap / squared.sqrt();
                 beat = gap * gap.abs();
@@ -311,7 +318,7 @@ fn best_edges<const L: usize>(
     best
 }
 
-/// Where edges of two boxes cross.
+/// Returns the crossing of two edges, which run along axis i of box a and axis n of box b.
 fn crossing<const L: usize>(
     a: &Cuboid<L>,
     b: &Cuboid<L>,
@@ -330,7 +337,8 @@ fn crossing<const L: usize>(
     Crossing { axis, on_a: far_a + edge_a * s, on_b: far_b + edge_b * t, feature: 0 }
 }
 
-/// Where two lines, each a point and a unit direction, are nearest: how far along each. \[m\]
+/// Returns the distances along two lines to their nearest points. \[m\] A line is a point and a
+/// unit direction.
 fn nearest<const L: usize>(
     [from_a, along_a]: [Vector<f32, L>; 2],
     [from_b, along_b]: [Vector<f32, L>; 2],
@@ -342,7 +350,7 @@ fn nearest<const L: usize>(
     [(p - skew * q) / squared, (skew * p - q) / squared]
 }
 
-/// The edge that is farthest along a direction.
+/// Returns the edge that is farthest along a direction.
 fn farthest_edge<const L: usize>(solid: &impl Solid<L>, direction: Vector<f32, L>) -> usize {
     let along = |edge: usize| {
         let [from, to] = solid.edge(edge);
@@ -356,13 +364,15 @@ fn farthest_edge<const L: usize>(solid: &impl Solid<L>, direction: Vector<f32, L
     (0..solid.edges()).fold(first, farther).1
 }
 
-/// The axis across an edge of each solid, if its gap is more than `prediction` \[m\] or no axis can have more.
+/// Returns the axis across an edge of each solid if its gap is more than `prediction` \[m\], or if
+/// no axis can have a larger one.
 ///
-/// With no overlap it is enough that the nearest points of the lines are on the edges: the solids are no
-/// farther apart. Else let them be d past each other, at least r from the ends, and the edges at angle s.
-/// The gap along an axis at angle t to this one is at most that between points r along the edges, the
-/// better of either way: -d cos t - r sin s sin t, which is at most -d up to 112 degrees if r sin s is 1.5 d.
-/// From 110 on a point of a that is 4 d below the nearest one is enough, as in [`Best::is_sure`].
+/// Without overlap, it is sufficient that the nearest points of the lines are on the edges: the gap
+/// is at most their distance. With overlap, let the nearest points be d past each other and at
+/// least r from the ends, and the edges at angle s. The gap along an axis at angle t to this one is
+/// at most that between points r along the edges, in the better of both ways: -d cos t - r sin s
+/// sin t. It is at most -d up to 112 degrees if r sin s is 1.5 d. From 110 degrees on, a point of a
+/// that is 4 d below the nearest one is sufficient, as in [`Best::is_sure`].
 fn still_across<const L: usize>(
     a: &impl Solid<L>,
     b: &impl Solid<L>,
@@ -398,11 +408,11 @@ fn still_across<const L: usize>(
     if gap > prediction {
         return Some(found);
     }
-    // A face may be favored.
+    // With this much overlap, a face may be preferred.
     if FAVOR * -gap > PREFERENCE * prediction {
         return None;
     }
-    // Both edges must be the farthest of their solids.
+    // Both edges must be the farthest features of their solids.
     let edges_apart = axis.dot(on_b - on_a);
     if room < 0.0 || gap < edges_apart - 0.1 * PREFERENCE * prediction {
         return None;

@@ -1,4 +1,5 @@
-//! [`Solid`]: convex bodies with flat faces, as contact asks for them: boxes, and hulls in the plane.
+//! [`Solid`]: convex solids with flat faces for contact detection. Implemented here for boxes, and
+//! for hulls in 2D.
 
 use std::array::from_fn;
 
@@ -6,22 +7,22 @@ use drystone_solver::{Vector, moment};
 
 /// A convex solid with flat faces, in its own frame.
 pub(super) trait Solid<const L: usize> {
-    /// The farthest vertex along `direction`.
+    /// Returns the farthest vertex along `direction`.
     fn support(&self, direction: Vector<f32, L>) -> Vector<f32, L>;
 
-    /// Number of faces (2D: sides).
+    /// Returns the number of faces (2D: sides).
     fn faces(&self) -> usize;
 
-    /// Outward unit normal of a face, and one of its vertices.
+    /// Returns the outward unit normal of a face, and a point of its plane.
     fn face(&self, index: usize) -> (Vector<f32, L>, Vector<f32, L>);
 
-    /// Number of edges (2D: sides).
+    /// Returns the number of edges (2D: sides).
     fn edges(&self) -> usize;
 
-    /// The ends of an edge.
+    /// Returns the ends of an edge.
     fn edge(&self, index: usize) -> [Vector<f32, L>; 2];
 
-    /// The edges around a face; they may be more.
+    /// Returns the edges around a face, and perhaps others.
     fn around(&self, face: usize) -> impl Iterator<Item = usize> {
         let _ = face;
         0..self.edges()
@@ -30,8 +31,9 @@ pub(super) trait Solid<const L: usize> {
     /// Appends the vertices of a face, in order around it.
     fn corners(&self, face: usize, out: &mut Vec<Corner<L>>);
 
-    /// Calls `side` with each plane through a side of a face: a point of it, and a way out of the face, about
-    /// as long as the face. `memory` is for its corners.
+    /// Calls `side` with each plane through a side of a face. The arguments are a point of the
+    /// plane, and a vector out of the face, about as long as the face. `memory` is scratch memory
+    /// for its corners.
     fn sides(
         &self,
         face: usize,
@@ -43,13 +45,13 @@ pub(super) trait Solid<const L: usize> {
         let normal = self.face(face).0;
         for (i, corner) in memory.iter().enumerate() {
             let (start, end) = (corner.position, memory[(i + 1) % memory.len()].position);
-            // In the plane, the sides of a side are its ends.
+            // In 2D, the sides of a face are its ends.
             side(start, if L == 2 { start - end } else { moment(end - start, normal) });
         }
     }
 
-    /// The face that looks most along `direction`, of those around the farthest vertex: on a hull with a
-    /// sharp corner, another may look that way more and lie behind.
+    /// Returns the face whose normal is closest to `direction`, among those at the farthest vertex.
+    /// On a hull with a sharp corner, another face may have a closer normal and be behind.
     fn facing(&self, direction: Vector<f32, L>) -> usize {
         let farthest = self.support(direction);
         let mut best = (f32::NEG_INFINITY, 0);
@@ -65,25 +67,25 @@ pub(super) trait Solid<const L: usize> {
     }
 }
 
-/// A solid whose vertices and edges are known by number.
+/// A solid with numbered vertices and edges.
 pub(super) trait Polyhedron: Solid<3> {
-    /// Appends the vertices, in the order of the features of corners.
+    /// Appends the vertices. A corner's feature is the index of its vertex.
     fn vertices(&self, out: &mut Vec<Vector<f32, 3>>);
 
-    /// The numbers of the vertices at the ends of an edge.
+    /// Returns the indices of the vertices at the ends of an edge.
     fn ends(&self, edge: usize) -> [usize; 2];
 
-    /// The faces on both sides of an edge.
+    /// Returns the two faces at an edge.
     fn flanks(&self, edge: usize) -> [usize; 2];
 }
 
-/// A vertex of a polygon that is being clipped.
+/// A vertex of a polygon that is clipped.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corner<const L: usize> {
     pub(super) position: Vector<f32, L>,
-    /// What it comes from: a vertex, or an edge cut by a side.
+    /// Identifies its source: a vertex, or an edge cut by a side.
     pub(super) feature: u32,
-    /// Above the plane that it is being cut along, times the length of that one's normal. \[m\]
+    /// Height above the clipping plane, times the length of that plane's normal. \[m\]
     pub(super) height: f32,
 }
 
@@ -93,7 +95,7 @@ impl<const L: usize> Corner<L> {
     }
 }
 
-/// A box of any dimension, by its half extents.
+/// A box of any dimension, given by its half extents. \[m\]
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cuboid<const L: usize>(pub(super) Vector<f32, L>);
 
@@ -116,7 +118,7 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
     }
 
     fn edge(&self, index: usize) -> [Vector<f32, L>; 2] {
-        // First the axis it runs along, then a bit for the side of each other axis.
+        // The upper bits are the axis along the edge; each lower bit is the side on another axis.
         let axis = index >> (L - 1);
         let mut from = self.0;
         from[axis] = -self.0[axis];
@@ -164,7 +166,7 @@ impl<const L: usize> Solid<L> for Cuboid<L> {
         let axis = face % L;
         let sign = if face < L { 1.0 } else { -1.0 };
         let u = (axis + 1) % L;
-        // Counter-clockwise seen from outside, as clip's sides need them.
+        // Counter-clockwise seen from outside, as [`Solid::sides`] needs them.
         let around: &[(f32, f32)] = match (L, sign > 0.0) {
             (2, true) => &[(-1.0, 0.0), (1.0, 0.0)],
             (2, false) => &[(1.0, 0.0), (-1.0, 0.0)],
@@ -209,14 +211,14 @@ impl Polyhedron for Cuboid<3> {
     }
 }
 
-/// The axis that an edge of a box runs along, and the others.
+/// Returns the axis along an edge of a box, and the other two.
 fn across(edge: usize) -> (usize, [usize; 2]) {
     let axis = edge >> 2;
     (axis, [(axis + 1) % 3, (axis + 2) % 3])
 }
 
-/// A vector along an axis. Chosen number by number, as corners are: memory that is written in part and read as a
-/// whole is waited for.
+/// Returns a vector along an axis. Each number is computed separately, as corners are: reading a
+/// vector as a whole after writing a part of it stalls.
 fn along<const L: usize>(axis: usize, length: f32) -> Vector<f32, L> {
     Vector(from_fn(|i| if i == axis { length } else { 0.0 }))
 }

@@ -1,4 +1,4 @@
-//! Particles: spheres that do not turn, and half-spaces, in 2D and 3D.
+//! Particles in 2D and 3D: spheres without rotation, and half-spaces.
 
 use drystone_solver::{SymmetricMatrix, Vector};
 
@@ -7,26 +7,26 @@ use super::{
     NormalCarrier, Reach, leading,
 };
 
-/// Particles: (L, A) = (2, 0) or (3, 0).
+/// The geometry of particles: (L, A) = (2, 0) or (3, 0).
 #[derive(Clone, Copy, Debug)]
 pub struct Spheres;
 
-/// What a particle can be.
+/// The shape of a particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SphereShape<const L: usize> {
     /// A sphere (2D: disk).
     Sphere {
-        /// \[m\]
+        /// Radius. \[m\]
         radius: f32,
     },
-    /// Everything behind a plane through the position.
+    /// The half-space behind a plane through the position.
     Halfspace {
         /// Outward unit normal.
         normal: Vector<f32, L>,
     },
 }
 
-/// Half of the size that stands for an unbounded shape. \[m\]
+/// Half extent and reach of a half-space, which stands for infinity. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
 
 impl<const L: usize> Geometry<L, 0> for Spheres {
@@ -112,7 +112,7 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
     }
 
     fn rolls(_: &Self::Collider) -> bool {
-        // It does not turn.
+        // Particles do not rotate.
         false
     }
 
@@ -131,7 +131,8 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         use SphereShape::{Halfspace, Sphere};
         let prediction = ahead.into().prediction;
         let between = *a.1 - *b.1;
-        // The sphere's center and radius give its own surface point, the gap the plane's.
+        // The point on the sphere follows from its center and radius, the point on the plane from
+        // the gap.
         match (a.0, b.0) {
             (Sphere { radius: r_a }, Sphere { radius: r_b }) => {
                 balls([*a.1, *b.1], [*r_a, *r_b], prediction, touch, report)
@@ -155,7 +156,8 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
     }
 }
 
-/// Reports where two balls overlap or are within `prediction` \[m\]; returns the gap. \[m\]
+/// Reports the contact of two balls if their gap is at most `prediction` \[m\]. Returns the gap.
+/// \[m\]
 pub(super) fn balls<const L: usize>(
     centers: [Vector<f32, L>; 2],
     radii: [f32; 2],
@@ -170,7 +172,7 @@ pub(super) fn balls<const L: usize>(
     meet(normal, point, prediction, touch, report)
 }
 
-/// Reports a point, if it is within `prediction` \[m\]; returns its gap. \[m\]
+/// Reports a contact point if its gap is at most `prediction` \[m\]. Returns the gap. \[m\]
 fn meet<const L: usize>(
     normal: Vector<f32, L>,
     point: ManifoldPoint<L>,
@@ -188,7 +190,8 @@ fn meet<const L: usize>(
     point.gap
 }
 
-/// The unit normal from ball b to ball a, and the gap \[m\], where a's center is `between` from b's.
+/// Returns the unit normal from ball b to ball a and the gap \[m\]. `between` points from b's
+/// center to a's.
 pub(super) fn between_balls<const L: usize>(
     between: Vector<f32, L>,
     radii: [f32; 2],
@@ -197,7 +200,7 @@ pub(super) fn between_balls<const L: usize>(
     let normal = if distance > 0.0 {
         between * (1.0 / distance)
     } else {
-        // Concentric ones part along the first axis.
+        // Concentric balls separate along the first axis.
         Vector(std::array::from_fn(|i| if i == 0 { 1.0 } else { 0.0 }))
     };
     (normal, distance - radii[0] - radii[1])

@@ -11,7 +11,8 @@ fn touch(points: impl IntoIterator<Item = ([f32; 2], f32)>) -> ContactManifold<3
     ContactManifold { normal: Vector([0.0, 1.0, 0.0]), points, ..ContactManifold::default() }
 }
 
-/// Twice the area of the convex hull of four points: that of three of them, or of both diagonals.
+/// Returns twice the area of the convex hull of four points: that of a triangle, or that of the
+/// quadrilateral between two diagonals.
 fn area(points: &[ManifoldPoint<3>]) -> f32 {
     let at = |i: usize| points[i].on_a;
     let double = |[a, b, c, d]: [usize; 4]| {
@@ -22,14 +23,14 @@ fn area(points: &[ManifoldPoint<3>]) -> f32 {
     triangles.into_iter().chain(diagonals).map(double).fold(0.0, f32::max)
 }
 
-/// A patch keeps its width, down to one to a thousand, whatever its size.
+/// A patch keeps its width, down to an aspect ratio of 1:1000, at any size.
 #[test]
 fn a_slender_patch_keeps_its_width() {
     for size in [1e-3, 1.0, 100.0] {
         for slender in [1.0, 0.03, 0.001] {
             let width = size * slender;
             let corners = [[0.0, 0.0], [size, 0.0], [size, width], [0.0, width]];
-            // With points on the long sides, as clipping leaves them.
+            // Also with points on the long sides, as clipping leaves them.
             let middles = [[0.3 * size, 0.0], [0.6 * size, width]];
             for count in 0..=2 {
                 let all = corners.iter().chain(&middles[..count]);
@@ -43,7 +44,7 @@ fn a_slender_patch_keeps_its_width() {
     }
 }
 
-/// What rounding has made of one point is one point.
+/// A point that rounding has split is merged.
 #[test]
 fn points_in_one_place_are_one() {
     let mut touch = touch([([0.0, 0.0], 0.1), ([1.0, 0.0], 0.2), ([1.0, 1e-6], 0.1)]);
@@ -52,8 +53,8 @@ fn points_in_one_place_are_one() {
     assert_eq!(gaps, [0.1, 0.1]);
 }
 
-/// Of a polygon the deepest point is kept, with nearly as much area as any three others add; and the
-/// same points are kept when rounding shakes all depths.
+/// The deepest point of a polygon is kept, with nearly the largest area that three other points can
+/// add. The same points are kept if all depths change by rounding.
 #[test]
 fn the_deepest_point_and_the_area_are_kept() {
     let mut random = Random(5);

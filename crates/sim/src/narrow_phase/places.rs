@@ -1,4 +1,4 @@
-//! Where what is found of a pair goes: mostly where it was.
+//! Storage of the manifolds that are found for a pair, in place where possible.
 
 use std::ops::Range;
 
@@ -9,21 +9,23 @@ use crate::cache::{
 };
 use crate::geometry::{ContactManifold, Frame, MAX_POINTS};
 
-/// Points are matched by place within this distance, where features do not match. \[m\]
+/// Largest distance at which contact points are matched by position, if their features do not
+/// match. \[m\]
 const MATCH_DISTANCE: f32 = 0.02;
 
-/// Where what is found of a pair goes: where it was, as long as that is of the same part and has as many points;
-/// else to the end of `records`, with what was found before.
+/// Writes the manifolds of a pair over those of the step before, as long as they belong to the same
+/// parts and have as many points. From the first one that does not, all are appended to `records`,
+/// those already written included.
 pub(super) struct ManifoldWriter<'a, 'b, const L: usize> {
     own: &'a mut ManifoldCacheMut<'b, L>,
-    /// Those of the step before.
+    /// Range of the manifolds of the step before.
     known: Range<usize>,
-    /// What they are among, if they have rested.
+    /// Cache that holds that range, if the pair was asleep.
     resting: Option<&'a ManifoldCache<L>>,
-    /// How many of them have been found again.
+    /// Number of manifolds written in place.
     again: usize,
     records: &'a mut ManifoldCache<L>,
-    /// Where those that are appended begin.
+    /// Index of the first one appended.
     first: usize,
 }
 
@@ -42,12 +44,13 @@ impl<'a, 'b, const L: usize> ManifoldWriter<'a, 'b, L> {
         self.resting.map_or_else(|| self.own.view(), ManifoldCache::view)
     }
 
-    /// What was known of a part.
+    /// Returns the cached manifold of a part.
     pub(super) fn before(&self, part: u32) -> Option<&CachedManifold<L>> {
         self.old().of(self.known.clone()).iter().find(|known| known.part == part)
     }
 
-    /// The place of the next manifold, and its points, which go on from those before.
+    /// Returns the slot of the next manifold, and its points, which inherit the impulses of those
+    /// before.
     pub(super) fn next(
         &mut self,
         touch: &ContactManifold<L>,
@@ -55,7 +58,7 @@ impl<'a, 'b, const L: usize> ManifoldWriter<'a, 'b, L> {
         a: &Frame<L>,
         b: &Frame<L>,
     ) -> (&mut CachedManifold<L>, &[CachedPoint<L>]) {
-        // What is there may be written over.
+        // Copy the old points: the slot may be the one they are in.
         let (mut old_points, mut old_traces) =
             ([CachedPoint::OPEN; MAX_POINTS], [CachedImpulse::default(); MAX_POINTS]);
         let mut count = 0;
@@ -85,13 +88,14 @@ impl<'a, 'b, const L: usize> ManifoldWriter<'a, 'b, L> {
         (record, points)
     }
 
-    /// Appends what has been found where it was.
+    /// Appends the manifolds that were written in place.
     fn leave(&mut self) {
         let found = self.known.start..self.known.start + std::mem::take(&mut self.again);
         self.records.extend(self.own.view(), found);
     }
 
-    /// How many there are; and whether these are those before, where they were.
+    /// Returns the number of manifolds, and whether all of them are written in place, with none
+    /// left over.
     pub(super) fn finish(mut self, traced: bool) -> (u32, bool) {
         let stays = self.resting.is_none() && self.records.manifolds.len() == self.first;
         if stays && self.again > 0 && self.again == self.known.len() {
@@ -111,8 +115,8 @@ mod tests {
     use crate::geometry::ManifoldPoint;
     use crate::geometry::random::Random;
 
-    /// What is found anew is the same where it was as behind others: with as many parts or fewer, more, and other
-    /// ones, of as many points or others.
+    /// Manifolds written in place and appended ones are equal. The parts are the same, fewer, more,
+    /// or others, with as many points or others.
     #[test]
     fn what_is_found_again_is_as_if_it_were_elsewhere() {
         let mut random = Random(3);
@@ -120,7 +124,7 @@ mod tests {
         for _ in 0..500 {
             let mut old = ManifoldCache::default();
             let first = random.touches();
-            // Another pair before.
+            // Another pair comes before.
             find(&mut ManifoldCacheMut::default(), 0..0, None, &mut old, &random.touches());
             let known = old.manifolds.len();
             find(&mut ManifoldCacheMut::default(), 0..0, None, &mut old, &first);
@@ -199,7 +203,7 @@ mod tests {
             }
         }
 
-        /// Mostly of the same parts and as many points.
+        /// Returns manifolds mostly of the same parts, with as many points.
         fn touches_like(&mut self, known: &[ContactManifold<2>]) -> Vec<ContactManifold<2>> {
             let mut out = known.to_vec();
             for touch in &mut out {

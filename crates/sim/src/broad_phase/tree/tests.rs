@@ -1,10 +1,10 @@
-//! The tree finds what comparing each box with each finds.
+//! The tree finds the same overlaps as comparing all pairs of boxes.
 
 use super::*;
 use crate::geometry::random::Random;
 use std::collections::BTreeSet;
 
-/// A box somewhere in a room of this size; one in sixteen is large.
+/// Returns a random box in a room of this size; one in sixteen is large.
 fn some<const L: usize>(random: &mut Random, room: f32) -> Bounds<L> {
     let center: [f32; L] = std::array::from_fn(|_| room * random.number());
     let large = if random.number() > 0.875 { 0.5 * room } else { 0.5 };
@@ -23,7 +23,7 @@ fn finds_what_overlaps<const L: usize>(seed: u64, count: usize, steps: usize) {
         for number in 0..count {
             let chance = random.number();
             let to = match boxes[number] {
-                // Fewer and fewer, until all move at once.
+                // Fewer and fewer boxes move, until all move at once.
                 _ if step > 0 && step % 8 != 7 && chance > 2.0 / step as f32 - 1.0 => continue,
                 Some(_) if chance < -0.98 => None,
                 Some(own) if chance < 0.0 => {
@@ -72,7 +72,7 @@ fn is_built_anew_only_where_it_has_worn() {
     let mut built = 0;
     for step in 0..30 {
         for number in 0..1024u32 {
-            // Rows pass each other.
+            // Rows of boxes move past each other.
             let (x, y) = ((number % 32) as f32, (number / 32) as f32);
             tree.set(number, Some(&at(x + 0.1 * y * step as f32, y)));
         }

@@ -2,7 +2,7 @@ use super::*;
 use crate::geometry::random::Random;
 use crate::geometry::solid::Cuboid;
 
-/// What an axis from b to a separates: how far a's support is beyond b's. \[m\]
+/// A function of a direction: a support function, or the gap along an axis from b to a. \[m\]
 type Separates<'a> = &'a dyn Fn([f64; 3]) -> f64;
 
 fn wide(of: V) -> [f64; 3] {
@@ -13,7 +13,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|i| a[i] * b[i]).sum()
 }
 
-/// How far a cylinder reaches along a unit vector, from the origin, in double precision.
+/// Returns the extent of a cylinder along a unit vector, from the origin, in double precision.
 fn extent(of: &Placed, n: [f64; 3]) -> f64 {
     let along = dot(wide(of.axis), n);
     let across: [f64; 3] = std::array::from_fn(|i| n[i] - along * wide(of.axis)[i]);
@@ -22,7 +22,7 @@ fn extent(of: &Placed, n: [f64; 3]) -> f64 {
     dot(wide(of.center), n) + around
 }
 
-/// The most that any axis separates, by search: where that is more than nothing there is one hill.
+/// Searches the largest gap along any axis. Where it is positive, there is a single maximum.
 fn most(separates: Separates<'_>) -> f64 {
     let unit = |n: [f64; 3]| n.map(|x| x / dot(n, n).sqrt());
     let mut best = (f64::NEG_INFINITY, [1.0, 0.0, 0.0]);
@@ -34,7 +34,7 @@ fn most(separates: Separates<'_>) -> f64 {
             best = (separates(n), n);
         }
     }
-    // Ways at random find along ridges.
+    // Random directions can follow ridges.
     let (mut random, mut step) = (Random(1), 0.2);
     while step > 1e-8 {
         let start = best.0;
@@ -65,7 +65,7 @@ fn placed(random: &mut Random, sizes: [f32; 2], spread: f32) -> Placed {
     Cylinder { radius: sizes[0], half_height: sizes[1] }.placed(&frame)
 }
 
-/// Along the axes of the world, with a little lean: what rests.
+/// Aligns a cylinder with an axis of the world, with a small lean, as resting bodies are.
 fn settled(random: &mut Random, of: Placed) -> Placed {
     let i = (random.number().abs() * 3.0) as usize % 3;
     let lean = 10.0f32.powf(-3.5 + 3.0 * random.number());
@@ -75,8 +75,8 @@ fn settled(random: &mut Random, of: Placed) -> Placed {
     Placed { axis, side: side * (1.0 / side.length()), ..of }
 }
 
-/// Holds a contact to what its shapes are: points on both surfaces, none beyond the gap, the deepest
-/// as deep as the shapes are.
+/// Checks a contact against the exact shapes. Its points are on both surfaces, no gap is smaller
+/// than reported, and the deepest point is as deep as the overlap.
 fn check(
     what: &str,
     [a, b]: [Separates<'_>; 2],
@@ -95,7 +95,8 @@ fn check(
             let normal = wide(touch.normal).map(|x| x * sign);
             let out = most(&|n| dot(n, wide(on)) - surface(n)) as f32;
             let inside = -(dot(normal, wide(on)) - surface(normal)) as f32;
-            // What leans is farther behind than the deepest, but not outside.
+            // Points of a leaning shape may be farther behind the surface than the deepest, but not
+            // outside.
             assert!(
                 out < 3e-4 * size + (-point.gap).max(0.0),
                 "{what}: {out} outside, {inside} behind, {point:?} {touch:?}"
@@ -107,7 +108,8 @@ fn check(
         return [false, false];
     }
     assert!((touch.normal.length() - 1.0).abs() < 1e-5, "{what}: {:?}", touch.normal);
-    // A point on each, no farther from each other than an axis separates all: none are nearer.
+    // The deepest pair of points is no farther apart than the gap along the normal, so no nearer
+    // pair exists.
     let deepest = touch.points.iter().map(|point| point.gap).fold(f32::INFINITY, f32::min);
     let separated = -a(wide(-touch.normal)) - b(wide(touch.normal));
     let far = (f64::from(deepest) - separated) as f32;
@@ -115,7 +117,8 @@ fn check(
     let deep = overlap > 0.01 * size;
     assert!(deep || far < close + 0.5 * overlap, "{what}: {deepest}, not {separated}; {touch:?}");
     assert!(deep || gap <= deepest + close, "{what}: {gap} and {deepest}; {touch:?}");
-    // Another axis may be near to the least, not much deeper where that is shallow.
+    // Another axis may have nearly the least overlap; where the overlap is shallow, it is not much
+    // deeper.
     let most = if !deep { 1.5 * overlap + searched } else { f32::INFINITY };
     assert!(deepest > -most, "{what}: {deepest} of {exact}");
     [true, touch.points.len() > 1]
@@ -188,8 +191,8 @@ fn contacts_between_cylinders_are_exact() {
     });
 }
 
-/// A coin that leans touches a plane where it is deepest, and keeps the name of that place all the
-/// way around; one that lies touches below its axis with both ends.
+/// A leaning coin touches a plane at its deepest point, which keeps its feature all the way around.
+/// A lying cylinder touches below its axis with both ends.
 #[test]
 fn the_deepest_place_is_exact_and_keeps_its_name() {
     let plane = Plane { point: Vector::ZERO, normal: Vector([0.0, 1.0, 0.0]) };
@@ -197,7 +200,7 @@ fn the_deepest_place_is_exact_and_keeps_its_name() {
     for degree in 0..720 {
         let (sin, cos) = (degree as f32).to_radians().sin_cos();
         let (tilt, up) = 0.3f32.sin_cos();
-        // Leans towards (cos, sin); its own side does not turn with that.
+        // The coin leans towards (cos, sin); its `side` does not follow.
         let axis = Vector([tilt * cos, up, tilt * sin]);
         let side = Vector([up, -tilt * cos, 0.0]);
         let side = side * (1.0 / side.length());
@@ -222,7 +225,7 @@ fn the_deepest_place_is_exact_and_keeps_its_name() {
     }
 }
 
-/// A cylinder that stands over the edge of a box keeps what of its cap is on the box.
+/// If a cylinder stands over the edge of a box, its cap is clipped at the edge.
 #[test]
 fn a_cap_over_an_edge_is_clipped() {
     let (mut clipper, mut touch) = (Clipper::default(), ContactManifold::default());

@@ -2,7 +2,7 @@ use super::*;
 use crate::geometry::random::Random;
 use crate::geometry::solid::Cuboid;
 
-/// Points on a sphere, spread evenly (a spiral).
+/// Returns points on a sphere, spread evenly along a spiral.
 fn on_sphere(count: usize, radius: f32) -> Vec<Vector<f32, 3>> {
     let turn = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
     (0..count)
@@ -19,7 +19,8 @@ fn hull(points: &[Vector<f32, 3>]) -> Hull {
     Hull::of(&points).unwrap()
 }
 
-/// Its faces close a surface, and no point of it is outside of one or off the plane of its own.
+/// Checks that the faces close a surface, and that no point is outside a face or off the plane of
+/// its own.
 fn check(hull: &Hull, size: f32) {
     let mut total = Vector::ZERO;
     let mut whole = 0.0;
@@ -52,7 +53,8 @@ fn faces_are_flat_and_close_a_surface() {
     }
 }
 
-/// Parry joins what turns by up to 1.5 degrees, so a fine sphere would become a few crooked faces.
+/// parry joins triangles at angles of up to 1.5 degrees, so a fine sphere would become a few
+/// crooked faces.
 #[test]
 fn a_fine_surface_keeps_its_curvature() {
     let hull = hull(&on_sphere(3000, 0.5));
@@ -86,7 +88,7 @@ fn a_box_has_six_faces_of_four_corners_also_after_rounding() {
     }
 }
 
-/// Edges have both ends on the faces that they are around, which are two.
+/// Both ends of an edge are on the faces around which it runs, of which there are two.
 #[test]
 fn each_edge_is_around_two_faces() {
     fn check(solid: &impl Solid<3>) {
@@ -119,7 +121,8 @@ fn the_farthest_point_is_that_of_a_plain_search() {
     }
 }
 
-/// A box far off, and the tetrahedron of the unit vectors, whose moments are 1/60 - m (1/4)^2 twice.
+/// A box far from the origin, and the tetrahedron of the unit vectors. Its moments of inertia are
+/// twice 1/60 - m (1/4)^2.
 #[test]
 fn mass_is_that_of_the_solid() {
     let solid = |corners: &[[f32; 3]]| {
@@ -145,15 +148,16 @@ fn mass_is_that_of_the_solid() {
     for i in 0..3 {
         near(of.center[i], 0.25);
         for j in 0..3 {
-            // Integrals of x^2 and of x y over it: 1/60 and 1/120.
+            // Integrals of x^2 and of x y over the tetrahedron: 1/60 and 1/120.
             let [square, product] = [1.0 / 60.0 - 1.0 / 96.0, 1.0 / 120.0 - 1.0 / 96.0];
             near(of.inertia.0[i][j], 2.0 * if i == j { 2.0 * square } else { -product });
         }
     }
 }
 
-/// Volume, first moments and the trace of the second about the first point, of the tetrahedra over every three
-/// points that all others are below of; none where a fourth lies in the same plane.
+/// Returns the volume, the first moments, and the trace of the second moments about the first
+/// point. They are sums over the tetrahedra on all triples of points that have no point above them.
+/// Returns `None` if four points are coplanar there.
 fn by_all_triples(points: &[Vector<f32, 3>]) -> Option<[f64; 5]> {
     let at = |i: usize| Vector(points[i].0.map(f64::from));
     let place = |i: usize| {
@@ -188,7 +192,8 @@ fn by_all_triples(points: &[Vector<f32, 3>]) -> Option<[f64; 5]> {
     Some(sums)
 }
 
-/// Of random points, also such that nearly lie in planes, on edges, and on a ball: to a part in a million.
+/// Hulls of random points have the exact mass to one part in a million, also if points lie nearly
+/// in planes, on edges, or on a ball.
 #[test]
 fn hulls_have_their_exact_mass() {
     let (mut random, mut checked) = (Random(4), 0);
@@ -228,7 +233,7 @@ fn hulls_have_their_exact_mass() {
     assert!(checked > 300, "{checked}");
 }
 
-/// Points on the edges and faces of a box, and within, add nothing.
+/// Points on the edges and faces of a box, and inside it, add nothing.
 #[test]
 fn a_grid_of_points_is_a_box() {
     let at = |i: u32| i as f32 * 0.25 - 0.5;
@@ -241,7 +246,7 @@ fn a_grid_of_points_is_a_box() {
     assert_eq!(hull.faces(), 6);
 }
 
-/// A needle or a plate of any ratio is a solid whose faces close, or is refused.
+/// A needle or a plate of any aspect ratio is either a closed solid or refused.
 #[test]
 fn hulls_of_any_ratio_are_right_or_refused() {
     let mut random = Random(5);
@@ -272,7 +277,7 @@ fn hulls_of_any_ratio_are_right_or_refused() {
                     taken += 1;
                 }
             }
-            // Never a panic, whoever made the shape.
+            // It never panics, however the shape was made.
             let _ = Hull::of(&parry);
         }
     }

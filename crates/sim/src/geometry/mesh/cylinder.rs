@@ -1,4 +1,4 @@
-//! Cylinders as a mesh asks about them. Their faces are the caps.
+//! Cylinders as shapes that touch meshes. Their faces are the caps.
 
 use drystone_solver::Vector;
 
@@ -7,18 +7,19 @@ use super::surface::UPRIGHT;
 use super::{Corner, MeshQuery, Part, V};
 use crate::geometry::cylinders::{Placed, STEEP, in_disc, within};
 
-/// Ends of edges within this part of their length are vertices. \[1\]
+/// Points of an edge within this fraction of its length from an end count as the vertex there.
+/// \[1\]
 const END: f32 = 1e-5;
 
-/// A cylinder, seen from a mesh.
+/// A cylinder in the frame of a mesh.
 pub(super) struct Seen {
     pub(super) cylinder: Placed,
-    /// The feature of a point where they touched a step ago.
+    /// The feature of a contact point of the step before.
     pub(super) before: Option<u64>,
 }
 
 impl Seen {
-    /// A place carried along a direction to the plane of a cap.
+    /// Moves a point along a direction to the plane of a cap.
     fn lifted(cap: &Outline<'_>, direction: V, middle: V, place: V) -> Option<V> {
         let slope = cap.normal.dot(direction);
         let by = cap.normal.dot(middle - place) / slope;
@@ -87,7 +88,7 @@ impl Shape for Seen {
             let [x, y] = [x + along[0] * part, y + along[1] * part];
             least = least.min(x * x + y * y);
         }
-        // It goes through.
+        // The axis passes through the triangle.
         if left != right { f32::NEG_INFINITY } else { least.sqrt() - self.cylinder.disc().sqrt() }
     }
 

@@ -1,4 +1,4 @@
-//! Boxes and hulls as a mesh asks about them.
+//! Boxes and hulls as shapes that touch meshes.
 
 use drystone_solver::{Vector, moment};
 
@@ -7,7 +7,7 @@ use super::surface::UPRIGHT;
 use super::{Corner, Frame, MeshQuery, Part, V};
 use crate::geometry::solid::Polyhedron;
 
-/// A box or a hull, seen from a mesh.
+/// A box or a hull in the frame of a mesh.
 pub(super) struct Seen<'a, P> {
     pub(super) shape: &'a P,
     pub(super) frame: &'a Frame<3>,
@@ -102,8 +102,9 @@ impl<P: Polyhedron> Shape for Seen<'_, P> {
 }
 
 impl<P: Polyhedron> Seen<'_, P> {
-    /// How far an edge of the mesh and one of the shape are apart across both, if that is more than `beat` \[m\] and
-    /// neither the mesh nor the shape has anything between.
+    /// Returns the contact of a mesh edge and an edge of the shape, with the gap along the axis
+    /// across both. Returns `None` if the gap is not more than `beat` \[m\], or if the mesh or the
+    /// shape does not admit the axis.
     #[inline]
     fn across(
         &self,
@@ -126,7 +127,7 @@ impl<P: Polyhedron> Seen<'_, P> {
         if squared <= PARALLEL * PARALLEL * lengths {
             return None;
         }
-        // Away from the mesh: the opposite corners of its triangles are below.
+        // Point the axis away from the mesh: the opposite corners of the triangles are below.
         let apex = surface.wings(edge).first()?[0];
         let below = across.dot(surface.points[apex as usize] - from) <= 0.0;
         let direction = across * (if below { 1.0 } else { -1.0 } / squared.sqrt());
@@ -134,7 +135,7 @@ impl<P: Polyhedron> Seen<'_, P> {
         if gap <= beat || gap > prediction || !surface.edge_gives(edge, direction) {
             return None;
         }
-        // Of the shape, both faces at the edge rise along the direction: it looks between their normals.
+        // The axis must lie between the normals of both faces at the edge of the shape.
         let [one, two] = self.shape.flanks(own).map(|face| faces[face].0);
         let (both, a, b) = (one.dot(two), -one.dot(direction), -two.dot(direction));
         if a - both * b < 0.0 || b - both * a < 0.0 {
@@ -160,7 +161,7 @@ impl<P: Polyhedron> Seen<'_, P> {
     }
 }
 
-/// 1 if a polygon is counter-clockwise as seen from where a direction points to, else -1.
+/// Returns 1 if a polygon is counter-clockwise as seen from where a direction points, else -1.
 fn winding(polygon: &[Corner<3>], direction: V) -> f32 {
     let [first, ..] = polygon else { return 1.0 };
     let mut area: V = Vector::ZERO;

@@ -8,14 +8,16 @@ use super::{Above, Gathered, ManifoldPoint, MeshQuery, ON_EDGE, Part, V, add};
 use crate::geometry::ContactManifold;
 use crate::geometry::rounds::{RoundedCore, between_rounds, nearest};
 
-/// Where the core is as near to the face as to an edge, to this part, the face counts. \[1\]
+/// A face counts as nearest if it is no farther from the core than an edge, to within this fraction
+/// of the distance. \[1\]
 const AS_NEAR: f32 = 1e-4;
 
-/// Ends of edges within this part of their length count as vertices. \[1\]
+/// Points of an edge within this fraction of its length from an end count as the vertex there.
+/// \[1\]
 const END: f32 = 1e-5;
 
-/// Gathers where a ball or a capsule, given in the frame of the mesh, touches it or is within `prediction` of it.
-/// Returns how far they are apart at least. \[m\]
+/// Collects the contacts of a ball or a capsule with a mesh, up to a gap of `prediction`, in the
+/// frame of the mesh. Returns a lower bound of the gap. \[m\]
 pub(crate) fn round(
     ahead: MeshQuery<'_>,
     round: &RoundedCore<3>,
@@ -49,27 +51,27 @@ pub(crate) fn round(
     apart
 }
 
-/// A round shape near a mesh.
+/// A round shape close to a mesh.
 struct Meeting<'a> {
     ahead: MeshQuery<'a>,
     round: &'a RoundedCore<3>,
     center: V,
 }
 
-/// The part of a triangle's rim that is nearest to a core.
+/// The edge or vertex of a triangle that is nearest to a core.
 struct Rim {
     part: Part,
     distance: f32,
-    /// From there to the core, of unit length.
+    /// Unit vector from the mesh to the core.
     direction: V,
-    /// Which part of the core is nearest.
+    /// Position of the nearest point on the core, from 0 to 1.
     along: f32,
     on_mesh: V,
 }
 
 impl Meeting<'_> {
-    /// Gathers where the shape touches a triangle; returns how far they are apart. \[m\] Sets `behind` if the center is
-    /// behind a face that has one side.
+    /// Collects the contacts of the shape with a triangle. Returns a lower bound of their gap.
+    /// \[m\] Sets `behind` if the center is behind a face that has one side.
     fn meet(&self, face: &Face, gathered: &mut Gathered, behind: &mut bool) -> f32 {
         let MeshQuery { surface, prediction, .. } = self.ahead;
         let facet = &surface.facets[face.facet as usize];
@@ -113,7 +115,7 @@ impl Meeting<'_> {
         }
     }
 
-    /// The part of the core that is over a triangle, or comes to be.
+    /// Returns the range of the core that is over a triangle, or comes over it within the step.
     fn over(&self, face: &Face, facet: &Facet, side: f32, heights: [f32; 2]) -> Option<[f32; 2]> {
         let corners = self.ahead.surface.corners(face);
         let [mut first, mut last] = [0.0f32, 1.0f32];
@@ -149,7 +151,7 @@ impl Meeting<'_> {
         range
     }
 
-    /// The nearest of the sharp edges and vertices of a triangle.
+    /// Returns the nearest of the sharp edges and vertices of a triangle.
     fn rim(&self, face: &Face, side: f32) -> Option<Rim> {
         let surface = self.ahead.surface;
         let mut best: Option<Rim> = None;
@@ -186,7 +188,7 @@ impl Meeting<'_> {
         best
     }
 
-    /// Gathers an edge or a vertex that is nearest, if the mesh admits its direction.
+    /// Collects the contact with the nearest edge or vertex, if the mesh admits its direction.
     fn on_rim(&self, rim: &Rim, gathered: &mut Gathered) {
         let MeshQuery { surface, prediction, .. } = self.ahead;
         let &Rim { part, distance, direction, on_mesh, .. } = rim;
@@ -208,7 +210,7 @@ impl Meeting<'_> {
         }
         match part {
             Part::Edge(edge) if !is_ball => {
-                // Where they lie along each other, at both ends.
+                // If the capsule lies along the edge, both ends touch.
                 let edge = RoundedCore { ends: surface.ends(edge), radius: 0.0 };
                 let touch = gathered.of(part, direction);
                 between_rounds(self.round, &edge, prediction, touch);
@@ -222,7 +224,7 @@ impl Meeting<'_> {
         }
     }
 
-    /// Notes that part of the core is over a side of a facet.
+    /// Records that a range of the core is over a side of a facet.
     fn is_over(&self, facet: u32, side: f32, [first, last]: [f32; 2], gathered: &mut Gathered) {
         gathered.face(&self.ahead.surface.facets[facet as usize], side);
         let behind = side < 0.0;
@@ -235,7 +237,7 @@ impl Meeting<'_> {
         gathered.facets.push(Above { facet, behind, low, face, corners, over, genuine: true });
     }
 
-    /// Gathers the ends of what is over each facet.
+    /// Collects the contacts at the ends of the range over each facet.
     fn lay_on_facets(&self, gathered: &mut Gathered) {
         for at in 0..gathered.facets.len() {
             let Above { facet: number, behind, over, .. } = gathered.facets[at];
@@ -267,7 +269,7 @@ impl Meeting<'_> {
         }
     }
 
-    /// Gathers, in place of all else, what pushes the shape out of a solid by a face.
+    /// Replaces all contacts by one with a face that pushes the shape out of a solid.
     fn push_out(&self, face: &Face, gathered: &mut Gathered) {
         gathered.count = 0;
         let facet = &self.ahead.surface.facets[face.facet as usize];

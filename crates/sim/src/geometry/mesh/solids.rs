@@ -1,4 +1,4 @@
-//! Contact of convex shapes with ends, faces or edges ([`Shape`]) with triangle meshes.
+//! Contact of boxes, hulls and cylinders ([`Shape`]) with triangle meshes.
 
 use std::ops::Range;
 
@@ -9,63 +9,70 @@ use super::{Above, Corner, Gathered, ManifoldPoint, MeshQuery, Part, V, add};
 use crate::geometry::ContactManifold;
 use crate::geometry::separation::{PREFERENCE, edge_beyond};
 
-/// Points over a face count for the whole shape if they have at least this part of its overlap. \[1\]
+/// Contact points over a face represent the contact of the whole shape if they have at least this
+/// fraction of its overlap. \[1\]
 const MOST: f32 = 0.5;
 
-/// Planes and lines at an angle whose sine is less than this are parallel. \[1\]
+/// Planes and lines at an angle whose sine is less than this count as parallel. \[1\]
 pub(super) const PARALLEL: f32 = 1e-2;
 
-/// A mesh edge lies along a face if the sine of the angle between them is less than this. \[1\]
+/// A mesh edge lies on a face if the sine of the angle between them is less than this. \[1\]
 const ALONG: f32 = 0.032;
 
-/// A name for a point: what made it, and its number.
+/// Returns the feature of a contact point from its kind and its number.
 pub(super) fn feature(kind: u64, number: u64) -> u64 {
     kind << 40 | number
 }
 
-/// A convex shape as it is asked about a mesh, in the frame of the mesh. Faces are flat: of a cylinder, its caps.
+/// A convex shape in the frame of a mesh. Its faces are flat; those of a cylinder are its caps.
 pub(super) trait Shape {
     /// Appends its vertices, if it has any.
     fn vertices(&self, out: &mut Vec<V>);
 
-    /// Appends the outward normal of each face, and how far its plane is along that. \[1, m\]
+    /// Appends the outward normal of each face, and the offset of its plane along the normal.
+    /// \[1, m\]
     fn planes(&self, out: &mut Vec<(V, f32)>);
 
-    /// The least and the greatest coordinates, and the center.
+    /// Returns the smallest and the largest coordinates, and the center. \[m\]
     fn bounds(&self, vertices: &[V]) -> [V; 3];
 
-    /// Height of its lowest point along a direction. \[m\]
+    /// Returns the height of its lowest point along a direction. \[m\]
     fn low(&self, direction: V, vertices: &[V]) -> f32;
 
-    /// The face that looks along a direction.
+    /// Returns the face whose normal is closest to a direction.
     fn facing(&self, direction: V) -> usize;
 
-    /// Appends what of it looks against a plane with this normal, on the side of a face.
+    /// Appends the points of the shape that can touch a plane with this normal: of a polyhedron,
+    /// the corners of `face`.
     fn corners(&self, face: usize, normal: V, vertices: &[V], out: &mut Vec<Corner<3>>);
 
-    /// The line on which it lies on a plane with this normal, from its start along it: of what is round.
+    /// Returns the line on which the shape lies on a plane with this normal: its start, and the
+    /// vector to its end. Only cylinders have one.
     fn line(&self, normal: V) -> Option<[V; 2]> {
         let _ = normal;
         None
     }
 
-    /// The part of a line, from a point along a way, that is within a face as seen along a direction.
+    /// Returns the range of a line, from 0 to 1, that is within a face as seen along a direction.
+    /// The line is given by its start and the vector to its end.
     fn within(&self, face: &Outline<'_>, direction: V, line: [V; 2]) -> Option<[f32; 2]>;
 
-    /// A place is within a face as seen along a direction.
+    /// True if a point is within a face as seen along a direction.
     fn covers(&self, face: &Outline<'_>, direction: V, place: V) -> bool;
 
-    /// Distance of a triangle from its round side, across the axis; less than anything if it has none. \[m\]
+    /// Returns the distance of a triangle from the curved side of the shape, across its axis;
+    /// negative infinity if it has none. \[m\]
     fn beside(&self, corners: [V; 3]) -> f32 {
         let _ = corners;
         f32::NEG_INFINITY
     }
 
-    /// Gap to an edge of the mesh along a direction that both admit, if it beats that of another. \[m\] `seen` are the
+    /// Finds the best axis between the shape and a mesh edge, or an end of it, that both admit.
+    /// Returns its gap \[m\], or `None` if no gap is larger than `sharp.beat`. `seen` holds the
     /// shape's own vertices and planes.
     fn rim(&self, sharp: Sharp<'_>, seen: (&[V], &[(V, f32)])) -> Option<(f32, Rim)>;
 
-    /// Its radius of curvature where it touches along a normal. \[m\]
+    /// Returns its radius of curvature at a contact with this normal. \[m\]
     fn radius(&self, normal: V) -> f32 {
         let _ = normal;
         0.0
@@ -74,11 +81,11 @@ pub(super) trait Shape {
 
 /// A face of a shape.
 pub(super) struct Outline<'a> {
-    /// Its number.
+    /// Index of the face.
     pub(super) face: usize,
-    /// Outward.
+    /// Outward unit normal.
     pub(super) normal: V,
-    /// Its corners, in order around it; of a cap, what looks against a plane.
+    /// Its corners, in order around it. For a cap: the points that can touch a plane.
     pub(super) corners: &'a [Corner<3>],
 }
 
@@ -87,11 +94,11 @@ pub(super) struct Outline<'a> {
 pub(super) struct Sharp<'a> {
     pub(super) ahead: MeshQuery<'a>,
     pub(super) edge: u32,
-    /// Its ends, in the order of a triangle.
+    /// Its ends, in the winding order of a triangle.
     pub(super) line: [V; 2],
     /// Center of the shape.
     pub(super) center: V,
-    /// Gap along another direction. \[m\]
+    /// Gap along the best axis so far, which has to be exceeded. \[m\]
     pub(super) beat: f32,
 }
 
@@ -99,31 +106,31 @@ pub(super) struct Sharp<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Rim {
     pub(super) part: Part,
-    /// Out of the mesh, of unit length.
+    /// Unit vector out of the mesh.
     pub(super) direction: V,
-    /// The face of the shape that looks along it.
+    /// The face of the shape whose normal is opposite to it, if there is one.
     pub(super) flat: Option<usize>,
-    /// Places on the shape and on the mesh, with names.
+    /// Contact points on the shape and on the mesh, with their features.
     pub(super) places: [Option<(V, V, u64)>; 2],
 }
 
-/// A shape near a mesh.
+/// A shape close to a mesh.
 struct Meeting<'a, S: Shape> {
     ahead: MeshQuery<'a>,
     shape: &'a S,
     center: V,
 }
 
-/// What part of a triangle and the shape are farthest apart.
+/// Axis of the largest gap between a triangle and a shape, other than the triangle's normal.
 #[derive(Clone, Copy)]
 enum Axis {
-    /// A face of the shape, and the vertex of the mesh that is deepest.
+    /// A face of the shape, and the mesh vertex that is deepest below it.
     Face(usize, u32),
     Rim(Rim),
 }
 
-/// Gathers where a shape touches a mesh or is within `prediction` of it, in the frame of the mesh. Returns how far they
-/// are apart at least. \[m\]
+/// Collects the contacts of a shape with a mesh, up to a gap of `prediction`, in the frame of the
+/// mesh. Returns a lower bound of the gap. \[m\]
 pub(super) fn gather(
     ahead: MeshQuery<'_>,
     shape: &impl Shape,
@@ -154,8 +161,8 @@ pub(super) fn gather(
 }
 
 impl<S: Shape> Meeting<'_, S> {
-    /// Gathers where the shape touches a triangle; returns how far they are apart at least. \[m\] Sets `behind` if the
-    /// center is behind a face that has one side.
+    /// Collects the contacts of the shape with a triangle. Returns a lower bound of their gap.
+    /// \[m\] Sets `behind` if the center is behind a face that has one side.
     fn meet(&self, face: &Face, gathered: &mut Gathered, behind: &mut bool) -> f32 {
         let MeshQuery { surface, prediction, .. } = self.ahead;
         let facet = &surface.facets[face.facet as usize];
@@ -186,8 +193,9 @@ impl<S: Shape> Meeting<'_, S> {
             Axis::Face(..) => gap > own + margin,
             Axis::Rim(_) => gap > edge_beyond(own, prediction),
         });
-        // What another direction parts, which the mesh does not admit, is nearer elsewhere. Where all overlap, that may
-        // be a side of the shape that something sharp has just come by.
+        // If an axis that the mesh does not admit has a larger gap, then the nearest feature
+        // belongs to another triangle. If all axes overlap, that axis may be a side of the shape
+        // that something sharp has just passed.
         let elsewhere = match wins {
             Some((gap, _)) => most > gap.max(0.0) + margin,
             None => most > own + margin,
@@ -203,7 +211,7 @@ impl<S: Shape> Meeting<'_, S> {
         apart
     }
 
-    /// What the shape is to a side of a facet: its number.
+    /// Finds or adds the position of the shape above a side of a facet. Returns its index.
     fn above(&self, facet: u32, side: f32, gathered: &mut Gathered) -> usize {
         let plane = &self.ahead.surface.facets[facet as usize];
         let behind = side < 0.0;
@@ -227,21 +235,21 @@ impl<S: Shape> Meeting<'_, S> {
         gathered.facets.len() - 1
     }
 
-    /// Corners of the shape that look against a plane: their range among the polygons.
+    /// Appends the corners of the shape that can touch a plane. Returns their range in `polygon`.
     fn corners(&self, own: usize, normal: V, gathered: &mut Gathered) -> Range<usize> {
         let start = gathered.polygon.len();
         self.shape.corners(own, normal, &gathered.vertices, &mut gathered.polygon);
         start..gathered.polygon.len()
     }
 
-    /// Sees the planes of the shape's faces from the mesh.
+    /// Computes the planes of the shape's faces, once.
     fn see_faces(&self, gathered: &mut Gathered) {
         if gathered.faces.is_empty() {
             self.shape.planes(&mut gathered.faces);
         }
     }
 
-    /// The manifold of a part.
+    /// Returns the manifold of a part.
     fn manifold<'g>(
         &self,
         part: Part,
@@ -252,8 +260,9 @@ impl<S: Shape> Meeting<'_, S> {
         gathered.of(part, normal)
     }
 
-    /// How far the shape and a triangle are apart along a face of the shape, the most; and the most along a direction
-    /// that the mesh admits, if that is more than `least` \[m\].
+    /// Returns the largest gap of a triangle along a face normal of the shape, with that face.
+    /// Returns also the largest gap along an axis that the mesh admits, with the axis, if it is
+    /// more than `least` \[m\].
     fn farthest(
         &self,
         face: &Face,
@@ -296,7 +305,7 @@ impl<S: Shape> Meeting<'_, S> {
         (most, best)
     }
 
-    /// Gathers what touches along an axis that is not the face's own.
+    /// Collects the contacts along an axis that is not the triangle's normal.
     fn on_axis(&self, face: &Face, side: f32, above: usize, axis: Axis, gathered: &mut Gathered) {
         let surface = self.ahead.surface;
         let direction = match axis {
@@ -307,7 +316,7 @@ impl<S: Shape> Meeting<'_, S> {
         if side * facet.normal.dot(direction) > UPRIGHT {
             return self.on_facet(face, above, true, gathered);
         }
-        // A neighbor that looks that way has it as its face.
+        // If a neighboring face has this normal, the contact belongs to that face.
         match axis {
             Axis::Face(own, vertex) => {
                 if !surface.vertex_is_flush(vertex, direction) {
@@ -337,9 +346,9 @@ impl<S: Shape> Meeting<'_, S> {
         }
     }
 
-    /// Gathers what of the shape is over a triangle: corners of its face that looks there, and what of that face is
-    /// over the sides of the facet. If not `all`, the facet may still be found to be another's
-    /// ([`Self::keep_genuine`]).
+    /// Collects the contacts of the shape over a triangle. These are corners of its lowest face
+    /// over the triangle, and parts of that face over the boundary of the facet. If `all` is false,
+    /// the contact may still turn out to belong to another facet ([`Self::keep_genuine`]).
     fn on_facet(&self, face: &Face, above: usize, all: bool, gathered: &mut Gathered) {
         let MeshQuery { surface, prediction, .. } = self.ahead;
         let Above { facet: number, behind, low, face: own, corners, .. } =
@@ -379,8 +388,9 @@ impl<S: Shape> Meeting<'_, S> {
         gathered.memory.truncate(start);
     }
 
-    /// Keeps of facets only what is near the deepest point of the shape, or still apart, unless a triangle of it is what
-    /// the shape is farthest from.
+    /// Removes the overlapping points of facets to which no contact belongs. A facet keeps them in
+    /// two cases: they are near the deepest point of the shape, or the face normal is the best axis
+    /// for one of its triangles.
     fn keep_genuine(&self, gathered: &mut Gathered) {
         for at in 0..gathered.facets.len() {
             let Above { facet: number, behind, genuine, .. } = gathered.facets[at];
@@ -398,7 +408,8 @@ impl<S: Shape> Meeting<'_, S> {
         }
     }
 
-    /// Remembers what of a face of the shape is over the sides of a triangle at which its facet ends.
+    /// Collects the parts of a face of the shape that are over the sides of a triangle where its
+    /// facet ends.
     fn over_sides(
         &self,
         face: &Face,
@@ -431,7 +442,7 @@ impl<S: Shape> Meeting<'_, S> {
             let slope = plane.dot(normal);
             for (end, part) in range.into_iter().enumerate() {
                 let place = from + along * part;
-                // Along the normal to the face of the shape.
+                // Distance along the normal to the face of the shape.
                 let gap = (offset - plane.dot(place)) / slope;
                 if slope < -PARALLEL && gap <= prediction {
                     let feature = match part {
@@ -446,8 +457,8 @@ impl<S: Shape> Meeting<'_, S> {
         }
     }
 
-    /// Gathers what of a triangle is under a face of the shape: sharp vertices and edges that nothing around is above;
-    /// else the vertex that is deepest.
+    /// Collects the contacts of a triangle below a face of the shape. These are sharp vertices, and
+    /// edges with no mesh above them, or else the vertex that is `deepest`.
     fn under(&self, face: &Face, own: usize, deepest: Option<u32>, gathered: &mut Gathered) {
         let MeshQuery { surface, prediction, motion, turning, .. } = self.ahead;
         let (normal, offset) = gathered.faces[own];
@@ -485,7 +496,7 @@ impl<S: Shape> Meeting<'_, S> {
                         && self.shape.covers(&outline, normal, place - motion * (gap / approach))
                     || gap < 0.0 && deepest == Some(vertex)
             };
-            // What is not the nearest comes to be by turning only.
+            // Vertices that are not the nearest can become it by rotation only.
             if surface.vertices[vertex as usize].sharp
                 && (0.0 < gap && gap <= turning || surface.vertex_gives(vertex, direction))
                 && is_under()
@@ -503,7 +514,8 @@ impl<S: Shape> Meeting<'_, S> {
         }
     }
 
-    /// If the center is inside a solid, gathers in place of all else what pushes it out the nearest way.
+    /// If the center is inside a solid, replaces all contacts by one that pushes it out the
+    /// shortest way.
     fn push_out(&self, gathered: &mut Gathered) {
         let surface = self.ahead.surface;
         let Some(face) = nearest_inside(self.ahead, self.center, &gathered.near) else { return };
@@ -526,7 +538,7 @@ impl<S: Shape> Meeting<'_, S> {
     }
 }
 
-/// The triangle nearest to a center, of those near, if the center is behind it.
+/// Returns the nearby triangle closest to a center, if the center is behind it.
 pub(super) fn nearest_inside<'a>(
     ahead: MeshQuery<'a>,
     center: V,
@@ -546,7 +558,7 @@ pub(super) fn nearest_inside<'a>(
     best.filter(|&(.., outside)| !outside).map(|(_, face, _)| face)
 }
 
-/// Crossing of two segments as seen along a direction: a place on the first.
+/// Returns the point of the first segment at which it crosses the second as seen along a direction.
 fn cross([start, way]: [V; 2], [from, along]: [V; 2], direction: V) -> Option<V> {
     let outward: V = moment(along, direction);
     let part = outward.dot(from - start) / outward.dot(way);

@@ -1,115 +1,119 @@
-//! [`Surface`]: a triangle mesh with the topology that decides which normals its parts may give.
+//! [`Surface`]: a triangle mesh with the topology that decides which contact normals its features
+//! admit.
 //!
-//! A direction d is a normal of a vertex or an edge if the mesh around it has no point farther along d: the
-//! feature is a local maximum of d . x. Inside a flat or hollow region nothing but the face is one, so
-//! inner edges are not felt. The rule needs no winding, and holds for both sides of an open mesh.
+//! A vertex or an edge admits the normal d if it is a local maximum of d . x: no point of the mesh
+//! around it is farther along d. In a flat or concave region only the face admits normals, so
+//! contacts do not catch on internal edges. The rule needs no winding, and holds for both sides of
+//! an open mesh.
 
 use std::collections::HashMap;
 use std::ops::Range;
 
 use drystone_solver::{Vector, moment};
 
-/// Vertices within this part of the mesh's reach of a plane lie in it: what rounding leaves. \[1\]
+/// Tolerance of coplanar vertices, as a fraction of the largest coordinate: rounding error. \[1\]
 const FLAT: f64 = 2e-6;
 
-/// Edges bent by less than this, as the tangent of half the angle, give no normal of their own. \[1\]
+/// Edges with a smaller bend (tangent of half the angle) admit no normal of their own. \[1\]
 const SHARP: f32 = 5e-4;
 
-/// How far the mesh may rise around a local maximum, as part of the distance. \[1\]
+/// Largest rise of the mesh around a local maximum, as a fraction of the distance from it. \[1\]
 const LEVEL: f32 = 1e-3;
 
-/// Directions with a larger cosine between them count as one. \[1\]
+/// Directions with a larger cosine between them count as equal. \[1\]
 pub(super) const UPRIGHT: f32 = 0.9995;
 
-/// The bend of an edge that the mesh does not continue beyond.
+/// The bend of an edge where the mesh ends.
 const OPEN: f32 = f32::INFINITY;
 
 type V = Vector<f32, 3>;
 
-/// A triangle mesh as contacts see it.
+/// A triangle mesh prepared for contact detection.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
     pub(super) points: Vec<V>,
-    /// By triangle; none for a copy of another.
+    /// By triangle; none for degenerate triangles and for copies of another one.
     pub(super) faces: Vec<Option<Face>>,
     pub(super) facets: Vec<Facet>,
     pub(super) edges: Vec<Edge>,
     pub(super) vertices: Vec<Vertex>,
-    /// Of all edges: the opposite corner and the facet of each triangle there.
+    /// For all edges: the opposite corner and the facet of each triangle at the edge.
     wings: Vec<[u32; 2]>,
-    /// Of all vertices: those at the other ends of their edges.
+    /// For all vertices: the other ends of their edges.
     rings: Vec<u32>,
-    /// Of all vertices: the facets around them.
+    /// For all vertices: the facets around them.
     fans: Vec<u32>,
 }
 
-/// A triangle.
+/// A triangle of the mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Face {
-    /// Counter-clockwise seen along its facet's normal.
+    /// Counter-clockwise seen from where the normal of its facet points.
     pub(super) corners: [u32; 3],
-    /// From each corner to the next.
+    /// Edges from each corner to the next.
     pub(super) edges: [u32; 3],
     pub(super) facet: u32,
-    /// At each edge, the tangent of half the angle by which the mesh turns towards the facet's normal.
+    /// Bend at each edge: tangent of half the angle by which the mesh turns towards the facet's
+    /// normal. \[1\]
     bends: [f32; 3],
-    /// Whether an edge or a vertex may have a normal of its own: before the facet's normal, and behind.
+    /// Whether an edge or a vertex may admit a normal of its own: in front of the facet, and behind
+    /// it.
     pub(super) sharp: [bool; 2],
 }
 
-/// Triangles in one plane that are joined by edges.
+/// Coplanar triangles that are joined by edges.
 #[derive(Clone, Debug)]
 pub(super) struct Facet {
     pub(super) normal: V,
-    /// The plane is where normal . x = offset. \[m\]
+    /// Offset of the plane normal . x = offset. \[m\]
     pub(super) offset: f32,
-    /// Whether it bounds a solid, with the normal outward: it has one side.
+    /// True if the facet bounds a solid, with an outward normal: it has one side.
     pub(super) solid: bool,
-    /// Which of the pieces of the mesh that hang together by edges it is of; their normals are on one side.
+    /// Number of its sheet: triangles connected by edges, whose normals are on one side.
     pub(super) sheet: u32,
-    /// Whether it is more than one triangle.
+    /// True if the facet has more than one triangle.
     pub(super) joined: bool,
 }
 
-/// A side of triangles.
+/// An edge of the mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Edge {
     pub(super) ends: [u32; 2],
     wings: Range<u32>,
-    /// The sum of its faces' normals.
+    /// Sum of the normals of the faces at the edge.
     outward: V,
     around: Around,
 }
 
-/// What the triangles around an edge or a vertex are.
+/// Kind of the surface around an edge or a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Around {
-    /// All of solids: they are touched from outside only.
+    /// All triangles bound solids: contacts are outside only.
     Solid,
     Sheet,
-    /// At an end of the surface.
+    /// A boundary of the surface.
     Rim,
 }
 
-/// A corner of triangles.
+/// A vertex of the mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Vertex {
     ring: Range<u32>,
     fan: Range<u32>,
-    /// Whether one of its edges is sharp.
+    /// True if one of its edges is sharp.
     pub(super) sharp: bool,
-    /// The sum of its faces' normals, weighted by angle: on which side a place is whose nearest point it is (Baerentzen,
-    /// Aanaes 2005).
+    /// Sum of the normals of the faces at the vertex, weighted by angle. It tells on which side of
+    /// the surface a point is whose nearest point is this vertex (Baerentzen, Aanaes 2005).
     outward: V,
     around: Around,
 }
 
-/// What the mesh does beyond an edge of a triangle, seen from one side of it.
+/// The mesh beyond an edge of a triangle, seen from one side of the triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Beyond {
-    /// It turns away or ends: the edge may have a normal of its own.
+    /// It turns away or ends: the edge may admit a normal of its own.
     Sharp,
-    /// It goes on, or rises with this tangent of half the angle.
+    /// It is flat, or rises with this tangent of half the angle.
     Rises(f32),
 }
 
@@ -133,7 +137,8 @@ impl Surface {
         self.edges[edge as usize].ends.map(|end| self.points[end as usize])
     }
 
-    /// Whether the mesh around an edge has nothing farther along `direction`, which is across it.
+    /// True if no point of the mesh around an edge is farther along `direction`, which is across
+    /// the edge.
     pub(super) fn edge_gives(&self, edge: u32, direction: V) -> bool {
         let of = &self.edges[edge as usize];
         let start = self.points[of.ends[0] as usize];
@@ -141,7 +146,7 @@ impl Surface {
         outside && self.wings(edge).iter().all(|&[apex, _]| self.is_below(apex, start, direction))
     }
 
-    /// The same of a vertex.
+    /// True if no point of the mesh around a vertex is farther along `direction`.
     pub(super) fn vertex_gives(&self, vertex: u32, direction: V) -> bool {
         let of = &self.vertices[vertex as usize];
         let place = self.points[vertex as usize];
@@ -156,18 +161,18 @@ impl Surface {
         rise <= 0.0 || rise * rise <= LEVEL * LEVEL * arm.dot(arm)
     }
 
-    /// The opposite corner and the facet of each triangle at an edge.
+    /// Returns the opposite corner and the facet of each triangle at an edge.
     pub(super) fn wings(&self, edge: u32) -> &[[u32; 2]] {
         let Range { start, end } = self.edges[edge as usize].wings;
         &self.wings[start as usize..end as usize]
     }
 
-    /// Whether a face at an edge looks along a direction.
+    /// True if a face at an edge has `direction` as a contact normal.
     pub(super) fn edge_is_flush(&self, edge: u32, direction: V) -> bool {
         self.wings(edge).iter().any(|&[_, facet]| self.looks_along(facet, direction))
     }
 
-    /// Whether a face at a vertex looks along a direction.
+    /// True if a face at a vertex has `direction` as a contact normal.
     pub(super) fn vertex_is_flush(&self, vertex: u32, direction: V) -> bool {
         let Range { start, end } = self.vertices[vertex as usize].fan;
         let mut fan = self.fans[start as usize..end as usize].iter();
@@ -180,8 +185,9 @@ impl Surface {
         along > UPRIGHT || !solid && along < -UPRIGHT
     }
 
-    /// The point of a triangle nearest to a place, and whether that is on a side of the surface there (1: where the
-    /// normals point to, or -1), or beyond its end.
+    /// Returns the point of a triangle nearest to `place`, and whether `place` is on the given side
+    /// of the surface there. The side is 1 where the normals point, or -1. Beyond the boundary of
+    /// the surface, the flag is true.
     pub(super) fn nearest(&self, face: &Face, side: f32, place: V) -> (V, bool) {
         let facet = &self.facets[face.facet as usize];
         let corners = self.corners(face);
@@ -220,24 +226,24 @@ impl Surface {
         (best.1, best.2)
     }
 
-    /// The topology of a mesh.
+    /// Builds the topology of a mesh.
     pub(crate) fn of(mesh: &parry3d::shape::TriMesh) -> Self {
         Builder::of(mesh).finish()
     }
 }
 
-/// Triangles on their way to a surface, in twice the precision.
+/// A mesh while its surface is built, in double precision.
 struct Builder {
     points: Vec<Vector<f64, 3>>,
-    /// Corners after merging; none for what is left out.
+    /// Corners after vertices are merged; none for triangles that are left out.
     triangles: Vec<Option<[u32; 3]>>,
     edges: Vec<[u32; 2]>,
-    /// The triangles at each edge.
+    /// Triangles at each edge.
     at_edge: Vec<Vec<u32>>,
     of_triangle: Vec<[u32; 3]>,
-    /// Whether a triangle bounds a solid, wound outward.
+    /// True for triangles that bound a solid. They are wound outward.
     solid: Vec<bool>,
-    /// The piece that it is of.
+    /// Number of the sheet of each triangle.
     sheet: Vec<u32>,
 }
 
@@ -253,7 +259,7 @@ impl Builder {
     fn of(mesh: &parry3d::shape::TriMesh) -> Self {
         let (mut places, mut points, mut merged) = (HashMap::new(), Vec::new(), Vec::new());
         for vertex in mesh.vertices() {
-            // Adding zero makes one of both zeros.
+            // Adding zero turns -0 into 0, so that both merge.
             let place = vertex.to_array().map(|x| (x + 0.0).to_bits());
             merged.push(*places.entry(place).or_insert_with(|| {
                 points.push(Vector(vertex.to_array().map(f64::from)));
@@ -268,7 +274,7 @@ impl Builder {
             let mut set = corners;
             set.sort_unstable();
             let flat = set[0] == set[1] || set[1] == set[2];
-            // A copy of another triangle, as double-sided meshes have, adds nothing.
+            // A copy of another triangle, as in double-sided meshes, adds nothing.
             if flat || seen.insert(set, index).is_some() || area(&points, corners).length() <= 0.0 {
                 triangles.push(None);
                 of_triangle.push([0; 3]);
@@ -291,7 +297,7 @@ impl Builder {
         builder
     }
 
-    /// Winds neighbors alike, and tells what bounds a solid.
+    /// Winds the triangles of each sheet alike, and finds the sheets that bound a solid.
     fn orient(&mut self) {
         let mut seen = vec![false; self.triangles.len()];
         let mut sheets = 0;
@@ -321,7 +327,7 @@ impl Builder {
                             self.turn(other);
                         }
                     } else if !alike {
-                        // It has one side only, as a Moebius strip.
+                        // The sheet is not orientable, as a Moebius strip.
                         closed = false;
                     }
                 }
@@ -329,7 +335,7 @@ impl Builder {
             piece.iter().for_each(|&triangle| self.sheet[triangle] = sheets);
             sheets += 1;
             let volume = if closed { self.volume(&piece) } else { 0.0 };
-            // Wound inward throughout it is a room, with a wall of two sides.
+            // A mesh that is wound inward throughout is a room, whose walls have two sides.
             if volume > 0.0 || volume < 0.0 && turned {
                 for triangle in piece {
                     self.solid[triangle] = true;
@@ -348,7 +354,7 @@ impl Builder {
         }
     }
 
-    /// Six times the volume that triangles enclose. \[m^3\]
+    /// Returns six times the volume that triangles enclose. \[m^3\]
     fn volume(&self, piece: &[usize]) -> f64 {
         let corners = || piece.iter().filter_map(|&triangle| self.triangles[triangle]);
         let Some(first) = corners().next() else { return 0.0 };
@@ -367,7 +373,7 @@ impl Builder {
             .collect();
         let (facets, facet_of, turned) = self.facets(&areas);
         let single = |v: Vector<f64, 3>| Vector(v.0.map(|x| x as f32));
-        // Edges with their wings.
+        // Collect the wings of each edge.
         let mut wings = Vec::new();
         let mut around: Vec<Edge> = Vec::with_capacity(edges.len());
         for (&ends, at) in edges.iter().zip(at_edge) {
@@ -414,14 +420,16 @@ impl Builder {
         surface
     }
 
-    /// Joins triangles in one plane: the facets, that of each triangle, and whether it is wound against it.
+    /// Joins coplanar triangles. Returns the facets, the facet of each triangle, and whether the
+    /// triangle is wound against it.
     fn facets(&self, areas: &[Vector<f64, 3>]) -> (Vec<Facet>, Vec<u32>, Vec<bool>) {
         let Self { points, triangles, at_edge, of_triangle, solid, .. } = self;
         let size = points.iter().flat_map(|p| p.0).fold(0.0f64, |size, x| size.max(x.abs()));
         let count = triangles.len();
         let (mut facets, mut of, mut turned) =
             (Vec::new(), vec![u32::MAX; count], vec![false; count]);
-        // From the largest on: slivers, whose own planes mean nothing, join what they lie on.
+        // Start with the largest triangles. Slivers have no reliable plane, so they join larger
+        // ones.
         let mut order: Vec<usize> = (0..count).filter(|&t| triangles[t].is_some()).collect();
         order.sort_by(|&a, &b| areas[b].length().total_cmp(&areas[a].length()));
         for seed in order {
@@ -442,7 +450,8 @@ impl Builder {
                     let other = if one as usize == triangle { other } else { one } as usize;
                     let Some(theirs) = triangles[other] else { continue };
                     let flat = theirs.iter().all(|&corner| out(corner).abs() <= FLAT * size);
-                    // One that is folded back lies in the plane, too, and is wound the other way.
+                    // A triangle that is folded back lies in the plane, too, but is wound the other
+                    // way.
                     let shared = self.edges[edge as usize];
                     let apex =
                         |of: [u32; 3]| of.into_iter().find(|corner| !shared.contains(corner));
@@ -468,7 +477,7 @@ impl Builder {
         (facets, of, turned)
     }
 
-    /// Whether two points in a plane are on the same side of a line.
+    /// True if two points in a plane are on the same side of a line.
     fn same_side(&self, line: [u32; 2], apexes: [u32; 2], normal: Vector<f64, 3>) -> bool {
         let [from, to] = line.map(|corner| self.points[corner as usize]);
         let across: Vector<f64, 3> = moment(to - from, normal);
@@ -477,14 +486,15 @@ impl Builder {
     }
 }
 
-/// Twice the area of a triangle, along its normal. \[m^2\]
+/// Returns the normal of a triangle, of twice its area in length. \[m^2\]
 fn area(points: &[Vector<f64, 3>], corners: [u32; 3]) -> Vector<f64, 3> {
     let [a, b, c] = corners.map(|corner| points[corner as usize]);
     moment(b - a, c - a)
 }
 
 impl Surface {
-    /// By how much the mesh bends at an edge, as a triangle of this facet with this opposite corner sees it.
+    /// Returns the bend of the mesh at an edge, seen from the triangle with this facet and this
+    /// opposite corner. \[1\]
     fn bend(&self, edge: u32, facet: u32, apex: u32) -> f32 {
         let &[one, other] = self.wings(edge) else { return OPEN };
         let [beyond, theirs] = if one == [apex, facet] { other } else { one };
@@ -502,7 +512,7 @@ impl Surface {
         if length + run <= 1e-4 * length { OPEN } else { rise / (length + run) }
     }
 
-    /// Gathers what is around each vertex, and which triangles have sharp parts.
+    /// Collects the surroundings of each vertex, and marks the faces with sharp edges or vertices.
     fn find_vertices(&mut self, solid: &[bool]) {
         let count = self.points.len();
         let (mut rings, mut fans) = (vec![Vec::new(); count], vec![Vec::new(); count]);
@@ -535,7 +545,7 @@ impl Surface {
                 });
                 let angle = libm::acosf(arms[0].dot(arms[1]).clamp(-1.0, 1.0));
                 outward[own] += normal * angle;
-                // A solid is touched from outside only.
+                // Contacts of a solid are outside only.
                 let seen = |side: &f32| face.beyond(k, *side) == Beyond::Sharp;
                 if [1.0, -1.0][..if solid { 1 } else { 2 }].iter().any(seen) {
                     sharp[own] = true;

@@ -5,7 +5,7 @@ use super::*;
 use crate::geometry::random::Random;
 use crate::geometry::{Geometry, Rigid3};
 
-/// A hilly sheet, and a lump that encloses something.
+/// Returns a hilly sheet, and a closed lump.
 fn meshes(random: &mut Random) -> [SharedShape; 2] {
     let (n, mut vertices, mut triangles) = (8u32, Vec::new(), Vec::new());
     for i in 0..=n {
@@ -39,8 +39,8 @@ fn shapes(random: &mut Random) -> Vec<SharedShape> {
     ]
 }
 
-/// The distance of a mesh from a round shape along y, by points of its core: they are exact where the iterations for
-/// whole shapes are not. \[m\]
+/// Returns the distance of a mesh from a round shape along y, by points of its core: these are
+/// exact, unlike the iterations for whole shapes. \[m\]
 fn from_core(
     (half, radius): (f32, f32),
     own: &<Rigid3 as Geometry<3, 3>>::Pose,
@@ -55,8 +55,8 @@ fn from_core(
     distances.fold(f32::INFINITY, f32::min) - radius
 }
 
-/// What is said of how far shapes are apart is never more than that; balls and capsules that do not touch are told
-/// exactly, along the direction of the nearest points. Both orders say the same.
+/// The reported gap is never more than the distance. For balls and capsules that do not touch it is
+/// exact, along the direction of the nearest points. Both orders of the shapes agree.
 #[test]
 fn gaps_are_those_of_the_nearest_points() {
     let mut random = Random(7);
@@ -93,7 +93,7 @@ fn gaps_are_those_of_the_nearest_points() {
         assert!(apart[0] <= distance + 1e-4, "{round}: {} of {distance}", apart[0]);
         let points = touches.iter().flat_map(|touch| &touch.points);
         let least = points.map(|point| point.gap).fold(f32::INFINITY, f32::min);
-        // Of what is within the lump, its surface is not the nearest.
+        // Inside the lump, its surface is not the nearest feature.
         let inside =
             round / kinds % 2 == 1 && (own.translation - other.translation).length() < 0.65;
         if kind < 2 && !inside && distance < prediction {
@@ -111,7 +111,8 @@ fn gaps_are_those_of_the_nearest_points() {
     assert!(found[0] > 100 && found[1] > 100, "{found:?}");
 }
 
-/// On a plane of many triangles a shape has the contact that it has on one of two, wherever it is.
+/// On a plane of many triangles, a shape has the same contact as on a plane of two, at any
+/// position.
 #[test]
 fn planes_are_one_facet() {
     let plane = |n: u32| {

@@ -4,7 +4,8 @@ use crate::geometry::random::Random;
 use crate::geometry::solid::Cuboid;
 use crate::geometry::{Geometry, Rigid3};
 
-/// How far a core is from a surface or a line: the distance is convex along it, and parry's from a point exact.
+/// Returns the distance of a core from a surface or a line. It is convex along the core, and
+/// parry's distance from a point is exact.
 fn distance(core: &RoundedCore<3>, from: &dyn parry3d::shape::Shape) -> f32 {
     let at = |part: f32| from.distance_to_local_point(core.at(part).0.into(), false);
     let (mut low, mut high) = (0.0, 1.0);
@@ -19,7 +20,7 @@ fn distance(core: &RoundedCore<3>, from: &dyn parry3d::shape::Shape) -> f32 {
     at(low).min(at(0.0)).min(at(1.0))
 }
 
-/// Whether a point of a core is in a solid.
+/// True if a point of a core is in a solid.
 fn overlap(core: &RoundedCore<3>, solid: &impl Solid<3>) -> bool {
     (0..=100).any(|part| {
         let point = core.at(part as f32 / 100.0);
@@ -30,7 +31,8 @@ fn overlap(core: &RoundedCore<3>, solid: &impl Solid<3>) -> bool {
     })
 }
 
-/// Balls and capsules about boxes and hulls, and about each other, on all sides.
+/// The deepest contact point is as deep as the shapes overlap: balls and capsules on all sides of
+/// boxes, of hulls and of each other.
 #[test]
 fn the_deepest_point_is_as_deep_as_the_shapes_are() {
     const PREDICTION: f32 = 0.1;
@@ -82,7 +84,7 @@ fn the_deepest_point_is_as_deep_as_the_shapes_are() {
         if overlap {
             continue;
         }
-        // What was not nearest is not taken for what is.
+        // A feature that was not the nearest is not taken for the nearest.
         for number in 0..12 {
             let face = FaceOf { b: true, face: number % 6 }.feature(0);
             for before in [face, edges_feature([0, number])].map(Some) {
@@ -100,7 +102,8 @@ fn the_deepest_point_is_as_deep_as_the_shapes_are() {
                 }
             }
         }
-        // Something between an edge and a face counts as on the face, up to a thousandth of its distance.
+        // A direction between an edge and a face counts as over the face, up to a thousandth of the
+        // distance.
         assert!(gap <= apart + 2e-4, "{turn}: {gap} apart, and {apart}");
         if apart > PREDICTION {
             assert!(touch.points.is_empty() || apart < PREDICTION + 2e-4, "{turn}: {touch:?}");

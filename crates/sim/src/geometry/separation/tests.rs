@@ -19,12 +19,12 @@ fn hull(random: &mut Random) -> Hull {
     }
 }
 
-/// The gap along an axis from a to b.
+/// Returns the gap along an axis from a to b.
 fn gap(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>, axis: Vector<f32, 3>) -> f32 {
     axis.dot(from_b.point(b.support(from_b.local_direction(-axis))) - a.support(axis))
 }
 
-/// Edges of a solid, as ways along them.
+/// Returns the edges of a solid as vectors.
 fn edges(solid: &impl Solid<3>) -> Vec<Vector<f32, 3>> {
     let mut edges = Vec::new();
     for face in 0..solid.faces() {
@@ -37,7 +37,8 @@ fn edges(solid: &impl Solid<3>) -> Vec<Vector<f32, 3>> {
     edges
 }
 
-/// What became of the pairs: sure of a face, and an edge wins; what was found again without a search.
+/// Counts of pairs: those with a certain face, those where an edge wins, and those found again
+/// without a search.
 #[derive(Default)]
 struct Seen {
     sure: usize,
@@ -47,7 +48,7 @@ struct Seen {
 
 const PREDICTION: f32 = 0.02;
 
-/// The axis with the most gap of those across two edges.
+/// Returns the axis with the largest gap among those across two edges.
 fn across(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>) -> Option<Crossing<3>> {
     let mut best = (f32::NEG_INFINITY, None);
     for edge in edges(a) {
@@ -66,7 +67,7 @@ fn across(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>) -> Option<Cro
     best.1.map(|axis| Crossing { axis, on_a, on_b, feature: 0 })
 }
 
-/// Asks again with what was found, moved on a little.
+/// Repeats the query with the feature that was found.
 fn again(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>, any: f32, seen: &mut Seen) {
     let first = between(a, b, from_b, PREDICTION, None, || across(a, b, from_b));
     let (kind, feature) = match first.axis {
@@ -84,7 +85,8 @@ fn again(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>, any: f32, seen
         across(a, b, from_b)
     });
     let favored = |gap: f32| edge_beyond(gap, PREDICTION) + 1e-5;
-    // What did not win is not taken for what did, and every face that is near has a point.
+    // A feature that did not win is not taken for the winner, and every near face has a contact
+    // point.
     for edge in (0..a.edges().min(b.edges())).step_by(7) {
         let feature = edges_feature([edge, b.edges() - 1 - edge]);
         let other = between(a, b, from_b, PREDICTION, Some(feature), || across(a, b, from_b));
@@ -107,7 +109,7 @@ fn again(a: &impl Solid<3>, b: &impl Solid<3>, from_b: &Frame<3>, any: f32, seen
     seen.known[kind] += usize::from(!asked);
 }
 
-/// Brings b against a face of a, with this gap, and looks.
+/// Places b against a face of a with this gap, and compares.
 fn compare(
     a: &impl Solid<3>,
     b: &impl Solid<3>,
@@ -145,8 +147,8 @@ fn compare(
     seen.beaten += usize::from(any > best.gap + 1e-3);
 }
 
-/// Against all faces, and all axes across two edges: no others can have the most gap while solids
-/// overlap.
+/// Compares with all faces, and with all axes across two edges: while solids overlap, only these
+/// can have the largest gap.
 #[test]
 fn a_face_that_is_sure_is_beaten_by_no_axis() {
     let mut random = Random(1);
@@ -166,7 +168,7 @@ fn a_face_that_is_sure_is_beaten_by_no_axis() {
     assert!(seen.known.iter().all(|known| *known > 50), "{:?} found again", seen.known);
 }
 
-/// Against all faces and edges of two boxes.
+/// Compares with all faces and edges of two boxes.
 #[test]
 fn boxes_are_held_apart_along_the_best_axis() {
     let mut random = Random(2);
@@ -196,14 +198,15 @@ fn boxes_are_held_apart_along_the_best_axis() {
     assert!(edges_won > 300, "{edges_won}");
 }
 
-/// A unit quaternion: a turn about an axis by an angle \[rad\].
+/// Returns a unit quaternion: a rotation about an axis by an angle \[rad\].
 fn about(axis: [f32; 3], angle: f32) -> [f32; 4] {
     let (sin, cos) = (0.5 * angle).sin_cos();
     [axis[0] * sin, axis[1] * sin, axis[2] * sin, cos]
 }
 
-/// Boxes that lie on each other, turned, sunk in and leaning, are held by a face: axes across the rims of both
-/// faces have a little less overlap, and one point each. Beams across each other are held by their edges.
+/// Boxes that lie on each other, rotated, overlapping and leaning, are separated along a face
+/// normal. Axes across the rims of both faces have slightly less overlap, and one point each.
+/// Crossed beams on edge are separated across their edges.
 #[test]
 fn what_leans_is_held_by_a_face() {
     let (a, b) = (Cuboid(Vector([0.24, 0.2, 0.25])), Cuboid(Vector([0.24, 0.18, 0.24])));
@@ -232,14 +235,14 @@ fn what_leans_is_held_by_a_face() {
     }
 }
 
-/// How deep a point is inside a solid: the way to its nearest face. \[m\]
+/// Returns the depth of a point in a solid: its distance to the nearest face. \[m\]
 fn depth(solid: &impl Solid<3>, point: Vector<f32, 3>) -> f32 {
     let ways = (0..solid.faces()).map(|face| solid.face(face)).map(|(n, on)| n.dot(on - point));
     ways.fold(f32::INFINITY, f32::min)
 }
 
-/// If the farthest vertex over a face that holds two hulls apart is inside the other hull, some point is told
-/// that is half as deep, also where the vertex is under a neighbor of the face.
+/// If the vertex farthest over the winning face is inside the other hull, some contact point is at
+/// least half as deep. This holds also if the vertex is below a neighbor of the face.
 #[test]
 fn what_is_beside_a_face_is_told() {
     let (mut random, mut inside, mut beside) = (Random(3), 0, 0);

@@ -19,8 +19,8 @@ fn faces(surface: &Surface) -> impl Iterator<Item = &Face> {
     surface.faces.iter().flatten()
 }
 
-/// A closed mesh is a solid with its normals outward, however its triangles are wound, unless all are wound inward;
-/// its sides are facets.
+/// A closed mesh is a solid with outward normals, however its triangles are wound, unless all are
+/// wound inward. Its sides are facets.
 #[test]
 fn a_cube_is_a_solid() {
     let (vertices, triangles) = cube();
@@ -44,7 +44,8 @@ fn a_cube_is_a_solid() {
         if turned > 40 && solid && turned % 97 > 0 {
             continue;
         }
-        // Edges of the cube give what is between their faces, and diagonals nothing but the face.
+        // Edges of the cube admit the normals between those of their faces; diagonals admit only
+        // that of the face.
         for (number, edge) in (0..).zip(&surface.edges) {
             let [from, to] = surface.ends(number);
             let across = Vector([0.5; 3]) - (from + to) * 0.5;
@@ -58,7 +59,7 @@ fn a_cube_is_a_solid() {
     }
 }
 
-/// Copies of triangles, as double-sided meshes have, add nothing; vertices are known by place.
+/// Copies of triangles, as in double-sided meshes, add nothing. Vertices at one position are one.
 #[test]
 fn copies_add_nothing() {
     let (vertices, triangles) = cube();
@@ -71,7 +72,8 @@ fn copies_add_nothing() {
     assert!(surface.facets.iter().all(|facet| facet.solid));
 }
 
-/// A flat sheet of many triangles gives its two normals and nothing else inside, and its rim whatever is away from it.
+/// Inside, a flat sheet of many triangles admits its two normals and no others. Its rim admits all
+/// directions away from it.
 #[test]
 fn a_sheet_gives_its_normals() {
     let n = 6;
@@ -103,7 +105,8 @@ fn a_sheet_gives_its_normals() {
     }
 }
 
-/// A valley gives nothing from above, and as a ridge what is between its sides from below.
+/// From above, a valley admits no normal. From below it is a ridge, and admits those between the
+/// normals of its sides.
 #[test]
 fn a_valley_is_a_ridge_from_below() {
     let vertices = [[-1.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -117,14 +120,14 @@ fn a_valley_is_a_ridge_from_below() {
         let facet = &surface.facets[face.facet as usize];
         let k = face.edges.iter().position(|&edge| edge == valley).unwrap();
         let side = facet.normal[1].signum();
-        // The sides meet at a right angle.
+        // The sides are perpendicular.
         assert_eq!(face.beyond(k, -side), Beyond::Sharp);
         let Beyond::Rises(bend) = face.beyond(k, side) else { panic!() };
         assert!((bend - libm::tanf(std::f32::consts::FRAC_PI_8 * 2.0)).abs() < 1e-5, "{bend}");
     }
 }
 
-/// Across an edge, along one of its faces.
+/// Returns a unit vector across an edge, along one of its faces.
 fn aside(surface: &Surface, edge: u32) -> V {
     let [from, to] = surface.ends(edge);
     let [apex, _] = surface.wings(edge)[0];
@@ -133,7 +136,7 @@ fn aside(surface: &Surface, edge: u32) -> V {
     across * (1.0 / across.length())
 }
 
-/// A strip with half a turn has no inside, and neither has a cube with a wall in it.
+/// A Moebius strip has no inside, and neither has a cube with an inner wall.
 #[test]
 fn what_encloses_nothing_is_a_sheet() {
     let count = 12;
