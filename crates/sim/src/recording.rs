@@ -37,7 +37,7 @@ pub struct Recording {
     pub frame_time: f64,
     /// Number of the first frame; frame 0 is the initial state.
     pub start: usize,
-    /// Poses in the order frames × bodies × (3D: px py pz qx qy qz qw; 2D: px py angle). \[m, rad\]
+    /// Poses by frame, body and number: px py pz qx qy qz qw in 3D, px py angle in 2D. \[m, rad\]
     pub poses: Vec<f32>,
 }
 

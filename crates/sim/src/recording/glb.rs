@@ -18,8 +18,8 @@ use crate::scene::{Body, Motion, Rotation, Scene, Shape};
 
 /// Writes a scene with a mesh per shape and a node per body, and its recording as an animation.
 ///
-/// Nodes have the names of their bodies, or `body 12` without a name. 2D scenes lie in the plane z
-/// = 0, 0.5 m thick.
+/// Nodes have the names of their bodies, or `body 12` without a name. 2D scenes are 0.5 m thick and
+/// lie in the plane z = 0.
 ///
 /// # Errors
 /// If the recording has other bodies or is not finite, or the file cannot be written. An existing

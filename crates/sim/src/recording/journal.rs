@@ -158,7 +158,8 @@ enum Kind {
     Checkpoint = b'C',
 }
 
-/// A journal open for writing. The file is locked: no other process can write to it meanwhile.
+/// A journal open for writing. Where the file system supports locks, no other process can write to
+/// the file meanwhile.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,

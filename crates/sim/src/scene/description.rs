@@ -265,9 +265,9 @@ pub struct Material {
     pub friction: f64,
     /// Coefficient of restitution, 0..1. \[1\]
     pub restitution: f64,
-    /// Rolling resistance: the largest distance by which the normal force may act ahead of the contact.
-    /// A rolling ball of radius r decelerates as on an upward slope of this length over r. Of two
-    /// surfaces, the larger value counts. \[m\]
+    /// Rolling resistance: the largest distance by which the normal force may act ahead of the
+    /// contact. A rolling ball of radius r decelerates as on an upward slope of this length over r.
+    /// Of two surfaces, the larger value counts. \[m\]
     pub rolling_resistance: f64,
     /// Resistance to spinning about the normal: the largest moment divided by the normal force. Of
     /// two surfaces, the larger value counts. \[m\]

@@ -1,7 +1,7 @@
 use super::*;
 use crate::scene::format::read_toml;
 
-/// Writes a stage in which each body moves by one meter along x per frame and turns by 45° about z.
+/// Writes a stage in which each body moves by 1 m along x and turns by 45° about z per frame.
 fn stage(text: &str, frames: usize, options: &Sampling) -> String {
     let scene = read_toml(Path::new("test.toml"), text).unwrap().scene;
     let (dimension, bodies) = (scene.dimension, scene.bodies.len());
