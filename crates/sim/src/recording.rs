@@ -1,4 +1,4 @@
-//! Poses over time, as they leave Drystone.
+//! Recordings (poses over time) and the file formats to which they are written.
 
 pub mod animation;
 pub mod buffer;
@@ -23,45 +23,45 @@ use crate::geometry::pose_numbers;
 pub use file::write_whole;
 pub use sampling::Sampling;
 
-/// Times between two frames that are meant. \[s\]
+/// Accepted times between two frames. \[s\]
 const APART: RangeInclusive<f64> = 1e-9..=1e6;
 
-/// What a bake produced: the pose of every body at every frame.
+/// Result of a bake: the pose of every body at every frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// 2 or 3.
+    /// Number of dimensions: 2 or 3.
     pub dimension: usize,
-    /// Bodies per frame.
+    /// Number of bodies per frame.
     pub bodies: usize,
     /// Time between two frames. \[s\]
     pub frame_time: f64,
-    /// Number of its first frame; 0 is the initial state.
+    /// Number of the first frame; frame 0 is the initial state.
     pub start: usize,
-    /// frames x bodies x (3D: px py pz qx qy qz qw; 2D: px py angle). \[m, rad\]
+    /// Poses by frame, body and number: px py pz qx qy qz qw in 3D, px py angle in 2D. \[m, rad\]
     pub poses: Vec<f32>,
 }
 
 impl Recording {
-    /// Numbers per pose: 7 in 3D, 3 in 2D.
+    /// Returns the number of floats per pose: 7 in 3D, 3 in 2D.
     pub fn stride(&self) -> usize {
         pose_numbers(self.dimension)
     }
 
-    /// Number of frames, the initial state included.
+    /// Returns the number of frames; the initial state counts as one.
     pub fn frames(&self) -> usize {
         if self.bodies == 0 { 0 } else { self.poses.len() / (self.bodies * self.stride()) }
     }
 
-    /// When its frames are. \[s\]
+    /// Returns the times of the frames. \[s\]
     pub fn times(&self) -> impl ExactSizeIterator<Item = f64> {
         let (start, frame_time) = (self.start, self.frame_time);
         (0..self.frames()).map(move |frame| start.saturating_add(frame) as f64 * frame_time)
     }
 
-    /// Some of its frames, by number; they keep their times.
+    /// Returns a range of frames, by number; they keep their times.
     ///
     /// # Panics
-    /// It does not have all of them.
+    /// If the recording lacks one of these frames.
     #[must_use]
     pub fn piece(&self, frames: RangeInclusive<usize>) -> Self {
         let (first, last) = frames.into_inner();
@@ -70,7 +70,8 @@ impl Recording {
         Self { start: first, poses, ..*self }
     }
 
-    /// That it has as many bodies as a scene, in as many dimensions, and a rate.
+    /// Checks that the recording has these numbers of bodies and dimensions, and an accepted frame
+    /// time.
     pub(crate) fn must_have(&self, bodies: usize, dimension: usize) -> io::Result<()> {
         let message = if (self.bodies, self.dimension) != (bodies, dimension) {
             format!(
@@ -87,13 +88,13 @@ impl Recording {
         Err(io::Error::new(io::ErrorKind::InvalidInput, message))
     }
 
-    /// The first frame, by number, and body whose pose has a number that is not finite.
+    /// Returns the number of the first frame, and the body in it, whose pose is not finite.
     pub fn first_not_finite(&self) -> Option<(usize, usize)> {
         let place = self.poses.iter().position(|x| !x.is_finite())? / self.stride();
         Some((self.start + place / self.bodies, place % self.bodies))
     }
 
-    /// The pose of a body at a frame, counted from its first.
+    /// Returns the pose of a body at a frame, counted from the first frame of the recording.
     pub fn pose(&self, frame: usize, body: usize) -> &[f32] {
         let stride = self.stride();
         let start = (frame * self.bodies + body) * stride;

@@ -1,9 +1,9 @@
-//! A scene as people and programs write it, and its formats.
+//! Scene descriptions and the file formats that hold them.
 //!
-//! [`Scene`] is the one description that every reader produces and every world is built from.
-//! SI units, right-handed, +y up. Vectors have as many components as the scene has dimensions.
+//! Every reader produces a [`Scene`], and every world is built from one. SI units, right-handed, +y
+//! up. Vectors have as many components as the scene has dimensions.
 
-// An error is made once per file: its size does not matter.
+// At most one error is made per file, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 pub(crate) mod description;
@@ -31,19 +31,19 @@ pub use read::Read;
 pub use schema::json_schema;
 pub use write::{to_json, to_toml};
 
-/// Reads a scene from a file: `.toml`, `.json`, `.gltf`, `.glb`, `.usda` or `.usd`, in upper or lower
-/// case.
+/// Reads a scene from a file. The extension is `.toml`, `.json`, `.gltf`, `.glb`, `.usda` or
+/// `.usd`, in upper or lower case.
 ///
 /// # Errors
-/// [`SceneError::unreadable`] if the operating system does not give the file; otherwise what is
-/// wrong in it.
+/// [`SceneError::unreadable`] is set if the operating system does not provide the file. Otherwise
+/// the error describes the first fault found in the file.
 pub fn read(path: &Path) -> Result<Read, SceneError> {
     let extension = path.extension().and_then(|name| name.to_str()).unwrap_or("");
     match extension.to_ascii_lowercase().as_str() {
         "toml" => format::read_toml(path, &file::read_text(path)?),
         "json" => format::read_json(path, &file::read_text(path)?),
         "gltf" | "glb" => gltf::read(path),
-        // Binary ones are refused there, with what to do.
+        // `usd::read` refuses binary files and says how to convert them.
         "usda" | "usd" | "usdc" | "usdz" => usd::read(path),
         other => Err(SceneError {
             file: path.to_owned(),

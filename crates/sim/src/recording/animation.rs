@@ -1,4 +1,4 @@
-//! A recording as a glTF animation clip: linear keys, as few as a tolerance allows.
+//! Writes a recording as a glTF animation clip: linear keys, as few as the tolerance allows.
 
 use std::collections::HashMap;
 use std::io;
@@ -16,27 +16,27 @@ use super::sampling::{Sampling, Track, sample_times, tracks};
 pub struct Target<'a> {
     /// Index of the node in the document.
     pub node: usize,
-    /// Body in the recording.
+    /// Index of the body in the recording.
     pub body: usize,
     /// Length of a unit of the node's translation in the world. \[m\]
     pub unit: f64,
-    /// Translation and rotation of the node in its parent, from the time \[s\] and the pose of
-    /// the body in the world. [`pose_at`] tells where other bodies are at that time.
+    /// Function from the time \[s\] and the world pose of the body to the pose of the node relative
+    /// to its parent. It may call [`pose_at`] for the poses of other bodies at that time.
     pub local: &'a (dyn Fn(f64, Pose) -> Pose + Sync),
 }
 
-/// The local pose of a node at the root that is its body.
+/// Returns the local pose of a root node that represents the body itself.
 pub fn as_body(_time: f64, pose: Pose) -> Pose {
     pose
 }
 
-/// Appends a clip to a document and tells its index: none if nothing moves.
+/// Appends a clip to a document and returns its index; `None` if nothing moves.
 ///
-/// A node that moves or turns less than the tolerance gets no channel; its own translation and
-/// rotation become those of the first frame, unless they are that already.
+/// A node that moves or turns less than the tolerance gets no channel. Its own translation and
+/// rotation are set to those of the first frame, unless they already agree.
 ///
 /// # Errors
-/// A pose is not finite.
+/// If a pose is not finite.
 pub fn append_clip(
     gltf: &mut GltfBuffer<'_>,
     name: &str,
@@ -44,7 +44,7 @@ pub fn append_clip(
     targets: &[Target<'_>],
     options: &Sampling,
 ) -> io::Result<Option<usize>> {
-    // As the file holds them.
+    // In the precision of the file.
     let mut times: Vec<f32> =
         sample_times(recording, options).into_iter().map(|time| time as f32).collect();
     times.dedup();
@@ -74,7 +74,7 @@ pub fn append_clip(
 }
 
 impl Target<'_> {
-    /// The position tolerance in units of the node's translation.
+    /// Returns the position tolerance in units of the node's translation.
     fn move_by(&self, options: &Sampling) -> f64 {
         options.position_tolerance / if self.unit > 0.0 { self.unit } else { 1.0 }
     }
@@ -97,11 +97,11 @@ fn rest_at<const N: usize>(
     }
 }
 
-/// Samplers and channels; all data goes to one view.
+/// Samplers and channels; all data goes to one buffer view.
 #[derive(Default)]
 struct Clip {
     data: Vec<u8>,
-    /// Offset in the view is relative; the view is known only at the end.
+    /// Accessors into that view, whose index is set at the end.
     accessors: Vec<Value>,
     inputs: HashMap<Vec<u32>, usize>,
     samplers: Vec<Value>,

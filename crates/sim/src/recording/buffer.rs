@@ -1,4 +1,4 @@
-//! Appending binary data to a glTF document, and writing the two as `.glb`.
+//! Appends binary data to a glTF document, and writes both as `.glb`.
 
 use std::io::{self, Write};
 
@@ -8,13 +8,13 @@ use serde_json::{Value, json};
 pub struct GltfBuffer<'a> {
     /// The document.
     pub document: &'a mut Value,
-    /// The bytes of the buffer.
+    /// Bytes of the buffer.
     pub bytes: &'a mut Vec<u8>,
-    /// Index of the buffer in the document; it is made if it is the next one.
+    /// Index of the buffer in the document; it is created if it is one past the last.
     pub buffer: usize,
 }
 
-/// What an accessor's data is for.
+/// Purpose of the data of a buffer view.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Use {
     /// Anything but vertices.
@@ -26,7 +26,7 @@ pub enum Use {
 }
 
 impl GltfBuffer<'_> {
-    /// Appends to a list of the document and tells the index.
+    /// Appends an item to a list of the document and returns its index.
     pub fn push(&mut self, list: &str, item: Value) -> usize {
         if !self.document.is_object() {
             *self.document = json!({});
@@ -42,7 +42,7 @@ impl GltfBuffer<'_> {
         items - 1
     }
 
-    /// Appends a view of these bytes, which starts at a multiple of 4.
+    /// Appends a view of these bytes, which starts at a multiple of 4, and returns its index.
     pub fn push_view(&mut self, data: &[u8], used_for: Use) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let mut view = json!({
@@ -68,8 +68,8 @@ impl GltfBuffer<'_> {
         self.document["buffers"][self.buffer]["byteLength"] = json!(self.bytes.len());
     }
 
-    /// Appends an accessor to floats in a view of their own; with bounds, its smallest and largest
-    /// components are stored.
+    /// Appends an accessor to floats in a view of their own. With `bounds`, it states the smallest
+    /// and largest components.
     pub fn push_floats<const N: usize>(
         &mut self,
         data: &[[f32; N]],
@@ -99,7 +99,7 @@ impl GltfBuffer<'_> {
         self.push("accessors", accessor)
     }
 
-    /// Appends an accessor to colors of 4 bytes, 255 being 1.
+    /// Appends an accessor to colors of 4 bytes; 255 stands for 1.
     pub fn push_colors(&mut self, data: &[[u8; 4]]) -> usize {
         let view = self.push_view(data.as_flattened(), Use::Vertices);
         let accessor = json!({
@@ -146,7 +146,7 @@ pub(super) fn float_accessor<const N: usize>(
 /// Writes a document and its first buffer as `.glb`.
 ///
 /// # Errors
-/// The system refuses, or the file would exceed the 4 GiB that the format can hold.
+/// If the system refuses, or the file would exceed the 4 GiB that the format can hold.
 pub fn write_glb(out: &mut dyn Write, document: &Value, buffer: &[u8]) -> io::Result<()> {
     let mut text = serde_json::to_vec(document)?;
     text.resize(text.len().next_multiple_of(4), b' ');

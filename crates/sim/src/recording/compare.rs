@@ -1,23 +1,23 @@
-//! Where two recordings of the same bodies part.
+//! Compares two recordings of the same bodies.
 
 use super::Recording;
 use super::pose::{angle, distance, frame_pose};
 
-/// Two poses of a body that differ.
+/// Difference between two poses of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
-    /// The frame, from 0.
+    /// Index of the frame, from 0.
     pub frame: usize,
-    /// The body.
+    /// Index of the body.
     pub body: usize,
-    /// Between both positions; not finite where one of them is not. \[m\]
+    /// Distance between both positions; not finite if one of them is not. \[m\]
     pub distance: f64,
-    /// Between both rotations. \[rad\]
+    /// Angle between both rotations. \[rad\]
     pub angle: f64,
 }
 
-/// All poses that differ in any bit, frame by frame. Frames that only one recording has are left
-/// out, and so are bodies.
+/// Returns all poses that differ in any bit, frame by frame. Frames and bodies that only one
+/// recording has are left out.
 pub fn differences<'a>(
     a: &'a Recording,
     b: &'a Recording,

@@ -1,26 +1,26 @@
-//! Files that appear whole or not at all.
+//! Files that are written completely or not at all.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes a file that nobody ever sees in part: the data goes to a temporary file beside it, whose
-/// name ends in `.partial`, and takes its place once it is on the disk.
+/// Writes a file of which nobody ever sees a part. The data goes to a temporary file in the same
+/// folder, whose name ends in `.partial`. Once that is on the disk, it is renamed to the target.
 ///
 /// # Errors
-/// The target is a directory, no regular file or read-only, or the system refuses; what was at the target
-/// before is still there, and the temporary file is removed.
+/// If the target is a directory, not a regular file or read-only, or if the system refuses. An
+/// existing target then stays unchanged, and the temporary file is removed.
 pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
-    // Renaming onto a link would replace the link rather than what it points to.
+    // Renaming onto a link would replace the link, not the file that it points to.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     match fs::metadata(&target) {
         Ok(data) if data.is_dir() => return Err(refusal("a directory is in its place")),
         Ok(data) if !data.is_file() => return Err(refusal("it is not a regular file")),
-        // A rename would replace it all the same.
+        // A rename would replace even a read-only file.
         Ok(data) if data.permissions().readonly() => {
             return Err(io::Error::new(io::ErrorKind::PermissionDenied, "it is read-only"));
         }
@@ -42,7 +42,7 @@ fn refusal(why: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, why.to_owned())
 }
 
-/// Is removed when dropped, also by a panic.
+/// A temporary file, removed when dropped, even by a panic.
 struct Temporary {
     path: PathBuf,
 }
@@ -70,7 +70,8 @@ fn create_beside(target: &Path) -> io::Result<(File, Temporary)> {
     Err(last)
 }
 
-/// Makes a name in a directory last; not every system can, and the file is whole either way.
+/// Makes the name of a file survive a power failure. Not every system can; the file is whole either
+/// way.
 pub(super) fn sync_directory(target: &Path) {
     let parent = target.parent().filter(|parent| !parent.as_os_str().is_empty());
     if let Ok(directory) = File::open(parent.unwrap_or(Path::new("."))) {

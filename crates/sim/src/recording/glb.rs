@@ -1,4 +1,4 @@
-//! A scene of Drystone's own format and its recording as one `.glb`.
+//! Writes a scene of Drystone's own format and its recording as one `.glb`.
 
 use std::collections::HashMap;
 use std::io;
@@ -18,12 +18,12 @@ use crate::scene::{Body, Motion, Rotation, Scene, Shape};
 
 /// Writes a scene with a mesh per shape and a node per body, and its recording as an animation.
 ///
-/// Nodes bear the names of their bodies, or `body 12`. 2D scenes lie in the plane z = 0, 0.5 m
-/// thick.
+/// Nodes have the names of their bodies, or `body 12` without a name. 2D scenes are 0.5 m thick and
+/// lie in the plane z = 0.
 ///
 /// # Errors
-/// The recording is of other bodies or not finite, or the file cannot be written; then the file
-/// stays as it was.
+/// If the recording has other bodies or is not finite, or the file cannot be written. An existing
+/// file then stays unchanged.
 pub fn write(
     path: &Path,
     scene: &Scene,
@@ -58,15 +58,15 @@ fn build(scene: &Scene, recording: &Recording, options: &Sampling) -> io::Result
     Ok((document, bytes))
 }
 
-/// What nodes share.
+/// Objects shared by nodes.
 #[derive(Default)]
 pub(super) struct Nodes {
     dimension: usize,
     /// Attributes and indices by shape.
     primitives: HashMap<Vec<u64>, Value>,
-    /// By color.
+    /// Materials by color.
     materials: HashMap<u32, usize>,
-    /// By shape and color.
+    /// Meshes by shape and color.
     meshes: HashMap<(Vec<u64>, u32), usize>,
 }
 
@@ -75,7 +75,7 @@ impl Nodes {
         Self { dimension, ..Self::default() }
     }
 
-    /// Adds all bodies and tells their nodes.
+    /// Adds all bodies and returns their nodes.
     fn add(mut self, gltf: &mut GltfBuffer<'_>, scene: &Scene) -> Vec<usize> {
         let bodies = scene.bodies.iter().enumerate();
         bodies.map(|(index, body)| self.add_body(gltf, index, body)).collect()
@@ -98,7 +98,7 @@ impl Nodes {
         gltf.push("nodes", node)
     }
 
-    /// Adds a shape in the place of its parent.
+    /// Adds a shape at the origin of its parent.
     pub(super) fn add_centered(
         &mut self,
         gltf: &mut GltfBuffer<'_>,
@@ -191,7 +191,7 @@ fn tone(second: bool) -> [u8; 4] {
     if second { [140, 140, 140, 255] } else { [255; 4] }
 }
 
-/// Sets translation and rotation, unless they are those of a node without.
+/// Sets translation and rotation, unless they are the defaults of a node.
 pub(super) fn place(node: &mut Value, position: &[f64], rotation: Rotation) {
     let (position, rotation) = match (position, rotation) {
         ([x, y], Rotation::Angle(angle)) => {

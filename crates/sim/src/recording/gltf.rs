@@ -19,22 +19,22 @@ use crate::scene::graph::math::{self, Quat};
 use crate::scene::graph::transform::{Affine, Trs};
 use crate::scene::{Place, Warning, file};
 
-/// Name of the animation that is added.
+/// Name of the added animation.
 const CLIP: &str = "Drystone";
-/// Buffers start at multiples of this, which suits every component type.
+/// Alignment of buffers, which suits every component type. \[byte\]
 const ALIGNMENT: usize = 8;
-/// Largest image that is embedded. \[byte\]
+/// Largest embedded image. \[byte\]
 const LARGEST: u64 = 1 << 30;
 
 /// Writes `recording` into the glTF that its scene was read from, as one `.glb`.
 ///
-/// The file that `source` was read from stays as it is. Static bodies get no keys, nor do bodies
-/// that an animation of the file moves: the new clip repeats that animation. What comes back are
+/// The file that `source` was read from stays unchanged. Static bodies get no keys. Neither do
+/// bodies that an animation of the file moves, since the new clip repeats that animation. Returns
 /// warnings about parts of the document that still need other files.
 ///
 /// # Errors
 ///
-/// Where `recording` does not belong to `source` or is not finite, or the file cannot be written.
+/// If `recording` does not belong to `source` or is not finite, or the file cannot be written.
 pub fn write(
     out: &mut dyn Write,
     source: &Source,
@@ -49,7 +49,7 @@ pub fn write(
     Ok(warnings)
 }
 
-/// Adds the animation: the recording, and what the file's first animation moves besides.
+/// Adds the animation: the recording, and the other channels of the file's first animation.
 fn add_clip(
     document: &mut Value,
     bin: &mut Vec<u8>,
@@ -76,13 +76,13 @@ fn add_clip(
 }
 
 impl BodyNode {
-    /// Whether its keys come from the recording.
+    /// Whether the keys of this node come from the recording.
     fn is_written(&self) -> bool {
         self.moves && !self.driven
     }
 }
 
-/// Length of a unit of the node's translation in the world. \[m\]
+/// Returns the length of a unit of the node's translation in the world. \[m\]
 fn unit(source: &Source, recording: &Recording, body: usize) -> io::Result<f64> {
     if recording.frames() == 0 {
         return Ok(1.0);
@@ -95,14 +95,14 @@ fn unit(source: &Source, recording: &Recording, body: usize) -> io::Result<f64> 
     Ok(above.linear.map(math::length).into_iter().fold(0.0, f64::max))
 }
 
-/// The node of a body in its parent at a time \[s\].
+/// Returns the pose of a body's node relative to its parent at a time \[s\].
 fn local(source: &Source, recording: &Recording, body: usize, time: f64) -> Pose {
     let (above, above_turn) = above(source, recording, body, time);
     place(&above, above_turn, &pose_at(recording, body, time))
 }
 
 fn place(above: &Affine, above_turn: Quat, pose: &Pose) -> Pose {
-    // A singular map gives no position: the clip refuses it.
+    // A singular map gives no position: the clip refuses the NaN.
     let inverse = math::inverse(above.linear).unwrap_or([[f64::NAN; 3]; 3]);
     Pose {
         position: math::apply(inverse, math::sub(pose.position, above.shift)),
@@ -110,7 +110,7 @@ fn place(above: &Affine, above_turn: Quat, pose: &Pose) -> Pose {
     }
 }
 
-/// The space of the parent of a body's node in the world, and its rotation.
+/// Returns the transform from the parent of a body's node to the world, and its rotation.
 fn above(source: &Source, recording: &Recording, body: usize, time: f64) -> (Affine, Quat) {
     let mut carriers = Vec::new();
     let mut next = source.bodies[body].carrier;
@@ -127,7 +127,8 @@ fn above(source: &Source, recording: &Recording, body: usize, time: f64) -> (Aff
         let (above, above_turn) = parent(world, node);
         let pose = pose_at(recording, carrier, time);
         let space = if node.is_written() {
-            // Where the clip puts it, which a shear above sets apart from the body.
+            // The pose that the clip gives the node. Under a sheared ancestor, it differs from the
+            // body's pose.
             let Pose { position, rotation } = place(&above, above_turn, &pose);
             let scale = node.local.scale;
             above.after(&Trs { translation: position, rotation, scale }.affine())
@@ -140,7 +141,8 @@ fn above(source: &Source, recording: &Recording, body: usize, time: f64) -> (Aff
     parent(world, &source.bodies[body])
 }
 
-/// An animated node is given by translation, rotation and scale.
+/// Replaces the matrix of a node by translation, rotation and scale, as required for an animated
+/// node.
 fn separate_matrix(document: &mut Value, body: &BodyNode) -> io::Result<()> {
     let node = document.get_mut("nodes").and_then(|nodes| nodes.get_mut(body.node));
     let node = node.and_then(Value::as_object_mut).ok_or_else(broken)?;
@@ -152,8 +154,8 @@ fn separate_matrix(document: &mut Value, body: &BodyNode) -> io::Result<()> {
     Ok(())
 }
 
-/// Takes the channels of the file's first animation over to the clip, but for the nodes that have
-/// poses there.
+/// Copies the channels of the file's first animation to the clip, except those of nodes whose pose
+/// the clip already sets.
 fn repeat(
     gltf: &mut GltfBuffer<'_>,
     clip: Option<usize>,
@@ -191,7 +193,7 @@ fn repeat(
     Ok(())
 }
 
-/// States the length of the buffer, or leaves it out: a document without data has none.
+/// Sets the length of the buffer, or removes it: a document without data has no buffer.
 fn finish(document: &mut Value, bin: &mut Vec<u8>) -> io::Result<()> {
     let root = document.as_object_mut().ok_or_else(broken)?;
     let buffers = root.get_mut("buffers").and_then(Value::as_array_mut).ok_or_else(broken)?;
@@ -199,7 +201,7 @@ fn finish(document: &mut Value, bin: &mut Vec<u8>) -> io::Result<()> {
         root.remove("buffers");
         return Ok(());
     }
-    // Buffers that stay outside count from 1, so that there must be a buffer before them.
+    // External buffers have indices from 1, so that there must be a buffer 0.
     bin.resize(bin.len().max(1), 0);
     if let Some(buffer) = buffers.first_mut() {
         *buffer = json!({ "byteLength": bin.len() });
@@ -215,14 +217,14 @@ fn broken() -> io::Error {
     invalid("the glTF document does not have the form it was read with".into())
 }
 
-/// The document with one buffer, and the bytes of that buffer.
+/// Returns the document with its data in one buffer, the bytes of that buffer, and warnings.
 fn merge(source: &Source) -> io::Result<(Value, Vec<u8>, Vec<Warning>)> {
     let mut document = source.document.clone();
     let mut bin = Vec::new();
     let mut warnings = Vec::new();
     let root = document.as_object_mut().ok_or_else(broken)?;
 
-    // Where each buffer begins in the one that replaces it, or its new index.
+    // Offset of each buffer in buffer 0, or its new index if it stays external.
     let mut moved = Vec::new();
     let mut kept = vec![json!({ "byteLength": 0 })];
     let old = root.get("buffers").and_then(Value::as_array).cloned().unwrap_or_default();
@@ -243,7 +245,7 @@ fn merge(source: &Source) -> io::Result<(Value, Vec<u8>, Vec<Warning>)> {
         move_view(view, &moved).ok_or_else(broken)?;
         let extensions = view.get_mut("extensions").and_then(Value::as_object_mut);
         for extension in extensions.into_iter().flat_map(Map::values_mut) {
-            // Compressed copies of a view name their buffer the same way.
+            // Compressed copies of a view refer to their buffer in the same way.
             if extension.get("buffer").is_some() {
                 move_view(extension, &moved).ok_or_else(broken)?;
             }
@@ -255,7 +257,7 @@ fn merge(source: &Source) -> io::Result<(Value, Vec<u8>, Vec<Warning>)> {
 }
 
 fn move_view(view: &mut Value, moved: &[(usize, usize)]) -> Option<()> {
-    // Readers accept whole numbers written as floats.
+    // Whole numbers may be written as floats.
     let whole = |value: &Value| value.as_u64().or_else(|| value.as_f64().map(|x| x as u64));
     let view = view.as_object_mut()?;
     let (buffer, begin) = *moved.get(usize::try_from(whole(view.get("buffer")?)?).ok()?)?;
@@ -268,7 +270,7 @@ fn move_view(view: &mut Value, moved: &[(usize, usize)]) -> Option<()> {
     Some(())
 }
 
-/// Takes images beside the document into the buffer; warns of those that stay outside.
+/// Moves images from files beside the document into the buffer; warns of those that stay external.
 fn embed_images(
     document: &mut Value,
     bin: &mut Vec<u8>,

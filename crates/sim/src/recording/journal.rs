@@ -1,10 +1,12 @@
-//! The journal of a bake that is under way: what it takes to go on after the process has ended, however
-//! it ended.
+//! Journal of a running bake, from which the bake can continue after its process has ended for any
+//! reason.
 //!
-//! A first line names the format; then come records: kind, length, content, checksum. The first is the
-//! [`Header`], then one frame for the initial state and one for each step, and checkpoints among
-//! them. Records are only appended, so a bake that was cut off leaves whole records and at most one torn
-//! one, which its checksum tells. Whoever reads sees every whole record, also while more are written.
+//! The first line names the format. Records follow, each with kind, length, content and checksum.
+//! The first one is the [`Header`]. Then come a frame for the initial state and one for each step,
+//! with checkpoints among them.
+//!
+//! Records are only appended. An interrupted bake leaves whole records and at most one torn record,
+//! which its checksum reveals. A reader sees every whole record, even while more are being written.
 #![cfg_attr(
     not(test),
     deny(
@@ -31,31 +33,33 @@ use crate::report::{Measure, StepReport};
 use crate::scene::{self, Scene};
 use crate::settings::StepSettings;
 
-/// The first line of a journal.
+/// First line of a journal.
 const MAGIC: &[u8] = b"drystone journal 1\n";
 
 /// Largest record that is read. \[byte\]
 const MAX_RECORD: u64 = 1 << 36;
 
-/// What a bake is of. Two bakes with the same header have the same frames, as far as both have them.
+/// Identity of a bake. Two bakes with the same header have the same frames, as far as both have
+/// them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// Of Drystone.
+    /// Version of Drystone.
     pub version: String,
-    /// XXH3 (64 bits) of the scene as JSON without its length and settings, in hexadecimal.
+    /// XXH3 (64 bits) of the scene as JSON without its number of steps and settings, in
+    /// hexadecimal.
     pub scene: String,
-    /// How its steps are taken.
+    /// Step settings.
     pub settings: StepSettings,
-    /// 2 or 3.
+    /// Number of dimensions: 2 or 3.
     pub dimension: usize,
     /// Time between two frames. \[s\]
     pub frame_time: f64,
-    /// One for each body.
+    /// Names of the bodies.
     pub names: Vec<String>,
 }
 
 impl Header {
-    /// Of a scene under these settings.
+    /// Returns the header of a scene baked with these settings.
     pub fn new(scene: &Scene, settings: &StepSettings) -> Self {
         let timeless = Scene { steps: None, solver: serde_json::Map::new(), ..scene.clone() };
         let text = scene::to_json(&timeless);
@@ -69,7 +73,7 @@ impl Header {
         }
     }
 
-    /// In what it differs from the header of a bake that was `asked` for.
+    /// Describes the difference from the header of the bake that was `asked` for, if there is one.
     pub fn difference(&self, asked: &Self) -> Option<String> {
         if self.version != asked.version {
             return Some(format!("it is of version {}, not {}", self.version, asked.version));
@@ -89,58 +93,58 @@ impl Header {
             .then(|| "it is of another scene, or of this one before it was changed".to_owned())
     }
 
-    /// Numbers of a frame.
+    /// Returns the number of floats per frame.
     fn numbers(&self) -> usize {
         self.names.len().saturating_mul(pose_numbers(self.dimension))
     }
 }
 
-/// A step that was taken.
+/// A completed step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Step {
     /// Wall time of [`Simulation::step`](crate::Simulation::step) alone.
     pub time: Duration,
-    /// What it said of itself.
+    /// Report of the step.
     pub report: StepReport,
-    /// What came out.
+    /// Measurements after the step.
     pub measure: Measure,
-    /// [`Simulation::state_hash`](crate::Simulation::state_hash) after it.
+    /// [`Simulation::state_hash`](crate::Simulation::state_hash) after the step.
     pub state: u64,
 }
 
-/// The poses of all bodies, and the step that led to them; none to the initial state.
+/// Poses of all bodies, and the step that led to them (`None` for the initial state).
 #[derive(Serialize, Deserialize)]
 struct Frame<'a, P> {
     step: Option<std::borrow::Cow<'a, Step>>,
     poses: P,
 }
 
-/// Where in a journal a checkpoint is.
+/// Position of a checkpoint in a journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark {
-    /// Steps that were taken before it.
+    /// Number of steps before the checkpoint.
     pub step: usize,
     start: u64,
     length: u64,
 }
 
-/// What a journal holds.
+/// Contents of a journal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {
-    /// What the bake is of.
+    /// Identity of the bake.
     pub header: Header,
-    /// The frames, the initial state first.
+    /// Frames, the initial state first.
     pub recording: Recording,
-    /// The steps between them.
+    /// Steps between the frames.
     pub steps: Vec<Step>,
-    /// In order.
+    /// Checkpoints in order.
     pub checkpoints: Vec<Mark>,
-    /// Whether it has the initial state.
+    /// Whether the initial state has been read.
     begun: bool,
 }
 
 impl Contents {
-    /// The recording with the names of its bodies.
+    /// Returns the recording with the names of its bodies.
     pub fn named(self) -> Named {
         Named { recording: self.recording, names: self.header.names }
     }
@@ -154,21 +158,23 @@ enum Kind {
     Checkpoint = b'C',
 }
 
-/// A journal that is being written. Nobody else can write to it meanwhile.
+/// A journal open for writing. Where the file system supports locks, no other process can write to
+/// the file meanwhile.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
     file: File,
     end: u64,
-    /// Whether its name would outlast a power cut.
+    /// Whether the file name survives a power failure.
     lasting: bool,
 }
 
 impl Journal {
-    /// Starts a journal in place of what is there.
+    /// Starts a journal, replacing one that exists.
     ///
     /// # Errors
-    /// The system refuses; another process writes to it; the file there is no journal.
+    /// If the system refuses, another process writes to the file, or the existing file is no
+    /// journal.
     pub fn create(path: &Path, header: &Header) -> io::Result<Self> {
         let mut file = open(path, true)?;
         if read_magic(&mut file)? == Magic::Other {
@@ -183,11 +189,11 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Goes on with a journal; nothing if there is none, or none that got as far as the initial state.
-    /// A torn record at the end is cut off.
+    /// Continues a journal and cuts off a torn record at its end. Returns `None` if there is no
+    /// journal, or none that reached the initial state.
     ///
     /// # Errors
-    /// As for [`Journal::create`].
+    /// Those of [`Journal::create`].
     pub fn resume(path: &Path) -> io::Result<Option<(Self, Contents)>> {
         let mut file = match open(path, false) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -205,26 +211,27 @@ impl Journal {
     /// Appends a frame.
     ///
     /// # Errors
-    /// The system refuses.
+    /// If the system refuses.
     pub fn frame(&mut self, step: Option<&Step>, poses: &[f32]) -> io::Result<()> {
         let step = step.map(std::borrow::Cow::Borrowed);
         let frame = postcard::to_stdvec(&Frame { step, poses }).map_err(io::Error::other)?;
         self.append(Kind::Frame, &frame)
     }
 
-    /// Appends the state after `step` steps, and sees to it that all until here outlasts a power cut.
+    /// Appends the simulation state after the steps written so far, and syncs as [`Journal::sync`]
+    /// does.
     ///
     /// # Errors
-    /// The system refuses.
+    /// If the system refuses.
     pub fn checkpoint(&mut self, state: &[u8]) -> io::Result<()> {
         self.append(Kind::Checkpoint, state)?;
         self.sync()
     }
 
-    /// Sees to it that all until here outlasts a power cut.
+    /// Flushes all records to the disk, so that they survive a power failure.
     ///
     /// # Errors
-    /// The system refuses.
+    /// If the system refuses.
     pub fn sync(&mut self) -> io::Result<()> {
         self.file.sync_data()?;
         if !std::mem::replace(&mut self.lasting, true) {
@@ -233,10 +240,10 @@ impl Journal {
         Ok(())
     }
 
-    /// The state at a mark of this journal.
+    /// Reads the simulation state at a checkpoint of this journal.
     ///
     /// # Errors
-    /// The system refuses.
+    /// If the system refuses.
     pub fn state_at(&mut self, mark: Mark) -> io::Result<Vec<u8>> {
         let mut state = vec![0; usize::try_from(mark.length).map_err(io::Error::other)?];
         self.file.seek(SeekFrom::Start(mark.start))?;
@@ -245,12 +252,12 @@ impl Journal {
         Ok(state)
     }
 
-    /// Bytes so far.
+    /// Returns the size of the journal. \[byte\]
     pub fn size(&self) -> u64 {
         self.end
     }
 
-    /// In one piece, so that a process that is killed tears no record.
+    /// Appends a record in a single write, so that a killed process leaves no torn record.
     fn append(&mut self, kind: Kind, content: &[u8]) -> io::Result<()> {
         let mut record = vec![kind as u8];
         record.extend((content.len() as u64).to_le_bytes());
@@ -262,10 +269,10 @@ impl Journal {
     }
 }
 
-/// What a journal holds by now; it may be growing.
+/// Reads the contents of a journal, which may still be growing.
 ///
 /// # Errors
-/// The system refuses; the file is no journal, or has not got as far as its header.
+/// If the system refuses, the file is no journal, or the journal has no whole header yet.
 pub fn read(path: &Path) -> io::Result<Contents> {
     let found = contents(&mut scene::open(path)?)?;
     found.map(|(contents, _)| contents).ok_or_else(|| refusal("it is no journal, or an empty one"))
@@ -275,7 +282,7 @@ fn refusal(why: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, why.to_owned())
 }
 
-/// A file that nobody else writes to as long as it is open.
+/// Opens a file and locks it against other writers.
 fn open(path: &Path, create: bool) -> io::Result<File> {
     let file = File::options().read(true).write(true).create(create).truncate(false).open(path)?;
     match file.try_lock() {
@@ -284,7 +291,7 @@ fn open(path: &Path, create: bool) -> io::Result<File> {
             io::ErrorKind::ResourceBusy,
             "another bake writes to it; give this one another output",
         )),
-        // Where a file system knows no locks, two bakes to one place are the user's to avoid.
+        // Without locks in the file system, users must not start two bakes to the same file.
         Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => Ok(file),
         Err(TryLockError::Error(error)) => Err(error),
     }
@@ -292,7 +299,7 @@ fn open(path: &Path, create: bool) -> io::Result<File> {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Magic {
-    /// Nothing, or a first line that is not whole.
+    /// Empty, or an incomplete first line.
     Missing,
     Journal,
     Other,
@@ -308,7 +315,8 @@ fn read_magic(file: &mut impl io::Read) -> io::Result<Magic> {
     })
 }
 
-/// The whole records of a journal, and where they end; nothing without a header.
+/// Reads the whole records of a journal and returns the offset of their end; `None` without a
+/// header.
 fn contents(file: &mut File) -> io::Result<Option<(Contents, u64)>> {
     let size = file.metadata()?.len();
     let mut reader = Reader { file: BufReader::new(file), at: MAGIC.len() as u64, size };
@@ -328,28 +336,28 @@ fn contents(file: &mut File) -> io::Result<Option<(Contents, u64)>> {
     Ok(Some((contents, reader.at)))
 }
 
-/// A record whose checksum is right.
+/// A record with a valid checksum.
 struct Record {
     kind: u8,
     content: Vec<u8>,
-    /// Where the content starts in the file.
+    /// Offset of the content in the file. \[byte\]
     start: u64,
 }
 
 struct Reader<R> {
     file: R,
-    /// Where the next record starts.
+    /// Offset of the next record. \[byte\]
     at: u64,
-    /// Of the file, when reading began.
+    /// Size of the file when reading began. \[byte\]
     size: u64,
 }
 
-/// Bytes before and after the content of a record.
+/// Lengths of the parts before and after the content of a record. \[byte\]
 const HEAD: u64 = 9;
 const TAIL: u64 = 8;
 
 impl<R: io::Read> Reader<R> {
-    /// The next record, if it is whole.
+    /// Returns the next record; `None` if it is not whole.
     fn next(&mut self) -> io::Result<Option<Record>> {
         let room = self.size.saturating_sub(self.at).saturating_sub(HEAD + TAIL);
         let mut head = [0; HEAD as usize];
@@ -377,7 +385,7 @@ impl<R: io::Read> Reader<R> {
         Ok(Some(Record { kind, content: record.split_off(HEAD as usize), start }))
     }
 
-    /// Whether there are enough bytes to fill a buffer.
+    /// Fills a buffer; returns false if the file ends before.
     fn fills(&mut self, buffer: &mut [u8]) -> io::Result<bool> {
         match self.file.read_exact(buffer) {
             Ok(()) => Ok(true),

@@ -1,4 +1,4 @@
-//! Triangles of shapes, in two tones by which one sees what turns.
+//! Triangle meshes of shapes for drawing, in two tones that make rotation visible.
 
 use std::collections::HashMap;
 
@@ -6,22 +6,22 @@ use parry3d::math::Vector;
 
 use crate::scene::ShapeKind;
 
-/// Half the thickness of what is flat. \[m\]
+/// Half the thickness of 2D shapes. \[m\]
 pub(super) const HALF_DEPTH: f64 = 0.25;
-/// Half the side of a plane. \[m\]
+/// Half the side of a drawn plane. \[m\]
 pub(super) const HALF_PLANE: f64 = 20.0;
-/// Edges of a circle.
+/// Number of edges around a circle.
 const SECTORS: usize = 24;
-/// Edges from a pole to the equator.
+/// Number of edges from a pole to the equator.
 const RINGS: usize = 8;
 
-/// Triangles, counter-clockwise from outside.
+/// Triangles, counter-clockwise seen from outside.
 #[derive(Default)]
 pub(super) struct Mesh {
     pub(super) positions: Vec<[f32; 3]>,
-    /// Unit normals; none: faces are flat.
+    /// Unit normals. Without any, faces are shaded flat.
     pub(super) normals: Vec<[f32; 3]>,
-    /// Whether a vertex has the second tone; none: all have the first.
+    /// Whether each vertex has the second tone. Without any, all vertices have the first.
     pub(super) tones: Vec<bool>,
     pub(super) indices: Vec<u32>,
 }
@@ -36,7 +36,7 @@ impl Mesh {
         self.positions.len() as u32 - 1
     }
 
-    /// A flat convex face.
+    /// Adds a flat convex face.
     fn face(&mut self, corners: &[Point], tone: bool) {
         let normal = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
         let ids: Vec<u32> = corners.iter().map(|p| self.vertex(*p, normal, tone)).collect();
@@ -46,7 +46,8 @@ impl Mesh {
     }
 }
 
-/// The mesh of a shape, up to [`scale_of`]: spheres and boxes of all sizes share one mesh.
+/// Returns the mesh of a shape before scaling by [`scale_of`]: spheres of all sizes share one mesh,
+/// and so do boxes.
 pub(super) fn mesh_of(kind: &ShapeKind, dimension: usize) -> Mesh {
     if dimension == 2 {
         return extrude(&outline(kind));
@@ -79,7 +80,7 @@ pub(super) fn mesh_of(kind: &ShapeKind, dimension: usize) -> Mesh {
     }
 }
 
-/// Scale of the shared mesh of a shape.
+/// Returns the scale to apply to the mesh of a shape.
 pub(super) fn scale_of(kind: &ShapeKind, dimension: usize) -> [f64; 3] {
     match kind {
         ShapeKind::Sphere { radius } if dimension == 2 => [*radius, *radius, 1.0],
@@ -89,7 +90,7 @@ pub(super) fn scale_of(kind: &ShapeKind, dimension: usize) -> [f64; 3] {
     }
 }
 
-/// What tells the mesh of a shape from others.
+/// Returns the key of a shape's mesh; shapes with equal keys share it.
 pub(super) fn key_of(kind: &ShapeKind) -> Vec<u64> {
     let bits = |x: &[f64]| -> Vec<u64> { x.iter().map(|x| x.to_bits()).collect() };
     let (tag, mut key) = match kind {
@@ -108,11 +109,11 @@ pub(super) fn key_of(kind: &ShapeKind) -> Vec<u64> {
     key
 }
 
-/// A point of a profile and its normal, as distance from the axis and height.
+/// A point of a profile and its normal, each as distance from the axis and height.
 type Rim = ([f64; 2], [f64; 2]);
 
-/// A quarter of a circle about the axis at a height: from the pole below (-1) to the equator, or
-/// from the equator to the pole above (1).
+/// Returns a quarter circle about the axis at a height, given from bottom to top. It is the lower
+/// quarter if `side` is -1, the upper one if it is 1.
 fn arc(radius: f64, height: f64, side: f64) -> Vec<Rim> {
     let rim = |i: usize| {
         let part = i as f64 / RINGS as f64;
@@ -126,7 +127,8 @@ fn arc(radius: f64, height: f64, side: f64) -> Vec<Rim> {
     (0..=RINGS).map(rim).collect()
 }
 
-/// Turns profiles, written upwards, about the y axis; tones alternate by profile and quarter.
+/// Revolves profiles, given from bottom to top, about the y axis. Tones alternate by profile and by
+/// quarter.
 fn lathe(profiles: &[Vec<Rim>]) -> Mesh {
     let mut mesh = Mesh::default();
     for (p, profile) in profiles.iter().enumerate() {
@@ -165,7 +167,7 @@ fn lathe_patch(mesh: &mut Mesh, profile: &[Rim], quarter: usize, tone: bool) {
     }
 }
 
-/// A box of half size 1; each side is a checkerboard of four fields.
+/// Returns a box of half size 1; each side is a checkerboard of four fields.
 fn cube() -> Mesh {
     let mut mesh = Mesh::default();
     for axis in 0..3 {
@@ -202,7 +204,8 @@ fn hull(points: &[Vec<f64>]) -> Mesh {
             [v.x, v.y, v.z].map(f64::from)
         });
         let normal = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
-        // By direction, so that the triangles of a flat face have one tone.
+        // The tone depends on the direction only, so that the triangles of a flat face have one
+        // tone.
         let octant = normalized(normal).iter().filter(|x| **x < -1e-3).count();
         if dot(normal, normal) > 0.0 {
             mesh.face(&corners, octant % 2 == 1);
@@ -211,7 +214,8 @@ fn hull(points: &[Vec<f64>]) -> Mesh {
     if mesh.indices.is_empty() { bounding_box(points) } else { mesh }
 }
 
-/// The triangles of the hull of points, as indices of the points; none where it has no volume.
+/// Returns the triangles of the hull of points, as indices of the points; `None` if it has no
+/// volume.
 pub(super) fn hull_triangles(points: &[[f32; 3]]) -> Option<Vec<u32>> {
     let single: Vec<Vector> = points.iter().map(|p| Vector::from(*p)).collect();
     let (vertices, triangles) = parry3d::transformation::try_convex_hull(&single).ok()?;
@@ -222,7 +226,7 @@ pub(super) fn hull_triangles(points: &[[f32; 3]]) -> Option<Vec<u32>> {
     corners.map(|corner| places.get(&bits(*vertices.get(*corner as usize)?)).copied()).collect()
 }
 
-/// Stands in for a hull that single precision cannot resolve.
+/// Returns the box that replaces a hull too thin for single precision.
 fn bounding_box(points: &[Vec<f64>]) -> Mesh {
     let bound = |pick: fn(f64, f64) -> f64| -> [f64; 3] {
         std::array::from_fn(|i| points.iter().map(|p| p[i]).reduce(pick).unwrap_or(0.0))
@@ -239,14 +243,14 @@ fn bounding_box(points: &[Vec<f64>]) -> Mesh {
 }
 
 fn plane(normal: Point) -> Mesh {
-    // The axis that is farthest from the normal.
+    // An axis that is not close to the normal.
     let across = if normal[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
     let v = normalized(cross(normal, across));
     let u = cross(v, normal);
     let corner =
         |a: f64, b: f64| -> Point { std::array::from_fn(|i| HALF_PLANE * (a * u[i] + b * v[i])) };
     let mut mesh = Mesh::default();
-    // u, v and the normal: v x u is along it or against it; the face must look along it.
+    // u × v may point along the normal or against it; the face must look along it.
     let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     let up = dot(cross(sub(corners[1], corners[0]), sub(corners[2], corners[0])), normal);
     let flipped = [corners[0], corners[3], corners[2], corners[1]];
@@ -254,7 +258,7 @@ fn plane(normal: Point) -> Mesh {
     mesh
 }
 
-/// Outline of a flat shape, counter-clockwise; spheres and boxes have size 1.
+/// Returns the outline of a 2D shape, counter-clockwise; disks and boxes have half size 1.
 fn outline(kind: &ShapeKind) -> Vec<[f64; 2]> {
     match kind {
         ShapeKind::Sphere { .. } => half_circle(1.0, 0.0, 0.0)
@@ -279,7 +283,7 @@ fn outline(kind: &ShapeKind) -> Vec<[f64; 2]> {
                 .map(|[a, b]| [a * y + b * x, b * y - a * x])
                 .to_vec()
         }
-        // In 3D only.
+        // These exist in 3D only.
         ShapeKind::Cylinder { .. } | ShapeKind::Trimesh { .. } => Vec::new(),
     }
 }
@@ -292,7 +296,7 @@ fn half_circle(radius: f64, height: f64, start: f64) -> Vec<[f64; 2]> {
     (0..=SECTORS / 2).map(point).collect()
 }
 
-/// Andrew's monotone chain.
+/// Returns the convex hull, by Andrew's monotone chain.
 fn hull_outline(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     points.dedup();
@@ -314,7 +318,7 @@ fn hull_outline(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     chain
 }
 
-/// A flat shape with some depth; tones alternate by quarters of its outline.
+/// Extrudes an outline along z; tones alternate by quarters of the outline.
 fn extrude(outline: &[[f64; 2]]) -> Mesh {
     let mut mesh = Mesh::default();
     if outline.len() < 3 {
@@ -362,7 +366,7 @@ mod tests {
         x.map(f64::from)
     }
 
-    /// Six times the volume would be the sum of the triple products.
+    /// Returns the volume: one sixth of the sum of triple products.
     fn volume(mesh: &Mesh) -> f64 {
         let corner = |i: &u32| double(mesh.positions[*i as usize]);
         let triangles = mesh.indices.chunks(3);

@@ -1,4 +1,4 @@
-//! A recording as NumPy arrays in one `.npz`, and back.
+//! Writes and reads recordings as NumPy arrays in one `.npz`.
 #![cfg_attr(
     not(test),
     deny(
@@ -19,10 +19,10 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 use super::{APART, Recording, write_whole};
 use crate::scene;
 
-/// Largest number of a first frame.
+/// Largest accepted number of a first frame.
 const LATEST: f64 = 1e9;
 
-/// A recording, and what its bodies are called.
+/// A recording with the names of its bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Named {
     /// The poses.
@@ -31,9 +31,12 @@ pub struct Named {
     pub names: Vec<String>,
 }
 
-/// Writes the arrays `poses` (frames x bodies x (3D: px py pz qx qy qz qw; 2D: px py angle), m and
-/// rad, `<f4`), `names` (bodies), `times` (frames, s, `<f8`) and `contacts` (frames: points of
-/// contact in the step that led to a frame, `<u4`).
+/// Writes a recording as these arrays:
+///
+/// - `poses`: frames × bodies × (3D: px py pz qx qy qz qw; 2D: px py angle), m and rad, `<f4`;
+/// - `names`: bodies;
+/// - `times`: frames, s, `<f8`;
+/// - `contacts`: frames, the number of contact points in the step that led to each, `<u4`.
 ///
 /// # Errors
 /// Those of [`write_whole`].
@@ -65,7 +68,7 @@ fn array<W: Write + Seek, T: Serialize>(
     shape: &[u64],
     values: impl IntoIterator<Item = T>,
 ) -> io::Result<()> {
-    // Poses hardly get smaller. A size beyond 4 GiB is only known once it is written.
+    // Poses hardly compress. A size beyond 4 GiB is only known once it is written.
     let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
     zip.start_file(format!("{name}.npy"), stored.large_file(true))?;
     let mut npy = npyz::WriteOptions::new().dtype(dtype).shape(shape).writer(zip).begin_nd()?;
@@ -73,10 +76,11 @@ fn array<W: Write + Seek, T: Serialize>(
     npy.finish()
 }
 
-/// Reads what [`write`](fn@write) wrote, or another program that keeps to it.
+/// Reads a recording written by [`write`](fn@write), or by another program in the same format.
 ///
 /// # Errors
-/// The file cannot be read, or is no recording; says which array is wrong, and what is accepted.
+/// If the file cannot be read or is no recording. The message says which array is wrong and what is
+/// accepted.
 pub fn read(path: &Path) -> io::Result<Named> {
     let file = scene::open(path)?;
     let size = file.metadata()?.len();
@@ -100,12 +104,13 @@ pub fn read(path: &Path) -> io::Result<Named> {
         ));
     }
     let (frame_time, start) = match times.as_slice() {
-        // Their difference has lost what the times of late frames leave out.
+        // The difference of two late times has rounding errors. The second time over its frame
+        // number is more exact.
         [first, second, ..] => {
             let start = (first / (second - first)).round();
             (second / (start + 1.0), start)
         }
-        // Nobody knows when the next one would have been.
+        // A single frame does not determine the frame time.
         _ => (0.0, 0.0),
     };
     if times.len() > 1 && !APART.contains(&frame_time) {
@@ -120,7 +125,7 @@ pub fn read(path: &Path) -> io::Result<Named> {
     Ok(Named { recording, names })
 }
 
-/// The numbers of an array in the order of C, and its shape, out of an archive of `size` bytes.
+/// Reads an array in C order from an archive of `size` bytes: its numbers and its shape.
 fn load<T: Deserialize>(
     zip: &mut ZipArchive<impl Read + Seek>,
     size: u64,
@@ -130,7 +135,7 @@ fn load<T: Deserialize>(
         io::Error::new(io::ErrorKind::InvalidData, format!("array {name}: {why}"))
     };
     let mut file = zip.by_name(&format!("{name}.npy")).map_err(|error| wrong(&error))?;
-    // Arrays are stored as they are: none is larger than its archive.
+    // Arrays are stored uncompressed: none is larger than its archive.
     let room = file.size().min(size);
     let mut start = [0; 12];
     file.read_exact(&mut start)?;
@@ -145,14 +150,14 @@ fn load<T: Deserialize>(
     if order == npyz::Order::Fortran && shape.len() > 1 {
         return Err(wrong(&"is in the order of Fortran; accepted: that of C"));
     }
-    // Before memory is taken for it: a header can promise anything.
+    // Checked before allocating: a header can state any size.
     let entry = npy.dtype().num_bytes().unwrap_or(usize::MAX) as u64;
     if npy.len().saturating_mul(entry.max(1)) > room {
         return Err(wrong(&format!("has {} entries of {entry} bytes", npy.len())));
     }
     let data = npy.data::<T>().map_err(|error| wrong(&error))?;
     let data = data.collect::<io::Result<_>>()?;
-    // The checksum is tested at the end, which the numbers alone do not reach.
+    // The checksum is verified only at the end, which reading the numbers does not reach.
     let rest = io::copy(&mut file, &mut io::sink()).map_err(|error| wrong(&error))?;
     if rest > 0 {
         return Err(wrong(&format!("is followed by {rest} bytes")));
@@ -218,7 +223,7 @@ mod tests {
             let mut broken = whole.clone();
             broken[byte] ^= 0xff;
             std::fs::write(&path, broken).unwrap();
-            // Never a panic, and never other numbers.
+            // Neither a panic nor other numbers.
             if let Ok(same) = read(&path) {
                 assert_eq!(same, named(2), "byte {byte}");
             }

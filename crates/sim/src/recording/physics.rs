@@ -1,10 +1,15 @@
-//! A scene of Drystone's own format as a glTF with `KHR_physics_rigid_bodies` and
-//! `KHR_implicit_shapes`, so that reading it gives the same bodies.
+//! Writes a scene of Drystone's own format as a glTF with `KHR_physics_rigid_bodies` and
+//! `KHR_implicit_shapes`. Reading it gives the same bodies.
 //!
-//! What these extensions have no word for goes into `extras.drystone`, where the reader finds it and
-//! other programs leave it alone: gravity, time step and settings of the scene; the density of a body,
-//! as long as its mass is the one that was written; that friction combines as the geometric mean; that
-//! a compound body does not move; damping, surfaces that run, and resistance to rolling.
+//! Data that these extensions cannot express goes into `extras.drystone`, which other programs
+//! ignore:
+//!
+//! - gravity, time step and settings of the scene;
+//! - the density of a body, valid as long as nobody changes the mass written with it;
+//! - the geometric mean as a rule that combines friction or restitution;
+//! - the fact that a compound body is static;
+//! - damping, surface velocities, and resistance to rolling and spinning;
+//! - accuracy and number of pieces of a convex decomposition.
 
 use std::collections::HashMap;
 use std::io;
@@ -23,7 +28,7 @@ use crate::scene::{
     Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind, SurfaceVelocity,
 };
 
-/// A scene as a glTF document and its buffer.
+/// A scene as a glTF document with its buffer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Physics {
     document: Value,
@@ -31,10 +36,12 @@ pub struct Physics {
 }
 
 impl Physics {
-    /// Of a scene; `masses` are those of its bodies ([`Simulation::masses`](crate::Simulation::masses)).
+    /// Converts a scene; `masses` are the masses of its bodies
+    /// ([`Simulation::masses`](crate::Simulation::masses)).
     ///
     /// # Errors
-    /// What a glTF cannot say, and what to do about it.
+    /// If the scene contains something that a glTF cannot express. The message says what to do
+    /// about it.
     pub fn new(scene: &Scene, masses: &[f64]) -> Result<Self, String> {
         if scene.dimension != 3 {
             return Err("is a scene in 2D; a glTF is in 3D".to_owned());
@@ -74,7 +81,7 @@ impl Physics {
         Ok(Self { document, bytes })
     }
 
-    /// Writes it as `.glb`.
+    /// Writes the document as `.glb`.
     ///
     /// # Errors
     /// Those of [`write_whole`].
@@ -82,7 +89,7 @@ impl Physics {
         write_whole(path, |out| write_glb(out, &self.document, &self.bytes))
     }
 
-    /// Writes it as `.gltf`, with its buffer as base64.
+    /// Writes the document as `.gltf`, with the buffer in base64.
     ///
     /// # Errors
     /// Those of [`write_whole`].
@@ -100,7 +107,7 @@ impl Physics {
     }
 }
 
-/// Lists that bodies share, each item once.
+/// Lists shared by bodies, each item once.
 #[derive(Default)]
 struct Tables {
     shapes: Table,
@@ -111,7 +118,7 @@ struct Tables {
 #[derive(Default)]
 struct Table {
     items: Vec<Value>,
-    /// By the item as text.
+    /// Index of each item, by its text.
     places: HashMap<String, usize>,
 }
 
@@ -130,7 +137,7 @@ impl Tables {
         for (key, table) in
             [("physicsMaterials", self.materials), ("collisionFilters", self.filters)]
         {
-            // An empty list is an error.
+            // glTF does not allow empty lists.
             if !table.items.is_empty() {
                 bodies.insert(key.to_owned(), json!(table.items));
             }
@@ -145,16 +152,16 @@ impl Tables {
 
 struct Writer<'a> {
     gltf: GltfBuffer<'a>,
-    /// How it is drawn.
+    /// Nodes and meshes for drawing.
     looks: Nodes,
     scene: &'a Scene,
     tables: Tables,
-    /// Meshes that collide, by their triangles.
+    /// Collision meshes, by their triangles.
     meshes: HashMap<String, usize>,
 }
 
 impl Writer<'_> {
-    /// Adds a body, and tells its node.
+    /// Adds a body and returns the index of its node.
     fn body(&mut self, index: usize, body: &Body, mass: f64) -> Result<usize, String> {
         let wrong = |what: &str| Err(format!("{} {what}", self.scene.name_of(index)));
         if body.shapes.is_empty() {
@@ -165,7 +172,7 @@ impl Writer<'_> {
                 "follows a track, whose keys a glTF would round; bake the scene for an animation",
             );
         }
-        // The places of the reader: a collider on the node of the body, or below.
+        // As the reader expects: colliders on the node of the body, or on nodes below it.
         let mut node = json!({});
         place(&mut node, &body.position, body.rotation);
         if let Some(name) = &body.name {
@@ -206,7 +213,7 @@ impl Writer<'_> {
         Ok(self.gltf.push("nodes", node))
     }
 
-    /// A collider, and how its node is turned besides.
+    /// Returns the collider of a shape, and an additional rotation for its node.
     fn collider(
         &mut self,
         index: usize,
@@ -225,7 +232,7 @@ impl Writer<'_> {
                 let size: Vec<_> = half_extents.iter().map(|half| 2.0 * half).collect();
                 implicit("box", json!({ "size": size }))
             }
-            // Less than that is no capsule to the reader.
+            // The reader does not accept a capsule without height.
             ShapeKind::Capsule { radius, half_height } if *half_height > 0.0 => {
                 implicit("capsule", round(*radius, *half_height))
             }
@@ -279,7 +286,8 @@ impl Writer<'_> {
         Ok((collider, turn))
     }
 
-    /// The mesh that a hull or a mesh collides with: its points as they are, in their order.
+    /// Adds the collision mesh of a hull or a mesh, with its points in their order, and returns its
+    /// index.
     fn mesh(&mut self, index: usize, kind: &ShapeKind) -> Result<usize, String> {
         let single = |point: &[f64]| -> [f32; 3] {
             std::array::from_fn(|i| point.get(i).copied().unwrap_or(0.0) as f32)
@@ -322,7 +330,7 @@ fn rotation(rotation: Rotation) -> Quat {
     }
 }
 
-/// How a body moves; `own` takes what glTF has no word for.
+/// Returns the motion of a body; data that glTF cannot express is added to `own`.
 fn motion(body: &Body, mass: f64, own: &mut Map<String, Value>) -> Value {
     let mut out = json!({});
     if body.motion != Motion::Dynamic {
@@ -371,7 +379,7 @@ fn motion(body: &Body, mass: f64, own: &mut Map<String, Value>) -> Value {
     out
 }
 
-/// In the space of the node.
+/// Writes the velocities in the space of the node.
 fn set_velocities(out: &mut Value, body: &Body) {
     let turn = math::conjugate(rotation(body.rotation));
     for (key, velocity) in
@@ -391,7 +399,7 @@ fn material(material: &Material) -> Value {
         Combine::Minimum => "minimum",
         Combine::Maximum => "maximum",
         Combine::Multiply => "multiply",
-        // The nearest to the geometric mean: equal for equal surfaces.
+        // The rule nearest to the geometric mean: equal for equal surfaces.
         Combine::Average | Combine::GeometricMean => "average",
     };
     let mut out = json!({
@@ -424,7 +432,7 @@ fn material(material: &Material) -> Value {
     out
 }
 
-/// Systems by their numbers.
+/// Names each system by its number.
 fn filter(filter: &Filter) -> Value {
     let names = |mask: u64| -> Vec<String> {
         (0..64).filter(|bit| mask & (1 << bit) != 0).map(|bit: u32| bit.to_string()).collect()

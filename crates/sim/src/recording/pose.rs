@@ -1,20 +1,20 @@
-//! Poses in space, between frames, and how far they are apart.
+//! Poses in 3D: interpolation between frames, and distances.
 
 use super::Recording;
 
-/// Where something is and how it is turned, in 3D whatever the dimension of its scene.
+/// Position and rotation in 3D, whatever the dimension of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// \[m\]
+    /// Position. \[m\]
     pub position: [f64; 3],
     /// Unit quaternion x, y, z, w.
     pub rotation: [f64; 4],
 }
 
-/// The pose of a body at a time \[s\], between frames and held at the ends.
+/// Returns the pose of a body at a time \[s\], interpolated between frames and held at the ends.
 ///
 /// # Panics
-/// The recording has no such body or no frame.
+/// If the recording has no such body or no frame.
 pub fn pose_at(recording: &Recording, body: usize, time: f64) -> Pose {
     let last = recording.frames() - 1;
     let frame = (time / recording.frame_time - recording.start as f64).clamp(0.0, last as f64);
@@ -33,7 +33,7 @@ pub fn pose_at(recording: &Recording, body: usize, time: f64) -> Pose {
     }
 }
 
-/// The pose of a body in a frame.
+/// Returns the pose of a body in a frame.
 pub(crate) fn frame_pose(recording: &Recording, frame: usize, body: usize) -> Pose {
     match *recording.pose(frame, body) {
         [x, y, angle] => pose_2d([x.into(), y.into()], angle.into()),
@@ -45,7 +45,7 @@ pub(crate) fn frame_pose(recording: &Recording, frame: usize, body: usize) -> Po
     }
 }
 
-/// A pose in the plane z = 0.
+/// Returns a pose in the plane z = 0.
 pub(super) fn pose_2d([x, y]: [f64; 2], angle: f64) -> Pose {
     let (sin, cos) = (libm::sin(angle / 2.0), libm::cos(angle / 2.0));
     Pose { position: [x, y, 0.0], rotation: [0.0, 0.0, sin, cos] }
@@ -55,12 +55,12 @@ pub(super) fn lerp<const N: usize>(a: [f64; N], b: [f64; N], part: f64) -> [f64;
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * part)
 }
 
-/// Along the shorter arc, as glTF interpolates rotations.
+/// Interpolates rotations along the shorter arc, as glTF does.
 pub(super) fn slerp(a: [f64; 4], b: [f64; 4], part: f64) -> [f64; 4] {
     let cos = dot(a, b);
     let b = if cos < 0.0 { b.map(|x| -x) } else { b };
     let arc = angle(a, b) / 2.0;
-    // Below this, the sines cancel and a straight line is exact to rounding.
+    // Below this, the sines cancel, and linear interpolation is exact to rounding.
     if arc < 1e-6 {
         return normalized(lerp(a, b, part));
     }
@@ -82,8 +82,8 @@ pub(super) fn distance<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
     dot(d, d).sqrt()
 }
 
-/// Angle between two rotations; from their chord, since a cosine does not resolve small angles.
-/// \[rad\]
+/// Returns the angle between two rotations. It is computed from their chord, since a cosine does
+/// not resolve small angles. \[rad\]
 pub(super) fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
     let chord = distance(a, b).min(distance(a, b.map(|x| -x)));
     4.0 * libm::asin((chord / 2.0).min(1.0))

@@ -1,4 +1,4 @@
-//! Raw poses for measuring: little-endian f32 without a header.
+//! Writes and reads raw poses for measurements: little-endian f32 without a header.
 #![cfg_attr(
     not(test),
     deny(
@@ -16,7 +16,7 @@ use super::Recording;
 use super::file::write_whole;
 use crate::scene;
 
-/// Numbers that are turned into bytes at a time.
+/// Number of floats converted to bytes at a time.
 const BLOCK: usize = 1 << 16;
 
 /// Writes `frames x bodies x (3D: px py pz qx qy qz qw; 2D: px py angle)` as little-endian f32.
@@ -33,11 +33,11 @@ pub fn write(path: &Path, recording: &Recording) -> io::Result<()> {
     })
 }
 
-/// Reads what [`write`](fn@write) wrote; the file itself does not tell its dimension, its bodies
-/// or the time between its frames \[s\].
+/// Reads a file written by [`write`](fn@write). The file itself states neither its dimension nor
+/// its bodies nor the time between its frames \[s\].
 ///
 /// # Errors
-/// The file cannot be read, or is not a whole number of frames.
+/// If the file cannot be read, or is not a whole number of frames.
 pub fn read(
     path: &Path,
     dimension: usize,

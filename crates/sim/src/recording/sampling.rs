@@ -1,30 +1,30 @@
-//! Poses over time as few samples, between which others interpolate.
+//! Reduces poses over time to few samples with interpolation between them.
 
 use std::io;
 
 use super::Recording;
 use super::pose::{Pose, angle, distance, dot, lerp, normalized};
 
-/// How exactly an animation follows the recording.
+/// Accuracy with which an animation follows the recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
     /// Largest distance between the animation and a sample of the recording. \[m\]
     pub position_tolerance: f64,
     /// Largest angle between the animation and a sample of the recording. \[rad\]
     pub rotation_tolerance: f64,
-    /// Samples per second, at its whole multiples; absent, or as many as there are frames: every
-    /// recorded frame. \[1/s\]
+    /// Sampling rate; samples are at multiples of its period. Every recorded frame is a sample if
+    /// the rate is absent or not below the frame rate. \[1/s\]
     pub fps: Option<f64>,
 }
 
 impl Sampling {
-    /// By so much, and by as many radians as meters: a point a meter from the center of its body moves as
-    /// far by the one as by the other. \[m\]
+    /// Sets both tolerances, the angle in radians to the same number as the distance in meters. A
+    /// point one meter from the body's center moves as far by either. \[m\]
     pub fn within(tolerance: f64) -> Self {
         Self { position_tolerance: tolerance, rotation_tolerance: tolerance, fps: None }
     }
 
-    /// Frames of the recording from one sample to the next; 1 where all are taken.
+    /// Returns the number of frames from one sample to the next; 1 if all frames are samples.
     pub fn stride(&self, frame_time: f64) -> f64 {
         let fewer = self.fps.filter(|fps| *fps > 0.0 && *fps * frame_time < 1.0);
         fewer.map_or(1.0, |fps| 1.0 / (fps * frame_time))
@@ -37,15 +37,15 @@ impl Default for Sampling {
     }
 }
 
-/// What rounding may take from a whole number of samples.
+/// Rounding error accepted in a whole number of samples.
 const WHOLE: f64 = 1e-6;
 
-/// Samples per second. \[1/s\]
+/// Returns the sampling rate. \[1/s\]
 pub(super) fn sample_rate(recording: &Recording, options: &Sampling) -> f64 {
     1.0 / (options.stride(recording.frame_time) * recording.frame_time)
 }
 
-/// Rising times of the samples. \[s\]
+/// Returns the times of the samples in ascending order. \[s\]
 pub(super) fn sample_times(recording: &Recording, options: &Sampling) -> Vec<f64> {
     let stride = options.stride(recording.frame_time);
     let Some(more) = recording.frames().checked_sub(1) else {
@@ -60,21 +60,21 @@ pub(super) fn sample_times(recording: &Recording, options: &Sampling) -> Vec<f64
     (first..=last).map(|sample| sample as f64 * stride * recording.frame_time).collect()
 }
 
-/// Kept samples and their values; none if the track is constant.
+/// Samples kept of a track; none if it is constant.
 pub(super) struct Track<const N: usize> {
-    /// The value of the first sample.
+    /// Value of the first sample.
     pub(super) first: Option<[f32; N]>,
-    /// Which samples are kept.
+    /// Indices of the kept samples.
     pub(super) kept: Vec<u32>,
-    /// Their values.
+    /// Values of the kept samples.
     pub(super) values: Vec<[f32; N]>,
 }
 
-/// What a pose over time comes to: positions and rotations at the times that are worth keeping for one
-/// who finds rotations between two of them by `mix`.
+/// Samples a pose over time and thins out positions and rotations. `mix` is the interpolation that
+/// the reader of the file uses for rotations.
 ///
 /// # Errors
-/// A pose is not finite; `body` is whose.
+/// If a pose is not finite. The message names `body`.
 pub(super) fn tracks(
     times: &[f64],
     pose: impl Fn(f64) -> Pose,
@@ -104,7 +104,7 @@ pub(super) fn tracks(
 
 /// Keeps a sample only if the line between its kept neighbors would miss one in between.
 ///
-/// `close(a, b, part, x)` says whether the interpolation between a and b at that part is near x.
+/// `close(a, b, part, x)` tells whether the interpolation between a and b at that part is near x.
 pub(super) fn thin<const N: usize>(
     times: &[f64],
     values: &[[f32; N]],
@@ -133,8 +133,8 @@ pub(super) fn thin<const N: usize>(
     Track { first, kept, values }
 }
 
-/// A far sample up to which a line from this one fits: strides double while they fit, then the
-/// last one is halved.
+/// Returns a distant sample up to which a line from `from` fits. Strides double while they fit,
+/// then the last one is bisected.
 fn farthest(from: usize, last: usize, fits: &impl Fn(usize, usize) -> bool) -> usize {
     let mut good = from + 1;
     let mut bad = last + 1;

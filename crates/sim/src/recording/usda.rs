@@ -1,4 +1,5 @@
-//! A scene and its recording as OpenUSD text, for Houdini, Maya, Omniverse, Blender and others.
+//! Writes a scene and its recording as OpenUSD text, for Houdini, Maya, Omniverse, Blender and
+//! others.
 
 mod materials;
 mod prim;
@@ -19,15 +20,15 @@ use materials::Materials;
 use prim::{Prim, quoted, tuple};
 pub use scene::Stage;
 
-/// Writes a scene as a stage: an `Xform` per body with its shapes below it, moved by time samples,
-/// and with the schemas of UsdPhysics. Time code 0 is the initial state.
+/// Writes a scene as a stage with the schemas of UsdPhysics: an `Xform` per body, moved by time
+/// samples, with its shapes below it. Time code 0 is the initial state.
 ///
-/// Meters, kilograms, +y up. 2D scenes lie in the plane z = 0, 0.5 m thick. Names that USD does not
-/// take for a prim become its display name.
+/// Units are meters and kilograms, with +y up. 2D scenes lie in the plane z = 0, 0.5 m thick. A
+/// name that is no valid prim name becomes the display name.
 ///
 /// # Errors
-/// The recording is of other bodies or not finite, or the file cannot be written; then the file
-/// stays as it was.
+/// If the recording has other bodies or is not finite, or the file cannot be written. An existing
+/// file then stays unchanged.
 pub fn write(
     path: &Path,
     scene: &Scene,
@@ -60,8 +61,8 @@ pub fn write(
     write_stage(path, &world, ends, rate, rate)
 }
 
-/// Writes what is in the world, from a first time code to a last one, with so many frames and time codes
-/// per second.
+/// Writes a stage with the prim `world`, from time code `start` to `end`, with `frames` frames and
+/// `codes` time codes per second.
 fn write_stage(
     path: &Path,
     world: &Prim,
@@ -81,13 +82,14 @@ fn write_stage(
     })
 }
 
-/// Without what division leaves behind the ninth decimal, so that frames have whole time codes.
+/// Rounds to nine decimals, which removes the errors of divisions, so that frames have whole time
+/// codes.
 fn rounded(x: f64) -> f64 {
     (x * 1e9).round() / 1e9
 }
 
-/// A name for each body that no other prim beside it has: ASCII letters, digits and underscores,
-/// and no digit first.
+/// Returns a prim name for each body, unique among its siblings: ASCII letters, digits and
+/// underscores, without a leading digit.
 fn identifiers(scene: &Scene) -> Vec<String> {
     let mut taken = HashSet::from([PHYSICS, materials::SCOPE, scene::GROUPS].map(str::to_owned));
     let one = |(index, body): (usize, &Body)| {
@@ -118,12 +120,12 @@ fn physics(scene: &Scene) -> Prim {
     prim
 }
 
-/// The first components of a vector, in space.
+/// Returns a vector in 3D: missing components are 0.
 fn space(vector: &[f64]) -> [f64; 3] {
     std::array::from_fn(|i| vector.get(i).copied().unwrap_or(0.0))
 }
 
-/// A body with its shapes, at its place in the scene.
+/// Returns the prim of a body with its shapes, at its position in the scene.
 fn body_prim(
     scene: &Scene,
     index: usize,
@@ -165,7 +167,7 @@ fn body_prim(
     prim
 }
 
-/// What the shapes do not say, or say otherwise.
+/// Sets the mass properties that do not follow from the shapes.
 fn mass(prim: &mut Prim, dimension: usize, mass: &Mass) {
     match mass.mass {
         Some(mass) if mass.is_finite() => prim.set("float physics:mass", mass),
@@ -174,7 +176,7 @@ fn mass(prim: &mut Prim, dimension: usize, mass: &Mass) {
             let density = mass.density.unwrap_or(1000.0) / shape::THICKNESS;
             prim.set("float physics:density", density);
         }
-        // What OpenUSD takes without a density is what we take.
+        // Without a density, OpenUSD uses the same default.
         None => mass.density.into_iter().for_each(|x| prim.set("float physics:density", x)),
     }
     if let Some(center) = &mass.center {
@@ -196,7 +198,7 @@ fn velocity(prim: &mut Prim, body: &Body) {
     prim.set("vector3f physics:velocity", tuple(&space(&body.linear_velocity)));
 }
 
-/// An angular velocity, in space.
+/// Returns an angular velocity in 3D.
 fn turning(angular: &[f64]) -> [f64; 3] {
     match angular {
         [about_z] => [0.0, 0.0, *about_z],
@@ -204,7 +206,7 @@ fn turning(angular: &[f64]) -> [f64; 3] {
     }
 }
 
-/// Has the surface of a prim run, in the words of PhysX's schema.
+/// Sets the surface velocity of a prim, in PhysX's schema.
 fn run(prim: &mut Prim, motion: &SurfaceVelocity) {
     prim.schemas.push("PhysxSurfaceVelocityAPI");
     let angular = turning(&motion.angular).map(degrees);
@@ -215,16 +217,17 @@ fn run(prim: &mut Prim, motion: &SurfaceVelocity) {
     prim.set("bool physxSurfaceVelocity:surfaceVelocityLocalSpace", local);
 }
 
-/// An angle in degrees which, back in radians, is the same in single precision.
+/// Converts an angle to degrees such that converting it back gives the same radians in single
+/// precision.
 fn degrees(angle: f64) -> f64 {
     let near = angle.to_degrees();
     let same = |degrees: &f64| degrees.to_radians() as f32 == angle as f32;
     [near, near.next_up(), near.next_down()].into_iter().find(same).unwrap_or(near)
 }
 
-/// Lets a prim follow its recording: by samples, or as it always is.
+/// Sets the pose of a prim from its recording: time samples, or a single value if it is constant.
 fn move_prim(prim: &mut Prim, codes: &[f64], positions: &Track<3>, rotations: &Track<4>) {
-    // OpenUSD takes the angle from w alone, and in single precision w is 1 up to a milliradian.
+    // OpenUSD computes the angle from w alone. In single precision, w is 1 up to a milliradian.
     let turned = |q: [f32; 4]| {
         let [x, y, z, w] = normalized(q.map(f64::from)).map(|x| (x * 1e12).round() / 1e12);
         tuple(&[w, x, y, z])
@@ -233,9 +236,10 @@ fn move_prim(prim: &mut Prim, codes: &[f64], positions: &Track<3>, rotations: &T
     prim.follow("quatd xformOp:orient", codes, rotations, turned);
 }
 
-/// The rotation between two as OpenUSD finds it: near ones along a straight line that is not brought to
-/// unit length, and the angle from w alone. About no rotation, where w is 1 less a square, that is off by
-/// up to half the angle between them (`GfSlerp`, `GfRotation::SetQuat`).
+/// Interpolates rotations as OpenUSD does: near ones along a straight line without normalization,
+/// with the angle computed from w alone. Near the identity, w differs from 1 only to second order.
+/// The error there is up to half the angle between the two rotations (`GfSlerp`,
+/// `GfRotation::SetQuat`).
 fn mixed(a: [f64; 4], b: [f64; 4], part: f64) -> [f64; 4] {
     const NEAR: f64 = 1e-5;
     let (a, b) = (normalized(a), normalized(b));

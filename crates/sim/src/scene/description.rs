@@ -1,4 +1,4 @@
-//! [`Scene`]: what a world is built from, whoever wrote it.
+//! [`Scene`]: the description that a world is built from, whichever reader produced it.
 
 use std::array::from_fn;
 
@@ -8,36 +8,36 @@ use serde_json::Value;
 
 use crate::decomposition::DecompositionOptions;
 
-/// A scene: what is there, how it starts, how long it runs.
+/// A scene: its bodies, their initial state, and the length of the run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// Its name.
+    /// Name of the scene.
     pub name: Option<String>,
-    /// 2 or 3.
+    /// Number of dimensions: 2 or 3.
     pub dimension: usize,
-    /// Acceleration of free fall. \[m/s^2\]
+    /// Acceleration of gravity. \[m/s^2\]
     pub gravity: Vec<f64>,
-    /// Length of a step. \[s\]
+    /// Length of a time step. \[s\]
     pub time_step: f64,
-    /// Steps to run, if the scene says so.
+    /// Number of steps to run, if the scene specifies it.
     pub steps: Option<u32>,
-    /// Whether bodies are rigid, or particles that never turn.
+    /// Whether bodies are rigid or particles. Particles never rotate.
     pub bodies_as: BodiesAs,
-    /// Index = body id in every output.
+    /// Bodies; the index in this list is the body id in every output.
     pub bodies: Vec<Body>,
-    /// The table `solver`: step settings under the names of [`StepSettings`](crate::StepSettings),
+    /// The table `solver`: step settings by the names of [`StepSettings`](crate::StepSettings),
     /// each optional.
     pub solver: serde_json::Map<String, Value>,
 }
 
 impl Scene {
-    /// The names of all bodies; `body 12` is one without.
+    /// Returns the names of all bodies; a body without a name is called `body 12` by its index.
     pub fn names(&self) -> Vec<String> {
         let name = |(i, body): (usize, &Body)| body.name.clone().unwrap_or(format!("body {i}"));
         self.bodies.iter().enumerate().map(name).collect()
     }
 
-    /// What messages call a body: its name in quotes, or its index.
+    /// Returns the body as messages call it: its name in quotes, or `body 12` by its index.
     pub fn name_of(&self, body: usize) -> String {
         let name = self.bodies.get(body).and_then(|body| body.name.as_ref());
         name.map_or_else(|| format!("body {body}"), |name| format!("'{name}'"))
@@ -58,31 +58,31 @@ pub enum BodiesAs {
 /// A body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
-    /// Its name, unique in the scene.
+    /// Name, unique in the scene.
     pub name: Option<String>,
-    /// What moves it.
+    /// Whether forces, a prescribed motion or nothing moves the body.
     pub motion: Motion,
-    /// Position of its origin. \[m\]
+    /// Position of the body's origin. \[m\]
     pub position: Vec<f64>,
-    /// Rotation about its origin.
+    /// Rotation about the body's origin.
     pub rotation: Rotation,
-    /// Velocity of its center of mass. \[m/s\]
+    /// Velocity of the center of mass. \[m/s\]
     pub linear_velocity: Vec<f64>,
-    /// 3D: about world axes; 2D: one number. \[rad/s\]
+    /// Angular velocity: a vector in world axes in 3D, one number in 2D. \[rad/s\]
     pub angular_velocity: Vec<f64>,
-    /// Mass, and where it sits.
+    /// Mass properties.
     pub mass: Mass,
-    /// Part of the scene's gravity that acts on it. \[1\]
+    /// Factor on the scene's gravity for this body. \[1\]
     pub gravity_factor: f64,
-    /// Rate d at which its velocity decays: dv/dt = -d v. \[1/s\]
+    /// Damping rate d of the linear velocity: dv/dt = -d v. \[1/s\]
     pub linear_damping: f64,
-    /// The same of its angular velocity. \[1/s\]
+    /// Damping rate d of the angular velocity: dω/dt = -d ω. \[1/s\]
     pub angular_damping: f64,
-    /// How its surface runs, about its origin; shapes may have it run otherwise.
+    /// Surface velocity about the body's origin; each shape may override it.
     pub surface_velocity: Option<SurfaceVelocity>,
-    /// One shape, or several that make a compound.
+    /// One shape, or several that form a compound.
     pub shapes: Vec<Shape>,
-    /// Prescribed poses of a kinematic body; empty: it moves at its velocities.
+    /// Prescribed poses of a kinematic body. Without any, the body moves at its velocities.
     pub track: Track,
 }
 
@@ -102,19 +102,20 @@ pub enum Motion {
 /// A rotation as written in a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rotation {
-    /// 2D. \[rad\]
+    /// Angle in 2D. \[rad\]
     Angle(f64),
-    /// 3D: unit quaternion x, y, z, w.
+    /// Unit quaternion x, y, z, w in 3D.
     Quaternion([f64; 4]),
 }
 
 impl Rotation {
-    /// None, in 2 or 3 dimensions.
+    /// Returns the rotation by zero, in 2 or 3 dimensions.
     pub fn identity(dimension: usize) -> Self {
         if dimension == 3 { Self::Quaternion([0.0, 0.0, 0.0, 1.0]) } else { Self::Angle(0.0) }
     }
 
-    /// The angle of the shorter way to `other`. \[rad\]
+    /// Returns the angle of the rotation from `self` to `other`, by the shorter way for
+    /// quaternions. \[rad\]
     pub fn angle_to(&self, other: &Self) -> f64 {
         match (self, other) {
             (Self::Quaternion(p), Self::Quaternion(q)) => {
@@ -126,7 +127,8 @@ impl Rotation {
         }
     }
 
-    /// The rotation a part `t` (0..1) of the shorter way to `other`, at even speed.
+    /// Interpolates from `self` (`t` = 0) to `other` (`t` = 1) at constant angular speed.
+    /// Quaternions take the shorter way (slerp).
     pub fn towards(&self, other: &Self, t: f64) -> Self {
         match (self, other) {
             (Self::Quaternion(p), Self::Quaternion(q)) => {
@@ -149,17 +151,17 @@ impl Rotation {
     }
 }
 
-/// Mass properties; what is absent follows from the shapes.
+/// Mass properties; absent ones are computed from the shapes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mass {
-    /// 3D \[kg/m^3\], 2D \[kg/m^2\]; absent: 1000.
+    /// Density: \[kg/m^3\] in 3D, \[kg/m^2\] in 2D; 1000 if neither it nor the mass is given.
     pub density: Option<f64>,
-    /// Total mass, instead of a density; infinity: no push moves it. \[kg\]
+    /// Total mass, instead of a density. No force moves a body of infinite mass. \[kg\]
     pub mass: Option<f64>,
     /// Center of mass in the body's frame. \[m\]
     pub center: Option<Vec<f64>>,
-    /// Principal moments of inertia (3D: three, 2D: one); infinity: it does not turn about that
-    /// axis. \[kg m^2\]
+    /// Principal moments of inertia: three in 3D, one in 2D. The body does not turn about an axis
+    /// with an infinite moment. \[kg m^2\]
     pub inertia: Option<Vec<f64>>,
     /// Rotation from the principal axes to the body's frame (3D).
     pub inertia_rotation: Option<[f64; 4]>,
@@ -168,17 +170,17 @@ pub struct Mass {
 /// A shape on a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// Its form.
+    /// Geometry of the shape.
     pub kind: ShapeKind,
     /// Position in the body's frame. \[m\]
     pub position: Vec<f64>,
     /// Rotation in the body's frame.
     pub rotation: Rotation,
-    /// What its surface is like.
+    /// Surface properties.
     pub material: Material,
-    /// How its surface runs, in the frame of the shape and about its origin; absent: as that of the body.
+    /// Surface velocity in the frame of the shape and about its origin; that of the body if absent.
     pub surface_velocity: Option<SurfaceVelocity>,
-    /// What it collides with.
+    /// Collision filter.
     pub filter: Filter,
 }
 
@@ -233,43 +235,46 @@ pub enum ShapeKind {
     },
 }
 
-/// How a surface runs against its body, as a belt or a turntable does: v = linear + angular x r.
+/// Velocity of a surface relative to its body, as of a belt or a turntable: v = linear + angular ×
+/// r.
 ///
-/// Contacts see what of it lies along them: friction drives the other body to it. It neither lifts nor
-/// presses, and without friction does nothing.
+/// A contact uses the part of v that is tangential to it: friction drives the other body towards
+/// it. The normal part has no effect, and neither has a surface velocity without friction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceVelocity {
-    /// \[m/s\]
+    /// Linear part. \[m/s\]
     pub linear: Vec<f64>,
-    /// 3D: three numbers; 2D: one. \[rad/s\]
+    /// Angular part: three numbers in 3D, one in 2D. \[rad/s\]
     pub angular: Vec<f64>,
-    /// Whether its axes are those of the body or shape, and turn with it; else those of the world.
+    /// True if the axes are those of the body or shape and turn with it; false if they are the
+    /// world's.
     pub local: bool,
 }
 
 impl SurfaceVelocity {
-    /// Whether it runs at all.
+    /// Whether any component differs from zero.
     pub fn runs(&self) -> bool {
         self.linear.iter().chain(&self.angular).any(|x| *x != 0.0)
     }
 }
 
-/// A surface.
+/// Surface properties of a shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// Coulomb coefficient. \[1\]
+    /// Coulomb friction coefficient. \[1\]
     pub friction: f64,
-    /// Restitution, 0..1. \[1\]
+    /// Coefficient of restitution, 0..1. \[1\]
     pub restitution: f64,
-    /// Resistance to rolling: how far ahead of the contact the supporting force may act. It slows a ball of radius
-    /// r as a slope of this over r would. Of two surfaces the larger counts. \[m\]
+    /// Rolling resistance: the largest distance by which the normal force may act ahead of the
+    /// contact. A rolling ball of radius r decelerates as on an upward slope of this length over r.
+    /// Of two surfaces, the larger value counts. \[m\]
     pub rolling_resistance: f64,
-    /// Resistance to spinning about the normal: the largest moment, over the normal force. Of two surfaces the
-    /// larger counts. \[m\]
+    /// Resistance to spinning about the normal: the largest moment divided by the normal force. Of
+    /// two surfaces, the larger value counts. \[m\]
     pub spinning_resistance: f64,
-    /// How the frictions of two surfaces combine.
+    /// Rule that combines the friction of two surfaces.
     pub friction_combine: Combine,
-    /// How the restitutions of two surfaces combine.
+    /// Rule that combines the restitution of two surfaces.
     pub restitution_combine: Combine,
 }
 
@@ -303,7 +308,7 @@ pub enum Combine {
 }
 
 impl Combine {
-    /// The coefficient of two surfaces with coefficients `x` and `y`.
+    /// Combines the coefficients `x` and `y` of two surfaces whose rules are `a` and `b`.
     pub fn of(a: Self, b: Self, x: f64, y: f64) -> f64 {
         match a.min(b) {
             Self::Average => 0.5 * (x + y),
@@ -315,20 +320,20 @@ impl Combine {
     }
 }
 
-/// Which others a shape collides with: systems are bits; two shapes collide when each accepts a
+/// Collision filter of a shape. Each named system is a bit. Two shapes collide if each accepts a
 /// system of the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filter {
-    /// Systems that it is in; none: it belongs to no named system.
+    /// Systems that the shape belongs to; 0 if it belongs to no named system.
     pub systems: u64,
-    /// Systems that it collides with.
+    /// Systems that the shape collides with.
     pub collides_with: u64,
-    /// Whether it collides with shapes in none of the named systems.
+    /// Whether the shape collides with shapes that belong to no named system.
     pub collides_with_unnamed: bool,
 }
 
 impl Filter {
-    /// Whether both accept each other.
+    /// Whether both shapes accept each other.
     pub fn collides(&self, other: &Self) -> bool {
         self.accepts(other) && other.accepts(self)
     }
@@ -348,10 +353,11 @@ impl Default for Filter {
     }
 }
 
-/// Poses over time, for kinematic bodies; linear between keys, clamped at the ends.
+/// Poses over time of a kinematic body: interpolated between keys, constant before the first and
+/// after the last.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Track {
-    /// Ascending. \[s\]
+    /// Times in ascending order. \[s\]
     pub times: Vec<f64>,
     /// Positions of the body's origin, one per time. \[m\]
     pub positions: Vec<Vec<f64>>,
@@ -360,8 +366,11 @@ pub struct Track {
 }
 
 impl Track {
-    /// Position and rotation at `time` \[s\]: linear between keys, held before the first and after
-    /// the last.
+    /// Returns position and rotation at `time` \[s\]: interpolated between keys, held before the
+    /// first and after the last.
+    ///
+    /// # Panics
+    /// If the track has no keys.
     pub fn at(&self, time: f64) -> (Vec<f64>, Rotation) {
         let after = self.times.partition_point(|&key| key <= time);
         let i = after.saturating_sub(1);

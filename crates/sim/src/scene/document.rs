@@ -1,4 +1,5 @@
-//! The scene format as types: what is written, and what the schema is generated from.
+//! The scene format as types: scenes are written from them, and the JSON Schema is generated from
+//! them.
 
 use std::collections::BTreeMap;
 

@@ -1,9 +1,10 @@
-//! What is wrong with an input, in one message: file, place, item, value, accepted range, help.
+//! Errors and warnings about input files. A message states file, position, item, value, accepted
+//! range and help.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// Where in a file.
+/// Position in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
     /// The file as a whole.
@@ -21,20 +22,21 @@ pub enum Place {
     Byte(u64),
 }
 
-/// Why an input is refused.
+/// Reason why an input is refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneError {
     /// The file.
     pub file: PathBuf,
-    /// Where in it.
+    /// Position in the file.
     pub place: Place,
-    /// What is wrong there: `radius of shape 0 of body 'ball'`.
+    /// The faulty item: `radius of shape 0 of body 'ball'`.
     pub item: String,
-    /// The offending value as written; empty where there is none.
+    /// The offending value as written; empty if there is none.
     pub value: String,
-    /// What is accepted, or what to do.
+    /// Accepted values, or advice.
     pub accepted: String,
-    /// The file could not be read at all (exit code 4), rather than being wrong (2).
+    /// True if the file could not be read at all (exit code 4), false if its contents are wrong
+    /// (2).
     pub unreadable: bool,
 }
 
@@ -57,12 +59,12 @@ impl fmt::Display for SceneError {
 
 impl std::error::Error for SceneError {}
 
-/// Something that was understood but will not act, or acts differently than one may think.
+/// Input that was understood but has no effect, or another effect than one may expect.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
-    /// Where in the file.
+    /// Position in the file.
     pub place: Place,
-    /// What, and what happens instead.
+    /// The input concerned, and what happens instead.
     pub message: String,
 }
 

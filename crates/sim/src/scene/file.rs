@@ -1,4 +1,4 @@
-//! Files as they are read: no larger than they may be, and inside their folder.
+//! Access to input files: bounded in size, and only inside the scene's folder.
 #![cfg_attr(
     not(test),
     deny(
@@ -18,7 +18,7 @@ use super::error::{Place, SceneError};
 /// Largest scene file. \[byte\]
 const MAX_SIZE: u64 = 1 << 30;
 
-/// All of a file as text.
+/// Reads the whole file as UTF-8 text.
 pub(super) fn read_text(file: &Path) -> Result<String, SceneError> {
     let bytes = read_bytes(file, MAX_SIZE).map_err(|error| SceneError {
         file: file.to_owned(),
@@ -46,10 +46,11 @@ pub(super) fn read_text(file: &Path) -> Result<String, SceneError> {
     })
 }
 
-/// Opens a file to be read, unless it is one that may never end, or that waits for somebody to write.
+/// Opens a file for reading. Refuses special files, which may be endless or block until somebody
+/// writes.
 ///
 /// # Errors
-/// It is a folder or no regular file, or the system refuses.
+/// If the path is a folder or not a regular file, or if the system refuses.
 pub fn open(path: &Path) -> io::Result<File> {
     let data = std::fs::metadata(path)?;
     if data.is_dir() {
@@ -61,7 +62,7 @@ pub fn open(path: &Path) -> io::Result<File> {
     File::open(path)
 }
 
-/// All bytes; none if there are more than so many.
+/// Reads all bytes of a file; `None` if there are more than `most`.
 pub(crate) fn read_bytes(file: &Path, most: u64) -> io::Result<Option<Vec<u8>>> {
     let file = open(file)?;
     if file.metadata()?.len() > most {
@@ -73,14 +74,16 @@ pub(crate) fn read_bytes(file: &Path, most: u64) -> io::Result<Option<Vec<u8>>> 
     Ok(if bytes.len() as u64 > most { None } else { Some(bytes) })
 }
 
-/// Fills `start` with the first bytes of a file; whether there are as many.
+/// Fills `start` with the first bytes of a regular file. Returns false if that fails or the file is
+/// shorter.
 pub(super) fn starts_with(file: &Path, start: &mut [u8]) -> bool {
     let regular = std::fs::metadata(file).is_ok_and(|data| data.is_file());
     regular && File::open(file).is_ok_and(|mut file| file.read_exact(start).is_ok())
 }
 
-/// The file that a path names which starts at `here`, if it is in the folder `home` or below; else
-/// why there is none. Messages call the folder that of `whose`.
+/// Resolves `path` relative to the folder `here`. Returns the canonical path if it lies in the
+/// folder `home` or below. The error says why it was refused; it calls `home` the folder of
+/// `whose`.
 pub(super) fn inside(path: &str, here: &Path, home: &Path, whose: &str) -> Result<PathBuf, String> {
     let refused = || format!("a relative path to a file inside the folder of {whose} is accepted");
     let relative = Path::new(path);
@@ -95,7 +98,8 @@ pub(super) fn inside(path: &str, here: &Path, home: &Path, whose: &str) -> Resul
         if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() }
     };
     let absent = |error: io::Error| format!("it could not be read: {error}");
-    // Step by step, so that a path out of the folder and back does not tell what is there.
+    // Every step is checked. Otherwise a path that leaves the folder and comes back would reveal
+    // whether folders outside exist.
     let home = named(home).canonicalize().map_err(absent)?;
     let mut reached = named(here).canonicalize().map_err(absent)?;
     for step in relative.components() {

@@ -1,7 +1,7 @@
-//! Reading Drystone's own scene format from TOML and JSON.
+//! Reader of Drystone's own scene format, in TOML and JSON.
 //!
-//! Both become one tree (`tree`), which one walk turns into a [`Scene`]; every value is checked
-//! where it is read.
+//! Both are parsed into the same tree (`tree`), and one walk over the tree builds the [`Scene`].
+//! Every value is checked where it is read.
 #![cfg_attr(
     not(test),
     deny(
@@ -58,10 +58,10 @@ const MAX_BODIES: usize = 10_000_000;
 
 /// Reads a scene from TOML.
 ///
-/// `file` names the source in messages only.
+/// `file` is used in messages only.
 ///
 /// # Errors
-/// The first fault of the text, with its line and column.
+/// The first fault in the text, with line and column.
 pub fn read_toml(file: &Path, text: &str) -> Result<Read, SceneError> {
     let text = Text::new(file, text);
     read_tree(text, &text.toml()?, false)
@@ -69,10 +69,11 @@ pub fn read_toml(file: &Path, text: &str) -> Result<Read, SceneError> {
 
 /// Reads a scene from JSON.
 ///
-/// `file` names the source in messages only.
+/// `file` is used in messages only.
 ///
 /// # Errors
-/// The first fault of the text, with its line and column (syntax) or its JSON pointer.
+/// The first fault in the text: a syntax error with line and column, any other with its JSON
+/// pointer.
 pub fn read_json(file: &Path, text: &str) -> Result<Read, SceneError> {
     let text = Text::new(file, text);
     read_tree(text, &text.json()?, true)
@@ -180,7 +181,8 @@ fn read_materials(table: &Table<'_>) -> Result<BTreeMap<String, Surface>, SceneE
     field.named()?.map(read).collect()
 }
 
-/// A particle is a sphere about its position that neither turns nor rubs.
+/// Checks that a dynamic body is a single sphere about its position that has neither friction nor
+/// angular velocity. The shapes of other bodies must be spheres and half-spaces.
 fn check_particle(field: &Field<'_>, index: usize, body: &Body) -> Result<(), SceneError> {
     let owner = body::body_name(index, body.name.as_deref());
     let refuse = |what: &str, value: String, accepted: &str| {
@@ -216,7 +218,7 @@ fn check_particle(field: &Field<'_>, index: usize, body: &Body) -> Result<(), Sc
     Ok(())
 }
 
-/// Whether particles can touch it.
+/// Whether particles can collide with this kind of shape.
 fn fits_particles(kind: &ShapeKind) -> bool {
     matches!(kind, ShapeKind::Sphere { .. } | ShapeKind::Halfspace { .. })
 }

@@ -1,7 +1,8 @@
-//! glTF 2.0 with `KHR_physics_rigid_bodies` and `KHR_implicit_shapes`, or the OMI extensions.
+//! Reader of glTF 2.0 with `KHR_physics_rigid_bodies` and `KHR_implicit_shapes`, or with the OMI
+//! extensions.
 //!
-//! Nothing in a file is taken on trust: every index, length, path and number is checked before it
-//! is used, and an error names its place.
+//! Files are not trusted: every index, length, path and number is checked before use, and every
+//! error names its position.
 
 #![deny(
     clippy::unwrap_used,
@@ -9,7 +10,7 @@
     clippy::indexing_slicing,
     clippy::arithmetic_side_effects
 )]
-// An error ends the reading of a file: its size does not matter.
+// An error ends the reading of a file, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 mod accessors;
@@ -43,8 +44,8 @@ use super::read::Read;
 ///
 /// # Errors
 ///
-/// Where the file cannot be read, breaks the rules of glTF or of the physics extensions, or
-/// describes no physics.
+/// If the file cannot be read, breaks the rules of glTF or of the physics extensions, or describes
+/// no physics.
 pub fn read(file: &Path) -> Result<Read, SceneError> {
     let mut warnings = Vec::new();
     let mut container = container::open(file, &mut warnings)?;
@@ -103,7 +104,7 @@ pub fn read(file: &Path) -> Result<Read, SceneError> {
     Ok(Read { scene, warnings, source: Some(source) })
 }
 
-/// What no extension has a word for, in the extras of the document.
+/// Reads settings that no extension can express from the extras of the document.
 fn own(root: &Cursor<'_>) -> Result<Scene, SceneError> {
     let own = root.own()?;
     let text = own.as_ref().map_or_else(|| "{}".to_owned(), |own| own.value.to_string());
@@ -111,7 +112,7 @@ fn own(root: &Cursor<'_>) -> Result<Scene, SceneError> {
     own_words(&text).map_err(|(item, accepted)| at.fault(item, accepted))
 }
 
-/// Checks what comes before the contents: version, required extensions, form of extensions.
+/// Checks version, required extensions, and that every extension is an object.
 fn check_head(root: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
     let version = root.require("asset")?.require("version")?;
     let (major, minor) = version.text()?.split_once('.').unwrap_or_default();
@@ -146,7 +147,7 @@ fn check_head(root: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), Scen
     Ok(())
 }
 
-/// Whether a file that requires an extension can be simulated all the same.
+/// Whether a file that requires this extension can be simulated anyway.
 fn harmless(extension: &str) -> bool {
     const KNOWN: [&str; 7] = [
         "KHR_implicit_shapes",
@@ -157,7 +158,7 @@ fn harmless(extension: &str) -> bool {
         "KHR_lights_punctual",
         "KHR_xmp_json_ld",
     ];
-    // They change how surfaces look, and nothing else.
+    // Extensions that only change the appearance of surfaces.
     const LOOKS: [&str; 6] = [
         "KHR_materials_",
         "KHR_texture_",

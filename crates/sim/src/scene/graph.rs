@@ -1,4 +1,5 @@
-//! What readers of scene graphs share: transforms, shapes under scale, meshes, tracks, names.
+//! Parts shared by the readers of scene graphs: transforms, shapes under scale, meshes, tracks,
+//! names.
 #![cfg_attr(
     not(test),
     deny(
@@ -32,10 +33,10 @@ pub(super) const FAST: f64 = 1e9;
 pub(super) const HEAVY: f64 = 1e18;
 /// Smallest mass and moment of inertia. \[kg, kg m^2\]
 pub(super) const LIGHT: f64 = 1e-18;
-/// How far the length of a quaternion may be from 1, as exporters round it.
+/// Largest accepted deviation of a quaternion's length from 1; exporters round.
 pub(super) const TURN_SLACK: f64 = 0.01;
 
-/// `name`, changed where another body already has it; `place` tells them apart.
+/// Returns `name`, extended by `place` if another body already has it.
 pub(super) fn unique(name: &str, place: &str, names: &mut BTreeSet<String>) -> String {
     let mut unique = name.to_owned();
     while !names.insert(unique.clone()) {
@@ -44,7 +45,7 @@ pub(super) fn unique(name: &str, place: &str, names: &mut BTreeSet<String>) -> S
     unique
 }
 
-/// How a surface runs, in axes that are turned by `other` where its own are by `turn`.
+/// Converts a local surface velocity from axes rotated by `turn` to axes rotated by `other`.
 pub(crate) fn seen_from(mut motion: SurfaceVelocity, turn: Quat, other: Quat) -> SurfaceVelocity {
     if motion.local && turn != other {
         let back = math::quat_mul(math::conjugate(other), turn);
@@ -57,8 +58,8 @@ pub(crate) fn seen_from(mut motion: SurfaceVelocity, turn: Quat, other: Quat) ->
     motion
 }
 
-/// A scene without bodies from JSON of the own format: gravity, times and settings, which other
-/// formats have no words for. Else what is wrong with it, and what is accepted.
+/// Reads a scene without bodies from JSON of the own format: gravity, times and settings that other
+/// formats cannot express. The error states the faulty item and what is accepted.
 pub(super) fn own_words(text: &str) -> Result<Scene, (String, String)> {
     match format::read_json(Path::new(""), text) {
         Ok(read) if read.scene.dimension == 3 && read.scene.bodies.is_empty() => Ok(read.scene),

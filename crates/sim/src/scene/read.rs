@@ -1,16 +1,16 @@
-//! [`Read`]: what every reader hands over.
+//! [`Read`]: the result of every reader.
 
 use super::description::Scene;
 use super::error::Warning;
 use super::gltf::source::Source;
 
-/// What a reader makes of a file.
+/// Result of reading a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Read {
     /// The scene.
     pub scene: Scene,
-    /// What will not act, or acts differently than one may think.
+    /// Parts of the file that have no effect, or another effect than one may expect.
     pub warnings: Vec<Warning>,
-    /// For a glTF: what it takes to write it again with an animation.
+    /// For glTF: the data needed to write the file again with an animation.
     pub source: Option<Source>,
 }

@@ -4,10 +4,9 @@ use serde_json::Value;
 
 use super::document::SceneDocument;
 
-/// JSON Schema (draft 2020-12) of the format, for editors and other programs.
+/// Returns the JSON Schema (draft 2020-12) of the format, for editors and other programs.
 ///
-/// It says which keys and types there are; ranges that depend on other values are checked by
-/// [`read`](super::read) alone.
+/// It covers keys and types. Only [`read`](super::read) checks ranges that depend on other values.
 pub fn json_schema() -> Value {
     let mut schema = schemars::schema_for!(SceneDocument).to_value();
     remove_null(&mut schema);
@@ -15,7 +14,7 @@ pub fn json_schema() -> Value {
     schema
 }
 
-/// Units are in brackets, which documentation comments escape.
+/// Removes the backslashes by which doc comments escape the brackets around units.
 fn plain(schema: &mut Value) {
     match schema {
         Value::Object(object) => {
@@ -29,7 +28,7 @@ fn plain(schema: &mut Value) {
     }
 }
 
-/// What is absent is left out; null is not accepted in its place.
+/// Removes null as a type: an absent value is omitted, and null is not accepted for it.
 fn remove_null(schema: &mut Value) {
     let null = |value: &Value| value == "null" || value.get("type").is_some_and(|t| t == "null");
     if let Value::Object(object) = &mut *schema {

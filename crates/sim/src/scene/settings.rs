@@ -1,4 +1,4 @@
-//! The table `solver`: step settings by name, laid over others.
+//! The table `solver`: step settings by name that override a base.
 
 use serde_json::{Map, Value};
 
@@ -7,10 +7,10 @@ use super::error::{Place, SceneError};
 use super::format::walk::nearest_known;
 use crate::StepSettings;
 
-/// A setting that is refused.
+/// Refusal of a setting.
 pub(super) struct Fault {
     pub(super) key: String,
-    /// There is no such setting.
+    /// True if no setting has this name.
     pub(super) unknown: bool,
     pub(super) accepted: String,
 }
@@ -25,7 +25,7 @@ impl Fault {
     }
 }
 
-/// Smallest and largest sensible values; a setting that is not here only has to fit its type.
+/// Smallest and largest sensible values. A setting not listed here only has to fit its type.
 const RANGES: [(&str, f64, f64); 17] = [
     ("substeps", 1.0, 1000.0),
     ("most_substeps", 1.0, 1000.0),
@@ -46,10 +46,11 @@ const RANGES: [(&str, f64, f64); 17] = [
     ("sleep", 0.0, 1e6),
 ];
 
-/// The names of [`ImpactLaw`](crate::ImpactLaw), the one setting that is a word.
+/// Names of [`ImpactLaw`](crate::ImpactLaw), the only setting whose value is a word.
 const IMPACT_LAWS: [&str; 3] = ["newton", "poisson", "reflections"];
 
-/// The settings with those of the table in place of theirs. Who says how many substeps a step has gets so many.
+/// Returns `base` with the settings of `table` in place of its own. A table with `substeps` but
+/// without `most_substeps` sets both to that number.
 pub(super) fn merge(table: &Map<String, Value>, base: StepSettings) -> Result<StepSettings, Fault> {
     let mut merged = base;
     for (key, value) in table {
@@ -89,11 +90,11 @@ fn set(settings: StepSettings, key: &str, value: &Value) -> Result<StepSettings,
 }
 
 impl Scene {
-    /// These settings with those of the table `solver` in place of theirs.
+    /// Returns `base` with the settings of the table `solver` in place of its own.
     ///
     /// # Errors
-    /// A setting that does not exist or is out of range; a scene that was read from a file has
-    /// none.
+    /// If a setting does not exist or is out of range. In a scene read from a file, this has been
+    /// checked.
     pub fn settings(&self, base: StepSettings) -> Result<StepSettings, SceneError> {
         merge(&self.solver, base).map_err(|fault| SceneError {
             file: "scene".into(),

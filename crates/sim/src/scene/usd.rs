@@ -1,9 +1,9 @@
-//! OpenUSD with UsdPhysics, in text form (`.usda`).
+//! Reader of OpenUSD with UsdPhysics, in text form (`.usda`).
 //!
-//! Read without a library: the layers of a stage are parsed, composed (sublayers, inherits, variants,
-//! references, payloads, specializes) and searched for bodies and colliders. Nothing in a file is taken
-//! on trust: depth, number and size of everything is bounded, files outside of the scene's folder are
-//! refused, and an error names its place.
+//! It uses no USD library. It parses the layers of a stage and composes them: sublayers, inherits,
+//! variants, references, payloads, specializes. Then it searches the stage for bodies and
+//! colliders. Files are not trusted: depth, number and size of everything are bounded, and files
+//! outside the scene's folder are refused. Every error names its position.
 
 #![deny(
     clippy::unwrap_used,
@@ -11,7 +11,7 @@
     clippy::indexing_slicing,
     clippy::arithmetic_side_effects
 )]
-// An error ends the reading of a file: its size does not matter.
+// An error ends the reading of a file, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 mod bodies;
@@ -43,13 +43,13 @@ use super::graph::math::{self, Vec3};
 use super::graph::{FAST, own_words};
 use super::read::Read;
 
-/// Of free fall on earth. \[m/s^2\]
+/// Acceleration of gravity on earth. \[m/s^2\]
 const EARTH: f64 = 9.81;
 
-/// Reads a scene from a `.usda` file and all that it leads to.
+/// Reads a scene from a `.usda` file and all files that it refers to.
 ///
 /// # Errors
-/// Where a file cannot be read, breaks the rules of USD or UsdPhysics, or describes no physics.
+/// If a file cannot be read, breaks the rules of USD or UsdPhysics, or describes no physics.
 pub fn read(file: &Path) -> Result<Read, SceneError> {
     let mut warnings = Vec::new();
     let files = Files::read(file)?;
@@ -77,13 +77,14 @@ pub fn read(file: &Path) -> Result<Read, SceneError> {
         });
     }
     let scene = Scene { bodies, ..physics(&stage, &mut warnings)? };
-    // What is wrong with a material is told once, not for each that has it.
+    // A fault in a material is reported once, not for each collider that uses it.
     let mut told = BTreeSet::new();
     warnings.retain(|warning| told.insert(warning.message.clone()));
     Ok(Read { scene, warnings, source: None })
 }
 
-/// Gravity, and what UsdPhysics has no word for: times and settings, as the own format writes them.
+/// Reads gravity, and the times and settings that UsdPhysics cannot express. A custom attribute
+/// holds those in Drystone's own format.
 fn physics(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Scene, SceneError> {
     const OWN: &str = "drystone:scene";
     let mut scenes = stage.prims.iter().filter(|prim| prim.kind == "PhysicsScene");
@@ -98,7 +99,8 @@ fn physics(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Scene, Scen
         .map_err(|(item, accepted)| stage.refuse(prim, OWN, &format!("{accepted} ({item})")))?;
     scene.name = prim.label.clone();
     let gravity = gravity(stage, prim)?;
-    // Rounded to where it comes from, unless somebody changed it since.
+    // The own format has gravity exactly. The rounded one of UsdPhysics replaces it only if
+    // somebody changed it since.
     let written = <Vec3>::try_from(scene.gravity.as_slice()).unwrap_or(gravity);
     let off = math::length(math::sub(gravity, written));
     if own.is_none() || off > 1e-6 * math::length(written) {
@@ -107,18 +109,18 @@ fn physics(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Scene, Scen
     Ok(scene)
 }
 
-/// Acceleration of free fall in the scene. \[m/s^2\]
+/// Returns the acceleration of gravity in the scene. \[m/s^2\]
 fn gravity(stage: &Stage<'_>, prim: &prims::Prim) -> Result<Vec3, SceneError> {
     const STRENGTH: &str = "physics:gravityMagnitude";
     let direction = stage.vector::<3>(prim, "physics:gravityDirection", FAST)?.unwrap_or_default();
     let strength = match stage.number(prim, STRENGTH, f64::NEG_INFINITY, FAST)? {
-        // What is below zero asks for that of the earth.
+        // A negative magnitude asks for the earth's gravity.
         Some(strength) if strength >= 0.0 => strength * stage.units.meters,
         _ => EARTH,
     };
     Ok(match math::unit(direction) {
         None => [0.0, -strength, 0.0],
-        // Without the rounding of a unit vector's length.
+        // A direction of length 1 up to rounding stays as written.
         Some(unit) => {
             let exact = (math::dot(direction, direction) - 1.0).abs() <= 8.0 * f64::EPSILON;
             stage.units.direction(math::scale(if exact { direction } else { unit }, strength))

@@ -1,4 +1,4 @@
-//! Writing a scene in Drystone's own format; what equals its default is left out.
+//! Writes a scene in Drystone's own format; values equal to their defaults are omitted.
 
 use super::description::{
     BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, SurfaceVelocity,
@@ -12,19 +12,19 @@ use super::document::{
 use super::format::surface::default_material;
 use super::format::{GRAVITY, TIME_STEP};
 
-/// The scene as JSON. Reading it gives the same scene.
+/// Returns the scene as JSON. Reading it gives the same scene.
 pub fn to_json(scene: &Scene) -> String {
-    // A document has text keys and finite numbers only, which always can be written.
+    // Serialization cannot fail: a document has only text keys and finite numbers.
     serde_json::to_string_pretty(&document(scene)).unwrap_or_default() + "\n"
 }
 
-/// What a scene says besides its bodies and its name, in JSON of one line.
+/// Returns the scene without its bodies and its name, as one line of JSON.
 pub(crate) fn own_words(scene: &Scene) -> String {
     let alone = Scene { bodies: Vec::new(), name: None, ..scene.clone() };
     serde_json::to_string(&document(&alone)).unwrap_or_default()
 }
 
-/// The scene as TOML. Reading it gives the same scene.
+/// Returns the scene as TOML. Reading it gives the same scene.
 pub fn to_toml(scene: &Scene) -> String {
     toml::to_string(&document(scene)).unwrap_or_default()
 }
@@ -81,7 +81,8 @@ fn body_document(body: &Body, scene: &Scene) -> BodyDocument {
     }
 }
 
-/// What all shapes of a body have in common, which is then said once.
+/// Returns the value that all shapes of a body share, if there is one. It is written once, on the
+/// body.
 fn common<T: PartialEq>(body: &Body, of: impl Fn(&Shape) -> &T) -> Option<&T> {
     let first = of(body.shapes.first()?);
     body.shapes.iter().all(|shape| of(shape) == first).then_some(first)
@@ -104,7 +105,7 @@ fn shape_document(
     }
 }
 
-/// Bits are compared, so that -0 is written.
+/// Compares bits, so that -0 differs from 0 and is written.
 fn same(a: &[f64], b: &[f64]) -> bool {
     a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()))
 }
@@ -117,7 +118,7 @@ fn number_unless(x: f64, default: f64) -> Option<f64> {
     (x.to_bits() != default.to_bits()).then_some(x)
 }
 
-/// A belt as its velocity, all else as a table.
+/// Writes a purely linear, local surface velocity as a vector, any other as a table.
 fn surface_velocity(motion: &SurfaceVelocity) -> SurfaceVelocityDocument {
     let SurfaceVelocity { linear, angular, local } = motion;
     let turning = spin(angular);
@@ -177,13 +178,13 @@ fn surface(material: &Material, default: &Material) -> SurfaceDocument {
     }
 }
 
-/// Systems are named by their numbers, which reading takes as such.
+/// Names each system by its bit number; the reader takes such names as the numbers themselves.
 fn collision(filter: Filter, default: Filter) -> Option<CollisionDocument> {
     let names = |mask: u64| -> Vec<String> {
         (0..64).filter(|bit| mask & (1 << bit) != 0).map(|bit: u32| bit.to_string()).collect()
     };
     let all_but = filter.collides_with_unnamed;
-    // A shape that collides with everything says so when its body does not.
+    // A shape that collides with everything must say so if its body does not.
     let listed = filter.collides_with != u64::MAX || !all_but;
     (filter != default).then(|| CollisionDocument {
         systems: names(filter.systems),

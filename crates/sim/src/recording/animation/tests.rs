@@ -8,7 +8,7 @@ fn recording(poses: Vec<f32>) -> Recording {
     Recording { dimension: 3, bodies: 1, frame_time: 1.0 / 60.0, start: 0, poses }
 }
 
-/// Falls, then rests; spins while it falls, turning by more than half a turn.
+/// Falls and spins by more than half a turn, then stays at rest.
 fn falling(frames: usize) -> Recording {
     let mut poses = Vec::new();
     for frame in 0..frames {
@@ -41,7 +41,7 @@ fn floats(document: &Value, bytes: &[u8], accessor: &Value) -> Vec<f32> {
     data.chunks(4).map(|x| f32::from_le_bytes(x.try_into().unwrap())).collect()
 }
 
-/// The value of a channel at a time, as a viewer finds it.
+/// Returns the value of a channel at a time, as a viewer computes it.
 fn play<const N: usize>(keys: &[f32], values: &[f32], time: f32) -> [f64; N] {
     let next = keys.iter().position(|key| *key >= time).unwrap_or(keys.len() - 1).max(1);
     let part = f64::from(time - keys[next - 1]) / f64::from(keys[next] - keys[next - 1]);
@@ -60,13 +60,13 @@ fn a_clip_stays_within_its_tolerance_and_is_short() {
     for tolerance in [1e-5, 5e-3, 0.1] {
         let options = Sampling::within(tolerance);
         keys.push(keys_within(&falling(600), &options));
-        // A piece is as close, at the times that it had.
+        // A piece is as accurate, at its original times.
         keys_within(&falling(600).piece(20..=50), &options);
     }
     assert!(keys[0] < 140 && keys.is_sorted_by(|a, b| a > b), "{keys:?}");
 }
 
-/// How many keys a clip has; they must be within the tolerance.
+/// Returns the number of keys in a clip, after checking that it is within the tolerance.
 fn keys_within(run: &Recording, options: &Sampling) -> usize {
     let (document, bytes, _) = clip(run, options);
     let mut count = 0;
@@ -149,7 +149,7 @@ fn other_rates_have_whole_frames() {
     assert!((times[24] - 1.0).abs() < 1e-12);
     let piece = sample_times(&run.piece(2..=8), &options);
     assert_eq!(piece, times[1..=3]);
-    // More than there are frames make no difference.
+    // A rate above the frame rate makes no difference.
     let more = Sampling { fps: Some(100.0), ..options };
     assert_eq!(sample_times(&run, &more).len(), 62);
 }
@@ -166,7 +166,7 @@ fn a_piece_has_its_frames_at_their_times() {
         assert_eq!(pose_at(&piece, 0, between), pose_at(&run, 0, held));
     }
     assert_eq!(piece.piece(40..=45), run.piece(40..=45));
-    // One frame, and no time to the next.
+    // A single frame without a frame time.
     let still = Recording { frame_time: 0.0, ..run.piece(7..=7) };
     assert_eq!(pose_at(&still, 0, 3.0), pose_at(&run, 0, times[7]));
 }

@@ -22,7 +22,8 @@ fn poses(frame: usize) -> Vec<f32> {
     (0..6).map(|i| (6 * frame + i) as f32 / 3.0).collect()
 }
 
-/// Four frames and a checkpoint after the third; where each record ends.
+/// Writes four frames, with a checkpoint after the third. Returns the offset at which each record
+/// ends.
 fn write(path: &Path) -> Vec<u64> {
     let mut journal = Journal::create(path, &header()).unwrap();
     let mut ends = vec![MAGIC.len() as u64, journal.size()];
@@ -60,7 +61,7 @@ fn reading_what_was_written_gives_the_same() {
     assert_eq!(read(&path).unwrap().steps.len(), 4);
 }
 
-/// Wherever a journal ends, it has the records that were whole, and goes on from there.
+/// A journal cut off anywhere keeps its whole records, and continues from there.
 #[test]
 fn a_torn_record_is_cut_off() {
     let (_folder, path, ends) = whole();
@@ -82,7 +83,7 @@ fn a_torn_record_is_cut_off() {
     }
 }
 
-/// A bit that has turned ends a journal before its record, or makes it no journal.
+/// A flipped bit ends the journal before its record, or makes it unreadable.
 #[test]
 fn a_turned_bit_is_noticed() {
     let (_folder, path, ends) = whole();
@@ -101,7 +102,7 @@ fn a_turned_bit_is_noticed() {
     }
 }
 
-/// Records out of another journal, or at another place, are none of this one.
+/// A record from another offset does not count.
 #[test]
 fn records_do_not_move() {
     let (_folder, path, ends) = whole();

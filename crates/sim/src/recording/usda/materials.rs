@@ -1,4 +1,5 @@
-//! Surfaces as materials of UsdPhysics. How two of them combine has no word there but ours.
+//! Surfaces as materials of UsdPhysics, with own attributes for the rules by which two of them
+//! combine.
 
 use std::collections::HashMap;
 
@@ -6,13 +7,13 @@ use super::prim::Prim;
 use crate::scene::format::surface::COMBINE;
 use crate::scene::{Combine, Material, Scene};
 
-/// What the materials lie under, in the world.
+/// Parent of the materials, below the root prim.
 pub(super) const SCOPE: &str = "Materials";
 
-/// Friction, restitution and resistances, to the bit, and how they combine.
+/// Bits of friction, restitution and resistances, and the combination rules.
 type Key = ([u64; 4], [Combine; 2]);
 
-/// The surfaces of a scene, each once.
+/// The distinct surfaces of a scene.
 pub(super) struct Materials<'a> {
     all: Vec<&'a Material>,
     places: HashMap<Key, usize>,
@@ -30,14 +31,14 @@ impl<'a> Materials<'a> {
         out
     }
 
-    /// All of them; none where there are no shapes.
+    /// Returns the prim with all materials; `None` if there are no shapes.
     pub(super) fn prim(&self) -> Option<Prim> {
         let mut scope = Prim::new("Scope", SCOPE);
         scope.children = self.all.iter().enumerate().map(|(i, of)| prim(i, of)).collect();
         (!scope.children.is_empty()).then_some(scope)
     }
 
-    /// Gives a shape its material.
+    /// Binds a shape to its material.
     pub(super) fn bind(&self, shape: &mut Prim, material: &Material) {
         let Some(place) = self.places.get(&key(material)) else { return };
         shape.schemas.push("MaterialBindingAPI");

@@ -1,19 +1,19 @@
-//! A prim of a stage, and how it is written.
+//! Prims of a stage, and their text form.
 
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write};
 
 use super::Track;
 
-/// What a stage is made of.
+/// A prim to be written.
 pub(super) struct Prim {
     kind: &'static str,
     name: String,
-    /// Between the parentheses, but for the schemas.
+    /// Lines of metadata in the parentheses, except the schemas.
     pub(super) metadata: Vec<String>,
-    /// Applied to it.
+    /// Applied API schemas.
     pub(super) schemas: Vec<&'static str>,
-    /// Type and name, and the value.
+    /// Attributes: type and name, and the value.
     attributes: Vec<(String, String)>,
     pub(super) children: Vec<Prim>,
 }
@@ -24,7 +24,7 @@ impl Prim {
         Self { kind, name: name.into(), metadata, schemas, attributes, children: Vec::new() }
     }
 
-    /// Sets an attribute, by type and name.
+    /// Sets an attribute, given by type and name.
     pub(super) fn set(&mut self, attribute: impl Into<String>, value: impl Display) {
         let (attribute, value) = (attribute.into(), value.to_string());
         match self.attributes.iter_mut().find(|(known, _)| *known == attribute) {
@@ -33,7 +33,7 @@ impl Prim {
         }
     }
 
-    /// Where it is in its parent \[m\], how it is turned (x, y, z, w), and how it is scaled.
+    /// Sets position \[m\], rotation (x, y, z, w) and scale relative to the parent.
     pub(super) fn place(&mut self, position: [f64; 3], rotation: [f64; 4], scale: [f64; 3]) {
         let [x, y, z, w] = rotation;
         let mut order = "\"xformOp:translate\", \"xformOp:orient\"".to_owned();
@@ -46,7 +46,7 @@ impl Prim {
         self.set("uniform token[] xformOpOrder", format!("[{order}]"));
     }
 
-    /// Gives an attribute the samples of a track, or its one value.
+    /// Gives an attribute the samples of a track, or its constant value.
     pub(super) fn follow<const N: usize>(
         &mut self,
         attribute: &str,
@@ -67,14 +67,14 @@ impl Prim {
         }
     }
 
-    /// Writes it and all below it.
+    /// Writes the prim and all its children.
     pub(super) fn write(&self, out: &mut dyn Write, depth: usize) -> io::Result<()> {
         let indent = "    ".repeat(depth);
         writeln!(out, "{indent}def {} \"{}\" (", self.kind, self.name)?;
         for line in &self.metadata {
             writeln!(out, "{indent}    {line}")?;
         }
-        // An empty list is an error.
+        // USD does not allow an empty list.
         if !self.schemas.is_empty() {
             let schemas = list(self.schemas.iter().map(|name| format!("\"{name}\"")));
             writeln!(out, "{indent}    prepend apiSchemas = {schemas}")?;
@@ -90,19 +90,19 @@ impl Prim {
     }
 }
 
-/// (a, b, c)
+/// Formats numbers as (a, b, c).
 pub(super) fn tuple(numbers: &[impl Display]) -> String {
     let numbers: Vec<_> = numbers.iter().map(ToString::to_string).collect();
     format!("({})", numbers.join(", "))
 }
 
-/// [a, b, c]
+/// Formats items as [a, b, c].
 pub(super) fn list(items: impl Iterator<Item = impl Display>) -> String {
     let items: Vec<_> = items.map(|item| item.to_string()).collect();
     format!("[{}]", items.join(", "))
 }
 
-/// A string as USD writes it.
+/// Quotes a string as USD requires.
 pub(super) fn quoted(text: &str) -> String {
     let mut out = String::from("\"");
     for c in text.chars() {

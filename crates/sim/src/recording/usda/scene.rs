@@ -1,9 +1,16 @@
-//! A scene of Drystone's own format as a stage, so that reading it gives the same bodies.
+//! Writes a scene of Drystone's own format as a stage. Reading it gives the same bodies.
 //!
-//! What UsdPhysics has no word for goes into attributes of the namespace `drystone:`, where the reader finds
-//! it and other programs leave it alone: times and settings of the scene; how surfaces combine; masses and
-//! moments that are infinite; part of gravity; normals of half-spaces that lie askew; resistance to rolling. Damping
-//! and surfaces that run are in the words of PhysX's schemas.
+//! Data that UsdPhysics cannot express goes into attributes of the namespace `drystone:`, which
+//! other programs ignore:
+//!
+//! - times and settings of the scene;
+//! - rules by which surfaces combine, and resistance to rolling and spinning;
+//! - infinite masses and moments, and gravity factors;
+//! - collision systems;
+//! - normals of half-spaces that do not point along +y;
+//! - accuracy and number of pieces of a convex decomposition.
+//!
+//! Damping and surface velocities use PhysX's schemas.
 
 use std::io;
 use std::path::Path;
@@ -15,22 +22,23 @@ use crate::recording::mesh::hull_triangles;
 use crate::scene::write::own_words;
 use crate::scene::{Body, Filter, Motion, Rotation, Scene, Shape, ShapeKind, Track};
 
-/// What the collision groups lie under, in the world.
+/// Parent of the collision groups, below the root prim.
 pub(super) const GROUPS: &str = "Groups";
 
 /// A scene as a stage.
 pub struct Stage {
     world: Prim,
-    /// \[s\]
+    /// Last time of all tracks. \[s\]
     end: f64,
     frames_per_second: f64,
 }
 
 impl Stage {
-    /// Of a scene.
+    /// Converts a scene.
     ///
     /// # Errors
-    /// What a stage cannot say, and what to do about it.
+    /// If the scene contains something that a stage cannot express. The message says what to do
+    /// about it.
     pub fn new(scene: &Scene) -> Result<Self, String> {
         if scene.dimension != 3 {
             return Err("is a scene in 2D; a stage is in 3D".to_owned());
@@ -58,7 +66,7 @@ impl Stage {
         Ok(Self { world, end, frames_per_second })
     }
 
-    /// Writes it as `.usda`. A time code is a second.
+    /// Writes the stage as `.usda`. A time code is a second.
     ///
     /// # Errors
     /// Those of [`write_whole`](crate::recording::write_whole).
@@ -67,13 +75,14 @@ impl Stage {
     }
 }
 
-/// What the prim of a body lacks; else why there can be none.
+/// Adds data to the prim of a body that a plain export omits. The error says why the body cannot be
+/// written.
 fn own(prim: &mut Prim, body: &Body) -> Result<(), String> {
     if body.name.is_none() {
         prim.metadata.push("displayName = \"\"".to_owned());
     }
     if body.motion == Motion::Static {
-        // Its shapes stay one body.
+        // A disabled rigid body keeps its shapes together as one body.
         prim.schemas.extend(["PhysicsRigidBodyAPI", "PhysicsMassAPI"]);
         prim.set("bool physics:rigidBodyEnabled", 0);
         super::mass(prim, 3, &body.mass);
@@ -100,7 +109,7 @@ fn own(prim: &mut Prim, body: &Body) -> Result<(), String> {
     Ok(())
 }
 
-/// Keys as samples.
+/// Writes the keys of a track as time samples.
 fn follow(prim: &mut Prim, track: &Track) {
     if track.times.is_empty() {
         return;
@@ -119,7 +128,8 @@ fn follow(prim: &mut Prim, track: &Track) {
     prim.set("quatd xformOp:orient.timeSamples", turns);
 }
 
-/// Points as they are and in their order; what a half-space is without its turn.
+/// Sets the exact points of meshes and hulls, in their order, and the exact normal and rotation of
+/// half-spaces.
 fn exact(prim: &mut Prim, shape: &Shape, motion: Motion) -> Result<(), String> {
     let (points, triangles): (Vec<Vec<f64>>, Vec<u32>) = match &shape.kind {
         ShapeKind::Trimesh { vertices, triangles, .. } => {
@@ -152,7 +162,7 @@ fn exact(prim: &mut Prim, shape: &Shape, motion: Motion) -> Result<(), String> {
     Ok(())
 }
 
-/// A collision group for each filter, where there is more than the usual one.
+/// Returns a collision group for each filter; `None` if all shapes have the default filter.
 fn groups(scene: &Scene, names: &[String]) -> Option<Prim> {
     let mut filters: Vec<(Filter, Vec<String>)> = Vec::new();
     for (body, name) in scene.bodies.iter().zip(names) {

@@ -1,4 +1,4 @@
-//! Shapes as prims of UsdGeom that collide.
+//! Shapes as prims of UsdGeom with colliders.
 
 use super::super::color::{color_of, linear};
 use super::super::mesh::{self, mesh_of, scale_of};
@@ -9,10 +9,10 @@ use crate::scene::graph::math::{from_up, quat_mul};
 use crate::scene::graph::seen_from;
 use crate::scene::{Motion, Rotation, Shape, ShapeKind, SurfaceVelocity};
 
-/// Of what is flat. \[m\]
+/// Thickness of 2D shapes. \[m\]
 pub(super) const THICKNESS: f64 = 2.0 * mesh::HALF_DEPTH;
 
-/// A quaternion x, y, z, w.
+/// Returns a rotation as a quaternion x, y, z, w.
 pub(super) fn quaternion(rotation: Rotation) -> [f64; 4] {
     match rotation {
         Rotation::Quaternion(q) => q,
@@ -20,7 +20,7 @@ pub(super) fn quaternion(rotation: Rotation) -> [f64; 4] {
     }
 }
 
-/// Shape `number` of a body.
+/// Returns the prim of shape `number` of a body.
 pub(super) fn prim(
     shape: &Shape,
     dimension: usize,
@@ -84,7 +84,8 @@ pub(super) fn prim(
     prim
 }
 
-/// How a surface runs in the frame of its prim, which is that of the shape but for planes.
+/// Returns a surface velocity in the frame of the prim, which differs from that of the shape for
+/// planes.
 pub(super) fn seen_from_prim(motion: &SurfaceVelocity, shape: &Shape) -> SurfaceVelocity {
     let own = quaternion(shape.rotation);
     match (&shape.kind, shape.rotation) {
@@ -95,7 +96,7 @@ pub(super) fn seen_from_prim(motion: &SurfaceVelocity, shape: &Shape) -> Surface
     }
 }
 
-/// A capsule or a cylinder along y.
+/// Returns a capsule or a cylinder along y.
 fn round(kind: &'static str, name: String, radius: f64, half_height: f64, reach: f64) -> Prim {
     let mut prim = Prim::new(kind, name);
     prim.set("uniform token axis", "\"Y\"");
@@ -105,7 +106,7 @@ fn round(kind: &'static str, name: String, radius: f64, half_height: f64, reach:
     prim
 }
 
-/// A mesh; hulls, and all that is flat, collide as the hulls of their points.
+/// Returns a mesh. Hulls and 2D shapes collide as the convex hulls of their points.
 fn faces(name: &str, kind: &ShapeKind, dimension: usize) -> Prim {
     let mesh = mesh_of(kind, dimension);
     let hull = !matches!(kind, ShapeKind::Trimesh { .. });

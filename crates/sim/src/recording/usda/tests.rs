@@ -1,8 +1,7 @@
 use super::*;
 use crate::scene::format::read_toml;
 
-/// A stage of a scene in which each body moves by one meter along x per frame and turns by half a
-/// right angle about z.
+/// Writes a stage in which each body moves by 1 m along x and turns by 45° about z per frame.
 fn stage(text: &str, frames: usize, options: &Sampling) -> String {
     let scene = read_toml(Path::new("test.toml"), text).unwrap().scene;
     let (dimension, bodies) = (scene.dimension, scene.bodies.len());
@@ -28,7 +27,7 @@ const BALL: &str = "bodies = [{shapes = [{type = \"sphere\", radius = 0.5}]}]";
 fn samples_are_those_that_a_straight_line_does_not_give() {
     let text = stage(BALL, 3, &Sampling::default());
     assert!(text.contains("timeCodesPerSecond = 100\n") && text.contains("endTimeCode = 2\n"));
-    // Translation is even, and so is the rotation.
+    // Translation and rotation are uniform.
     assert!(
         text.contains("xformOp:translate.timeSamples = { 0: (0, 0, 0), 2: (2, 0, 0), }"),
         "{text}"
@@ -52,7 +51,8 @@ fn samples_are_kept_where_openusd_mixes_rotations_coarsely() {
         let samples = text.lines().find(|line| line.contains("orient.timeSamples")).unwrap();
         samples.matches(": (").count()
     };
-    // Even all: straight lines give them, but not to one who takes w = 1 - 1e-6 for 2.8 mrad.
+    // All are uniform. Linear interpolation would give the middle one, if OpenUSD did not take w =
+    // 1 - 1e-6 for 2.8 mrad.
     assert_eq!(kept([-3e-3, -1e-3, 1e-3]), 3);
     assert_eq!(kept([0.5 - 2e-3, 0.5, 0.5 + 2e-3]), 2);
     assert_eq!(kept([-0.2, 0.0, 0.2]), 2);

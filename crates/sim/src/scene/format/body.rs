@@ -1,4 +1,4 @@
-//! Bodies.
+//! Reads bodies, their mass properties and their tracks.
 
 use std::collections::HashMap;
 
@@ -44,10 +44,11 @@ const DAMPING: Range = Range::new(0.0, 1e6, "1/s");
 const MASS: Range = Range::new(1e-12, 1e15, "kg").or_infinite();
 const INERTIA: Range = Range::new(1e-20, 1e20, "kg m^2").or_infinite();
 
-/// Beyond this, single precision resolves less than the tolerances of contact. \[m\]
+/// Distance from the origin beyond which single precision is coarser than the contact tolerances.
+/// \[m\]
 const FAR: f64 = 1e4;
 
-/// How messages call a body.
+/// Returns the body as messages call it: `body 'ball'`, or `body 3` by its index.
 pub(super) fn body_name(index: usize, name: Option<&str>) -> String {
     match name {
         Some(name) => format!("body '{}'", one_line(name)),

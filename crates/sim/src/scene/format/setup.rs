@@ -1,4 +1,4 @@
-//! [`Setup`]: what the bodies of a scene have in common while they are read.
+//! [`Setup`]: data shared by all bodies of a scene while they are read.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use super::walk::Range;
 
 pub(super) const POSITION: Range = Range::new(-1e6, 1e6, "m");
 
-/// What a body's meaning depends on besides its own table.
+/// Data outside a body's own table that decides how the table is read.
 pub(super) struct Setup {
     pub(super) dimension: usize,
     pub(super) particles: bool,

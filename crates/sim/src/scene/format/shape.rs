@@ -1,4 +1,4 @@
-//! Shapes.
+//! Reads shapes.
 
 use super::setup::{POSITION, Setup};
 use super::surface::{Surface, read_filter, read_surface, read_surface_velocity};
@@ -7,7 +7,7 @@ use crate::decomposition::{DecompositionOptions, is_solid};
 use crate::scene::description::{Filter, Motion, Rotation, Shape, ShapeKind};
 use crate::scene::error::SceneError;
 
-/// The keys of all shapes, followed by those of one type.
+/// Keys common to all shapes, followed by those of one type.
 macro_rules! keys {
     ($($key:literal),*) => {
         &[
@@ -52,7 +52,7 @@ const ANY_KEYS: &[&str] = keys!(
 
 pub(in crate::scene) const DECOMPOSITION_KEYS: &[&str] = &["accuracy", "pieces"];
 
-/// The name under which a file has it.
+/// Returns the name of the type in scene files.
 pub(super) fn type_name(kind: &ShapeKind) -> &'static str {
     match kind {
         ShapeKind::Sphere { .. } => "sphere",
@@ -80,7 +80,7 @@ pub(super) fn read_shape(
     let table = field.open(ANY_KEYS, &owner)?;
     let kind = table.require("type", TYPES)?;
     let keys = kind.choice(&SHAPE_KEYS)?;
-    // Checked against the keys of this type: a radius on a box is an error.
+    // Only now is the type known: a radius on a box is an error.
     let table = &field.table(keys, &owner)?;
     let dimension = setup.dimension;
     Ok(Shape {
@@ -148,10 +148,10 @@ fn read_hull(table: &Table<'_>, dimension: usize) -> Result<ShapeKind, SceneErro
     Ok(ShapeKind::ConvexHull { points })
 }
 
-/// Whether points have an extent in every direction that single precision can tell.
+/// Whether the points have an extent in every direction that single precision can resolve.
 ///
-/// Takes the point that is farthest from what the points before it span, one direction after the
-/// other, and asks for a distance that is not lost to rounding.
+/// In each direction in turn, takes the point farthest from the span of the points taken before.
+/// Its distance from that span must be larger than rounding errors.
 fn spans_space(points: &[Vec<f64>]) -> bool {
     let Some(origin) = points.first() else {
         return false;

@@ -1,4 +1,4 @@
-//! Surfaces and collision systems.
+//! Reads surface properties and collision systems.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -31,7 +31,7 @@ pub(crate) const COMBINE: [(&str, Combine); 5] = [
     ("geometric_mean", Combine::GeometricMean),
 ];
 
-/// What a material, a body or a shape says of its surface.
+/// Surface properties stated by a material, a body or a shape.
 #[derive(Clone, Default)]
 pub(super) struct Surface {
     pub(super) density: Option<f64>,
@@ -44,7 +44,7 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// What is absent here is taken from the other.
+    /// Returns `self` with absent values taken from `other`.
     pub(super) fn over(&self, other: &Surface) -> Surface {
         Surface {
             density: self.density.or(other.density),
@@ -70,7 +70,7 @@ impl Surface {
     }
 }
 
-/// The surface where a scene says nothing.
+/// Returns the surface properties that apply where a scene states none.
 pub(in crate::scene) fn default_material(particles: bool) -> Material {
     let material = Material::default();
     if particles { Material { friction: 0.0, ..material } } else { material }
@@ -94,7 +94,7 @@ pub(super) fn read_surface(table: &Table<'_>) -> Result<Surface, SceneError> {
     })
 }
 
-/// How the surface of a body or shape runs: a linear velocity, or a table.
+/// Reads the surface velocity of a body or shape: a linear velocity, or a table.
 pub(super) fn read_surface_velocity(
     owner: &Table<'_>,
     dimension: usize,
@@ -118,8 +118,8 @@ pub(super) fn read_surface_velocity(
     }))
 }
 
-/// Collision systems by name. They are numbered as they appear; a scene that calls them "0" to
-/// "63" chooses the numbers itself.
+/// Collision systems by name. They are numbered in order of appearance. A scene that names them "0"
+/// to "63" chooses the numbers itself.
 #[derive(Default)]
 pub(super) struct Systems {
     bits: BTreeMap<String, u32>,

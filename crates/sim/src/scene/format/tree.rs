@@ -1,4 +1,4 @@
-//! One tree for TOML and JSON, with the place of every value.
+//! Syntax tree for both TOML and JSON, with the offset of every value.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -10,14 +10,15 @@ use toml::de::{DeTable, DeValue};
 
 use crate::scene::error::{Place, SceneError};
 
-/// A text with the means to say where something in it is.
+/// Source text that can convert an offset to a line and column for messages.
 #[derive(Clone, Copy)]
 pub(super) struct Text<'a> {
     pub(super) file: &'a Path,
     pub(super) text: &'a str,
 }
 
-/// A value and the offset at which it starts (TOML; 0 in JSON, whose parser does not tell).
+/// A value and the offset at which it starts in the text. The offset is 0 in JSON, whose parser
+/// does not report it.
 pub(super) struct Node<'a> {
     pub(super) start: usize,
     pub(super) value: Tree<'a>,
@@ -40,7 +41,7 @@ pub(super) struct Entry<'a> {
 }
 
 impl<'a> Text<'a> {
-    /// A leading byte order mark is left out.
+    /// Wraps a text without its leading byte order mark, if any.
     pub(super) fn new(file: &'a Path, text: &'a str) -> Self {
         Self { file, text: text.strip_prefix('\u{feff}').unwrap_or(text) }
     }
@@ -63,7 +64,7 @@ impl<'a> Text<'a> {
         })
     }
 
-    /// Line and column of an offset.
+    /// Returns line and column of an offset.
     pub(super) fn line_at(self, offset: usize) -> Place {
         let before = self.text.get(..offset).unwrap_or(self.text);
         let line = before.bytes().filter(|&b| b == b'\n').count().saturating_add(1);
@@ -71,7 +72,7 @@ impl<'a> Text<'a> {
         Place::Line { line, column: last.chars().count().saturating_add(1) }
     }
 
-    /// serde_json counts columns in bytes.
+    /// Returns the position in characters: serde_json counts columns in bytes.
     fn line_of_bytes(self, line: usize, column: usize) -> Place {
         let text = self.text.split('\n').nth(line.saturating_sub(1)).unwrap_or("");
         let before = text
@@ -135,7 +136,7 @@ impl<'a> Text<'a> {
     }
 }
 
-/// Text from a file, made fit for one line of a message.
+/// Returns text from a file shortened and without control characters, for one line of a message.
 pub(super) fn one_line(text: &str) -> String {
     let printable = |c: char| if c.is_control() { ' ' } else { c };
     shorten(&text.chars().take(MESSAGE + 1).map(printable).collect::<String>())
@@ -150,7 +151,7 @@ fn shorten(text: &str) -> String {
     }
 }
 
-/// As it would be written in the file, shortened.
+/// Displays the value as it would be written in the file, shortened.
 impl fmt::Display for Tree<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -172,7 +173,7 @@ impl fmt::Display for Tree<'_> {
     }
 }
 
-/// An item of a list in a message: lists in lists are not spelled out.
+/// Item of a list in a message; nested lists are not spelled out.
 struct Brief<'a>(&'a Tree<'a>);
 
 impl fmt::Display for Brief<'_> {

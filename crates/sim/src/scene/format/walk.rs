@@ -1,4 +1,4 @@
-//! Typed access to the tree: each question either gets a value or the error that names the item.
+//! Typed access to the tree: each query returns a value, or an error that names the item.
 
 use std::cell::RefCell;
 use std::fmt::{self, Display};
@@ -7,14 +7,14 @@ use super::tree::{Entry, Node, Text, Tree, one_line};
 use crate::scene::description::Rotation;
 use crate::scene::error::{Place, SceneError, Warning};
 
-/// What one walk over a file shares.
+/// Data shared by one walk over a file.
 pub(super) struct Walk<'a> {
     pub(super) text: Text<'a>,
     pub(super) json: bool,
     pub(super) warnings: RefCell<Vec<Warning>>,
 }
 
-/// The way from the root to a value, for JSON pointers.
+/// Path from the root to a value, for JSON pointers.
 #[derive(Clone, Copy)]
 pub(super) struct Path<'a> {
     parent: Option<&'a Path<'a>>,
@@ -28,7 +28,7 @@ enum Step<'a> {
     Index(usize),
 }
 
-/// A value with its name and owner, as messages say it: `radius` of `shape 0 of body 'ball'`.
+/// A value with its name and owner as messages show them: `radius` of `shape 0 of body 'ball'`.
 #[derive(Clone, Copy)]
 pub(super) struct Field<'a> {
     walk: &'a Walk<'a>,
@@ -38,7 +38,7 @@ pub(super) struct Field<'a> {
     owner: &'a dyn Display,
 }
 
-/// A table of which every key is known.
+/// A table and the keys that it may contain.
 pub(super) struct Table<'a> {
     walk: &'a Walk<'a>,
     start: usize,
@@ -48,11 +48,11 @@ pub(super) struct Table<'a> {
     keys: &'static [&'static str],
 }
 
-/// Numbers that are accepted.
+/// Range of accepted numbers.
 pub(super) struct Range {
     pub(super) min: f64,
     pub(super) max: f64,
-    /// Infinity is accepted, too.
+    /// Whether infinity is accepted as well.
     pub(super) infinite: bool,
     pub(super) unit: &'static str,
 }
@@ -84,7 +84,7 @@ impl Display for Range {
     }
 }
 
-/// So many numbers in a range.
+/// A count of numbers and their range, for messages.
 #[derive(Clone, Copy)]
 struct Numbers<'a>(usize, &'a Range);
 
@@ -94,12 +94,12 @@ impl Display for Numbers<'_> {
     }
 }
 
-/// A number in a message.
+/// A number formatted for a message.
 pub(super) struct Number(pub(super) f64);
 
 impl Display for Number {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Single precision is enough for a message, and is shorter.
+        // Single precision is shorter, and enough for a message.
         let x = self.0 as f32;
         if x == 0.0 || (1e-3..1e6).contains(&x.abs()) {
             write!(f, "{x}")
@@ -147,7 +147,7 @@ impl<'a> Field<'a> {
         item(self.name, self.owner)
     }
 
-    /// The error that this value is not what is accepted.
+    /// Returns the error that this value is not one of those accepted.
     pub(super) fn refuse(&self, accepted: impl Display) -> SceneError {
         self.refuse_value(self.node.value.to_string(), accepted)
     }
@@ -163,7 +163,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Says that this does not act as one may think.
+    /// Adds the warning that this value has no effect, or another one than expected.
     pub(super) fn warn(&self, what: impl Display) {
         let place = self.walk.place(self.node.start, &self.path);
         let message = format!("{} {what}", self.item());
@@ -214,7 +214,7 @@ impl<'a> Field<'a> {
         })
     }
 
-    /// The items of a list; each goes by the name of the list.
+    /// Returns the items of a list; messages give each the name of the list.
     pub(super) fn items<'b, D: Display>(
         &'b self,
         accepted: D,
@@ -239,7 +239,7 @@ impl<'a> Field<'a> {
         numbers.filter(|x| x.len() == n).ok_or_else(|| self.refuse(accepted))
     }
 
-    /// A vector of length 1; small errors of length are repaired.
+    /// Reads a vector of length 1. A length within 1e-3 of 1 is normalized.
     pub(super) fn unit(&self, n: usize) -> Result<Vec<f64>, SceneError> {
         let refuse = || {
             self.refuse(format_args!("{n} numbers that make a vector of length 1 (within 1e-3)"))
@@ -250,7 +250,8 @@ impl<'a> Field<'a> {
         if (length - 1.0).abs() > 1e-3 {
             return Err(refuse());
         }
-        // What is a unit vector to rounding stays as written, so that it is read back unchanged.
+        // A vector whose length is 1 up to rounding stays as written, so that it survives a round
+        // trip.
         if (square - 1.0).abs() > 8.0 * f64::EPSILON {
             x.iter_mut().for_each(|x| *x /= length);
         }
@@ -269,7 +270,7 @@ impl<'a> Field<'a> {
         self.real(&Range::new(-1e6, 1e6, "rad")).map(Rotation::Angle)
     }
 
-    /// The entries of a table with any keys.
+    /// Returns the entries of a table with arbitrary keys.
     pub(super) fn named<'b>(
         &'b self,
     ) -> Result<impl Iterator<Item = (&'b str, Field<'b>)>, SceneError> {
@@ -284,7 +285,7 @@ impl<'a> Field<'a> {
         }))
     }
 
-    /// A table with no other keys than these.
+    /// Opens a table and checks that it contains no keys except `keys`.
     pub(super) fn table<'b>(
         &'b self,
         keys: &'static [&'static str],
@@ -295,7 +296,7 @@ impl<'a> Field<'a> {
         Ok(table)
     }
 
-    /// A table of which the keys are not checked yet, since they depend on what it holds.
+    /// Opens a table without checking its keys, where they depend on its contents.
     pub(super) fn open<'b>(
         &'b self,
         keys: &'static [&'static str],
@@ -350,12 +351,12 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// How messages call a part of this table's owner.
+    /// Returns the name of a part of this table's owner, for messages.
     pub(super) fn nested(&self, part: String) -> String {
         item(&part, self.owner)
     }
 
-    /// Whether this is a key here.
+    /// Whether `key` is one of the keys that this table may contain.
     pub(super) fn knows(&self, key: &str) -> bool {
         self.keys.contains(&key)
     }
@@ -367,7 +368,8 @@ impl<'a> Table<'a> {
         Some(Field { walk: self.walk, node: &entry.node, path, name: key, owner: self.owner })
     }
 
-    /// The text under a key, if it is one; used to name the owner before anything is checked.
+    /// Returns the text under a key, if it is a text. Used to name the owner before anything is
+    /// checked.
     pub(super) fn peek(&self, key: &str) -> Option<&'a str> {
         let entry = self.entries.iter().find(|entry| entry.key == key)?;
         match &entry.node.value {
@@ -387,7 +389,7 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// An error about the table as a whole.
+    /// Returns an error about the table as a whole.
     pub(super) fn refuse(&self, item: String, value: String, help: impl Display) -> SceneError {
         SceneError {
             file: self.walk.text.file.to_owned(),
@@ -423,15 +425,16 @@ fn item(name: &str, owner: &dyn Display) -> String {
     if owner.is_empty() { name.to_owned() } else { format!("{name} of {owner}") }
 }
 
-/// Help for a key that does not exist.
+/// Returns the known key nearest to one that does not exist, as help in a message.
 pub(in crate::scene) fn nearest_known<S: AsRef<str>>(key: &str, known: &[S]) -> String {
     let nearest = known.iter().map(AsRef::as_ref).min_by_key(|k| edit_distance(key, k));
     format!("the nearest known key is '{}'", nearest.unwrap_or(""))
 }
 
-/// Insertions, deletions and replacements of letters that make one word the other.
+/// Levenshtein distance: the number of insertions, deletions and replacements that turn `a` into
+/// `b`.
 fn edit_distance(a: &str, b: &str) -> usize {
-    // Longer than any key; what follows cannot make it nearer to one.
+    // Cut off beyond the length of any key: more letters cannot bring it nearer to one.
     let a: Vec<char> = a.chars().take(48).collect();
     let mut row: Vec<usize> = (0..=a.len()).collect();
     for (i, letter) in b.chars().enumerate() {

@@ -1,12 +1,12 @@
-//! Buffer views and accessors: every number that a glTF takes from its buffers.
+//! Buffer views and accessors: typed access to the numbers in buffers.
 
 use super::super::error::SceneError;
 use super::json::Cursor;
 
-/// Most elements of an accessor that no bytes of a buffer stand behind.
+/// Largest number of elements of an accessor without data in a buffer.
 const MOST_ZEROS: u64 = 1 << 24;
 
-/// Part of a buffer.
+/// A part of a buffer.
 struct View {
     buffer: usize,
     offset: usize,
@@ -14,7 +14,7 @@ struct View {
     stride: Option<usize>,
 }
 
-/// The type of one component.
+/// Type of one component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Component {
     I8,
@@ -48,7 +48,7 @@ impl Component {
         }
     }
 
-    /// Its value, scaled to -1..1 or 0..1 if `normalized`.
+    /// Returns the value, scaled to -1..1 or 0..1 if `normalized`.
     fn value(self, bytes: &[u8], normalized: bool) -> Option<f64> {
         let (value, full) = match self {
             Self::I8 => (f64::from(i8::from_le_bytes(bytes.try_into().ok()?)), 127.0),
@@ -62,7 +62,7 @@ impl Component {
     }
 }
 
-/// Where an accessor finds its elements.
+/// An accessor: position and type of its elements.
 pub(super) struct Accessor<'a> {
     pub(super) cursor: Cursor<'a>,
     pub(super) count: usize,
@@ -73,7 +73,7 @@ pub(super) struct Accessor<'a> {
     sparse: Option<Sparse>,
 }
 
-/// Elements that replace others.
+/// Elements that replace others, by index.
 struct Sparse {
     count: usize,
     index: Component,
@@ -82,7 +82,7 @@ struct Sparse {
 }
 
 impl Accessor<'_> {
-    /// Offsets of the components in an element, and the size of an element.
+    /// Returns the offsets of the components in an element, and the size of an element.
     fn layout(&self) -> (Vec<usize>, usize) {
         let size = self.component.size();
         let (columns, rows) = match self.kind {
@@ -106,7 +106,8 @@ impl Accessor<'_> {
         (offsets, columns.saturating_mul(column))
     }
 
-    /// Whether it holds indices as a primitive may use them.
+    /// Returns the index that restarts a primitive; `None` if the component type cannot hold
+    /// indices.
     pub(super) fn restart(&self) -> Option<u32> {
         match self.component {
             Component::U8 => Some(0xff),
@@ -125,7 +126,7 @@ impl Accessor<'_> {
     }
 }
 
-/// All views and accessors of a file.
+/// All buffer views and accessors of a file.
 pub(super) struct Accessors<'a> {
     buffers: &'a [Option<Vec<u8>>],
     views: Vec<View>,
@@ -133,7 +134,7 @@ pub(super) struct Accessors<'a> {
 }
 
 impl<'a> Accessors<'a> {
-    /// Reads and checks every view and accessor, and the numbers in them.
+    /// Reads and checks every view, every accessor, and all float data.
     pub(super) fn read(
         root: &Cursor<'a>,
         buffers: &'a [Option<Vec<u8>>],
@@ -248,7 +249,7 @@ impl<'a> Accessors<'a> {
         Ok(Sparse { count, index, indices, values })
     }
 
-    /// Whether `count` elements of `size` bytes, `stride` apart, lie inside of a view.
+    /// Checks that `count` elements of `size` bytes, `stride` apart, lie inside a view.
     fn fits(
         &self,
         at: &Cursor<'_>,
@@ -273,13 +274,13 @@ impl<'a> Accessors<'a> {
         }
     }
 
-    /// The accessor at an index.
+    /// Returns the accessor at an index.
     pub(super) fn get(&self, cursor: &Cursor<'_>) -> Result<&Accessor<'a>, SceneError> {
         let index = cursor.index(self.all.len(), "accessors")?;
         self.all.get(index).ok_or_else(|| cursor.error("an accessor of the file is accepted"))
     }
 
-    /// Whether the bytes of an accessor are known.
+    /// Whether the data of an accessor is known.
     pub(super) fn has_data(&self, accessor: &Accessor<'_>) -> bool {
         let known = |view: usize| {
             let buffer = self.views.get(view).and_then(|v| self.buffers.get(v.buffer));
@@ -296,7 +297,7 @@ impl<'a> Accessors<'a> {
         whole.get(offset..)
     }
 
-    /// Visits the elements as f64; nothing where the bytes are unknown.
+    /// Visits the elements as f64. Visits none if the data is unknown.
     fn each(
         &self,
         accessor: &Accessor<'_>,
@@ -322,7 +323,7 @@ impl<'a> Accessors<'a> {
             accessor.cursor.fault(text, "finite numbers are accepted")
         };
 
-        // Replacements in order of their index, so that one pass over the base meets them.
+        // Replacements in order of their index, so that one pass over the elements suffices.
         let mut replaced: Vec<(usize, usize)> = Vec::new();
         if let Some(sparse) = &accessor.sparse {
             let bytes = self.bytes(sparse.indices).ok_or_else(cut)?;
@@ -378,7 +379,7 @@ impl<'a> Accessors<'a> {
         Ok(())
     }
 
-    /// The elements as arrays of `N` numbers.
+    /// Returns the elements as arrays of `N` numbers.
     pub(super) fn elements<const N: usize>(
         &self,
         accessor: &Accessor<'_>,

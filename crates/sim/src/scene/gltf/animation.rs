@@ -1,4 +1,4 @@
-//! Animations of the file that move nodes, as tracks of poses.
+//! Animations that move nodes, converted to tracks of poses.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +29,7 @@ struct Channel {
     path: Path,
     interpolation: Interpolation,
     times: Vec<f64>,
-    /// One value per time; for cubic splines in-tangent, value, out-tangent.
+    /// One value per time; for cubic splines, in-tangent, value and out-tangent.
     values: Vec<[f64; 4]>,
 }
 
@@ -73,7 +73,7 @@ fn mix<const N: usize>(parts: [([f64; 4], f64); N]) -> [f64; 4] {
     })
 }
 
-/// The first animation of the file, as far as it moves nodes.
+/// Translations and rotations of the first animation in the file.
 pub(super) struct Animation {
     channels: BTreeMap<(usize, Path), Channel>,
 }
@@ -118,12 +118,12 @@ impl Animation {
         Ok(this)
     }
 
-    /// Whether it moves a node itself.
+    /// Whether the animation moves the node itself, not only an ancestor.
     pub(super) fn moves(&self, node: usize) -> bool {
         self.channels.range((node, Path::Translation)..=(node, Path::Rotation)).next().is_some()
     }
 
-    /// Poses of a node in the world, as it and its ancestors are moved.
+    /// Returns the poses of a node in the world, as it and its ancestors move.
     pub(super) fn track(&self, nodes: &[Node<'_>], node: usize) -> Result<Track, SceneError> {
         let Some(owner) = nodes.get(node) else { return Ok(Track::default()) };
         let chain = chain(nodes, node);
@@ -142,11 +142,12 @@ impl Animation {
             }
             times.extend(&channel.times);
             if channel.interpolation == Interpolation::Step {
-                // The pose just before a jump keeps the track flat up to it.
+                // The pose just before a jump keeps the track constant up to it.
                 times.extend(channel.times.iter().skip(1).map(|t| t.next_down()));
             }
         }
-        // Keys say all when a single node moves and swings nothing on an arc.
+        // The keys suffice if only one node moves and its rotation does not carry the body along an
+        // arc.
         let cubic = channels.iter().any(|(_, c)| c.interpolation == Interpolation::Cubic);
         let swings = channels.iter().any(|(m, c)| c.path == Path::Rotation && *m != node);
         let exact = movers.len() <= 1 && !cubic && !swings;
@@ -157,7 +158,7 @@ impl Animation {
         Ok(track::of(times, |time| self.pose(nodes, &chain, time)))
     }
 
-    /// Pose in the world at a time; `chain` leads from the root to the node.
+    /// Returns the pose in the world at a time; `chain` leads from the root to the node.
     fn pose(&self, nodes: &[Node<'_>], chain: &[usize], time: f64) -> (Vec3, Quat) {
         let mut world = Affine::IDENTITY;
         let mut turn = math::NO_TURN;
@@ -183,7 +184,7 @@ impl Animation {
     }
 }
 
-/// Nodes from the root down to `node`.
+/// Returns the nodes from the root down to `node`.
 pub(super) fn chain(nodes: &[Node<'_>], node: usize) -> Vec<usize> {
     let mut chain: Vec<usize> =
         std::iter::successors(Some(node), |i| nodes.get(*i).and_then(|n| n.parent)).collect();

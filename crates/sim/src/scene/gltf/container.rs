@@ -1,4 +1,4 @@
-//! The file as bytes: the JSON text, buffers and where they come from.
+//! Files as bytes: the JSON text and the buffers with their sources.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -9,10 +9,10 @@ use super::super::file;
 use super::glb;
 use super::json::{Cursor, parse, reason};
 
-/// Most bytes that a file, or all buffers together, may have.
+/// Largest size of a file, and of all buffers together. \[byte\]
 const MOST: u64 = 2 << 30;
 
-/// A file taken apart.
+/// Contents of a file.
 pub(super) struct Container {
     pub(super) document: Value,
     /// The BIN chunk of a GLB.
@@ -51,7 +51,7 @@ fn read_file(file: &Path, most: u64) -> std::io::Result<Vec<u8>> {
         .ok_or_else(|| std::io::Error::other(format!("it is larger than {most} bytes")))
 }
 
-/// Loads every buffer; a buffer that names no source has no data.
+/// Loads every buffer; one without a source has no data.
 pub(super) fn buffers(
     root: &Cursor<'_>,
     folder: &Path,
@@ -92,7 +92,7 @@ pub(super) fn buffers(
     Ok(buffers)
 }
 
-/// The bytes that a URI stands for.
+/// Loads the bytes that a URI refers to.
 fn load(uri: &Cursor<'_>, folder: &Path) -> Result<Vec<u8>, SceneError> {
     let text = uri.text()?;
     if text.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
@@ -106,7 +106,7 @@ fn load(uri: &Cursor<'_>, folder: &Path) -> Result<Vec<u8>, SceneError> {
     })
 }
 
-/// The file inside of `folder` that a relative URI names, or why there is none.
+/// Returns the file inside `folder` that a relative URI names, or the reason why it is refused.
 pub(crate) fn contained(uri: &str, folder: &Path) -> Result<PathBuf, String> {
     const INSIDE: &str = "a relative path to a file inside the folder of the glTF is accepted";
     let decoded = percent(uri).ok_or("a percent-encoded path in UTF-8 is accepted")?;
@@ -132,7 +132,7 @@ fn percent(text: &str) -> Option<String> {
     String::from_utf8(decoded).ok()
 }
 
-/// The bytes of a base64 data URI.
+/// Decodes a base64 data URI.
 fn data(uri: &str) -> Option<Vec<u8>> {
     let (head, body) = uri.split_once(',')?;
     if !head.to_ascii_lowercase().ends_with(";base64") {

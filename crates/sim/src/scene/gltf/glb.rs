@@ -1,4 +1,5 @@
-//! A GLB: a header, a chunk with the document, and one with the bytes of a buffer.
+//! GLB container: a header, a chunk with the document, and optionally one with the bytes of a
+//! buffer.
 
 use std::path::Path;
 
@@ -7,11 +8,11 @@ use serde_json::Value;
 use super::json::{parse, reason};
 use crate::scene::error::{Place, SceneError, Warning};
 
-/// Length of the header, and of that of a chunk. \[byte\]
+/// Lengths of the file header and of a chunk header. \[byte\]
 const HEADER: usize = 12;
 const CHUNK_HEADER: usize = 8;
 
-/// The document of a GLB and its binary chunk.
+/// Returns the document of a GLB and its binary chunk.
 pub(super) fn read(
     file: &Path,
     bytes: &[u8],
@@ -45,7 +46,7 @@ pub(super) fn read(
     Ok((document.ok_or_else(none)?, bin))
 }
 
-/// A file that is being taken apart.
+/// A file that is being parsed.
 struct Glb<'a> {
     file: &'a Path,
     bytes: &'a [u8],
@@ -63,7 +64,7 @@ impl<'a> Glb<'a> {
         }
     }
 
-    /// What is missing because the file ends.
+    /// Returns the error that an item is cut off by the end of the file.
     fn cut(&self, offset: usize, item: &str) -> SceneError {
         let item = format!("{item}, cut off by the end of the file");
         self.wrong(offset, &item, String::new(), &self.size())
@@ -78,7 +79,7 @@ impl<'a> Glb<'a> {
         Some(u32::from_le_bytes(slice.try_into().ok()?))
     }
 
-    /// Checks the header; returns where the GLB ends.
+    /// Checks the header and returns the offset at which the GLB ends.
     fn header(&self, warnings: &mut Vec<Warning>) -> Result<usize, SceneError> {
         let bytes = self.bytes;
         if !bytes.starts_with(b"glTF") {
@@ -109,7 +110,7 @@ impl<'a> Glb<'a> {
         Ok(end)
     }
 
-    /// The type and the bytes of the chunk at `offset`, and where it stops.
+    /// Returns the type and the bytes of the chunk at `offset`, and the offset of its end.
     fn chunk(&self, offset: usize, end: usize) -> Result<(u32, &'a [u8], usize), SceneError> {
         let start = offset.saturating_add(CHUNK_HEADER);
         let words = [offset, offset.saturating_add(4)].map(|at| self.word(at));
@@ -124,7 +125,7 @@ impl<'a> Glb<'a> {
         Ok((kind, chunk, stop))
     }
 
-    /// Reads the document out of the chunk at `offset`.
+    /// Parses the document in the chunk at `offset`.
     fn document(&self, chunk: &[u8], offset: usize) -> Result<Value, SceneError> {
         parse(chunk).map_err(|error| {
             let within = byte_of(chunk, error.line(), error.column());
@@ -136,7 +137,7 @@ impl<'a> Glb<'a> {
     }
 }
 
-/// Offset of a line and column, both from 1.
+/// Returns the offset of a line and column, both from 1.
 fn byte_of(text: &[u8], line: usize, column: usize) -> usize {
     let start = match line.checked_sub(2) {
         None => 0,

@@ -1,4 +1,4 @@
-//! A place in the document, and checked ways to take values from it.
+//! [`Cursor`]: a position in the document with checked access to its values.
 
 use std::fmt;
 use std::path::Path;
@@ -8,10 +8,10 @@ use serde_json::{Map, Value};
 
 use super::super::error::{Place, SceneError};
 
-/// Longest part of an offending value that an error shows.
+/// Longest excerpt of an offending value in an error. \[character\]
 const SHOWN: usize = 60;
 
-/// A value of the document together with where it stands.
+/// A value of the document with its position.
 #[derive(Clone, Debug)]
 pub(super) struct Cursor<'a> {
     pub(super) value: &'a Value,
@@ -29,7 +29,7 @@ impl<'a> Cursor<'a> {
         Self { value, pointer: format!("{}/{token}", self.pointer), file: self.file }
     }
 
-    /// What the value is called in messages: its key, with the key of its array.
+    /// Returns the name of the value in messages: its key, or the key of its array with an index.
     pub(super) fn name(&self) -> String {
         let mut tokens = self.pointer.rsplit('/');
         let last = tokens.next().unwrap_or_default();
@@ -42,7 +42,7 @@ impl<'a> Cursor<'a> {
         last.replace("~1", "/").replace("~0", "~")
     }
 
-    /// An error about this value.
+    /// Returns an error about this value.
     pub(super) fn error(&self, accepted: impl Into<String>) -> SceneError {
         let shown = match self.value {
             Value::Object(_) => String::new(),
@@ -51,7 +51,7 @@ impl<'a> Cursor<'a> {
         self.report(self.name(), shown, accepted)
     }
 
-    /// An error about this value under another name and without the value.
+    /// Returns an error about this value under another name and without showing the value.
     pub(super) fn fault(&self, item: impl Into<String>, accepted: impl Into<String>) -> SceneError {
         self.report(item.into(), String::new(), accepted)
     }
@@ -80,7 +80,10 @@ impl<'a> Cursor<'a> {
         self.value.as_object().ok_or_else(|| self.error("an object is accepted"))
     }
 
-    /// The member `key`, if there is one; an error where this is no object.
+    /// Returns the member `key`, if there is one.
+    ///
+    /// # Errors
+    /// If the value is not an object.
     pub(super) fn get(&self, key: &str) -> Result<Option<Self>, SceneError> {
         Ok(self.object()?.get(key).map(|value| self.child(key, value)))
     }
@@ -91,7 +94,7 @@ impl<'a> Cursor<'a> {
         })
     }
 
-    /// A member of `extensions`, if there is one.
+    /// Returns a member of `extensions`, if there is one.
     pub(super) fn extension(&self, name: &str) -> Result<Option<Self>, SceneError> {
         match self.get("extensions")? {
             Some(extensions) => extensions.get(name),
@@ -99,9 +102,9 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// What Drystone has to say of this object beyond the extensions: `extras.drystone`.
+    /// Returns Drystone's own data on this object, `extras.drystone`, if there is any.
     pub(super) fn own(&self) -> Result<Option<Self>, SceneError> {
-        // The extras of other programs may be anything.
+        // Extras of other programs may have any type.
         match self.get("extras")?.filter(|extras| extras.value.is_object()) {
             Some(extras) => Ok(extras.get("drystone")?.filter(|own| own.value.is_object())),
             None => Ok(None),
@@ -113,12 +116,12 @@ impl<'a> Cursor<'a> {
         Ok(array.iter().enumerate().map(|(i, v)| self.child(&i.to_string(), v)).collect())
     }
 
-    /// The items of the member `key`; none where it is absent.
+    /// Returns the items of the member `key`; no items if it is absent.
     pub(super) fn list(&self, key: &str) -> Result<Vec<Self>, SceneError> {
         self.get(key)?.map_or_else(|| Ok(Vec::new()), |list| list.items())
     }
 
-    /// A whole number; the JSON may write it as a float.
+    /// Returns a whole number; the JSON may write it as a float.
     pub(super) fn integer(&self) -> Result<u64, SceneError> {
         const EXACT: f64 = 9_007_199_254_740_992.0;
         let whole = self.value.as_u64().or_else(|| {
@@ -128,7 +131,7 @@ impl<'a> Cursor<'a> {
         whole.ok_or_else(|| self.error("a whole number of at least 0 is accepted"))
     }
 
-    /// An index into `count` things called `what`.
+    /// Returns an index into a list of `count` items called `what`.
     pub(super) fn index(&self, count: usize, what: &str) -> Result<usize, SceneError> {
         let index = self.integer()?;
         usize::try_from(index).ok().filter(|i| *i < count).ok_or_else(|| {
@@ -141,7 +144,7 @@ impl<'a> Cursor<'a> {
         })
     }
 
-    /// A number of magnitude up to `limit`.
+    /// Returns a number of magnitude up to `limit`.
     pub(super) fn number(&self, limit: f64) -> Result<f64, SceneError> {
         let number = self.value.as_f64().ok_or_else(|| self.error("a number is accepted"))?;
         if number.abs() <= limit {
@@ -151,7 +154,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// A number from `low` to `high`.
+    /// Returns a number from `low` to `high`.
     pub(super) fn within(&self, low: f64, high: f64) -> Result<f64, SceneError> {
         let number = self.value.as_f64().ok_or_else(|| self.error("a number is accepted"))?;
         if (low..=high).contains(&number) {
@@ -161,7 +164,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// An array of exactly `N` numbers of magnitude up to `limit`.
+    /// Returns an array of exactly `N` numbers of magnitude up to `limit`.
     pub(super) fn numbers<const N: usize>(&self, limit: f64) -> Result<[f64; N], SceneError> {
         let items = self.items()?;
         let numbers =
@@ -177,7 +180,7 @@ impl<'a> Cursor<'a> {
         self.value.as_str().ok_or_else(|| self.error("a text is accepted"))
     }
 
-    /// Keys of this object outside of `known`.
+    /// Returns the keys of this object that are not in `known`, except `extensions` and `extras`.
     pub(super) fn unknown(&self, known: &[&str]) -> Vec<&'a str> {
         let keys = self.value.as_object().into_iter().flat_map(|map| map.keys());
         keys.map(String::as_str)
@@ -186,13 +189,13 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// A document whose objects have each of their keys once, as glTF asks for: else the last would win
-/// without a word.
+/// Parses a document and refuses duplicate keys, as glTF requires. Otherwise the last one would
+/// silently win.
 pub(super) fn parse(bytes: &[u8]) -> Result<Value, serde_json::Error> {
     serde_json::from_slice(bytes).map(|Distinct(value)| value)
 }
 
-/// What went wrong, without the line and column that the place already says.
+/// Returns the message of an error without line and column, which its position already states.
 pub(super) fn reason(error: &serde_json::Error) -> String {
     let text = error.to_string();
     text.split(" at line ").next().unwrap_or(&text).to_string()

@@ -1,4 +1,4 @@
-//! Triangles of meshes.
+//! Triangle meshes of the file.
 
 use super::super::error::SceneError;
 use super::super::graph::transform::Affine;
@@ -7,7 +7,7 @@ use super::accessors::Accessors;
 use super::json::Cursor;
 use super::nodes::Node;
 
-/// What a mesh is made of, checked; its triangles are read when something needs them.
+/// Meshes, checked on creation; triangles are read on demand.
 pub(super) struct Meshes<'a> {
     meshes: Vec<Cursor<'a>>,
     accessors: &'a Accessors<'a>,
@@ -35,7 +35,7 @@ impl<'a> Meshes<'a> {
         self.meshes.len()
     }
 
-    /// The triangles of a mesh.
+    /// Returns the triangles of a mesh.
     pub(super) fn triangles(&self, mesh: usize) -> Result<Triangles, SceneError> {
         let mut out = Some(Triangles::default());
         if let Some(mesh) = self.meshes.get(mesh) {
@@ -46,7 +46,8 @@ impl<'a> Meshes<'a> {
         Ok(out.unwrap_or_default())
     }
 
-    /// Triangles of a node and everything below it, in the node's own space.
+    /// Returns the triangles of a node and everything below it, in the node's own space. The flag
+    /// is true if a skin or morph targets deform any of the meshes.
     pub(super) fn below(
         &self,
         nodes: &[Node<'_>],
@@ -75,7 +76,7 @@ impl<'a> Meshes<'a> {
         Ok((all, deformed))
     }
 
-    /// Checks a primitive and adds its triangles to `out`, if there is one.
+    /// Checks a primitive and adds its triangles to `out`, if it is `Some`.
     fn primitive(
         &self,
         primitive: &Cursor<'_>,
@@ -158,7 +159,7 @@ impl<'a> Meshes<'a> {
     }
 }
 
-/// Triangles of a list, strip or fan, without the degenerate ones that a strip is stitched with.
+/// Returns the triangles of a list, strip or fan, without the degenerate ones that join strips.
 fn assemble(mode: u64, indices: &[u32]) -> Vec<[u32; 3]> {
     let mut triangles: Vec<[u32; 3]> = match mode {
         4 => indices.as_chunks::<3>().0.to_vec(),

@@ -1,4 +1,4 @@
-//! The node tree: local and world transforms, checked for loops.
+//! The node tree with local and world transforms, checked for cycles.
 
 use super::super::error::{SceneError, Warning};
 use super::super::graph::math::{self, Mat3, Quat};
@@ -13,29 +13,29 @@ pub(super) struct Node<'a> {
     pub(super) parent: Option<usize>,
     pub(super) children: Vec<usize>,
     pub(super) local: Trs,
-    /// As written, with whatever shear a matrix has.
+    /// Local transform as written, including any shear of a matrix.
     pub(super) matrix: Affine,
     pub(super) world: Affine,
-    /// Product of the rotations from the root, which no scale distorts.
+    /// Product of the rotations from the root, not distorted by any scale.
     pub(super) turn: Quat,
-    /// Whether nothing from the root to here scales it.
+    /// Whether no node from the root to here is scaled.
     pub(super) rigid: bool,
-    /// Whether it is part of the scene.
+    /// Whether the node is part of the scene.
     pub(super) present: bool,
     pub(super) mesh: Option<usize>,
 }
 
 impl Node<'_> {
-    /// What remains of the transform in the scene without its rotation.
+    /// Returns the linear map of the world transform without its rotation.
     pub(super) fn scale(&self) -> Mat3 {
         if self.rigid {
-            // Without what rounding makes of it.
+            // Exact: without rounding errors of the product.
             return math::IDENTITY;
         }
         math::mul(math::transpose(math::rotation(self.turn)), self.world.linear)
     }
 
-    /// What the node is called in messages.
+    /// Returns the name of the node in messages.
     pub(super) fn label(&self, index: usize) -> String {
         match self.name {
             Some(name) if !name.is_empty() => format!("node '{name}'"),
@@ -120,7 +120,10 @@ fn adopt(nodes: &mut [Node<'_>]) -> Result<(), SceneError> {
     Ok(())
 }
 
-/// All nodes, parents before children.
+/// Returns all nodes, parents before children.
+///
+/// # Errors
+/// If nodes form a cycle.
 fn top_down(nodes: &[Node<'_>]) -> Result<Vec<usize>, SceneError> {
     let mut stack: Vec<usize> =
         nodes.iter().enumerate().filter(|(_, n)| n.parent.is_none()).map(|(i, _)| i).collect();
@@ -136,7 +139,7 @@ fn top_down(nodes: &[Node<'_>]) -> Result<Vec<usize>, SceneError> {
             stack.extend(node.children.iter().rev());
         }
     }
-    // With one parent each, only nodes of a loop are out of reach from the roots.
+    // Since each node has at most one parent, only cycles are unreachable from the roots.
     match nodes.iter().zip(&reached).find(|(_, reached)| !**reached) {
         Some((node, _)) => {
             let children = node.cursor.get("children")?.unwrap_or_else(|| node.cursor.clone());
@@ -181,7 +184,8 @@ fn mark_scene(root: &Cursor<'_>, nodes: &mut [Node<'_>]) -> Result<(), SceneErro
     Ok(())
 }
 
-/// Local transform of a node: translation, rotation and scale, and the map as written.
+/// Reads the local transform of a node as translation, rotation and scale, and as the map written
+/// in the file.
 fn transform(node: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(Trs, Affine), SceneError> {
     let mut trs = Trs { translation: [0.0; 3], rotation: math::NO_TURN, scale: [1.0; 3] };
     if let Some(translation) = node.get("translation")? {
@@ -221,7 +225,7 @@ fn transform(node: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(Trs, Aff
     Ok((Trs { translation: affine.shift, rotation, scale }, affine))
 }
 
-/// A quaternion of unit length, up to the rounding of exporters.
+/// Reads a quaternion and normalizes it; its length must be 1 up to the rounding of exporters.
 pub(super) fn unit_quaternion(cursor: &Cursor<'_>) -> Result<Quat, SceneError> {
     let q: Quat = cursor.numbers(FAR)?;
     let off = (math::quat_dot(q, q).sqrt() - 1.0).abs();

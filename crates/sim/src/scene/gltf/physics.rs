@@ -1,4 +1,4 @@
-//! Motions and colliders of the nodes, and the bodies they make.
+//! Builds bodies from the motions and colliders of the nodes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,23 +19,23 @@ use super::source::BodyNode;
 use super::tables::{self, Dialect, Tables};
 use crate::decomposition::DecompositionOptions;
 
-/// Largest factor on gravity, either way.
+/// Largest magnitude of the factor on gravity.
 const MOST_GRAVITY: f64 = 1e6;
-/// Largest damping. \[1/s\]
+/// Largest damping rate. \[1/s\]
 const STRONGEST: f64 = 1e6;
 
-/// How a node with a motion moves.
+/// Motion of a node.
 struct Moving {
     motion: Motion,
     mass: Mass,
     linear: Vec3,
     angular: Vec3,
     gravity: f64,
-    /// Linear and angular. \[1/s\]
+    /// Linear and angular damping rates. \[1/s\]
     damping: [f64; 2],
 }
 
-/// Where a collider takes its form from.
+/// Source of a collider's geometry.
 #[derive(Clone, Copy)]
 enum Geometry {
     Shape(usize),
@@ -53,13 +53,13 @@ struct Collider<'a> {
     filter: Filter,
 }
 
-/// What the extension says about the nodes.
+/// Physics properties of the nodes.
 struct Properties<'a> {
     moving: BTreeMap<usize, Moving>,
     colliders: BTreeMap<usize, Collider<'a>>,
 }
 
-/// Everything that the bodies are built from.
+/// Data that the bodies are built from.
 pub(super) struct Builder<'a> {
     pub(super) nodes: &'a [Node<'a>],
     pub(super) meshes: &'a Meshes<'a>,
@@ -76,13 +76,14 @@ impl Builder<'_> {
         }
     }
 
-    /// The bodies of the scene, and the nodes that they move.
+    /// Returns the bodies of the scene and the nodes that they move.
     pub(super) fn bodies(
         &self,
         warnings: &mut Vec<Warning>,
     ) -> Result<(Vec<Body>, Vec<BodyNode>), SceneError> {
         let properties = self.properties(warnings)?;
-        // Colliders by the node that carries them: the nearest with a motion, else their own.
+        // Colliders by the node that carries them: the nearest one above with a motion, else the
+        // collider's own node.
         let mut carried: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (node, _) in properties.moving.iter().filter(|(node, _)| self.present(**node)) {
             carried.insert(*node, Vec::new());
@@ -113,7 +114,8 @@ impl Builder<'_> {
         self.nodes.get(node).is_some_and(|n| n.present)
     }
 
-    /// Tells each body what it hangs on: another body that moves, or the world.
+    /// Sets the depth, the carrier (the nearest moving body above) and the parent transform of each
+    /// body.
     fn link(&self, bodies: &mut [BodyNode]) {
         let moving: BTreeMap<usize, usize> = bodies
             .iter()
@@ -233,7 +235,7 @@ impl Builder<'_> {
         Ok(Some((body, body_node)))
     }
 
-    /// The shapes of a body: those of its colliders that act.
+    /// Returns the shapes of a body from those of its colliders that act.
     fn shapes(
         &self,
         index: usize,
@@ -264,11 +266,11 @@ impl Builder<'_> {
         Ok(shapes)
     }
 
-    /// Position and rotation of a node below a body in the frame of the body.
+    /// Returns position and rotation of a node below a body, in the frame of the body.
     fn seen_from(&self, (top, body): (usize, &Node<'_>), index: usize) -> (Vec3, Quat) {
         let (mut place, mut turn) = (Affine::IDENTITY, math::NO_TURN);
         let mut at = index;
-        // Link by link, so that what is written in the file is what comes out.
+        // Composes local transforms only, so that values in the file come out unrounded.
         while let Some(node) = self.nodes.get(at).filter(|_| at != top) {
             place = node.matrix.after(&place);
             turn = math::quat_mul(node.local.rotation, turn);
@@ -278,7 +280,7 @@ impl Builder<'_> {
         (math::apply(body.scale(), place.shift), math::quat_unit(turn).unwrap_or(math::NO_TURN))
     }
 
-    /// The shape of a collider in the frame of its body; none where it does not act.
+    /// Returns the shape of a collider in the frame of its body; `None` if it does not act.
     fn shape(
         &self,
         index: usize,
@@ -341,7 +343,7 @@ impl Builder<'_> {
         }))
     }
 
-    /// Reads what every node says, whether or not it is part of the scene.
+    /// Reads the physics properties of all nodes, even of those outside the scene.
     fn properties(&self, warnings: &mut Vec<Warning>) -> Result<Properties<'_>, SceneError> {
         let mut properties = Properties { moving: BTreeMap::new(), colliders: BTreeMap::new() };
         for (index, node) in self.nodes.iter().enumerate() {
@@ -380,7 +382,7 @@ impl Builder<'_> {
         Ok(properties)
     }
 
-    /// Warns of other physics of a node than this dialect's.
+    /// Warns of physics extensions on a node other than those of this dialect.
     fn other_physics(
         &self,
         node: &Node<'_>,
@@ -430,7 +432,7 @@ impl Builder<'_> {
                 _ => Motion::Dynamic,
             },
         };
-        // Zero stands for infinity, which JSON cannot write.
+        // Zero stands for infinity, which JSON cannot express.
         let amount = |cursor: &Cursor<'_>| -> Result<f64, SceneError> {
             let number = cursor.within(0.0, HEAVY)?;
             if number == 0.0 {
@@ -451,7 +453,7 @@ impl Builder<'_> {
             && let (Some(density), Some(written)) = (own.get("density")?, own.get("mass")?)
             && Some(written.number(HEAVY)?) == mass.mass
         {
-            // As long as nobody has given it another mass.
+            // The density applies only as long as nobody has changed the mass.
             mass = Mass { density: Some(density.within(LIGHT, HEAVY)?), ..Mass::default() };
         }
         if let Some(center) = motion.get("centerOfMass")? {
@@ -462,7 +464,7 @@ impl Builder<'_> {
         if let Some(inertia) = motion.get("inertiaDiagonal")? {
             let written = inertia.numbers::<3>(f64::MAX)?;
             let moments = inertia.items()?.iter().map(amount).collect::<Result<Vec<_>, _>>()?;
-            // In OMI files zero asks for the inertia of the shapes.
+            // In OMI files, zero means the inertia of the shapes.
             if !(omi && written == [0.0; 3]) {
                 mass.inertia = Some(moments);
             }
@@ -497,7 +499,7 @@ impl Builder<'_> {
                 tables::strangers(&geometry, &FORM, warnings);
                 geometry
             }
-            // An OMI collider without a shape names the colliders below it.
+            // An OMI collider without a shape refers to the colliders below it.
             None if self.dialect == Dialect::Omi && collider.get("shape")?.is_none() => {
                 return Ok(None);
             }
@@ -548,7 +550,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Triggers do not act; what is wrong with them is still said.
+    /// Checks a trigger. Triggers are not simulated, but faults in them are errors.
     fn trigger(&self, trigger: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
         tables::strangers(trigger, &["geometry", "nodes", "shape", "collisionFilter"], warnings);
         if let Some(filter) = trigger.get("collisionFilter")? {
@@ -581,7 +583,7 @@ impl Builder<'_> {
     }
 }
 
-/// How a surface runs, which no extension has a word for.
+/// Reads the surface velocity, which no extension can express, from extras.
 fn surface(own: Option<&Cursor<'_>>) -> Result<Option<SurfaceVelocity>, SceneError> {
     let Some(of) = own.map(|own| own.get("surfaceVelocity")).transpose()?.flatten() else {
         return Ok(None);
@@ -593,13 +595,13 @@ fn surface(own: Option<&Cursor<'_>>) -> Result<Option<SurfaceVelocity>, SceneErr
     Ok(Some(SurfaceVelocity { linear: vector("linear")?, angular: vector("angular")?, local }))
 }
 
-/// A rate at which velocities decay, which no extension has a word for.
+/// Reads a damping rate, which no extension can express, from extras. \[1/s\]
 fn damping(own: Option<&Cursor<'_>>, key: &str) -> Result<f64, SceneError> {
     let of = own.map(|own| own.get(key)).transpose()?.flatten();
     of.map_or(Ok(0.0), |of| of.within(0.0, STRONGEST))
 }
 
-/// How closely pieces follow a mesh, in the extras of its geometry.
+/// Reads the accuracy and number of convex pieces for a mesh from the extras of its geometry.
 fn decomposition(geometry: &Cursor<'_>) -> Result<Option<DecompositionOptions>, SceneError> {
     let own = geometry.own()?;
     let own = own.as_ref().map(|own| own.get("decomposition")).transpose()?.flatten();
@@ -621,7 +623,7 @@ fn is(object: Option<&Cursor<'_>>, key: &str, text: &str) -> Result<bool, SceneE
     Ok(member.is_some_and(|member| member.value == text))
 }
 
-/// Where a body starts: at the first pose of its track, else where its node is.
+/// Returns the initial pose of a body: the first pose of its track, else that of its node.
 fn start(node: &Node<'_>, track: &Track) -> (Vec3, Quat) {
     if let (Some(position), Some(Rotation::Quaternion(turn))) =
         (track.positions.first(), track.rotations.first())

@@ -1,4 +1,4 @@
-//! Implicit shapes of a file.
+//! Reads implicit shapes.
 
 use super::super::error::SceneError;
 use super::super::graph::implicit::Implicit;

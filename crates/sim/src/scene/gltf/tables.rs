@@ -1,4 +1,4 @@
-//! What the nodes share: shapes, materials, filters and joints of the document.
+//! Objects shared by nodes: shapes, materials, filters and joints of the document.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use super::super::graph::implicit::Implicit;
 use super::json::Cursor;
 use super::shapes;
 
-/// Which of the two families of extensions a file uses.
+/// The family of extensions that a file uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Dialect {
     Khronos,
@@ -17,7 +17,7 @@ pub(super) enum Dialect {
 }
 
 impl Dialect {
-    /// The extension of bodies, materials and filters.
+    /// Returns the name of the extension for bodies, materials and filters.
     pub(super) fn bodies(self) -> &'static str {
         match self {
             Self::Khronos => "KHR_physics_rigid_bodies",
@@ -32,7 +32,7 @@ impl Dialect {
         }
     }
 
-    /// The dialect of a file, if it uses physics at all.
+    /// Returns the dialect of a file; `None` if it has no physics.
     pub(super) fn find(root: &Cursor<'_>) -> Result<Option<Self>, SceneError> {
         for dialect in [Self::Khronos, Self::Omi] {
             for name in [dialect.bodies(), dialect.shapes()] {
@@ -61,7 +61,7 @@ pub(super) struct Tables {
     pub(super) joints: usize,
 }
 
-/// A surface that names no material.
+/// Surface of a collider without a material.
 pub(super) const PLAIN: Material = Material {
     friction: 0.6,
     restitution: 0.0,
@@ -103,7 +103,7 @@ pub(super) fn read(
     Ok(tables)
 }
 
-/// Warns of properties that mean nothing here.
+/// Warns of unknown properties and extensions of an object.
 pub(super) fn strangers(cursor: &Cursor<'_>, known: &[&str], warnings: &mut Vec<Warning>) {
     for key in cursor.unknown(known) {
         warnings.push(Warning {
@@ -111,7 +111,7 @@ pub(super) fn strangers(cursor: &Cursor<'_>, known: &[&str], warnings: &mut Vec<
             message: format!("'{key}' is not a property of {}{IGNORED}", kind_of(cursor)),
         });
     }
-    // Extensions of an extension.
+    // Extensions inside an extension.
     if let Some(inner) = cursor.value.get("extensions").and_then(|inner| inner.as_object()) {
         for name in inner.keys() {
             let message = format!("the extension {name} of {}{IGNORED}", kind_of(cursor));
@@ -120,16 +120,16 @@ pub(super) fn strangers(cursor: &Cursor<'_>, known: &[&str], warnings: &mut Vec<
     }
 }
 
-/// How warnings of what means nothing here end.
+/// End of every warning about an unknown property or extension.
 pub(super) const IGNORED: &str = " here: it is ignored";
 
-/// What an object is called, without its number in a list.
+/// Returns the name of an object without its index in a list.
 fn kind_of(cursor: &Cursor<'_>) -> String {
     let name = cursor.name();
     name.split_once('[').map_or(name.clone(), |(list, _)| list.to_owned())
 }
 
-/// Says each warning of what means nothing here once, and how often it holds.
+/// Keeps each warning about an unknown property once, and appends its number of occurrences.
 pub(super) fn count_strangers(warnings: &mut Vec<Warning>) {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     warnings.retain(|warning| {
@@ -147,7 +147,7 @@ pub(super) fn count_strangers(warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Warns of members of a shape that mean nothing here.
+/// Warns of unknown members of a shape.
 fn shape_strangers(shape: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
     let kind = shape.require("type")?.text()?;
     strangers(shape, &["name", "type", kind], warnings);
@@ -211,7 +211,7 @@ fn read_material(
         let geometric = exact.is_some_and(|exact| exact.value == "geometric_mean");
         let Some(cursor) = cursor.get(key)? else { return Ok(Combine::Average) };
         Ok(match cursor.text()? {
-            // Which is as near as the extension comes.
+            // The exporter writes the geometric mean as average, the nearest rule of the extension.
             "average" if geometric => Combine::GeometricMean,
             "average" => Combine::Average,
             "minimum" => Combine::Minimum,
@@ -274,7 +274,7 @@ fn read_filter(
     Ok(Filter { systems: own.unwrap_or(0), collides_with, collides_with_unnamed: unnamed })
 }
 
-/// Joints do not act; what is wrong with them is still said.
+/// Checks a joint. Joints are not simulated, but faults in them are errors.
 fn check_joint(joint: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
     strangers(joint, &["name", "limits", "drives"], warnings);
     let positive = |cursor: &Cursor<'_>, keys: &[&str]| -> Result<(), SceneError> {

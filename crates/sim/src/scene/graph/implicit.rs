@@ -1,4 +1,4 @@
-//! Shapes given by their sizes, brought to the scale of their node.
+//! Shapes given by their dimensions, under the scale of their node.
 
 use std::f64::consts::TAU;
 
@@ -6,14 +6,14 @@ use super::super::description::{Motion, ShapeKind};
 use super::NEAR;
 use super::math::{self, Mat3, Vec3};
 
-/// Points around a ring of a sampled round shape.
+/// Points on each ring of a sampled round shape.
 const RING: usize = 24;
-/// Thickness of the box that stands for a plane on a moving body, relative to its shorter side.
+/// Thickness of the plate that replaces a plane on a dynamic body, relative to its shorter side.
 const SHEET: f64 = 0.01;
-/// Half the size of a plane along an axis without an end, when the other axis has one. \[m\]
+/// Half the size of a plane along an axis without a size, if the other axis has one. \[m\]
 const ENDLESS: f64 = 1000.0;
 
-/// A shape as the file describes it.
+/// A shape as described in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::scene) enum Implicit {
     Sphere {
@@ -37,39 +37,42 @@ pub(in crate::scene) enum Implicit {
         z: Option<f64>,
         double: bool,
     },
-    /// A mesh of the file, as OMI shapes name it.
+    /// A mesh in the file, as referenced by an OMI shape.
     Mesh {
         mesh: usize,
         convex: bool,
     },
 }
 
-/// What became of an implicit shape under the scale of its node.
+/// Result of applying the scale of a node to a shape.
 pub(in crate::scene) enum Placed {
-    /// A shape of the scene.
+    /// The exact shape.
     Shape(ShapeKind),
-    /// A shape that stands in for another, and how.
+    /// A substitute shape, and the reason for it.
     Instead(ShapeKind, String),
-    /// Nothing, and why.
+    /// No shape, and the reason.
     Nothing(String),
 }
 
-/// What remains of the transform of a shape's node without its rotation.
+/// Linear part of a node's transform without its rotation.
 struct Scale {
-    /// A scale, or more where scaled parents shear it.
+    /// The linear map: diagonal, unless scaled parents shear it.
     map: Mat3,
-    /// Along each axis, without mirroring. \[1\]
+    /// Absolute scale along each axis. \[1\]
     size: Vec3,
-    /// Nothing shears it.
+    /// True if the map has no shear.
     straight: bool,
-    /// What turns about y stays round.
+    /// True if bodies of revolution about y remain so.
     round: bool,
-    /// The same in all directions.
+    /// True if the scale is uniform.
     even: bool,
 }
 
 impl Scale {
-    /// Of a map that does not flatten; else why nothing can be there.
+    /// Analyzes a map.
+    ///
+    /// # Errors
+    /// If the map is zero or flattens its argument: the reason why no shape can exist.
     fn of(map: Mat3) -> Result<Self, &'static str> {
         let [[sx, yx, zx], [xy, sy, zy], [xz, yz, sz]] = map;
         let largest = map.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -87,10 +90,10 @@ impl Scale {
         Ok(Self { map, size, straight, round, even: round && same(size[0], size[1]) })
     }
 
-    /// The hull of points that stands for a shape.
+    /// Returns the convex hull of scaled points that replaces a shape.
     fn hull(&self, points: Vec<Vec3>, why: &str) -> Placed {
         let moved = points.into_iter().map(|p| {
-            // Only the size counts along an axis that a scale mirrors.
+            // Without shear, a negative scale counts by its magnitude.
             Vec::from(if self.straight {
                 math::apply(math::diagonal(self.size), p)
             } else {
@@ -100,7 +103,7 @@ impl Scale {
         Placed::Instead(ShapeKind::ConvexHull { points: moved.collect() }, why.into())
     }
 
-    /// Where the normal of the local plane y = 0 points to.
+    /// Returns the normal of the local plane y = 0 under the map.
     fn up(&self) -> Vec3 {
         const UP: Vec3 = [0.0, 1.0, 0.0];
         if self.straight {
@@ -113,8 +116,8 @@ impl Scale {
     }
 }
 
-/// Brings a shape to scale. `map` is what remains of the node's transform without its rotation:
-/// a scale, or more where scaled parents shear it.
+/// Applies a scale to a shape. `map` is the linear part of the node's transform without its
+/// rotation: diagonal, unless scaled parents shear it.
 pub(in crate::scene) fn place(shape: &Implicit, map: Mat3, motion: Motion) -> Placed {
     let scale = match Scale::of(map) {
         Ok(scale) => scale,
@@ -184,7 +187,7 @@ pub(in crate::scene) fn place(shape: &Implicit, map: Mat3, motion: Motion) -> Pl
     }
 }
 
-/// A plane without ends.
+/// Returns an infinite plane as a half-space.
 fn endless(scale: &Scale, double: bool, motion: Motion) -> Placed {
     if motion != Motion::Static {
         let why = "an endless plane acts on static bodies only: it is ignored";
@@ -199,7 +202,7 @@ fn endless(scale: &Scale, double: bool, motion: Motion) -> Placed {
     }
 }
 
-/// A plane with ends, by half of its sizes along x and z.
+/// Returns a bounded plane as a mesh, by half its sizes along x and z.
 fn sheet([hx, hz]: [f64; 2], double: bool) -> ShapeKind {
     let vertices = vec![[-hx, 0.0, -hz], [-hx, 0.0, hz], [hx, 0.0, hz], [hx, 0.0, -hz]];
     let mut triangles = vec![[0, 1, 2], [0, 2, 3]];
@@ -209,7 +212,7 @@ fn sheet([hx, hz]: [f64; 2], double: bool) -> ShapeKind {
     ShapeKind::Trimesh { vertices, triangles, decomposition: None }
 }
 
-/// What stands for such a plane on a body that moves, which needs a volume.
+/// Returns the plate that replaces such a plane on a dynamic body, which needs a volume.
 fn plate([hx, hz]: [f64; 2]) -> Placed {
     let thick = SHEET * hx.min(hz) * 2.0;
     let points = [[hx, hz], [hx, -hz], [-hx, hz], [-hx, -hz]]
@@ -234,7 +237,7 @@ fn ring(radius: f64, y: f64) -> Vec<Vec3> {
         .collect()
 }
 
-/// Rings of a sphere at height `y`, with both poles.
+/// Points of a sphere about (0, y, 0): rings and both poles.
 pub(in crate::scene) fn ball(radius: f64, y: f64) -> Vec<Vec3> {
     let rows = RING / 2;
     let mut points = Vec::new();

@@ -1,4 +1,4 @@
-//! Vectors, quaternions (x, y, z, w) and 3x3 matrices (as three columns).
+//! Vectors, quaternions (x, y, z, w) and 3×3 matrices (as three columns).
 
 pub(crate) type Vec3 = [f64; 3];
 pub(crate) type Quat = [f64; 4];
@@ -31,7 +31,7 @@ pub(crate) fn length(a: Vec3) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// The unit vector along `a`; none for a vector without a direction.
+/// Returns the unit vector along `a`; `None` if its length is zero or not finite.
 pub(crate) fn unit(a: Vec3) -> Option<Vec3> {
     let l = length(a);
     (l > 0.0 && l.is_finite()).then(|| scale(a, 1.0 / l))
@@ -53,7 +53,7 @@ pub(crate) fn determinant(m: Mat3) -> f64 {
     dot(m[0], cross(m[1], m[2]))
 }
 
-/// The inverse; none where there is none.
+/// Returns the inverse; `None` for a singular matrix.
 pub(crate) fn inverse(m: Mat3) -> Option<Mat3> {
     let det = determinant(m);
     let rows = [cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])];
@@ -82,13 +82,13 @@ pub(crate) fn quat_dot(a: Quat, b: Quat) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
 }
 
-/// The unit quaternion along `q`; none for a quaternion without a direction.
+/// Returns the unit quaternion along `q`; `None` if its length is zero or not finite.
 pub(crate) fn quat_unit(q: Quat) -> Option<Quat> {
     let l = quat_dot(q, q).sqrt();
     (l > 1e-12 && l.is_finite()).then(|| q.map(|x| x / l))
 }
 
-/// The matrix of a unit quaternion.
+/// Returns the matrix of a unit quaternion.
 pub(crate) fn rotation(q: Quat) -> Mat3 {
     let [x, y, z, w] = q;
     [
@@ -102,7 +102,7 @@ pub(crate) fn turn(q: Quat, v: Vec3) -> Vec3 {
     apply(rotation(q), v)
 }
 
-/// The unit quaternion of a rotation matrix.
+/// Returns the unit quaternion of a rotation matrix.
 pub(crate) fn from_rotation(m: Mat3) -> Quat {
     let [[m00, m10, m20], [m01, m11, m21], [m02, m12, m22]] = m;
     let trace = m00 + m11 + m22;
@@ -118,7 +118,7 @@ pub(crate) fn from_rotation(m: Mat3) -> Quat {
     quat_unit(q).unwrap_or(NO_TURN)
 }
 
-/// From `a` to `b` along the shorter arc, at `t` in 0..1.
+/// Interpolates from `a` to `b` along the shorter arc, at `t` in 0..1.
 pub(crate) fn slerp(a: Quat, b: Quat, t: f64) -> Quat {
     let d = quat_dot(a, b);
     let (b, d) = if d < 0.0 { (b.map(|x| -x), -d) } else { (b, d) };
@@ -135,12 +135,13 @@ pub(crate) fn slerp(a: Quat, b: Quat, t: f64) -> Quat {
         .unwrap_or(a)
 }
 
-/// The unit quaternion along `q`, as written where it is one to rounding.
+/// Returns the unit quaternion along `q`; unchanged if its length is 1 up to rounding.
 pub(crate) fn quat_as_written(q: Quat) -> Option<Quat> {
     if (quat_dot(q, q) - 1.0).abs() <= 8.0 * f64::EPSILON { Some(q) } else { quat_unit(q) }
 }
 
-/// Eigenvalues of a symmetric matrix, and the rotation from its axes: Jacobi's method, ten sweeps.
+/// Returns the eigenvalues of a symmetric matrix and the rotation from its principal axes, by ten
+/// sweeps of Jacobi's method.
 pub(crate) fn principal(matrix: Mat3) -> (Vec3, Quat) {
     let (mut m, mut axes) = (matrix, IDENTITY);
     for _ in 0..10 {
@@ -150,7 +151,7 @@ pub(crate) fn principal(matrix: Mat3) -> (Vec3, Quat) {
             if pq == 0.0 {
                 continue;
             }
-            // The angle that makes this entry zero (Golub and Van Loan, 8.5.2).
+            // Rotation angle that makes this entry zero (Golub and Van Loan, 8.5.2).
             let ratio = (qq - pp) / (2.0 * pq);
             let tangent = ratio.signum() / (ratio.abs() + (1.0 + ratio * ratio).sqrt());
             let cos = 1.0 / (1.0 + tangent * tangent).sqrt();
@@ -169,13 +170,13 @@ pub(crate) fn principal(matrix: Mat3) -> (Vec3, Quat) {
     ([m[0][0], m[1][1], m[2][2]], from_rotation(axes))
 }
 
-/// The rotation that turns +y into a unit vector.
+/// Returns the rotation that takes +y to a unit vector.
 pub(crate) fn from_up([x, y, z]: Vec3) -> Quat {
-    // Upside down, any axis across will do.
+    // For -y, any axis perpendicular to y will do.
     if y < -1.0 + 1e-9 {
         return [1.0, 0.0, 0.0, 0.0];
     }
-    // y x n, and one plus their cosine: the double angle, halved.
+    // The quaternion (y × n, 1 + y · n), normalized.
     let length = (2.0 * (1.0 + y)).sqrt();
     [z / length, 0.0, -x / length, (1.0 + y) / length]
 }

@@ -1,15 +1,15 @@
-//! Poses over time of what animations move.
+//! Tracks of animated bodies.
 
 use super::super::description::{Rotation, Track};
 use super::math::{self, Quat, Vec3};
 
-/// Samples per second where keys alone do not give the poses between them.
+/// Sampling rate where the keys alone do not give the poses between them. \[1/s\]
 const RATE: f64 = 60.0;
-/// Longest stretch that is sampled. \[s\]
+/// Longest animation that is sampled. \[s\]
 const LONGEST: f64 = 3600.0;
 
-/// The times of a track: those of the keys where these are exact, and samples between them where
-/// not. Else how long the keys take, and what is accepted. \[s\]
+/// Returns the times of a track: the keys, and unless `exact`, samples between them. The error is
+/// the length of an animation that is too long to sample, and the accepted length. \[s\]
 pub(in crate::scene) fn times(mut keys: Vec<f64>, exact: bool) -> Result<Vec<f64>, (f64, String)> {
     let first = keys.iter().copied().fold(f64::INFINITY, f64::min);
     let last = keys.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -26,7 +26,8 @@ pub(in crate::scene) fn times(mut keys: Vec<f64>, exact: bool) -> Result<Vec<f64
     Ok(keys)
 }
 
-/// A track of the poses at these times; of both quaternions of a rotation, the nearer to the last.
+/// Returns the track of the poses at these times. Of the two quaternions of a rotation, it uses the
+/// one nearer to the rotation before.
 pub(in crate::scene) fn of(times: Vec<f64>, pose: impl Fn(f64) -> (Vec3, Quat)) -> Track {
     let mut track = Track::default();
     let mut held: Option<Quat> = None;

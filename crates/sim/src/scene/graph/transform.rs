@@ -1,8 +1,8 @@
-//! Where nodes are in each other.
+//! Transforms of nodes relative to their parents.
 
 use super::math::{self, Mat3, Quat, Vec3};
 
-/// A linear map and a shift.
+/// An affine map: a linear map and a translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Affine {
     pub(crate) linear: Mat3,
@@ -12,7 +12,7 @@ pub(crate) struct Affine {
 impl Affine {
     pub(crate) const IDENTITY: Self = Self { linear: math::IDENTITY, shift: [0.0; 3] };
 
-    /// `self` after `inner`.
+    /// Returns `self` after `inner`.
     pub(crate) fn after(&self, inner: &Self) -> Self {
         Self {
             linear: math::mul(self.linear, inner.linear),
@@ -25,7 +25,7 @@ impl Affine {
     }
 }
 
-/// Translation, rotation and scale of a node in its parent.
+/// Translation, rotation and scale of a node relative to its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Trs {
     pub(crate) translation: Vec3,
@@ -40,7 +40,8 @@ impl Trs {
     }
 }
 
-/// Rotation, scale and relative shear of a linear map; none where an axis collapses.
+/// Splits a linear map into rotation and scale, and returns the shear left over relative to the
+/// largest scale. `None` if an axis collapses.
 pub(crate) fn split(linear: Mat3) -> Option<(Quat, Vec3, f64)> {
     let [x, y, z] = linear;
     let mut sizes = [math::length(x), math::length(y), math::length(z)];
@@ -53,7 +54,7 @@ pub(crate) fn split(linear: Mat3) -> Option<(Quat, Vec3, f64)> {
     }
     let mut axes = [ux, uy, uz];
     if mirrored {
-        // One axis takes the mirror; the rotation stays proper.
+        // One axis takes the reflection, so that the rotation stays proper.
         sizes[0] = -sizes[0];
         axes = [math::scale(ux, -1.0), uy, math::scale(uz, -1.0)];
     }

@@ -1,4 +1,4 @@
-//! Triangles of meshes.
+//! Triangle meshes.
 
 use std::collections::HashSet;
 
@@ -15,7 +15,8 @@ pub(in crate::scene) struct Triangles {
 }
 
 impl Triangles {
-    /// Adds other triangles, moved by `map`; a mirror turns them over.
+    /// Appends other triangles, transformed by `map`. A reflection reverses their orientation.
+    /// Returns `None` if an index overflows.
     pub(in crate::scene) fn append(&mut self, other: &Self, map: &Affine) -> Option<()> {
         let base = u32::try_from(self.vertices.len()).ok()?;
         let flip = math::determinant(map.linear) < 0.0;
@@ -27,34 +28,34 @@ impl Triangles {
         Some(())
     }
 
-    /// The same triangles, moved by `map`.
+    /// Returns the triangles transformed by `map`.
     pub(in crate::scene) fn moved(&self, map: &Affine) -> Self {
         let mut moved = Self::default();
-        // Starting from nothing, no index overflows.
+        // No index overflows in an empty mesh.
         let _ = moved.append(self, map);
         moved
     }
 
-    /// Points without repetition, in their order.
+    /// Returns the points without duplicates, in their order.
     pub(in crate::scene) fn points(&self) -> Vec<Vec<f64>> {
         let mut seen = HashSet::new();
-        // Adding zero makes one of both zeros.
+        // Adding zero turns -0 into 0.
         let new = |point: &&Vec3| seen.insert(point.map(|x| (x + 0.0).to_bits()));
         self.vertices.iter().filter(new).map(|point| point.to_vec()).collect()
     }
 }
 
-/// What became of triangles that collide.
+/// Collision shape of a mesh.
 pub(in crate::scene) struct Solid {
-    /// None where nothing acts.
+    /// The shape; `None` if no collider acts.
     pub(in crate::scene) kind: Option<ShapeKind>,
-    /// What is not as the file says.
+    /// Deviations from the file.
     pub(in crate::scene) notes: Vec<String>,
 }
 
 impl Triangles {
-    /// The shape of triangles under the scale of their node. A dynamic body needs a volume: where the mesh
-    /// encloses none, it is the hull.
+    /// Returns the shape of the triangles under the scale of their node. A dynamic body needs a
+    /// volume: if the mesh encloses none, its convex hull is used.
     pub(in crate::scene) fn solid(
         &self,
         map: Mat3,
@@ -101,7 +102,7 @@ impl Triangles {
     }
 }
 
-/// Whether all points lie in a plane, for the accuracy of what they span.
+/// Whether all points lie in a plane, within 1e-6 of their extent.
 fn flat(points: &[Vec3]) -> bool {
     let farthest = |measure: &dyn Fn(Vec3) -> f64| {
         points.iter().copied().max_by(|a, b| measure(*a).total_cmp(&measure(*b)))

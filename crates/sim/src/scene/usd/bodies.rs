@@ -1,4 +1,4 @@
-//! Bodies and colliders of a stage, and the scene that they make.
+//! Reads the bodies and colliders of a stage.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,13 +15,13 @@ use super::stage::Stage;
 use super::xform::Pose;
 use super::{filters, shapes, strangers, surfaces};
 
-/// The bodies of a stage, in the order of their prims.
+/// Returns the bodies of a stage, in the order of their prims.
 pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<Body>, SceneError> {
     strangers::name(stage, warnings);
     let transforms = Transforms::read(stage)?;
     let is_body = |prim: &Prim| prim.schemas.contains("PhysicsRigidBodyAPI");
     let mut colliders = Vec::new();
-    // Colliders by the prim that carries them: the nearest body, else their own.
+    // Colliders by the prim that carries them: the nearest body above, else the collider itself.
     let mut carried: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (index, prim) in stage.prims.iter().enumerate() {
         if is_body(prim) {
@@ -138,14 +138,14 @@ impl Builder<'_> {
         }))
     }
 
-    /// From the space of a prim to meters, without its rotation.
+    /// Returns the linear map from a prim's space to meters, without its rotation.
     fn scale(&self, prim: usize) -> Mat3 {
         let scale = self.transforms.of(prim).scale;
         let meters = self.stage.units.meters;
         if meters == 1.0 { scale } else { scale.map(|column| math::scale(column, meters)) }
     }
 
-    /// The shape of a collider in the frame of its body, and the density of its material.
+    /// Returns the shape of a collider in the frame of its body, and the density of its material.
     fn shape(
         &self,
         (body, rest): (usize, Mat3),
@@ -194,7 +194,8 @@ impl Builder<'_> {
         Ok(Some((shape, density)))
     }
 
-    /// Where a collider is that starts from the world again.
+    /// Returns position and rotation relative to the body of a collider whose transform is relative
+    /// to the world.
     fn beside(&self, body: usize, index: usize) -> (Vec3, Quat) {
         let (body, own) = (self.transforms.of(body), self.transforms.of(index));
         let away = math::sub(own.map.shift, body.map.shift);
@@ -204,7 +205,8 @@ impl Builder<'_> {
         (place, math::quat_unit(turn).unwrap_or(math::NO_TURN))
     }
 
-    /// A half-space as it was in the own format, as long as nobody turned it.
+    /// Restores the exact normal and rotation of a half-space exported from the own format, unless
+    /// somebody turned it since.
     fn tilted(
         &self,
         prim: &Prim,

@@ -1,8 +1,8 @@
-//! From layers to prims: what all layers say together.
+//! Composition: combines the opinions of all layers about each prim.
 //!
-//! A prim is said by the layers of the root's stack and, weaker, by what it inherits, by its variants,
-//! references, payloads and specializes, in this order. Each of these is a [`Node`] with nodes of its own;
-//! the children of a prim are the children of its nodes.
+//! Opinions about a prim come from the root layer stack. Weaker ones come from its inherits,
+//! variants, references, payloads and specializes, in this order. Each source is a [`Node`], which
+//! may have sources of its own. The children of a prim are the children of its nodes.
 
 use std::collections::BTreeMap;
 
@@ -12,14 +12,15 @@ use super::layer::{Edit, Entry, Spec, Target, Time, Value};
 use super::lexer::Fault;
 use super::tokens::DEEPEST;
 
-/// Nodes for each prim that is written, and in any case. More only come of references in rings.
+/// Limit on composed nodes: this many per prim written in the files, plus [`FEWEST_NODES`]. Only
+/// references in a ring or ones that multiply each other exceed it.
 const NODES_PER_PRIM: usize = 100;
 const FEWEST_NODES: usize = 1000;
 
-/// The arcs of a prim, by strength; the variants are between the first two.
+/// Composition arcs of a prim, strongest first.
 const ARCS: [&str; 5] = ["inherits", "variants", "references", "payload", "specializes"];
 
-/// What a layer says of a prim.
+/// Opinion of one layer about a prim.
 #[derive(Clone, Copy)]
 pub(super) struct Site<'a> {
     pub(super) layer: usize,
@@ -27,37 +28,39 @@ pub(super) struct Site<'a> {
     pub(super) time: Time,
 }
 
-/// One source of a prim.
+/// One source of opinions about a prim.
 #[derive(Clone)]
 pub(super) struct Node<'a> {
-    /// The root of its stack of layers.
+    /// Root layer of the source's layer stack.
     stack: usize,
-    /// Its path in there.
+    /// Path of the prim in that stack.
     path: String,
-    /// From the strongest layer to the weakest.
+    /// Opinions in the stack, from the strongest layer to the weakest.
     sites: Vec<Site<'a>>,
-    /// From paths in here to paths of the node above: this prefix becomes that.
+    /// Maps paths of this node to paths of the node above: the first prefix is replaced by the
+    /// second.
     map: (String, String),
-    /// Whether other paths mean the same there.
+    /// Whether paths without that prefix mean the same in the node above.
     open: bool,
     time: Time,
-    /// Place in [`ARCS`], and what is there.
+    /// Weaker sources, each with the index of its arc in [`ARCS`].
     arcs: Vec<(usize, Node<'a>)>,
 }
 
-/// An opinion, and the nodes that it came through, from the outermost.
+/// An opinion and the path maps of the nodes around it, outermost first.
 pub(super) struct Opinion<'a> {
     pub(super) site: Site<'a>,
     maps: Vec<(&'a str, &'a str, bool)>,
 }
 
 impl Opinion<'_> {
-    /// A path of its layer as a path of the stage; none where it leads out of what was taken in.
+    /// Maps a path in the opinion's layer to a path of the stage. `None` if it leads outside the
+    /// prim that was referenced.
     pub(super) fn path(&self, path: &str, owner: &str) -> Option<String> {
         let mut path = if path.starts_with('/') {
             path.to_owned()
         } else {
-            // Relative to the prim that says so.
+            // Relative to the prim that holds the path.
             return absolute(path, owner);
         };
         for (from, to, open) in self.maps.iter().rev() {
@@ -71,7 +74,7 @@ impl Opinion<'_> {
     }
 }
 
-/// What follows a prefix of a path.
+/// Returns the part of a path after a prefix; `None` if the path does not start with it.
 fn below<'p>(path: &'p str, prefix: &str) -> Option<&'p str> {
     if prefix == "/" {
         return Some(path);
@@ -91,7 +94,7 @@ fn absolute(path: &str, owner: &str) -> Option<String> {
     Some(format!("/{}", parts.join("/")))
 }
 
-/// Joins layers.
+/// Composes layers into nodes.
 pub(super) struct Composer<'a> {
     files: &'a Files,
     stacks: BTreeMap<usize, Vec<Site<'a>>>,
@@ -108,7 +111,7 @@ impl<'a> Composer<'a> {
         Self { files, stacks: BTreeMap::new(), nodes: 0, most }
     }
 
-    /// The stage itself.
+    /// Returns the root node of the stage.
     pub(super) fn root(&mut self) -> Result<Node<'a>, SceneError> {
         self.top(0)
     }
@@ -128,7 +131,7 @@ impl<'a> Composer<'a> {
         Ok(Node { stack, path, sites, map, open: false, time: Time::SAME, arcs: Vec::new() })
     }
 
-    /// A layer and its sublayers, the strongest first.
+    /// Adds a layer and its sublayers to `sites`, the strongest first.
     fn sublayers(
         &mut self,
         layer: usize,
@@ -166,7 +169,10 @@ impl<'a> Composer<'a> {
         self.files.fault(layer, Fault::new(target.at, "what is referred to", value, accepted))
     }
 
-    /// Counts a node, as long as there may be more.
+    /// Counts a node.
+    ///
+    /// # Errors
+    /// If there are more than the limit.
     fn count(&mut self, layer: usize, at: usize) -> Result<(), SceneError> {
         self.nodes = self.nodes.saturating_add(1);
         if self.nodes <= self.most {
@@ -178,7 +184,7 @@ impl<'a> Composer<'a> {
         Err(self.files.fault(layer, Fault::new(at, "what the scene consists of", value, accepted)))
     }
 
-    /// The child of a node with all that it leads to; none where nobody speaks of it.
+    /// Returns the child of a node with all its sources; `None` if no layer mentions it.
     pub(super) fn child(
         &mut self,
         parent: &Node<'a>,
@@ -205,7 +211,8 @@ impl<'a> Composer<'a> {
         Ok((!node.sites.is_empty() || !node.arcs.is_empty()).then_some(node))
     }
 
-    /// A node with its own arcs and, at the same strength, those of its parent.
+    /// Adds to a node its own arcs and, at the same strength, the matching children of its parent's
+    /// arcs.
     fn expanded(
         &mut self,
         mut node: Node<'a>,
@@ -238,7 +245,8 @@ impl<'a> Composer<'a> {
             for (site, target) in edited(&node.sites, key) {
                 let arc = match self.arc(&node, site, &target, chosen, depth)? {
                     Some(arc) => arc,
-                    // A class may be absent: then it says nothing.
+                    // A class that is inherited or specialized may be absent: it then has no
+                    // opinions.
                     None if matches!(key, "inherits" | "specializes") => continue,
                     None => return Err(self.absent(site.layer, &target)),
                 };
@@ -254,7 +262,7 @@ impl<'a> Composer<'a> {
         Ok(node)
     }
 
-    /// The chosen variants of a node.
+    /// Returns one node for each variant set of a node with a chosen variant.
     fn variants(
         &mut self,
         node: &Node<'a>,
@@ -283,7 +291,7 @@ impl<'a> Composer<'a> {
         self.files.fault(layer, Fault::new(target.at, "what is referred to", value, accepted))
     }
 
-    /// What an arc leads to; none where there is no such prim.
+    /// Returns the node that an arc leads to; `None` if there is no such prim.
     fn arc(
         &mut self,
         node: &Node<'a>,
@@ -340,7 +348,7 @@ impl<'a> Composer<'a> {
 }
 
 impl<'a> Node<'a> {
-    /// All that is said of the prim, the strongest first.
+    /// Returns all opinions about the prim, the strongest first.
     pub(super) fn opinions(&'a self) -> Vec<Opinion<'a>> {
         let mut all = Vec::new();
         self.gather(&mut Vec::new(), Time::SAME, &mut all);
@@ -364,7 +372,8 @@ impl<'a> Node<'a> {
     }
 }
 
-/// The targets of a kind of arc, from the strongest, as the layers of a node edit the list.
+/// Returns the targets of one kind of arc, strongest first, after the list edits of a node's
+/// layers.
 fn edited<'a>(sites: &[Site<'a>], key: &str) -> Vec<(Site<'a>, Target)> {
     let mut list: Vec<(Site<'a>, Target)> = Vec::new();
     for site in sites.iter().rev() {
@@ -382,7 +391,7 @@ fn edited<'a>(sites: &[Site<'a>], key: &str) -> Vec<(Site<'a>, Target)> {
     list
 }
 
-/// Changes a list as an entry says.
+/// Applies the list edit of an entry.
 pub(super) fn edit<T>(
     list: &mut Vec<T>,
     entry: &Entry,

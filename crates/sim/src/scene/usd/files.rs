@@ -1,4 +1,4 @@
-//! The layers of a stage: all files that its first one leads to.
+//! The layers of a stage: the root file and all files that it refers to.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,16 +9,16 @@ use super::layer::{Layer, Spec, Target, Value};
 use super::lexer::Fault;
 use super::parser;
 
-/// Most layers of a stage.
+/// Largest number of layers of a stage.
 const MOST: usize = 10_000;
-/// Largest size of all layers together. \[byte\]
+/// Largest total size of all layers. \[byte\]
 const LARGEST: usize = 1 << 30;
 
-/// A place in a layer.
+/// Position in a layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Origin {
     pub(super) layer: usize,
-    /// \[byte\]
+    /// Offset in the text. \[byte\]
     pub(super) at: usize,
 }
 
@@ -26,12 +26,12 @@ pub(super) struct Origin {
 pub(super) struct Files {
     pub(super) layers: Vec<Layer>,
     paths: Vec<PathBuf>,
-    /// Where the paths of each layer lead to, or why nowhere.
+    /// Layer that each asset path of each layer leads to, or why it leads nowhere.
     links: BTreeMap<(usize, String), Result<usize, String>>,
 }
 
 impl Files {
-    /// Reads a file and all that it leads to.
+    /// Reads a file and all files that it refers to.
     pub(super) fn read(root: &Path) -> Result<Self, SceneError> {
         let mut files = Self { layers: Vec::new(), paths: Vec::new(), links: BTreeMap::new() };
         files.layer(root)?;
@@ -89,7 +89,7 @@ impl Files {
         if file::starts_with(path, &mut start)
             && (&start == b"PXR-USDC" || start.starts_with(b"PK"))
         {
-            // Not text, and told to be binary by the parser.
+            // Binary data is not UTF-8; the parser recognizes it by its start and reports it.
             let binary = String::from_utf8_lossy(&start).into_owned();
             return self.parsed(path, binary);
         }
@@ -104,7 +104,7 @@ impl Files {
         Ok(())
     }
 
-    /// The layer that a path of a layer leads to.
+    /// Returns the layer that a target leads to.
     pub(super) fn follow(&self, layer: usize, target: &Target) -> Result<usize, SceneError> {
         let Some(asset) = &target.asset else { return Ok(layer) };
         match self.links.get(&(layer, asset.clone())) {
@@ -120,13 +120,13 @@ impl Files {
         }
     }
 
-    /// An error at a place of a layer.
+    /// Returns an error at a position in a layer.
     pub(super) fn fault(&self, layer: usize, fault: Fault) -> SceneError {
         let path = self.paths.get(layer).map_or(Path::new(""), PathBuf::as_path);
         error(path, self.layers.get(layer).map_or("", |layer| &layer.text), fault)
     }
 
-    /// Line and column; in another layer than the root, its file only.
+    /// Returns line and column in the root layer; in any other layer, the file only.
     pub(super) fn place(&self, origin: Origin) -> Place {
         match self.layers.get(origin.layer) {
             Some(layer) if origin.layer == 0 => place(&layer.text, origin.at),
@@ -146,7 +146,7 @@ fn error(path: &Path, text: &str, fault: Fault) -> SceneError {
     }
 }
 
-/// Line and column of an offset.
+/// Returns line and column of an offset.
 fn place(text: &str, at: usize) -> Place {
     let before = text.get(..at).unwrap_or(text);
     let line = before.bytes().filter(|byte| *byte == b'\n').count().saturating_add(1);
@@ -155,7 +155,7 @@ fn place(text: &str, at: usize) -> Place {
     Place::Line { line, column }
 }
 
-/// The paths of all files that a layer names.
+/// Collects the paths of all files that a layer names.
 fn collect(spec: &Spec, assets: &mut Vec<(String, usize)>) {
     for key in ["subLayers", "references", "payload"] {
         for entry in spec.metadata.get(key).into_iter().flatten() {

@@ -1,7 +1,7 @@
-//! Who collides with whom: collision groups and filtered pairs.
+//! Collision groups and filtered pairs of UsdPhysics, converted to the filters of the scene.
 //!
-//! Colliders that are in the same groups and have the same filtered pairs make a class, and a class is a
-//! system of the scene.
+//! Colliders in the same groups and with the same filtered pairs form a class, and each class is a
+//! collision system of the scene.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,11 +11,11 @@ use super::layer::Value;
 use super::prims::{Prim, is_word};
 use super::stage::Stage;
 
-/// Something that a collider is in: a group, or what a filtered pair names.
+/// Membership that decides what a collider collides with: a group, or a prim in a filtered pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Tag {
     Group(usize),
-    /// In no group.
+    /// Member of no group.
     Outside,
     Prim(usize),
 }
@@ -27,14 +27,14 @@ struct Group<'s> {
     prim: usize,
     includes: &'s [String],
     excludes: &'s [String],
-    /// Whether what is below is in it, too.
+    /// Whether prims below an included one are members, too.
     expands: bool,
     everything: bool,
-    /// What it was in the own format.
+    /// Filter in Drystone's own format, if the group was exported from one.
     own: Option<Filter>,
 }
 
-/// The filters of colliders, in their order.
+/// Returns the filters of the colliders, in their order.
 pub(super) fn of(
     stage: &Stage<'_>,
     colliders: &[usize],
@@ -53,7 +53,7 @@ pub(super) fn of(
             .iter()
             .filter(|(other, _)| rules.meet(class, other))
             .fold(0, |mask, (_, bit)| mask | bit),
-        // Every class is a system.
+        // Every collider belongs to a named system.
         collides_with_unnamed: true,
     };
     let filters = systems.iter().map(|of| (*of.0, filter(of))).collect();
@@ -65,16 +65,16 @@ pub(super) fn of(
     Ok(classes.iter().map(filter).collect())
 }
 
-/// What a stage says of who collides with whom.
+/// Collision rules of a stage.
 struct Rules<'s> {
     groups: Vec<Group<'s>>,
-    /// For each group, the first of those that it is merged with.
+    /// For each group, the first of the groups merged with it.
     merged: Vec<usize>,
-    /// What groups say of the prims that they name ([`said`]).
+    /// Statements of groups about the membership of prims, see [`said`].
     said: BTreeMap<Option<usize>, Vec<(usize, bool)>>,
-    /// Prims in filtered pairs.
+    /// Prims named by filtered pairs.
     named: BTreeSet<usize>,
-    /// Pairs of tags that do not collide.
+    /// Pairs of tags whose members do not collide.
     apart: BTreeSet<(Tag, Tag)>,
 }
 
@@ -111,7 +111,8 @@ impl<'s> Rules<'s> {
         self.apart.extend([(a, b), (b, a)]);
     }
 
-    /// Parts a group from those that it filters, or from all others.
+    /// Separates a group from the groups that it filters, or from all others if its filter is
+    /// inverted.
     fn part_groups(&mut self, stage: &Stage<'_>, index: usize) -> Result<(), SceneError> {
         let prim = self.groups.get(index).and_then(|group| stage.prim(group.prim));
         let Some(prim) = prim else { return Ok(()) };
@@ -119,7 +120,7 @@ impl<'s> Rules<'s> {
             .targets(prim, "physics:filteredGroups")
             .iter()
             .filter_map(|path| stage.find(path))
-            // They are in the order of their prims.
+            // `groups` is in ascending order of prims.
             .filter_map(|prim| self.groups.binary_search_by_key(&prim, |group| group.prim).ok())
             .map(|group| self.first_of(group))
             .collect();
@@ -138,14 +139,14 @@ impl<'s> Rules<'s> {
         Ok(())
     }
 
-    /// The group that one is merged into.
+    /// Returns the group that this one is merged into.
     fn first_of(&self, group: usize) -> usize {
         self.merged.get(group).copied().unwrap_or(group)
     }
 
-    /// What a collider is in.
+    /// Returns the class of a collider.
     fn class_of(&self, stage: &Stage<'_>, collider: usize) -> Class {
-        // What is said of the nearest decides.
+        // The statement about the nearest prim decides.
         let mut inside = BTreeMap::new();
         for above in stage.up(collider).map(|(index, _)| Some(index)).chain([None]) {
             for (group, is_in) in self.said.get(&above).into_iter().flatten() {
@@ -169,7 +170,7 @@ impl<'s> Rules<'s> {
         !a.iter().any(|x| b.iter().any(|y| self.apart.contains(&(*x, *y))))
     }
 
-    /// The filter of the own format that the only group of a class was written for.
+    /// Returns the own-format filter of a class that consists of a single exported group.
     fn own(&self, class: &Class) -> Option<Filter> {
         match class.iter().collect::<Vec<_>>().as_slice() {
             [Tag::Group(group)] => self.groups.get(*group).and_then(|group| group.own),
@@ -177,7 +178,7 @@ impl<'s> Rules<'s> {
         }
     }
 
-    /// Whether the filters of the own format still say the same as these.
+    /// Whether the own-format filters still agree with these for every pair of classes.
     fn say_the_same(&self, filters: &BTreeMap<&Class, Filter>) -> bool {
         filters.iter().all(|(a, x)| {
             filters.iter().all(|(b, y)| match (self.own(a), self.own(b)) {
@@ -188,7 +189,7 @@ impl<'s> Rules<'s> {
     }
 }
 
-/// A bit for each class.
+/// Assigns a bit to each class.
 fn systems<'c>(
     stage: &Stage<'_>,
     colliders: &[usize],
@@ -213,7 +214,7 @@ fn systems<'c>(
     Ok(systems)
 }
 
-/// For each group, the first of those that it is merged with.
+/// Returns for each group the first of the groups merged with it.
 fn merged(stage: &Stage<'_>, groups: &[Group<'_>]) -> Result<Vec<usize>, SceneError> {
     let mut first: BTreeMap<String, usize> = BTreeMap::new();
     let mut merged = Vec::new();
@@ -255,8 +256,9 @@ fn group<'s>(
     })
 }
 
-/// What groups say of the prims that they name, and of none of them: that everything is in it. What is both
-/// excluded and included is excluded: that comes first.
+/// Collects by prim which groups include it (true) or exclude it (false). The key `None` holds
+/// groups that include everything. Exclusions precede inclusions, so that a prim with both is
+/// excluded.
 fn said(stage: &Stage<'_>, groups: &[Group<'_>]) -> BTreeMap<Option<usize>, Vec<(usize, bool)>> {
     let mut said: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for (index, group) in groups.iter().enumerate() {
@@ -272,7 +274,7 @@ fn said(stage: &Stage<'_>, groups: &[Group<'_>]) -> BTreeMap<Option<usize>, Vec<
     said
 }
 
-/// The filter of the own format that a group was written for.
+/// Reads the own-format filter that a group was exported from.
 fn own(stage: &Stage<'_>, prim: &Prim) -> Result<Option<Filter>, SceneError> {
     const NAMES: [&str; 2] = ["drystone:systems", "drystone:notCollidesWith"];
     let mut masks = [0_u64; 2];

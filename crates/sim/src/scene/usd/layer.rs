@@ -1,20 +1,20 @@
-//! A layer: what one file says.
+//! Contents of a single layer.
 
 use std::collections::BTreeMap;
 
 use super::lexer::clipped;
 
-/// What a file says, without what others add to it.
+/// A parsed layer, before composition.
 #[derive(Debug, Default)]
 pub(super) struct Layer {
     pub(super) text: String,
-    /// Its metadata and the prims at the top.
+    /// Layer metadata and root prims.
     pub(super) root: Spec,
-    /// Prims that it speaks of.
+    /// Number of prims in the layer.
     pub(super) prims: usize,
 }
 
-/// Whether a prim is made, spoken of, or a template.
+/// Whether an opinion defines a prim, only adds to it, or defines a class.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Specifier {
     #[default]
@@ -23,7 +23,7 @@ pub(super) enum Specifier {
     Class,
 }
 
-/// What a layer says of a prim.
+/// Opinion of a layer about a prim.
 #[derive(Debug, Default)]
 pub(super) struct Spec {
     pub(super) at: usize,
@@ -31,10 +31,10 @@ pub(super) struct Spec {
     pub(super) kind: String,
     pub(super) metadata: BTreeMap<String, Vec<Entry>>,
     pub(super) properties: BTreeMap<String, Property>,
-    /// In their order, with their names.
+    /// Children by name, in their order.
     pub(super) children: Vec<(String, Spec)>,
     places: BTreeMap<String, usize>,
-    /// The variants of each set.
+    /// Variants by set and name.
     pub(super) variants: BTreeMap<String, BTreeMap<String, Spec>>,
 }
 
@@ -47,20 +47,20 @@ impl Spec {
         self.places.get(name).and_then(|place| self.children.get(*place)).map(|(_, spec)| spec)
     }
 
-    /// Adds a child; false where there is one of this name.
+    /// Adds a child. Returns false if there is already one with this name.
     pub(super) fn adopt(&mut self, name: &str, spec: Spec) -> bool {
         let new = self.places.insert(name.to_owned(), self.children.len()).is_none();
         self.children.push((name.to_owned(), spec));
         new
     }
 
-    /// The one value of some metadata.
+    /// Returns the value of metadata that has a single value: the last one written.
     pub(super) fn metadata(&self, key: &str) -> Option<&Entry> {
         self.metadata.get(key).and_then(|entries| entries.last())
     }
 }
 
-/// How a list changes the lists of weaker layers.
+/// List edit: the effect of a list on those of weaker layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Edit {
     Replace,
@@ -71,7 +71,7 @@ pub(super) enum Edit {
     Reorder,
 }
 
-/// Metadata.
+/// A metadata entry.
 #[derive(Debug)]
 pub(super) struct Entry {
     pub(super) edit: Edit,
@@ -79,18 +79,18 @@ pub(super) struct Entry {
     pub(super) at: usize,
 }
 
-/// What a layer says of an attribute or a relationship.
+/// Opinion of a layer about an attribute or a relationship.
 #[derive(Debug, Default)]
 pub(super) struct Property {
     pub(super) at: usize,
     pub(super) value: Option<Value>,
-    /// By time code.
+    /// Samples by time code.
     pub(super) samples: Option<Vec<(f64, Value)>>,
-    /// Of a relationship.
+    /// Targets of a relationship.
     pub(super) targets: Vec<Entry>,
 }
 
-/// Where an arc or a relationship leads.
+/// Target of a composition arc or a relationship.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Target {
     pub(super) asset: Option<String>,
@@ -99,7 +99,7 @@ pub(super) struct Target {
     pub(super) at: usize,
 }
 
-/// From the time codes of a layer to those of the layer that takes it in.
+/// Map from the time codes of a layer to those of the layer that includes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Time {
     pub(super) offset: f64,
@@ -109,35 +109,35 @@ pub(super) struct Time {
 impl Time {
     pub(super) const SAME: Self = Self { offset: 0.0, scale: 1.0 };
 
-    /// `self` after `inner`.
+    /// Returns `self` after `inner`.
     pub(super) fn after(self, inner: Self) -> Self {
         let offset = self.offset + self.scale * inner.offset;
         Self { offset, scale: self.scale * inner.scale }
     }
 }
 
-/// A value of an attribute or of metadata.
+/// Value of an attribute or of metadata.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
-    /// `None`: nothing, whatever weaker layers say.
+    /// `None` in the file: hides the values of weaker layers.
     Blocked,
     Number(f64),
     Text(String),
     /// A vector, a quaternion or a matrix.
     Tuple(Vec<f64>),
-    /// A list of numbers; empty lists of anything.
+    /// A list of numbers, or an empty list of any type.
     Numbers(Vec<f64>),
-    /// A list of vectors of this many numbers.
+    /// A list of vectors with this many components each.
     Tuples(usize, Vec<f64>),
     Texts(Vec<String>),
     Targets(Vec<Target>),
     Dictionary(Vec<(String, Value)>),
-    /// What no reader of physics asks for.
+    /// A value that the reader never uses.
     Other,
 }
 
 impl Value {
-    /// As written, cut where it is long.
+    /// Returns the value as written, cut off if it is long.
     pub(super) fn label(&self) -> String {
         let numbers = |numbers: &[f64]| {
             let texts: Vec<_> = numbers.iter().take(20).map(|x| format!("{x:?}")).collect();

@@ -1,23 +1,23 @@
-//! The words of a layer.
+//! Lexer: splits the text of a layer into tokens.
 
-/// A word, and where it starts. \[byte\]
+/// A token of a layer.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token<'a> {
-    /// A name, with its namespaces.
+    /// A name with its namespaces.
     Word(&'a str),
     Number(f64),
-    /// Between quotes.
+    /// Text between quotes.
     Text(String),
-    /// Between `@`.
+    /// Text between `@`.
     Asset(&'a str),
-    /// Between `<` and `>`.
+    /// Text between `<` and `>`.
     Path(&'a str),
     Mark(char),
     End,
 }
 
 impl Token<'_> {
-    /// What messages call it.
+    /// Returns the token as messages show it.
     pub(super) fn label(&self) -> String {
         match self {
             Self::Word(word) => format!("'{}'", clipped(word)),
@@ -31,10 +31,10 @@ impl Token<'_> {
     }
 }
 
-/// Longest piece of a file in a message. \[character\]
+/// Longest excerpt of a file in a message. \[character\]
 const LONGEST: usize = 60;
 
-/// One line of a text, cut where it is long.
+/// Returns a text on one line, cut off if it is too long.
 pub(super) fn clipped(text: &str) -> String {
     let line = text.replace(['\n', '\r', '\t'], " ");
     if line.chars().count() <= LONGEST {
@@ -43,7 +43,7 @@ pub(super) fn clipped(text: &str) -> String {
     line.chars().take(LONGEST).chain("...".chars()).collect()
 }
 
-/// Something that is not as it must be, at an offset. \[byte\]
+/// A fault at an offset. \[byte\]
 #[derive(Debug)]
 pub(super) struct Fault {
     pub(super) at: usize,
@@ -63,14 +63,14 @@ impl Fault {
     }
 }
 
-/// Takes a text apart.
+/// Splits a text into tokens.
 pub(super) struct Lexer<'a> {
     text: &'a str,
     at: usize,
 }
 
 impl<'a> Lexer<'a> {
-    /// After the header, which takes the first `start` bytes.
+    /// Starts after the header, which takes the first `start` bytes.
     pub(super) fn new(text: &'a str, start: usize) -> Self {
         Self { text, at: start }
     }
@@ -83,7 +83,7 @@ impl<'a> Lexer<'a> {
         self.at = self.at.saturating_add(bytes).min(self.text.len());
     }
 
-    /// Skips what means nothing.
+    /// Skips white space and comments.
     fn skip_space(&mut self) -> Result<(), Fault> {
         loop {
             let rest = self.rest();
@@ -103,7 +103,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// The next word and its place.
+    /// Returns the next token and its offset.
     pub(super) fn next(&mut self) -> Result<(Token<'a>, usize), Fault> {
         self.skip_space()?;
         let (at, rest) = (self.at, self.rest());
@@ -128,7 +128,7 @@ impl<'a> Lexer<'a> {
         Ok((token, at))
     }
 
-    /// What lies between two marks on one line.
+    /// Returns the text between two marks on one line.
     fn between(&mut self, open: &str, close: &str) -> Result<&'a str, Fault> {
         let inner = self.rest().get(open.len()..).unwrap_or("");
         let end = inner.find(close).filter(|end| !inner.get(..*end).unwrap_or("").contains('\n'));
@@ -162,7 +162,7 @@ impl<'a> Lexer<'a> {
         Ok(Token::Number(number))
     }
 
-    /// A text between one or three quotes of a kind.
+    /// Reads a text between one or three quotes of a kind.
     fn quoted(&mut self, quote: char) -> Result<String, Fault> {
         let triple = quote.to_string().repeat(3);
         let long = self.rest().starts_with(&triple);
@@ -179,7 +179,7 @@ impl<'a> Lexer<'a> {
             match rest.chars().next() {
                 Some('\\') => out.extend(self.escaped()),
                 Some(c) if long || c != '\n' => {
-                    // In one piece up to what may be special.
+                    // Copies all characters up to the next one that may be special.
                     let plain = rest.find(['\\', quote, '\n']).unwrap_or(rest.len());
                     let piece = rest.get(..plain.max(c.len_utf8())).unwrap_or("");
                     out.push_str(piece);
@@ -193,7 +193,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// What a backslash and what follows it stand for.
+    /// Returns the character that an escape sequence stands for.
     fn escaped(&mut self) -> Option<char> {
         self.skip(1);
         let rest = self.rest();

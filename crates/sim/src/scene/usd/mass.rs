@@ -1,7 +1,8 @@
-//! The mass of a body: its own, or what its colliders make.
+//! Mass of a body, stated on it or computed from its colliders.
 //!
-//! A mass of the body beats those of its colliders, a mass beats a density, the density of a collider beats
-//! that of its body, and that of a material is the weakest.
+//! A mass on the body takes precedence over the masses of its colliders. A mass takes precedence
+//! over a density, and the density of a collider over that of its body. The density of a material
+//! is the weakest.
 
 use super::super::description::{Mass, Motion, Shape};
 use super::super::error::{SceneError, Warning};
@@ -11,18 +12,19 @@ use super::prims::Prim;
 use super::stage::Stage;
 use crate::forms::{Weight, compound};
 
-/// Without any other. \[kg/m^3\]
+/// Density if none is stated. \[kg/m^3\]
 const DENSITY: f64 = 1000.0;
 
 /// A collider of a body.
 pub(super) struct Part<'s> {
     pub(super) prim: usize,
     pub(super) shape: &'s Shape,
-    /// Of its material. \[kg/m^3\]
+    /// Density of its material. \[kg/m^3\]
     pub(super) density: Option<f64>,
 }
 
-/// The mass of a body with these colliders; `scale` is from its space to its frame.
+/// Computes the mass of a body with these colliders. `scale` maps the space of the body's prim to
+/// the body's frame.
 pub(super) fn of(
     stage: &Stage<'_>,
     body: usize,
@@ -45,7 +47,7 @@ pub(super) fn of(
             }
         }
         let density = density.or(part.density);
-        // That of the whole body is told there.
+        // A mass on the body's own prim is that of the whole body, which `own` has read.
         let own = total.filter(|_| part.prim != body);
         weights.push(own.map_or(Weight::Density(density.unwrap_or(DENSITY)), Weight::Mass));
         densities.push(density);
@@ -78,7 +80,7 @@ pub(super) fn of(
     Ok(mass)
 }
 
-/// What a prim says of a mass; 0 is nothing. \[kg\]
+/// Reads the mass of a prim; 0 counts as absent. \[kg\]
 fn weight(stage: &Stage<'_>, prim: &Prim) -> Result<Option<f64>, SceneError> {
     let unit = stage.units.kilograms;
     let mass = stage.number(prim, "physics:mass", 0.0, HEAVY)?;
@@ -94,14 +96,14 @@ fn density_of(stage: &Stage<'_>, prim: &Prim) -> Result<Option<f64>, SceneError>
     Ok(density.filter(|density| *density > 0.0).map(|density| density * stage.units.density()))
 }
 
-/// What the body itself says.
+/// Reads the mass properties stated on the body itself.
 fn own(stage: &Stage<'_>, prim: &Prim, scale: math::Mat3) -> Result<Mass, SceneError> {
     const CENTER: &str = "physics:centerOfMass";
     const MOMENTS: &str = "physics:diagonalInertia";
     const AXES: &str = "physics:principalAxes";
     let units = stage.units;
     let mut mass = Mass { mass: weight(stage, prim)?, ..Mass::default() };
-    // Minus infinity asks for that of the colliders.
+    // A component of -inf means that the colliders decide.
     if let Some(center) = stage.any_vector::<3>(prim, CENTER)?
         && center.iter().all(|x| *x != f64::NEG_INFINITY)
     {
@@ -137,7 +139,7 @@ fn own(stage: &Stage<'_>, prim: &Prim, scale: math::Mat3) -> Result<Mass, SceneE
     Ok(mass)
 }
 
-/// What is infinite has no word in UsdPhysics.
+/// Reads infinite masses and moments, which UsdPhysics cannot express, from custom attributes.
 fn endless(stage: &Stage<'_>, prim: &Prim, mass: &mut Mass) -> Result<(), SceneError> {
     if stage.number(prim, "drystone:mass", LIGHT, f64::INFINITY)? == Some(f64::INFINITY)
         && mass.mass.is_none()

@@ -1,4 +1,4 @@
-//! How bodies move: what UsdPhysics says, and the animation of their prims.
+//! Motion of bodies: attributes of UsdPhysics, and animated transforms.
 
 use super::super::description::{Motion, SurfaceVelocity, Track};
 use super::super::error::{SceneError, Warning};
@@ -9,15 +9,15 @@ use super::stage::Stage;
 use super::xform::{Pose, Transform};
 use crate::scene::graph::math::{self, Vec3};
 
-/// Largest factor on gravity, either way.
+/// Largest magnitude of the factor on gravity.
 const MOST_GRAVITY: f64 = 1e6;
-/// Largest damping. \[1/s\]
+/// Largest damping rate. \[1/s\]
 const STRONGEST: f64 = 1e6;
 
-/// The transforms of all prims.
+/// Transforms of all prims.
 pub(super) struct Transforms {
     own: Vec<Transform>,
-    /// At rest, in the stage.
+    /// Transforms to the stage, at the default time.
     pub(super) world: Vec<Pose>,
 }
 
@@ -44,18 +44,19 @@ impl Transforms {
         self.world.get(prim).copied().unwrap_or(Pose::REST)
     }
 
-    /// The parent of a prim, as far as its place depends on it.
+    /// Returns the parent of a prim if the prim's transform is relative to it.
     pub(super) fn parent(&self, stage: &Stage<'_>, prim: usize) -> Option<usize> {
         let reset = self.own.get(prim).is_some_and(|own| own.reset);
         stage.prim(prim).and_then(|prim| prim.parent).filter(|_| !reset)
     }
 
-    /// A prim and what its place depends on, from below.
+    /// Returns a prim and the ancestors that its transform depends on, upwards.
     fn chain(&self, stage: &Stage<'_>, prim: usize) -> Vec<usize> {
         std::iter::successors(Some(prim), |at| self.parent(stage, *at)).collect()
     }
 
-    /// The place of a prim in one above it, link by link; none where its place does not depend on that.
+    /// Returns the pose of a prim relative to its ancestor `top`. `None` if its transform does not
+    /// depend on `top`.
     pub(super) fn within(&self, stage: &Stage<'_>, prim: usize, top: usize) -> Option<Pose> {
         let mut pose = Pose::REST;
         for at in self.chain(stage, prim) {
@@ -67,18 +68,18 @@ impl Transforms {
         None
     }
 
-    /// Whether an animation moves a prim.
+    /// Whether an animation of the prim or of an ancestor moves it.
     pub(super) fn driven(&self, stage: &Stage<'_>, prim: usize) -> bool {
         let moves = |at: &usize| self.own.get(*at).is_some_and(Transform::moves);
         self.chain(stage, prim).iter().any(moves)
     }
 
-    /// Whether an animation of its own holds a prim, even where it is.
+    /// Whether the prim has time samples of its own, even if they never move it.
     pub(super) fn held(&self, prim: usize) -> bool {
         self.own.get(prim).is_some_and(Transform::has_keys)
     }
 
-    /// Poses of a prim in the scene, as it and what is above move.
+    /// Returns the poses over time of a prim in the scene, as it and its ancestors move.
     pub(super) fn track(
         &self,
         stage: &Stage<'_>,
@@ -112,13 +113,13 @@ impl Transforms {
     }
 }
 
-/// How a body moves.
+/// Motion of a body.
 pub(super) struct Moving {
     pub(super) motion: Motion,
     pub(super) linear: Vec3,
     pub(super) angular: Vec3,
     pub(super) gravity: f64,
-    /// Linear and angular. \[1/s\]
+    /// Linear and angular damping rates. \[1/s\]
     pub(super) damping: [f64; 2],
 }
 
@@ -132,7 +133,7 @@ impl Moving {
     };
 }
 
-/// What UsdPhysics says of the motion of a prim, with what is above it at `above`.
+/// Reads the motion of a body from UsdPhysics. `above` is the pose of its parent.
 pub(super) fn of(
     stage: &Stage<'_>,
     prim: &Prim,
@@ -152,7 +153,7 @@ pub(super) fn of(
         let what = "it starts awake: nothing sleeps here, and what rests stays at rest";
         stage.warn(prim, what, warnings);
     }
-    // In the space that its transform leads to, which is that of its parent.
+    // Velocities are given in the space of the prim's parent.
     let linear = stage.vector::<3>(prim, "physics:velocity", FAST)?.unwrap_or_default();
     let degrees = stage.vector::<3>(prim, ANGULAR, FAST)?.unwrap_or_default();
     let straight = above == Pose::REST;
@@ -173,7 +174,8 @@ pub(super) fn of(
     })
 }
 
-/// Linear and angular damping, as PhysX's schema has it: 0 and 0.05 where it is applied and says nothing. \[1/s\]
+/// Reads linear and angular damping in PhysX's schema. Where it is applied without values, they are
+/// 0 and 0.05. \[1/s\]
 fn damping(stage: &Stage<'_>, prim: &Prim) -> Result<[f64; 2], SceneError> {
     let number = |name: &str| stage.number(prim, name, 0.0, STRONGEST);
     let applied = prim.schemas.contains("PhysxRigidBodyAPI");
@@ -184,7 +186,7 @@ fn damping(stage: &Stage<'_>, prim: &Prim) -> Result<[f64; 2], SceneError> {
     ])
 }
 
-/// How the surface of a prim runs, as PhysX's schema has it; in the frame of the prim.
+/// Reads the surface velocity of a prim in PhysX's schema, in the frame of the prim.
 pub(super) fn surface(
     stage: &Stage<'_>,
     prim: &Prim,

@@ -1,13 +1,13 @@
-//! Reading the text form of a layer.
+//! Parser of layers in text form.
 
 use super::layer::{Edit, Entry, Layer, Spec, Specifier, Value};
 use super::lexer::{Fault, Lexer, Token};
 use super::tokens::{Parser, expected};
 
-/// What a layer in text form starts with.
+/// Start of every layer in text form.
 const HEADER: &str = "#usda 1.";
 
-/// Reads a layer.
+/// Parses a layer.
 pub(super) fn parse(text: String) -> Result<Layer, (Fault, String)> {
     match whole(&text) {
         Ok((root, prims)) => Ok(Layer { text, root, prims }),
@@ -47,7 +47,7 @@ fn whole(text: &str) -> Result<(Spec, usize), Fault> {
 }
 
 impl<'a> Parser<'a> {
-    /// A prim, if this word starts one.
+    /// Parses a prim if `word` starts one.
     fn prim(&mut self, word: &str, at: usize, parent: &mut Spec) -> Result<bool, Fault> {
         let specifier = match word {
             "def" => Specifier::Def,
@@ -80,7 +80,7 @@ impl<'a> Parser<'a> {
         Ok(true)
     }
 
-    /// Metadata and what is in the braces.
+    /// Parses the metadata of a prim and the contents of its braces.
     fn contents(&mut self, spec: &mut Spec) -> Result<(), Fault> {
         self.metadata(spec)?;
         self.need('{')?;
@@ -116,7 +116,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// What is in the parentheses after a name, if there are any.
+    /// Parses the metadata in parentheses after a name, if there are any.
     fn metadata(&mut self, spec: &mut Spec) -> Result<(), Fault> {
         for (key, entry) in self.entries()? {
             spec.metadata.entry(key).or_default().push(entry);
@@ -145,7 +145,7 @@ impl<'a> Parser<'a> {
             let Token::Word(key) = token else { return Err(expected(at, &token, "a name")) };
             self.need('=')?;
             let value = match key {
-                // Whatever is in them, the reader does not ask for it.
+                // The reader does not use their contents.
                 "relocates" | "customData" | "customLayerData" | "assetInfo" | "clips"
                 | "sdrMetadata" => {
                     self.skip_block()?;
@@ -157,7 +157,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Skips a value with all that is in its braces.
+    /// Skips a value with everything inside its brackets.
     fn skip_block(&mut self) -> Result<(), Fault> {
         let mut open = 0_usize;
         loop {
@@ -173,7 +173,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// A property that starts with this word.
+    /// Parses a property that starts with the word `first`.
     fn property(&mut self, first: &'a str, start: usize, spec: &mut Spec) -> Result<(), Fault> {
         let (mut word, mut place, mut edits) = (first, start, Edit::Replace);
         loop {
@@ -216,7 +216,7 @@ impl<'a> Parser<'a> {
             match suffix {
                 "" | "default" => value = Some(self.typed(word, list, name)?),
                 "timeSamples" => samples = Some(self.samples(word, list, name)?),
-                // A spline, or where the attribute is connected to.
+                // A spline, or the source of a connection.
                 _ => self.skip_block()?,
             }
             self.entries()?;
@@ -275,7 +275,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// The edit of a list that a word asks for.
+/// Returns the list edit that a keyword stands for.
 fn edit(word: &str) -> Option<Edit> {
     Some(match word {
         "prepend" => Edit::Prepend,

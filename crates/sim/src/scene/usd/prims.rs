@@ -1,4 +1,4 @@
-//! The prims of a stage, as all layers make them.
+//! The composed prims of a stage.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,14 +9,14 @@ use super::layer::{Entry, Specifier, Time, Value};
 use super::lexer::Fault;
 use super::tokens::DEEPEST;
 
-/// A prim.
+/// A composed prim.
 #[derive(Debug, Default)]
 pub(super) struct Prim {
     pub(super) path: String,
     pub(super) name: String,
-    /// Its name for people, where it has one.
+    /// Display name, if there is one.
     pub(super) label: Option<String>,
-    /// Its type.
+    /// Type of the prim.
     pub(super) kind: String,
     pub(super) schemas: BTreeSet<String>,
     pub(super) properties: BTreeMap<String, Property>,
@@ -24,28 +24,28 @@ pub(super) struct Prim {
     pub(super) origin: Origin,
 }
 
-/// A property.
+/// A composed property.
 #[derive(Debug, Default)]
 pub(super) struct Property {
     pub(super) origin: Origin,
-    /// None where weaker opinions do not count.
+    /// Value without a time, of the strongest opinion that has a value or samples.
     pub(super) value: Option<Value>,
-    /// By time code of the stage.
+    /// Samples of the same opinion, by time code of the stage.
     pub(super) samples: Option<Vec<(f64, Value)>>,
-    /// Paths of the stage.
+    /// Target paths in the stage.
     pub(super) targets: Vec<String>,
     decided: bool,
 }
 
 impl Property {
-    /// The value at no time: else that of the first sample.
+    /// Returns the value without a time, else that of the first sample.
     pub(super) fn value(&self) -> Option<&Value> {
         let first = || self.samples.as_ref().and_then(|s| s.first()).map(|(_, value)| value);
         self.value.as_ref().or_else(first).filter(|value| **value != Value::Blocked)
     }
 }
 
-/// All prims that are there, parents before children.
+/// Returns all defined and active prims, parents before children.
 pub(super) fn all(files: &Files) -> Result<Vec<Prim>, SceneError> {
     let mut composer = Composer::new(files);
     let root = composer.root()?;
@@ -86,7 +86,7 @@ impl<'f> Walk<'f> {
     }
 }
 
-/// The names of the children, those of the weakest first.
+/// Returns the names of the children, those from weaker opinions first.
 fn names(node: &Node<'_>) -> Vec<String> {
     let mut known = BTreeSet::new();
     let mut names = Vec::new();
@@ -100,7 +100,7 @@ fn names(node: &Node<'_>) -> Vec<String> {
     names
 }
 
-/// The prim of a node; none where it is not there: only spoken of, a template, or not active.
+/// Composes the prim of a node. `None` if it is only an `over`, a class, or inactive.
 fn prim(node: &Node<'_>, name: String, parent: Option<usize>, prims: &[Prim]) -> Option<Prim> {
     let opinions = node.opinions();
     let specs = || opinions.iter().map(|opinion| opinion.site.spec);
@@ -151,7 +151,7 @@ fn texts(entry: &Entry) -> Vec<String> {
     }
 }
 
-/// All properties: of each, what the strongest layer says that says anything.
+/// Composes all properties; each takes the value of its strongest opinion that has one.
 fn properties(opinions: &[Opinion<'_>], path: &str) -> BTreeMap<String, Property> {
     let mut all: BTreeMap<String, Property> = BTreeMap::new();
     for opinion in opinions {
@@ -172,7 +172,7 @@ fn properties(opinions: &[Opinion<'_>], path: &str) -> BTreeMap<String, Property
             property.decided = said.value.is_some() || said.samples.is_some();
         }
     }
-    // Lists are changed from the weakest on.
+    // List edits apply from the weakest opinion to the strongest.
     for opinion in opinions.iter().rev() {
         for (name, said) in &opinion.site.spec.properties {
             let Some(property) = all.get_mut(name) else { continue };
@@ -189,7 +189,7 @@ fn properties(opinions: &[Opinion<'_>], path: &str) -> BTreeMap<String, Property
     all
 }
 
-/// Samples in the time codes of the stage.
+/// Returns the samples with time codes of the stage.
 fn moved(samples: &[(f64, Value)], time: Time) -> Vec<(f64, Value)> {
     let mut moved: Vec<_> = samples
         .iter()

@@ -1,4 +1,4 @@
-//! The shapes of colliders.
+//! Reads the shapes of colliders.
 
 use super::super::description::{Motion, ShapeKind};
 use super::super::error::{SceneError, Warning};
@@ -10,21 +10,22 @@ use super::prims::Prim;
 use super::stage::Stage;
 use crate::decomposition::DecompositionOptions;
 
-/// A shape, and how it is turned on its prim.
+/// A shape and its rotation relative to its prim.
 pub(super) type Turned = (ShapeKind, Quat);
 
-/// A quarter turn that brings local y to z, as columns and as a quaternion.
+/// Rotation by 90° that takes local y to z, as matrix columns and as a quaternion.
 const Y_TO_Z: (Mat3, Quat) = (
     [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]],
     [std::f64::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f64::consts::FRAC_1_SQRT_2],
 );
-/// The same to x.
+/// Rotation by 90° that takes local y to x, in the same form.
 const Y_TO_X: (Mat3, Quat) = (
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
     [0.0, 0.0, -std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::FRAC_1_SQRT_2],
 );
 
-/// The shape of a collider under a scale; none where it does not act, which is told.
+/// Reads the shape of a collider under the linear map `map`. Returns `None`, with a warning, for a
+/// collider that cannot act.
 pub(super) fn read(
     stage: &Stage<'_>,
     prim: &Prim,
@@ -75,7 +76,7 @@ pub(super) fn read(
             return Ok(None);
         }
     };
-    // No axis, no turn; without a turn, nothing is rounded.
+    // Only round shapes and planes have an axis. Without a rotation, nothing is rounded.
     let round = !matches!(implicit, Implicit::Sphere { .. } | Implicit::Box { .. });
     let (map, turn) = match round.then(|| axis(stage, prim)).transpose()?.flatten() {
         None => (map, math::NO_TURN),
@@ -94,7 +95,7 @@ pub(super) fn read(
     })
 }
 
-/// What turns local y into the axis of a round shape or the normal of a plane.
+/// Returns the rotation from local y to the axis of a round shape or the normal of a plane.
 fn axis(stage: &Stage<'_>, prim: &Prim) -> Result<Option<(Mat3, Quat)>, SceneError> {
     match stage.word(prim, "axis")? {
         Some("Y") => Ok(None),
@@ -119,10 +120,10 @@ fn mesh(
         Placed::Nothing(_) => None,
     };
     let convex = match form {
-        // What moves is decomposed; what does not collides as it is.
+        // A mesh on a dynamic body is decomposed; any other collides as it is.
         "none" | "meshSimplification" | "convexDecomposition" => false,
         "convexHull" => true,
-        // Their middle is moved to where they are, as points of a hull.
+        // An off-center one becomes a convex hull, whose points include the offset.
         "boundingCube" | "boundingSphere" => {
             let Some((low, high)) = bounds(&triangles.vertices) else {
                 stage.warn(prim, "no collider acts: its mesh has no triangles", warnings);
@@ -168,7 +169,7 @@ fn mesh(
     Ok(solid.kind)
 }
 
-/// How closely pieces follow the mesh, if the prim says so.
+/// Reads the accuracy and the number of convex pieces, if the prim states either.
 fn decomposition(
     stage: &Stage<'_>,
     prim: &Prim,
@@ -196,12 +197,12 @@ fn bounds(points: &[Vec3]) -> Option<(Vec3, Vec3)> {
     }))
 }
 
-/// Of the ball about a point that has all points inside.
+/// Radius of the ball about `middle` that contains all points.
 fn radius(points: &[Vec3], middle: Vec3) -> f64 {
     points.iter().fold(0.0, |most, point| math::length(math::sub(*point, middle)).max(most))
 }
 
-/// The triangles of a mesh; faces of more corners become fans.
+/// Reads the triangles of a mesh; faces with more corners are split into fans.
 fn triangles(stage: &Stage<'_>, prim: &Prim) -> Result<Triangles, SceneError> {
     const CORNERS: &str = "faceVertexIndices";
     let vertices = stage.points(prim, "points", FAR)?;

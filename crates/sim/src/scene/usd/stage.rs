@@ -1,4 +1,4 @@
-//! A stage: its prims, its units, and its values, checked as they are read.
+//! A stage: its prims, units and values. Values are checked as they are read.
 
 use std::collections::BTreeMap;
 
@@ -10,10 +10,10 @@ use super::layer::Value;
 use super::lexer::Fault;
 use super::prims::{self, Prim, Property, is_word};
 
-/// Smallest and largest of the units. \[m, kg\]
+/// Smallest and largest accepted unit. \[m, kg\]
 const UNITS: (f64, f64) = (1e-12, 1e12);
 
-/// A stage.
+/// A composed stage.
 pub(super) struct Stage<'f> {
     files: &'f Files,
     pub(super) prims: Vec<Prim>,
@@ -21,14 +21,14 @@ pub(super) struct Stage<'f> {
     places: BTreeMap<String, usize>,
 }
 
-/// What the numbers of a stage mean.
+/// Units and conventions of a stage.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Units {
-    /// Of a unit of length. \[m\]
+    /// Unit of length. \[m\]
     pub(super) meters: f64,
-    /// Of a unit of mass. \[kg\]
+    /// Unit of mass. \[kg\]
     pub(super) kilograms: f64,
-    /// Whether z points up, not y.
+    /// True if z points up, false if y does.
     pub(super) z_up: bool,
     /// Time codes per second. \[1/s\]
     pub(super) rate: f64,
@@ -37,12 +37,12 @@ pub(super) struct Units {
 }
 
 impl Units {
-    /// A direction of the stage in the scene, where y is up.
+    /// Converts a direction of the stage to the scene, where y is up.
     pub(super) fn direction(&self, [x, y, z]: Vec3) -> Vec3 {
         if self.z_up { [x, z, -y] } else { [x, y, z] }
     }
 
-    /// A point or a velocity.
+    /// Converts a position or a velocity.
     pub(super) fn length(&self, vector: Vec3) -> Vec3 {
         let turned = self.direction(vector);
         if self.meters == 1.0 { turned } else { math::scale(turned, self.meters) }
@@ -53,12 +53,12 @@ impl Units {
         if self.z_up { math::quat_mul([-UP, 0.0, 0.0, UP], turn) } else { turn }
     }
 
-    /// Of a density. \[kg/m^3\]
+    /// Unit of density. \[kg/m^3\]
     pub(super) fn density(&self) -> f64 {
         self.kilograms / self.meters.powi(3)
     }
 
-    /// A moment when a time code is reached. \[s\]
+    /// Converts a time code to a time from the start of the simulation. \[s\]
     pub(super) fn seconds(&self, code: f64) -> f64 {
         (code - self.start) / self.rate
     }
@@ -103,7 +103,7 @@ impl<'f> Stage<'f> {
         Ok(stage)
     }
 
-    /// Metadata of the stage, and its place in the root layer.
+    /// Returns a metadata value of the stage and its offset in the root layer.
     fn metadata(&self, key: &str) -> Option<(&'f Value, usize)> {
         let entry = self.files.layers.first()?.root.metadata(key)?;
         (entry.value != Value::Blocked).then_some((&entry.value, entry.at))
@@ -120,7 +120,7 @@ impl<'f> Stage<'f> {
         }
     }
 
-    /// Something wrong with the stage as a whole.
+    /// Returns an error about the stage as a whole.
     pub(super) fn fault(&self, item: &str, accepted: String) -> SceneError {
         self.files.fault(0, Fault::new(0, item, "", accepted))
     }
@@ -129,12 +129,12 @@ impl<'f> Stage<'f> {
         self.prims.get(index)
     }
 
-    /// The index of the prim at a path.
+    /// Returns the index of the prim at a path.
     pub(super) fn find(&self, path: &str) -> Option<usize> {
         self.places.get(path).copied()
     }
 
-    /// A prim and all above it, from below.
+    /// Iterates over a prim and its ancestors, upwards.
     pub(super) fn up(&self, index: usize) -> impl Iterator<Item = (usize, &Prim)> {
         let next = |(_, prim): &(usize, &Prim)| {
             let above = prim.parent?;
@@ -151,7 +151,7 @@ impl<'f> Stage<'f> {
         to.push(Warning { place: self.place(prim), message: format!("<{}>: {what}", prim.path) });
     }
 
-    /// Something wrong with a prim.
+    /// Returns an error about a prim.
     pub(super) fn wrong(
         &self,
         prim: &Prim,
@@ -164,7 +164,7 @@ impl<'f> Stage<'f> {
         self.files.fault(layer, Fault::new(at, item, value, accepted))
     }
 
-    /// Something wrong with a property.
+    /// Returns an error about a property.
     pub(super) fn refuse(&self, prim: &Prim, name: &str, accepted: &str) -> SceneError {
         let property = prim.properties.get(name);
         let Origin { layer, at } = property.map_or(prim.origin, |property| property.origin);
@@ -177,7 +177,7 @@ impl<'f> Stage<'f> {
         prim.properties.get(name).and_then(Property::value)
     }
 
-    /// A number within a range.
+    /// Reads a number within a range.
     pub(super) fn number(
         &self,
         prim: &Prim,
@@ -214,7 +214,7 @@ impl<'f> Stage<'f> {
         }
     }
 
-    /// A vector of numbers up to `most` either way.
+    /// Reads a vector with components of magnitude up to `most`.
     pub(super) fn vector<const N: usize>(
         &self,
         prim: &Prim,
@@ -228,7 +228,7 @@ impl<'f> Stage<'f> {
         Err(self.refuse(prim, name, &format!("{N} numbers from {:?} to {most:?}", -most)))
     }
 
-    /// A vector of numbers, infinite ones among them.
+    /// Reads a vector; components may be infinite but not NaN.
     pub(super) fn any_vector<const N: usize>(
         &self,
         prim: &Prim,
@@ -245,7 +245,7 @@ impl<'f> Stage<'f> {
         }
     }
 
-    /// A list of points up to `most` either way.
+    /// Reads a list of points with coordinates of magnitude up to `most`.
     pub(super) fn points(
         &self,
         prim: &Prim,
@@ -269,7 +269,7 @@ impl<'f> Stage<'f> {
         Err(self.files.fault(layer, Fault::new(at, item, value, accepted)))
     }
 
-    /// A list of whole numbers from 0.
+    /// Reads a list of whole numbers from 0.
     pub(super) fn wholes(&self, prim: &Prim, name: &str) -> Result<Option<Vec<u32>>, SceneError> {
         let Some(value) = self.value(prim, name) else { return Ok(None) };
         let Value::Numbers(numbers) = value else {

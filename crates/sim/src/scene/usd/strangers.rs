@@ -1,4 +1,5 @@
-//! What a stage says of motion that nothing here reads: each named once, with how many prims say it.
+//! Warnings about physics on a stage that is not simulated or not read. Unknown names are reported
+//! once each, with the number of prims that have them.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +7,7 @@ use super::super::error::Warning;
 use super::prims::Prim;
 use super::stage::Stage;
 
-/// API schemas that are read, or told of elsewhere.
+/// API schemas that are read, or reported elsewhere.
 const SCHEMAS: [&str; 9] = [
     "PhysicsArticulationRootAPI",
     "PhysicsCollisionAPI",
@@ -19,7 +20,7 @@ const SCHEMAS: [&str; 9] = [
     "PhysxSurfaceVelocityAPI",
 ];
 
-/// Properties that are read, or mean nothing where there is one scene.
+/// Properties that are read, or have no meaning in a stage with one scene.
 const PROPERTIES: [&str; 29] = [
     "physics:angularVelocity",
     "physics:approximation",
@@ -52,10 +53,10 @@ const PROPERTIES: [&str; 29] = [
     "physxSurfaceVelocity:surfaceVelocityLocalSpace",
 ];
 
-/// Types that are read.
+/// Physics types that are read.
 const TYPES: [&str; 2] = ["PhysicsScene", "PhysicsCollisionGroup"];
 
-/// The joints of UsdPhysics.
+/// Joint types of UsdPhysics.
 const JOINTS: [&str; 6] = [
     "PhysicsJoint",
     "PhysicsDistanceJoint",
@@ -65,18 +66,18 @@ const JOINTS: [&str; 6] = [
     "PhysicsSphericalJoint",
 ];
 
-/// Whether a prim is a joint, by whatever name.
+/// Whether a prim is a joint of any schema.
 fn is_joint(prim: &Prim) -> bool {
     prim.kind.ends_with("Joint")
 }
 
-/// Whether a name is that of some physics: of UsdPhysics, or of an engine.
+/// Whether a name belongs to UsdPhysics or to the schema of a physics engine.
 fn is_physical(name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
     ["physics", "physx", "mjc", "newton"].iter().any(|of| lower.starts_with(of))
 }
 
-/// What steers how another engine computes, not what is asked for.
+/// Whether a property tunes the numerics of another engine, rather than describing the physics.
 fn is_tuning(name: &str) -> bool {
     const OF_BODIES: [&str; 11] = [
         "contactSlopCoefficient",
@@ -103,10 +104,10 @@ fn is_tuning(name: &str) -> bool {
     }
 }
 
-/// Something that is not read: how often, and by which prim first.
+/// Number of prims with an unread name, and the index of the first of them.
 type Count = (usize, usize);
 
-/// Warns of what is not simulated, and of what is not read.
+/// Warns about physics that is not simulated or not read.
 pub(super) fn name(stage: &Stage<'_>, warnings: &mut Vec<Warning>) {
     let mut strange: BTreeMap<String, Count> = BTreeMap::new();
     let mut tuning: BTreeMap<String, Count> = BTreeMap::new();

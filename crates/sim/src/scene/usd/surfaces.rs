@@ -1,4 +1,4 @@
-//! Physics materials, and which collider has which.
+//! Physics materials and their binding to colliders.
 
 use super::super::description::{Combine, Material};
 use super::super::error::{SceneError, Warning};
@@ -9,18 +9,18 @@ use crate::scene::graph::HEAVY;
 
 /// Largest coefficient of friction.
 const ROUGHEST: f64 = 1e6;
-/// Largest resistance to rolling. \[m\]
+/// Largest rolling or spinning resistance. \[m\]
 const LONGEST: f64 = 1e6;
 
-/// What a material says.
+/// Contents of a material.
 pub(super) struct Surface {
     pub(super) material: Material,
-    /// In kilograms per cubic meter.
+    /// Density. \[kg/m^3\]
     pub(super) density: Option<f64>,
 }
 
-/// The surface of a collider: of the nearest material that is bound for physics, else of the nearest
-/// that is bound for all purposes.
+/// Reads the surface of a collider. Its material is the nearest one bound for physics, else the
+/// nearest bound for all purposes.
 pub(super) fn of(
     stage: &Stage<'_>,
     collider: usize,
@@ -70,7 +70,7 @@ fn read(
     };
     let default = Material::default();
     let material = Material {
-        // What a material does not say is 0, as its schema has it.
+        // An absent coefficient is 0, the default of the schema.
         friction: sliding.or(fixed).unwrap_or(0.0),
         restitution,
         rolling_resistance: number("drystone:rollingResistance", LONGEST)?.unwrap_or(0.0),

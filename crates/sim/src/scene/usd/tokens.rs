@@ -1,16 +1,16 @@
-//! [`Parser`]: the tokens of a layer, one by one.
+//! [`Parser`]: access to the tokens of a layer, one at a time.
 
 use super::lexer::{Fault, Lexer, Token};
 
-/// How deep prims and values may lie in each other.
+/// Largest nesting depth of prims and values.
 pub(super) const DEEPEST: usize = 64;
 
-/// The error of a token in the wrong place.
+/// Returns the error about an unexpected token.
 pub(super) fn expected(at: usize, found: &Token<'_>, accepted: &str) -> Fault {
     Fault::new(at, "the text here", found.label(), format!("accepted: {accepted}"))
 }
 
-/// Tokens of a layer, with one look ahead.
+/// Tokens of a layer, with one token of lookahead.
 pub(super) struct Parser<'a> {
     pub(super) lexer: Lexer<'a>,
     pub(super) held: Option<(Token<'a>, usize)>,
@@ -31,7 +31,7 @@ impl<'a> Parser<'a> {
         Ok(self.held.insert(next))
     }
 
-    /// Takes a mark if it comes next.
+    /// Consumes a mark if it comes next.
     pub(super) fn mark(&mut self, mark: char) -> Result<bool, Fault> {
         let is = self.peek()?.0 == Token::Mark(mark);
         if is {
@@ -54,7 +54,10 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Goes one level deeper.
+    /// Runs `inner` one nesting level deeper.
+    ///
+    /// # Errors
+    /// If the nesting is deeper than [`DEEPEST`].
     pub(super) fn deeper<T>(
         &mut self,
         at: usize,

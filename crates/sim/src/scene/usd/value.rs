@@ -1,19 +1,19 @@
-//! Reading the values of a layer.
+//! Parser of values in a layer.
 
 use super::layer::{Target, Time, Value};
 use super::lexer::{Fault, Token, clipped};
 use super::tokens::{Parser, expected};
 
-/// What an attribute of a type holds.
+/// Kind of value that an attribute of a given type holds.
 enum Kind {
-    /// This many numbers.
+    /// A tuple of this many numbers.
     Numbers(usize),
     Texts,
-    /// Anything.
+    /// Anything; not checked.
     Other,
 }
 
-/// By the name of the type: `float3`, `point3f`, `quatd`, `matrix4d`, `token`, ...
+/// Returns the kind of a type by its name: `float3`, `point3f`, `quatd`, `matrix4d`, `token`, ...
 fn kind_of(name: &str) -> Kind {
     Kind::Numbers(match name {
         "bool" | "uchar" | "int" | "uint" | "int64" | "uint64" | "half" | "float" | "double"
@@ -32,7 +32,7 @@ fn kind_of(name: &str) -> Kind {
 }
 
 impl<'a> Parser<'a> {
-    /// A value of an attribute of this type.
+    /// Parses the value of an attribute of type `kind`, or of a list of that type.
     pub(super) fn typed(&mut self, kind: &str, list: bool, name: &str) -> Result<Value, Fault> {
         let at = self.peek()?.1;
         let value = self.value(false)?;
@@ -51,7 +51,7 @@ impl<'a> Parser<'a> {
             Kind::Numbers(width) => {
                 let fits = match &value {
                     Value::Number(_) => !list && width == 1,
-                    // Words like true.
+                    // Words such as true.
                     Value::Text(_) => !list && width == 1,
                     Value::Tuple(numbers) => !list && numbers.len() == width && width > 1,
                     Value::Numbers(numbers) => list && (width == 1 || numbers.is_empty()),
@@ -73,7 +73,7 @@ impl<'a> Parser<'a> {
         Err(Fault::new(at, name, value.label(), format!("accepted for {kind}{array}: {what}")))
     }
 
-    /// Any value; `arcs` may have time offsets in parentheses.
+    /// Parses any value. With `arcs`, targets may carry time offsets in parentheses.
     pub(super) fn value(&mut self, arcs: bool) -> Result<Value, Fault> {
         let (token, at) = self.next()?;
         Ok(match token {
@@ -133,9 +133,10 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Numbers up to a closing parenthesis; those of a matrix are in parentheses of their own.
+    /// Parses numbers up to the closing parenthesis; the rows of a matrix have parentheses of their
+    /// own.
     fn tuple(&mut self) -> Result<Value, Fault> {
-        /// No vector or matrix has more.
+        /// Largest number of components of a vector or matrix.
         const LONGEST: usize = 16;
         let (mut numbers, mut depth, mut all) = (Vec::new(), 1_usize, true);
         while depth > 0 {
@@ -205,7 +206,7 @@ impl<'a> Parser<'a> {
                 Token::Mark(',' | ';') => continue,
                 _ => {}
             }
-            // A type before the key.
+            // The type before the key is skipped.
             if matches!(token, Token::Word(_)) && !matches!(self.peek()?.0, Token::Mark('=')) {
                 if self.mark('[')? {
                     self.need(']')?;

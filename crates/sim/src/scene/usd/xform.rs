@@ -1,4 +1,4 @@
-//! Where prims are: their transforms, at rest and over time.
+//! Transforms of prims, at the default time and over time.
 
 use super::super::error::SceneError;
 use super::super::graph::math::{self, Mat3, Quat, Vec3};
@@ -8,12 +8,12 @@ use super::layer::Value;
 use super::prims::Prim;
 use super::stage::Stage;
 
-/// What one step of a transform does.
+/// Kind of a transform operation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Translate,
     Scale,
-    /// About these axes, the first before the others. \[degree\]
+    /// Rotation about these axes in turn. \[degree\]
     Rotate(&'static [usize]),
     Orient,
     Matrix,
@@ -35,31 +35,31 @@ const KINDS: [(&str, Kind); 13] = [
     ("rotateZYX", Kind::Rotate(&[2, 1, 0])),
 ];
 
-/// A step of a transform; numbers are padded with zeros.
+/// One transform operation; its numbers are padded with zeros.
 #[derive(Clone, Debug)]
 struct Op {
     kind: Kind,
     inverse: bool,
     rest: [f64; 16],
-    /// By time code.
+    /// Values by time code.
     samples: Vec<(f64, [f64; 16])>,
 }
 
-/// The transform of a prim in its parent.
+/// Transform of a prim relative to its parent.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Transform {
     ops: Vec<Op>,
-    /// It starts from the world.
+    /// True if the transform is relative to the world (`!resetXformStack!`).
     pub(super) reset: bool,
 }
 
-/// A transform at some time.
+/// A transform at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pose {
     pub(super) map: Affine,
-    /// Its rotation, which no scale distorts.
+    /// Rotation, not distorted by any scale.
     pub(super) turn: Quat,
-    /// What remains of it without its rotation.
+    /// Linear part of the map without the rotation.
     pub(super) scale: Mat3,
 }
 
@@ -67,7 +67,8 @@ impl Pose {
     pub(super) const REST: Self =
         Self { map: Affine::IDENTITY, turn: math::NO_TURN, scale: math::IDENTITY };
 
-    /// `self` after `inner`, without rounding what one of them leaves as it is.
+    /// Returns `self` after `inner`. If one of them is the identity, the other is taken without
+    /// rounding.
     pub(super) fn after(&self, inner: &Self) -> Self {
         let linear = match (self.map.linear, inner.map.linear) {
             (math::IDENTITY, linear) | (linear, math::IDENTITY) => linear,
@@ -134,7 +135,7 @@ impl Transform {
                 let accepted = format!("xformOp: and one of {}", known.join(", "));
                 return Err(stage.refuse(prim, ORDER, &accepted));
             };
-            // One without a value does nothing.
+            // An operation without a value is ignored.
             if let Some(op) = Op::read(stage, prim, name, *kind, inverse)? {
                 transform.ops.push(op);
             }
@@ -151,28 +152,28 @@ impl Transform {
         Ok(transform)
     }
 
-    /// At rest, or at a time code.
+    /// Returns the transform at a time code, or the default one without a code.
     pub(super) fn at(&self, code: Option<f64>) -> Pose {
         let steps = self.ops.iter().map(|op| op.at(code));
         steps.fold(Pose::REST, |pose, step| pose.after(&step))
     }
 
-    /// Whether it is anywhere else at some time than at rest.
+    /// Whether any sample differs from the default value.
     pub(super) fn moves(&self) -> bool {
         self.ops.iter().any(Op::moves)
     }
 
-    /// Whether it has poses for some times.
+    /// Whether any operation has time samples.
     pub(super) fn has_keys(&self) -> bool {
         self.codes().next().is_some()
     }
 
-    /// Whether poses between its keys are as straight as a track.
+    /// Whether a track through the keys gives the exact poses between them.
     pub(super) fn straight(&self) -> bool {
         let plain = |op: &Op| matches!(op.kind, Kind::Translate | Kind::Orient);
         let mut turned = false;
         self.ops.iter().all(|op| {
-            // What moves after a turn that changes swings.
+            // A translation inside a rotation that changes moves along an arc.
             let swings = turned && op.kind == Kind::Translate;
             turned |= op.kind == Kind::Orient && op.moves();
             !op.moves() && !swings || plain(op) && !swings && !op.inverse
@@ -291,7 +292,7 @@ impl Op {
         if self.inverse { pose.inverted().unwrap_or(Pose::REST) } else { pose }
     }
 
-    /// Straight between samples, held before the first and after the last.
+    /// Interpolates linearly between samples; held before the first and after the last.
     fn sample(&self, code: f64) -> [f64; 16] {
         let after = self.samples.partition_point(|(at, _)| *at <= code);
         let Some(before) = after.checked_sub(1) else {
@@ -317,7 +318,7 @@ impl Op {
     }
 }
 
-/// A matrix as USD writes it: rows that vectors are multiplied with from the left. The map, and the last
+/// Splits a matrix in USD's convention (row vectors times matrix) into the affine map and the last
 /// column.
 fn matrix(numbers: &[f64; 16]) -> (Affine, [f64; 4]) {
     let [a0, a1, a2, a3, b0, b1, b2, b3, c0, c1, c2, c3, t0, t1, t2, t3] = *numbers;

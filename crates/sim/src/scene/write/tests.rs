@@ -77,7 +77,7 @@ fn filter() -> impl Strategy<Value = Filter> {
     prop_oneof![Just(Filter::default()), made]
 }
 
-/// Random points about the corners of a simplex, which span the space.
+/// Random points around the corners of a simplex, so that they span the space.
 fn hull(dimension: usize) -> impl Strategy<Value = ShapeKind> {
     vec(vec(-0.3..0.3, dimension), dimension + 1).prop_map(|mut points: Vec<Vec<f64>>| {
         points.iter_mut().enumerate().skip(1).for_each(|(i, p)| p[i - 1] += 10.0);
@@ -235,7 +235,8 @@ fn numbered(bodies: Vec<(Option<String>, Body)>) -> Vec<Body> {
     named.map(|(i, (name, body))| Body { name: name.map(|n| format!("{n}{i}")), ..body }).collect()
 }
 
-/// Debug shows every bit of a number, the sign of zero included, which == does not.
+/// Compares by debug output, which shows every bit of a number, including the sign of zero; `==`
+/// does not.
 fn check(scene: &Scene, read: Result<crate::scene::Read, SceneError>, text: &str) {
     let read = read.unwrap_or_else(|error| panic!("{error}\n{text}")).scene;
     assert_eq!(format!("{scene:?}"), format!("{read:?}"), "{text}");
