@@ -97,12 +97,14 @@ impl Audit {
 /// - 2 % of the thinner shape's least width;
 /// - their relative motion in a substep;
 /// - without a tolerance, the deepest penetration of the contacts of that step, since contacts are
-/// then softer than the sag says. `known` holds this depth for each frame \[m\], or is empty.
+///   then softer than the sag says.
 ///
-/// The work is bounded. The audit measures at most 64 frames, evenly spread over the bake, and 131
-/// 072 pairs of shapes. It follows at most 4 million center paths. It does not measure two triangle
-/// meshes against each other. It does not follow meshes, and does not look for passages through
-/// dynamic bodies.
+/// `known` holds the deepest penetration of contacts for each frame \[m\], or is empty.
+///
+/// The work is bounded. The audit measures at most 64 frames, evenly spread over the bake, and
+/// 131 072 pairs of shapes. It follows at most 4 million center paths. It does not measure two
+/// triangle meshes against each other. It does not follow meshes, and does not look for passages
+/// through dynamic bodies.
 pub fn audit(
     scene: &Scene,
     recording: &Recording,
