@@ -58,8 +58,8 @@ pub(super) struct Summary {
     energy_risen: Option<Risen>,
     /// Rise that counts as rounding. \[J\]
     energy_tolerance: f64,
-    /// Whether contacts created energy. Absent without a ledger if kinematic bodies or surface
-    /// velocities may have added energy.
+    /// Whether energy was created: by contacts according to the ledger, else by the energy rise.
+    /// Absent without a ledger if kinematic bodies or surface velocities may have added energy.
     energy_created: Option<bool>,
     /// Sums over the energy ledgers of the steps; absent without them.
     ledger: Option<EnergySummary>,
