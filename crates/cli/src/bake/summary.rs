@@ -52,8 +52,9 @@ pub(super) struct Summary {
     energy_end: f64,
     /// Maximum rise of the energy above its initial value. \[J\]
     energy_rise: f64,
-    /// First step after which the energy exceeds the initial energy by more than the tolerance, and
-    /// the body that has gained most when the energy peaks. Absent unless `energy_created` is true.
+    /// First step after which the energy exceeds the initial energy by more than the tolerance.
+    /// Also names the body that has gained most when the energy peaks. Absent unless
+    /// `energy_created` is true.
     #[serde(skip_serializing_if = "Option::is_none")]
     energy_risen: Option<Risen>,
     /// Rise that counts as rounding. \[J\]

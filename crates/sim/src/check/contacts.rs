@@ -15,8 +15,8 @@ pub(super) const INSTANT: f64 = 1e-6;
 const OVERLAP: f64 = 1e-4;
 /// Maximum gap of bodies that touch. \[m\]
 const TOUCH: f64 = 1e-3;
-/// Accepted ratio of the mass of a body to the mass of the body that carries it, if every substep
-/// is solved to a tolerance. Ten times this ratio was tried. \[1\]
+/// Accepted ratio of the masses of a body and of the body that carries it. It applies if every
+/// substep is solved to a tolerance; ten times this ratio was tried. \[1\]
 const SOLVED: f64 = 1e6;
 /// Accepted mass ratio per substep with a fixed number of sweeps. A ratio of 100 was too much for 4
 /// substeps, and 1000 for 32. \[1\]

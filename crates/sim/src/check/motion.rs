@@ -61,8 +61,8 @@ pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
 }
 
 /// Finds jumps in the tracks of bodies. A jump moves a body by more than a fraction of its
-/// thickness in less than half a step, and is many times faster than the motion before and after
-/// it. Causes are a key with STEP interpolation, or two keys at almost the same time.
+/// thickness in less than half a step. It is also many times faster than the motion before and
+/// after it. Causes are a key with STEP interpolation, or two keys at almost the same time.
 pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
     let step = scene.time_step;
     let mut findings = Vec::new();

@@ -115,7 +115,7 @@ pub(super) fn measure(surface: &Surface, interior: &Interior<'_>, pieces: &[Hull
 }
 
 /// Raises `most` to the largest distance on an interval. The distance changes by at most the path
-/// along the column. Where it is far below `most`, the next point is therefore farther than a step.
+/// along the column. The step is therefore longer where the distance is far below `most`.
 fn farthest([from, to]: Stretch, distance: impl Fn(f64) -> f64, most: &mut f64) {
     let mut at = (from + 0.5 * STEP).min(0.5 * (from + to));
     while at < to {
