@@ -1,4 +1,4 @@
-//! Drystone alone: where the time of its steps goes.
+//! Drystone without other engines: time by stage, time per contact, memory per body.
 
 use drystone::{Stage, StepSettings};
 
@@ -8,11 +8,11 @@ use crate::engines::{Drystone, Refusal};
 use crate::run::{mean, per_step, run, settled, undisturbed};
 use crate::table::{Table, number};
 
-/// Wall time by stage: of the steps of the last quarter, all rounds together, the time that a
-/// tenth of them stay below. A median would charge interruptions to the longest stages.
+/// Prints the wall time of each stage: the 10th percentile over the steps of the last quarter of
+/// all rounds. A median would charge interruptions to the longest stages.
 ///
 /// # Errors
-/// A scene that Drystone does not have.
+/// Drystone does not support the scene.
 pub(crate) fn stages(cases: &[Case], options: &Options) -> Result<(), Refusal> {
     let mut head = vec!["us per step"];
     head.extend(Stage::ALL.map(Stage::name));
@@ -48,10 +48,11 @@ pub(crate) fn stages(cases: &[Case], options: &Options) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Time per contact and step: flat if it does not depend on the size of the pile.
+/// Prints the time per contact and step, which is constant if it does not depend on the size of the
+/// pile.
 ///
 /// # Errors
-/// A scene that Drystone does not have.
+/// Drystone does not support the scene.
 pub(crate) fn flat(cases: &[Case], options: &Options) -> Result<(), Refusal> {
     let mut table = Table::new(&[
         "settings",
@@ -113,7 +114,7 @@ pub(crate) fn flat(cases: &[Case], options: &Options) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// What the process has in memory \[B\]; 0 where Linux does not tell.
+/// Returns the resident memory of the process \[B\]; 0 where Linux does not report it.
 fn resident() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

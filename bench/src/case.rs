@@ -1,4 +1,4 @@
-//! [`Case`]: a scene to run, and for how long.
+//! A scene with the number of steps to run: [`Case`].
 
 use std::path::PathBuf;
 
@@ -7,21 +7,22 @@ use drystone::scene::{Motion, Scene};
 /// A scene to run.
 pub(crate) struct Case {
     pub(crate) name: String,
-    /// Where it came from, if not from code.
+    /// File of the scene; `None` if it is made in code.
     pub(crate) file: Option<PathBuf>,
     pub(crate) scene: Scene,
     pub(crate) steps: usize,
-    /// How far a body may go and still stand, if the scene states it. \[m\]
+    /// Distance from its initial position within which a body counts as standing, if the scene
+    /// states it. \[m\]
     pub(crate) stand_tolerance: Option<f64>,
 }
 
 impl Case {
-    /// Length of a step. \[s\]
+    /// Returns the length of a step. \[s\]
     pub(crate) fn dt(&self) -> f32 {
         self.scene.time_step as f32
     }
 
-    /// Bodies that can move.
+    /// Returns the number of dynamic bodies.
     pub(crate) fn dynamic_bodies(&self) -> usize {
         self.scene.bodies.iter().filter(|body| body.motion == Motion::Dynamic).count()
     }

@@ -1,6 +1,6 @@
-//! Each engine runs in a process of its own, so that none spoils the memory of another and a crash
-//! is its own. The program starts itself, asks for one round after the other on the child's standard
-//! input, and reads one line of JSON for each.
+//! Child processes: each engine runs in its own, so that engines do not share memory, and a crash
+//! ends only one of them. The program starts itself. It requests each round on the child's standard
+//! input, and reads one line of JSON per round.
 
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::path::Path;
@@ -13,36 +13,36 @@ use crate::engines::{Effort, Kind, build};
 use crate::judge::Judge;
 use crate::run::run;
 
-/// What a child answers to a round.
+/// Answer of a child to the request of a round.
 #[derive(Serialize, Deserialize)]
 pub(crate) enum Answer {
     Ran(Round),
     Refused(String),
 }
 
-/// A round.
+/// Result of a round.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Round {
     /// Time of each step. \[ms\]
     pub(crate) times: Vec<f64>,
-    /// [`crate::run::Run::fingerprint`].
+    /// Hash of the final poses ([`crate::run::Run::fingerprint`]).
     pub(crate) end: u64,
-    /// Of the first round.
+    /// Verdict on the run; only in the first round.
     pub(crate) verdict: Option<Verdict>,
 }
 
-/// What came of a run.
+/// Quality of a run.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Verdict {
-    /// Deepest overlap in the last quarter; none where a pose was not finite. \[m\]
+    /// Deepest overlap in the last quarter; `None` if a pose was not finite. \[m\]
     pub(crate) depth: Option<f64>,
-    /// Share of the bodies that stand where they started. \[1\]
+    /// Fraction of the bodies that stand where they started. \[1\]
     pub(crate) standing: f64,
-    /// Whether the scene is built to stay as it is.
+    /// Whether the scene is built to stand still.
     pub(crate) stands: bool,
 }
 
-/// Answers rounds until there are no more questions.
+/// Answers requests for rounds until the input ends.
 ///
 /// # Errors
 /// The answers cannot be written.
@@ -94,6 +94,8 @@ pub(crate) struct Engine {
 }
 
 impl Engine {
+    /// Starts the process.
+    ///
     /// # Errors
     /// The process cannot be started.
     pub(crate) fn start(
@@ -118,7 +120,7 @@ impl Engine {
     /// Lets the child run a round.
     ///
     /// # Errors
-    /// Why there is no result: the engine refused, or the process ended.
+    /// The engine refused the scene, or the process ended.
     pub(crate) fn round(&mut self) -> Result<Round, String> {
         match self.ask() {
             Ok(Some(Answer::Ran(round))) => Ok(round),
@@ -133,7 +135,7 @@ impl Engine {
 
     fn ask(&mut self) -> io::Result<Option<Answer>> {
         if let Some(questions) = &mut self.questions {
-            // Of a process that has ended, the end of its answers tells.
+            // If the process has ended, reading its answer reports that.
             let _ = writeln!(questions);
         }
         let mut line = String::new();
@@ -151,7 +153,7 @@ impl Drop for Engine {
     }
 }
 
-/// So that a name that begins with a dash is no option.
+/// Returns an absolute path, so that a name with a leading dash is not taken for an option.
 fn absolute(file: &Path) -> io::Result<std::path::PathBuf> {
     std::path::absolute(file)
 }

@@ -1,4 +1,4 @@
-//! Engines side by side: the table, and the frontier of time and overlap.
+//! Comparison of engines: the table, and the tradeoff of time against overlap.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::frontier::{self, Frontier};
 use crate::run::{mean, per_step, settled};
 use crate::table::{Table, number};
 
-/// What an engine did with a scene.
+/// Measurements of an engine on a scene.
 struct Measured {
     kind: Kind,
     effort: Effort,
@@ -27,13 +27,14 @@ impl Measured {
         }
     }
 
-    /// \[mm\]
+    /// Formats the deepest overlap. \[mm\]
     fn overlap(&self) -> String {
         self.verdict.depth.map_or("not finite".to_string(), |depth| number(1e3 * depth))
     }
 }
 
-/// Lets engines run a scene in turn, round by round; appends to `left_out` who did not, and why.
+/// Runs a scene in all engines, round by round in turn. Appends to `left_out` the engines that
+/// failed, and why.
 fn measure(
     case: &Case,
     asked: &[(Kind, Effort)],
@@ -85,7 +86,7 @@ fn measure(
     measured
 }
 
-/// Prints what every engine needs for every scene, and what comes of it.
+/// Prints time and quality of every engine on every scene.
 pub(crate) fn table(cases: &[Case], kinds: &[Kind], options: &Options) {
     let asked: Vec<_> = kinds.iter().map(|&kind| (kind, Effort::Default)).collect();
     let mut left_out = Vec::new();

@@ -1,4 +1,4 @@
-//! All engines behind one face. Each gets the same scene; nothing sleeps.
+//! Common interface of all engines. Each gets the same scene; no body sleeps.
 
 #[cfg(feature = "box2d")]
 mod box2d;
@@ -21,21 +21,21 @@ pub(crate) use self::drystone::Drystone;
 
 /// A scene in an engine.
 pub(crate) trait Engine {
-    /// One step of `dt` \[s\].
+    /// Takes a step of `dt` \[s\].
     ///
     /// # Errors
-    /// The engine could not do all that the step needs.
+    /// The engine lacks capacity for the step.
     fn step(&mut self, dt: f32) -> Result<(), Refusal>;
 
-    /// Appends the poses of all bodies of the scene, in its order: 3D px py pz qx qy qz qw,
-    /// 2D px py angle. \[m, rad\]
+    /// Appends the poses of all bodies in scene order: 3D px py pz qx qy qz qw, 2D px py angle.
+    /// \[m, rad\]
     fn write_poses(&self, out: &mut Vec<f32>);
 }
 
-/// An engine that does not know tracks by itself.
+/// An engine without tracks of its own.
 trait Peer: Engine {
-    /// Moves a kinematic body, by its number in the scene, to a place at the end of the next step of
-    /// `dt` \[s\].
+    /// Moves a kinematic body, given by its index in the scene, to a pose at the end of the next
+    /// step of `dt` \[s\].
     fn move_to(&mut self, body: usize, position: &[f64], rotation: &Rotation, dt: f32);
 }
 
@@ -43,7 +43,7 @@ trait Peer: Engine {
 struct Tracked<P> {
     peer: P,
     tracks: Vec<(usize, Track)>,
-    /// \[s\]
+    /// Simulated time. \[s\]
     time: f64,
 }
 
@@ -62,7 +62,7 @@ impl<P: Peer> Engine for Tracked<P> {
     }
 }
 
-/// A peer with the tracks of the scene, if it has any.
+/// Adds the tracks of the scene to a peer, if there are any.
 fn follow<P: Peer + 'static>(peer: P, scene: &Scene) -> Box<dyn Engine> {
     let bodies = scene.bodies.iter().enumerate();
     let tracks: Vec<_> = bodies
@@ -72,7 +72,7 @@ fn follow<P: Peer + 'static>(peer: P, scene: &Scene) -> Box<dyn Engine> {
     if tracks.is_empty() { Box::new(peer) } else { Box::new(Tracked { peer, tracks, time: 0.0 }) }
 }
 
-/// Why an engine does not run a scene.
+/// Error: an engine cannot run a scene.
 #[derive(Debug, thiserror::Error)]
 #[error("{item}: {reason}")]
 pub(crate) struct Refusal {
@@ -106,7 +106,7 @@ impl Kind {
     pub(crate) const ALL: [Self; 6] =
         [Self::Drystone, Self::Rapier2d, Self::Rapier3d, Self::Box2d, Self::Box3d, Self::Jolt];
 
-    /// Its name.
+    /// Returns the name of the engine.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Drystone => "drystone",
@@ -118,7 +118,7 @@ impl Kind {
         }
     }
 
-    /// Where its source comes from.
+    /// Returns the version of the source.
     pub(crate) fn version(self) -> &'static str {
         match self {
             Self::Drystone => "this checkout",
@@ -130,7 +130,7 @@ impl Kind {
         }
     }
 
-    /// Whether it is part of this build.
+    /// Whether the engine is part of this build.
     pub(crate) fn is_built(self) -> bool {
         match self {
             Self::Drystone | Self::Rapier2d | Self::Rapier3d => true,
@@ -140,7 +140,7 @@ impl Kind {
         }
     }
 
-    /// Whether it has scenes of `dimension` 2 or 3.
+    /// Whether the engine runs scenes of `dimension` 2 or 3.
     pub(crate) fn has_dimension(self, dimension: usize) -> bool {
         match self {
             Self::Drystone => true,
@@ -149,7 +149,7 @@ impl Kind {
         }
     }
 
-    /// The settings of `--quality`, from fast to exact.
+    /// Returns the settings of `--quality`, from fast to exact.
     pub(crate) fn efforts(self) -> Vec<Effort> {
         let substeps =
             |counts: &[u32]| -> Vec<_> { counts.iter().map(|&n| Effort::Substeps(n)).collect() };
@@ -164,14 +164,15 @@ impl Kind {
     }
 }
 
-/// How hard an engine works on a step.
+/// Effort of an engine per step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Effort {
-    /// Its default settings; Drystone's for real time.
+    /// Default settings of the engine; for Drystone the real-time preset.
     Default,
-    /// So many substeps, contacts as much stiffer; Jolt: collision steps.
+    /// Number of substeps, with the contact stiffness raised in proportion; Jolt: number of
+    /// collision steps.
     Substeps(u32),
-    /// Drystone's certified settings, with this sag. \[mm\]
+    /// Drystone's certified preset with this sag. \[mm\]
     Sag(f32),
 }
 
@@ -200,8 +201,9 @@ impl FromStr for Effort {
     }
 }
 
-/// Substeps and contact stiffness \[Hz\] of the engines that share Box2D's soft contacts: their
-/// defaults, or both raised together, since stiffness alone sets how deep a contact sinks.
+/// Returns substeps and contact stiffness \[Hz\] for the engines that share Box2D's soft contacts;
+/// `None` for their defaults. Both rise together, since stiffness alone sets how deep a contact
+/// penetrates.
 fn soft_step(effort: Effort) -> Option<(u32, f32)> {
     match effort {
         Effort::Substeps(count) => Some((count, 7.5 * count as f32)),
@@ -209,10 +211,10 @@ fn soft_step(effort: Effort) -> Option<(u32, f32)> {
     }
 }
 
-/// Puts a scene into an engine that works on `threads` threads.
+/// Builds a scene in an engine with `threads` threads.
 ///
 /// # Errors
-/// What of the scene the engine cannot have.
+/// The engine does not support something in the scene.
 pub(crate) fn build(
     kind: Kind,
     scene: &Scene,
@@ -242,7 +244,7 @@ pub(crate) fn build(
     }
 }
 
-/// Whether the scene means the same in all engines.
+/// Checks that the scene means the same in all engines.
 fn accept(scene: &Scene) -> Result<(), Refusal> {
     if scene.bodies_as == BodiesAs::Particles {
         return Err(Refusal::new("bodies_as", "particles, which peers do not have"));
@@ -264,7 +266,7 @@ fn accept(scene: &Scene) -> Result<(), Refusal> {
                 shape.material;
             let usual = friction == Combine::GeometricMean && bounce == Combine::Maximum;
             let product = friction == Combine::Multiply || bounce == Combine::Multiply;
-            // Of two equal numbers, means, minimum and maximum are the same.
+            // Means, minimum and maximum of two equal numbers are the same.
             if !usual && (product || !alike) {
                 return refuse(
                     "combines friction or restitution in a way that not all engines have",
@@ -280,7 +282,7 @@ fn accept(scene: &Scene) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Density of all shapes of a body, from its density or its mass. \[kg/m^3, 2D kg/m^2\]
+/// Returns the density of all shapes of a body, from its density or its mass. \[kg/m^3, 2D kg/m^2\]
 fn density(body: &Body, volume: f64) -> f64 {
     match body.mass.mass {
         Some(mass) => mass / volume,
@@ -288,12 +290,12 @@ fn density(body: &Body, volume: f64) -> f64 {
     }
 }
 
-/// Whether a body states a center of mass or moments of inertia that its shapes do not have.
+/// Whether a dynamic body states its center of mass or moments of inertia.
 fn states_inertia(body: &Body) -> bool {
     body.motion == Motion::Dynamic && (body.mass.center.is_some() || body.mass.inertia.is_some())
 }
 
-/// Mass properties in double precision, the same in the plane and in space.
+/// Mass properties in double precision, in 2D and in 3D.
 macro_rules! solids {
     ($name:ident: $parry:ident, $shapes:ident, $stated:expr) => {
         pub(crate) mod $name {
@@ -303,13 +305,13 @@ macro_rules! solids {
             use super::Refusal;
             use crate::shapes::$shapes::{pose, shape, vector};
 
-            /// Volume of all shapes of a body that have one. \[m^3, 2D m^2\]
+            /// Returns the volume of the shapes of a body. \[m^3, 2D m^2\]
             pub(crate) fn volume(index: usize, body: &Body) -> Result<f64, Refusal> {
                 Ok(solid(index, body, 1.0)?.mass())
             }
 
-            /// Mass, center and inertia of a body: its own where it states them, else those of its
-            /// shapes.
+            /// Returns mass, center and inertia of a body. Values that it does not state are those
+            /// of its shapes.
             pub(crate) fn stated(index: usize, body: &Body) -> Result<MassProperties, Refusal> {
                 let density = super::density(body, volume(index, body)?);
                 let mut of = solid(index, body, density)?;
@@ -356,7 +358,7 @@ mod tests {
 
     const DT: f32 = 1.0 / 60.0;
 
-    /// Poses after a second, of every engine of this build.
+    /// Returns the poses after one second in every engine of this build.
     fn after_a_second(text: &str, change: fn(&mut Scene)) -> Vec<(Kind, Vec<f32>)> {
         let mut scene = read_json(Path::new("test.json"), text).unwrap().scene;
         change(&mut scene);
@@ -378,21 +380,21 @@ mod tests {
         assert!(near && found.len() == expected.len(), "{kind:?}: {found:?}, not {expected:?}");
     }
 
-    /// A body whose center of mass is half a meter from its origin, at its first velocities.
+    /// A moving, free body whose center of mass is half a meter from its origin.
     const FREE: &str = r#"{"gravity": [0, 0, 0], "bodies": [{
         "linear_velocity": [1, 2, 0.5], "angular_velocity": [0, 0, 0.3], "shapes": [
             {"type": "sphere", "radius": 0.25},
             {"type": "sphere", "radius": 0.25, "position": [1, 0, 0]}
     ]}]}"#;
 
-    /// The same in the plane.
+    /// Returns the 2D version of [`FREE`].
     fn flat_free() -> String {
         let flat = FREE.replace(r#""gravity": [0, 0, 0]"#, r#""dimension": 2, "gravity": [0, 0]"#);
         let flat = flat.replace(", 0.5]", "]").replace("[0, 0, 0.3]", "0.3");
         flat.replace("[1, 0, 0]", "[1, 0]")
     }
 
-    /// Where its origin is when the center began at `center`.
+    /// Returns the origin of the body after one second, if its center of mass began at `center`.
     fn origin(center: [f32; 2]) -> [f32; 2] {
         let (sin, cos) = 0.3f32.sin_cos();
         let [x, y] = center;

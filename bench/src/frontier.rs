@@ -1,4 +1,4 @@
-//! Overlap over time of engines at several settings, as a picture.
+//! Picture of overlap against time for engines at several settings.
 
 use std::fmt::Write as _;
 
@@ -6,21 +6,21 @@ use crate::engines::Kind;
 use crate::table::{Table, number};
 
 const WIDTH: f64 = 720.0;
-/// Height of the part of a scene, and the edges of its frame within it.
+/// Height of the frame of a scene, and the edges of the plot within it.
 const PART: f64 = 400.0;
 const LEFT: f64 = 70.0;
 const RIGHT: f64 = 560.0;
 const TOP: f64 = 40.0;
 const BOTTOM: f64 = 340.0;
-/// Colors that are told apart also by those who see fewer of them (Okabe and Ito 2008), in the order
-/// of [`Kind::ALL`].
+/// Colors that remain distinct with color blindness (Okabe and Ito 2008), in the order of
+/// [`Kind::ALL`].
 const COLORS: [&str; 6] = ["#d55e00", "#0072b2", "#0072b2", "#009e73", "#009e73", "#cc79a7"];
-/// Smaller values are drawn here: a logarithm has no zero.
+/// Lower limit of plotted values, since the axes are logarithmic.
 const LEAST: f64 = 1e-4;
 /// Overlaps at which times are compared. \[mm\]
 const BOUNDS: [f64; 7] = [10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01];
 
-/// What engines reach on a scene.
+/// Time and overlap of all settings on a scene.
 pub(crate) struct Frontier {
     scene: String,
     points: Vec<Point>,
@@ -31,7 +31,7 @@ struct Point {
     setting: String,
     /// Time per step \[ms\] and overlap \[mm\].
     at: [f64; 2],
-    /// A standing scene has fallen: its overlap says little.
+    /// Whether a standing scene has fallen, so that its overlap says little.
     fallen: bool,
 }
 
@@ -40,13 +40,13 @@ impl Frontier {
         Self { scene, points: Vec::new() }
     }
 
-    /// Adds a setting of an engine, at its time per step \[ms\] and its overlap \[mm\].
+    /// Adds a setting of an engine with its time per step \[ms\] and its overlap \[mm\].
     pub(crate) fn add(&mut self, kind: Kind, setting: String, at: [f64; 2], fallen: bool) {
         self.points.push(Point { kind, setting, at: at.map(|x| x.max(LEAST)), fallen });
     }
 
-    /// For each bound: the time of the cheapest setting of Drystone that keeps the overlap below it, by that of the
-    /// cheapest of all others.
+    /// Returns a ratio of times for each bound. It divides the time of Drystone's cheapest setting
+    /// with an overlap below the bound by that of the cheapest setting of all other engines.
     fn ratios(&self) -> impl Iterator<Item = String> + '_ {
         BOUNDS.into_iter().map(|bound| {
             let cheapest = |own: bool| {
@@ -154,7 +154,8 @@ impl Frontier {
     }
 }
 
-/// Time of Drystone by that of the fastest other engine, at the same overlap, for each scene.
+/// Returns the table of time ratios, Drystone to the fastest other engine at the same overlap, for
+/// each scene.
 pub(crate) fn ratios(frontiers: &[Frontier]) -> Table {
     let bounds = BOUNDS.map(|bound| format!("{bound} mm"));
     let head: Vec<&str> =
@@ -166,9 +167,9 @@ pub(crate) fn ratios(frontiers: &[Frontier]) -> Table {
     table
 }
 
-/// Whole decades that hold some values.
+/// Range of whole decades that contains some values.
 struct Axis {
-    /// Powers of ten of its ends.
+    /// Powers of ten of both ends.
     ends: [i32; 2],
 }
 
@@ -198,7 +199,8 @@ impl Axis {
     }
 }
 
-/// One frame for each scene, both axes logarithmic; hollow where a standing scene has fallen.
+/// Draws one plot per scene with logarithmic axes. Points are hollow if a standing scene has
+/// fallen.
 pub(crate) fn svg(frontiers: &[Frontier]) -> String {
     let height = PART * frontiers.len() as f64;
     let mut svg = format!(

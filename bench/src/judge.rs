@@ -1,11 +1,11 @@
-//! What came of a run, judged in double precision from poses alone; knows no engine.
+//! Quality of a run, judged in double precision from poses alone and independent of the engine.
 
 use drystone::scene::{Body, Motion, Rotation, Scene};
 
-/// A scene starts at rest if every body of it is nearer than this to another. \[m\]
+/// A scene starts at rest if every dynamic body is nearer than this to another body. \[m\]
 const TOUCH: f64 = 0.01;
 
-/// The exact shapes of a scene.
+/// Exact shapes of a scene.
 pub(crate) struct Judge<'a> {
     scene: &'a Scene,
     pieces: Pieces,
@@ -17,8 +17,10 @@ enum Pieces {
 }
 
 impl<'a> Judge<'a> {
+    /// Builds the shapes of a scene.
+    ///
     /// # Errors
-    /// Body and shape that have no exact form.
+    /// A shape has no exact form.
     pub(crate) fn new(scene: &'a Scene) -> Result<Self, String> {
         let pieces = match scene.dimension {
             2 => Pieces::Flat(flat::pieces(scene)?),
@@ -27,13 +29,13 @@ impl<'a> Judge<'a> {
         Ok(Self { scene, pieces })
     }
 
-    /// Numbers per body in a list of poses.
+    /// Returns the number of values per body in a list of poses.
     fn stride(&self) -> usize {
         if self.scene.dimension == 2 { 3 } else { 7 }
     }
 
-    /// Deepest overlap of any two bodies of which one can move, the shortest way apart; none if a
-    /// pose is not finite. \[m\]
+    /// Returns the largest penetration depth of two bodies, one of them dynamic; `None` if a pose
+    /// is not finite. \[m\]
     pub(crate) fn deepest(&self, poses: &[f32]) -> Option<f64> {
         if poses.iter().any(|x| !x.is_finite()) {
             return None;
@@ -43,8 +45,8 @@ impl<'a> Judge<'a> {
         Some(deepest)
     }
 
-    /// Share of the bodies that can move that are within `tolerance` \[m\], or else half of their
-    /// smallest size, of where the scene has them. \[1\]
+    /// Returns the fraction of dynamic bodies that are near their initial position. Near is within
+    /// `tolerance` \[m\], or within half of their smallest extent. \[1\]
     pub(crate) fn standing(&self, poses: &[f32], tolerance: Option<f64>) -> f64 {
         let mut half_sizes = vec![f64::INFINITY; self.scene.bodies.len()];
         let mut note = |body: usize, half: f64| half_sizes[body] = half_sizes[body].min(half);
@@ -65,8 +67,8 @@ impl<'a> Judge<'a> {
         f64::from(stand) / f64::from(count.max(1))
     }
 
-    /// Whether the scene is built to stay as it is: there is gravity, nothing moves, and every body
-    /// that could move touches another.
+    /// Whether the scene is built to stand still: there is gravity, nothing moves, and every
+    /// dynamic body touches another one.
     pub(crate) fn starts_at_rest(&self) -> bool {
         let still = |body: &Body| {
             let rates = body.linear_velocity.iter().chain(&body.angular_velocity);
@@ -83,8 +85,8 @@ impl<'a> Judge<'a> {
         touched.into_iter().all(|touched| touched)
     }
 
-    /// Pairs of bodies, one of which can move, nearer than `reach`, with the distance of the nearest
-    /// points; overlap is negative. \[m\]
+    /// Reports each pair of bodies, one of them dynamic, that are nearer than `reach`, with their
+    /// distance; overlap is negative. \[m\]
     fn near(&self, poses: &[f32], reach: f64, mut found: impl FnMut([usize; 2], f64)) {
         match &self.pieces {
             Pieces::Flat(pieces) => flat::near(self.scene, pieces, poses, reach, &mut found),
@@ -93,7 +95,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Where a body of the scene starts, as engines report it.
+/// Returns the initial pose of a body in the format of engines.
 fn start(body: &Body) -> Vec<f32> {
     let turn: &[f64] = match &body.rotation {
         Rotation::Angle(angle) => std::slice::from_ref(angle),
@@ -102,7 +104,7 @@ fn start(body: &Body) -> Vec<f32> {
     body.position.iter().chain(turn).map(|&x| x as f32).collect()
 }
 
-/// The same in the plane and in space.
+/// The judge in 2D and in 3D.
 macro_rules! judge {
     ($name:ident: $parry:ident, $shapes:ident, $stride:literal, $placed:expr) => {
         mod $name {
@@ -123,7 +125,7 @@ macro_rules! judge {
             }
 
             impl Piece {
-                /// Half of the smallest side of the box around it. \[m\]
+                /// Returns half of the smallest extent of the bounding box. \[m\]
                 pub(super) fn half_size(&self) -> f64 {
                     self.shape.compute_local_aabb().half_extents().min_element()
                 }
@@ -177,7 +179,7 @@ macro_rules! judge {
                         {
                             continue;
                         }
-                        // parry takes a half-space that comes second for one in the wrong place.
+                        // parry misplaces a half-space that is the second shape.
                         let [a, b] = match pieces[second].boundless {
                             true => [second, first],
                             false => [first, second],

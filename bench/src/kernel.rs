@@ -1,4 +1,4 @@
-//! The sweep by itself: nanoseconds for a manifold, beside what the machine could do.
+//! Time of the sweep alone per manifold, beside the limits of the machine.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -14,10 +14,10 @@ use drystone_solver::{
 
 use crate::counting::Counting;
 
-/// Manifolds that stay in the second cache, and that do not stay in any.
+/// Numbers of manifolds that fit in the second-level cache, and that fit in no cache.
 const COUNTS: [usize; 2] = [512, 200_000];
 
-/// Visits to manifolds in a measurement.
+/// Visits to manifolds per measurement.
 const VISITS: usize = 20_000_000;
 
 /// Prints a table of all systems.
@@ -44,7 +44,8 @@ pub(crate) fn run() {
     }
 }
 
-/// The least times of what a certified step does with its contacts. \[ns per manifold\]
+/// Measures the passes of a certified step over its contacts; each time is the least of all rounds.
+/// \[ns per manifold\]
 fn passes() -> [(&'static str, f64); 6] {
     let count = COUNTS[0];
     let system = row::<f32, 3, 3>(count, 4);
@@ -80,7 +81,7 @@ fn passes() -> [(&'static str, f64); 6] {
         time(&mut || wide.set_targets(&still, None, &repair));
         wide.set_islands(&islands);
         wide.begin_conjugate();
-        // The first has no direction yet.
+        // The first iteration has no search direction yet.
         wide.conjugate(&mut velocities, &[false]);
         time(&mut || wide.conjugate(&mut velocities, &[false]));
         time(&mut || {
@@ -107,7 +108,7 @@ fn case<const L: usize, const A: usize>(name: &str, points: usize, [peak, bandwi
     }
 }
 
-/// A row of bodies, each touching the next with a manifold of `points` points.
+/// Makes a row of bodies in which each touches the next with a manifold of `points` points.
 fn row<T: Real, const L: usize, const A: usize>(count: usize, points: usize) -> System<T, L, A> {
     let mut system = System::new();
     let number = T::from_f64;
@@ -136,7 +137,7 @@ fn row<T: Real, const L: usize, const A: usize>(count: usize, points: usize) -> 
     let contacts: Vec<Contact<T, L>> = (corners[..points].iter())
         .map(|corner| {
             let mut contact = Contact::default();
-            // A point alone is the center.
+            // A single point is at the center.
             if A > 0 && points > 1 {
                 for i in 1..L {
                     contact.place[i] = number(corner[i - 1]);
@@ -157,7 +158,7 @@ fn row<T: Real, const L: usize, const A: usize>(count: usize, points: usize) -> 
     system
 }
 
-/// The least time of a sweep. \[ns per manifold\]
+/// Returns the least time of a sweep. \[ns per manifold\]
 fn time<const L: usize, const A: usize>(count: usize, points: usize, friction: bool) -> f64 {
     let system = row::<f32, L, A>(count, points);
     let mut wide = Wide::new();
@@ -179,19 +180,20 @@ fn time<const L: usize, const A: usize>(count: usize, points: usize, friction: b
     1e9 * least / count as f64
 }
 
-/// What a visit reads and writes in memory: its points, what they share, and two bodies. Of symmetric matrices a half
-/// is read, and nothing that is for turning where the point is the center.
+/// Returns the bytes that a visit reads and writes in memory: contact points, shared data of the
+/// manifold, and two bodies. Symmetric matrices count by half. Rotational data does not count for a
+/// single point, which is at the center.
 fn bytes<const L: usize, const A: usize>(points: usize) -> usize {
     let half = |n: usize| n * (n + 1) / 2;
     let turning = if points > 1 { L * A + half(A) } else { 0 };
     let masses = 2 * (1 + half(A));
     let shared = L * L + 2 * L + 1 + masses + half(L) + turning;
-    // Impulses go back, and so do velocities.
+    // Impulses and velocities are written back.
     let point = size_of::<Contact<f32, L>>() + L * size_of::<f32>();
     points * point + shared * size_of::<f32>() + 4 * size_of::<Velocity<f32, L, A>>()
 }
 
-/// Operations of a visit in lanes, counted.
+/// Counts the arithmetic operations of a visit.
 fn operations<const L: usize, const A: usize>(points: usize, friction: bool) -> u64 {
     let mut system = row::<Counting, L, A>(1, points);
     system.prepare(Counting(0.1));
@@ -204,7 +206,8 @@ fn operations<const L: usize, const A: usize>(points: usize, friction: bool) -> 
     Counting::during(|| sweep(&mut system)) - known
 }
 
-/// Products and sums per nanosecond, sixteen lanes in enough chains. \[1/ns\]
+/// Measures products and sums per nanosecond, with [`WIDTH`] lanes and enough independent chains.
+/// \[1/ns\]
 fn peak() -> f64 {
     #[cfg(target_arch = "x86_64")]
     if drystone_solver::lanes::avx2_available() {
@@ -239,7 +242,7 @@ fn rate<V: Lanes>() -> f64 {
     best
 }
 
-/// Bytes that are read per nanosecond from what no cache holds. \[1/ns\]
+/// Measures the bytes read per nanosecond from memory beyond all caches. \[1/ns\]
 fn bandwidth() -> f64 {
     let numbers = vec![1u64; 1 << 25];
     let mut best = 0.0f64;

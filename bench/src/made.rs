@@ -1,4 +1,4 @@
-//! Scenes made in code; SI units, +y up. The same numbers on every machine.
+//! Scenes made in code, in SI units with +y up. Every machine makes the same numbers.
 
 use std::f64::consts::PI;
 
@@ -9,13 +9,13 @@ use parry3d_f64::shape::SharedShape as Exact;
 
 use crate::case::Case;
 
-/// The form of a body.
+/// Shape of a body.
 enum Form {
-    /// Half extents.
+    /// Half extents. \[m\]
     Box([f32; 3]),
-    /// Radius.
+    /// Radius. \[m\]
     Sphere(f32),
-    /// Points around the center of mass.
+    /// Points relative to the center of mass. \[m\]
     Hull(Vec<[f32; 3]>),
 }
 
@@ -40,7 +40,7 @@ impl Body {
         Self { fixed: true, ..Self::new(Form::Box(half), position) }
     }
 
-    /// The body in a scene of `dimension`; in the plane without what is along z.
+    /// Returns the body for a scene of `dimension`; in 2D without z components.
     fn described(&self, dimension: usize, friction: f64) -> scene::Body {
         let axes = |of: &[f32; 3]| of[..dimension].iter().map(|&x| x.into()).collect::<Vec<f64>>();
         let kind = match &self.form {
@@ -80,7 +80,7 @@ impl Body {
     }
 }
 
-/// Names of all scenes that are made if none is asked for.
+/// Names of all scenes that run if none is requested.
 pub(crate) const NAMES: [&str; 12] = [
     "stack_30",
     "pyramid_20",
@@ -108,7 +108,7 @@ pub(crate) fn made(name: &str) -> Option<Case> {
         "hull_pile_500" => (600, 0.5, pile(500, 8, 0.66, 5, tumbled_hull)),
         "disk_pile_1000_2d" => (600, 0.5, disks(1000, 25, 0.6)),
         _ => {
-            // Of any size.
+            // Sphere piles may have any number of spheres.
             let count = name.strip_prefix("sphere_pile_")?.parse().ok()?;
             let side = (1..=200).find(|side| side * side * side >= count)?;
             (600, 0.5, pile(count, side, 0.6, side.div_ceil(10) as u64, sphere))
@@ -156,7 +156,7 @@ fn pyramid(base: usize) -> Vec<Body> {
     bodies
 }
 
-/// Fifteen wedges between two abutments.
+/// Makes fifteen wedges between two abutments.
 fn arch() -> Vec<Body> {
     const WEDGES: usize = 15;
     let mut bodies = Vec::from([-4.5, 4.5].map(|x| Body::fixed([1.5, 1.0, 1.5], [x, -1.0, 0.0])));
@@ -187,8 +187,8 @@ fn dominoes(count: usize) -> Vec<Body> {
     bodies
 }
 
-/// Bodies in layers of `side` x `side`, `pitch` apart, dropped into an open container that is
-/// just as wide.
+/// Makes bodies in layers of `side` x `side`, `pitch` apart, above an open container of the same
+/// width.
 fn pile(
     count: usize,
     side: usize,
@@ -199,7 +199,7 @@ fn pile(
     let mut random = Random::new(seed);
     let width = side as f32 * pitch;
     let height = count.div_ceil(side * side) as f32 * pitch + 2.0;
-    // Walls half a meter to each side of their middle.
+    // Half thickness of the floor and the walls. \[m\]
     const T: f32 = 0.5;
     let (out, up, middle) = (width / 2.0 + T, height / 2.0 + T, height / 2.0 - T);
     let mut bodies = vec![
@@ -222,7 +222,7 @@ fn pile(
     bodies
 }
 
-/// Disks in rows of `width`, `pitch` apart, dropped into an open container that is just as wide.
+/// Makes disks in rows of `width`, `pitch` apart, above an open container of the same width.
 fn disks(count: usize, width: usize, pitch: f32) -> Vec<Body> {
     let mut random = Random::new(4);
     let half = width as f32 * pitch / 2.0;
@@ -250,7 +250,7 @@ fn tumbled_box(random: &mut Random) -> (Form, [f32; 4]) {
     (Form::Box(half), random.direction())
 }
 
-/// The hull of 12 to 20 points near an ellipsoid of radius 0.3.
+/// Makes the hull of 12 to 20 points near an ellipsoid of radius 0.3.
 fn tumbled_hull(random: &mut Random) -> (Form, [f32; 4]) {
     const RADIUS: f32 = 0.3;
     let least = 0.35 * 4.0 / 3.0 * PI * f64::from(0.8 * RADIUS).powi(3);
@@ -271,7 +271,8 @@ fn tumbled_hull(random: &mut Random) -> (Form, [f32; 4]) {
     }
 }
 
-/// The hull of points, moved so that its center of mass is its origin; where that was; its volume.
+/// Makes the hull of points, moved so that its center of mass is its origin. Also returns the
+/// original center of mass and the volume.
 fn centered(points: &[[f64; 3]]) -> (Form, [f32; 3], f64) {
     let vectors: Vec<_> = points.iter().map(|&p| p.into()).collect();
     let hull = Exact::convex_hull(&vectors).expect("a solid hull");
@@ -281,7 +282,7 @@ fn centered(points: &[[f64; 3]]) -> (Form, [f32; 3], f64) {
     (Form::Hull(points.iter().map(around).collect()), center.map(|x| x as f32), solid.mass())
 }
 
-/// Xorshift with a multiplied output.
+/// Random numbers by xorshift with a multiplied output.
 struct Random(u64);
 
 impl Random {
@@ -291,7 +292,7 @@ impl Random {
         random
     }
 
-    /// 0 to below 1.
+    /// Returns a number from 0 to below 1.
     fn next(&mut self) -> f32 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -304,7 +305,7 @@ impl Random {
         low + (high - low) * self.next()
     }
 
-    /// A unit vector, all directions alike; of four components, a random rotation.
+    /// Returns a uniformly distributed unit vector; with four components it is a random rotation.
     fn direction<const N: usize>(&mut self) -> [f32; N] {
         loop {
             let v: [f32; N] = std::array::from_fn(|_| self.within(-1.0, 1.0));

@@ -1,10 +1,10 @@
-//! Drystone and other engines on the same scenes, in turn, round after round.
+//! Benchmark of Drystone and other engines on the same scenes, in alternating rounds.
 
 mod alone;
 mod case;
 mod child;
 mod compare;
-/// Shared with the solver's tests.
+/// Operation counter, shared with the solver's tests.
 #[path = "../../crates/solver/tests/suite/common/counting.rs"]
 mod counting;
 mod engines;

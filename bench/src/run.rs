@@ -1,4 +1,4 @@
-//! One run of one engine, and what is taken from it.
+//! Runs one scene in one engine and records times and poses.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::time::Instant;
@@ -8,21 +8,21 @@ use cpu_time::ProcessTime;
 use crate::case::Case;
 use crate::engines::{Engine, Refusal};
 
-/// Poses are looked at once in so many steps.
+/// Interval between recorded poses, in steps.
 const SAMPLE: usize = 20;
 
-/// One run of one engine.
+/// Record of one run of one engine.
 pub(crate) struct Run {
-    /// Time of each step: of the processor, or with more threads than one of the clock. \[ms\]
+    /// Time of each step: processor time, or wall time with more than one thread. \[ms\]
     pub(crate) times: Vec<f64>,
-    /// Poses now and then in the last quarter.
+    /// Poses at intervals in the last quarter.
     pub(crate) samples: Vec<Vec<f32>>,
     /// Poses at the end.
     pub(crate) end: Vec<f32>,
 }
 
 impl Run {
-    /// A number that differs if any bit of the last poses does.
+    /// Returns a hash of the final poses that depends on every bit.
     pub(crate) fn fingerprint(&self) -> u64 {
         let mut hasher = DefaultHasher::new();
         self.end.iter().for_each(|x| x.to_bits().hash(&mut hasher));
@@ -30,7 +30,7 @@ impl Run {
     }
 }
 
-/// First step of the last quarter.
+/// Returns the first step of the last quarter.
 pub(crate) fn settled(steps: usize) -> usize {
     steps - steps / 4
 }
@@ -38,7 +38,7 @@ pub(crate) fn settled(steps: usize) -> usize {
 /// Runs a scene to its end.
 ///
 /// # Errors
-/// A step that the engine could not do.
+/// The engine fails in a step.
 pub(crate) fn run<E: Engine + ?Sized>(
     case: &Case,
     engine: &mut E,
@@ -47,7 +47,7 @@ pub(crate) fn run<E: Engine + ?Sized>(
 ) -> Result<Run, Refusal> {
     let mut times = Vec::with_capacity(case.steps);
     let mut samples = Vec::new();
-    // Asking what the processor has done takes almost a microsecond, a tenth of the smallest steps.
+    // Reading the processor time takes almost a microsecond, a tenth of the shortest steps.
     let asking = median((0..1000).map(|_| timed(threads, || ()).1).collect());
     for step in 0..case.steps {
         let (done, time) = timed(threads, || engine.step(case.dt()));
@@ -61,9 +61,10 @@ pub(crate) fn run<E: Engine + ?Sized>(
     Ok(Run { times, samples, end: poses(engine) })
 }
 
-/// What something answers, and how long it took, by the processor or with more threads by the clock. \[ms\]
+/// Returns the result of `work` and its time: processor time, or wall time with more than one
+/// thread. \[ms\]
 fn timed<T>(threads: usize, work: impl FnOnce() -> T) -> (T, f64) {
-    // Of the whole process: an engine may work on a thread of its own.
+    // Processor time is that of the whole process, since an engine may use a thread of its own.
     let (clock, processor) = (Instant::now(), ProcessTime::now());
     let done = work();
     let time = if threads == 1 { processor.elapsed() } else { clock.elapsed() };
@@ -76,26 +77,26 @@ fn poses<E: Engine + ?Sized>(engine: &E) -> Vec<f32> {
     poses
 }
 
-/// Mean of some values.
+/// Returns the mean.
 pub(crate) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// The value that half of them stay below.
+/// Returns the median.
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let half = values.len() / 2;
     if values.len() % 2 == 1 { values[half] } else { 0.5 * (values[half - 1] + values[half]) }
 }
 
-/// The value that a tenth stay below.
+/// Returns the 10th percentile.
 pub(crate) fn undisturbed(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 10]
 }
 
-/// Time per step from step `from` on: of each step the median over the rounds, then the mean of
-/// these, so that a disturbance counts only if it strikes the same step in most rounds. \[ms\]
+/// Returns the mean time per step from step `from` on, using the median of each step over the
+/// rounds. A disturbance thus counts only if it hits the same step in most rounds. \[ms\]
 pub(crate) fn per_step(rounds: &[Vec<f64>], from: usize) -> f64 {
     let steps = rounds[0].len();
     let each: Vec<f64> = (from..steps)

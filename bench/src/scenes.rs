@@ -1,4 +1,4 @@
-//! The scenes to run: files, folders, or those made in code.
+//! Selection of the scenes to run: files, folders, or scenes made in code.
 
 use std::path::{Path, PathBuf};
 
@@ -10,11 +10,11 @@ use crate::made::{NAMES, made};
 /// Steps of a scene that states none.
 const STEPS: usize = 600;
 
-/// The scenes of files and folders, or all that are made in code if there are none; of these those
-/// with one of `names`, if any are given.
+/// Returns the scenes of files and folders, or those made in code if there are no paths. If `names`
+/// are given, returns only scenes with one of these names.
 ///
 /// # Errors
-/// A file that is no scene, a name that no scene has.
+/// A file is no scene, or no scene has one of the names.
 pub(crate) fn cases(paths: &[PathBuf], names: &[String]) -> Result<Vec<Case>, String> {
     let mut cases = Vec::new();
     if paths.is_empty() {
@@ -43,7 +43,7 @@ pub(crate) fn cases(paths: &[PathBuf], names: &[String]) -> Result<Vec<Case>, St
     Ok(cases)
 }
 
-/// The scene files of a folder, by name.
+/// Returns the scene files of a folder, sorted by name.
 fn scene_files(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let unreadable = |error| format!("{}: cannot be read: {error}", folder.display());
     let mut files = Vec::new();
@@ -73,7 +73,8 @@ fn from_file(file: &Path) -> Result<Case, String> {
     })
 }
 
-/// `extras.stand_tolerance` of a scene: what the simulation ignores and tools may read. \[m\]
+/// Reads `extras.stand_tolerance` of a scene, which the simulation ignores and tools may read.
+/// \[m\]
 fn stand_tolerance(file: &Path) -> Option<f64> {
     #[derive(serde::Deserialize)]
     struct File {

@@ -1,4 +1,4 @@
-//! Shapes of a scene as shapes of parry: in the plane and in space, in single and double precision.
+//! Conversion of scene shapes to parry: in 2D and 3D, in single and double precision.
 
 /// One set of conversions. The four builds of parry are four crates with the same names.
 macro_rules! shapes {
@@ -8,20 +8,20 @@ macro_rules! shapes {
             use $($parry)::+::math::{Pose, Rotation as Turn, Vector};
             use $($parry)::+::shape::SharedShape;
 
-            /// A vector of the dimension; what is absent is 0.
+            /// Converts a vector; missing components are 0.
             pub(crate) fn vector(of: &[f64]) -> Vector {
                 let axes: [$real; $l] =
                     std::array::from_fn(|i| of.get(i).copied().unwrap_or(0.0) as $real);
                 axes.into()
             }
 
-            /// A place.
+            /// Converts a pose.
             pub(crate) fn pose(position: &[f64], rotation: &Rotation) -> Pose {
                 let turn: fn(&Rotation) -> Turn = $turn;
                 Pose::from_parts(vector(position), turn(rotation))
             }
 
-            /// A shape of the scene; else why there is none.
+            /// Converts a shape, or returns why that is impossible.
             pub(crate) fn shape(kind: &ShapeKind) -> Result<SharedShape, &'static str> {
                 let cuboid: fn(Vector) -> SharedShape = $cuboid;
                 let other: fn(&ShapeKind) -> Result<SharedShape, &'static str> = $other;

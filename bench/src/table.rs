@@ -1,6 +1,6 @@
-//! Tables, plain or markdown.
+//! Tables as plain text or Markdown.
 
-/// Rows of cells; the first column reads from the left, the others from the right.
+/// Rows of cells; the first column is left-aligned, the others are right-aligned.
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
 }
@@ -51,7 +51,7 @@ impl Table {
     }
 }
 
-/// Three significant digits, at most four decimals.
+/// Formats a number with three significant digits and at most four decimals.
 pub(crate) fn number(x: f64) -> String {
     if !x.is_finite() {
         return "-".to_string();

@@ -1,4 +1,4 @@
-//! A scene in Box2D, with its default world.
+//! A scene in Box2D with its default world.
 #![allow(unsafe_code)]
 
 use ::drystone::scene::{Body, Motion, Rotation, Scene, ShapeKind};
@@ -6,11 +6,11 @@ use boxdd_sys::ffi as b2;
 
 use super::{Effort, Engine, Peer, Refusal, density, flat_solid, soft_step, states_inertia};
 
-/// Substeps that Box2D's manual recommends. \[1\]
+/// Number of substeps that Box2D's manual recommends. \[1\]
 const SUBSTEPS: u32 = 4;
-/// Half width and half depth of the box that stands for a half-space. \[m\]
+/// Half width and half depth of the box that replaces a half-space. \[m\]
 const HALFSPACE: [f32; 2] = [100.0, 5.0];
-/// How much of its area a polygon may lose where Box2D merges near points. \[1\]
+/// Fraction of its area that a polygon may lose where Box2D merges near points. \[1\]
 const LOST_AREA: f64 = 1e-2;
 
 /// A scene in Box2D.
@@ -21,8 +21,10 @@ pub(super) struct Box2d {
 }
 
 impl Box2d {
+    /// Builds the scene.
+    ///
     /// # Errors
-    /// A shape that Box2D does not have.
+    /// Box2D does not support a shape.
     pub(super) fn new(scene: &Scene, effort: Effort, threads: usize) -> Result<Self, Refusal> {
         // SAFETY: no arguments.
         let mut settings = unsafe { b2::b2DefaultWorldDef() };
@@ -83,7 +85,7 @@ impl Box2d {
             unsafe { b2::b2Body_SetMassData(id, mass) };
         }
         let spin = body.angular_velocity.first().copied().unwrap_or(0.0) as f32;
-        // Set now, these are velocities of the center of mass.
+        // Set after the mass, these are the velocities of the center of mass.
         // SAFETY: the body is in the world.
         unsafe {
             b2::b2Body_SetLinearVelocity(id, vector(&body.linear_velocity));
@@ -151,7 +153,7 @@ fn hull(
     }
     let area = crate::shapes::exact_flat::shape(kind)?.mass_properties(1.0).mass();
     let points: Vec<_> = points.iter().map(|point| vector(point)).collect();
-    // SAFETY: pointer and count are those of one list, which lives through the call.
+    // SAFETY: pointer and count belong to one list, which lives through the call.
     let hull = unsafe { b2::b2ComputeHull(points.as_ptr(), points.len() as i32) };
     if hull.count == 0 {
         return Err("a hull that Box2D does not take".to_string());

@@ -1,4 +1,4 @@
-//! A scene in Box3D, with its default world.
+//! A scene in Box3D with its default world.
 #![allow(unsafe_code)]
 
 use ::drystone::scene::{Body, Motion, Rotation, Scene, ShapeKind};
@@ -6,11 +6,11 @@ use boxddd_sys::ffi as b3;
 
 use super::{Effort, Engine, Peer, Refusal, density, soft_step, solid, states_inertia};
 
-/// Substeps that Box3D's manual recommends. \[1\]
+/// Number of substeps that Box3D's manual recommends. \[1\]
 const SUBSTEPS: u32 = 4;
-/// Half width and half depth of the box that stands for a half-space. \[m\]
+/// Half width and half depth of the box that replaces a half-space. \[m\]
 const HALFSPACE: [f32; 2] = [100.0, 5.0];
-/// How much of its volume a hull may lose where Box3D merges near points. \[1\]
+/// Fraction of its volume that a hull may lose where Box3D merges near points. \[1\]
 const LOST_VOLUME: f64 = 1e-2;
 const ONE: b3::b3Vec3 = b3::b3Vec3 { x: 1.0, y: 1.0, z: 1.0 };
 
@@ -23,8 +23,10 @@ pub(super) struct Box3d {
 }
 
 impl Box3d {
+    /// Builds the scene.
+    ///
     /// # Errors
-    /// A shape that Box3D does not have.
+    /// Box3D does not support a shape.
     pub(super) fn new(scene: &Scene, effort: Effort, threads: usize) -> Result<Self, Refusal> {
         // SAFETY: no arguments.
         let mut settings = unsafe { b3::b3DefaultWorldDef() };
@@ -89,7 +91,7 @@ impl Box3d {
             // SAFETY: the body is in the world.
             unsafe { b3::b3Body_SetMassData(id, mass) };
         }
-        // Set now, these are velocities of the center of mass.
+        // Set after the mass, these are the velocities of the center of mass.
         // SAFETY: the body is in the world.
         unsafe {
             b3::b3Body_SetLinearVelocity(id, vector(&body.linear_velocity));
@@ -152,13 +154,13 @@ impl Box3d {
                     useMedianSplit: false,
                     identifyEdges: true,
                 };
-                // SAFETY: pointers and counts are those of lists that live through the call.
+                // SAFETY: pointers and counts belong to lists that live through the call.
                 let mesh = unsafe { b3::b3CreateMesh(&definition, std::ptr::null_mut(), 0) };
                 if mesh.is_null() {
                     return Err("a mesh that Box3D does not take".to_string());
                 }
                 self.meshes.push(mesh);
-                // SAFETY: the body is in the world; the mesh lives until the world is gone.
+                // SAFETY: the body is in the world; the mesh outlives the world.
                 unsafe { b3::b3CreateMeshShape(body, settings, mesh, ONE) };
             }
             ShapeKind::Cylinder { .. } => {
@@ -190,12 +192,12 @@ fn add_hull(
 ) -> Result<(), String> {
     let points: Vec<_> = points.iter().map(|point| vector(point)).collect();
     let most = b3::B3_MAX_HULL_VERTICES as i32;
-    // SAFETY: pointer and count are those of one list, which lives through the call.
+    // SAFETY: pointer and count belong to one list, which lives through the call.
     let hull = unsafe { b3::b3CreateHull(points.as_ptr(), points.len() as i32, most) };
     if hull.is_null() {
         return Err(format!("a hull of {} points that Box3D does not take", points.len()));
     }
-    // SAFETY: the hull is not null, and destroyed once, after its last use: shapes have copies.
+    // SAFETY: the hull is not null, and is destroyed once, after its last use: shapes have copies.
     let kept = unsafe {
         let kept = (*hull).volume;
         b3::b3CreateTransformedHullShape(body, settings, hull, place, ONE);
@@ -223,7 +225,7 @@ fn rotation(of: &Rotation) -> b3::b3Quat {
     }
 }
 
-/// The shortest rotation from +y to a unit vector.
+/// Returns the shortest rotation from +y to a unit vector.
 fn upright([x, y, z]: [f32; 3]) -> b3::b3Quat {
     let s = (0.5 * (1.0 + y)).max(0.0).sqrt();
     if s < 1e-4 {
@@ -287,7 +289,7 @@ impl Peer for Box3d {
 
 impl Drop for Box3d {
     fn drop(&mut self) {
-        // SAFETY: made in `new`, and not used after; the world is gone before its meshes.
+        // SAFETY: made in `new`, and not used after; the world is destroyed before its meshes.
         unsafe {
             b3::b3DestroyWorld(self.world);
             for &mesh in &self.meshes {

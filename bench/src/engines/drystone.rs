@@ -12,14 +12,16 @@ pub(crate) struct Drystone {
 }
 
 impl Drystone {
+    /// Builds the scene.
+    ///
     /// # Errors
-    /// A shape that Drystone does not have.
+    /// Drystone does not support a shape.
     pub(crate) fn new(
         scene: &Scene,
         settings: StepSettings,
         threads: usize,
     ) -> Result<Self, Refusal> {
-        // As in all engines here, nothing sleeps.
+        // No body sleeps in any engine.
         let settings = StepSettings { sleep: 0.0, ..settings };
         let mut simulation = ::drystone::build(scene, settings)
             .map_err(|error| Refusal::new(error.body, error.reason))?;
@@ -27,14 +29,15 @@ impl Drystone {
         Ok(Self { simulation, report: StepReport::default() })
     }
 
-    /// The same, and its reports tell the time of each stage.
+    /// Makes the reports contain the time of each stage.
     pub(crate) fn timed(mut self) -> Self {
         self.simulation.time_stages(true);
         self
     }
 }
 
-/// What a scene itself asks for under `solver` is left out: all engines run with their own settings.
+/// Returns the settings for an effort. The scene's own `solver` settings are ignored, since all
+/// engines run with their own.
 pub(super) fn settings(effort: Effort) -> StepSettings {
     match effort {
         Effort::Default => StepSettings::realtime(),

@@ -1,4 +1,4 @@
-//! A scene in Jolt, with its default settings.
+//! A scene in Jolt with its default settings.
 #![allow(unsafe_code)]
 
 use std::ptr::null;
@@ -9,18 +9,18 @@ use oxijolt_sys as jolt;
 
 use super::{Effort, Engine, Peer, Refusal, density, solid, states_inertia};
 
-/// Object layers, and broad-phase layers: what stays, what moves.
+/// Object layers and broad-phase layers: static bodies, and bodies that move.
 const FIXED: u32 = 0;
 const MOVING: u32 = 1;
-/// Jolt's default. \[m\]
+/// Radius of rounded edges, Jolt's default. \[m\]
 const CONVEX_RADIUS: f32 = 0.05;
-/// How much of its volume a hull may lose where Jolt merges near points. \[1\]
+/// Fraction of its volume that a hull may lose where Jolt merges near points. \[1\]
 const LOST_VOLUME: f64 = 1e-2;
-/// Jolt's default: half of the width to which a plane collides. \[m\]
+/// Half of the width in which a plane collides, Jolt's default. \[m\]
 const PLANE: f32 = 1000.0;
-/// Memory for a step; more is taken where this does not do. \[byte\]
+/// Memory for a step; Jolt takes more if it does not suffice. \[byte\]
 const STEP_MEMORY: u32 = 64 << 20;
-/// Jolt's default. \[1\]
+/// Maximum number of jobs, Jolt's default. \[1\]
 const JOBS: u32 = 2048;
 
 /// A scene in Jolt.
@@ -33,8 +33,10 @@ pub(super) struct Jolt {
 }
 
 impl Jolt {
+    /// Builds the scene.
+    ///
     /// # Errors
-    /// A shape or a body that Jolt does not have.
+    /// Jolt does not support a shape or a body.
     pub(super) fn new(scene: &Scene, effort: Effort, threads: usize) -> Result<Self, Refusal> {
         static START: Once = Once::new();
         START.call_once(|| {
@@ -42,7 +44,7 @@ impl Jolt {
             unsafe { jolt::JPH_Init() };
         });
         let count = scene.bodies.len() as u32;
-        // SAFETY: the layers and filters are owned by the system once it is made.
+        // SAFETY: the system owns the layers and filters once it is made.
         let system = unsafe {
             let layers = jolt::JPH_BroadPhaseLayerInterfaceTable_Create(2, 2);
             let pairs = jolt::JPH_ObjectLayerPairFilterTable_Create(2);
@@ -67,7 +69,7 @@ impl Jolt {
         let pool = jolt::JobSystemThreadPoolConfig {
             maxJobs: JOBS,
             maxBarriers: 8,
-            // The caller works, too.
+            // The calling thread works, too.
             numThreads: threads as i32 - 1,
         };
         // SAFETY: the pool's settings live through the call.
@@ -114,7 +116,7 @@ impl Jolt {
             true => Some(solid::stated(index, body)?),
             false => None,
         };
-        // A body that nothing pushes turns about its origin, as in the scene.
+        // A kinematic body turns about its origin, as in the scene.
         let center = match (&stated, body.motion) {
             (Some(stated), _) => Some(vector(&stated.local_com.to_array())),
             (None, Motion::Kinematic) => Some(vector(&[])),
@@ -123,8 +125,8 @@ impl Jolt {
         if let Some(center) = center {
             shape = shape.centered(center);
         }
-        // SAFETY: the settings are made, used and destroyed here; the shape lives until then, and the
-        // body keeps it after.
+        // SAFETY: the settings are made, used and destroyed here; the shape lives until then, and
+        // the body keeps it alive afterwards.
         let id = unsafe {
             let settings = jolt::JPH_BodyCreationSettings_Create3(
                 shape.0,
@@ -178,7 +180,7 @@ impl Jolt {
     }
 }
 
-/// A shape that is let go when it is dropped.
+/// A shape that is released when it is dropped.
 struct Shape(*mut jolt::JPH_Shape);
 
 impl Shape {
@@ -190,10 +192,10 @@ impl Shape {
         }
     }
 
-    /// The same with another center of mass.
+    /// Returns the shape with another center of mass.
     fn centered(self, center: jolt::JPH_Vec3) -> Self {
         let mut own = vector(&[]);
-        // SAFETY: the shape is not null; the new one keeps it.
+        // SAFETY: the shape is not null; the new shape keeps it alive.
         unsafe {
             jolt::JPH_Shape_GetCenterOfMass(self.0, &mut own);
             let offset =
@@ -205,7 +207,7 @@ impl Shape {
 
 impl Drop for Shape {
     fn drop(&mut self) {
-        // SAFETY: not null, and let go once.
+        // SAFETY: not null, and released once.
         unsafe { jolt::JPH_Shape_Destroy(self.0) };
     }
 }
@@ -223,7 +225,7 @@ fn body_shape(body: &Body, density: f64) -> Result<Shape, String> {
             return Ok(parts.remove(0).0);
         }
     }
-    // SAFETY: the settings are made, used and destroyed here; the compound keeps the parts.
+    // SAFETY: the settings are made, used and destroyed here; the compound keeps the parts alive.
     unsafe {
         if let [(part, (position, rotation))] = parts.as_slice() {
             let shape = jolt::JPH_RotatedTranslatedShape_Create(position, rotation, part.0);
@@ -246,7 +248,7 @@ fn body_shape(body: &Body, density: f64) -> Result<Shape, String> {
 }
 
 fn shape(kind: &ShapeKind, density: f32) -> Result<Shape, String> {
-    // Jolt rounds edges by at most this, which thin shapes have no room for.
+    // Maximum radius of rounded edges; thin shapes have room for less.
     let radius = |half: f32| CONVEX_RADIUS.min(0.5 * half);
     // SAFETY: values and lists that live through the calls; settings are destroyed after use.
     let shape = unsafe {
@@ -343,7 +345,7 @@ fn rotation(of: &Rotation) -> jolt::JPH_Quat {
 
 impl Engine for Jolt {
     fn step(&mut self, dt: f32) -> Result<(), Refusal> {
-        // SAFETY: all three live as long as self.
+        // SAFETY: system, memory and jobs live as long as self.
         let fault = unsafe {
             jolt::JPH_PhysicsSystem_Update2(
                 self.system,
@@ -388,7 +390,7 @@ impl Peer for Jolt {
 
 impl Drop for Jolt {
     fn drop(&mut self) {
-        // SAFETY: made in `new`, and not used after; bodies go with their system.
+        // SAFETY: made in `new`, and not used after; the system destroys its bodies.
         unsafe {
             jolt::JPH_PhysicsSystem_Destroy(self.system);
             jolt::JPH_JobSystem_Destroy(self.jobs);

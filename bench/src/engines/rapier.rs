@@ -1,10 +1,10 @@
-//! A scene in rapier2d or rapier3d, with its default parameters.
+//! A scene in rapier2d or rapier3d with default parameters.
 
 use ::drystone::scene::Scene;
 
 use super::{Effort, Engine, Refusal, follow, soft_step};
 
-/// A scene in rapier2d.
+/// Builds a scene in rapier2d.
 pub(super) fn flat(
     scene: &Scene,
     effort: Effort,
@@ -13,7 +13,7 @@ pub(super) fn flat(
     Ok(follow(in_2d::Rapier::new(scene, effort, threads)?, scene))
 }
 
-/// A scene in rapier3d.
+/// Builds a scene in rapier3d.
 pub(super) fn space(
     scene: &Scene,
     effort: Effort,
@@ -22,7 +22,7 @@ pub(super) fn space(
     Ok(follow(in_3d::Rapier::new(scene, effort, threads)?, scene))
 }
 
-/// The same in the plane and in space.
+/// The engine in 2D and in 3D.
 macro_rules! rapier {
     ($name:ident: $rapier:ident, $shapes:ident, $solids:ident, $spin:expr, $mass:expr, $pose:expr) => {
         mod $name {
@@ -98,7 +98,7 @@ macro_rules! rapier {
                     builder =
                         builder.additional_mass_properties(mass(&solids::stated(index, body)?));
                 } else if body.motion == Motion::Kinematic {
-                    // A body that nothing pushes turns about its origin, as in the scene.
+                    // A kinematic body turns about its origin, as in the scene.
                     builder =
                         builder.additional_mass_properties(MassProperties::from_ball(1.0, 1.0));
                 } else if body.motion == Motion::Dynamic {

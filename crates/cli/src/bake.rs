@@ -1,4 +1,4 @@
-//! `drystone bake`: reads a scene, runs it and writes its motion.
+//! `drystone bake`: reads a scene, simulates it and writes its motion.
 
 mod arguments;
 mod diary;
@@ -27,7 +27,7 @@ use output::Outputs;
 use record::{Bake, Length, listen};
 use summary::Summary;
 
-/// Seconds that a scene runs which does not say how long. \[s\]
+/// Simulated time of a scene that states none. \[s\]
 const DURATION: f64 = 10.0;
 
 /// Runs the command.
@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut simulation = prepare(arguments, &read.scene)?;
     let threads = threads(arguments);
     simulation.set_threads(threads);
-    // Of a bake that goes on later, a report may be asked for only then.
+    // Stages are always timed, since a bake that is resumed may ask for a report only then.
     simulation.time_stages(true);
     let steps = steps(arguments, &read.scene)?;
     arguments.cut.steps(0..=steps as usize, read.scene.time_step)?;
@@ -69,7 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             summary::Head { file: &arguments.scene, settings: simulation.settings(), threads };
         return print(&format!("{}{files}", summary.text(&read.scene, &head)));
     }
-    // A bake that is not what it seems must not pass unseen.
+    // Even a quiet bake reports the faults that the audit found.
     print_warnings(arguments, summary.faults(&read.scene).into_iter());
     Ok(())
 }

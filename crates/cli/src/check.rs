@@ -1,4 +1,4 @@
-//! `drystone check`: what will hurt in a scene, before it does.
+//! `drystone check`: reports problems of a scene before it is simulated.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use crate::failure::Failure;
 use crate::print;
 
-/// Findings of a kind that are listed before the rest is counted.
+/// Number of findings of each kind that are listed before the rest is counted.
 const LISTED: usize = 10;
 
 /// Find what will hurt in a scene before it does.
@@ -69,14 +69,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(if findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// A finding with the names of its bodies.
+/// Returns a finding as JSON with the names of its bodies.
 fn value(scene: &Scene, finding: &Finding) -> Value {
     let mut value = json!(finding);
     value["names"] = finding.bodies.iter().map(|&body| scene.name_of(body)).collect();
     value
 }
 
-/// The first findings of each kind, and how many more there are.
+/// Lists the first findings of each kind, and counts the rest.
 fn text(findings: &[Finding]) -> String {
     let mut kinds: BTreeMap<Kind, Vec<&Finding>> = BTreeMap::new();
     for finding in findings {

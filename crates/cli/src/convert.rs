@@ -1,4 +1,4 @@
-//! `drystone convert`: a scene or a bake in another format.
+//! `drystone convert`: writes a scene or a bake in another format.
 
 use std::path::{Path, PathBuf};
 
@@ -120,7 +120,7 @@ fn scene(arguments: &Arguments) -> Result<(), Failure> {
     written.map_err(|error| Failure::cannot_write(output, &error))
 }
 
-/// A scene as a glTF with physics.
+/// Converts a scene to a glTF with physics.
 fn physics(file: &Path, scene: &Scene) -> Result<Physics, Failure> {
     let wrong = |why: String| Failure::Input(format!("{}: {why}", file.display()));
     let settings = scene.settings(StepSettings::certified())?;

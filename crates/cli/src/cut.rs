@@ -1,4 +1,4 @@
-//! Which frames of a motion are written, and how closely.
+//! Selection of the frames of a motion to write, and the tolerance of its keys.
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
@@ -8,7 +8,7 @@ use drystone::recording::{Recording, Sampling};
 use crate::failure::Failure;
 use crate::quantity::{length, real};
 
-/// What rounding may take from a whole number of frames.
+/// Rounding error accepted in a whole number of frames. \[1\]
 const WHOLE: f64 = 1e-6;
 
 /// What is written of a motion.
@@ -31,29 +31,29 @@ pub(crate) struct Cut {
     key_tolerance: Option<f64>,
 }
 
-/// A motion to be written.
+/// A motion to write.
 pub(crate) struct Film<'a> {
     pub(crate) recording: Cow<'a, Recording>,
-    /// One for each body.
+    /// Name of each body.
     pub(crate) names: &'a [String],
-    /// Points of contact in the step that led to each frame; empty where nobody knows.
+    /// Number of contact points in the step that led to each frame; empty if unknown.
     pub(crate) contacts: &'a [u32],
 }
 
 impl Cut {
-    /// Whether it asks for anything.
+    /// Whether any of the options is given.
     pub(crate) fn is_asked(&self) -> bool {
         self.fps.is_some() || self.frames.is_some() || self.key_tolerance.is_some()
     }
 
-    /// How closely a motion is followed.
+    /// Returns the sampling of the motion.
     pub(crate) fn sampling(&self) -> Sampling {
         let close = self.key_tolerance.map_or_else(Sampling::default, Sampling::within);
         Sampling { fps: self.fps, ..close }
     }
 
-    /// The steps of a bake, so far apart \[s\], that lead to the frames which are asked for; refuses frames
-    /// that it does not have.
+    /// Returns the steps of a bake, `time_step` \[s\] apart, that the requested frames need.
+    /// Refuses frames that the bake does not have.
     pub(crate) fn steps(
         &self,
         bake: RangeInclusive<usize>,
@@ -69,13 +69,13 @@ impl Cut {
                 "--frames is {first}..{last}; accepted: frames from {begin} to {end}"
             )));
         }
-        // Between two steps, both of them tell.
+        // A frame between two steps needs both.
         let from = (first as f64 * stride + WHOLE).floor() as usize;
         let to = (last as f64 * stride - WHOLE).ceil() as usize;
         Ok(from.max(*bake.start())..=to.min(*bake.end()))
     }
 
-    /// What is asked for of a bake.
+    /// Returns the requested part of a bake.
     pub(crate) fn film<'a>(
         &self,
         recording: &'a Recording,
@@ -94,7 +94,7 @@ impl Cut {
     }
 }
 
-/// A parser of the first and the last of some frames.
+/// Parses the first and the last of a range of frames.
 fn range(text: &str) -> Result<RangeInclusive<usize>, String> {
     let whole = |text: &str| text.trim().parse().ok();
     let ends = text.split_once("..").and_then(|(a, b)| Some((whole(a)?, whole(b)?)));
@@ -103,7 +103,7 @@ fn range(text: &str) -> Result<RangeInclusive<usize>, String> {
     })
 }
 
-/// A parser of what keys may be off. \[m\]
+/// Parses the tolerance of keys. \[m\]
 fn tolerance(text: &str) -> Result<f64, String> {
     let accepted = "accepted: a length from 0 to 1000 m, such as 0.1mm or 0.0001m";
     length(text).filter(|x| (0.0..=1e3).contains(x)).ok_or_else(|| accepted.to_owned())

@@ -1,15 +1,15 @@
-//! What a file is, by its extension.
+//! File formats by extension.
 
 use std::path::Path;
 
 use crate::failure::Failure;
 
-/// In lower case; empty where there is none.
+/// Returns the extension in lower case; empty if there is none.
 pub(crate) fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
-/// The refusal of a path that is given for `flag`.
+/// Returns the failure for a path given for `flag` with an extension that is not accepted.
 pub(crate) fn wrong_extension(flag: &str, path: &Path, accepted: &str) -> Failure {
     let value = match extension(path).as_str() {
         "" => "not named".to_owned(),

@@ -1,4 +1,4 @@
-//! Why a command ends without what it was asked for.
+//! Failures of commands, with their exit codes.
 
 use std::fmt;
 use std::io;
@@ -6,23 +6,23 @@ use std::path::Path;
 
 use drystone::scene::SceneError;
 
-/// What went wrong, in one line.
+/// A failure, described in one line.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The input or the usage is wrong.
     Input(String),
-    /// The simulation left the realm of numbers.
+    /// The simulation diverged.
     Diverged(String),
     /// A contact problem is not solved.
     Unsolved(String),
     /// A file cannot be read or written.
     File(String),
-    /// The user ended it.
+    /// The user interrupted the command.
     Interrupted(String),
 }
 
 impl Failure {
-    /// The exit code of the process.
+    /// Returns the exit code of the process.
     pub(crate) fn code(&self) -> u8 {
         match self {
             Self::Input(_) => 2,
@@ -32,12 +32,12 @@ impl Failure {
         }
     }
 
-    /// A file that the system does not let us read.
+    /// Returns the failure for a file that the system cannot read.
     pub(crate) fn cannot_read(path: &Path, error: &io::Error) -> Self {
         Self::File(format!("{}: cannot be read: {error}", path.display()))
     }
 
-    /// A file that the system does not let us write.
+    /// Returns the failure for a file that the system cannot write.
     pub(crate) fn cannot_write(path: &Path, error: &io::Error) -> Self {
         Self::File(format!("{}: cannot be written: {error}", path.display()))
     }

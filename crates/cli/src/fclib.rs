@@ -1,10 +1,10 @@
-//! Contact problems in FCLIB's HDF5 form (Acary, Bremond, Huber 2014). Feature `fclib`.
+//! Contact problems in FCLIB's HDF5 format (Acary, Bremond, Huber 2014). Feature `fclib`.
 //!
-//! `fclib_local` holds W, q and mu of u = W r + q; `fclib_global` M, H, f, w and mu of M v = f + H r,
-//! u = H^T v + w. A matrix is stored by columns (`nz` = -1), by rows (-2), or as `nz` triplets. What
-//! is written is local, since the global form has no compliance.
+//! `fclib_local` holds W, q and mu of u = W r + q. `fclib_global` holds M, H, f, w and mu of M v =
+//! f + H r, u = H^T v + w. A matrix is stored by columns (`nz` = -1), by rows (-2), or as `nz`
+//! triplets. Problems are written in the local form, since the global form has no compliance.
 
-// An error is made once, at the end of a reading.
+// A read returns at most one error, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 use std::path::Path;
@@ -16,7 +16,7 @@ use hdf5_pure::{File, FileBuilder, GroupBuilder};
 
 use crate::failure::Failure;
 
-/// The most rows that are read.
+/// Maximum number of rows that are read.
 const MOST: usize = 1_000_000;
 
 /// Reads a local or a global problem.
@@ -113,7 +113,7 @@ impl Source<'_> {
             return Err(wrong("i", "as many as there are entries"));
         }
         let pairs = majors.into_iter().zip(minors).zip(x);
-        // Triplets have the column in p, as matrices by columns do.
+        // In triplets `p` holds the column, as in matrices by columns.
         let entry =
             |((major, minor), x)| if storage == -2 { (major, minor, x) } else { (minor, major, x) };
         let entries: Vec<_> = pairs.map(entry).collect();
@@ -121,7 +121,7 @@ impl Source<'_> {
     }
 }
 
-/// The row of each entry from where rows begin.
+/// Returns the row of each entry, given the start of each row.
 fn unfold(starts: &[i32], rows: usize, entries: usize) -> Option<Vec<usize>> {
     let ordered = starts.windows(2).all(|pair| pair[0] <= pair[1]);
     let last = usize::try_from(*starts.last()?).ok()?;
@@ -165,7 +165,7 @@ fn ascii(text: &str) -> String {
     text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect()
 }
 
-/// By rows; FCLIB counts in 32 bits.
+/// Writes a matrix by rows; FCLIB uses 32-bit indices.
 fn write_matrix(
     group: &mut GroupBuilder,
     matrix: &Matrix,

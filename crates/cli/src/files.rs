@@ -1,11 +1,11 @@
-//! Paths: whether two lead to one file, and outputs that would replace an input.
+//! Paths: comparison of files, and protection of inputs from being overwritten.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::failure::Failure;
 
-/// What tells whether two paths lead to the same file.
+/// Returns a canonical path, which is equal for all paths to the same file.
 pub(crate) fn place(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| {
         let folder = fs::canonicalize(folder(path)).unwrap_or_else(|_| folder(path).to_owned());
@@ -13,14 +13,14 @@ pub(crate) fn place(path: &Path) -> PathBuf {
     })
 }
 
-/// The folder that a path is in.
+/// Returns the folder of a path.
 pub(crate) fn folder(path: &Path) -> &Path {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.unwrap_or(Path::new("."))
 }
 
-/// Refuses an output that is one of the inputs: what the other format leaves out, comments among it,
-/// would be lost.
+/// Refuses an output that is one of the inputs. Overwriting it would lose what the other format
+/// leaves out, such as comments.
 pub(crate) fn spare<'a>(
     output: &Path,
     inputs: impl IntoIterator<Item = &'a Path>,

@@ -1,4 +1,4 @@
-//! The command line of Drystone: one module per command.
+//! Command line of Drystone: one module per command.
 
 mod bake;
 mod check;
@@ -67,7 +67,7 @@ fn main() -> ExitCode {
 fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // A reader that is gone has read enough.
+        // A closed pipe is no failure: its reader has read enough.
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(Failure::File(format!("standard output: cannot be written: {error}")))
         }

@@ -1,4 +1,4 @@
-//! `drystone matrix`: which contacts know of each other, as a picture.
+//! `drystone matrix`: draws which contacts are coupled.
 
 mod draw;
 
@@ -15,7 +15,7 @@ use crate::files::spare;
 use crate::print;
 use draw::{Entry, Picture, Point};
 
-/// More would be no picture.
+/// Maximum number of contacts in a picture.
 const MOST: usize = 1500;
 
 /// Draw the contact matrix A = J M^-1 J^T of a step beside its contacts.
@@ -72,7 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     print(&format!("wrote        {}\n", output.display()))
 }
 
-/// The contacts of the step, and the poses after it.
+/// Simulates up to the step, and returns its contacts and the poses after it.
 fn simulate(arguments: &Arguments, scene: &Scene) -> Result<(SavedProblem, Vec<f32>), Failure> {
     let file = arguments.scene.display();
     let settings = scene.settings(StepSettings::certified())?;
@@ -140,8 +140,8 @@ fn picture(
     })
 }
 
-/// From a point in space to one in the picture: from the front, from the side or from above, whichever
-/// shows most.
+/// Returns the projection from space to the picture: from the front, the side or above, along the
+/// axis in which the contacts spread least.
 fn view(saved: &SavedProblem) -> impl Fn(&[f64]) -> Point {
     let spread = |axis: usize| {
         let along = saved.contacts.iter().filter_map(|contact| contact.point.get(axis));
@@ -150,7 +150,7 @@ fn view(saved: &SavedProblem) -> impl Fn(&[f64]) -> Point {
         high - low
     };
     let deep = [2, 0, 1].into_iter().min_by(|&a, &b| spread(a).total_cmp(&spread(b)));
-    // Axis and direction, across and up.
+    // Axis and sign of the horizontal and the vertical direction.
     let axes = match deep {
         Some(0) => [(2, -1.0), (1, 1.0)],
         Some(1) => [(0, 1.0), (2, -1.0)],

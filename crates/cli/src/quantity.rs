@@ -1,9 +1,9 @@
-//! Numbers with units, as arguments have them.
+//! Parsers of arguments with units.
 
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-/// A parser of finite numbers within a range.
+/// Returns a parser of finite numbers within a range.
 pub(crate) fn real(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| match f64::from_str(text) {
         Ok(x) if range.contains(&x) => Ok(x),
@@ -11,7 +11,7 @@ pub(crate) fn real(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, S
     }
 }
 
-/// A length in mm or m; a number without a unit is in m. \[m\]
+/// Parses a length in mm or m; a number without a unit is in m. \[m\]
 pub(crate) fn length(text: &str) -> Option<f64> {
     let text = text.trim();
     let (number, unit) = match (text.strip_suffix("mm"), text.strip_suffix('m')) {
@@ -22,7 +22,7 @@ pub(crate) fn length(text: &str) -> Option<f64> {
     f64::from_str(number.trim_end()).ok().map(|number| number * unit)
 }
 
-/// A parser of speeds; a number without a unit is in m/s. \[m/s\]
+/// Parses a speed; a number without a unit is in m/s. \[m/s\]
 pub(crate) fn speed(text: &str) -> Result<f32, String> {
     let text = text.trim();
     let speed = match text.strip_suffix("/s").map(str::trim_end) {

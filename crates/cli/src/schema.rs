@@ -1,4 +1,4 @@
-//! `drystone schema`.
+//! `drystone schema`: prints the JSON Schema of scene files.
 
 use drystone::scene;
 
@@ -9,7 +9,7 @@ use crate::print;
 #[derive(clap::Args)]
 pub(crate) struct Arguments {}
 
-/// Prints the schema.
+/// Runs the command.
 pub(crate) fn run() -> Result<(), Failure> {
     print(&format!("{:#}\n", scene::json_schema()))
 }

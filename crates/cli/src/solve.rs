@@ -108,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.compare {
         let others = Choice::all().filter(|&choice| choice != arguments.method);
         let others = others.map(run);
-        // What is not for such problems is not compared.
+        // Methods that do not apply to this problem are not compared.
         runs.extend(others.filter(|run| run.solved.outcome.status != Status::BadInput));
     }
     let run = &runs[0];
@@ -135,7 +135,7 @@ fn write_json(path: &std::path::Path, value: &Value) -> Result<(), Failure> {
     .map_err(|error| Failure::cannot_write(path, &error))
 }
 
-/// What is not solved is a failure, after everything has been written.
+/// Returns a failure if the problem is not solved; called after all outputs are written.
 fn unless_solved(name: &str, run: &Run) -> Result<(), Failure> {
     let Outcome { status, reason, residual, .. } = run.solved.outcome;
     match status {

@@ -1,4 +1,4 @@
-//! `drystone verify`: whether two bakes are the same, and where they part.
+//! `drystone verify`: compares two bakes and reports where they differ.
 
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -63,7 +63,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::from(1))
 }
 
-/// The first difference, the largest, and what only one of both has.
+/// Describes the first and the largest difference, and differences in the number of frames and
+/// bodies.
 fn described(one: &Named, other: &Named) -> String {
     let (a, b) = (&one.recording, &other.recording);
     let line = |title: &str, of: Option<Difference>| {
@@ -98,14 +99,14 @@ fn bytes(path: &Path) -> Result<Vec<u8>, Failure> {
     read.map(|_| bytes).map_err(|error| Failure::cannot_read(path, &error))
 }
 
-/// A bake with the names of its bodies; none where only a scene could tell what it is.
+/// Reads a bake with the names of its bodies; `None` if only a scene can tell its layout.
 pub(crate) fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, Failure> {
     let refused = |error: io::Error| Failure::Input(format!("{}: {error}", path.display()));
     scene::open(path).map_err(|error| Failure::cannot_read(path, &error))?;
     match extension(path).as_str() {
         "npz" => {
             let mut named = npz::read(path).map_err(refused)?;
-            // One frame does not tell when the next would have been.
+            // A single frame does not tell the time between frames.
             if let Some(scene) = scene.filter(|_| named.recording.frames() < 2) {
                 named.recording.frame_time = scene.time_step;
             }

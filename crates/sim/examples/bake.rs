@@ -1,4 +1,5 @@
-//! A scene file, baked: `cargo run --release -p drystone --example bake -- scenes/arch.json out/arch.glb`
+//! Bakes a scene file:
+//! `cargo run --release -p drystone --example bake -- scenes/arch.json out/arch.glb`
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -41,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     match &read.source {
         None => recording::glb::write(&output, scene, &recording, &Sampling::default())?,
-        // What came as glTF goes back as the same document with an animation.
+        // A glTF scene becomes the same document with an animation added.
         Some(source) => recording::write_whole(&output, |out| {
             recording::gltf::write(out, source, &recording, &Sampling::default()).map(drop)
         })?,

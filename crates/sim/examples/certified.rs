@@ -1,4 +1,5 @@
-//! Steps with a proof, and what their reports say: `cargo run --release -p drystone --example certified`
+//! Takes certified steps and prints their reports:
+//! `cargo run --release -p drystone --example certified`
 
 use drystone::scene::Motion;
 use drystone::{Body, Stage, StepSettings, World3};
@@ -14,7 +15,7 @@ fn main() {
     for i in 0..10 {
         world.add(Body::new(Motion::Dynamic, [0.0, 0.5 + i as f32, 0.0], block()));
     }
-    // Ten boxes of a ton carry one of fifty tons.
+    // Ten boxes of one ton carry a box of fifty tons.
     let mut heavy = Body::new(Motion::Dynamic, [0.0, 10.5, 0.0], block());
     heavy.colliders[0].density = 5e4;
     let id = world.add(heavy);

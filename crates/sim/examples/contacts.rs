@@ -1,4 +1,5 @@
-//! Who begins to touch whom, how hard, and who lets go: `cargo run --release -p drystone --example contacts`
+//! Reports which bodies begin to touch, with which impulse, and which separate:
+//! `cargo run --release -p drystone --example contacts`
 
 use std::collections::BTreeMap;
 
@@ -8,7 +9,8 @@ use parry3d::shape::SharedShape;
 
 const STEP: f32 = 1.0 / 60.0;
 
-/// The normal impulse of each two bodies that push each other in the last substep. \[N s\]
+/// Returns the normal impulse of each pair of bodies that push each other in the last substep. \[N
+/// s\]
 fn pushing(world: &World3) -> BTreeMap<[u32; 2], f32> {
     let system = world.system();
     let mut pushes = BTreeMap::new();
@@ -28,7 +30,7 @@ fn main() {
     world.gravity = [0.0, -9.81, 0.0].into();
     let mut names = Vec::new();
     let mut add = |name, body| {
-        // The indices of manifolds are those of ids.
+        // Manifolds refer to bodies by the indices of their ids.
         assert_eq!(world.add(body).index(), names.len());
         names.push(name);
     };

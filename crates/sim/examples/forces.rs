@@ -1,4 +1,4 @@
-//! What the game moves, and what it pushes: a lift carries a crate up, and wind blows it off.
+//! Moves a kinematic body and applies forces: a lift carries a crate up, and wind blows it off.
 //! `cargo run --release -p drystone --example forces`
 
 use drystone::scene::Motion;
@@ -15,17 +15,18 @@ fn main() {
     let plate = SharedShape::cuboid(1.0, 0.1, 1.0);
     let lift = world.add(Body::new(Motion::Kinematic, [0.0, 0.1, 0.0], plate));
     let mut load = Body::new(Motion::Dynamic, [0.0, 0.5, 0.0], SharedShape::cuboid(0.3, 0.3, 0.3));
-    // A crate of 0.216 m^3 that weighs 20 kg.
+    // A crate of 0.216 m^3 and 20 kg.
     load.colliders[0].density = 20.0 / 0.216;
     let load = world.add(load);
 
     for step in 0..300 {
         let time = step as f32 * STEP;
-        // A kinematic body is told where to be after the step; it pushes, and is never pushed.
+        // A kinematic body moves to a given pose by the end of the step. It pushes others and is
+        // never pushed.
         let height = 0.1 + (0.5 * (time + STEP)).min(1.5);
         world.move_to(lift, &Pose::from_translation(Point::new(0.0, height, 0.0)), STEP);
         if time > 3.5 {
-            // A force in N acts through one step.
+            // The force in N acts during one step.
             world.add_force(load, Velocity { linear: Vector([150.0, 0.0, 0.0]), ..Velocity::ZERO });
         }
         world.step(STEP);

@@ -1,4 +1,5 @@
-//! Three hundred particles fall into a funnel: `cargo run --release -p drystone --example particles`
+//! Lets three hundred particles fall into a funnel:
+//! `cargo run --release -p drystone --example particles`
 
 use drystone::geometry::spheres::SphereShape;
 use drystone::scene::Motion;
@@ -7,7 +8,7 @@ use drystone::{Body, ParticleWorld2, StepSettings, Vector};
 fn main() {
     let mut world = ParticleWorld2::new(StepSettings::quality());
     world.gravity = [0.0, -9.81].into();
-    // A slope is everything behind a plane; the normal points out.
+    // A slope is a half-space; its normal points outward.
     for normal in [[0.8, 0.6], [-0.8, 0.6]] {
         let shape = SphereShape::Halfspace { normal: Vector(normal) };
         world.add(Body::new(Motion::Static, [0.0, 0.0], shape));

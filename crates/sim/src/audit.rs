@@ -1,9 +1,11 @@
-//! A bake measured again, by other means than its contacts.
+//! Audit of a bake: measures overlaps and passages from shapes and poses, independently of
+//! contacts.
 //!
-//! A certificate says how well the contacts of a step were solved. A contact that was not found is in
-//! no certificate. So the audit looks at nothing but shapes and poses: how deep shapes overlap in
-//! sampled frames (GJK and EPA, evaluated in `f64`), whether the center of a convex shape went through
-//! a surface between two frames, and what ended below everything that could have carried it.
+//! A certificate bounds the error of the contacts that a step solved. It says nothing about
+//! contacts that were not found. The audit therefore uses shapes and poses only. It measures the
+//! penetration depth of shapes in sampled frames (GJK and EPA, evaluated in `f64`). It checks
+//! whether the center of a convex shape passed through a surface between two frames. It finds
+//! bodies that ended below everything that could have carried them.
 
 mod form;
 mod passage;
@@ -20,82 +22,89 @@ use crate::scene::{Motion, Scene};
 use crate::settings::StepSettings;
 use form::{Core, Form, Place, Point, dot, minus, norm, overlap};
 
-/// Frames in which overlaps are measured, at most.
+/// Maximum number of frames in which overlaps are measured.
 const FRAMES: usize = 64;
-/// Pairs of shapes that are measured in all of them, at most.
+/// Maximum number of shape pairs measured, summed over these frames.
 const PAIRS: usize = 1 << 17;
-/// Steps of centers from frame to frame that are followed, at most.
+/// Maximum number of center paths that are followed; each leads from one frame to the next.
 const STEPS: usize = 1 << 22;
-/// Overlap that is accepted, as a part of the thinner shape's least width. \[1\]
+/// Accepted overlap as a fraction of the thinner shape's least width. \[1\]
 const PART: f64 = 0.02;
-/// Overlap that is accepted, in units of the sag that contacts are made for. \[1\]
+/// Accepted overlap as a multiple of the allowed sag of contacts. \[1\]
 const SAGS: f64 = 5.0;
-/// Faults of each kind that are kept, at most; all are counted.
+/// Maximum number of overlaps and of passages that are kept; further ones are dropped.
 const KEPT: usize = 1000;
 
-/// What the audit of a bake found.
+/// Result of the audit of a bake.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Audit {
-    /// Frames in which overlaps were measured.
+    /// Number of frames in which overlaps were measured.
     pub frames: usize,
-    /// Pairs of shapes that were measured in these frames, all together.
+    /// Number of shape pairs measured, summed over these frames.
     pub pairs: usize,
-    /// Frames from which centers were followed to the next one followed.
+    /// Number of intervals between frames over which centers were followed.
     pub followed: usize,
-    /// The deepest overlap of the first frame, before anything moved.
+    /// Deepest overlap in the first frame, before anything moved.
     pub start: Option<Overlap>,
-    /// The deepest overlap that was found in any of the frames.
+    /// Deepest overlap in any measured frame.
     pub deepest: Option<Overlap>,
-    /// Pairs of bodies that stood inside each other by more than is accepted, the worst first.
+    /// Pairs of bodies that overlap by more than is accepted, deepest first.
     pub inside: Vec<Overlap>,
-    /// Bodies that went through the surface of another one, the first first.
+    /// Bodies that passed through a surface of another body, in the order of their frames.
     pub passed: Vec<Passage>,
-    /// Dynamic bodies that ended wholly below everything that could have carried them.
+    /// Dynamic bodies that ended entirely below everything that could have carried them.
     pub left: Vec<usize>,
-    /// Those of them with a mesh, whose way was not followed: they may have gone through something.
+    /// Bodies of `left` that have a mesh. The audit does not follow meshes, so these bodies may
+    /// have passed through something.
     pub astray: Vec<usize>,
 }
 
-/// Two bodies that overlap.
+/// Overlap of two bodies.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Overlap {
-    /// Indices in the scene.
+    /// Indices of the bodies in the scene.
     pub bodies: [usize; 2],
-    /// How far they would have to move to part. \[m\]
+    /// Penetration depth: the shortest translation that separates them. \[m\]
     pub depth: f64,
-    /// What is accepted of this pair in this frame. \[m\]
+    /// Accepted depth for this pair in this frame. \[m\]
     pub accepted: f64,
-    /// The frame.
+    /// Frame in which the overlap was measured.
     pub frame: usize,
 }
 
-/// The center of a convex shape of one body went through a surface of another.
+/// Passage of the center of a convex shape through a surface of another body.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Passage {
-    /// The body that went, and the one it went through.
+    /// The body that moved through, and the body it passed through.
     pub bodies: [usize; 2],
-    /// The frame by which it was on the other side.
+    /// First followed frame in which the center was on the other side.
     pub frame: usize,
 }
 
 impl Audit {
-    /// Whether nothing was found that contacts should have prevented. A body that was followed all the way and
-    /// went through nothing may fall off an edge.
+    /// True if no fault was found that contacts should have prevented. Bodies of `left` that were
+    /// followed and passed through nothing fell off an edge, which is no fault.
     pub fn is_clean(&self) -> bool {
         self.inside.is_empty() && self.passed.is_empty() && self.astray.is_empty()
     }
 }
 
-/// Measures a bake of a scene again.
+/// Measures a bake of a scene.
 ///
-/// Two bodies may overlap by as much as they did at the start; by five times the sag of the settings; by
-/// 2 % of the thinner shape's least width; and by what they move against each other in a substep. Where
-/// substeps are not solved to a tolerance, contacts are softer than the sag says: then they may overlap by
-/// what the contacts of that step knew of, too. `known` has that for each frame \[m\], or is empty.
+/// The accepted overlap of two shapes is a sum:
+/// - their overlap at the start;
+/// - five times the sag of the settings;
+/// - 2 % of the thinner shape's least width;
+/// - their relative motion in a substep;
+/// - without a tolerance, the deepest penetration of the contacts of that step, since contacts are
+///   then softer than the sag says.
 ///
-/// The work is bounded: at most 64 frames and 131 072 pairs of shapes are measured, evenly spread over the
-/// bake, and 4 million steps of shapes followed. Not measured: two triangle meshes against each other.
-/// Not followed: what is no convex shape, and passages through dynamic bodies.
+/// `known` holds the deepest penetration of contacts for each frame \[m\], or is empty.
+///
+/// The work is bounded. The audit measures at most 64 frames, evenly spread over the bake, and
+/// 131 072 pairs of shapes. It follows at most 4 million center paths. It does not measure two
+/// triangle meshes against each other. It does not follow meshes, and does not look for passages
+/// through dynamic bodies.
 pub fn audit(
     scene: &Scene,
     recording: &Recording,
@@ -111,8 +120,9 @@ pub fn audit(
     audit
 }
 
-/// The dynamic body that gained most mechanical energy from one frame to another, and how much \[J\]: by
-/// differences of recorded poses, and with the inertia of a ball as large as the body. For naming it.
+/// Returns the dynamic body that gained most mechanical energy between two frames, and its gain
+/// \[J\]. The result serves to name the body: velocities are differences of recorded poses, and the
+/// inertia is that of a ball with the reach of the body.
 pub fn gained_most(
     scene: &Scene,
     recording: &Recording,
@@ -130,7 +140,7 @@ pub fn gained_most(
     gains.filter(|(_, gain)| gain.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// A shape and whose it is.
+/// A shape with its indices in the scene.
 struct Actor {
     body: usize,
     shape: usize,
@@ -143,7 +153,7 @@ struct Stage<'a> {
     actors: Vec<Actor>,
 }
 
-/// Where all shapes are in a frame.
+/// World poses and bounding boxes of all shapes in a frame.
 struct Shot {
     places: Vec<Place>,
     bounds: Vec<Option<Aabb>>,
@@ -171,7 +181,7 @@ impl<'a> Stage<'a> {
         actor.form.placed(&self.body(frame, actor.body))
     }
 
-    /// How far a body comes from its origin. \[m\]
+    /// Returns the largest distance of a point of the body from its origin. \[m\]
     fn reach(&self, body: usize) -> f64 {
         let own = self.actors.iter().filter(|actor| actor.body == body);
         let far = own.map(|actor| {
@@ -181,7 +191,8 @@ impl<'a> Stage<'a> {
         far.fold(0.0, f64::max)
     }
 
-    /// v^2 / 2 + (2/5) (r omega)^2 / 2 - g . x of a body, per mass, as it came to a frame, or as it starts.
+    /// Returns the energy of a body per unit mass, v^2 / 2 + (2/5) (r omega)^2 / 2 - g . x.
+    /// Velocities are those that led to the frame; for frame 0 they are the initial ones.
     /// \[m^2/s^2\]
     fn energy(&self, frame: usize, body: usize, reach: f64) -> f64 {
         let [from, to] = [frame.saturating_sub(1), frame].map(|frame| self.body(frame, body));
@@ -189,7 +200,7 @@ impl<'a> Stage<'a> {
         let start = &self.scene.bodies[body];
         let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let mut speed = norm(minus(to.position, from.position)) * rate;
-        // Of small turns, the changes of the axes make 2 angle^2.
+        // For a small rotation the squared changes of the axes sum to 2 angle^2.
         let turned: f64 = (0..3).map(|i| minus(to.axes[i], from.axes[i])).map(|d| dot(d, d)).sum();
         let mut spin = reach * rate * (turned / 2.0).sqrt();
         if frame == 0 {
@@ -213,7 +224,8 @@ impl<'a> Stage<'a> {
         self.scene.bodies[self.actors[actor].body].motion
     }
 
-    /// Whether two shapes are meant to collide.
+    /// Whether two shapes can collide: different bodies, one of them dynamic, and filters that
+    /// match.
     fn meet(&self, a: usize, b: usize) -> bool {
         let dynamic = [a, b].into_iter().any(|of| self.motion(of) == Motion::Dynamic);
         let (x, y) = (&self.actors[a], &self.actors[b]);
@@ -221,10 +233,11 @@ impl<'a> Stage<'a> {
         dynamic && x.body != y.body && shape(x).filter.collides(&shape(y).filter)
     }
 
-    /// Pairs of shapes whose boxes overlap, at most so many.
+    /// Returns up to `most` pairs of shapes whose bounding boxes overlap. A half-space pairs with
+    /// every bounded shape.
     fn pairs(&self, shot: &Shot, most: usize) -> Vec<[usize; 2]> {
         let count = self.actors.len();
-        // The tree wants numbers without gaps.
+        // The tree wants consecutive indices; half-spaces have no box.
         let (boxed, boxes): (Vec<usize>, Vec<Aabb>) =
             shot.bounds.iter().enumerate().filter_map(|(i, of)| Some((i, (*of)?))).unzip();
         let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
@@ -250,7 +263,7 @@ impl<'a> Stage<'a> {
         pairs
     }
 
-    /// Overlaps in frames spread over the bake, the first and the last among them.
+    /// Measures overlaps in frames spread over the bake, including the first and the last.
     fn measure(&self, last: usize, (settings, known): (&StepSettings, &[f64]), audit: &mut Audit) {
         let mut at_the_start = BTreeMap::new();
         let mut worst: BTreeMap<[usize; 2], Overlap> = BTreeMap::new();
@@ -299,13 +312,13 @@ impl<'a> Stage<'a> {
         audit.inside = inside;
     }
 
-    /// Overlap that two shapes may have in a frame besides that of the start. \[m\]
+    /// Returns the accepted overlap of two shapes in a frame, without that of the start. \[m\]
     fn accepted(&self, pair: [usize; 2], frame: usize, settings: &StepSettings) -> f64 {
         let thin = pair.map(|of| self.actors[of].form.thickness);
         let thin = thin[0].min(thin[1]);
         let part = if thin.is_finite() { PART * thin } else { 0.0 };
         let before = frame.saturating_sub(1);
-        // How far they moved against each other since the frame before, turns included.
+        // Displacement since the frame before, and a bound on the displacement by rotation.
         let moved = |of: usize| {
             let [from, to] = [before, frame].map(|frame| self.place(frame, of));
             let turned: f64 = (0..3).map(|i| norm(minus(to.axes[i], from.axes[i]))).sum();
@@ -318,8 +331,8 @@ impl<'a> Stage<'a> {
         part + SAGS * f64::from(settings.sag) + way / f64::from(settings.substeps.max(1))
     }
 
-    /// The centers of dynamic convex shapes from frame to frame, through all that does not move by
-    /// itself.
+    /// Follows the centers of dynamic convex shapes from frame to frame, and finds passages through
+    /// static and kinematic shapes.
     fn follow(&self, last: usize, audit: &mut Audit) {
         let all = 0..self.actors.len();
         let (walkers, obstacles): (Vec<usize>, Vec<usize>) =
@@ -389,7 +402,8 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Dynamic bodies that end wholly below all that is not dynamic, by more than their own size.
+    /// Finds dynamic bodies that end entirely below all static and kinematic shapes, by more than
+    /// their own height.
     fn left(&self, last: usize, audit: &mut Audit) {
         let gravity: Point =
             std::array::from_fn(|i| self.scene.gravity.get(i).copied().unwrap_or(0.0));
@@ -398,7 +412,7 @@ impl<'a> Stage<'a> {
             return;
         }
         let up = gravity.map(|g| -g / strength);
-        // Lowest and highest along it.
+        // Lowest and highest coordinate along `up`.
         let ends = |of: usize, frame: usize| {
             let place = self.place(frame, of);
             let form = &self.actors[of].form;
@@ -408,7 +422,7 @@ impl<'a> Stage<'a> {
         };
         let all = || 0..self.actors.len();
         let fixed = all().filter(|&of| self.motion(of) != Motion::Dynamic);
-        // A half-space is passed, not left.
+        // Nothing falls past the edge of a half-space; passages through it are found elsewhere.
         let finite = fixed.clone().all(|of| self.actors[of].form.reach.is_finite());
         let floor = fixed.map(|of| ends(of, last)[0].min(ends(of, 0)[0])).reduce(f64::min);
         let Some(floor) = floor.filter(|_| finite) else { return };
@@ -419,7 +433,7 @@ impl<'a> Stage<'a> {
             *known = [known[0].min(low), known[1].max(high)];
         }
         let below = |[low, high]: [f64; 2]| high + (high - low) < floor;
-        // What began there was put there.
+        // A body that began below the floor was put there on purpose.
         let began = |body: usize| {
             let shapes = all().filter(|&of| self.actors[of].body == body);
             shapes.map(|of| ends(of, 0)[1]).fold(f64::NEG_INFINITY, f64::max) >= floor

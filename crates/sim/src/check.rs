@@ -1,4 +1,4 @@
-//! What will hurt in a scene, found before it is simulated.
+//! Checks of a scene before it is simulated: findings that predict trouble.
 
 mod contacts;
 mod decompositions;
@@ -18,67 +18,70 @@ use crate::scene::{Read, Scene};
 use crate::settings::StepSettings;
 use crate::simulation::{BuildError, build_with};
 
-/// What a finding is about. Ordered as findings are listed.
+/// Subject of a finding. Findings are listed in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// Two bodies overlap at the start. \[m\]
+    /// Two bodies overlap at the start: the depth. \[m\]
     Overlap,
-    /// Contacts that no motion can open. \[m/s\]
+    /// Contacts that no motion can open: the missing separation speed. \[m/s\]
     Wedged,
     /// A heavy body rests on a light one: the ratio of their masses. \[1\]
     MassRatio,
-    /// A body that carries others stands on no friction. \[1\]
+    /// A body that carries others stands without friction: the friction coefficient. \[1\]
     Frictionless,
-    /// A body may pass through another between two searches for contacts. \[m\]
+    /// A body may pass through another between two searches for contacts: the distance it may move.
+    /// \[m\]
     TooFast,
-    /// A key of a kinematic body is a jump: the speed that it means. \[m/s\]
+    /// Two keys of a kinematic body are a jump: the speed that it implies. \[m/s\]
     Jump,
-    /// A body is very large. \[m\]
+    /// A body is very large: its largest extent. \[m\]
     TooLarge,
-    /// A body is very thin. \[m\]
+    /// A body is very thin: its thickness. \[m\]
     TooSmall,
-    /// A body is far from the origin. \[m\]
+    /// A body is far from the origin: the distance. \[m\]
     TooFar,
-    /// A shape is mirrored: its smallest factor of scale. \[1\]
+    /// A shape is mirrored: its smallest scale factor. \[1\]
     NegativeScale,
-    /// A shape is scaled unevenly: the largest factor over the smallest. \[1\]
+    /// A shape is scaled unevenly: the ratio of the largest to the smallest factor. \[1\]
     UnevenScale,
-    /// A mesh that should enclose a volume has holes: the number of edges that are not between two triangles.
+    /// A mesh that should enclose a volume has holes: the number of edges that are not between two
+    /// triangles.
     OpenMesh,
-    /// A closed mesh looks inward, as a room does: its volume. \[m^3\]
+    /// A closed mesh faces inward, as a room does: its signed volume. \[m^3\]
     InsideOutMesh,
-    /// A mesh passes through itself: the number of pairs of triangles.
+    /// A mesh intersects itself: the number of pairs of triangles.
     CrossingMesh,
-    /// The convex pieces of a mesh are farther from it than they should be. \[m\]
+    /// The convex pieces of a mesh deviate from it by more than the accuracy: the deviation. \[m\]
     Decomposition,
-    /// Two surfaces bounce without loss. \[1\]
+    /// Two surfaces bounce without loss: their restitution. \[1\]
     LosslessBounce,
-    /// A surface has a restitution that never acts. \[1\]
+    /// The restitution of a surface never acts: that restitution. \[1\]
     IdleBounce,
-    /// The reader left something out, or took something else for it.
+    /// The scene reader left something out, or replaced it.
     LeftOut,
 }
 
-/// Something that will hurt.
+/// A problem of a scene that will disturb its simulation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// What it is about.
+    /// Subject of the finding.
     pub kind: Kind,
-    /// The bodies, by index in the scene.
+    /// Indices of the bodies in the scene.
     pub bodies: Vec<usize>,
-    /// The number found, in the unit of its kind; none where there is nothing to measure.
+    /// Value found, in the unit of its kind; `None` if there is nothing to measure.
     pub value: Option<f64>,
-    /// What is accepted: at most this, or for [`Kind::TooSmall`] and [`Kind::Frictionless`] at least.
+    /// Accepted limit: an upper bound, or a lower bound for [`Kind::TooSmall`],
+    /// [`Kind::Frictionless`], [`Kind::NegativeScale`] and [`Kind::InsideOutMesh`].
     pub limit: Option<f64>,
-    /// Names, number and limit in words.
+    /// Sentence with names, value and limit.
     pub what: String,
-    /// What to do.
+    /// Recommended remedy.
     pub advice: String,
 }
 
 impl Finding {
-    /// About one body: the number found, and its limit.
+    /// Makes a finding about one body, with the value found and its limit.
     fn of_body(
         body: usize,
         kind: Kind,
@@ -91,18 +94,18 @@ impl Finding {
     }
 }
 
-/// Everything that will hurt in a scene with these settings, the worst of each kind first.
+/// Returns all findings about a scene with these settings, the worst of each kind first.
 ///
-/// Takes two steps of the scene: one of almost no time, for the contacts at the start, and one of its
-/// own, for what is wedged.
+/// Takes two steps of the scene from its start. A step of almost no time finds the contacts at the
+/// start. A step of the scene's own length finds jams.
 ///
 /// # Errors
-/// No world can be made of the scene.
+/// The scene cannot be built.
 pub fn check(read: &Read, settings: &StepSettings) -> Result<Vec<Finding>, BuildError> {
     check_with(read, settings, &mut Decompositions::default())
 }
 
-/// The same with decompositions that may be known already.
+/// Checks a scene, with a cache of decompositions.
 ///
 /// # Errors
 /// Those of [`check`].
@@ -115,7 +118,7 @@ pub fn check_with(
     let mut simulation = build_with(scene, contacts::at_the_start(settings), known)?;
     simulation.step(contacts::INSTANT);
     let (near, masses) = (simulation.nearby(), simulation.masses());
-    // Jams are looked for only where certificates are.
+    // Only steps with certificates look for jams.
     let certifying = StepSettings { certify: true, ..settings.clone() };
     let wedged = build_with(scene, certifying, known)?.step(scene.time_step).jams;
 
@@ -147,12 +150,12 @@ pub fn check_with(
     Ok(findings)
 }
 
-/// Keys of kinematic bodies that are jumps, the fastest of each body.
+/// Returns the largest jump of each kinematic body that has one.
 pub fn jumps(scene: &Scene) -> Vec<Finding> {
     motion::jumps(scene)
 }
 
-/// Unit vector against gravity; zero without gravity.
+/// Returns the unit vector against gravity; zero without gravity.
 fn up(scene: &Scene) -> Vec<f64> {
     let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     scene.gravity.iter().map(|g| if strength > 0.0 { -g / strength } else { 0.0 }).collect()
@@ -162,7 +165,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// A length in the unit that suits it.
+/// Formats a length in mm or m.
 fn length(meters: f64) -> String {
     match meters.abs() {
         0.0 => "0 m".to_owned(),

@@ -1,11 +1,13 @@
-//! Convex pieces that stand for a concave mesh, and how far they are from it.
+//! Convex decomposition of concave meshes, and its deviation from the mesh.
 //!
-//! A body collides as convex shapes. [`decompose`] cuts a closed mesh by planes until the exact hull of what is
-//! in each part stays within [`DecompositionOptions::accuracy`] of the mesh, and joins parts as long as their common
-//! hull does. It measures what came of it: [`Deviation`].
+//! Dynamic bodies collide as convex shapes. [`decompose`] cuts a closed mesh by planes until the
+//! exact hull of each part stays within [`DecompositionOptions::accuracy`] of the mesh. It then
+//! joins parts as long as their common hull stays within it, too. It measures the result:
+//! [`Deviation`].
 //!
-//! All work is done on the mesh at unit size, with corners on a grid of 2^-20 of its size. So a mug of 1 mm
-//! and one of 10 m have the same pieces, and so has one that was moved.
+//! All work is done on the mesh at unit size, with vertices on a grid of 2^-20 of its size. The
+//! pieces therefore do not depend on the position and the size of the mesh: a mug of 1 mm and one
+//! of 10 m have the same pieces.
 
 mod cache;
 mod cuts;
@@ -21,20 +23,21 @@ use serde::{Deserialize, Serialize};
 
 pub use cache::Decompositions;
 
-/// Raised whenever the same mesh gets other pieces, so that stored ones are not taken for them.
+/// Version of the algorithm. It increases whenever a mesh would get different pieces, which
+/// invalidates stored decompositions.
 const ALGORITHM: u32 = 1;
 
-/// How closely pieces follow a mesh.
+/// Accuracy and number of the convex pieces of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 #[schemars(rename = "Decomposition")]
 pub struct DecompositionOptions {
-    /// Distance by which pieces may reach out of the mesh, as a fraction of its largest extent.
-    /// 0.001..0.2; 0.01 if absent. \[1\]
+    /// Maximum distance by which pieces may extend beyond the mesh, as a fraction of its largest
+    /// extent. 0.001..0.2; 0.01 if absent. \[1\]
     #[schemars(range(min = 0.001, max = 0.2))]
     pub accuracy: f64,
-    /// Most pieces. Where they do not suffice, the accuracy is missed, and the deviation tells.
-    /// 1..256; 64 if absent.
+    /// Maximum number of pieces. If more would be needed, the accuracy is missed, as the deviation
+    /// shows. 1..256; 64 if absent.
     #[schemars(range(min = 1, max = 256))]
     pub pieces: u32,
 }
@@ -46,12 +49,12 @@ impl Default for DecompositionOptions {
 }
 
 impl DecompositionOptions {
-    /// Smallest and largest [`accuracy`](Self::accuracy).
+    /// Range of [`accuracy`](Self::accuracy).
     pub const ACCURACY: [f64; 2] = [0.001, 0.2];
-    /// Smallest and largest number of [`pieces`](Self::pieces).
+    /// Range of [`pieces`](Self::pieces).
     pub const PIECES: [u32; 2] = [1, 256];
 
-    /// The same within what is accepted.
+    /// Returns the options clamped to their ranges.
     fn clamped(self) -> Self {
         let [low, high] = Self::ACCURACY;
         let accuracy = if self.accuracy >= low { self.accuracy.min(high) } else { low };
@@ -60,69 +63,71 @@ impl DecompositionOptions {
     }
 }
 
-/// A convex piece of a mesh, in its frame.
+/// A convex piece of a mesh, in the frame of the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
-    /// Corners. \[m\]
+    /// Vertices. \[m\]
     pub points: Vec<[f64; 3]>,
-    /// Its surface, counter-clockwise seen from outside.
+    /// Triangles of its surface, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// How far pieces are from their mesh.
+/// Deviation of convex pieces from their mesh.
 ///
-/// Measured at points 1/128 of the size of the mesh apart, along columns and on the faces of the pieces.
+/// Sample points are 1/128 of the size of the mesh apart along columns, and at most 1/64 on the
+/// faces of the pieces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Deviation {
-    /// Farthest that the pieces reach out of the mesh: hollows narrower than twice this may be closed. \[m\]
+    /// Maximum distance by which the pieces extend beyond the mesh. Hollows narrower than twice
+    /// this distance may be closed. \[m\]
     pub outward: f64,
-    /// Farthest that a point of the mesh is from all pieces. \[m\]
+    /// Maximum distance of a point of the mesh from all pieces. \[m\]
     pub inward: f64,
-    /// Volume of the pieces outside of the mesh, as a fraction of that of the mesh. \[1\]
+    /// Volume of the pieces outside the mesh, as a fraction of the volume of the mesh. \[1\]
     pub added: f64,
-    /// Volume of the mesh outside of the pieces, as a fraction of it. \[1\]
+    /// Volume of the mesh outside the pieces, as a fraction of the volume of the mesh. \[1\]
     pub lost: f64,
 }
 
-/// What [`decompose`] makes of a mesh.
+/// Convex decomposition of a mesh by [`decompose`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decomposition {
     /// Convex pieces; they touch, and may overlap.
     pub pieces: Vec<Piece>,
-    /// How far they are from the mesh.
+    /// Deviation of the pieces from the mesh.
     pub deviation: Deviation,
-    /// Middle of the box around the mesh. \[m\]
+    /// Center of the bounding box of the mesh. \[m\]
     pub center: [f64; 3],
     /// Largest extent of the mesh. \[m\]
     pub size: f64,
 }
 
 impl Decomposition {
-    /// Whether the pieces are as near to the mesh as the options ask for.
+    /// Whether the deviation is within the accuracy of the options.
     pub fn is_accurate(&self, options: &DecompositionOptions) -> bool {
         self.deviation.outward.max(self.deviation.inward) <= options.accuracy * self.size
     }
 }
 
-/// Why a mesh encloses no volume that could be decomposed.
+/// Error: a mesh encloses no volume that could be decomposed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotSolid {
-    /// A coordinate is NaN or infinite, or an index is that of no vertex.
+    /// A coordinate is NaN or infinite, or a triangle has an index out of range.
     #[error("a coordinate is not finite, or an index is that of no vertex")]
     Invalid,
     /// The mesh has holes.
     #[error("the mesh is open: {edges} edges have no second triangle")]
     Open {
-        /// Edges with an odd number of triangles.
+        /// Number of edges with an odd number of triangles.
         edges: usize,
     },
     /// Neighboring triangles face opposite sides.
     #[error("the mesh looks both ways: at {edges} edges two neighbors face opposite sides")]
     Turned {
-        /// How many such edges there are.
+        /// Number of such edges.
         edges: usize,
     },
-    /// All is in one plane.
+    /// The mesh encloses no volume, such as a flat one.
     #[error("the mesh encloses no volume")]
     Flat,
     /// No pieces with a volume were found.
@@ -132,8 +137,9 @@ pub enum NotSolid {
 
 /// Cuts a closed mesh into convex pieces.
 ///
-/// Triangles may face outwards or all inwards; vertices at one place count as one. Shells may cross: what is
-/// inside of any is solid. Takes 0.1 to 2 s; the same mesh gives the same pieces.
+/// All triangles may face outward, or all inward. Vertices at the same position count as one.
+/// Shells may intersect: points inside any shell are solid. Takes 0.1 to 2 s; the same mesh always
+/// gives the same pieces.
 ///
 /// ```
 /// use drystone::{DecompositionOptions, decompose};
@@ -155,7 +161,7 @@ pub enum NotSolid {
 /// ```
 ///
 /// # Errors
-/// The mesh encloses no volume: [`NotSolid`].
+/// [`NotSolid`]: the mesh encloses no volume.
 pub fn decompose(
     vertices: &[[f64; 3]],
     triangles: &[[u32; 3]],
@@ -164,19 +170,19 @@ pub fn decompose(
     Decompositions::default().of(vertices, triangles, options)
 }
 
-/// Whether [`decompose`] would take a mesh.
+/// Checks that a mesh is closed and encloses a volume, as [`decompose`] requires.
 ///
 /// # Errors
-/// The mesh encloses no volume: [`NotSolid`].
+/// [`NotSolid`]: the mesh encloses no volume.
 pub fn is_solid(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<(), NotSolid> {
     surface::Surface::new(vertices, triangles).map(drop)
 }
 
-/// The pieces of a mesh at unit size.
+/// Pieces of a mesh at unit size.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Unit {
     pieces: Vec<pieces::Hull>,
-    /// As fractions of the size.
+    /// Lengths as fractions of the size of the mesh.
     deviation: Deviation,
 }
 
@@ -194,7 +200,7 @@ impl Unit {
         if found.is_empty() { Err(NotSolid::Failed) } else { Ok(measured(found)) }
     }
 
-    /// The same at the place and size of a mesh.
+    /// Scales and moves the pieces to the size and center of a mesh.
     fn at(self: Arc<Self>, center: [f64; 3], size: f64) -> Decomposition {
         let place = |p: &[f32; 3]| std::array::from_fn(|i| center[i] + size * f64::from(p[i]));
         let piece = |hull: &pieces::Hull| Piece {

@@ -1,4 +1,4 @@
-//! What a scene's shapes become in a dimension, and what they weigh.
+//! Conversion of a scene's shapes to the shapes of a dimension, and their mass properties.
 
 use std::array::from_fn;
 
@@ -9,11 +9,11 @@ use crate::geometry::spheres::SphereShape;
 use crate::geometry::{Geometry, MassProperties, Rigid2, Rigid3, Spheres, mass_within};
 use crate::scene::description::{Rotation, Shape, ShapeKind};
 
-/// What a scene's shape becomes in a dimension.
+/// Conversion of a scene's shape to a shape of this dimension.
 pub(crate) trait FromScene<const L: usize, const A: usize>: Geometry<L, A> {
     fn shape(kind: &ShapeKind) -> Result<Self::Shape, &'static str>;
 
-    /// What stands for a shape on a dynamic body, if it cannot be that body's own.
+    /// Returns the convex pieces that replace a shape on a dynamic body; `None` if none are needed.
     fn pieces(
         _kind: &ShapeKind,
         _known: &mut Decompositions,
@@ -27,20 +27,20 @@ pub(crate) trait FromScene<const L: usize, const A: usize>: Geometry<L, A> {
 
 /// Convex pieces of a mesh.
 pub(crate) struct Pieces<G: Geometry<L, A>, const L: usize, const A: usize> {
-    /// About their middle.
+    /// Pieces relative to `center`.
     pub(crate) shapes: Vec<G::Shape>,
-    /// Their middle in the frame of the mesh. \[m\]
+    /// Center of the pieces in the frame of the mesh. \[m\]
     pub(crate) center: Vec<f64>,
-    /// Of the mesh, at density 1: pieces overlap.
+    /// Mass properties of the mesh at density 1. Those of the pieces would count overlaps twice.
     pub(crate) solid: MassProperties<L, A>,
 }
 
-/// As many numbers as a vector has; what is not there is 0.
+/// Converts numbers to a vector; missing components are 0.
 pub(crate) fn floats<const L: usize>(of: &[f64]) -> [f32; L] {
     from_fn(|i| of.get(i).copied().unwrap_or(0.0) as f32)
 }
 
-/// What reads the same for parry2d and parry3d.
+/// Converts the shapes that parry2d and parry3d build in the same way.
 macro_rules! parry_shape {
     ($parry:ident, $kind:expr, $l:literal, $box:expr, $hull:expr, $rest:expr) => {{
         use $parry::math::Vector as V;
@@ -97,7 +97,8 @@ impl FromScene<3, 3> for Rigid3 {
                 ShapeKind::Trimesh { vertices, triangles, .. } => {
                     use parry3d::shape::TriMeshFlags;
                     let vertices = vertices.iter().map(|v| V::from(floats::<3>(v))).collect();
-                    // Without it, a body sliding over a flat mesh stumbles at inner edges.
+                    // Without this flag, a body that slides over a flat mesh catches on inner
+                    // edges.
                     let flags = TriMeshFlags::FIX_INTERNAL_EDGES
                         | TriMeshFlags::MERGE_DUPLICATE_VERTICES
                         | TriMeshFlags::DELETE_DEGENERATE_TRIANGLES;
@@ -119,7 +120,7 @@ impl FromScene<3, 3> for Rigid3 {
         };
         const OPEN: &str =
             "a mesh that is not closed has no volume to move; close it, or use its convex hull";
-        // As contacts see them: the same from files of single precision.
+        // Rounded to `f32` as for contacts, so that files in single precision give the same pieces.
         let single: Vec<_> = vertices.iter().map(|p| floats::<3>(p).map(f64::from)).collect();
         let found = known.of(&single, triangles, &decomposition.unwrap_or_default());
         let found = found.map_err(|_| OPEN)?;
@@ -150,7 +151,8 @@ impl<const L: usize> FromScene<L, 0> for Spheres {
     }
 }
 
-/// What a closed mesh encloses, whichever side its triangles face, at density 1.
+/// Returns the mass properties at density 1 of the volume inside a closed mesh. Triangles may face
+/// either side.
 fn solid(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> MassProperties<3, 3> {
     let points: Vec<_> = vertices.iter().map(|p| floats::<3>(p).into()).collect();
     let outwards = mass_within(&points, triangles, 1.0);
@@ -161,7 +163,7 @@ fn solid(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> MassProperties<3, 3> 
     mass_within(&points, &turned, 1.0)
 }
 
-/// A pose as a scene has it.
+/// Converts a pose of a scene.
 pub(crate) fn place<G: Geometry<L, A>, const L: usize, const A: usize>(
     position: &[f64],
     rotation: &Rotation,
@@ -172,16 +174,16 @@ pub(crate) fn place<G: Geometry<L, A>, const L: usize, const A: usize>(
     }
 }
 
-/// What says how heavy a shape is.
+/// Mass of a shape, stated directly or by a density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Weight {
-    /// \[kg/m^3\]
+    /// Density. \[kg/m^3\]
     Density(f64),
-    /// \[kg\]
+    /// Mass. \[kg\]
     Mass(f64),
 }
 
-/// Mass \[kg\], center \[m\] and inertia about it \[kg m^2\] of a body.
+/// Mass \[kg\], center \[m\] and inertia about the center \[kg m^2\] of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Solid {
     pub(crate) mass: f64,
@@ -189,7 +191,7 @@ pub(crate) struct Solid {
     pub(crate) inertia: [[f64; 3]; 3],
 }
 
-/// The same, `factor` times as dense.
+/// Multiplies the density by `factor`.
 pub(crate) fn times<const L: usize, const A: usize>(
     mut solid: MassProperties<L, A>,
     factor: f32,
@@ -199,7 +201,8 @@ pub(crate) fn times<const L: usize, const A: usize>(
     solid
 }
 
-/// A body in 3D of shapes that are not equally dense; none where they have no volume.
+/// Returns the mass properties of a 3D body whose shapes have different densities; `None` if they
+/// have no volume.
 pub(crate) fn compound<'s>(parts: impl Iterator<Item = (&'s Shape, Weight)>) -> Option<Solid> {
     let mut solid = MassProperties::<3, 3>::ZERO;
     for (shape, weight) in parts {

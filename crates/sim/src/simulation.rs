@@ -1,4 +1,5 @@
-//! From a scene to a world that runs: the one place where the four dimensions meet.
+//! Builds a running world from a scene. Only this module instantiates all four dimensions: rigid
+//! bodies and particles, in 2D and 3D.
 
 use std::array::from_fn;
 
@@ -15,82 +16,83 @@ use crate::scene::{self, BodiesAs, Motion, Rotation, Scene, Track};
 use crate::settings::StepSettings;
 use crate::world::{CheckpointError, World};
 
-/// A scene in motion, whatever its dimension.
+/// A running scene of any dimension.
 pub trait Simulation: Send {
-    /// Moves on by `dt` \[s\]; kinematic bodies follow their tracks.
+    /// Advances the simulation by `dt` \[s\]; kinematic bodies follow their tracks.
     fn step(&mut self, dt: f64) -> StepReport;
 
-    /// Appends the poses of all bodies of the scene, in its order: 3D px py pz qx qy qz qw,
-    /// 2D px py angle. \[m, rad\]
+    /// Appends the poses of all bodies in scene order: 3D px py pz qx qy qz qw, 2D px py angle.
+    /// \[m, rad\]
     fn write_poses(&self, out: &mut Vec<f32>);
 
-    /// XXH3 (64 bits) of the poses and then the velocities of all bodies, linear and angular, as
-    /// little-endian `f32`.
+    /// Returns the XXH3 hash (64 bits) of the poses, followed by the linear and angular velocities,
+    /// of all bodies as little-endian `f32`.
     fn state_hash(&self) -> u64;
 
-    /// Energies, deepest overlap and residual as the last step left them.
+    /// Returns energies, deepest penetration and residual after the last step.
     fn measure(&self) -> Measure;
 
-    /// The state between two steps as bytes ([`World::checkpoint`]).
+    /// Returns the state between two steps as bytes ([`World::checkpoint`]).
     fn checkpoint(&self) -> Vec<u8>;
 
-    /// Goes on from a state of the same scene under the same settings, with the same bits
-    /// ([`World::restore`]).
+    /// Restores a state of the same scene with the same settings ([`World::restore`]). All further
+    /// steps are bitwise equal to those of the original run.
     ///
     /// # Errors
     /// The bytes are no checkpoint of this scene.
     fn restore(&mut self, checkpoint: &[u8]) -> Result<(), CheckpointError>;
 
-    /// Mass of each body; infinite for what nothing pushes. \[kg\]
+    /// Returns the mass of each body; infinite for static and kinematic bodies. \[kg\]
     fn masses(&self) -> Vec<f64>;
 
-    /// Bodies that were near each other at the start of the last search for contacts, one entry per
+    /// Returns the pairs of bodies near each other at the last search for contacts, one entry per
     /// manifold.
     fn nearby(&self) -> Vec<Nearby>;
 
-    /// Uses `threads` threads; results do not depend on it.
+    /// Sets the number of threads; results do not depend on it.
     fn set_threads(&mut self, threads: usize);
 
-    /// [`World::time_stages`].
+    /// Turns the timing of stages on or off ([`World::time_stages`]).
     fn time_stages(&mut self, timing: bool);
 
-    /// [`World::save_systems`].
+    /// Turns the saving of contact systems on or off ([`World::save_systems`]).
     fn save_systems(&mut self, saving: bool);
 
-    /// [`World::saved`] as matrices; `None` where nothing was saved. Feature `assembled`.
+    /// Returns [`World::saved`] as matrices; `None` if nothing was saved. Feature `assembled`.
     ///
     /// # Errors
-    /// A number of the system is not finite.
+    /// The system has a number that is NaN or infinite.
     #[cfg(feature = "assembled")]
     fn saved(
         &self,
     ) -> Option<Result<crate::SavedProblem, drystone_solver::assembled::ProblemError>>;
 
-    /// The step settings.
+    /// Returns the step settings.
     fn settings(&self) -> &StepSettings;
 }
 
-/// Why no world can be made of a scene.
+/// Error: a shape of a scene cannot be built.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("shape {shape} of {body}: {reason}")]
 pub struct BuildError {
-    /// The body's name, or its index.
+    /// Name of the body, or its index.
     pub body: String,
     /// Index of the shape.
     pub shape: usize,
-    /// What is wrong, and what would do.
+    /// The problem, and what is accepted.
     pub reason: &'static str,
 }
 
-/// Makes a world of a scene. Concave meshes of dynamic bodies are decomposed, equal ones once.
+/// Builds a world from a scene. Concave meshes of dynamic bodies are decomposed; equal meshes share
+/// one decomposition.
 ///
 /// # Errors
-/// A shape that its dimension cannot have, or that has no volume.
+/// A shape does not exist in the scene's dimension, or has no volume.
 pub fn build(scene: &Scene, settings: StepSettings) -> Result<Box<dyn Simulation>, BuildError> {
     build_with(scene, settings, &mut Decompositions::default())
 }
 
-/// The same with decompositions that may be known already.
+/// Builds a world from a scene, with a cache of decompositions.
 ///
 /// # Errors
 /// Those of [`build`].
@@ -163,7 +165,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
     }
 
     fn checkpoint(&self) -> Vec<u8> {
-        // Into memory, from numbers alone: cannot fail.
+        // Writing plain numbers to memory cannot fail.
         postcard::to_stdvec(&(self.time, self.world.checkpoint())).unwrap_or_default()
     }
 
@@ -285,8 +287,8 @@ fn surface_motion<const L: usize, const A: usize>(
     }
 }
 
-/// Mass, center and moments of a body: its own where it states them, else those of its shapes,
-/// scaled to its mass.
+/// Returns mass, center and moments of a body. Values that the body does not state are those of its
+/// shapes; their moments are scaled to a stated mass.
 fn inertia<G: Geometry<L, A>, const L: usize, const A: usize>(
     body: &scene::Body,
     mut solid: MassProperties<L, A>,

@@ -1,4 +1,4 @@
-//! What the command is told.
+//! Command-line arguments of `drystone bake`.
 
 use std::path::PathBuf;
 

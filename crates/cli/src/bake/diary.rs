@@ -1,4 +1,4 @@
-//! The journal of a bake as the command keeps it: begun, gone on with, and thrown away in the end.
+//! Journal of a bake as the command uses it: begin, resume, and delete in the end.
 
 use std::ffi::OsString;
 use std::io::{self, ErrorKind};
@@ -12,7 +12,7 @@ use drystone::recording::journal::{Header, Journal, Mark, Step};
 use super::arguments::Arguments;
 use crate::failure::Failure;
 
-/// What a journal had when the bake went on.
+/// Content of a journal when its bake is resumed.
 pub(super) struct Kept {
     pub(super) steps: Vec<Step>,
     pub(super) poses: Vec<f32>,
@@ -22,22 +22,22 @@ pub(super) struct Kept {
 pub(super) struct Diary {
     path: PathBuf,
     header: Header,
-    /// None until it is begun.
+    /// `None` until the journal is begun.
     journal: Option<Journal>,
     kept: Option<Kept>,
-    /// Steps that it had.
+    /// Number of steps in the journal that was found.
     found: usize,
     marks: Vec<Mark>,
-    /// Time between checkpoints.
+    /// Minimum time between checkpoints.
     every: Duration,
     last: Instant,
-    /// Size of the last checkpoint, and of the journal with it. \[byte\]
+    /// Sizes of the last checkpoint and of the journal after it. \[byte\]
     sizes: [u64; 2],
 }
 
 impl Diary {
-    /// Looks for a journal beside the first output. Goes on with it where that was asked for, and
-    /// refuses to throw work away where it was not.
+    /// Looks for a journal beside the first output. Resumes it if that is requested. Otherwise
+    /// refuses to discard the steps of a journal of this bake.
     pub(super) fn open(
         arguments: &Arguments,
         beside: &Path,
@@ -76,13 +76,13 @@ impl Diary {
             Some(why) if arguments.resume => {
                 return Err(diary.wrong(&format!("cannot be gone on with: {why}; delete it")));
             }
-            // Of something else, and not asked for.
+            // An empty journal, or that of another bake, is replaced.
             _ => {}
         }
         Ok(diary)
     }
 
-    /// What there was; only the first time.
+    /// Takes the content of the resumed journal; `None` from the second call on.
     pub(super) fn kept(&mut self) -> Option<Kept> {
         self.kept.take()
     }
@@ -98,7 +98,7 @@ impl Diary {
         Ok(())
     }
 
-    /// Adds a step and the poses that it led to; now and then the whole state.
+    /// Appends a step and the poses after it, and at intervals a checkpoint of the whole state.
     pub(super) fn write(
         &mut self,
         step: &Step,
@@ -107,7 +107,7 @@ impl Diary {
     ) -> Result<(), Failure> {
         let Some(journal) = &mut self.journal else { return Ok(()) };
         let mut written = journal.frame(Some(step), poses);
-        // Checkpoints may at most double the journal.
+        // Checkpoints at most double the size of the journal.
         let [checkpoint, size] = self.sizes;
         let due = self.last.elapsed() >= self.every && journal.size() >= size + checkpoint;
         if written.is_ok() && due {
@@ -121,8 +121,8 @@ impl Diary {
         })
     }
 
-    /// Takes the simulation to the last checkpoint before a step, or leaves it at its start; returns how
-    /// many steps that is.
+    /// Restores the last checkpoint before a step, or leaves the simulation at its start. Returns
+    /// the number of steps taken until there.
     pub(super) fn restore(
         &mut self,
         simulation: &mut dyn Simulation,
@@ -135,7 +135,7 @@ impl Diary {
         Ok(mark.step)
     }
 
-    /// Whether a step that is taken again comes out as it did.
+    /// Checks that a repeated step leads to the same state as before.
     pub(super) fn compare(&self, step: usize, known: &Step, state: u64) -> Result<(), Failure> {
         if known.state == state {
             return Ok(());
@@ -146,7 +146,7 @@ impl Diary {
         )))
     }
 
-    /// The user ended it.
+    /// Syncs the journal, and returns the failure that reports an interruption by the user.
     pub(super) fn interrupted(&mut self, taken: usize, all: usize) -> Failure {
         let synced = self.journal.as_mut().map_or(Ok(()), Journal::sync);
         match synced {
@@ -158,7 +158,7 @@ impl Diary {
         }
     }
 
-    /// How to go on with this bake.
+    /// Describes how to resume this bake.
     pub(super) fn way_on(&self) -> String {
         let mut words: Vec<String> =
             env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy())).collect();
@@ -172,7 +172,7 @@ impl Diary {
     pub(super) fn discard(self, taken: usize) {
         if self.journal.is_some() && self.found <= taken {
             drop(self.journal);
-            // It may stay: it has no frame that the outputs do not have.
+            // A failure is harmless: the outputs have all frames of the journal.
             let _ = fs::remove_file(&self.path);
         }
     }
@@ -193,7 +193,7 @@ fn cannot_write(path: &Path, error: &io::Error) -> String {
     Failure::cannot_write(path, error).to_string()
 }
 
-/// A word for a shell.
+/// Quotes a word for a shell.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_=./,:+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

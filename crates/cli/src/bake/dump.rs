@@ -12,7 +12,7 @@ use super::arguments::Arguments;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 
-/// The step to save, if the run has it.
+/// Checks that the run has the step to save.
 pub(super) fn step(step: Option<u32>, steps: u32) -> Result<Option<u32>, Failure> {
     match step {
         Some(step) if step > steps => {
@@ -22,7 +22,7 @@ pub(super) fn step(step: Option<u32>, steps: u32) -> Result<Option<u32>, Failure
     }
 }
 
-/// Where it goes: as stated, or beside the first output.
+/// Returns the files of the contact problem: those requested, or one beside the first output.
 pub(super) fn files(arguments: &Arguments) -> Result<Vec<PathBuf>, Failure> {
     let Some(step) = arguments.dump_step else { return Ok(Vec::new()) };
     for path in &arguments.dump {
@@ -49,7 +49,7 @@ pub(super) fn files(arguments: &Arguments) -> Result<Vec<PathBuf>, Failure> {
     Ok(vec![file.into()])
 }
 
-/// Writes the files, and tells them and what they lack.
+/// Writes the files. Returns them, with a warning about what the matrices leave out.
 pub(super) fn write(
     files: &[PathBuf],
     scene: &Scene,
@@ -124,7 +124,7 @@ fn document(scene: &Scene, step: u32, saved: &SavedProblem) -> Value {
     })
 }
 
-/// A sparse matrix as `drystone solve` reads it.
+/// Converts a sparse matrix to the format that `drystone solve` reads.
 fn by_columns(matrix: &Matrix) -> Value {
     let rows = 0..matrix.nrows();
     let mut entries: Vec<(usize, usize, f64)> = rows

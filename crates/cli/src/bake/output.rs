@@ -14,7 +14,7 @@ use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 use crate::files::{folder, place};
 
-/// What a motion is written as.
+/// File format of a motion.
 #[derive(Clone, Copy)]
 pub(crate) enum Format {
     Glb,
@@ -23,7 +23,7 @@ pub(crate) enum Format {
     Usda,
 }
 
-/// Where the results go.
+/// Paths of all outputs.
 pub(super) struct Outputs {
     motions: Vec<(PathBuf, Format)>,
     report: Option<PathBuf>,
@@ -31,7 +31,8 @@ pub(super) struct Outputs {
 }
 
 impl Outputs {
-    /// Refuses what cannot be meant.
+    /// Collects the outputs. Refuses wrong extensions, the scene as an output, and an output given
+    /// twice.
     pub(super) fn new(arguments: &Arguments) -> Result<Self, Failure> {
         let motions =
             arguments.output.iter().map(|path| Ok((path.clone(), Format::of("--output", path)?)));
@@ -61,22 +62,22 @@ impl Outputs {
         self.motions.iter().map(|(path, _)| path).chain(&self.report).chain(&self.dumps)
     }
 
-    /// The one that was named first.
+    /// Returns the output that was named first.
     pub(super) fn first<'a>(&'a self, arguments: &'a Arguments) -> &'a Path {
         self.paths().next().unwrap_or(&arguments.scene)
     }
 
-    /// Where the contact problem of a step goes.
+    /// Returns the files of the contact problem of a step.
     pub(super) fn dumps(&self) -> &[PathBuf] {
         &self.dumps
     }
 
-    /// Finds out whether the files can be made, before anybody waits for a simulation.
+    /// Checks that the files can be written, before the simulation starts.
     pub(super) fn check_folders(&self) -> Result<(), Failure> {
         self.paths().try_for_each(|path| check_folder(path))
     }
 
-    /// Writes the motion; tells the files and what they lack.
+    /// Writes the motion. Returns the files, with warnings about what they leave out.
     pub(super) fn write(
         &self,
         read: &Read,
@@ -95,7 +96,7 @@ impl Outputs {
 }
 
 impl Format {
-    /// The format of a path by its extension.
+    /// Returns the format of a path by its extension.
     pub(crate) fn of(flag: &str, path: &Path) -> Result<Self, Failure> {
         match extension(path).as_str() {
             "glb" => Ok(Self::Glb),
@@ -106,7 +107,8 @@ impl Format {
         }
     }
 
-    /// Writes a motion; `read` is its scene, which arrays do not need. Tells what the file lacks.
+    /// Writes a motion. `read` is its scene, which arrays do not need. Returns warnings about what
+    /// the file leaves out.
     pub(crate) fn write(
         self,
         path: &Path,
@@ -137,7 +139,7 @@ impl Format {
     }
 }
 
-/// Makes the folder of an output where it is missing, and tries whether it takes files.
+/// Creates the folder of an output if it is missing, and checks that files can be written to it.
 fn check_folder(path: &Path) -> Result<(), Failure> {
     let refuse =
         |why: &str| Err(Failure::File(format!("{}: cannot be written: {why}", path.display())));
@@ -148,13 +150,13 @@ fn check_folder(path: &Path) -> Result<(), Failure> {
         _ => {}
     }
     fs::create_dir_all(folder(path)).map_err(|error| Failure::cannot_write(path, &error))?;
-    // Only trying tells whether a folder takes files.
+    // Only an attempt shows whether a file can be created in the folder.
     let probe = place(path).with_file_name(format!(".drystone-{}.probe", std::process::id()));
     File::create(&probe).map_err(|error| Failure::cannot_write(path, &error))?;
     fs::remove_file(&probe).map_err(|error| Failure::cannot_write(path, &error))
 }
 
-/// A file and its size.
+/// Formats a path with the size of its file.
 pub(super) fn describe(path: &Path) -> String {
     let size = fs::metadata(path).map_or(0, |data| data.len()) as f64;
     let (size, unit) = match size {

@@ -1,4 +1,4 @@
-//! Running a simulation and keeping what happens.
+//! Runs a simulation and records its steps.
 
 use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,49 +14,49 @@ use indicatif::ProgressBar;
 use super::diary::{Diary, Kept};
 use crate::failure::Failure;
 
-/// A body faster than this has left the realm of the meaningful. \[m/s\]
+/// Speed of a body beyond which the simulation counts as diverged. \[m/s\]
 const TOO_FAST: f64 = 1e6;
 
-/// A body that starts faster than this is most often in other units. \[m/s\]
+/// Initial speed beyond which a body is most often in other units. \[m/s\]
 const PLAUSIBLE: f64 = 1e4;
 
-/// Set when the user wants to end.
+/// Set when the user interrupts the bake.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// The first signal ends the simulation between two steps; a file that is being written is
-/// finished first, so that none is left in part. A second one ends the process at once. Whatever
-/// happens, the bake can go on from its journal.
+/// Installs the signal handler. The first signal ends the simulation between two steps; a file that
+/// is being written is completed first. A second signal ends the process at once. In either case
+/// the bake can be resumed from its journal.
 pub(super) fn listen() {
     let heard = || {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             process::exit(130);
         }
     };
-    // Without a handler, a signal ends the process, which is all that is lost.
+    // Without a handler a signal ends the process at once; nothing else is lost.
     let _ = ctrlc::set_handler(heard);
 }
 
-/// A run of a scene.
+/// Record of a simulated scene.
 pub(super) struct Bake {
     pub(super) recording: Recording,
     pub(super) settings: StepSettings,
-    /// Before the first step.
+    /// Measure of the initial state.
     pub(super) start: Measure,
     pub(super) steps: Vec<Step>,
-    /// The contact problem of the step that was to be saved.
+    /// Contact problem of the step to be saved.
     pub(super) saved: Option<SavedProblem>,
 }
 
-/// How long a run is, and what is to be saved of it.
+/// Length of a run, and the step to be saved.
 #[derive(Clone, Copy)]
 pub(super) struct Length {
     pub(super) steps: usize,
-    /// The step whose contact problem is saved, from 1.
+    /// Step whose contact problem is saved, from 1.
     pub(super) dump_step: Option<usize>,
 }
 
 impl Bake {
-    /// Takes the steps that the diary does not have yet.
+    /// Takes the steps that are not in the journal yet.
     pub(super) fn run(
         simulation: &mut dyn Simulation,
         scene: &Scene,
@@ -94,7 +94,7 @@ impl Bake {
         Ok(bake)
     }
 
-    /// The initial state, and room for the steps.
+    /// Records the initial state and reserves memory for the steps.
     fn new(simulation: &dyn Simulation, scene: &Scene, steps: usize) -> Result<Self, Failure> {
         let recording = Recording {
             dimension: scene.dimension,
@@ -111,8 +111,9 @@ impl Bake {
         Ok(bake)
     }
 
-    /// Takes over what was kept, and returns after how many steps the simulation goes on: it takes the
-    /// last ones again, so that another build or machine shows.
+    /// Takes over the frames of the journal, and returns the number of steps after which the
+    /// simulation continues. It repeats the steps since the checkpoint, so that a different build
+    /// or machine is noticed.
     fn go_on(
         &mut self,
         simulation: &mut dyn Simulation,
@@ -168,7 +169,7 @@ impl Bake {
         Ok(())
     }
 
-    /// Points of contact in the step that led to each frame; none to the first.
+    /// Returns the number of contact points in the step that led to each frame; 0 for the first.
     pub(super) fn contacts(&self) -> Vec<u32> {
         let steps = self.steps.iter().map(|step| step.report.contacts as u32);
         std::iter::once(0).chain(steps).collect()
@@ -191,7 +192,7 @@ impl Bake {
         ))
     }
 
-    /// What most likely helps against divergence, by what the scene has.
+    /// Returns the most likely remedy for divergence in this scene.
     fn advice(&self, scene: &Scene, body: usize) -> String {
         let speed = scene
             .bodies
@@ -215,8 +216,8 @@ impl Bake {
         format!("Set time_step to {finer:.1e} s, and see what `drystone check` names")
     }
 
-    /// The dynamic body that moved most in the last `frames` frames, and how far \[m\]; without
-    /// a number, it moved infinitely far.
+    /// Returns the dynamic body with the largest displacement over the last `frames` frames, and
+    /// that displacement \[m\]. It is infinite if a pose is not finite.
     pub(super) fn moved_most(&self, scene: &Scene, frames: usize) -> Option<(usize, f64)> {
         let last = self.recording.frames().checked_sub(1)?;
         let first = last.saturating_sub(frames);

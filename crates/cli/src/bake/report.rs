@@ -1,4 +1,4 @@
-//! The report: numbers of each step, for other programs.
+//! Report of a bake: values of each step, for other programs.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::record::Bake;
 use super::summary::Summary;
 use crate::failure::Failure;
 
-/// What a report is about.
+/// Input of a report.
 pub(super) struct Run<'a> {
     pub(super) scene: &'a Path,
     pub(super) settings: &'a StepSettings,
@@ -22,8 +22,8 @@ pub(super) struct Run<'a> {
     pub(super) summary: &'a Summary,
 }
 
-/// The report as it is written: from these types, since a JSON value between would make `f64` of
-/// each `f32` and write 0.019999999552965164 for 0.02.
+/// The report as it is written. It is serialized from these types, since a JSON value in between
+/// would convert each `f32` to `f64` and write 0.019999999552965164 for 0.02.
 #[derive(Serialize)]
 struct Report<'a> {
     scene: String,
@@ -45,20 +45,20 @@ struct StepNumbers {
     asleep: usize,
     substeps: u32,
     sweeps: usize,
-    /// \[m\]
+    /// Deepest penetration. \[m\]
     deepest_penetration: f64,
-    /// \[J\]
+    /// Kinetic energy. \[J\]
     kinetic_energy: f64,
-    /// \[J\]
+    /// Potential energy. \[J\]
     potential_energy: f64,
-    /// \[m/s\]
+    /// Residual of the contacts. \[m/s\]
     residual: f64,
-    /// The largest certified error of an island; absent if nothing was certified. \[m/s\]
+    /// Largest certified error of an island; absent if nothing was certified. \[m/s\]
     #[serde(skip_serializing_if = "Option::is_none")]
     certificate: Option<f64>,
     /// Hash of all poses and velocities after the step, in hexadecimal.
     state: String,
-    /// Where the energy came from and went, by item. \[J\]
+    /// Energy ledger by item; absent without a ledger. \[J\]
     #[serde(skip_serializing_if = "Option::is_none")]
     energy: Option<BTreeMap<&'static str, f64>>,
 }

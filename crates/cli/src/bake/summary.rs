@@ -1,4 +1,4 @@
-//! What a run was like, in a few numbers and in plain words.
+//! Summary of a bake: a few numbers for the report, and a text for the terminal.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -12,134 +12,137 @@ use serde::Serialize;
 
 use super::record::Bake;
 
-/// Energy above that of the start that passes for rounding, as a part of the energy that the run
-/// converts. \[1\]
+/// Energy above the initial energy that counts as rounding, as a fraction of the energy that the
+/// run converts. \[1\]
 const ENERGY_TOLERANCE: f64 = 1e-3;
-/// Bodies that move less than this in the last second are at rest. \[m\]
+/// Largest displacement over the last second of a body at rest. \[m\]
 const AT_REST: f64 = 1e-3;
-/// Overlap at the start that is worth a word. \[m\]
+/// Initial overlap above which the summary mentions it. \[m\]
 const OVERLAP: f64 = 1e-4;
-/// How many bodies are named before the rest is counted.
+/// Number of bodies that the text names before it counts the rest.
 const NAMED: usize = 3;
 
-/// The numbers of a run.
+/// Numbers of a run.
 #[derive(Serialize)]
 pub(super) struct Summary {
     dynamic: usize,
     r#static: usize,
     kinematic: usize,
-    /// Bodies whose surface runs, as belts do.
+    /// Bodies with a surface velocity, such as conveyor belts.
     running: usize,
-    /// \[s\]
+    /// Simulated time. \[s\]
     simulated: f64,
-    /// The fewest and the most of any step.
+    /// Minimum and maximum over the steps.
     substeps: [u32; 2],
     contacts_mean: f64,
     contacts_max: usize,
-    /// Bodies that sleep at the end.
+    /// Bodies asleep at the end.
     asleep: usize,
     step_ms_median: f64,
     total_ms: f64,
-    /// \[m\]
+    /// Deepest penetration in any step. \[m\]
     deepest_penetration: f64,
-    /// In the last second. \[m\]
+    /// Deepest penetration in the last second. \[m\]
     settled_penetration: f64,
-    /// Deepest overlap before anything moved, as the audit finds it. \[m\]
+    /// Deepest overlap that the audit finds in the initial state. \[m\]
     initial_penetration: f64,
-    /// \[J\]
+    /// Initial energy, kinetic plus potential. \[J\]
     energy_start: f64,
-    /// \[J\]
+    /// Final energy, kinetic plus potential. \[J\]
     energy_end: f64,
-    /// Highest energy above that of the start. \[J\]
+    /// Maximum rise of the energy above its initial value. \[J\]
     energy_rise: f64,
-    /// The first step after which the energy is above that of the start by more than the tolerance,
-    /// and the body that has gained most when it is highest; absent where it never is.
+    /// First step after which the energy exceeds the initial energy by more than the tolerance.
+    /// Also names the body that has gained most when the energy peaks. Absent unless
+    /// `energy_created` is true.
     #[serde(skip_serializing_if = "Option::is_none")]
     energy_risen: Option<Risen>,
-    /// Rise that passes for rounding. \[J\]
+    /// Rise that counts as rounding. \[J\]
     energy_tolerance: f64,
-    /// Whether energy came from nowhere; absent where kinematic bodies or running surfaces may bring some and
-    /// no ledger tells them apart.
+    /// Whether energy was created: by contacts according to the ledger, else by the energy rise.
+    /// Absent without a ledger if kinematic bodies or surface velocities may have added energy.
     energy_created: Option<bool>,
-    /// What the ledgers of the steps come to; absent without them.
+    /// Sums over the energy ledgers of the steps; absent without them.
     ledger: Option<EnergySummary>,
-    /// \[m/s\]
+    /// Largest residual in any step. \[m/s\]
     residual_worst: f64,
-    /// \[m/s\]
+    /// Residual of the last step. \[m/s\]
     residual_last: f64,
-    /// How good the solution of the contacts was; absent without a tolerance.
+    /// Certified accuracy of the contact solutions; absent if nothing was certified.
     certified: Option<Certified>,
-    /// Bodies in contacts whose targets no velocities could meet, each with its first such step.
+    /// Bodies in jammed contacts, whose targets no velocities can meet; each with its first such
+    /// step.
     jammed: BTreeMap<u32, usize>,
-    /// Fastest body at the end. \[m/s\]
+    /// Speed of the fastest body at the end. \[m/s\]
     fastest: f64,
     fastest_body: Option<usize>,
-    /// Farthest that a body got in the last second. \[m\]
+    /// Largest displacement of a dynamic body over the last second. \[m\]
     moved: f64,
     moved_body: Option<usize>,
-    /// Whether friction acts anywhere.
+    /// Whether any shape has friction and bodies are rigid.
     friction: bool,
-    /// What was found when the bake was measured again.
+    /// Result of the audit: overlaps and passages measured from shapes and poses alone.
     audit: Audit,
 }
 
-/// Where energy grew.
+/// First energy gain beyond the tolerance.
 #[derive(Serialize)]
 struct Risen {
-    /// From 1.
+    /// Step, counted from 1.
     step: usize,
     body: usize,
-    /// What that body has gained. \[J\]
+    /// Energy that this body has gained. \[J\]
     gain: f64,
 }
 
-/// The ledgers of all steps.
+/// Sums over the energy ledgers of all steps.
 #[derive(Serialize)]
 struct EnergySummary {
-    /// Sums of the items. \[J\]
+    /// Sum of each ledger item over all steps. \[J\]
     items: BTreeMap<&'static str, f64>,
-    /// Most that contacts had given more than taken since the start. In between, as springs, they
-    /// give back what they took. \[J\]
+    /// Maximum over time of the energy that contacts have given minus the energy they have taken
+    /// since the start. Soft contacts act as springs and return energy that they took earlier.
+    /// \[J\]
     created: f64,
-    /// The step in which they gave most, and how much. \[J\]
+    /// Step in which contacts gave most energy, and that energy. \[J\]
     worst_step: usize,
     worst: f64,
 }
 
-/// Bounds on the error of the velocities, root mean square by mass, of the worst island.
+/// Bounds on the velocity error of the worst island, root mean square weighted by mass.
 #[derive(Serialize)]
 struct Certified {
-    /// \[m/s\]
+    /// Requested tolerance. \[m/s\]
     tolerance: f64,
-    /// Steps within it.
+    /// Number of steps in which all islands were within the tolerance.
     steps: usize,
-    /// Islands that had contacts, all substeps together.
+    /// Number of islands: the maximum over the substeps of each step, summed over the steps.
     islands: usize,
-    /// Largest error of an island in any step, and in half of the steps. \[m/s\]
+    /// Maximum and median over the steps of the largest error of an island. \[m/s\]
     worst: f64,
     median: f64,
-    /// Where that was.
+    /// Step and body with the worst error.
     worst_step: usize,
     worst_body: Option<u32>,
-    /// In the last substep of any step: the largest residual of Coulomb's law, the fastest approach
-    /// beyond a target, the largest cone violation. \[m/s\]
+    /// Maximum over the steps, in the last substep of each: residual of Coulomb's law, approach
+    /// speed beyond a target, and cone violation. \[m/s\]
     natural: f64,
     sinking: f64,
     cone: f64,
-    /// Iterations of conjugate gradients, all substeps together.
+    /// NNCG iterations, summed over all substeps.
     iterations: usize,
-    /// Islands that needed Newton's method, all substeps together.
+    /// Islands that needed Newton's method, summed over all substeps.
     newton: usize,
 }
 
-/// What the words say besides.
+/// Further input of the text.
 pub(super) struct Head<'a> {
     pub(super) file: &'a Path,
     pub(super) settings: &'a StepSettings,
     pub(super) threads: usize,
 }
 
-/// Whether the surface of a body, or of one of its shapes, runs.
+/// Whether a body or one of its shapes has a surface velocity.
 fn runs(body: &Body) -> bool {
     let mut motions = body.shapes.iter().map(|of| of.surface_velocity.as_ref());
     let own = body.surface_velocity.as_ref();
@@ -150,16 +153,16 @@ fn energy(measure: &Measure) -> f64 {
     measure.kinetic_energy + measure.potential_energy
 }
 
-/// The fewest and the most substeps of any step.
+/// Minimum and maximum number of substeps over the steps.
 fn substeps(steps: &[Step]) -> [u32; 2] {
     let each = || steps.iter().map(|step| step.report.substeps);
     [each().min(), each().max()].map(Option::unwrap_or_default)
 }
 
 impl Summary {
-    /// Sums a run up.
+    /// Summarizes a run.
     pub(super) fn new(scene: &Scene, bake: &Bake, masses: &[f64]) -> Self {
-        // Of the start, no contact knows.
+        // The first frame has no contacts yet.
         let known = bake.steps.iter().map(|step| step.measure.deepest_penetration);
         let known: Vec<f64> = std::iter::once(0.0).chain(known).collect();
         let audit = audit(scene, &bake.recording, &bake.settings, &known);
@@ -221,7 +224,7 @@ impl Summary {
         }
     }
 
-    /// The summary in plain words.
+    /// Returns the summary as text.
     pub(super) fn text(&self, scene: &Scene, head: &Head<'_>) -> String {
         let mut out = String::new();
         for (title, line) in [
@@ -327,13 +330,13 @@ impl Summary {
         format!("{start} at the start, {end} at the end{verdict}")
     }
 
-    /// What the line of the certificates is called: never certified where the audit found that contacts
-    /// were missed.
+    /// Title of the line about certificates. It says "certified" only if the audit found no missed
+    /// contact.
     fn title(&self) -> &'static str {
         if self.audit.is_clean() { "certified" } else { "velocities" }
     }
 
-    /// What exact means, and what is not proven.
+    /// States what the certified error refers to, and what it does not bound.
     fn proven(&self) -> String {
         match (&self.certified, self.friction) {
             (Some(of), true) if of.islands > 0 => {
@@ -345,7 +348,7 @@ impl Summary {
         .to_owned()
     }
 
-    /// What was measured again, and what that found.
+    /// Describes the audit and its result.
     fn audited(&self, scene: &Scene) -> String {
         let of = &self.audit;
         let overlap = match &of.deepest {
@@ -367,7 +370,7 @@ impl Summary {
         format!("{:.3} mm, {a} and {b} at {time:.3} s", of.depth * 1e3)
     }
 
-    /// What the audit found that contacts should have prevented, in words.
+    /// Describes each fault that the audit found and contacts should have prevented.
     pub(super) fn faults(&self, scene: &Scene) -> Vec<String> {
         let of = &self.audit;
         let more = |count: usize| {
@@ -459,7 +462,7 @@ impl Summary {
         format!("{} is the fastest at the end, {}", scene.name_of(body), speed(self.fastest))
     }
 
-    /// Who was jammed, from when.
+    /// Names the jammed bodies and the first step in which they were jammed.
     fn jam(&self, scene: &Scene) -> Option<String> {
         let first = *self.jammed.values().min()?;
         let bodies: Vec<usize> = self.jammed.keys().map(|&body| body as usize).collect();
@@ -467,7 +470,7 @@ impl Summary {
         Some(format!("jammed from step {first}: {named}; no velocities meet what contacts ask for"))
     }
 
-    /// What one may not expect.
+    /// Notes on unexpected results.
     fn odd(&self, scene: &Scene) -> Vec<String> {
         let mut lines = Vec::new();
         if self.energy_created == Some(true) {
@@ -522,7 +525,7 @@ fn books(bake: &Bake) -> Option<EnergySummary> {
     })
 }
 
-/// The first few bodies by name, and how many more there are.
+/// Names the first few bodies and counts the rest.
 fn names(scene: &Scene, bodies: &[usize]) -> String {
     let named: Vec<_> = bodies.iter().take(NAMED).map(|&body| scene.name_of(body)).collect();
     let more = bodies.len().saturating_sub(NAMED);
@@ -545,7 +548,7 @@ fn certified(bake: &Bake) -> Option<Certified> {
     let outcomes: Vec<_> =
         outcomes.filter_map(|(step, of)| Some((step, of.report.certified?))).collect();
     let (step, worst) = *outcomes.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
-    // Where all sleep there is nothing to certify.
+    // A step in which all bodies sleep has no islands, and nothing to certify.
     let awake = outcomes.iter().filter(|(_, of)| of.islands > 0);
     let mut errors: Vec<f64> = awake.map(|(_, of)| of.error).collect();
     errors.sort_unstable_by(f64::total_cmp);
@@ -566,7 +569,7 @@ fn certified(bake: &Bake) -> Option<Certified> {
     })
 }
 
-/// Most energy that the run had above its lowest. \[J\]
+/// Maximum energy of the run above its minimum. \[J\]
 fn turnover(bake: &Bake) -> f64 {
     let potential = |measure: &Measure| measure.potential_energy;
     let start = potential(&bake.start);
@@ -579,13 +582,14 @@ fn moving_body(moved: Option<(usize, f64)>) -> Option<usize> {
     moved.filter(|(_, distance)| *distance > 0.0).map(|(body, _)| body)
 }
 
-/// Whether any two surfaces can rub.
+/// Whether bodies are rigid and any shape has friction.
 fn has_friction(scene: &Scene) -> bool {
     let mut shapes = scene.bodies.iter().flat_map(|body| &body.shapes);
     scene.bodies_as == BodiesAs::Rigid && shapes.any(|shape| shape.material.friction > 0.0)
 }
 
-/// When the energy was first above a limit, and which body had gained most when it was highest.
+/// Finds the first step with an energy above `limit`, and the body that has gained most energy by
+/// the step with the highest energy.
 fn risen(scene: &Scene, bake: &Bake, masses: &[f64], limit: f64) -> Option<Risen> {
     let energies = || bake.steps.iter().map(|step| energy(&step.measure)).enumerate();
     let (first, _) = energies().find(|(_, energy)| *energy > limit)?;

@@ -1,41 +1,41 @@
-//! The matrix on the left, the contacts on the right.
+//! Picture with the matrix on the left and the contacts on the right.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::solve::escaped;
 
-/// Side of the matrix and of the field of contacts.
+/// Side of the matrix, and of the picture of the contacts.
 const SIDE: f64 = 600.0;
 const MARGIN: f64 = 30.0;
 const TOP: f64 = 56.0;
-/// Widest cell, and the least that has room for its name.
+/// Maximum size of a cell, and minimum size that has room for its label.
 const CELL: [f64; 2] = [26.0, 9.0];
-/// Of a letter, in parts of its size.
+/// Width of a letter as a fraction of the font size.
 const LETTER: f64 = 0.6;
 
-/// Across and up. \[m\]
+/// Horizontal and vertical coordinate. \[m\]
 pub(super) type Point = [f64; 2];
 
-/// A block of A that is not zero.
+/// A nonzero block of A.
 pub(super) struct Entry {
     pub(super) row: usize,
     pub(super) column: usize,
-    /// The one body through which both contacts know of each other; none where there are two.
+    /// The one dynamic body that both contacts share; `None` if they share two.
     pub(super) body: Option<u32>,
 }
 
-/// What is drawn.
+/// Content of the picture.
 pub(super) struct Picture {
     pub(super) title: String,
     pub(super) entries: Vec<Entry>,
     /// Bodies a and b of each contact, and its point.
     pub(super) contacts: Vec<([u32; 2], Point)>,
-    /// Name of each body, and where it is if it can be moved.
+    /// Name of each body, and its position if it is dynamic.
     pub(super) bodies: Vec<(String, Option<Point>)>,
 }
 
-/// Draws it.
+/// Draws the picture as SVG.
 pub(super) fn svg(picture: &Picture) -> String {
     let count = picture.contacts.len().max(1) as f64;
     let cell = (SIDE / count).min(CELL[0]);
@@ -72,7 +72,7 @@ pub(super) fn svg(picture: &Picture) -> String {
         "<rect x=\"{left:.1}\" y=\"{TOP}\" width=\"{side:.1}\" height=\"{side:.1}\" fill=\"none\" \
          stroke=\"#444444\"/>"
     );
-    // Where names have no room, every so many numbers do.
+    // If labels have no room, only every n-th number is written.
     let every = (size / cell).ceil().max(1.0) as usize;
     for (i, row) in rows.iter().enumerate().filter(|(i, _)| i % every == 0) {
         let middle = (i as f64 + 0.5) * cell;
@@ -93,8 +93,8 @@ pub(super) fn svg(picture: &Picture) -> String {
     svg
 }
 
-/// Bodies that can be moved as discs, contacts of two bodies as lines between them through the mean of
-/// their points; what nothing moves is where its contacts are.
+/// Draws dynamic bodies as discs. Lines lead from the discs of each pair of bodies to the mean of
+/// their contact points. Other bodies are not drawn.
 fn graph(svg: &mut String, picture: &Picture, left: f64) {
     let mut pairs: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
     for (i, (bodies, _)) in picture.contacts.iter().enumerate() {
@@ -165,7 +165,7 @@ impl Picture {
     }
 }
 
-/// Contacts by number, from 1: those of two bodies follow each other.
+/// Formats the numbers of the contacts of two bodies, from 1; these are consecutive.
 fn numbers(contacts: &[usize]) -> String {
     match contacts {
         [] => String::new(),
@@ -174,11 +174,12 @@ fn numbers(contacts: &[usize]) -> String {
     }
 }
 
-/// Hues a golden angle apart: neighbors by number look different, however many there are.
+/// Returns the color of a body. Hues are a golden angle apart, so bodies with adjacent numbers look
+/// different however many there are.
 fn color(body: u32) -> String {
     let (saturation, lightness) = (0.6, 0.65);
     let chroma = saturation * f64::min(lightness, 1.0 - lightness);
-    // Not every reader of SVG knows hues: as red, green and blue.
+    // Converted to red, green and blue, since not every SVG reader supports hues.
     let [r, g, b] = [0.0, 8.0, 4.0].map(|phase| {
         let k = (phase + f64::from(body) * 137.508 / 30.0) % 12.0;
         (255.0 * (lightness - chroma * (k - 3.0).min(9.0 - k).clamp(-1.0, 1.0))) as u8

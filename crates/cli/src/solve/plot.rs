@@ -1,4 +1,4 @@
-//! Residuals over iterations and over time as a picture.
+//! Picture of residuals over iterations and over time.
 
 use std::fmt::Write as _;
 
@@ -8,21 +8,21 @@ use super::run::Run;
 
 const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 800.0;
-/// Left and right of the frames.
+/// Left and right edge of the plots.
 const SIDES: [f64; 2] = [70.0, 590.0];
-/// Top and bottom of each frame.
+/// Top and bottom edge of each plot.
 const FRAMES: [[f64; 2]; 2] = [[46.0, 366.0], [422.0, 742.0]];
-/// Colors that are told apart also by those who see fewer of them (Okabe and Ito 2008).
+/// Colors that remain distinct with color blindness (Okabe and Ito 2008).
 const COLORS: [&str; 7] =
     ["#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
-/// Below this is zero. \[1\]
+/// Lower limit of plotted residuals. \[1\]
 const LEAST: f64 = 1e-17;
 
-/// What residuals are drawn over.
+/// Horizontal axis of a plot.
 struct Across {
     title: &'static str,
     of: fn(&Sample) -> f64,
-    /// Where the logarithmic part of the axis begins; before it is zero.
+    /// Scale of the axis, which shows log10(value / unit + 1) and thus begins at zero.
     unit: f64,
 }
 
@@ -31,8 +31,8 @@ const ACROSS: [Across; 2] = [
     Across { title: "time in ms", of: |sample| sample.elapsed.as_secs_f64() * 1e3, unit: 1e-3 },
 ];
 
-/// One line per run in each frame, all axes logarithmic: the best residual so far, whatever the method
-/// tried.
+/// Draws one line per run in each plot, with logarithmic axes. A line shows the best residual so
+/// far, whichever method reached it.
 pub(super) fn svg(name: &str, runs: &[Run], tolerance: f64) -> String {
     let samples = || runs.iter().flat_map(|run| &run.solved.outcome.history);
     let (low, high) = samples()
@@ -69,9 +69,9 @@ pub(super) fn svg(name: &str, runs: &[Run], tolerance: f64) -> String {
 
 struct Axes<'a> {
     across: &'a Across,
-    /// Top and bottom.
+    /// Top and bottom edge.
     frame: [f64; 2],
-    /// Decades of iterations or time, counted from the unit.
+    /// Length of the horizontal axis: log10(value / unit + 1) of the largest value.
     decades: f64,
     low: f64,
     high: f64,
@@ -149,7 +149,7 @@ fn curve(svg: &mut String, axes: &Axes<'_>, run: &Run, color: &str) {
     let mut points = String::new();
     let mut end = None;
     for sample in history {
-        // Only what is better moves the line; the last sample ends it.
+        // The line has points only where the residual improves, and at the last sample.
         let last = Some(sample) == history.last();
         if sample.residual < best || last {
             best = best.min(sample.residual);
@@ -188,7 +188,7 @@ fn legend(svg: &mut String, run: &Run, color: &str, place: usize) {
     );
 }
 
-/// Text as XML.
+/// Escapes text for XML.
 pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -1,4 +1,4 @@
-//! Problems from JSON files.
+//! Reads contact problems from JSON files.
 
 #![cfg_attr(
     not(test),
@@ -9,7 +9,7 @@
         clippy::arithmetic_side_effects
     )
 )]
-// An error is made once, at the end of a reading.
+// A read returns at most one error, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 use std::io::Read as _;
@@ -20,21 +20,21 @@ use drystone::scene::{self, Place, SceneError};
 use drystone_solver::assembled::{Assembly, Bodies, Matrix, Problem, ProblemError, from_entries};
 use serde_json::Value;
 
-/// The most unknowns that are read.
+/// Maximum number of unknowns that are read.
 const MOST: usize = 1_000_000;
 
-/// A problem and what it is called.
+/// A problem with its name.
 #[derive(Debug)]
 pub(super) struct Named {
     pub(super) name: String,
     pub(super) problem: Problem,
-    /// The bodies behind it, where they are known.
+    /// Bodies and contacts of the problem, if they are known.
     pub(super) assembly: Option<Assembly>,
-    /// A guess, where the file has one.
+    /// Initial guess of the impulses, if the file has one.
     pub(super) warm: Option<Vec<f64>>,
 }
 
-/// Reads a problem: see `drystone solve --help` for the forms.
+/// Reads a problem; `drystone solve --help` lists the formats.
 pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
     let stem = || path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let file = File { path };
@@ -102,7 +102,7 @@ fn fclib(file: &File<'_>) -> Result<Problem, SceneError> {
     Err(file.error(Place::File, why, String::new(), "accepted: .json"))
 }
 
-/// Bodies and contacts, as `drystone bake --dump-step` saves them.
+/// Reads bodies and contacts as `drystone bake --dump-step` saves them.
 fn assembly(node: &Node<'_>) -> Result<Assembly, SceneError> {
     let d = dimension(node)?;
     let targets = node.get("t")?.numbers()?;
@@ -123,7 +123,7 @@ fn assembly(node: &Node<'_>) -> Result<Assembly, SceneError> {
     })
 }
 
-/// Rows of a contact.
+/// Reads the number of rows per contact.
 fn dimension(node: &Node<'_>) -> Result<NonZero<usize>, SceneError> {
     let dimension = node.get("dim")?;
     match dimension.value.as_u64() {
@@ -132,7 +132,7 @@ fn dimension(node: &Node<'_>) -> Result<NonZero<usize>, SceneError> {
     }
 }
 
-/// u = W r + q with friction.
+/// Reads a problem u = W r + q with friction.
 fn contacts(node: &Node<'_>) -> Result<Problem, SceneError> {
     let d = dimension(node)?;
     let (global, given) = match node.find("W") {
@@ -178,7 +178,7 @@ fn contacts(node: &Node<'_>) -> Result<Problem, SceneError> {
     problem.map_err(|error| node.unfit(&error))
 }
 
-/// One number for all contacts, or a number for each.
+/// Reads friction coefficients: one number for all contacts, or one for each.
 fn friction(node: &Node<'_>, count: usize) -> Result<Vec<f64>, SceneError> {
     let checked = |node: &Node<'_>| match node.value.as_f64() {
         Some(mu) if mu >= 0.0 => Ok(mu),
@@ -204,7 +204,7 @@ impl File<'_> {
     }
 }
 
-/// A value and where it stands.
+/// A JSON value with its position in the file.
 struct Node<'a> {
     file: &'a File<'a>,
     pointer: String,
@@ -256,7 +256,7 @@ impl<'a> Node<'a> {
         self.refused("the number of entries".into(), is.to_string(), &accepted)
     }
 
-    /// What only shows once all parts are together.
+    /// Returns the error for parts that do not fit together.
     fn unfit(&self, error: &ProblemError) -> SceneError {
         self.refused(error.to_string(), String::new(), "accepted: matrices that fit together")
     }
@@ -276,7 +276,7 @@ impl<'a> Node<'a> {
         self.entries()?.iter().enumerate().map(one).collect()
     }
 
-    /// A list of any length.
+    /// Returns the entries of a list of any length.
     fn entries(&self) -> Result<&'a [Value], SceneError> {
         self.value.as_array().map(Vec::as_slice).ok_or_else(|| self.wrong("a list"))
     }
@@ -286,13 +286,13 @@ impl<'a> Node<'a> {
         count.filter(|&count| count <= most).ok_or_else(|| self.wrong(&format!("0 to {most}")))
     }
 
-    /// A matrix as a list of rows.
+    /// Reads a matrix given as a list of rows.
     fn dense(&self, n: usize) -> Result<Matrix, SceneError> {
         let list = self.list()?;
         if list.len() != n {
             return Err(self.length(list.len(), n));
         }
-        // Room for n rows only when they are there.
+        // Memory grows with the rows that are read, not with the n that is claimed.
         let mut entries = Vec::new();
         for i in 0..n {
             let row = self.item(i);
@@ -305,7 +305,7 @@ impl<'a> Node<'a> {
         from_entries(n, n, &entries).map_err(|error| self.unfit(&error))
     }
 
-    /// A matrix by columns.
+    /// Reads a sparse matrix given by columns.
     fn sparse(&self, rows: usize, columns: usize) -> Result<Matrix, SceneError> {
         if let Some(format) = self.find("format")
             && format.value != "csc"

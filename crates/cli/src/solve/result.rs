@@ -1,4 +1,4 @@
-//! The result for other programs.
+//! Result of a solve as JSON, for other programs.
 
 use drystone_solver::assembled::Sample;
 use drystone_solver::assembled::ladder::Attempt;
@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 use super::read::Named;
 use super::run::Run;
 
-/// The solution, how good it is and how it was found. Infinite numbers become null.
+/// Returns the solution, its certificate and the history of the solve. Infinite numbers become
+/// null.
 pub(super) fn json(named: &Named, run: &Run) -> Value {
     let problem = &named.problem;
     let outcome = &run.solved.outcome;
@@ -42,7 +43,7 @@ pub(super) fn json(named: &Named, run: &Run) -> Value {
     result
 }
 
-/// The certificate in a line.
+/// Formats the certificate in a line.
 pub(super) fn in_words(named: &Named, run: &Run) -> String {
     let certificate = certificate(named, run);
     let number = |key: &str| certificate[key].as_f64().unwrap_or(f64::INFINITY);
@@ -59,7 +60,8 @@ pub(super) fn in_words(named: &Named, run: &Run) -> String {
     )
 }
 
-/// What anybody can check: how far the impulses are from the laws, or why there are none.
+/// Returns the certificate, which anyone can check: how far the impulses violate the contact laws,
+/// or why no solution exists.
 fn certificate(named: &Named, run: &Run) -> Value {
     let problem = &named.problem;
     let outcome = &run.solved.outcome;

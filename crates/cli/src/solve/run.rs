@@ -1,4 +1,4 @@
-//! One method, or the ladder, on a problem.
+//! Run of one method, or of the automatic choice, on a problem.
 
 use std::str::FromStr;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use drystone_solver::assembled::{Limits, Outcome};
 
 use super::read::Named;
 
-/// A method, or the choice left to the ladder.
+/// A method, or the automatic choice by the ladder of methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Choice {
     Auto,
@@ -52,11 +52,11 @@ impl FromStr for Choice {
     }
 }
 
-/// One method's work on the problem.
+/// Solution of the problem by one choice.
 pub(super) struct Run {
     pub(super) choice: Choice,
     pub(super) solved: Solved,
-    /// The median, if it was repeated.
+    /// Time of the solve; the median if it was repeated.
     pub(super) time: Duration,
 }
 

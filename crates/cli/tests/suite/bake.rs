@@ -1,4 +1,4 @@
-//! The command line as people use it.
+//! Tests of `drystone bake` through the command line.
 
 use std::fs;
 use std::path::Path;
@@ -49,8 +49,8 @@ fn a_tolerance_is_proven_in_every_step() {
     }
 }
 
-/// The contacts of a step, solved again from the file: certified, and with the impulses that carry
-/// what lies on the floor.
+/// The saved contacts of a step can be solved again: certified, and with the impulses that carry
+/// the bodies on the floor.
 #[test]
 fn the_contacts_of_a_step_are_saved_and_solved() {
     let place = Place::new(SCENE);
@@ -164,7 +164,7 @@ fn a_report_has_every_step() {
     assert_eq!(keys, expected);
     assert_eq!((&report["bodies"], &report["steps"]), (&3.into(), &120.into()));
     assert_eq!(report["threads"], 2);
-    // As people write them: not the f64 that is nearest to the f32.
+    // Numbers are written in short form, not as the `f64` nearest to the `f32`.
     assert!(text.contains("\"prediction_distance\":0.02,"), "{}", report["settings"]);
     assert!(text.contains(&serde_json::to_string(&drystone::StepSettings::certified()).unwrap()));
     let steps = report["per_step"].as_array().unwrap();
@@ -215,7 +215,7 @@ fn a_ledger_has_every_step() {
     assert!((friction - sum("friction")).abs() < 1e-9 * change.abs());
 }
 
-/// A box that starts deep in the floor is lifted out, and the energy for that comes from nowhere.
+/// A box that starts deep in the floor is lifted out, and contacts create the energy for that.
 #[test]
 fn created_energy_is_reported_with_its_step() {
     let buried = "[[bodies]]\nmotion = \"static\"\nshapes = [{ type = \"halfspace\", \
@@ -227,7 +227,7 @@ fn created_energy_is_reported_with_its_step() {
     assert!(summary.contains("contacts created") && summary.contains(" in step "), "{summary}");
     let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
     assert_eq!(report["summary"]["energy_created"], true);
-    // 1000 kg by up to 5 cm.
+    // 1000 kg are lifted by up to 5 cm.
     let created = report["summary"]["ledger"]["created"].as_f64().unwrap();
     assert!((300.0..600.0).contains(&created), "{created} J");
 }
@@ -281,7 +281,7 @@ fn flags_come_before_the_scene_and_the_scene_before_presets() {
 
 #[test]
 fn islands_sleep_in_real_time_unless_told_not_to() {
-    // Without resistance the ball rolls on.
+    // Without rolling resistance the ball rolls on.
     let resisting = SCENE.replace("radius = 0.2 }]", "radius = 0.2 }]\nrolling_resistance = 0.005");
     let place = Place::new(&resisting);
     let asleep = |flags: &[&str]| {
@@ -323,7 +323,7 @@ fn fewer_frames_make_a_smaller_clip() {
     }
 }
 
-/// First and last time of the keys of a `.glb`. \[s\]
+/// Returns the first and the last time of the keys of a `.glb`. \[s\]
 fn ends(glb: &[u8]) -> [f64; 2] {
     let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
     let document: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
@@ -339,7 +339,7 @@ fn ends(glb: &[u8]) -> [f64; 2] {
     [first, ends.iter().map(|ends| ends[1]).fold(0.0, f64::max)]
 }
 
-/// From a bake, and afterwards from its arrays.
+/// Frames selected in a bake equal those selected from its arrays afterwards.
 #[test]
 fn some_frames_are_those_of_the_whole() {
     let place = Place::new(SCENE);
@@ -351,7 +351,7 @@ fn some_frames_are_those_of_the_whole() {
     for (cut, steps, codes) in [
         (&["--frames", "30..60"][..], 30..=60, [30, 60]),
         (&["--frames=6..12", "--fps", "12"], 30..=60, [6, 12]),
-        // Between steps.
+        // Frames between steps.
         (&["--frames", "1..3", "--fps=24"], 2..=8, [1, 3]),
         (&["--frames", "0..120", "--fps=60"], 0..=120, [0, 120]),
     ] {
@@ -360,7 +360,7 @@ fn some_frames_are_those_of_the_whole() {
         names.iter().for_each(|name| bake.extend(["-o", name]));
         place.succeeds(&bake);
         let some = arrays("some.npz");
-        // The time of a late frame does not tell its last bit.
+        // The frame time is derived from a late frame, and may differ in its last bit.
         assert!((some.frame_time / whole.frame_time - 1.0).abs() < 1e-15, "{cut:?}");
         let some = Recording { frame_time: whole.frame_time, ..some };
         assert!(some == whole.piece(steps.clone()), "{cut:?}");
@@ -386,7 +386,7 @@ fn some_frames_are_those_of_the_whole() {
                 }
             }
         }
-        // A piece remembers where it was.
+        // A selection remembers its first frame.
         let rate: Vec<_> = cut.iter().filter(|word| word.contains("fps")).collect();
         if rate.is_empty() {
             place.succeeds(&["convert", "some.npz", "piece.glb", "--scene", "scene.toml"]);
@@ -428,7 +428,7 @@ fn a_wrong_scene_is_refused_with_its_place() {
 
 #[test]
 fn wrong_usage_is_refused_before_the_simulation() {
-    // Long enough that a test which waits for it would be noticed.
+    // So long that a test would be noticed if it waited for the simulation.
     let place = Place::new(&SCENE.replace("duration = 2", "duration = 100000"));
     fs::copy(place.path("scene.toml"), place.path("copy.glb")).unwrap();
     let bake = |more: &[&str], code| place.fails(code, &[&["bake", "scene.toml"], more].concat());
@@ -450,7 +450,7 @@ fn wrong_usage_is_refused_before_the_simulation() {
     assert_eq!(place.files(), ["copy.glb", "folder.glb", "scene.toml"]);
 }
 
-/// Neither what has no end, nor what waits for somebody to write.
+/// Endless files and pipes without a writer are refused.
 #[cfg(unix)]
 #[test]
 fn what_is_no_regular_file_is_not_read() {

@@ -1,4 +1,4 @@
-//! `drystone check` as people use it: every trap is found, and named; good scenes are quiet.
+//! Tests of `drystone check`: it finds and names every trap, and finds nothing in good scenes.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use serde_json::Value;
 const FLOOR: &str = "[[bodies]]\nname = \"floor\"\nmotion = \"static\"\n\
                      shapes = [{ type = \"halfspace\", normal = [0, 1, 0] }]\n";
 
-/// A box of this half size at a place, and more of its keys.
+/// Makes a box with half size `half` at a position, with further keys `more`.
 fn cube(name: &str, half: f64, position: [f64; 3], more: &str) -> String {
     format!(
         "[[bodies]]\nname = \"{name}\"\nposition = {position:?}\n{more}\n\
@@ -16,7 +16,7 @@ fn cube(name: &str, half: f64, position: [f64; 3], more: &str) -> String {
     )
 }
 
-/// The findings of a scene, by kind: names of the bodies, and the number.
+/// Returns the findings of a scene: kind, names of the bodies, and value.
 fn findings(scene: &str) -> Vec<(String, Vec<String>, f64)> {
     let place = Place::new(scene);
     let output = place.run(&["check", "scene.toml", "--json"]);
@@ -34,7 +34,7 @@ fn findings(scene: &str) -> Vec<(String, Vec<String>, f64)> {
     found.collect()
 }
 
-/// The one finding of a scene.
+/// Returns the only finding of a scene.
 fn one(scene: &str) -> (String, Vec<String>, f64) {
     let mut found = findings(scene);
     assert_eq!(found.len(), 1, "{found:?}");
@@ -109,7 +109,7 @@ fn heavy_on_light_is_found_and_light_on_heavy_is_not() {
     assert!((ratio / 5e6 - 1.0).abs() < 1e-5, "{ratio}");
     assert_eq!(findings(&pair(5e6, 1.0)), []);
     assert_eq!(findings(&pair(1.0, 900.0)), []);
-    // Four substeps of one sweep carry less.
+    // Four substeps of one sweep carry a smaller mass ratio.
     let place = Place::new(&pair(1.0, 900.0));
     let text = place.run(&["check", "scene.toml", "--realtime"]).stdout;
     let text = String::from_utf8(text).unwrap();
@@ -122,7 +122,7 @@ fn a_stack_on_ice_is_found() {
         let low = cube("low", 0.5, [0.0, 0.5, 0.0], friction);
         format!("{FLOOR}{low}{}", cube("high", 0.5, [0.0, 1.5, 0.0], ""))
     };
-    // The box above has friction, but with that below it combines to nothing.
+    // The upper box has friction, but it combines with that of the lower one to zero.
     let (kind, names, friction) = one(&stack("friction = 0.0"));
     assert_eq!(kind, "frictionless");
     assert_eq!((names, friction), (vec!["'low'".into(), "'floor'".into(), "'high'".into()], 0.0));
@@ -170,7 +170,7 @@ fn millimeters_read_as_meters_are_found() {
     assert!(kind == "too_far" && (distance - 2000.0).abs() < 0.01);
 }
 
-/// A box of a glTF whose node is scaled.
+/// Checks a box of a glTF with a scaled node.
 fn scaled(scale: [f64; 3]) -> Vec<(String, f64)> {
     let place = Place::new("");
     let text = format!(
@@ -200,7 +200,7 @@ fn negative_and_uneven_scales_are_found() {
     assert_eq!(both, [("negative_scale".to_owned(), -2.0), ("uneven_scale".to_owned(), 2.0)]);
 }
 
-/// A unit cube as triangles that look outwards, with changes.
+/// Checks a unit cube of outward triangles after a change.
 fn mesh(
     change: impl Fn(&mut Vec<[u32; 3]>, &mut Vec<[f64; 3]>),
 ) -> Vec<(String, Vec<String>, f64)> {
@@ -223,7 +223,7 @@ fn meshes_with_holes_inside_out_or_crossing_are_found() {
     let kinds = |found: Vec<(String, Vec<String>, f64)>| -> Vec<(String, f64)> {
         found.into_iter().map(|(kind, _, value)| (kind, value)).collect()
     };
-    // A quarter of a side is missing: a hole. A whole side: a box to put things in.
+    // With a sixth of a side missing, the cube has a hole. Without a whole side it is an open box.
     let hole = |triangles: &mut Vec<[u32; 3]>, vertices: &mut Vec<[f64; 3]>| {
         let [a, b, c] = triangles.remove(0);
         let middle =
@@ -237,13 +237,13 @@ fn meshes_with_holes_inside_out_or_crossing_are_found() {
     let inside_out = kinds(mesh(|all, _| all.iter_mut().for_each(flip)));
     assert!(inside_out.len() == 1 && inside_out[0].0 == "inside_out_mesh", "{inside_out:?}");
     assert!((inside_out[0].1 + 1.0).abs() < 1e-12);
-    // Where triangles look both ways, neighbors tell which is out; and copies add nothing.
+    // A mesh with one flipped triangle is not inside out, and copies of triangles are ignored.
     assert_eq!(mesh(|all, _| flip(&mut all[4])), []);
     assert_eq!(mesh(|all, _| all.extend_from_within(..)), []);
-    // A wall within makes two rooms.
+    // A wall inside makes two rooms: four edges have three triangles.
     let wall = |all: &mut Vec<[u32; 3]>, _: &mut Vec<[f64; 3]>| all.extend([[0, 1, 7], [0, 6, 7]]);
     assert_eq!(kinds(mesh(wall)), [("open_mesh".into(), 4.0)]);
-    // A floor has two sides, wherever it looks.
+    // A floor has two sides and may face either way.
     let floor = |looks: [u32; 3]| {
         mesh(move |triangles, vertices| {
             *vertices = vec![[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [9.0, 0.0, 0.0]];

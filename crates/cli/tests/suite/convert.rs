@@ -1,10 +1,10 @@
-//! `drystone convert` as people use it: the same bodies and the same motion in another format.
+//! Tests of `drystone convert`: other formats keep the bodies and the motion.
 
 use std::fs;
 
 use crate::common::{Place, SCENE, example};
 
-/// The motion of the first ten steps.
+/// Returns the motion of the first ten steps.
 fn motion(place: &Place, scene: &str) -> Vec<u8> {
     place.succeeds(&["bake", scene, "-o", "out.poses", "--steps", "10", "-q", "--realtime"]);
     fs::read(place.path("out.poses")).unwrap()
@@ -29,7 +29,7 @@ fn scenes_come_back_from_a_gltf_with_the_same_bits() {
         assert!(motion(&place, "back.toml") == expected, "{name} and back as .toml");
         place.succeeds(&["convert", "back.toml", "again.gltf"]);
         assert!(motion(&place, "again.gltf") == expected, "{name} again, as .gltf");
-        // Settings and times came along.
+        // Settings and times are kept.
         place.succeeds(&["convert", &scene, "own.toml"]);
         let head = |file: &str| {
             let text = fs::read_to_string(place.path(file)).unwrap();
@@ -61,8 +61,8 @@ fn scenes_come_back_from_openusd_with_the_same_bits() {
     assert!(refused.contains("usdcat IN -o OUT.usda"), "{refused}");
 }
 
-/// Compounds, half-spaces that lie askew, filters, masses and moments, and speeds of bodies that are
-/// turned: within what rounding makes of a rotation there and back.
+/// A round trip keeps compounds, tilted half-spaces, filters, masses and moments, and velocities of
+/// rotated bodies. Differences are within the rounding of a rotation there and back.
 #[test]
 fn all_that_a_scene_says_comes_back() {
     let scene = r#"
@@ -152,7 +152,7 @@ fn a_bake_becomes_another() {
     place.succeeds(&["convert", "a.poses", "c.npz", "--scene", "scene.toml"]);
     assert!(place.succeeds(&["convert", "c.npz", "c.poses"]).contains("c.poses"));
     assert!(read("c.poses") == read("a.poses"));
-    // Of one frame nobody knows how long it is.
+    // A single frame does not tell the time between frames.
     place.succeeds(&["bake", "scene.toml", "--steps", "0", "-o", "one.npz", "-o", "one.glb", "-q"]);
     place.succeeds(&["convert", "one.npz", "again.glb", "--scene", "scene.toml"]);
     place.succeeds(&["convert", "one.npz", "again.usda", "--scene", "scene.toml"]);
@@ -166,7 +166,7 @@ fn a_bake_becomes_another() {
     }
 }
 
-/// The frames of a bake that is under way, or was ended.
+/// The frames of an unfinished bake can be converted.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_journal_becomes_a_bake() {

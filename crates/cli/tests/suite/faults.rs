@@ -1,5 +1,5 @@
-//! A disk that fails: each call that changes a file, once. The bakes before it stay, the message is
-//! clear, and the bake goes on when there is room again.
+//! Tests with a failing disk: each call that changes a file fails once. Earlier bakes stay, the
+//! message is clear, and the bake can be resumed when there is room again.
 #![cfg(target_os = "linux")]
 
 use std::fs;
@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use crate::common::{Place, SCENE};
 
-/// The library that makes calls fail; none where there is no C compiler.
+/// Builds the library that makes calls fail; `None` without a C compiler.
 fn library() -> Option<&'static Path> {
     static LIBRARY: OnceLock<Option<PathBuf>> = OnceLock::new();
     let build = || {
@@ -26,7 +26,8 @@ fn library() -> Option<&'static Path> {
     LIBRARY.get_or_init(build).as_deref()
 }
 
-/// Runs `drystone` with the call number `at` failing, of all or of one name; whether one did, too.
+/// Runs `drystone` with call number `at` failing, counting all calls or those of one name. Also
+/// returns whether a call failed.
 pub(crate) fn failing(
     place: &Place,
     arguments: &[&str],
@@ -82,7 +83,7 @@ fn each_call_that_fails_leaves_the_last_bake_and_a_way_on() {
         }
         failures += 1;
         if output.status.success() {
-            // A folder that cannot be synced, a journal that cannot be deleted.
+            // The folder could not be synced, or the journal not deleted.
             let _ = fs::remove_file(place.path("out.glb.journal"));
             continue;
         }
@@ -102,7 +103,7 @@ fn each_call_that_fails_leaves_the_last_bake_and_a_way_on() {
     assert!(failures > 25, "{failures}");
 }
 
-/// What is full is named, and how to go on.
+/// The message names the full file, and the command that resumes the bake.
 #[test]
 fn a_full_disk_is_named_with_the_way_on() {
     let place = Place::new(SCENE);

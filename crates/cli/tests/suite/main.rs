@@ -1,4 +1,4 @@
-//! The command line as people use it.
+//! Tests of the command line.
 
 mod bake;
 mod check;

@@ -1,10 +1,10 @@
-//! `drystone matrix` as people use it.
+//! Tests of `drystone matrix`.
 
 use std::fs;
 
 use crate::common::Place;
 
-/// Particles in a row between two walls: contact i shares a particle with i - 1 and i + 1.
+/// Makes a row of particles between two walls: contact i shares a particle with i - 1 and i + 1.
 fn row(particles: usize) -> String {
     let wall = |x: f64, nx: i32| {
         format!(
@@ -30,7 +30,8 @@ fn a_row_of_particles_has_three_diagonals() {
     let plain = ["#ffffff", "#444444", "#555555"].map(|gray| format!("fill=\"{gray}\""));
     let filled = svg.lines().filter(|line| line.contains("fill=\"#"));
     let colored = filled.filter(|line| !plain.iter().any(|gray| line.contains(gray))).count();
-    // Beside the diagonals one for each particle; on it those of the two walls; and its disc.
+    // Each particle has two off-diagonal entries and a disc; the contacts of the two walls have an
+    // entry each.
     assert_eq!(colored, 7 * 2 + 2 + 7, "{svg}");
     assert_eq!(svg.matches("fill=\"#555555\"").count(), 6, "contacts of two that can be moved");
 }

@@ -1,4 +1,4 @@
-//! Bakes that are ended before their end, by whatever, and go on.
+//! Tests of bakes that are ended early and resumed.
 
 use std::fs;
 use std::time::{Duration, Instant};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use crate::common::{Place, SCENE, example};
 use serde_json::Value;
 
-/// The outputs of a bake of `scene`, and its journal when all steps were taken and nothing written.
+/// Returns the journal with all steps before any output is written, and the outputs.
 #[cfg(target_os = "linux")]
 fn journal_and_outputs(
     place: &Place,
@@ -43,8 +43,8 @@ fn outputs(place: &Place) -> Vec<Vec<u8>> {
     OUTPUTS.into_iter().map(take).collect()
 }
 
-/// Wherever a journal ends, in the middle of a record or between two, the files are those of a bake that
-/// was never ended.
+/// A journal may end in the middle of a record or between two: the resumed bake writes the same
+/// files as an uninterrupted one.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_bake_that_goes_on_gives_the_same_bytes() {
@@ -87,16 +87,16 @@ fn a_journal_of_something_else_is_refused() {
     assert!(message.contains("of another scene, or of this one before"), "{message}");
     assert_eq!(fs::read(&path).unwrap(), journal, "nothing was done to it");
 
-    // Of another scene, and not asked for.
+    // The journal of another scene is replaced if resuming is not requested.
     place.succeeds(&bake("other.toml", &[]));
     assert!(!path.exists() && outputs(&place) != expected);
 
-    // Fewer steps take what is there, and leave it.
+    // A bake of fewer steps uses the journal and leaves it unchanged.
     fs::write(&path, &journal).unwrap();
     place.succeeds(&["bake", "scene.toml", "-o", "out.glb", "--steps", "7", "--resume"]);
     assert_eq!(fs::read(&path).unwrap(), journal);
 
-    // More go beyond.
+    // A bake of more steps continues it.
     place.succeeds(&[
         "bake",
         "scene.toml",
@@ -118,7 +118,8 @@ fn a_journal_of_something_else_is_refused() {
     assert_eq!(fs::read(&path).unwrap(), b"Dear diary");
 }
 
-/// A journal of a build or machine that computes other bits: the steps after the checkpoint tell.
+/// A journal of a build or machine that computes other bits is noticed by the steps after the
+/// checkpoint.
 #[cfg(target_os = "linux")]
 #[test]
 fn other_bits_are_noticed() {
@@ -127,7 +128,7 @@ fn other_bits_are_noticed() {
     let other = SCENE.replace("1.2", "1.3");
     fs::write(place.path("scene.toml"), &other).unwrap();
     let Some((mixed, _)) = journal_and_outputs(&place, "scene.toml", &[]) else { return };
-    // The header of the one, as long as that of the other, before the frames of the other.
+    // The header of one journal and the frames of the other; both headers are equally long.
     let head =
         |bytes: &[u8]| 19 + 9 + u64::from_le_bytes(bytes[20..28].try_into().unwrap()) as usize + 8;
     assert_eq!(head(&journal), head(&mixed));
@@ -138,7 +139,7 @@ fn other_bits_are_noticed() {
     assert!(message.contains("step 1 comes out otherwise now"), "{message}");
 }
 
-/// The contact problem of a step that was taken before is that of a bake that was never ended.
+/// The contact problem of a step in the journal is that of an uninterrupted bake.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_step_before_the_end_is_saved_too() {
@@ -174,7 +175,7 @@ fn an_interrupted_bake_says_how_to_go_on() {
     assert!(message.contains(way_on), "{message}");
     assert_eq!(place.files(), ["it's.glb.journal", "scene.toml"]);
 
-    // All steps that were taken are there, and not taken again.
+    // All steps that were taken are in the journal, and are not repeated.
     let number = |after: &str| -> u32 {
         let rest = &message[message.find(after).unwrap() + after.len()..];
         rest.split(' ').next().unwrap().parse().unwrap()
@@ -188,7 +189,7 @@ fn an_interrupted_bake_says_how_to_go_on() {
     assert_eq!(place.files(), ["it's.glb", "r.json", "scene.toml"]);
 }
 
-/// Kills bakes at random moments, as often as DRYSTONE_KILLS says, and lets them go on.
+/// Kills bakes at random moments and resumes them; DRYSTONE_KILLS is the number of kills.
 #[test]
 fn killed_bakes_end_with_the_same_bytes() {
     let kills = std::env::var("DRYSTONE_KILLS").map_or(12, |kills| kills.parse().unwrap());

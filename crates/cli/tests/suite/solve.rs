@@ -1,4 +1,4 @@
-//! `drystone solve` as people use it.
+//! Tests of `drystone solve`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ impl Place {
         (out, err)
     }
 
-    /// The message with which a problem is refused.
+    /// Returns the message that refuses a problem.
     fn refused(&self, problem: &Value) -> String {
         self.write("bad.json", problem);
         self.ends(2, &["bad.json"]).1
@@ -63,7 +63,7 @@ fn diagonal(n: usize, value: f64) -> Value {
     })
 }
 
-/// A cube of 0.5 kg pushed over the ground: it slides.
+/// A cube of 0.5 kg that is pushed over the ground and slides.
 fn sliding() -> Value {
     json!({ "name": "cube", "dim": 3, "nc": 1, "mu": [0.6], "q": [-2, 3, 4], "W": diagonal(3, 2.0) })
 }
@@ -95,7 +95,7 @@ fn a_complementarity_problem_is_solved() {
     assert!((z[0] - 4.0 / 3.0).abs() < 1e-8 && (z[1] - 7.0 / 3.0).abs() < 1e-8, "{z:?}");
     assert!(numbers(&result["u"]).iter().all(|u| u.abs() < 1e-8));
     assert_eq!((&result["name"], &result["status"]), (&json!("pair"), &json!("converged")));
-    // The same by columns.
+    // A matrix by columns.
     place.write("s.json", &json!({ "M": diagonal(3, 4.0), "q": [-4, 1, -2] }));
     let (text, _) = place.ends(0, &["s.json", "-o", "result.json", "--method", "lemke"]);
     assert!(text.contains("s: 3 contacts") && text.contains("lemke"));
@@ -106,7 +106,7 @@ fn a_complementarity_problem_is_solved() {
 fn friction_from_matrices_and_from_bodies() {
     let place = Place::new();
     place.write("w.json", &sliding());
-    // The same cube by its mass: M v = f + H r, u = H^T v.
+    // The same cube given by its mass: M v = f + H r, u = H^T v.
     place.write(
         "global.json",
         &json!({ "dim": 3, "mu": 0.6, "global": {
@@ -137,7 +137,7 @@ fn what_has_no_solution_is_said_to_have_none() {
     let result = place.result();
     assert_eq!(result["status"], "infeasible");
     assert_eq!(numbers(&result["certificate"]["self_stress"]["weights"]), [1.0, 1.0]);
-    // Too few iterations: not solved, and the residual says how far.
+    // Too few iterations: the problem is not solved, and the residual shows the remaining error.
     place.write(
         "chain.json",
         &json!({ "M_rows": [[2, -1, 0], [-1, 2, -1], [0, -1, 2]], "q": [-1, -1, -1] }),
@@ -172,7 +172,7 @@ fn methods_are_drawn_on_one_picture() {
     assert_eq!(left, 2, "nothing temporary is left");
 }
 
-/// What a result must hold for other programs; times of the history only grow.
+/// A result has the keys that other programs need, and the times of its history increase.
 #[test]
 fn a_result_has_its_history_over_time() {
     let place = Place::new();
@@ -267,7 +267,7 @@ fn errors_name_file_place_value_and_range() {
     place.ends(4, &["p.json", "-o", "nowhere/out.json"]);
 }
 
-/// Every problem of the collections through the command itself.
+/// Every problem of the collections is solved or refused by the command.
 #[test]
 fn collected_problems_are_solved_or_refused_truthfully() {
     let Some(root) = std::env::var_os("DRYSTONE_DATA") else {

@@ -1,4 +1,4 @@
-//! `drystone verify`, and the hashes of `drystone bake --report`, as people use them.
+//! Tests of `drystone verify`, and of the hashes of `drystone bake --report`.
 
 use std::fs;
 use std::path::Path;
@@ -68,7 +68,7 @@ fn a_shorter_bake_differs_and_one_of_another_scene_is_refused() {
     assert!(place.fails(4, &["verify", "gone.poses", "long.poses"]).contains("gone.poses"));
 }
 
-/// How the code was optimized must not show.
+/// Debug and release builds bake the same bits.
 #[test]
 fn a_release_build_bakes_the_same_bits() {
     let Some(release) = std::env::var_os("DRYSTONE_RELEASE") else {

@@ -1,4 +1,4 @@
-//! What the command says is true: audits, certificates, and what it refuses.
+//! Tests that the command states the truth: audits, certificates, and refusals.
 
 use std::fs;
 use std::path::Path;
@@ -8,14 +8,14 @@ use serde_json::Value;
 
 use crate::common::{Place, SCENE};
 
-/// A bake's report.
+/// Bakes the scene and returns the report.
 fn report(place: &Place, more: &[&str]) -> Value {
     let arguments = ["bake", "scene.toml", "--report", "r.json", "--threads", "1", "-q"];
     place.succeeds(&[&arguments[..], more].concat());
     serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap()
 }
 
-/// A summary without the bake's own files.
+/// Bakes a scene and returns the summary.
 fn summary(scene: &str) -> String {
     let place = Place::new(scene);
     place.succeeds(&["bake", "scene.toml", "-o", "out.poses", "--threads", "1"])
@@ -129,7 +129,7 @@ fn a_jump_is_named_by_check_and_bake() {
     assert!(said.contains("'door' jumps by 2.00 m at 1.000 s"), "{said}");
     assert!(said.contains("120.0 m/s"), "{said}");
     assert_eq!(place.run(&["check", "scene.toml"]).status.code(), Some(1));
-    // Keys close together, at a steady speed, are none.
+    // Keys at short intervals and constant speed are no jump.
     let keys: Vec<_> = (0..2000)
         .map(|i| {
             format!("{{ time = {}, position = [{}, 1, 0] }}", i as f64 * 1e-3, i as f64 * 2e-2)

@@ -1,4 +1,4 @@
-//! Shapes as the audit sees them: support functions in `f64`, and how deep two of them overlap.
+//! Shapes of the audit: support functions in `f64`, and the penetration depth of two shapes.
 
 use parry3d::bounding_volume::Aabb;
 use parry3d::math::{Pose, Vector};
@@ -11,11 +11,11 @@ use crate::scene::{Rotation, Shape, ShapeKind};
 
 pub(super) type Point = [f64; 3];
 
-/// Face normals of a hull that are tried as separating directions, at most.
+/// Maximum number of face normals of a hull that are tried as separating directions.
 const FACES: usize = 64;
-/// Triangles of a mesh that one shape is measured against, at most.
+/// Maximum number of triangles of a mesh that one shape is measured against.
 const TRIANGLES: usize = 4096;
-/// Boxes for the search are this much larger, relative to their coordinates: `f32` rounds. \[1\]
+/// Relative margin of bounding boxes against rounding to `f32`. \[1\]
 const LOOSE: f64 = 1e-6;
 
 pub(super) fn add(a: Point, b: Point) -> Point {
@@ -47,16 +47,16 @@ fn unit(v: Point) -> Option<Point> {
     (length > 0.0).then(|| scaled(v, 1.0 / length))
 }
 
-/// Position and rotation; `axes` are the columns of the rotation.
+/// Position and rotation; `axes` are the columns of the rotation matrix.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
-    /// \[m\]
+    /// World position. \[m\]
     pub(super) position: Point,
     pub(super) axes: [Point; 3],
 }
 
 impl Place {
-    /// From a unit quaternion x, y, z, w.
+    /// Converts a position and a unit quaternion x, y, z, w.
     pub(super) fn new(position: Point, [x, y, z, w]: [f64; 4]) -> Self {
         let axes = [
             [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
@@ -66,7 +66,7 @@ impl Place {
         Self { position, axes }
     }
 
-    /// Where a shape is in its body.
+    /// Returns the pose of a shape in the frame of its body.
     fn of_shape(shape: &Shape) -> Self {
         let position = std::array::from_fn(|i| shape.position.get(i).copied().unwrap_or(0.0));
         let rotation = match shape.rotation {
@@ -92,7 +92,7 @@ impl Place {
         self.local_direction(minus(world, self.position))
     }
 
-    /// `inner`, given in this frame, in the world.
+    /// Returns the world pose of `inner`, which is given in this frame.
     fn compose(&self, inner: &Self) -> Self {
         Self {
             position: self.point(inner.position),
@@ -100,7 +100,7 @@ impl Place {
         }
     }
 
-    /// This frame seen from another, in single precision.
+    /// Returns this frame relative to another, in single precision.
     fn seen_from(&self, other: &Self) -> Pose {
         let axes = self.axes.map(|axis| other.local_direction(axis));
         let single = |v: Point| Vector::from(v.map(|x| x as f32));
@@ -113,20 +113,20 @@ impl Place {
     }
 }
 
-/// What a form is made of, about its center.
+/// Geometry of a form about its center, without the ball that is swept over it.
 #[derive(Debug)]
 pub(super) enum Core {
-    /// The hull of points.
+    /// Convex hull of points.
     Points(Vec<Point>),
-    /// A cylinder along y.
+    /// Cylinder along y.
     Cylinder { radius: f64, half: f64 },
-    /// Everything behind a plane through the center.
+    /// Half-space behind a plane through the center; the normal points outward.
     Plane(Point),
-    /// Triangles.
+    /// Triangle mesh.
     Mesh(Box<Mesh>),
 }
 
-/// Triangles in `f64`, and the tree that finds them.
+/// Triangles in `f64`, and the bounding volume hierarchy that finds them.
 #[derive(Debug)]
 pub(super) struct Mesh {
     pub(super) points: Vec<Point>,
@@ -140,25 +140,26 @@ impl Mesh {
     }
 }
 
-/// A shape: its core, and a ball that is moved over it.
+/// A shape: the Minkowski sum of its core and a ball.
 #[derive(Debug)]
 pub(super) struct Form {
     pub(super) core: Core,
-    /// Of that ball. \[m\]
+    /// Radius of the ball. \[m\]
     radius: f64,
-    /// Normals of its faces, either way, as far as they are known.
+    /// Known face normals in the frame of the form, with either sign.
     faces: Vec<Point>,
-    /// Where its frame is in its body.
+    /// Pose of the form in the frame of its body.
     place: Place,
     /// Distance from its center to its farthest point; infinite for a half-space. \[m\]
     pub(super) reach: f64,
-    /// Its least width; infinite for a half-space or a mesh. \[m\]
+    /// Least width; infinite for a half-space or a mesh. \[m\]
     pub(super) thickness: f64,
 }
 
 impl Form {
-    /// A shape of a scene; one of the plane becomes a prism around z = 0 that is too long to leave along
-    /// z. None for what has no points.
+    /// Converts a shape of a scene. A box or hull in 2D becomes a prism about z = 0, too long to be
+    /// separated along z. Returns `None` for a shape without points, a zero normal or a triangle
+    /// index out of range.
     pub(super) fn new(shape: &Shape, dimension: usize) -> Option<Self> {
         let flat = dimension == 2;
         let mut place = Place::of_shape(shape);
@@ -222,7 +223,7 @@ impl Form {
         Some(form)
     }
 
-    /// A triangle about a point.
+    /// Makes a triangle with coordinates relative to `center`.
     fn triangle(corners: [Point; 3], center: Point) -> Self {
         let points: Vec<Point> = corners.iter().map(|p| minus(*p, center)).collect();
         let normal = cross(minus(points[1], points[0]), minus(points[2], points[0]));
@@ -236,12 +237,13 @@ impl Form {
         }
     }
 
-    /// Where its frame is, of a body that is there.
+    /// Returns the world pose of the form if its body has the pose `body`.
     pub(super) fn placed(&self, body: &Place) -> Place {
         body.compose(&self.place)
     }
 
-    /// Reach, and the least width over the directions of its faces.
+    /// Returns the reach and the thickness; the thickness is the least width over the known face
+    /// normals.
     fn sizes(&self, flat: bool) -> (f64, f64) {
         let planar = |p: &Point| if flat { libm::hypot(p[0], p[1]) } else { norm(*p) };
         let far = |points: &[Point]| points.iter().map(planar).fold(0.0, f64::max);
@@ -259,7 +261,7 @@ impl Form {
         }
     }
 
-    /// The point of its core that lies farthest along a direction of its frame.
+    /// Returns the support point of the core in the direction `along`, in the frame of the form.
     fn farthest(&self, along: Point) -> Point {
         match &self.core {
             Core::Points(points) => best(points, along),
@@ -273,17 +275,19 @@ impl Form {
         }
     }
 
-    /// All of it, for parry.
+    /// Returns the support map of the whole form, ball included.
     pub(super) fn mapped(&self) -> Mapped<'_> {
         Mapped { form: self, radius: self.radius }
     }
 
-    /// How far it reaches along a unit vector of its frame. \[m\]
+    /// Returns the support function in the direction of the unit vector `along`, in the frame of
+    /// the form. \[m\]
     pub(super) fn support(&self, along: Point) -> f64 {
         dot(self.farthest(along), along) + self.radius
     }
 
-    /// The box around it in the world, loosened for `f32`; none around a half-space.
+    /// Returns the bounding box in the world, enlarged by the margin for `f32`; `None` for a
+    /// half-space.
     pub(super) fn bounds(&self, place: &Place) -> Option<Aabb> {
         if matches!(self.core, Core::Plane(_)) {
             return None;
@@ -296,7 +300,7 @@ impl Form {
     }
 }
 
-/// A box that holds two corners also where `f32` rounds.
+/// Makes a box that contains both corners even after rounding to `f32`.
 pub(super) fn loose(low: Point, high: Point) -> Aabb {
     let slack = |i: usize| LOOSE * (low[i].abs() + high[i].abs()) + f64::from(f32::MIN_POSITIVE);
     let min = std::array::from_fn::<f32, 3, _>(|i| (low[i] - slack(i)) as f32);
@@ -325,7 +329,7 @@ fn best(points: &[Point], along: Point) -> Point {
     found
 }
 
-/// The normals of a hull's largest faces.
+/// Returns the normals of the largest faces of a hull.
 fn hull_faces(points: &[Point]) -> Vec<Point> {
     let single: Vec<_> = points.iter().map(|p| Vector::from(p.map(|x| x as f32))).collect();
     let Ok((corners, triangles)) = try_convex_hull(&single) else { return Vec::new() };
@@ -335,7 +339,7 @@ fn hull_faces(points: &[Point]) -> Vec<Point> {
         let [a, b, c] = triangle.map(corner);
         let area = cross(minus(b, a), minus(c, a));
         let Some(normal) = unit(area) else { continue };
-        // Triangles of one face share a direction.
+        // Triangles of one face have the same normal.
         match areas.iter_mut().find(|known| dot(known.1, normal) > 1.0 - 1e-9) {
             Some(known) => known.0 += norm(area),
             None => areas.push((norm(area), normal)),
@@ -345,7 +349,7 @@ fn hull_faces(points: &[Point]) -> Vec<Point> {
     areas.into_iter().take(FACES).map(|(_, normal)| normal).collect()
 }
 
-/// A form as parry's GJK and EPA ask for it, with or without the ball around its core.
+/// Support map of a form for parry's GJK and EPA, with or without the ball around its core.
 pub(super) struct Mapped<'a> {
     form: &'a Form,
     radius: f64,
@@ -364,18 +368,19 @@ impl SupportMap for Mapped<'_> {
     }
 }
 
-/// A form and where it is.
+/// A form and its world pose.
 pub(super) type Placed<'a> = (&'a Form, &'a Place);
 
-/// How far two forms have to move at most, along a unit vector from a to b, to part. \[m\]
+/// Returns the translation along the unit vector `n`, which points from a to b, that separates two
+/// forms: an upper bound of their penetration depth. \[m\]
 fn overlap_along(a: Placed<'_>, b: Placed<'_>, n: Point) -> f64 {
     let reach =
         a.0.support(a.1.local_direction(n)) + b.0.support(scaled(b.1.local_direction(n), -1.0));
     reach - dot(n, minus(b.1.position, a.1.position))
 }
 
-/// How deep two forms overlap; none where they do not, or where that is not measured: between two
-/// meshes or two half-spaces. \[m\]
+/// Returns the penetration depth of two forms. Returns `None` if they are disjoint, and for pairs
+/// that are not measured: two meshes or two half-spaces. \[m\]
 pub(super) fn overlap(a: Placed<'_>, b: Placed<'_>) -> Option<f64> {
     match (&a.0.core, &b.0.core) {
         (Core::Plane(_), Core::Plane(_)) | (Core::Mesh(_), Core::Mesh(_)) => None,
@@ -396,7 +401,7 @@ fn overlap_plane(plane: &Place, normal: Point, (form, place): Placed<'_>) -> Opt
 }
 
 fn overlap_mesh(mesh: &Mesh, place: &Place, b: Placed<'_>) -> Option<f64> {
-    // In the frame of the mesh.
+    // All further coordinates are in the frame of the mesh.
     let seen = Place {
         position: place.local_point(b.1.position),
         axes: b.1.axes.map(|axis| place.local_direction(axis)),
@@ -405,7 +410,7 @@ fn overlap_mesh(mesh: &Mesh, place: &Place, b: Placed<'_>) -> Option<f64> {
     let near = mesh.tree.bvh().intersect_aabb(&around).take(TRIANGLES);
     let depth = |triangle| {
         let corners = mesh.corners(triangle);
-        // About the center of the other form, where numbers are small.
+        // Coordinates relative to the center of the other form are small.
         let form = Form::triangle(corners, seen.position);
         let at = Place { position: seen.position, ..Place::new([0.0; 3], [0.0, 0.0, 0.0, 1.0]) };
         overlap_convex((&form, &at), (b.0, &seen))
@@ -413,9 +418,10 @@ fn overlap_mesh(mesh: &Mesh, place: &Place, b: Placed<'_>) -> Option<f64> {
     near.filter_map(depth).reduce(f64::max)
 }
 
-/// GJK where the cores are apart; where they overlap, the least of the overlaps along all directions
-/// that are known to be likely: that of EPA, the faces', and that of the centers. Each is an upper
-/// bound, evaluated in `f64`.
+/// Returns the penetration depth of two convex forms, the minimum over several directions. GJK
+/// gives a direction if the cores are disjoint, EPA if they overlap. Further directions are the
+/// face normals and the line between the centers. The overlap along each direction is an upper
+/// bound of the depth, and is evaluated in `f64`.
 fn overlap_convex(a: Placed<'_>, b: Placed<'_>) -> Option<f64> {
     let pose = b.1.seen_from(a.1);
     let radius = a.0.radius + b.0.radius;
@@ -435,7 +441,7 @@ fn overlap_convex(a: Placed<'_>, b: Placed<'_>) -> Option<f64> {
         _ => {
             let [round_a, round_b] = [a.0, b.0].map(Form::mapped);
             let mut epa = EPA::new();
-            // Without radii the simplex of the cores will do.
+            // Without radii, EPA can start from the simplex of the cores.
             if radius > 0.0 {
                 simplex.reset(CsoPoint::from_shapes(&pose, &round_a, &round_b, start));
                 closest_points(&pose, &round_a, &round_b, near, true, &mut simplex);

@@ -1,4 +1,4 @@
-//! Whether the center of a shape went through a surface between two frames.
+//! Test whether the center of a shape passed through a surface between two frames.
 
 use parry3d::math::Vector;
 use parry3d::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
@@ -6,8 +6,8 @@ use parry3d::shape::SupportMap;
 
 use super::form::{Core, Form, Mesh, Place, Point, cross, dot, loose, minus};
 
-/// Whether the way of a point, given at both ends in the frame of a form, ends on the other side of a
-/// surface or leads through a solid. The frames may be of two times.
+/// Whether the path of a point ends on the other side of a surface or leads through a solid. Both
+/// ends are in the frame of the form, each at its own time.
 pub(super) fn passes(form: &Form, ends: [Point; 2]) -> bool {
     match &form.core {
         Core::Mesh(mesh) => crossings(mesh, ends) % 2 == 1,
@@ -15,17 +15,18 @@ pub(super) fn passes(form: &Form, ends: [Point; 2]) -> bool {
             let [from, to] = ends.map(|end| dot(*normal, end));
             from >= 0.0 && to < 0.0
         }
-        // What is inside already did not go in here.
+        // A path that starts inside does not enter here.
         _ => enters(form, ends) && !enters(form, [ends[0]; 2]),
     }
 }
 
-/// Parts of a way by which it is moved aside. \[1\]
+/// Offset of a path against exact hits of vertices and edges, relative to its largest coordinate.
+/// \[1\]
 const ASIDE: Point = [1.3e-9, 0.7e-9, 1.9e-9];
 
-/// Triangles that a segment goes through; through an edge of two, one of them.
+/// Counts the triangles that a segment crosses. A crossing of a shared edge counts once.
 fn crossings(mesh: &Mesh, ends: [Point; 2]) -> usize {
-    // Aside by less than matters: no way then leads through a vertex or along an edge.
+    // The offset is negligible, and keeps the segment off vertices and edges.
     let size = ends.iter().flatten().fold(0.0f64, |size, x| size.max(x.abs()));
     let [from, to] = ends.map(|end| std::array::from_fn(|i| end[i] + size * ASIDE[i]));
     let low = std::array::from_fn(|i| from[i].min(to[i]));
@@ -42,8 +43,8 @@ fn crosses(mesh: &Mesh, triangle: u32, [from, to]: [Point; 2]) -> bool {
     if side(from) == side(to) {
         return false;
     }
-    // On which side of an edge the segment passes, asked of its corners in one order, so that both
-    // triangles of an edge get the same answer, also for zero.
+    // The side on which the segment passes an edge. The end points enter in a fixed order, so that
+    // both triangles of the edge get the same answer, even for zero.
     let [i, j, k] = mesh.triangles[triangle as usize];
     let passes = |i: u32, j: u32| {
         let [p, q] = [i.min(j), i.max(j)].map(|i| mesh.points[i as usize]);
@@ -54,7 +55,7 @@ fn crosses(mesh: &Mesh, triangle: u32, [from, to]: [Point; 2]) -> bool {
     first == passes(j, k) && first == passes(k, i)
 }
 
-/// A segment about its middle.
+/// Segment given by both ends.
 struct Segment([Vector; 2]);
 
 impl SupportMap for Segment {
@@ -80,7 +81,7 @@ fn enters(form: &Form, ends: [Point; 2]) -> bool {
     )
 }
 
-/// Both ends of the way of a point between two frames, as the other body sees them.
+/// Converts both ends of a path to the frame of the obstacle, which may move between the two times.
 pub(super) fn seen(way: [Point; 2], places: [&Place; 2]) -> [Point; 2] {
     [places[0].local_point(way[0]), places[1].local_point(way[1])]
 }
@@ -102,7 +103,7 @@ mod tests {
         Form::new(&shape, 3).unwrap()
     }
 
-    /// A sheet of four triangles that meet in the origin.
+    /// Makes a sheet of four triangles around the origin.
     fn sheet() -> Form {
         let vertices = vec![
             [0.0, 0.0, 0.0],

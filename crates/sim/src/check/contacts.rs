@@ -1,4 +1,4 @@
-//! Findings among the contacts at the start.
+//! Findings about the contacts at the start.
 
 use std::collections::BTreeMap;
 
@@ -9,24 +9,24 @@ use crate::report::Nearby;
 use crate::scene::{BodiesAs, Scene};
 use crate::settings::StepSettings;
 
-/// So short that nothing moves. \[s\]
+/// Length of a step in which practically nothing moves. \[s\]
 pub(super) const INSTANT: f64 = 1e-6;
-/// Overlap at the start up to this passes for rounding of the scene. \[m\]
+/// Initial overlap up to which it counts as rounding in the scene. \[m\]
 const OVERLAP: f64 = 1e-4;
-/// Bodies up to this far apart touch. \[m\]
+/// Maximum gap of bodies that touch. \[m\]
 const TOUCH: f64 = 1e-3;
-/// A body this many times heavier than what carries it stands where every substep is solved to a
-/// tolerance; ten times that was tried. \[1\]
+/// Accepted ratio of the masses of a body and of the body that carries it. It applies if every
+/// substep is solved to a tolerance; ten times this ratio was tried. \[1\]
 const SOLVED: f64 = 1e6;
-/// The same for each substep of a fixed number of sweeps: a hundred times was too much for four
-/// substeps, and a thousand times for 32. \[1\]
+/// Accepted mass ratio per substep with a fixed number of sweeps. A ratio of 100 was too much for 4
+/// substeps, and 1000 for 32. \[1\]
 const SWEPT: f64 = 10.0;
-/// The cosine beyond which a contact carries, rather than leans. \[1\]
+/// Cosine of the angle between normal and vertical beyond which a contact carries a body. \[1\]
 const CARRIES: f64 = 0.5;
-/// Missed targets below this are not looked at. \[m/s\]
+/// Missed separation speed above which contacts are examined for jams. \[m/s\]
 const MISSED: f64 = 0.1;
 
-/// Settings for a step that finds contacts and does little else.
+/// Returns settings for a step that finds contacts at the least cost.
 pub(super) fn at_the_start(settings: &StepSettings) -> StepSettings {
     StepSettings {
         substeps: 1,
@@ -39,7 +39,7 @@ pub(super) fn at_the_start(settings: &StepSettings) -> StepSettings {
     }
 }
 
-/// The deepest overlap of each two bodies.
+/// Finds the deepest overlap of each pair of bodies.
 pub(super) fn overlaps(scene: &Scene, near: &[Nearby]) -> Vec<Finding> {
     let mut deepest: BTreeMap<[usize; 2], f64> = BTreeMap::new();
     for pair in near.iter().filter(|pair| pair.gap < -OVERLAP) {
@@ -68,7 +68,7 @@ fn sorted([a, b]: [usize; 2]) -> [usize; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// What the first step found jammed.
+/// Reports the jams of the first step.
 pub(super) fn wedged(scene: &Scene, jams: &[Jam]) -> Vec<Finding> {
     let finding = |jam: &Jam| {
         let bodies: Vec<usize> = jam.bodies.iter().map(|&body| body as usize).collect();
@@ -89,7 +89,8 @@ pub(super) fn wedged(scene: &Scene, jams: &[Jam]) -> Vec<Finding> {
     jams.iter().map(finding).collect()
 }
 
-/// Heavy on light: what iterative methods take long for. Light on heavy is harmless.
+/// Finds heavy bodies on light ones, for which iterative methods converge slowly. Light bodies on
+/// heavy ones are harmless.
 pub(super) fn mass_ratios(
     scene: &Scene,
     near: &[Nearby],
@@ -102,7 +103,7 @@ pub(super) fn mass_ratios(
     let mut worst = BTreeMap::new();
     for pair in near.iter().filter(|pair| pair.gap <= TOUCH) {
         let [a, b] = pair.bodies;
-        // The normal points to a.
+        // The normal points from b to a.
         for (upper, lower, sign) in [(a, b, 1.0), (b, a, -1.0)] {
             let ratio = masses[upper] / masses[lower];
             let above = sign * dot(&pair.normal, &up) > -1e-3;
@@ -129,7 +130,7 @@ pub(super) fn mass_ratios(
     worst.into_iter().map(finding).collect()
 }
 
-/// Bodies that carry others, and stand on what does not hold them.
+/// Finds bodies that carry others and stand on a contact without friction.
 pub(super) fn frictionless(scene: &Scene, near: &[Nearby], masses: &[f64]) -> Vec<Finding> {
     if scene.bodies_as == BodiesAs::Particles {
         return Vec::new();

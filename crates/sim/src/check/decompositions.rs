@@ -6,7 +6,8 @@ use super::{Finding, Kind, length};
 use crate::decomposition::Decompositions;
 use crate::scene::{Motion, Scene, ShapeKind};
 
-/// How the concave meshes of dynamic bodies collide, a finding for each that differ.
+/// Reports how the meshes of dynamic bodies collide: one finding for each distinct decomposition,
+/// except for single pieces within the accuracy.
 pub fn decompositions(scene: &Scene, known: &mut Decompositions) -> Vec<Finding> {
     let (mut findings, mut said) = (Vec::new(), BTreeSet::new());
     for (index, body) in scene.bodies.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Findings about triangle meshes: where they collide in another way than they look.
+//! Findings about triangle meshes that do not collide as they look.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -9,15 +9,16 @@ use parry3d::shape::{TriMesh, Triangle};
 use super::{Finding, Kind};
 use crate::scene::{Scene, ShapeKind};
 
-/// A mesh whose triangles, as vectors of their areas, leave less than this part of their sum over is
-/// meant to enclose something. \[1\]
+/// A mesh is meant to enclose a volume if its area vectors sum to less than this fraction of its
+/// area. \[1\]
 const ENCLOSES: f64 = 0.1;
-/// Triangles are shrunk by this part, so that those that only touch do not cross. \[1\]
+/// Relative shrinkage of triangles, so that triangles that only touch do not intersect. \[1\]
 const SHRINK: f32 = 1e-3;
 
 type Point = [f64; 3];
 
-/// Holes, rooms that may be meant as solids and triangles that cross, one finding of each kind per shape.
+/// Finds holes, meshes that are inside out, and intersecting triangles; at most one finding of each
+/// kind per shape.
 pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
@@ -62,21 +63,21 @@ pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
     findings
 }
 
-/// Triangles over points that are all different.
+/// Triangles over distinct points.
 struct Mesh {
     points: Vec<Point>,
     triangles: Vec<[u32; 3]>,
 }
 
 impl Mesh {
-    /// Vertices at one place become one; triangles that lose a side thereby are left out, and copies of others, as
-    /// double-sided meshes have.
+    /// Merges vertices at the same position. Drops triangles that lose a side, and copies of
+    /// triangles, which double-sided meshes have.
     fn new(vertices: &[Point], triangles: &[[u32; 3]]) -> Self {
         let mut places = HashMap::new();
         let mut points = Vec::new();
         let mut merged = Vec::with_capacity(vertices.len());
         for vertex in vertices {
-            // Adding zero makes one of both zeros.
+            // Adding 0.0 turns -0.0 into 0.0.
             let place = vertex.map(|x| (x + 0.0).to_bits());
             merged.push(*places.entry(place).or_insert_with(|| {
                 points.push(*vertex);
@@ -100,10 +101,10 @@ impl Mesh {
         triangle.map(|i| self.points[i as usize])
     }
 
-    /// How many edges are not between two triangles, and at how many the triangles on both sides look different
-    /// ways.
+    /// Counts the edges that are not between two triangles, and the edges whose two triangles face
+    /// opposite sides.
     fn edges(&self) -> [usize; 2] {
-        // By edge: how often it is passed forwards and backwards.
+        // For each edge: number of traversals forward and backward.
         let mut passed: BTreeMap<[u32; 2], [usize; 2]> = BTreeMap::new();
         for &[a, b, c] in &self.triangles {
             for [from, to] in [[a, b], [b, c], [c, a]] {
@@ -116,8 +117,8 @@ impl Mesh {
         [open, turned]
     }
 
-    /// What areas, as vectors, leave over as a part of their sum: nothing where the surface is closed,
-    /// and for a flat one its normal.
+    /// Returns the sum of the area vectors divided by the area: zero for a closed surface, the unit
+    /// normal for a flat one.
     fn leftover(&self) -> Point {
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for triangle in &self.triangles {
@@ -128,7 +129,7 @@ impl Mesh {
         sum.map(|x| if total > 0.0 { x / total } else { 0.0 })
     }
 
-    /// \[m^3\]
+    /// Returns the signed volume. \[m^3\]
     fn volume(&self) -> f64 {
         let part = |triangle| {
             let corners = self.corners(triangle);
@@ -137,7 +138,7 @@ impl Mesh {
         self.triangles.iter().map(part).sum()
     }
 
-    /// Pairs of triangles without a common corner that share a point.
+    /// Counts the pairs of triangles that intersect and share no corner.
     fn crossings(&self) -> usize {
         let single = |p: &Point| Vector::from(p.map(|x| x as f32));
         let points = self.points.iter().map(single).collect();
@@ -162,7 +163,7 @@ impl Mesh {
     }
 }
 
-/// The area of a triangle along its normal. \[m^2\]
+/// Returns the area vector of a triangle, which is normal to it. \[m^2\]
 fn area([a, b, c]: [Point; 3]) -> Point {
     let [u, v]: [Point; 2] = [b, c].map(|p| std::array::from_fn(|i| p[i] - a[i]));
     let twice = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];

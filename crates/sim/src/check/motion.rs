@@ -1,17 +1,18 @@
-//! Findings about speed: what moves farther than it is thick.
+//! Findings about speed: bodies that move farther than they are thick.
 
 use super::sizes::{extents, thickness};
 use super::{Finding, Kind, dot, length, up};
 use crate::scene::{Body, Motion, Scene};
 use crate::settings::StepSettings;
 
-/// A key is no jump up to this part of the body's thickness. \[1\]
+/// Motion between two keys up to which it is no jump, as a fraction of the body's thickness. \[1\]
 const JUMP: f64 = 0.1;
-/// A jump is this many times faster than what is before and after it. \[1\]
+/// A jump is faster than the motion before and after it by this factor. \[1\]
 const SUDDEN: f64 = 10.0;
 
-/// Bodies that pass more than the thickness of the thinnest body, or their own, between two searches
-/// for contacts: at the speed they start with, and what they gain by falling to the lowest body.
+/// Finds bodies that may move more than their own thickness, or that of the thinnest body, between
+/// two searches for contacts. The speed is the initial one plus the speed gained by falling to the
+/// lowest body.
 pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
     let up = up(scene);
     let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -59,9 +60,9 @@ pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
     findings
 }
 
-/// Kinematic bodies whose track passes more than a part of their own thickness in less than half a step, and
-/// many times faster than before and after it: a key with STEP interpolation, or two keys at almost
-/// the same time.
+/// Finds jumps in the tracks of bodies. A jump moves a body by more than a fraction of its
+/// thickness in less than half a step. It is also many times faster than the motion before and
+/// after it. Causes are a key with STEP interpolation, or two keys at almost the same time.
 pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
     let step = scene.time_step;
     let mut findings = Vec::new();
@@ -103,7 +104,7 @@ fn norm(vector: &[f64]) -> f64 {
     dot(vector, vector).sqrt()
 }
 
-/// How far a body reaches from its origin. \[m\]
+/// Returns a bound on the distance of a point of the body from its origin. \[m\]
 fn reach(body: &Body) -> f64 {
     let far = |shape| extents(shape).map_or(0.0, |sides| 0.5 * norm(&sides));
     body.shapes.iter().map(|shape| norm(&shape.position) + far(shape)).fold(0.0, f64::max)

@@ -1,12 +1,12 @@
-//! Findings about the scales of the nodes of a glTF.
+//! Findings about the scale of glTF nodes.
 
 use super::{Finding, Kind};
 use crate::scene::Read;
 
-/// What differs by less than this part is even. \[1\]
+/// Relative difference up to which a scale counts as even. \[1\]
 const EVEN: f64 = 1e-3;
 
-/// Bodies with mirrored or unevenly scaled shapes, one finding of each kind per body.
+/// Finds bodies with mirrored or unevenly scaled shapes; one finding of each kind per body.
 pub(super) fn scales(read: &Read) -> Vec<Finding> {
     let Some(source) = &read.source else { return Vec::new() };
     let mut findings = Vec::new();
@@ -37,12 +37,12 @@ pub(super) fn scales(read: &Read) -> Vec<Finding> {
     findings
 }
 
-/// The smallest factor along the axes of a shape.
+/// Returns the smallest scale factor along the axes of a shape.
 fn smallest([x, y, z]: &[[f64; 3]; 3]) -> f64 {
     x[0].min(y[1]).min(z[2])
 }
 
-/// The largest factor over the smallest; even where the scale disables the shape.
+/// Returns the ratio of the largest to the smallest factor; 1 if the scale disables the shape.
 fn unevenness(scale: &[[f64; 3]; 3]) -> f64 {
     let factors = scale.map(|axis| super::dot(&axis, &axis).sqrt());
     let (low, high) =

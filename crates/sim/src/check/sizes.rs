@@ -1,16 +1,17 @@
-//! Findings about how large things are, and where.
+//! Findings about the sizes and positions of bodies.
 
 use super::{Finding, Kind, length};
 use crate::scene::{Scene, Shape, ShapeKind};
 
-/// Larger things are most often millimeters read as meters. \[m\]
+/// Largest accepted extent. Larger ones are most often millimeters read as meters. \[m\]
 const LARGEST: f64 = 1e3;
-/// What is thinner than this is close to the distances at which contacts are made. \[m\]
+/// Smallest accepted thickness. Thinner bodies are close to the distances at which contacts are
+/// made. \[m\]
 const THINNEST: f64 = 1e-3;
-/// Farther out, positions are coarser than 0.1 mm. \[m\]
+/// Largest accepted distance from the origin. Farther out, positions are coarser than 0.1 mm. \[m\]
 const FARTHEST: f64 = 1e3;
 
-/// Bodies that are too large, too thin or too far away, one finding of each kind per body.
+/// Finds bodies that are too large, too thin or too far away; one finding of each kind per body.
 pub(super) fn sizes(scene: &Scene) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
@@ -42,7 +43,7 @@ pub(super) fn sizes(scene: &Scene) -> Vec<Finding> {
     findings
 }
 
-/// Full sizes along the axes of a shape; none for a half-space. \[m\]
+/// Returns the full extents along the axes of a shape; `None` for a half-space. \[m\]
 pub(super) fn extents(shape: &Shape) -> Option<Vec<f64>> {
     let around = |points: &mut dyn Iterator<Item = &[f64]>| {
         let bounds = points.fold(Vec::new(), |mut bounds: Vec<[f64; 2]>, point| {
@@ -69,7 +70,7 @@ pub(super) fn extents(shape: &Shape) -> Option<Vec<f64>> {
     })
 }
 
-/// The least extent of what has a volume. \[m\]
+/// Returns the least extent of a shape with a volume; `None` for meshes and half-spaces. \[m\]
 pub(super) fn thickness(shape: &Shape) -> Option<f64> {
     let solid = !matches!(shape.kind, ShapeKind::Trimesh { .. });
     extents(shape).filter(|_| solid)?.into_iter().reduce(f64::min)

@@ -1,22 +1,22 @@
-//! Findings about how surfaces combine.
+//! Findings about how the restitutions of two surfaces combine.
 
 use super::{Finding, Kind};
 use crate::scene::{Combine, Material, Motion, Scene};
 
-/// From here on nothing is lost. \[1\]
+/// Restitution from which on a bounce loses no energy. \[1\]
 const LOSSLESS: f64 = 1.0;
 
-/// A surface, and whose it is.
+/// A material with a body that has it.
 struct Surface<'a> {
     material: &'a Material,
     body: usize,
-    /// The last body that has it: another one, if there are several.
+    /// Last body that has it; differs from `body` if several have it.
     last: usize,
     dynamic: bool,
 }
 
-/// Pairs of surfaces that bounce for ever, and surfaces whose restitution no other lets act; the first
-/// body of each surface is named.
+/// Finds pairs of surfaces that bounce forever, and surfaces whose restitution never acts. Each
+/// finding names the first body of a surface.
 pub(super) fn bounces(scene: &Scene) -> Vec<Finding> {
     let surfaces = surfaces(scene);
     let together = |a: &Surface<'_>, b: &Surface<'_>| {
@@ -55,7 +55,7 @@ pub(super) fn bounces(scene: &Scene) -> Vec<Finding> {
     findings
 }
 
-/// Surfaces that differ, by the first body that has them.
+/// Returns the distinct surfaces, each with the first body that has it.
 fn surfaces(scene: &Scene) -> Vec<Surface<'_>> {
     let mut surfaces: Vec<Surface<'_>> = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! [`Decompositions`]: those that are known, by content.
+//! Cache of convex decompositions by mesh content: [`Decompositions`].
 
 use std::collections::HashMap;
 use std::env;
@@ -12,14 +12,14 @@ use super::surface::Surface;
 use super::{ALGORITHM, Decomposition, DecompositionOptions, NotSolid, Unit};
 use crate::recording::file::write_whole;
 
-/// The variable that names the folder of stored decompositions, or turns it off.
+/// Environment variable that names the cache folder, or turns it off.
 const VARIABLE: &str = "DRYSTONE_CACHE";
 
-/// Decompositions that are known by the content of their meshes: in memory, and in a folder if there is one.
+/// Cache of decompositions by the content of their meshes, in memory and optionally in a folder.
 ///
-/// Equal meshes, also of other sizes and places, are decomposed once. Stored pieces have the bits that
-/// [`decompose`](super::decompose) finds. A file that is damaged, or of another version, is ignored, and so is
-/// a folder that cannot be written.
+/// Meshes that differ only in position and size share one decomposition. Stored pieces are bitwise
+/// equal to those of [`decompose`](super::decompose). The cache ignores files that are damaged or
+/// of another version, and a folder that cannot be written.
 #[derive(Debug, Default)]
 pub struct Decompositions {
     known: HashMap<u128, Arc<Unit>>,
@@ -27,14 +27,15 @@ pub struct Decompositions {
 }
 
 impl Decompositions {
-    /// Keeps them in a folder as well, which is made when there is something to keep.
+    /// Uses a folder as well, which is created when the first decomposition is stored.
     pub fn in_folder(folder: &Path) -> Self {
         Self { folder: Some(folder.to_owned()), ..Self::default() }
     }
 
-    /// Keeps them in the user's folder for caches: `$DRYSTONE_CACHE`, else `drystone` in `$XDG_CACHE_HOME` or
-    /// in `~/.cache` (macOS `~/Library/Caches`, Windows `%LOCALAPPDATA%`). With `DRYSTONE_CACHE=off`, or
-    /// without any of these, in memory only.
+    /// Uses the user's cache folder as well. This is `$DRYSTONE_CACHE` if set, else the folder
+    /// `drystone` in the system's cache folder: `%LOCALAPPDATA%` on Windows, `~/Library/Caches` on
+    /// macOS, elsewhere `$XDG_CACHE_HOME` or `~/.cache`. With `DRYSTONE_CACHE=off`, or without any
+    /// of these, the cache is in memory only.
     pub fn of_user() -> Self {
         let known = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
         let folder = match known(VARIABLE) {
@@ -56,7 +57,7 @@ impl Decompositions {
         Self { folder, ..Self::default() }
     }
 
-    /// The decomposition of a mesh, as [`decompose`](super::decompose) makes it.
+    /// Returns the decomposition of a mesh as [`decompose`](super::decompose) makes it.
     ///
     /// # Errors
     /// The mesh encloses no volume.
@@ -94,7 +95,7 @@ impl Decompositions {
     }
 }
 
-/// Of everything that pieces depend on.
+/// Returns the hash of everything that the pieces depend on.
 fn key(surface: &Surface, options: &DecompositionOptions) -> u128 {
     let mut hash = Xxh3::new();
     let mut add = |number: u64| hash.update(&number.to_le_bytes());
@@ -107,7 +108,7 @@ fn key(surface: &Surface, options: &DecompositionOptions) -> u128 {
     hash.digest128()
 }
 
-/// Stored pieces, with the hash of their bytes behind them.
+/// Reads stored pieces, which are followed by the hash of their bytes; `None` if they are damaged.
 fn read(file: &Path) -> Option<Unit> {
     let bytes = fs::read(file).ok()?;
     let (content, sum) = bytes.split_last_chunk::<8>()?;
@@ -119,7 +120,7 @@ fn read(file: &Path) -> Option<Unit> {
     (sound && !unit.pieces.is_empty()).then_some(unit)
 }
 
-/// What cannot be stored is found again the next time.
+/// Stores pieces. Errors are ignored: the pieces are then recomputed the next time.
 fn write(file: &Path, unit: &Unit) {
     let Ok(mut bytes) = postcard::to_stdvec(unit) else { return };
     bytes.extend(xxh3_64(&bytes).to_le_bytes());

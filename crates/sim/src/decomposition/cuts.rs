@@ -1,7 +1,7 @@
-//! Cuts a surface by planes across the axes, until the hull of each part is near to the surface.
+//! Cuts a surface by planes across the axes, until the hull of each part is near the surface.
 //!
-//! The hull of a part is exact: that of the surface clipped to its box, and of the corners of the box that are
-//! inside.
+//! The hull of a part is exact: the hull of the surface clipped to the box of the part, and of
+//! those corners of the box that are inside the surface.
 
 use parry3d::math::Vector;
 
@@ -10,21 +10,23 @@ use super::interior::{Interior, point};
 use super::pieces::{FAR, Hull, Memory};
 use super::surface::{Surface, normal, unit};
 
-/// Leaves per piece that is allowed, and besides.
+/// Maximum number of leaves: this many per allowed piece, plus a constant.
 const LEAVES: [usize; 2] = [2, 32];
-/// A leaf is cut until its hull is nearer to the surface than this part of the accuracy. \[1\]
+/// A leaf is cut until its hull exceeds the surface by at most this fraction of the accuracy. \[1\]
 const NEARER: f64 = 0.75;
-/// Most planes that are tried across an axis: through corners of the surface, and evenly.
+/// Maximum number of planes through corners of the surface that are tried across an axis.
 const PLANES: usize = 16;
-/// Planes across an axis whose harm is measured: those with the smallest hulls.
+/// Number of planes across an axis whose harm is measured: those with the smallest hulls.
 const TRIED: usize = 3;
-/// A plane helps that leaves less than this part of the harm. \[1\]
+/// A plane is good enough if it leaves less than this fraction of the harm. \[1\]
 const HELPS: f64 = 0.6;
-/// No side of a part is shorter than this. \[size\]
+/// Minimum side length of a part. \[size\]
 const THINNEST: f64 = 1e-3;
-/// Corners of boxes are looked at this far inside: faces of the surface may lie in those of the box. \[size\]
+/// Corners of boxes are tested this far inside the box, since faces of the surface may coincide
+/// with faces of the box. \[size\]
 const INSET: f64 = 1e-5;
-/// Hulls that are only compared are those of as many of their points as there are directions, where there are more.
+/// Components of the search directions are integers from -`REACH` to `REACH`. Hulls that are only
+/// compared are reduced to the support points in these directions.
 const REACH: i32 = 2;
 
 type Point = [f64; 3];
@@ -36,7 +38,7 @@ struct Face {
     normal: Point,
 }
 
-/// What of the surface is in a box.
+/// Part of the surface inside a box.
 struct Part {
     faces: Vec<Face>,
     low: Point,
@@ -45,7 +47,7 @@ struct Part {
     excess: f64,
 }
 
-/// Hulls of the parts of a surface.
+/// Cuts a surface into parts, and returns the hulls of the parts.
 pub(super) fn leaves(
     surface: &Surface,
     interior: &Interior<'_>,
@@ -92,7 +94,7 @@ pub(super) fn leaves(
 }
 
 impl Part {
-    /// In the box around its faces.
+    /// Makes a part with the bounding box of its faces.
     fn new(faces: Vec<Face>) -> Self {
         let all = |i: usize, pick: fn(f64, f64) -> f64| {
             faces.iter().flat_map(|face| &face.corners).map(|p| p[i]).reduce(pick).unwrap_or(0.0)
@@ -102,7 +104,7 @@ impl Part {
         Self { faces, low, high, hull: None, excess: 0.0 }
     }
 
-    /// Corners of its faces, and those of its box that are inside.
+    /// Returns the corners of its faces, and the corners of its box that are inside the surface.
     fn points(&self, interior: &Interior<'_>, memory: &mut Memory) -> Vec<Vector> {
         let all = self.faces.iter().flat_map(|face| &face.corners);
         let mut points: Vec<Vector> = all.map(|at| point(*at)).collect();
@@ -121,7 +123,7 @@ impl Part {
         points
     }
 
-    /// Both sides of a plane across an axis.
+    /// Cuts the part by a plane across an axis, and returns both sides.
     fn cut(&self, axis: usize, at: f64) -> [Self; 2] {
         let side = |upper: bool| {
             let faces =
@@ -137,15 +139,18 @@ impl Part {
         [false, true].map(side)
     }
 
-    /// The plane whose sides have hulls that do least harm: volume times how far they reach out of the surface.
+    /// Returns the axis and the offset of the plane that leaves least harm. The harm of a hull is
+    /// its volume times the distance by which it extends beyond the surface.
     ///
-    /// Cutting a ring in half does not help yet: both halves together have the hull of the whole. Where no
-    /// plane helps much, one through the middle of the hollow does in the end.
+    /// Cutting a ring in half does not help at first: both halves together have the hull of the
+    /// whole. If no plane is good enough, the choice is the best plane near the deepest point of
+    /// the hollow, which helps in the end.
     fn best_cut(&self, interior: &Interior<'_>, memory: &mut Memory) -> Option<(usize, f64)> {
         let hull = self.hull.as_ref()?;
         let (reach, deepest) = hull.reach(interior, memory);
         let before = hull.volume() * reach;
-        // Harm, axis and place; through the hollow, and anywhere.
+        // Harm, axis and offset of the best plane through the hollow, and of the best plane
+        // anywhere.
         let mut best: [Option<(f64, usize, f64)>; 2] = [None; 2];
         for axis in 0..3 {
             let extent = self.high[axis] - self.low[axis];
@@ -186,7 +191,7 @@ impl Part {
         best.map(|(_, axis, at)| (axis, at))
     }
 
-    /// Places of planes across an axis.
+    /// Returns the offsets of candidate planes across an axis.
     fn planes(&self, axis: usize) -> Vec<f64> {
         let (low, high) = (self.low[axis], self.high[axis]);
         let mut planes: Vec<f64> =
@@ -206,8 +211,8 @@ impl Part {
 }
 
 impl Face {
-    /// What of it is on one side of a plane across an axis; none where that has no area. A face in the plane is
-    /// on the side of what it encloses.
+    /// Returns the polygon on one side of a plane across an axis; `None` if it has no area there. A
+    /// face in the plane belongs to the side of the solid that it bounds.
     fn clipped(&self, axis: usize, at: f64, upper: bool) -> Option<Self> {
         let sign = if upper { 1.0 } else { -1.0 };
         let height = |corner: &Point| sign * (corner[axis] - at);
@@ -231,7 +236,7 @@ impl Face {
                 corners.push(*from);
             }
             if a * b < 0.0 {
-                // From below, so that both sides have the same point.
+                // Interpolate from the lower end, so that both sides get the same point.
                 let [low, high, d, e] =
                     if from[axis] < to[axis] { [from, to, from, to] } else { [to, from, to, from] };
                 let part = (at - d[axis]) / (e[axis] - d[axis]);
@@ -245,7 +250,7 @@ impl Face {
     }
 }
 
-/// The farthest points in some directions, if there are more.
+/// Returns the support points in a fixed set of directions, or all points if they are few.
 fn outermost(points: Vec<Vector>) -> Vec<Vector> {
     let across = 2 * REACH + 1;
     let count = (across * across * across) as usize;

@@ -1,4 +1,4 @@
-//! How far pieces are from a surface, measured along columns.
+//! Deviation of convex pieces from a surface, measured along columns.
 
 use parry3d::query::PointQuery;
 use parry3d::shape::Triangle;
@@ -8,12 +8,12 @@ use super::interior::{Interior, Stretch, point};
 use super::pieces::{Hull, dot};
 use super::surface::{Surface, unit};
 
-/// Columns, and points on them, are this far apart. \[size\]
+/// Distance between columns, and minimum distance of points on them. \[size\]
 const STEP: f64 = 1.0 / 128.0;
-/// What is this near is there: rounding. \[size\]
+/// Distances up to this count as zero, because of rounding. \[size\]
 const NEAR: f64 = 1e-6;
 
-/// A piece with what is asked of it.
+/// A piece with its planes and its bounding box.
 struct Part<'h> {
     hull: &'h Hull,
     planes: Vec<([f64; 3], f64)>,
@@ -21,7 +21,7 @@ struct Part<'h> {
 }
 
 impl Part<'_> {
-    /// What of a column along y is inside.
+    /// Returns the interval of a column along y that is inside the piece.
     fn column(&self, x: f64, z: f64) -> Option<Stretch> {
         let [low, high] = self.bounds;
         if x < low[0] || x > high[0] || z < low[2] || z > high[2] {
@@ -41,14 +41,14 @@ impl Part<'_> {
         (from < to).then_some([from, to])
     }
 
-    /// At most the distance of a point; at most 0 inside.
+    /// Returns a lower bound of the distance of a point from the piece; at most 0 inside.
     fn at_least(&self, at: [f64; 3]) -> f64 {
         self.planes
             .iter()
             .fold(f64::NEG_INFINITY, |most, (normal, offset)| most.max(dot(*normal, at) - offset))
     }
 
-    /// Distance of a point that is outside.
+    /// Returns the distance of a point outside the piece.
     fn distance(&self, at: [f64; 3]) -> f64 {
         let near = |triangle| {
             let [a, b, c] = self.hull.corners(triangle).map(point);
@@ -58,7 +58,7 @@ impl Part<'_> {
     }
 }
 
-/// How far a point is from all pieces.
+/// Returns the distance of a point from the nearest piece; 0 inside.
 fn apart(parts: &[Part<'_>], at: [f64; 3]) -> f64 {
     let mut nearest = f64::INFINITY;
     for part in parts {
@@ -73,7 +73,8 @@ fn apart(parts: &[Part<'_>], at: [f64; 3]) -> f64 {
     nearest
 }
 
-/// Distances and volumes as fractions of the size of the surface and of its volume.
+/// Measures the deviation of pieces from a surface: lengths as fractions of its size, volumes as
+/// fractions of its volume.
 pub(super) fn measure(surface: &Surface, interior: &Interior<'_>, pieces: &[Hull]) -> Deviation {
     let part = |hull| Part { hull, planes: hull.planes(), bounds: hull.bounds() };
     let parts: Vec<_> = pieces.iter().map(part).collect();
@@ -113,8 +114,8 @@ pub(super) fn measure(surface: &Surface, interior: &Interior<'_>, pieces: &[Hull
     out
 }
 
-/// Raises `most` to the largest distance on a stretch, at points a step apart or more: a distance changes by no
-/// more than the way.
+/// Raises `most` to the largest distance on an interval. The distance changes by at most the path
+/// along the column. The step is therefore longer where the distance is far below `most`.
 fn farthest([from, to]: Stretch, distance: impl Fn(f64) -> f64, most: &mut f64) {
     let mut at = (from + 0.5 * STEP).min(0.5 * (from + to));
     while at < to {
@@ -124,7 +125,7 @@ fn farthest([from, to]: Stretch, distance: impl Fn(f64) -> f64, most: &mut f64) 
     }
 }
 
-/// Joins stretches that overlap or touch.
+/// Joins intervals that overlap or touch.
 fn unite(stretches: &mut Vec<Stretch>) {
     stretches.sort_by(|a, b| a[0].total_cmp(&b[0]));
     stretches.dedup_by(|next, last| {
@@ -136,7 +137,7 @@ fn unite(stretches: &mut Vec<Stretch>) {
     });
 }
 
-/// What of some stretches is in none of others; both in order, and apart.
+/// Returns the parts of `some` that are in none of `others`; both are sorted and disjoint.
 fn without(some: &[Stretch], others: &[Stretch]) -> Vec<Stretch> {
     let mut out = Vec::new();
     for &[mut from, to] in some {

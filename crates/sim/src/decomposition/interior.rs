@@ -1,4 +1,4 @@
-//! [`Interior`]: what is inside of a surface, and how far the surface is.
+//! Point queries on a closed surface: inside or outside, and distance ([`Interior`]).
 
 use parry3d::math::Vector;
 use parry3d::query::PointQuery;
@@ -6,20 +6,20 @@ use parry3d::shape::TriMesh;
 
 use super::surface::{Corner, GRID, Surface, normal, unit};
 
-/// Columns run at odd multiples of 2^-(`GRID` + `FINER`), where no corner is.
+/// Columns run at odd multiples of 2^-(`GRID` + `FINER`), so that no column hits a corner.
 const FINER: u32 = 5;
 
-/// A closed surface, asked for single points.
+/// A closed surface with an index for point queries.
 pub(super) struct Interior<'s> {
     surface: &'s Surface,
-    /// Triangles by the columns along y that may meet them.
+    /// Triangles that the columns along y of each bin may hit.
     bins: Vec<Vec<u32>>,
-    /// Bins along an axis.
+    /// Number of bins along each axis.
     across: usize,
     mesh: Option<TriMesh>,
 }
 
-/// A stretch of a column, from below to above.
+/// An interval of a column, lower end first.
 pub(super) type Stretch = [f64; 2];
 
 impl<'s> Interior<'s> {
@@ -43,7 +43,8 @@ impl<'s> Interior<'s> {
         Self { surface, bins, across, mesh: TriMesh::new(points, surface.triangles.clone()).ok() }
     }
 
-    /// Where a column along y meets the surface, from below: height, and whether it enters (1) or leaves (-1).
+    /// Finds the crossings of a column along y with the surface, lowest first: height, and 1 where
+    /// the column enters or -1 where it leaves.
     fn crossings(&self, x: f64, z: f64, out: &mut Vec<(f64, i32)>) {
         out.clear();
         let fine = f64::from(1 << (GRID + FINER));
@@ -62,7 +63,7 @@ impl<'s> Interior<'s> {
                 let fine = |x: i32| i64::from(x) << FINER;
                 let ([az, ax], [bz, bx]) = ([fine(a[2]), fine(a[0])], [fine(b[2]), fine(b[0])]);
                 let area = (bz - az) * (px - ax) - (bx - ax) * (pz - az);
-                // A column through an edge meets one of both triangles.
+                // A column through a shared edge crosses exactly one of the two triangles.
                 let inside = area > 0 || area == 0 && (bz, bx) > (az, ax);
                 inside.then_some(area as f64)
             };
@@ -76,14 +77,14 @@ impl<'s> Interior<'s> {
         out.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
     }
 
-    /// Whether a point is inside of the surface.
+    /// Whether a point is inside the surface.
     pub(super) fn contains(&self, [x, y, z]: [f64; 3], memory: &mut Vec<(f64, i32)>) -> bool {
         self.crossings(x, z, memory);
         memory.iter().take_while(|crossing| crossing.0 < y).map(|crossing| crossing.1).sum::<i32>()
             > 0
     }
 
-    /// What of a column along y is inside, from below.
+    /// Finds the intervals of a column along y that are inside the surface, lowest first.
     pub(super) fn column(
         &self,
         x: f64,
@@ -105,14 +106,14 @@ impl<'s> Interior<'s> {
         }
     }
 
-    /// Distance of a point from the surface.
+    /// Returns the distance of a point from the surface.
     pub(super) fn distance(&self, at: [f64; 3]) -> f64 {
         let at = point(at);
         let nearest = self.mesh.as_ref().map(|mesh| mesh.project_local_point(at, false).point);
         nearest.map_or(0.0, |nearest| f64::from((nearest - at).length()))
     }
 
-    /// How far a point is out of the surface; 0 inside.
+    /// Returns the distance of a point outside from the surface; 0 inside.
     pub(super) fn excess(&self, at: [f64; 3], memory: &mut Vec<(f64, i32)>) -> f64 {
         if self.contains(at, memory) { 0.0 } else { self.distance(at) }
     }

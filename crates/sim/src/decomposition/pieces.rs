@@ -1,4 +1,4 @@
-//! Convex pieces of a surface: cut, joined and simplified.
+//! Convex pieces of a surface: hulls are cut, joined and simplified.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,18 +10,19 @@ use super::DecompositionOptions;
 use super::interior::{Interior, point};
 use super::surface::{Surface, unit};
 
-/// Samples on faces are this far apart, at most. \[size\]
+/// Maximum size of the cells that faces are sampled in. \[size\]
 const SPACING: f64 = 1.0 / 64.0;
-/// The same where they are only compared. \[size\]
+/// Cell size for hulls that are only compared. \[size\]
 const ROUGHLY: f64 = 1.0 / 16.0;
-/// Corners that move faces by less than this part of the accuracy are left out. \[1\]
+/// Simplification drops corners that are beyond the hull by less than this fraction of the
+/// accuracy. \[1\]
 const SIMPLER: f64 = 0.125;
-/// Most corners of a simplified hull.
+/// Maximum number of corners of a simplified hull.
 const CORNERS: usize = 128;
-/// A mesh that its hull exceeds by less than this is convex, and keeps all its corners. \[size\]
+/// A mesh counts as convex, and keeps all corners, if its hull exceeds it by at most this. \[size\]
 const CONVEX: f64 = 1e-5;
 
-/// Beyond this many times the accuracy, how far hulls reach out of the surface is not measured. \[1\]
+/// The excess of hulls over the surface is measured up to this multiple of the accuracy. \[1\]
 pub(super) const FAR: f64 = 8.0;
 
 pub(super) type Memory = Vec<(f64, i32)>;
@@ -35,11 +36,11 @@ pub(super) struct Hull {
 }
 
 impl Hull {
-    /// None where the points span no volume.
+    /// Returns the convex hull of points; `None` if they span no volume.
     pub(super) fn of(points: &[Vector]) -> Option<Self> {
         let mut points: Vec<[f32; 3]> =
             points.iter().map(|p| p.to_array().map(|x| x + 0.0)).collect();
-        // Points that are nearly the same or in a plane may fail: then on coarser grids.
+        // The hull of nearly equal or nearly coplanar points may fail: retry on coarser grids.
         for grid in [1 << 22, 1 << 16, 1 << 13, 1 << 11] {
             let round = |x: f32| (x * grid as f32).round() / grid as f32;
             points.iter_mut().for_each(|point| *point = point.map(round));
@@ -62,7 +63,7 @@ impl Hull {
         triangle.map(|corner| self.points[corner as usize].map(f64::from))
     }
 
-    /// Unit normal of each face, and how far it is from the origin.
+    /// Returns the unit normal of each face, and its distance from the origin.
     pub(super) fn planes(&self) -> Vec<([f64; 3], f64)> {
         let plane = |triangle| {
             let corners = self.corners(triangle);
@@ -87,7 +88,7 @@ impl Hull {
         self.points.iter().map(|p| Vector::from(*p))
     }
 
-    /// Whether all numbers are finite and all indices those of corners.
+    /// Whether all coordinates are finite and all indices are in range.
     pub(super) fn is_sound(&self) -> bool {
         let known = |corner: &u32| (*corner as usize) < self.points.len();
         self.triangles.iter().flatten().all(known)
@@ -103,7 +104,8 @@ impl Hull {
         self.triangles.iter().map(part).sum()
     }
 
-    /// Farthest that it reaches out of the surface, and where; stops beyond `limit`. \[size\]
+    /// Returns the largest distance by which the hull extends beyond the surface, and that point.
+    /// Stops early once the distance exceeds `limit`. \[size\]
     pub(super) fn excess(
         &self,
         interior: &Interior<'_>,
@@ -113,13 +115,14 @@ impl Hull {
         self.excess_at(interior, SPACING, 2.0, limit, memory)
     }
 
-    /// The same, roughly.
+    /// Returns the excess measured with coarse samples and without a limit.
     pub(super) fn reach(&self, interior: &Interior<'_>, memory: &mut Memory) -> (f64, [f64; 3]) {
         self.excess_at(interior, ROUGHLY, 1.0, f64::INFINITY, memory)
     }
 
-    /// At points of its faces in the middle of cells of this size, at least so many along each side of a face,
-    /// and between the faces and its middle.
+    /// Returns the excess at sample points: the centers of cells of size `spacing` on each face,
+    /// the middle of the hull, and points halfway between. Each side of a face has at least `least`
+    /// cells.
     fn excess_at(
         &self,
         interior: &Interior<'_>,
@@ -143,7 +146,7 @@ impl Hull {
         }
         for triangle in &self.triangles {
             let corners = self.corners(triangle);
-            // Rows along the longest side.
+            // Rows of cells along the longest side.
             let side = |i: usize| sub(corners[(i + 1) % 3], corners[i]);
             let square = |i: usize| dot(side(i), side(i));
             let first = (1..3).fold(0, |best, i| if square(i) > square(best) { i } else { best });
@@ -170,7 +173,8 @@ impl Hull {
         most
     }
 
-    /// A hull of fewer of its corners, from which none of the others is farther than `near`. \[size\]
+    /// Returns the hull of a subset of the corners. None of the other corners is farther from it
+    /// than `near`, unless that takes more than [`CORNERS`] corners. \[size\]
     fn simplified(&self, near: f64) -> Self {
         let all: Vec<Vector> = self.vectors().collect();
         let mut kept: BTreeSet<usize> = BTreeSet::new();
@@ -182,7 +186,7 @@ impl Hull {
         loop {
             let points: Vec<Vector> = kept.iter().map(|i| all[*i]).collect();
             let Some(hull) = Self::of(&points) else {
-                // The corners farthest along the axes are in one plane.
+                // The extreme corners along the axes are coplanar.
                 return self.clone();
             };
             let mut beyond: Vec<(f64, usize)> = Vec::new();
@@ -209,7 +213,7 @@ impl Hull {
     }
 }
 
-/// The hull of all, where it is as near to the surface as it should be.
+/// Returns the hull of the whole surface if it stays within the accuracy.
 pub(super) fn whole(surface: &Surface, interior: &Interior<'_>, accuracy: f64) -> Option<Hull> {
     let points: Vec<_> = surface.corners.iter().map(|corner| point(unit(*corner))).collect();
     let hull = Hull::of(&points)?;
@@ -221,7 +225,7 @@ pub(super) fn whole(surface: &Surface, interior: &Interior<'_>, accuracy: f64) -
     }
 }
 
-/// The pieces of a surface; none where cutting it fails.
+/// Returns the pieces of a surface; empty if cutting it fails.
 pub(super) fn find(
     surface: &Surface,
     interior: &Interior<'_>,
@@ -232,8 +236,8 @@ pub(super) fn find(
     joined.iter().map(|hull| hull.simplified(SIMPLER * options.accuracy)).collect()
 }
 
-/// Joins hulls that touch and whose common hull stays within `accuracy` of the surface, those that exceed it least
-/// first; then others, as long as there are more than `most`.
+/// Joins hulls that touch as long as their common hull stays within `accuracy` of the surface,
+/// least excess first. Then joins further hulls as long as there are more than `most`.
 fn join(leaves: Vec<Hull>, interior: &Interior<'_>, accuracy: f64, most: usize) -> Vec<Hull> {
     let mut memory = Memory::new();
     let mut parts: Vec<Option<Hull>> = leaves.into_iter().map(Some).collect();
@@ -262,7 +266,7 @@ fn join(leaves: Vec<Hull>, interior: &Interior<'_>, accuracy: f64, most: usize) 
             if count <= most {
                 break;
             }
-            // Islands: more of them than there may be pieces.
+            // The rest does not touch, but is too many: allow any pair.
             let all = (0..parts.len()).flat_map(|i| (i + 1..parts.len()).map(move |j| [i, j]));
             costs = all.filter_map(|pair| Some((pair, cost(&parts, pair, true)?))).collect();
             if costs.is_empty() {

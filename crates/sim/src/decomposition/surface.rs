@@ -1,4 +1,4 @@
-//! [`Surface`]: a closed mesh at unit size, on a grid.
+//! Closed mesh at unit size with vertices on a grid: [`Surface`].
 
 use std::collections::HashMap;
 
@@ -7,15 +7,15 @@ use super::NotSolid;
 /// Corners are at multiples of 2^-`GRID` of the size of the mesh.
 pub(super) const GRID: u32 = 20;
 
-/// A corner, in steps of the grid from the middle of the mesh.
+/// A corner in grid steps, relative to the center of the mesh.
 pub(super) type Corner = [i32; 3];
 
-/// A closed mesh whose triangles face outwards, at unit size.
+/// A closed mesh at unit size whose triangles face outward.
 pub(super) struct Surface {
     pub(super) corners: Vec<Corner>,
-    /// Those with an area.
+    /// Triangles with a nonzero area.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Middle of the box around it. \[m\]
+    /// Center of the bounding box. \[m\]
     pub(super) center: [f64; 3],
     /// Largest extent. \[m\]
     pub(super) size: f64,
@@ -28,7 +28,7 @@ impl Surface {
         if !finite || !triangles.iter().flatten().all(known) {
             return Err(NotSolid::Invalid);
         }
-        // Only what triangles use has a place in the box.
+        // Vertices without a triangle do not count for the box.
         let used = || triangles.iter().flatten().map(|index| vertices[*index as usize]);
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for vertex in used() {
@@ -44,7 +44,7 @@ impl Surface {
         let (corners, mut triangles) = on_grid(vertices, triangles, center, size);
         closed(&triangles)?;
         let whole = volume(&corners, &triangles);
-        // Less than 1e-10 of the cube around it.
+        // Less than 1.6e-10 of the cube around the mesh.
         if whole.abs() < f64::from(1 << 30) {
             return Err(NotSolid::Flat);
         }
@@ -56,25 +56,25 @@ impl Surface {
         Ok(Self { corners, triangles, center, size })
     }
 
-    /// The corners of a triangle, in steps of the grid.
+    /// Returns the corners of a triangle, in grid steps.
     pub(super) fn corners_of(&self, triangle: usize) -> [Corner; 3] {
         self.triangles[triangle].map(|corner| self.corners[corner as usize])
     }
 }
 
-/// Steps of the grid at unit size.
+/// Converts grid steps to unit size.
 pub(super) fn unit(corner: Corner) -> [f64; 3] {
     corner.map(|x| f64::from(x) / f64::from(1 << GRID))
 }
 
-/// Twice the area of a triangle along its normal, exactly.
+/// Returns twice the area vector of a triangle, exactly.
 pub(super) fn normal([a, b, c]: [Corner; 3]) -> [i64; 3] {
     let [u, v]: [[i64; 3]; 2] =
         [b, c].map(|p| std::array::from_fn(|i| i64::from(p[i]) - i64::from(a[i])));
     [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
 }
 
-/// Corners that fall together become one; triangles that lose a side thereby are left out.
+/// Rounds vertices to the grid and merges those that coincide. Drops triangles that lose a side.
 fn on_grid(
     vertices: &[[f64; 3]],
     triangles: &[[u32; 3]],
@@ -98,9 +98,9 @@ fn on_grid(
     (corners, whole)
 }
 
-/// Whether each edge is passed as often forwards as backwards.
+/// Checks that each edge is traversed as often forward as backward.
 fn closed(triangles: &[[u32; 3]]) -> Result<(), NotSolid> {
-    // By edge: how often it is passed, and how much more often forwards.
+    // For each edge: number of traversals, and forward minus backward traversals.
     let mut passed: HashMap<[u32; 2], (u32, i32)> = HashMap::new();
     for &[a, b, c] in triangles {
         for [from, to] in [[a, b], [b, c], [c, a]] {
@@ -119,7 +119,7 @@ fn closed(triangles: &[[u32; 3]]) -> Result<(), NotSolid> {
     }
 }
 
-/// Six times the volume, in cubes of the grid.
+/// Returns six times the enclosed volume, in grid cubes.
 fn volume(corners: &[Corner], triangles: &[[u32; 3]]) -> f64 {
     let part = |triangle: &[u32; 3]| {
         let of = triangle.map(|corner| corners[corner as usize]);

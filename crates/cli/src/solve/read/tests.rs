@@ -1,4 +1,4 @@
-//! Problem files that come from anywhere: read or refused.
+//! Tests with arbitrary problem files: each is read or refused.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ mod mutation;
 const MATRIX: &str = r#"{"format": "csc", "rows": 3, "cols": 3, "colptr": [0, 1, 2, 3],
                          "rowidx": [0, 1, 2], "values": [1, 2, 3]}"#;
 
-/// One of each form.
+/// Returns one problem of each format.
 fn corpus() -> Vec<Vec<u8>> {
     let forms = [
         r#"{"name": "a", "dim": 3, "nc": 1, "mu": [0.5], "q": [-1, 0, 0], "W": MATRIX}"#,
@@ -42,7 +42,7 @@ fn any_problem_is_read_or_refused() {
     mutation::fuzz("problem", &corpus(), true, one);
 }
 
-/// A few bytes that promise a matrix of many.
+/// A short file that claims a large matrix takes little memory.
 #[test]
 fn memory_is_taken_for_what_is_there() {
     let folder = tempfile::tempdir().unwrap();

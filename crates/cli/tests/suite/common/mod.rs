@@ -1,4 +1,4 @@
-//! A place to run the command line in.
+//! A temporary folder to run the command line in.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -29,7 +29,7 @@ position = [0.1, 1.2, 0]
 shapes = [{ type = "sphere", radius = 0.2 }]
 "#;
 
-/// A folder with a scene in it.
+/// A temporary folder with a scene in it.
 pub(crate) struct Place {
     folder: TempDir,
 }
@@ -45,7 +45,7 @@ impl Place {
         self.folder.path().join(name)
     }
 
-    /// `drystone` in this folder.
+    /// Returns a `drystone` command that runs in this folder.
     pub(crate) fn command(&self, arguments: &[&str]) -> Command {
         self.command_of(OsStr::new(env!("CARGO_BIN_EXE_drystone")), arguments)
     }
@@ -61,7 +61,7 @@ impl Place {
         self.command(arguments).output().unwrap()
     }
 
-    /// Runs another build of it.
+    /// Runs another build of `drystone` in this folder.
     pub(crate) fn run_build(&self, program: &OsStr, arguments: &[&str]) -> Output {
         self.command_of(program, arguments).output().unwrap()
     }
@@ -89,7 +89,7 @@ impl Place {
     }
 }
 
-/// A scene that comes with the project.
+/// Returns the path of an example scene of the project.
 pub(crate) fn example(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name);
     path.to_str().unwrap().to_owned()
