@@ -194,7 +194,7 @@ fn the_same_bits_each_time_and_from_the_cache() {
         assert_eq!(fs::read(&file).unwrap(), stored);
     }
     assert_eq!(fs::read_dir(&below).unwrap().count(), 1);
-    // Where nothing can be written, nothing is.
+    // A folder that cannot be written is left alone.
     let barred = Decompositions::in_folder(&file).of(&ring.0, &ring.1, &options).unwrap();
     assert_eq!(barred, fresh);
 }
