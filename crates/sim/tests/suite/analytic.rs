@@ -1,4 +1,4 @@
-//! Mechanics with answers on paper, at the default settings.
+//! Tests of mechanics with closed-form answers, mostly at the default settings.
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
@@ -14,7 +14,8 @@ enum Ground {
     Box,
 }
 
-/// A box with these half extents at rest on a slope of `degrees` that rises along +x.
+/// Returns a world with a box of these half extents at rest on a slope of `degrees` that rises
+/// along +x.
 fn box_on_slope<G: Rigid<L, A>, const L: usize, const A: usize>(
     ground: Ground,
     degrees: f32,
@@ -64,6 +65,8 @@ fn incline<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// A box with friction 0.5 sticks up to 26.57 degrees: it creeps less than 1 mm in 5 s on a slope
+/// of 26 degrees. At 27.2 degrees it accelerates by g (sin - mu cos) within 1 %.
 #[test]
 fn a_box_sticks_up_to_the_angle_of_friction_and_slides_beyond() {
     incline::<Rigid2, 2, 1>();
@@ -72,7 +75,7 @@ fn a_box_sticks_up_to_the_angle_of_friction_and_slides_beyond() {
 
 fn tipping<G: Rigid<L, A>, const L: usize, const A: usize>() {
     for ground in [Ground::Halfspace, Ground::Box] {
-        // Width over height is 1/2: 26.57 degrees.
+        // Width over height is 1/2: the box tips above 26.57 degrees.
         let tall = v(0.25, 0.5, 0.25);
         let (mut world, block) = box_on_slope::<G, L, A>(ground, 26.0, 1.0, tall);
         let before = upright(&world, block);
@@ -87,6 +90,8 @@ fn tipping<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// A box twice as high as wide stands on a slope of 26 degrees and tips over on one of 27.2
+/// degrees.
 #[test]
 fn a_tall_box_tips_when_its_center_passes_its_edge() {
     tipping::<Rigid2, 2, 1>();
@@ -106,13 +111,14 @@ fn rolling_down<G: Rigid<L, A>, const L: usize, const A: usize>(inertia: f32) {
     assert_within(&what, acceleration, GRAVITY * sin / (1.0 + inertia), 0.01);
 }
 
+/// A ball rolls down a slope at g sin / (1 + I / (m r^2)) within 1 %.
 #[test]
 fn a_ball_rolls_down_slower_than_it_would_slide() {
     rolling_down::<Rigid2, 2, 1>(0.5);
     rolling_down::<Rigid3, 3, 3>(0.4);
 }
 
-/// A ball that starts to slide over a floor and ends rolling; `inertia` is I / (m r^2).
+/// Lets a ball start sliding over a floor and end rolling; `inertia` is I / (m r^2).
 fn slide_to_roll<G: Rigid<L, A>, const L: usize, const A: usize>(inertia: f32) {
     let (speed, friction) = (6.0f32, 0.1f32);
     let material = surface(f64::from(friction), 0.0);
@@ -139,6 +145,8 @@ fn slide_to_roll<G: Rigid<L, A>, const L: usize, const A: usize>(inertia: f32) {
     assert_within(&format!("{L}D: distance to rolling [m]"), slid, distance, 0.01);
 }
 
+/// A sliding ball slows at mu g. The speed, time and distance at which it rolls agree with the
+/// formulas; all within 1 %.
 #[test]
 fn a_sliding_ball_comes_to_roll() {
     slide_to_roll::<Rigid2, 2, 1>(0.5);
@@ -167,6 +175,7 @@ fn stack_forces<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// The impulse below each box of a stack of ten carries the weight above it, within 1 %.
 #[test]
 fn each_box_of_a_stack_carries_those_above() {
     stack_forces::<Rigid2, 2, 1>();
@@ -193,6 +202,7 @@ fn ball_on_two<G: Round<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// Two fixed balls each carry w / (2 cos) of a third one between them, within 1 %.
 #[test]
 fn two_balls_share_the_weight_of_a_third() {
     ball_on_two::<Spheres, 2, 0>();
@@ -203,8 +213,8 @@ fn two_balls_share_the_weight_of_a_third() {
 
 // Balance
 
-/// How far the top block of an overhanging stack of four comes down, the overhangs being this
-/// part of the harmonic ones. \[m\]
+/// Returns the fall of the top block of an overhanging stack of four in 10 s. The overhangs are
+/// this fraction of the harmonic ones. \[m\]
 fn overhang<G: Rigid<L, A>, const L: usize, const A: usize>(part: f32) -> f32 {
     let material = surface(0.7, 0.0);
     let mut world = world::<G, L, A>();
@@ -225,6 +235,8 @@ fn overhang<G: Rigid<L, A>, const L: usize, const A: usize>(part: f32) -> f32 {
     start - place(&world, top)[1]
 }
 
+/// A stack with 0.99 of the harmonic overhangs stands within 1 mm for 10 s, and one with 1.01 falls
+/// by more than 0.5 m.
 #[test]
 fn an_overhanging_stack_stands_just_short_of_its_limit() {
     assert_below("2D: fall at 0.99 [m]", overhang::<Rigid2, 2, 1>(0.99).abs(), 1e-3);
@@ -233,8 +245,8 @@ fn an_overhanging_stack_stands_just_short_of_its_limit() {
     assert_above("3D: fall at 1.01 [m]", overhang::<Rigid3, 3, 3>(1.01), 0.5);
 }
 
-/// The largest displacements of a stone of a semicircular arch of mean radius 5 m in a first and a
-/// second spell of 5 s. \[m\]
+/// Returns the largest displacements of a stone of a semicircular arch in a first and a second
+/// period of 5 s. The mean radius is 5 m, and `thickness` is a fraction of it. \[m\]
 fn arch<G: Rigid<L, A>, const L: usize, const A: usize>(thickness: f32) -> [f32; 2] {
     const STONES: usize = 31;
     let radius = 5.0;
@@ -279,16 +291,18 @@ fn arches<G: Rigid<L, A>, const L: usize, const A: usize>() {
 }
 
 /// A rigid semicircular arch needs a thickness of 0.1074 of its mean radius (Heyman, Cocchetti and
-/// Rizzi), one of few stones a little less.
+/// Rizzi), one of few stones a little less. With 0.12 it settles by less than 2 cm and creeps by
+/// less than 1 mm; with 0.095 it falls.
 #[test]
 fn an_arch_needs_its_thickness() {
     arches::<Rigid2, 2, 1>();
     arches::<Rigid3, 3, 3>();
 }
 
-// Blows
+// Impacts
 
-/// Heights of the apexes of a ball dropped from `height` \[m\], and its speed at the end.
+/// Returns the heights of the apexes of a ball dropped from `height` \[m\], and its speed at the
+/// end \[m/s\].
 fn bounces<G: Round<L, A>, const L: usize, const A: usize>(
     restitution: f64,
     height: f32,
@@ -320,7 +334,7 @@ fn bounces<G: Round<L, A>, const L: usize, const A: usize>(
 fn bouncing<G: Round<L, A>, const L: usize, const A: usize>() {
     let e = 0.8f32;
     let height = 5.0f32;
-    // t0 (1 + e) / (1 - e), when infinitely many bounces are over.
+    // The end of infinitely many bounces: t0 (1 + e) / (1 - e).
     let zeno = (2.0 * height / GRAVITY).sqrt() * (1.0 + e) / (1.0 - e);
     let (apexes, speed) = bounces::<G, L, A>(f64::from(e), height, 1.05 * zeno);
     for n in 0..4 {
@@ -335,8 +349,10 @@ fn bouncing<G: Round<L, A>, const L: usize, const A: usize>() {
     }
 }
 
-/// A tilted box comes down on an edge. Its middle moves at v until tau and at v' for the rest of the step, so
-/// where it is tells tau; until then it has not turned, and at omega' for the rest.
+/// Drops a tilted box onto an edge and checks its rotation.
+///
+/// The center moves at v until the impact at tau, and at v' for the rest of the step, so its
+/// position gives tau. The box does not rotate before tau, and rotates at omega' after it.
 fn struck<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let settings = StepSettings { substeps: 1, searches: 1, ..StepSettings::quality() };
     let mut world = World::<G, L, A>::new(settings);
@@ -362,12 +378,16 @@ fn struck<G: Rigid<L, A>, const L: usize, const A: usize>() {
     assert_within(&format!("{L}D: has turned [rad]"), turned, omega * (h - tau), 0.01);
 }
 
+/// Rotation after an impact starts at the time of impact: the angle in the step is omega' (h - tau)
+/// within 1 %.
 #[test]
 fn what_is_struck_turns_from_then_on() {
     struck::<Rigid2, 2, 1>();
     struck::<Rigid3, 3, 3>();
 }
 
+/// A ball with restitution 0.8 rises to e^(2n) of its height within 0.3 %. It is slower than 1 mm/s
+/// after the end of all bounces. With restitution 1 it keeps its height within 0.1 %.
 #[test]
 fn a_ball_bounces_as_high_as_its_restitution() {
     bouncing::<Spheres, 2, 0>();
@@ -393,6 +413,8 @@ fn oblique<G: Round<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// Equal balls part at a right angle after an elastic off-center impact. The cosine is below 0.01
+/// and the energy kept within 1e-4.
 #[test]
 fn equal_balls_part_at_a_right_angle() {
     oblique::<Spheres, 2, 0>();
@@ -422,6 +444,8 @@ fn cradle<G: Round<L, A>, const L: usize, const A: usize>() {
     assert_within(&format!("({L},{A}): energy kept"), (energy(&world) / before) as f32, 1.0, 1e-4);
 }
 
+/// The last ball of a cradle takes 99.9 % of the speed and the others keep less than 0.1 %. The
+/// energy is kept within 1e-4.
 #[test]
 fn a_cradle_hands_the_blow_to_the_last_ball() {
     cradle::<Spheres, 2, 0>();
@@ -430,7 +454,8 @@ fn a_cradle_hands_the_blow_to_the_last_ball() {
     cradle::<Rigid3, 3, 3>();
 }
 
-/// Collisions of a ball between a wall and a second ball, `ratio` times as heavy, that comes in.
+/// Counts the collisions of a ball between a wall and an incoming second ball, `ratio` times as
+/// heavy.
 fn galperin<const L: usize>(ratio: f32) -> usize
 where
     Spheres: Round<L, 0>,
@@ -446,6 +471,7 @@ where
     (0..8000).map(|_| world.step(1e-3).collisions).sum()
 }
 
+/// Mass ratios of 1, 100 and 10 000 give 3, 31 and 314 collisions: the digits of pi (Galperin).
 #[test]
 fn two_balls_and_a_wall_count_the_digits_of_pi() {
     assert_eq!(galperin::<2>(1.0), 3);
@@ -455,6 +481,8 @@ fn two_balls_and_a_wall_count_the_digits_of_pi() {
     assert_eq!(galperin::<2>(10_000.0), 314);
 }
 
+/// A ball of 5 cm radius at 200 m/s does not tunnel through a plate of 1 cm or a mesh, at four
+/// angles. It ends slower than 1 m/s along the normal.
 #[test]
 fn a_fast_ball_does_not_pass_a_thin_plate() {
     let material = surface(0.3, 0.0);
@@ -500,7 +528,8 @@ fn free_fall<G: Round<L, A>, const L: usize, const A: usize>() {
     }
 }
 
-/// The velocity of free fall is exact; the height is behind by g t h / 2.
+/// Free fall follows the parabola within 0.01 mm, with 1, 4 and 16 substeps. Its velocity is exact
+/// within 1e-5.
 #[test]
 fn free_fall_follows_the_parabola() {
     free_fall::<Spheres, 2, 0>();
@@ -532,6 +561,8 @@ fn overlap<G: Rigid<L, A>, const L: usize, const A: usize>(ground: G::Shape, top
     assert_below(&format!("{L}D: overlap that remains [m]"), rest - before, 1e-4);
 }
 
+/// An overlap of 5 mm is repaired to below 0.1 mm in 2 s. The box sinks by at most 0.002 mm per
+/// step meanwhile, and never rises 1 mm above its resting height.
 #[test]
 fn an_overlap_is_repaired_without_a_jump() {
     overlap::<Rigid2, 2, 1>(Rigid2::halfspace([0.0, 1.0]), 0.0);
@@ -540,7 +571,7 @@ fn an_overlap_is_repaired_without_a_jump() {
     overlap::<Rigid3, 3, 3>(Rigid3::cuboid([5.0, 0.5, 5.0]), 0.5);
 }
 
-/// A free box with three different moments, turning about the middle one, a little disturbed
+/// A free box with three different moments that rotates about the middle axis, slightly disturbed
 /// along the growing mode.
 struct Racket {
     world: World3,
@@ -565,7 +596,7 @@ impl Racket {
         Self { world, body, moments, growth }
     }
 
-    /// Angular velocity along the body's first axis.
+    /// Returns the angular velocity along the body's first axis. \[rad/s\]
     fn first(&self) -> f32 {
         let frame = Rigid3::frame(&self.world.pose(self.body).unwrap());
         frame.axes[0].dot(velocity(&self.world, self.body).angular)
@@ -576,7 +607,7 @@ impl Racket {
         angular_momentum(&self.world, self.body, moments)
     }
 
-    /// The largest relative change of the energy over some time.
+    /// Returns the largest relative change of the energy within `seconds`.
     fn energy_drift(&mut self, seconds: f32) -> f64 {
         let before = energy(&self.world);
         let mut drift = 0.0f64;
@@ -588,6 +619,8 @@ impl Racket {
     }
 }
 
+/// A disturbance of rotation about the middle axis grows at the rate of linear theory within 5 %.
+/// In 10 s of tumbling the energy changes by less than 1e-3, the angular momentum by 1e-4.
 #[test]
 fn a_racket_tumbles_about_its_middle_axis() {
     let mut racket = Racket::new(5.0, 1e-3, StepSettings::quality().substeps);
@@ -606,7 +639,8 @@ fn a_racket_tumbles_about_its_middle_axis() {
     assert_below("change of the angular momentum over 10 s", change, 1e-4);
 }
 
-/// However few the substeps: what is left is rounding.
+/// The energy of free rotation changes by less than 1e-5 in 2 s, even with one substep: only
+/// rounding is left.
 #[test]
 fn the_energy_of_free_rotation_is_exact() {
     for substeps in [1, 2, 4, 8] {

@@ -1,4 +1,5 @@
-//! Pairs that are apart: how far is said to be known, and what is left out because of it.
+//! Tests of separated pairs: the gap that collision detection returns, and the contacts left out
+//! because of it.
 
 use parry3d::query::{ShapeDistance, distance};
 
@@ -21,7 +22,8 @@ fn shapes() -> Vec<Shape> {
     ]
 }
 
-/// What reports nothing is as far apart as it says, by parry's distance, or farther.
+/// Shapes without a contact are at least as far apart as the returned gap, by parry's distance
+/// within 0.1 mm.
 #[test]
 fn shapes_are_apart_as_far_as_they_say() {
     const PREDICTION: f32 = 0.02;
@@ -54,7 +56,7 @@ fn shapes_are_apart_as_far_as_they_say() {
     assert!(apart > 1000, "{apart}");
 }
 
-/// A box that turns on the spot, its corner far from it for most of the time, strikes what it passes.
+/// Rotates a bar on the spot toward a box, from which its end is far most of the time.
 fn turning<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let mut world = World::<G, L, A>::new(StepSettings::realtime());
     let rough = surface(0.5, 0.0);
@@ -68,18 +70,22 @@ fn turning<G: Rigid<L, A>, const L: usize, const A: usize>() {
             touched.get_or_insert(step);
         }
     }
-    // A quarter of a turn, less what the other and the look ahead take of it.
+    // A quarter turn, less the angles that the size of the other box and the prediction distance
+    // take off.
     assert!(touched.is_some_and(|step| (70..95).contains(&step)), "{L}D: {touched:?}");
     assert!(velocity(&world, other).linear[0] < -0.1, "{L}D");
 }
 
+/// A rotating bar collides with a box that its end reaches after a quarter turn, in step 70 to 94.
+/// It drives the box away at more than 0.1 m/s.
 #[test]
 fn turning_brings_together() {
     turning::<Rigid2, 2, 1>();
     turning::<Rigid3, 3, 3>();
 }
 
-/// A box above the end of a long arm that turns: it is not near the arm as long as it turns along.
+/// Puts a box above the end of a long rotating arm. It has a contact with the arm only if it does
+/// not move along.
 fn carried<G: Rigid<L, A>, const L: usize, const A: usize>() {
     for (along, near) in [(1.0, false), (0.0, true)] {
         let mut world = World::<G, L, A>::new(StepSettings::realtime());
@@ -96,13 +102,15 @@ fn carried<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// A box that moves along with a rotating arm has no contact with it in the first step; one that
+/// stands still does.
 #[test]
 fn what_turns_along_is_not_near() {
     carried::<Rigid2, 2, 1>();
     carried::<Rigid3, 3, 3>();
 }
 
-/// A bat whose end passes several times its thickness in a step hits what it comes to.
+/// Swings a bat at a ball; its end moves several times its thickness in a step.
 fn swung<G: Rigid<L, A>, const L: usize, const A: usize>() {
     for settings in [StepSettings::realtime(), StepSettings::certified()] {
         for height in [0.3, 0.5, 0.7] {
@@ -122,6 +130,8 @@ fn swung<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// A bat whose end moves at 30 m/s does not tunnel through a ball: the ball leaves at more than 15
+/// m/s.
 #[test]
 fn a_bat_hits_a_ball() {
     swung::<Rigid2, 2, 1>();

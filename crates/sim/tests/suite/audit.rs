@@ -1,4 +1,4 @@
-//! The audit of bakes whose motion is made up, so that it is known what it has to find.
+//! Tests of the audit on recordings with prescribed motion, so that its findings are known.
 
 use std::fs;
 
@@ -14,7 +14,8 @@ fn scene(text: &str) -> Scene {
     scene::read(&path).unwrap().scene
 }
 
-/// A bake in which all bodies are where they start, but for the last one, which is at these places.
+/// Audits a recording in which the last body takes these positions and all others stay at their
+/// start.
 fn bake(scene: &Scene, places: &[[f32; 3]]) -> Audit {
     let mut recording = Recording {
         dimension: 3,
@@ -34,7 +35,7 @@ fn bake(scene: &Scene, places: &[[f32; 3]]) -> Audit {
     audit(scene, &recording, &StepSettings::certified(), &[])
 }
 
-/// A square mesh of four by four meters, and a cube of 0.2 m over it.
+/// A square mesh of four by four meters, and a cube of 0.2 m on it.
 const SHEET: &str = r#"
 [[bodies]]
 name = "sheet"
@@ -51,6 +52,8 @@ position = [0, 0.1, 0]
 shapes = [{ type = "box", half_extents = [0.1, 0.1, 0.1] }]
 "#;
 
+/// A cube that rests with an overlap of 0.1 mm gives no finding, and the overlap is measured within
+/// 0.001 mm.
 #[test]
 fn what_rests_is_clean() {
     let found = bake(&scene(SHEET), &[[0.0, 0.0999, 0.0]; 100]);
@@ -61,6 +64,8 @@ fn what_rests_is_clean() {
     assert_eq!((found.frames, found.followed), (64, 99));
 }
 
+/// A cube that sinks through a mesh slowly is found inside by more than 9 cm. It passes through
+/// when its center does, and is below everything in the end.
 #[test]
 fn what_sinks_in_slowly_stands_inside_and_then_went_through() {
     let sinking: Vec<_> = (0..300).map(|i| [0.3, 0.1 - 0.002 * i as f32, 0.1]).collect();
@@ -73,6 +78,8 @@ fn what_sinks_in_slowly_stands_inside_and_then_went_through() {
     assert_eq!(found.left, [1]);
 }
 
+/// A cube that jumps through a mesh within one frame is found, and one that goes around the mesh is
+/// not.
 #[test]
 fn what_jumps_through_within_a_frame_went_through() {
     let found = bake(&scene(SHEET), &[[0.0, 2.0, 0.0], [0.1, 1.0, 0.0], [0.1, -3.0, 0.0]]);
@@ -81,6 +88,7 @@ fn what_jumps_through_within_a_frame_went_through() {
     assert!(bake(&scene(SHEET), &around).passed.is_empty());
 }
 
+/// An overlap at the start is reported as such, and is no finding.
 #[test]
 fn overlap_at_the_start_is_told_and_accepted() {
     let found = bake(&scene(SHEET), &[[0.0, 0.05, 0.0], [0.0, 0.06, 0.0], [0.0, 0.1, 0.0]]);
@@ -88,6 +96,7 @@ fn overlap_at_the_start_is_told_and_accepted() {
     assert!((found.start.unwrap().depth - 0.05).abs() < 1e-6);
 }
 
+/// The audit of an empty scene finds nothing.
 #[test]
 fn nothing_is_found_in_nothing() {
     let empty = scene("bodies = []");

@@ -1,4 +1,4 @@
-//! A world that goes on from a checkpoint takes the steps that the first one took, bit by bit.
+//! Tests that a world restored from a checkpoint repeats the steps of the original bit by bit.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -18,7 +18,7 @@ fn start(scene: &Scene, preset: &StepSettings) -> Box<dyn Simulation> {
     build(scene, scene.settings(preset.clone()).unwrap()).unwrap()
 }
 
-/// What a step says of itself, but for its times.
+/// Returns the report of a step without its times.
 fn timeless(mut report: StepReport) -> StepReport {
     report.stages = Default::default();
     if let Some(certified) = &mut report.certified {
@@ -27,7 +27,7 @@ fn timeless(mut report: StepReport) -> StepReport {
     report
 }
 
-/// Takes steps; the state and the report after each.
+/// Takes steps, and returns the hash, the report and the checkpoint after each.
 fn steps(
     simulation: &mut dyn Simulation,
     scene: &Scene,
@@ -40,8 +40,9 @@ fn steps(
     (0..count).map(one).collect()
 }
 
-/// Steps after which scenes are left, and how many follow.
+/// Steps after which a checkpoint is taken.
 const LEFT_AFTER: [usize; 5] = [0, 13, 30, 60, 150];
+/// Steps compared after each checkpoint.
 const FOLLOWED: usize = 12;
 
 fn goes_on(name: &str, preset: &StepSettings) {
@@ -53,7 +54,7 @@ fn goes_on(name: &str, preset: &StepSettings) {
         let checkpoint = simulation.checkpoint();
         let expected = steps(simulation.as_mut(), &scene, FOLLOWED);
         let mut other = start(&scene, preset);
-        // On any number of threads, and whatever it did before.
+        // The other world runs on one or two threads and has taken other steps before.
         other.set_threads(left % 2 + 1);
         steps(other.as_mut(), &scene, 3 * left % 40);
         other.restore(&checkpoint).unwrap();
@@ -66,6 +67,8 @@ fn goes_on(name: &str, preset: &StepSettings) {
     }
 }
 
+/// Certified worlds repeat 12 steps after each checkpoint, with the same bits and reports, on one
+/// and two threads.
 #[test]
 fn a_certified_world_goes_on_with_the_same_bits() {
     for name in ["arch.json", "billiards.toml", "wall_2d.json", "workshop.gltf"] {
@@ -75,6 +78,8 @@ fn a_certified_world_goes_on_with_the_same_bits() {
     goes_on("card_house.toml", &ledger);
 }
 
+/// Worlds of the real-time and quality presets repeat 12 steps after each checkpoint, with the same
+/// bits and reports, on one and two threads.
 #[test]
 fn a_world_of_fixed_work_goes_on_with_the_same_bits() {
     for name in ["dominoes.json", "wall_2d.json", "particles.json", "stones.json"] {
@@ -83,7 +88,8 @@ fn a_world_of_fixed_work_goes_on_with_the_same_bits() {
     goes_on("arch.json", &StepSettings::quality());
 }
 
-/// Contacts of what rests stay in the lanes: not those of another state.
+/// A scene at rest, restored to an earlier checkpoint, repeats 100 steps bit by bit. Contacts of
+/// the later state, which are still in the lanes, are not reused.
 #[test]
 fn what_rests_goes_on_with_the_same_bits() {
     let realtime = StepSettings { sleep: 0.0, ..StepSettings::realtime() };
@@ -93,7 +99,7 @@ fn what_rests_goes_on_with_the_same_bits() {
         steps(simulation.as_mut(), &scene, 200);
         let checkpoint = simulation.checkpoint();
         let expected = steps(simulation.as_mut(), &scene, 100);
-        // It rests, too, and a little otherwise.
+        // This state is at rest, too, but differs a little.
         simulation.restore(&checkpoint).unwrap();
         let actual = steps(simulation.as_mut(), &scene, 100);
         let other = expected.iter().zip(&actual).position(|(a, b)| a != b);
@@ -102,6 +108,8 @@ fn what_rests_goes_on_with_the_same_bits() {
     }
 }
 
+/// Checkpoints of another world, empty and truncated ones are refused, and the world stays as it
+/// was.
 #[test]
 fn a_checkpoint_of_another_world_is_refused() {
     let (arch, wall) = (read("arch.json"), read("wall_2d.json"));
@@ -119,7 +127,8 @@ fn a_checkpoint_of_another_world_is_refused() {
     assert_eq!(one.checkpoint(), before, "a world that refused is as it was");
 }
 
-/// Whatever is in a checkpoint, it is taken or refused.
+/// A checkpoint with a damaged byte is refused or restored without a panic. A restored world can
+/// take a step.
 #[test]
 fn a_damaged_checkpoint_makes_no_panic() {
     let scene = read("arch.json");

@@ -1,4 +1,5 @@
-//! The same input gives the same bits: run to run, on any number of threads, in any build.
+//! Tests that the same input gives the same bits: from run to run, on any number of threads, in any
+//! build.
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
@@ -7,14 +8,14 @@ use drystone::{ParticleWorld3, StepSettings, World, World2, World3};
 use drystone_solver::Vector;
 
 /// Hashes of the poses of small scenes after 100 steps. A change of the method changes them: the
-/// failing test shows the new ones.
+/// failing test prints the new ones.
 const GOLDEN: [(&str, u64); 3] = [
     ("pyramid", 0x3785b7c33b7c1b9e),
     ("mixed pile", 0x1894c9211f03ac0b),
     ("particles", 0xf8b285445f56169d),
 ];
 
-/// FNV-1a of the poses, bit by bit.
+/// Returns the FNV-1a hash of all poses, bit by bit.
 fn hash<G: Geometry<L, A>, const L: usize, const A: usize>(world: &World<G, L, A>) -> u64 {
     let mut poses = Vec::new();
     world.write_poses(&mut poses);
@@ -38,7 +39,7 @@ fn after_steps<G: Geometry<L, A>, const L: usize, const A: usize>(
     hash(&world)
 }
 
-/// A pyramid whose rows are a little apart.
+/// Returns a pyramid of boxes with small gaps between them.
 fn pyramid(rows: usize) -> World2 {
     let material = surface(0.5, 0.1);
     let mut world = world::<Rigid2, 2, 1>();
@@ -52,7 +53,7 @@ fn pyramid(rows: usize) -> World2 {
     world
 }
 
-/// Boxes, balls, capsules and hulls that fall on one another.
+/// Returns boxes, balls, capsules and hulls that fall onto each other.
 fn mixed_pile(side: usize, layers: usize) -> World3 {
     let material = surface(0.5, 0.2);
     let mut world = world::<Rigid3, 3, 3>();
@@ -97,6 +98,7 @@ fn particles(side: usize) -> ParticleWorld3 {
     world
 }
 
+/// Two runs of a scene give the same bits after 100 steps.
 #[test]
 fn runs_repeat_bit_by_bit() {
     assert_eq!(after_steps(pyramid(10), 1), after_steps(pyramid(10), 1));
@@ -104,9 +106,10 @@ fn runs_repeat_bit_by_bit() {
     assert_eq!(after_steps(particles(6), 1), after_steps(particles(6), 1));
 }
 
+/// One, two and four threads give the same bits after 100 steps.
 #[test]
 fn bits_do_not_depend_on_the_threads() {
-    // Enough pairs to be shared out.
+    // Enough pairs for several threads to share.
     let (mut flat, mut pile, mut balls) = (pyramid(24), mixed_pile(7, 6), particles(8));
     for _ in 0..50 {
         flat.step(DT);
@@ -129,7 +132,8 @@ fn bits_do_not_depend_on_the_threads() {
     }
 }
 
-/// What is solved to a tolerance goes on as long on any number of threads, and proves as much.
+/// Certified steps take the same sweeps and give the same certificates and poses, bit by bit, on
+/// one to three threads.
 #[test]
 fn certified_steps_do_not_depend_on_the_threads() {
     let after = |threads: usize| {
@@ -151,6 +155,7 @@ fn certified_steps_do_not_depend_on_the_threads() {
     }
 }
 
+/// Small scenes have the golden hashes after 100 steps on every platform and in every build.
 #[test]
 fn bits_are_the_same_everywhere() {
     let actual = [
@@ -163,7 +168,8 @@ fn bits_are_the_same_everywhere() {
     assert!(actual == GOLDEN, "the hashes are now [{}]", table.join(", "));
 }
 
-/// Towers on a floor, some on belts that move, and some that are about to fall onto the next.
+/// Returns towers on a floor, some of them on moving belts, and some that lean and fall onto the
+/// next.
 fn towers() -> World3 {
     let material = surface(0.5, 0.0);
     let mut world = world::<Rigid3, 3, 3>();
@@ -171,7 +177,7 @@ fn towers() -> World3 {
     add_floor(&mut world, &material);
     let place = |tower: usize| ((tower % 20) as f32 * 1.4, (tower / 20) as f32 * 3.0);
     for tower in 0..240 {
-        // Belts come well before what stands on them, and what is between must not be parted.
+        // Each belt is added long before the towers on it; no batch may end between the two.
         for ahead in [3, 10, 17].into_iter().filter(|_| tower % 24 == 0) {
             let ((x, z), slab) = (place(tower + ahead), Rigid3::cuboid([0.6, 0.2, 0.6]));
             let belt = body(Motion::Kinematic, [x, 0.0, z], slab, &material);
@@ -188,7 +194,8 @@ fn towers() -> World3 {
     world
 }
 
-/// Substeps of one batch of islands after the other, which a ledger does not allow.
+/// Stepping one batch of islands after the other gives the same bits as stepping all together, as a
+/// ledger demands, on one to three threads.
 #[test]
 fn bits_do_not_depend_on_batches() {
     let after = |ledger: bool, threads: usize| {

@@ -1,4 +1,4 @@
-//! A body that touches nothing changes no bit of the others' motion.
+//! Tests that a body that touches nothing changes no bit of the motion of others.
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid3};
@@ -6,7 +6,8 @@ use drystone::scene::Motion;
 use drystone::{StepSettings, World3};
 use drystone_solver::Vector;
 
-/// Boxes, balls and hulls that fall onto a floor, and as many bodies as there are places far away.
+/// Drops boxes, balls and hulls onto a floor, with these further bodies far away. Returns the bits
+/// of the poses and velocities after 50 steps.
 fn falling(
     settings: &StepSettings,
     floor: parry3d::shape::SharedShape,
@@ -55,7 +56,8 @@ struct Far {
     velocity: [f32; 3],
 }
 
-/// Over half-spaces and boxes, level and askew, in bakes and in real time; fast and slow.
+/// Far bodies, fast and slow, change no bit of bodies that fall onto half-spaces and boxes, level
+/// and tilted, in all three presets.
 #[test]
 fn a_far_body_changes_no_bit() {
     let fast = Far { place: [200.0, 60.0, 0.0], velocity: [50.0, 0.0, 0.0] };

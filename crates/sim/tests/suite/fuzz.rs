@@ -1,6 +1,7 @@
-//! Files that come from anywhere: read or refused, without a panic, in bounded time and memory.
+//! Fuzz tests of all readers: any file is read or refused without a panic, in bounded time and
+//! memory.
 //!
-//! What once failed is kept in `tests/corpus` and tried first.
+//! Inputs that once failed are kept in `tests/corpus` and tried first.
 
 use std::path::{Path, PathBuf};
 
@@ -11,19 +12,20 @@ use drystone::scene::{self, format, to_json, to_toml};
 use drystone::{StepSettings, build};
 use serde_json::Value;
 
-/// The largest piece of memory that reading may ask for, beyond a multiple of the input. \[byte\]
+/// Largest allocation that reading may make, beyond 64 times the input. \[byte\]
 const ROOM: usize = 64 << 20;
 
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
-/// A file of the scenes that come with the project.
+/// Returns the contents of an example scene of the project.
 fn example(name: &str) -> Vec<u8> {
     std::fs::read(folder("../../scenes").join(name)).unwrap()
 }
 
-/// Tries what once failed, then what fuzzing makes of the corpus.
+/// Tries the inputs that once failed, then mutations of the corpus. No read may panic, take longer
+/// than 2 s or allocate more than `ROOM` plus 64 times the input at once.
 fn run(kind: &str, corpus: &[Vec<u8>], json: bool, read: impl Fn(&[u8])) {
     let bounded = |input: &[u8]| {
         let most = largest(|| read(input));
@@ -37,19 +39,20 @@ fn run(kind: &str, corpus: &[Vec<u8>], json: bool, read: impl Fn(&[u8])) {
     fuzz(kind, corpus, json, bounded);
 }
 
-/// A way to read bytes as a file of this extension.
+/// Returns a function that writes bytes to a file with this extension and reads it.
 fn as_file(extension: &str, read: impl Fn(&Path)) -> impl Fn(&[u8]) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(format!("input.{extension}"));
     move |input| {
-        // Lives as long as this closure.
+        // Keeps the folder alive as long as the closure.
         let _ = &folder;
         std::fs::write(&path, input).unwrap();
         read(&path);
     }
 }
 
-/// What every scene of the own format must be good for.
+/// Asserts that a scene of Drystone's own format survives writing and reading, then calls
+/// [`use_scene`].
 fn use_own(scene: &scene::Scene) {
     let again = format::read_json(Path::new("again.json"), &to_json(scene));
     assert_eq!(again.map(|read| read.scene).as_ref(), Ok(scene));
@@ -58,9 +61,9 @@ fn use_own(scene: &scene::Scene) {
     use_scene(scene);
 }
 
-/// What every scene that was read must be good for.
+/// Writes and builds a scene, which must not panic.
 fn use_scene(scene: &scene::Scene) {
-    // Written without a panic; of nothing but defaults, TOML is no text at all.
+    // Writing must not panic. The TOML text of a scene of defaults is empty.
     drop([to_json(scene), to_toml(scene)]);
     if let Ok(settings) = scene.settings(StepSettings::realtime()) {
         drop(build(scene, settings));
@@ -91,6 +94,8 @@ const SMALL: &str = r#"{
 const FLAT: &str = "dimension = 2\nsteps = 5\nbodies_as = \"particles\"\n[[bodies]]\nrotation = 0.5\n\
                     linear_velocity = [1, 2]\nshapes = [{type = \"sphere\", radius = 0.5}]\n";
 
+/// Mutated JSON scenes are read or refused within the bounds of [`run`]. A scene that is read
+/// survives writing and reading.
 #[test]
 fn scenes_as_json() {
     let wall = String::from_utf8(example("wall_2d.json")).unwrap();
@@ -103,6 +108,8 @@ fn scenes_as_json() {
     });
 }
 
+/// Mutated TOML scenes are read or refused within the bounds of [`run`]. A scene that is read
+/// survives writing and reading.
 #[test]
 fn scenes_as_toml() {
     let small = format::read_json(Path::new("small.json"), SMALL).unwrap().scene;
@@ -115,7 +122,7 @@ fn scenes_as_toml() {
     });
 }
 
-/// A glTF with all that the reader knows.
+/// Returns a glTF document with all that the reader knows.
 fn document() -> Value {
     serde_json::from_str(include_str!("../corpus/seed.gltf")).unwrap()
 }
@@ -126,12 +133,14 @@ fn read_any(path: &Path) {
     }
 }
 
+/// Mutated glTF documents are read or refused within the bounds of [`run`].
 #[test]
 fn gltf_documents() {
     let corpus = [serde_json::to_vec(&document()).unwrap()];
     run("gltf", &corpus, true, as_file("gltf", read_any));
 }
 
+/// Mutated GLB files are read or refused within the bounds of [`run`].
 #[test]
 fn glb_containers() {
     let mut glb = Vec::new();
@@ -142,6 +151,7 @@ fn glb_containers() {
     run("glb", &[glb], false, as_file("glb", read_any));
 }
 
+/// Mutated OpenUSD stages are read or refused within the bounds of [`run`].
 #[test]
 fn stages_as_usda() {
     let corpus = [include_bytes!("../corpus/seed.usda").to_vec()];
@@ -160,6 +170,8 @@ fn written(write: impl Fn(&Path)) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
+/// Mutated NPZ recordings are read or refused within the bounds of [`run`]. Their names and poses
+/// are as many as their bodies.
 #[test]
 fn arrays_of_poses() {
     let names = ["ball".to_owned(), "Würfel 2".to_owned()];
@@ -174,6 +186,8 @@ fn arrays_of_poses() {
     run("npz", &[seed], false, as_file("npz", read));
 }
 
+/// Mutated raw poses are read or refused within the bounds of [`run`], whatever the stated number
+/// of bodies.
 #[test]
 fn raw_poses() {
     let seed = written(|path| poses::write(path, &recording()).unwrap());
@@ -185,6 +199,7 @@ fn raw_poses() {
     run("poses", &[seed], false, as_file("poses", read));
 }
 
+/// Mutated journals are read or refused within the bounds of [`run`], with as many names as bodies.
 #[test]
 fn journals() {
     let small = format::read_json(Path::new("small.json"), SMALL).unwrap().scene;

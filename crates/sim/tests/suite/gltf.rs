@@ -1,4 +1,4 @@
-//! Reading and writing glTF with physics.
+//! Tests of reading and writing glTF with physics.
 
 #![allow(clippy::result_large_err)]
 
@@ -10,7 +10,7 @@ use drystone::recording::{self, Recording, Sampling};
 use drystone::scene::{Combine, Motion, Place, Read, Rotation, SceneError, ShapeKind, gltf};
 use serde_json::{Value, json};
 
-/// A folder of its own for a test.
+/// Creates a temporary folder for the test `name`.
 fn folder(name: &str) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("drystone-gltf-{}-{name}", std::process::id()));
     fs::create_dir_all(&folder).unwrap();
@@ -27,7 +27,8 @@ fn read(name: &str, document: &Value) -> Result<Read, SceneError> {
     read_text(name, &document.to_string())
 }
 
-/// A document with physics; `extra` replaces or adds members.
+/// Returns a glTF document with these nodes and shapes. `extra` sets further top-level members; its
+/// member `physics` becomes the extension `KHR_physics_rigid_bodies` of the document.
 fn document(nodes: Value, shapes: Value, extra: Value) -> Value {
     let mut document = json!({
         "asset": { "version": "2.0" },
@@ -79,7 +80,8 @@ fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|x| x.to_le_bytes()).collect()
 }
 
-/// Buffers, views and accessors for arrays of bytes, each with component type, type and count.
+/// Returns the buffers, views and accessors of arrays of bytes, given with component type, type and
+/// count.
 fn data(parts: &[(Vec<u8>, u32, &str, usize)]) -> (Value, Value, Value) {
     let mut bytes = Vec::new();
     let (mut views, mut accessors) = (Vec::new(), Vec::new());
@@ -99,7 +101,8 @@ fn data(parts: &[(Vec<u8>, u32, &str, usize)]) -> (Value, Value, Value) {
     (json!([{ "byteLength": bytes.len(), "uri": uri }]), json!(views), json!(accessors))
 }
 
-/// A tetrahedron with corners at the origin and on the axes, as an indexed mesh.
+/// Returns the buffers and the mesh of an indexed tetrahedron with corners at the origin and on the
+/// axes.
 fn tetrahedron() -> Value {
     let corners = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
     let faces = vec![0_u8, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3];
@@ -140,6 +143,8 @@ fn refused(result: Result<Read, SceneError>, pointer: &str) -> SceneError {
 
 const TURN: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
+/// Each KHR shape with its default sizes becomes the matching shape of a scene; a cone becomes a
+/// hull of 25 points. Gravity defaults to 9.81 m/s^2 and friction to 0.6.
 #[test]
 fn shapes_and_their_defaults() {
     let shapes = json!([
@@ -173,6 +178,7 @@ fn shapes_and_their_defaults() {
     assert_eq!(read.scene.bodies[0].shapes[0].material.friction_combine, Combine::Average);
 }
 
+/// Wrong shapes and geometries are refused with the JSON pointer and the value at fault.
 #[test]
 fn shapes_that_are_wrong() {
     let node = json!([{ "extensions": physics(json!({ "collider": collider() })) }]);
@@ -197,6 +203,7 @@ fn shapes_that_are_wrong() {
     }
 }
 
+/// A collider that names its shape without a geometry, as in older drafts, is read.
 #[test]
 fn older_collider_without_geometry() {
     let nodes = json!([{ "extensions": physics(json!({ "collider": { "shape": 0 } })) }]);
@@ -204,6 +211,8 @@ fn older_collider_without_geometry() {
     assert_eq!(read.scene.bodies[0].shapes[0].kind, ShapeKind::Sphere { radius: 0.5 });
 }
 
+/// Colliders below a motion join its body. A motion below another one begins a body with a pose and
+/// a unique name of its own.
 #[test]
 fn compounds_and_nested_motions() {
     let nodes = json!([
@@ -228,6 +237,8 @@ fn compounds_and_nested_motions() {
     assert!(near(&other.position, &[1.0, 3.0, 3.0]));
 }
 
+/// The scale of a node acts on its shape. A scale that the shape cannot have gives a hull, and
+/// scale 0 disables the collider, both with a warning.
 #[test]
 fn scales() {
     let shapes = json!([{ "type": "sphere" }, { "type": "box" }, { "type": "cylinder" }]);
@@ -255,6 +266,8 @@ fn scales() {
     assert!(warned(&read, &["/nodes/3", "hull"]));
 }
 
+/// Mass, center, inertia and velocities are given in the space of the node, and 0 means an infinite
+/// mass or moment. Wrong values are refused at their pointer.
 #[test]
 fn motion_in_node_space() {
     let motion = json!({
@@ -293,6 +306,8 @@ fn motion_in_node_space() {
     }
 }
 
+/// Materials and collision filters are read; unequal frictions give a warning, and more than 64
+/// collision systems are refused.
 #[test]
 fn materials_and_filters() {
     let nodes: Vec<Value> = (0..3)
@@ -342,6 +357,8 @@ fn materials_and_filters() {
     refused(result, at);
 }
 
+/// Joints and triggers, which are not simulated, and motions without a collider give a warning that
+/// names the node.
 #[test]
 fn joints_and_triggers_are_named() {
     let nodes = json!([
@@ -358,6 +375,8 @@ fn joints_and_triggers_are_named() {
     assert!(warned(&read, &["'ghost'", "no collider"]));
 }
 
+/// Mesh colliders take the scale of their node and keep their faces outward. The position of a
+/// referenced geometry node does not act; meshes below it keep their positions.
 #[test]
 fn meshes_as_colliders() {
     let mut extra = tetrahedron();
@@ -397,6 +416,7 @@ fn meshes_as_colliders() {
     assert!(vertices.contains(&[0.0, 2.0, 0.0]), "meshes of children keep their place");
 }
 
+/// Triangle strips, fans and meshes without indices give the expected triangles.
 #[test]
 fn strips_fans_and_bare_triangles() {
     let square = floats(&[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0]);
@@ -424,6 +444,7 @@ fn strips_fans_and_bare_triangles() {
     }
 }
 
+/// A sparse accessor replaces values of its base; one with more values than its base is refused.
 #[test]
 fn sparse_accessors() {
     let base = floats(&[0.0; 12]);
@@ -450,6 +471,8 @@ fn sparse_accessors() {
     refused(result, "/accessors/0/sparse/count");
 }
 
+/// A matrix gives position, rotation and scale. A shear gives a hull and a warning, and a singular
+/// matrix is refused.
 #[test]
 fn matrices() {
     let node = |matrix: Value| {
@@ -470,6 +493,8 @@ fn matrices() {
     refused(read("matrix", &document(node(flat), ball(), json!({}))), "/nodes/0/matrix");
 }
 
+/// Cycles, nodes with two parents, missing nodes and wrong transforms are refused at their pointer.
+/// A chain of 100 000 nodes is read.
 #[test]
 fn trees_that_are_wrong() {
     let cases = [
@@ -483,7 +508,7 @@ fn trees_that_are_wrong() {
     for (nodes, pointer) in cases {
         refused(read("trees", &document(nodes, ball(), json!({}))), pointer);
     }
-    // A chain as long as a file can make it must not exhaust the stack.
+    // A long chain of nodes must not exhaust the stack.
     let long: Vec<Value> = (1..=100_000).map(|i| json!({ "children": [i] })).collect();
     let mut long = long;
     long.push(json!({ "extensions": physics(json!({ "collider": collider() })) }));
@@ -491,6 +516,8 @@ fn trees_that_are_wrong() {
     assert_eq!(read.scene.bodies.len(), 1);
 }
 
+/// Buffers, views, accessors and indices that do not fit together are refused at their pointer,
+/// also where a sum of offsets overflows.
 #[test]
 fn data_that_is_wrong() {
     let good = tetrahedron();
@@ -522,6 +549,8 @@ fn data_that_is_wrong() {
     refused(read("data", &wraps), "/bufferViews/0/byteOffset");
 }
 
+/// Buffers are read from inside the folder of the file only: other paths, URLs and links out of it
+/// are refused.
 #[test]
 fn buffers_stay_inside_the_folder() {
     let folder = folder("inside");
@@ -581,6 +610,8 @@ fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
     bytes
 }
 
+/// A GLB file is read, trailing bytes give a warning, and every truncated or damaged file is
+/// refused with its byte offset.
 #[test]
 fn glb_containers() {
     let nodes = json!([{ "extensions": physics(json!({ "collider": collider() })) }]);
@@ -609,6 +640,8 @@ fn glb_containers() {
     assert!((20..40).contains(&at), "{at}");
 }
 
+/// Files without physics, unknown required extensions and malformed JSON are refused, with the line
+/// where there is one.
 #[test]
 fn files_without_physics_and_strange_extensions() {
     let error = read("none", &json!({ "asset": { "version": "2.0" } })).expect_err("no physics");
@@ -617,7 +650,7 @@ fn files_without_physics_and_strange_extensions() {
     let mut required = document(json!([]), ball(), json!({}));
     required["extensionsRequired"] = json!(["KHR_lights_punctual", "EXT_nope"]);
     assert_eq!(refused(read("required", &required), "/extensionsRequired/1").value, "\"EXT_nope\"");
-    // The last one would win without a word.
+    // A plain JSON parser keeps the last of two equal keys without an error.
     const TWICE: &str = "{\"asset\":{\"version\":\"2.0\"},\n\"x\":[{\"y\":1,\n\"y\":2}]}";
     for (text, line) in
         [("{\"asset\":{\"version\":\"2.0\"},\n\"x\":1e999}", 2), ("NaN", 1), ("", 1), (TWICE, 3)]
@@ -631,6 +664,8 @@ fn files_without_physics_and_strange_extensions() {
     assert!(gltf::read(Path::new("no such file.gltf")).expect_err("missing").unreadable);
 }
 
+/// Bodies of the OMI extensions are read, and ignored with a warning where the KHR extension is
+/// used too.
 #[test]
 fn omi_bodies() {
     let document = json!({
@@ -661,7 +696,7 @@ fn omi_bodies() {
     assert!(warned(&read, &["OMI_physics_body", "ignored"]));
 }
 
-/// An animation of node 0 with one channel.
+/// Returns an animation of node 0 with one channel.
 fn animated(path: &str, interpolation: &str, times: &[f32], values: &[f32]) -> Value {
     let kind = if path == "rotation" { "VEC4" } else { "VEC3" };
     let width = if path == "rotation" { 4 } else { 3 };
@@ -678,6 +713,8 @@ fn animated(path: &str, interpolation: &str, times: &[f32], values: &[f32]) -> V
     })
 }
 
+/// Bodies of animated nodes are kinematic and follow the animation. Splines and rotations of an
+/// ancestor are sampled 60 times per second.
 #[test]
 fn animated_nodes_are_kinematic() {
     let own = json!([{ "name": "lift",
@@ -708,7 +745,7 @@ fn animated_nodes_are_kinematic() {
     assert_eq!(track.times.len(), 61);
     assert!(near(&track.positions[30], &[0.0, 2.0, 0.0]));
 
-    // A collider carried around by an ancestor follows an arc.
+    // A collider below a rotating ancestor moves on an arc.
     let carried = json!([
         { "children": [1] },
         { "translation": [1, 0, 0], "extensions": physics(json!({ "collider": collider() })) },
@@ -722,7 +759,7 @@ fn animated_nodes_are_kinematic() {
     assert!((middle[0] - TURN).abs() < 1e-6 && (middle[1] - TURN).abs() < 1e-6, "{middle:?}");
 }
 
-/// A recording of bodies that turn and move, by frame and body.
+/// Returns a recording with the poses `pose(frame, body)`, at 60 frames per second.
 fn record(bodies: usize, frames: usize, pose: impl Fn(usize, usize) -> [f32; 7]) -> Recording {
     let poses = (0..frames).flat_map(|f| (0..bodies).flat_map(move |b| [(f, b)]));
     let poses = poses.flat_map(|(f, b)| pose(f, b)).collect();
@@ -736,9 +773,11 @@ fn written(read: &Read, recording: &Recording) -> Vec<u8> {
     bytes
 }
 
+/// A recording is written as local transforms whose playback gives the world poses within 0.1 mm
+/// and 1e-4 rad, with fewer keys than frames.
 #[test]
 fn recordings_become_local_transforms() {
-    // Nested bodies below a turned and scaled parent, one of them given by a matrix.
+    // Nested bodies below a rotated and scaled parent; the transform of one is a matrix.
     let nodes = json!([
         { "children": [1, 4], "translation": [3, 0, 0], "rotation": [0, 0, TURN, TURN],
           "scale": [2, 2, 2], "extras": { "kept": true } },
@@ -770,7 +809,7 @@ fn recordings_become_local_transforms() {
     let blob = parsed.blob.clone().unwrap();
     let clip = parsed.document.animations().next().unwrap();
     let mut keys = 0;
-    // Plays the clip and compares the world poses that come out with the recording.
+    // Plays the clip: world position and rotation of a node at a time \[s\].
     let world = |node: usize, time: f32| -> ([f64; 3], [f64; 4]) {
         let sample = |index: usize, property: ::gltf::animation::Property| -> Option<Vec<f64>> {
             let channel = clip.channels().find(|c| {
@@ -851,7 +890,7 @@ fn recordings_become_local_transforms() {
     let matrix = parsed.document.nodes().nth(4).unwrap();
     assert!(matches!(matrix.transform(), ::gltf::scene::Transform::Decomposed { .. }));
 
-    // What is written can be read again; the clip then moves the bodies.
+    // The written file can be read again, and its clip then moves the bodies.
     let file = folder("write").join("again.glb");
     fs::write(&file, &bytes).unwrap();
     let again = gltf::read(&file).unwrap();
@@ -860,6 +899,8 @@ fn recordings_become_local_transforms() {
     assert_eq!(again.source.unwrap().document()["meshes"], tetrahedron()["meshes"]);
 }
 
+/// A body at rest gets no keys, and the animation of the file is kept beside the new clip. A
+/// recording of another size or with NaN is refused.
 #[test]
 fn bodies_at_rest_have_no_keys_and_files_keep_their_animation() {
     let nodes = json!([
@@ -888,6 +929,7 @@ fn bodies_at_rest_have_no_keys_and_files_keep_their_animation() {
     assert!(refuses(&record(2, 2, |_, _| [f32::NAN; 7])));
 }
 
+/// Images beside the file are embedded in the GLB file, and a missing image gives a warning.
 #[test]
 fn images_beside_the_file_are_embedded() {
     let place = folder("images");
@@ -905,7 +947,7 @@ fn images_beside_the_file_are_embedded() {
     assert!(text.contains("\"mimeType\":\"image/png\"") && !text.contains("here.png"));
 }
 
-/// What the collection at `DRYSTONE_DATA` says about a file.
+/// Returns files and expected verdicts from a list of the collection at `DRYSTONE_DATA`.
 fn expected(list: &Value) -> Vec<(String, String)> {
     let accept = |entry: &Value| entry["accept"].as_str().unwrap().to_string();
     match list {
@@ -928,12 +970,14 @@ fn gltf_files(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Files whose content is not what the collection says of them, and the verdict they deserve.
+/// Files that the collection labels wrongly, with the correct verdict.
 const MISLABELLED: [(&str, &str); 1] = [
-    // Said to have an empty geometry; it names shape 0, which the file has.
+    // Labeled as having an empty geometry, but the geometry names shape 0, which exists.
     ("phys_geometry_empty.gltf", "load"),
 ];
 
+/// Every file of the collection at `DRYSTONE_DATA` is accepted or refused as labeled, within 1 s,
+/// with an error of one line.
 #[test]
 fn collections_of_good_and_bad_files() {
     let Some(root) = std::env::var_os("DRYSTONE_DATA") else {

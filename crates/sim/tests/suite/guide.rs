@@ -1,4 +1,4 @@
-//! The guide says what is so: its page of settings, and its page of what `check` finds.
+//! Tests that the guide's pages on settings and on the findings of `check` agree with the code.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,7 +11,7 @@ use serde_json::Value;
 const SETTINGS: &str = include_str!("../../../../guide/src/settings.md");
 const TROUBLES: &str = include_str!("../../../../guide/src/troubleshooting.md");
 
-/// What is below each heading of a level that is a name in code quotes.
+/// Returns name and text of each section whose heading, of this level, is a name in code quotes.
 fn sections(page: &str, level: &str) -> Vec<(String, String)> {
     let heading = format!("\n{level} `");
     let parts = page.split(&heading[..]).skip(1);
@@ -23,7 +23,7 @@ fn sections(page: &str, level: &str) -> Vec<(String, String)> {
     parts.map(section).collect()
 }
 
-/// The rows of the table: name, and the other cells.
+/// Returns the rows of the table of settings: the name and the other cells.
 fn rows() -> BTreeMap<String, Vec<String>> {
     let cells = |line: &str| -> Vec<String> {
         line.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect()
@@ -42,12 +42,14 @@ fn fields(settings: &StepSettings) -> serde_json::Map<String, Value> {
     serde_json::to_value(settings).unwrap().as_object().unwrap().clone()
 }
 
-/// Why a scene with this setting is refused.
+/// Returns the accepted range from the error of a scene with this setting.
 fn refusal(name: &str, value: &str) -> String {
     let text = format!(r#"{{"solver": {{"{name}": {value}}}}}"#);
     format::read_json(Path::new("scene.json"), &text).unwrap_err().accepted
 }
 
+/// The table states the unit, the values in the three presets and the range of each setting as the
+/// code has them.
 #[test]
 fn every_setting_has_its_unit_its_presets_and_its_range() {
     let presets = [StepSettings::certified(), StepSettings::quality(), StepSettings::realtime()]
@@ -77,6 +79,7 @@ fn every_setting_has_its_unit_its_presets_and_its_range() {
     }
 }
 
+/// Each setting has a section of its own.
 #[test]
 fn every_setting_has_a_section() {
     let mut names: Vec<_> = sections(SETTINGS, "###").into_iter().map(|(name, _)| name).collect();
@@ -84,6 +87,7 @@ fn every_setting_has_a_section() {
     assert_eq!(names, fields(&StepSettings::quality()).keys().cloned().collect::<Vec<_>>());
 }
 
+/// Each kind of finding has an entry with advice and a scene in which `check` finds it.
 #[test]
 fn every_finding_has_an_entry_with_a_scene_that_has_it() {
     let schema = serde_json::to_value(schemars::schema_for!(Kind)).unwrap();

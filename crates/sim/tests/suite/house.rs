@@ -1,7 +1,9 @@
-//! The house: no file of a crate imports one that imports it, by whatever way round.
+//! Tests that the modules of a crate depend on each other in one direction: no file imports another
+//! that imports it, directly or through others.
 //!
-//! A path through the crate root counts as an import of the file that the root names, and a call of a method as one of
-//! the file that has it, if that is not the file of its type.
+//! A path through the crate root counts as an import of the file whose item the root re-exports. A
+//! call of a method counts as an import of the file that has it, if that is not the file of its
+//! type.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -10,6 +12,7 @@ use std::path::Path;
 /// The modules of a crate by their paths, each with those that it imports.
 type House = BTreeMap<Vec<String>, Vec<Vec<String>>>;
 
+/// No crate has a cycle of imports, among more than 300 that are found.
 #[test]
 fn modules_depend_in_one_direction() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -24,6 +27,7 @@ fn modules_depend_in_one_direction() {
     assert!(arrows > 300, "{arrows} imports were found");
 }
 
+/// A cycle of imports is found; imports in comments and tests do not count.
 #[test]
 fn a_circle_is_found() {
     let text = |path: &str, text: &str| (vec![path.to_owned()], text.to_owned());
@@ -38,7 +42,7 @@ fn a_circle_is_found() {
     assert_eq!(circle(&house_of([a, b, tested]), &from), None);
 }
 
-/// The modules in a folder, by their paths, without its tests.
+/// Returns the texts of the modules in a folder, by their paths, without its tests.
 fn modules(folder: &Path, path: &[String]) -> BTreeMap<Vec<String>, String> {
     let mut texts = BTreeMap::new();
     for entry in fs::read_dir(folder).expect("a folder of sources") {
@@ -61,18 +65,18 @@ fn house(texts: &BTreeMap<Vec<String>, String>) -> House {
     let own = texts.iter().map(|(module, text)| (module, imports(module, text, &modules)));
     let imports: BTreeMap<_, _> = own.collect();
     let used = |(module, paths): (&&Vec<String>, &Vec<Import>)| {
-        // What is only handed on is not used.
+        // A re-export does not count as a use.
         let paths = paths.iter().filter(|import| !import.handed_on);
         let homes = paths.filter_map(|import| home(&import.path, &imports));
         ((*module).clone(), homes.filter(|home| home != *module).collect())
     };
     let mut own: House = imports.iter().map(used).collect();
-    // All stand in the root.
+    // The root declares all modules, so it is left out.
     own.remove(&Vec::new());
     for (caller, home) in calls(texts) {
         own.get_mut(&caller).expect("a module").push(home);
     }
-    // Who goes into a module may come to all below it, and to what these import from elsewhere.
+    // An import of a module may reach all modules below it, and what these import from elsewhere.
     let all = |module: &Vec<String>| {
         let below = own.iter().filter(|(other, _)| other.starts_with(module));
         let out = below.flat_map(|(other, used)| {
@@ -83,9 +87,10 @@ fn house(texts: &BTreeMap<Vec<String>, String>) -> House {
     own.keys().map(|module| (module.clone(), all(module))).collect()
 }
 
-/// Which modules call methods that are in another file than their type, and the modules of these files.
+/// Returns pairs of a module that calls a method and the module that has it, for methods outside
+/// the file of their type.
 ///
-/// Only methods whose name the crate has once are counted: which one a call means is not looked up.
+/// Only methods whose name is unique in the crate are counted, because calls are not resolved.
 fn calls(texts: &BTreeMap<Vec<String>, String>) -> Vec<(Vec<String>, Vec<String>)> {
     let texts: Vec<_> = texts.iter().map(|(module, text)| (module, untested(text))).collect();
     let mut homes: BTreeMap<&str, Vec<(&Vec<String>, bool)>> = BTreeMap::new();
@@ -120,7 +125,7 @@ fn calls(texts: &BTreeMap<Vec<String>, String>) -> Vec<(Vec<String>, Vec<String>
     found
 }
 
-/// The name of the type of an `impl`, after its generics.
+/// Returns the name of the type of an `impl`, after its generics.
 fn type_of(line: &str) -> Option<&str> {
     let mut depth = 0;
     let start = line.char_indices().find(|(at, letter)| {
@@ -141,18 +146,18 @@ fn defines(text: &str, name: &str) -> bool {
         .any(|kind| text.split(kind).skip(1).any(|at| at.strip_prefix(name).is_some_and(ends)))
 }
 
-/// A text without its tests and comments.
+/// Returns a text without its tests and comments.
 fn untested(text: &str) -> String {
     let text = text.split("#[cfg(test)]").next().unwrap_or_default();
     let lines = text.lines().filter(|line| !line.trim_start().starts_with("//"));
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// What a module imports of its crate.
+/// An import of a module from its own crate.
 struct Import {
-    /// From the root.
+    /// Path from the root.
     path: Vec<String>,
-    /// Whether others may import it from there.
+    /// Whether it is a re-export, so that others may import it from there.
     handed_on: bool,
 }
 
@@ -172,7 +177,7 @@ fn imports(module: &[String], text: &str, modules: &BTreeSet<&Vec<String>>) -> V
     found
 }
 
-/// Whether a line begins an import of the whole module, not of one within.
+/// Whether a line begins an import of the whole module, not one inside an item.
 fn starts_import(line: &str) -> bool {
     line.starts_with("use ") || line.starts_with("pub") && line.contains(" use ")
 }
@@ -198,7 +203,7 @@ fn paths(tree: &str, found: &mut dyn FnMut(&str)) {
     }
 }
 
-/// A path from the root, as a module writes it; none into another crate.
+/// Returns the path from the root of a path that a module writes, or None for another crate.
 fn from_root(
     path: &str,
     module: &[String],
@@ -225,7 +230,8 @@ fn from_root(
     Some(at)
 }
 
-/// The module that defines what a path leads to, which others may hand on; none if the root does.
+/// Returns the module that defines the item of a path, through re-exports, or None if the root
+/// does.
 fn home(path: &[String], imports: &BTreeMap<&Vec<String>, Vec<Import>>) -> Option<Vec<String>> {
     let depth = (0..=path.len()).rev().find(|&depth| imports.contains_key(&path[..depth].to_vec()));
     let module = path[..depth?].to_vec();
@@ -235,14 +241,15 @@ fn home(path: &[String], imports: &BTreeMap<&Vec<String>, Vec<Import>>) -> Optio
     handed.map_or(own, |import| home(&import.path, imports))
 }
 
-/// The way from a module back to it.
+/// Returns the path of imports from a module back to itself, if there is one.
 fn circle(house: &House, module: &Vec<String>) -> Option<String> {
     let mut way = vec![module];
     let found = comes_back(house, &mut way, &mut BTreeSet::new());
     found.then(|| way.iter().map(|module| module.join("::")).collect::<Vec<_>>().join(" -> "))
 }
 
-/// Goes on from the end of the `way` until it is back at its beginning, past what has been `seen`.
+/// Extends the `way` from its end until it is back at its beginning, and skips modules already
+/// `seen`.
 fn comes_back<'h>(
     house: &'h House,
     way: &mut Vec<&'h Vec<String>>,

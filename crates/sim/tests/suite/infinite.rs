@@ -1,4 +1,5 @@
-//! Masses and moments of inertia that are infinite: finite numbers, and the answer of large ones.
+//! Tests of infinite masses and moments of inertia: values stay finite and agree with those of
+//! large masses.
 
 use std::path::{Path, PathBuf};
 
@@ -8,8 +9,9 @@ use drystone::scene::{Motion, read};
 use drystone::{Inertia, StepSettings, World, World3, build};
 use drystone_solver::{SymmetricMatrix, Vector};
 
-/// A plate of this mass \[kg\], free to turn about its y axis alone, or with these other moments, and a ball that falls
-/// onto it beside the middle: how fast it turns about the world's z axis afterwards. \[rad/s\]
+/// Drops a ball beside the middle of a plate of this mass \[kg\]. Its moment about its y axis is 1
+/// kg m^2, and `others` are the other two; infinite ones leave it only this axis. Returns its
+/// angular velocity about the world's z axis afterwards. \[rad/s\]
 fn turned(
     settings: &StepSettings,
     mass: f32,
@@ -44,7 +46,8 @@ fn turned(
     velocity(&world, plate).angular[2]
 }
 
-/// A wheel whose axis is level or askew; with a finite mass as well, and with finite moments that are large.
+/// A wheel of infinite mass, infinite moments or both rotates after an impact like one with 1e6 for
+/// both, within 1 %. Its axis is level or tilted.
 #[test]
 fn infinite_masses_are_as_large_ones() {
     let half = std::f32::consts::FRAC_1_SQRT_2;
@@ -63,7 +66,8 @@ fn infinite_masses_are_as_large_ones() {
     }
 }
 
-/// Wheels alone on the ground, whose islands have no mass at all, and locked bodies under a heap.
+/// Islands with bodies of infinite mass, free, on an axis or locked, stay finite, and so do their
+/// certificates. A box falls onto each body.
 #[test]
 fn islands_without_mass_are_finite() {
     for settings in [StepSettings::certified(), StepSettings::realtime()] {
@@ -111,7 +115,8 @@ fn scenes(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// All public samples and tests of physics in glTF and OpenUSD that can be read run at default settings.
+/// All public samples and tests of physics in glTF and OpenUSD that can be read stay finite for 40
+/// steps at default settings.
 #[test]
 fn public_samples_bake_at_default_settings() {
     let Some(root) = std::env::var_os("DRYSTONE_DATA") else {
@@ -138,7 +143,8 @@ fn public_samples_bake_at_default_settings() {
     assert!(ran >= 12, "{ran} samples");
 }
 
-/// A body that nothing can stop and that can turn moves onto one that stands: all numbers stay finite.
+/// Moves a body of infinite mass and finite moments onto a static one, and asserts that all values
+/// stay finite.
 fn moves_on<G: Rigid<L, A>, const L: usize, const A: usize>(shape: G::Shape, inverse_moment: f32) {
     for settings in [StepSettings::certified(), StepSettings::quality(), StepSettings::realtime()] {
         let mut world = World::<G, L, A>::new(settings);
@@ -161,6 +167,7 @@ fn moves_on<G: Rigid<L, A>, const L: usize, const A: usize>(shape: G::Shape, inv
     }
 }
 
+/// Bodies of infinite mass that can rotate stay finite for 24 steps as they move onto a static box.
 #[test]
 fn unstoppable_bodies_that_turn_stay_finite() {
     moves_on::<Rigid2, 2, 1>(Rigid2::ball(0.152), 1.19);

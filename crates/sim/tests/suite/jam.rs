@@ -1,4 +1,4 @@
-//! Jams are named, and what only presses is not.
+//! Tests that jams are reported, and mere pressure is not.
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
@@ -6,7 +6,8 @@ use drystone::scene::Motion;
 use drystone::{BodyId, StepReport, World, World3};
 use drystone_solver::Vector;
 
-/// Steps, after each of which all is finite; the bodies that were jammed in any.
+/// Takes steps, after each of which all values are finite. Returns the bodies that were jammed in
+/// any step.
 fn jammed<G: Geometry<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     steps: usize,
@@ -33,7 +34,7 @@ fn indices(ids: &[BodyId]) -> Vec<u32> {
     ids.iter().map(|id| id.index() as u32).collect()
 }
 
-/// Between walls that converge at 0.4 m/s each, and beside a box that has nothing to do with it.
+/// Puts a box between walls that converge at 0.4 m/s each, and another one beside them.
 fn between_walls<G: Rigid<L, A>, const L: usize, const A: usize>(tolerance: f32) {
     let material = surface(0.3, 0.0);
     let mut world = world::<G, L, A>();
@@ -50,11 +51,13 @@ fn between_walls<G: Rigid<L, A>, const L: usize, const A: usize>(tolerance: f32)
         assert!(named.contains(&(id.index() as u32)), "{L}D: {named:?}");
     }
     assert!(!named.contains(&(free.index() as u32)), "{L}D: {named:?}");
-    // Least squares: neither wall wins.
+    // In the least-squares solution neither wall wins.
     let speed = velocity(&world, wedged).linear.length();
     assert_below(&format!("{L}D: speed between the walls [m/s]"), speed, 0.4);
 }
 
+/// A box between converging walls is reported as jammed with both of them, and a box beside them is
+/// not. It moves slower than 0.4 m/s.
 #[test]
 fn a_box_between_converging_walls() {
     for tolerance in [0.0, 1e-3] {
@@ -63,7 +66,8 @@ fn a_box_between_converging_walls() {
     }
 }
 
-/// The search for jams is part of the certificate: a step without one does not pay for it.
+/// The search for jams is part of the certificate: a step without one does not search and reports
+/// none.
 #[test]
 fn nothing_is_named_without_certificates() {
     let material = surface(0.3, 0.0);
@@ -79,7 +83,7 @@ fn nothing_is_named_without_certificates() {
     assert_ne!(world.step(DT).jams, []);
 }
 
-/// A ball pressed into a groove by a lid that comes down.
+/// Presses a ball into a groove by a lid that comes down.
 fn wedge<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let material = surface(0.2, 0.0);
     let mut world = world::<G, L, A>();
@@ -95,13 +99,15 @@ fn wedge<G: Rigid<L, A>, const L: usize, const A: usize>() {
     assert_eq!(jammed(&mut world, 40), indices(&[sides[0], sides[1], ball, lid]), "{L}D");
 }
 
+/// A ball pressed into a groove is reported as jammed with both sides and the lid, but not before
+/// the lid arrives.
 #[test]
 fn a_ball_pressed_into_a_groove() {
     wedge::<Rigid2, 2, 1>();
     wedge::<Rigid3, 3, 3>();
 }
 
-/// A particle in a slot that is narrower than it is: both sides want to push it out.
+/// Puts a particle into a slot narrower than itself, so that both sides push it out.
 fn slot<const L: usize>()
 where
     Spheres: Round<L, 0>,
@@ -119,13 +125,16 @@ where
     assert_below(&format!("{L}D: speed in the slot [m/s]"), speed, 1e-3);
 }
 
+/// A particle that two sides push against each other is reported as jammed with them, and moves
+/// slower than 1 mm/s.
 #[test]
 fn a_particle_between_contradictory_targets() {
     slot::<2>();
     slot::<3>();
 }
 
-/// Bodies that fall, pile up, and lean on each other and on walls that stay.
+/// A pile of sixty bodies that fall and lean on each other and on static walls is not reported as
+/// jammed in 5 s.
 #[test]
 fn a_pile_is_not_jammed() {
     let material = surface(0.5, 0.2);
@@ -147,7 +156,8 @@ fn a_pile_is_not_jammed() {
     assert_eq!(jammed(&mut world, 300), Vec::<u32>::new());
 }
 
-/// A column with a body 1000 times heavier on top, which presses far beyond what sweeps carry.
+/// A column with a body 1000 times heavier on top, far more than sweeps carry, is not reported as
+/// jammed in 2 s.
 #[test]
 fn a_loaded_stack_is_not_jammed() {
     let material = surface(0.5, 0.0);
@@ -163,7 +173,8 @@ fn a_loaded_stack_is_not_jammed() {
     assert_eq!(jammed(&mut world, 120), Vec::<u32>::new());
 }
 
-/// Boxes that begin inside each other, side by side: there is room to get out.
+/// Boxes that overlap side by side at the start are not reported as jammed: there is room to
+/// separate.
 #[test]
 fn overlap_at_the_start_is_not_a_jam() {
     let material = surface(0.5, 0.0);

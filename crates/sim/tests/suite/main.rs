@@ -1,4 +1,4 @@
-//! The promises of the crate: mechanics, files, and the same bits each time.
+//! Integration tests of the crate: mechanics, files, and determinism.
 
 mod allocation;
 mod analytic;

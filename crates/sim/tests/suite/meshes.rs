@@ -1,4 +1,4 @@
-//! What bodies do on triangle meshes: stand, slide, roll, and stay on their side.
+//! Tests of bodies on triangle meshes: they stand, slide, roll, and stay on their side.
 
 use std::f32::consts::PI;
 
@@ -9,7 +9,7 @@ use drystone::{BodyId, StepSettings, World3};
 use drystone_solver::{Vector, Velocity};
 use parry3d::shape::SharedShape;
 
-/// Presets and a frame \[s\], from few steps to many.
+/// Returns presets and time steps \[s\] with their names.
 fn paces() -> [(&'static str, StepSettings, f32); 4] {
     [
         ("24 steps a second", StepSettings::certified(), 1.0 / 24.0),
@@ -25,7 +25,7 @@ fn with(settings: &StepSettings) -> World3 {
     world
 }
 
-/// Which way triangles look.
+/// Orientation of the triangles of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Winding {
     Given,
@@ -46,7 +46,7 @@ fn wound(triangles: &[[u32; 3]], winding: Winding) -> Vec<[u32; 3]> {
     triangles.iter().enumerate().map(own).collect()
 }
 
-/// A ground of `n` by `n` squares with vertices at these heights, from -1 to 1. \[m\]
+/// A ground of `n` by `n` squares from -1 to 1 m, with vertices at these heights \[m\].
 struct Ground {
     n: usize,
     height: fn(f32, f32) -> f32,
@@ -75,7 +75,7 @@ impl Ground {
         mesh(&vertices, &wound(&triangles, winding))
     }
 
-    /// The height of the ground at a place. \[m\]
+    /// Returns the height of the ground at a position. \[m\]
     fn below(&self, x: f32, z: f32) -> f32 {
         let cell = |x: f32| {
             let part = (x + 1.0) * 0.5 * self.n as f32;
@@ -113,7 +113,7 @@ fn prism(sides: usize) -> Vec<[f32; 3]> {
     ring(sides, -1.0).chain(ring(sides, 1.0)).collect()
 }
 
-/// A shape of about this size \[m\], and its corners, with a radius about them. \[m\]
+/// Returns a shape of about this size \[m\], its corners, and the radius around them \[m\].
 fn shape(kind: usize, size: f32, random: &mut Random) -> (SharedShape, Vec<[f32; 3]>, f32) {
     let hull = |points: Vec<[f32; 3]>| {
         let points: Vec<_> = points.iter().map(|p| p.map(|x| x * size)).collect();
@@ -141,7 +141,8 @@ fn shape(kind: usize, size: f32, random: &mut Random) -> (SharedShape, Vec<[f32;
 
 const KINDS: usize = 12;
 
-/// How deep the deepest corner of a shape is below the ground. \[m\]
+/// Returns the depth of the deepest corner of a shape below the ground, where its radius counts by
+/// 0.9. \[m\]
 fn depth(world: &World3, id: BodyId, ground: &Ground, corners: &[[f32; 3]], radius: f32) -> f32 {
     let frame = Rigid3::frame(&world.pose(id).unwrap());
     let corner = |corner: &[f32; 3]| {
@@ -151,7 +152,8 @@ fn depth(world: &World3, id: BodyId, ground: &Ground, corners: &[[f32; 3]], radi
     corners.iter().map(corner).fold(f32::NEG_INFINITY, f32::max)
 }
 
-/// Each kind of shape lies down on each kind of ground and stays above it, dropped at up to 20 m/s.
+/// All shapes, dropped at up to 20 m/s onto all kinds of ground, come to lie there with no corner
+/// deeper than 1 cm.
 #[test]
 fn shapes_stay_on_meshes() {
     let grounds = [(1, FLAT), (10, FLAT), (60, FLAT), (20, WAVY), (20, BUMPY), (25, HOLLOW)];
@@ -194,7 +196,8 @@ fn shapes_stay_on_meshes() {
     }
 }
 
-/// At rest a cone of many sides is as high as a box on the same mesh.
+/// Cones and prisms of up to 64 sides stand on meshes: they move aside by less than 1 mm. They are
+/// at most 0.2 mm deeper than a box on the same mesh.
 #[test]
 fn cones_stand_on_meshes() {
     for (name, settings, dt) in paces() {
@@ -224,7 +227,7 @@ fn cones_stand_on_meshes() {
     }
 }
 
-/// Half a pipe of strips along z, 3 m long and with a radius of 1 m.
+/// Returns half a pipe of strips along z, 3 m long and with a radius of 1 m.
 fn trough(strips: u32, winding: Winding) -> SharedShape {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for i in 0..=strips {
@@ -238,6 +241,7 @@ fn trough(strips: u32, winding: Winding) -> SharedShape {
     mesh(&vertices, &wound(&triangles, winding))
 }
 
+/// A ball or capsule in a trough of strips drifts along it by less than 0.1 mm in 10 s.
 #[test]
 fn troughs_do_not_push_along() {
     let shapes = [(Rigid3::ball(0.07), 0.0), (Rigid3::ball(0.07), 0.5), {
@@ -266,7 +270,8 @@ fn troughs_do_not_push_along() {
     }
 }
 
-/// What is in a cup of one layer stays there, and what is beside it outside, wherever its faces look.
+/// Balls in a cup of a single layer of triangles stay there, and one thrown at it stays outside,
+/// whatever the orientation of its faces.
 #[test]
 fn a_cup_has_two_sides() {
     let (sides, radius) = (24, 0.1);
@@ -307,7 +312,8 @@ fn a_cup_has_two_sides() {
     }
 }
 
-/// A box of 1 m by 0.5 m by 1 m with sides of `n` by `n` squares, facing outward.
+/// Returns a box of 1 m by 0.5 m by 1 m with sides of `n` by `n` squares, facing outward unless
+/// wound otherwise.
 fn block(n: u32, winding: Winding) -> SharedShape {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     let half = [0.5, 0.25, 0.5];
@@ -339,7 +345,8 @@ fn block(n: u32, winding: Winding) -> SharedShape {
     mesh(&vertices, &wound(&triangles, winding))
 }
 
-/// A closed mesh pushes out what has its center inside; one that looks inward throughout is a room.
+/// A closed mesh pushes out a body whose center is inside, and one whose faces all look inward is a
+/// room. The height of the body at rest is right within 0.5 %.
 #[test]
 fn closed_meshes_push_out() {
     let shapes = [
@@ -365,7 +372,8 @@ fn closed_meshes_push_out() {
     }
 }
 
-/// Over a plane of many triangles shapes slide as over one.
+/// Shapes slide over a plane of many triangles as over a single one: their velocity changes by less
+/// than 1 %, and they rise by less than 1 mm.
 #[test]
 fn inner_edges_do_not_slow() {
     let smooth = surface(0.0, 0.0);
@@ -391,7 +399,8 @@ fn inner_edges_do_not_slow() {
     }
 }
 
-/// Marbles of a few millimeters at 20 m/s do not pass a mesh of one layer.
+/// Marbles of 1 to 10 mm radius at 20 m/s do not tunnel through a single layer of triangles: no
+/// center is 2 mm below it.
 #[test]
 fn small_marbles_do_not_pass() {
     let mut random = Random(5);
@@ -425,7 +434,7 @@ fn small_marbles_do_not_pass() {
     }
 }
 
-/// A box that lies on a wavy mesh lies still.
+/// A box at rest on a wavy mesh moves by less than 0.2 mm in 3 s.
 #[test]
 fn a_box_on_waves_does_not_creep() {
     for winding in WINDINGS {
@@ -442,7 +451,8 @@ fn a_box_on_waves_does_not_creep() {
     }
 }
 
-/// Plates, sticks and capsules that come at 20 m/s in real time do not pass a floor of 2 cm, nor gain energy there.
+/// Plates, sticks and capsules at 20 m/s do not tunnel through a floor of 2 cm in the real-time
+/// preset. No step adds more than 0.1 % to their energy.
 #[test]
 fn slender_things_do_not_pass_thin_floors() {
     let mut random = Random(5);

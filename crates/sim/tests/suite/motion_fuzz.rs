@@ -1,6 +1,7 @@
-//! Random scenes in motion: finite, inside of what is closed, and with no energy from nowhere.
+//! Fuzz tests of random scenes in motion: values stay finite, bodies stay in closed containers, and
+//! no energy is created.
 //!
-//! `DRYSTONE_SCENES` sets how many scenes each test runs, `DRYSTONE_SCENES_SEED` the first seed.
+//! `DRYSTONE_SCENES` sets the number of scenes per test, `DRYSTONE_SCENES_SEED` the first seed.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,28 +12,31 @@ use drystone::build;
 use drystone::geometry::{Rigid2, Rigid3};
 use drystone::scene::{Body, Motion, to_json};
 
-/// Scenes that a test runs unless `DRYSTONE_SCENES` says otherwise.
+/// Scenes per test unless `DRYSTONE_SCENES` says otherwise.
 const SCENES: u64 = 150;
 
-/// Energy that may appear, as a part of what the scene had to give. \[1\]
+/// Energy that may appear, as a fraction of the initial kinetic and the released potential energy.
+/// \[1\]
 const GAIN: f64 = 0.02;
 
-/// Speed whose kinetic energy may appear. \[m/s\]
+/// Speed whose kinetic energy may appear besides. \[m/s\]
 const SPEED: f64 = 0.01;
 
-/// Distance that centers may be outside of a container, as a part of its largest half size. \[1\]
+/// Distance that centers may be outside of a container, as a fraction of its largest half size.
+/// \[1\]
 const OUTSIDE: f64 = 0.25;
 
-/// A kind of fault that is known, and the scenes in which it may appear.
+/// A known kind of fault, and the scenes in which it may appear.
 struct Known {
     name: &'static str,
     kinds: &'static [&'static str],
     applies: fn(&Trial, &Hardness) -> bool,
 }
 
-/// Faults of which the cause still stands. A panic is never known.
+/// Faults whose cause remains. A panic is never a known fault.
 const KNOWN: [Known; 5] = [
-    // The searches of a step do not suffice, and pairs pass or overlap deeply before they are found.
+    // The searches of a step do not suffice, and pairs tunnel or overlap deeply before they are
+    // found.
     Known {
         name: "a surface passes half of its thickness in a step",
         kinds: &["energy", "outside", "not finite"],
@@ -52,13 +56,14 @@ const KNOWN: [Known; 5] = [
         kinds: &["energy", "outside"],
         applies: |_, hardness| hardness.densities > 1e3,
     },
-    // Seeds 3772 in 2D and 7090 in 3D: an impact and its rebound within a step. The cause is not known.
+    // Seeds 3772 in 2D and 7090 in 3D: an impact and its rebound within a step. The cause is not
+    // known.
     Known {
         name: "bodies below 40 mm at 24 steps per second",
         kinds: &["energy"],
         applies: |trial, _| trial.size < 0.04 && trial.scene.time_step > 0.04,
     },
-    // Arms of contacts turn by more than is followed within a step.
+    // Contact arms rotate by more in a step than is followed.
     Known {
         name: "a body is more slender than 1:300",
         kinds: &["energy"],
@@ -66,7 +71,7 @@ const KNOWN: [Known; 5] = [
     },
 ];
 
-/// The name of the known fault that this one may be.
+/// Returns the name of a known fault that explains one of this kind, if there is one.
 fn known(trial: &Trial, kind: &str) -> Option<&'static str> {
     let hardness = Hardness::new(trial);
     let applies = |known: &&Known| known.kinds.contains(&kind) && (known.applies)(trial, &hardness);
@@ -77,12 +82,12 @@ fn known(trial: &Trial, kind: &str) -> Option<&'static str> {
 #[derive(Clone, Debug)]
 struct Fault {
     kind: &'static str,
-    /// Its amount, over what is allowed.
+    /// Size of the violation: gained over allowed energy, or the result of [`outside`]. \[1\]
     excess: f64,
     step: u32,
 }
 
-/// Runs a scene.
+/// Runs a scene and returns its first fault.
 fn fault<G: Forms<L, A>, const L: usize, const A: usize>(trial: &Trial) -> Option<Fault> {
     let mut step = 0;
     let run = || run::<G, L, A>(trial, &mut step);
@@ -118,14 +123,15 @@ fn run<G: Forms<L, A>, const L: usize, const A: usize>(
     None
 }
 
-/// Energy that appeared, over what is allowed.
+/// Returns the energy that appeared, over what is allowed.
 fn gain(start: &Energy, now: &Energy) -> f64 {
     let fallen = (start.potential - now.potential).max(0.0);
     let allowed = GAIN * (start.kinetic + fallen) + SPEED * SPEED * start.unit;
     (now.kinetic - start.kinetic + now.potential - start.potential) / allowed
 }
 
-/// Distance of the farthest center outside of the container, as a part of its largest half size.
+/// Returns the distance of the farthest center outside of the container, as a fraction of its
+/// largest half size.
 fn outside<G: Forms<L, A>, const L: usize, const A: usize>(
     trial: &Trial,
     running: &Running<G, L, A>,
@@ -147,7 +153,7 @@ fn outside<G: Forms<L, A>, const L: usize, const A: usize>(
 /// A change that makes a body simpler.
 type Simpler = fn(&mut Body);
 
-/// Simplifications that are tried on each body, one after the other.
+/// Simplifications to try on each body, one after the other.
 const SIMPLER: [Simpler; 7] = [
     |body| body.shapes.truncate(1),
     |body| body.angular_velocity.fill(0.0),
@@ -170,7 +176,8 @@ const SIMPLER: [Simpler; 7] = [
     },
 ];
 
-/// The same kind of fault with fewer and simpler bodies: each change stays that keeps the fault.
+/// Returns a trial with the same kind of fault in fewer and simpler bodies: each change stays that
+/// keeps the fault.
 fn reduced<G: Forms<L, A>, const L: usize, const A: usize>(trial: &Trial, kind: &str) -> Trial {
     let mut smallest = trial.clone();
     let attempt = |smallest: &mut Trial, change: &dyn Fn(&mut Trial)| {
@@ -241,11 +248,15 @@ fn fuzz<G: Forms<L, A>, const L: usize, const A: usize>() {
     assert!(faults.is_empty(), "{L}D: {} faults in {ran} scenes", faults.len());
 }
 
+/// Random 3D scenes stay finite, gain at most 2 % of their energy and keep bodies in their
+/// containers, but for known faults.
 #[test]
 fn solids() {
     fuzz::<Rigid3, 3, 3>();
 }
 
+/// Random 2D scenes stay finite, gain at most 2 % of their energy and keep bodies in their
+/// containers, but for known faults.
 #[test]
 fn flat_bodies() {
     fuzz::<Rigid2, 2, 1>();

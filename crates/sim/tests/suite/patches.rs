@@ -1,4 +1,4 @@
-//! Contact patches of any shape: slender ones keep their width, and cylinders rest, stack and roll.
+//! Tests of contact patches: slender ones keep their width, and cylinders rest, stack and roll.
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid3};
@@ -7,7 +7,7 @@ use drystone::{Body, BodyId, Collider, StepSettings, World, World3};
 use drystone_solver::Vector;
 use parry3d::shape::SharedShape;
 
-/// Turns the y axis onto z.
+/// Rotation of the y axis onto z.
 const LYING: [f32; 4] =
     [std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2];
 
@@ -21,7 +21,7 @@ fn solid(position: [f32; 3], shape: SharedShape) -> Body<Rigid3, 3, 3> {
     dynamic::<Rigid3, 3, 3>(position, shape, &surface(0.5, 0.0))
 }
 
-/// A floor of each kind whose top is at 0, this large.
+/// Adds a floor with its top at 0 and this half size \[m\]: a half-space, a box, a hull or a mesh.
 fn add_ground(world: &mut World3, kind: usize, size: f32) {
     let material = surface(0.5, 0.0);
     let corners = [-1.0f32, 1.0].map(|x| [-1.0f32, 1.0].map(|z| [x, z]));
@@ -43,7 +43,7 @@ fn moved(world: &World3, id: BodyId, from: [f32; 3]) -> f32 {
     (place(world, id) - Vector(from)).length()
 }
 
-/// Both presets, at 24 and 60 steps a second.
+/// Returns both presets, each with 24 and 60 steps per second.
 fn with_rates() -> [(StepSettings, f32); 4] {
     let presets = [StepSettings::certified(), StepSettings::realtime()];
     let [certified, realtime] = presets;
@@ -56,7 +56,7 @@ fn run_at(world: &mut World3, seconds: f32, rate: f32) {
     }
 }
 
-/// A body of several shapes.
+/// Returns a body of several shapes.
 fn compound(
     position: [f32; 3],
     parts: &[(SharedShape, <Rigid3 as Geometry<3, 3>>::Pose)],
@@ -80,7 +80,9 @@ fn moved_aside(world: &World3, id: BodyId, from: [f32; 3]) -> f32 {
     x.hypot(z)
 }
 
-/// Panels, planks and cards on edge and lying, on all floors, of all sizes.
+/// Panels, planks and cards of 1 cm to 10 m, on edge and lying, stand on half-spaces, boxes and
+/// hulls. They move by less than 0.1 % of their size, or by 0.1 mm if small, and lean by less than
+/// 1.5e-6 (1 - cosine).
 #[test]
 fn slender_patches_stand() {
     for size in [1e-2, 1.0, 10.0] {
@@ -101,7 +103,8 @@ fn slender_patches_stand() {
     }
 }
 
-/// Cylinders, standing and lying, stay where they are on all floors.
+/// Standing and lying cylinders move on all floors by less than 0.1 % of their size, or by 0.2 mm
+/// if small.
 #[test]
 fn cylinders_rest() {
     for settings in [StepSettings::certified(), StepSettings::realtime()] {
@@ -129,7 +132,8 @@ fn cylinders_rest() {
     }
 }
 
-/// Needles lie still on meshes: places beside the line on which they roll do not turn them.
+/// A needle of 3 mm that lies on a mesh moves by less than 0.5 % of its length in 2 s. Contact
+/// points beside the line on which it rolls do not rotate it.
 #[test]
 fn needles_lie_on_meshes() {
     for (settings, rate) in with_rates() {
@@ -150,7 +154,8 @@ fn needles_lie_on_meshes() {
     }
 }
 
-/// Ten coins stay stacked, of any size, also where nothing is set by hand.
+/// Ten stacked coins of 2.4 to 240 mm move by less than 1/16 of their diameter in 2 s, at the
+/// settings of the presets.
 #[test]
 fn coins_stay_stacked() {
     for (settings, rate) in with_rates() {
@@ -174,7 +179,8 @@ fn coins_stay_stacked() {
     }
 }
 
-/// Towers of bodies of several boxes each stand as those of one do: open bricks, tables, and boxes cut in four.
+/// Towers of six compounds stand like those of single boxes: open bricks, tables, and boxes cut in
+/// four. They move aside by less than 1/30 of their width in 2 s.
 #[test]
 fn towers_of_compounds_stand() {
     let wall = |x: f32, z: f32| [0.3 - 0.25 * x.abs(), 0.15, 0.3 - 0.25 * z.abs()];
@@ -212,7 +218,8 @@ fn towers_of_compounds_stand() {
     }
 }
 
-/// A heap of boxes in a container comes to rest in real time: no contact of it changes its axis for ever.
+/// A heap of 150 boxes in a container comes to rest in the real-time preset, because no contact
+/// keeps changing its axis. After 12 s the root mean square of the speeds is below 0.5 mm/s.
 #[test]
 fn a_heap_comes_to_rest() {
     let mut world = with_gravity(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
@@ -244,7 +251,7 @@ fn a_heap_comes_to_rest() {
     assert_below("mean speed in a heap, m/s", mean, 5e-4);
 }
 
-/// A wheel rolls on at its speed.
+/// A wheel that rolls at 2 m/s keeps its speed for 3 s within 1 %, on all floors.
 #[test]
 fn a_wheel_keeps_its_speed() {
     for kind in 0..4 {

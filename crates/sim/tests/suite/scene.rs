@@ -1,4 +1,5 @@
-//! Scenes from files: what is refused, with which words, and what survives.
+//! Tests of scene files in Drystone's own format: refusals and their messages, warnings, and values
+//! read.
 
 use std::path::Path;
 
@@ -21,24 +22,24 @@ fn json_error(text: &str) -> String {
     }
 }
 
-/// A scene of one ball with these lines in its table.
+/// Returns a scene of one ball with these lines in its table.
 fn ball(lines: &str) -> String {
     format!(
         "[[bodies]]\nname = \"ball\"\n{lines}\n[[bodies.shapes]]\ntype = \"sphere\"\nradius = 0.5\n"
     )
 }
 
-/// A scene of one body of this motion with this shape.
+/// Returns a scene of one body of this motion with this shape.
 fn shape(motion: &str, shape: &str) -> String {
     format!("[[bodies]]\nname = \"b\"\nmotion = \"{motion}\"\nshapes = [{{ {shape} }}]\n")
 }
 
-/// Particles, instead of rigid bodies.
+/// Returns the scene with particles instead of rigid bodies.
 fn particles(text: String) -> String {
     format!("bodies_as = \"particles\"\n{text}")
 }
 
-/// Bad scenes and what is said of them.
+/// Returns bad scenes with their error messages.
 fn bad_scenes() -> Vec<(String, &'static str)> {
     vec![
         (
@@ -350,6 +351,8 @@ fn bad_scenes() -> Vec<(String, &'static str)> {
     ]
 }
 
+/// Each bad scene is refused with exactly the expected message: place, item, value and what is
+/// accepted.
 #[test]
 fn errors_name_place_item_value_and_what_is_accepted() {
     let mut wrong = Vec::new();
@@ -367,6 +370,7 @@ fn warnings(text: &str) -> Vec<String> {
     read.warnings.iter().map(ToString::to_string).collect()
 }
 
+/// Keys that have no effect and implausible values give a warning.
 #[test]
 fn what_does_not_act_is_said() {
     let expected = ["1:10: joints are not supported yet: the scene runs without them"];
@@ -383,6 +387,7 @@ fn scene(text: &str) -> Scene {
     read_toml(Path::new("s.toml"), text).unwrap_or_else(|error| panic!("{error}")).scene
 }
 
+/// An empty TOML file is a scene of defaults without bodies; empty JSON is refused.
 #[test]
 fn an_empty_file_is_an_empty_scene() {
     let scene = scene("\u{feff}# nothing\r\n");
@@ -393,6 +398,7 @@ fn an_empty_file_is_an_empty_scene() {
     assert_eq!(json_error("[]"), "s.json: the scene is []; accepted: a table");
 }
 
+/// The properties of a body override those of its material, and those of a shape override both.
 #[test]
 fn materials_are_overridden_by_bodies_and_shapes() {
     let scene = scene(
@@ -408,6 +414,7 @@ fn materials_are_overridden_by_bodies_and_shapes() {
     assert_eq!((b.friction, b.restitution), (0.4, 0.3));
 }
 
+/// A duration becomes the number of steps that covers it.
 #[test]
 fn duration_becomes_steps() {
     assert_eq!(scene("duration = 2.0").steps, Some(120));
@@ -415,6 +422,7 @@ fn duration_becomes_steps() {
     assert_eq!(scene("duration = 0.0").steps, Some(0));
 }
 
+/// A quaternion that is nearly of length 1 is normalized within 1e-15.
 #[test]
 fn nearly_unit_quaternions_are_made_unit() {
     let scene = scene(&ball("rotation = [0.0, 0.0, 0.6, 0.8004]"));
@@ -422,6 +430,7 @@ fn nearly_unit_quaternions_are_made_unit() {
     assert!((q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-15);
 }
 
+/// Collision systems become bits in their order of appearance.
 #[test]
 fn systems_become_bits_in_order_of_appearance() {
     let collision = "collision = { systems = [\"a\", \"b\"], not_collides_with = [\"b\"] }";
@@ -430,17 +439,19 @@ fn systems_become_bits_in_order_of_appearance() {
     assert!(filter.collides_with_unnamed);
 }
 
+/// Settings of a scene override those of the preset.
 #[test]
 fn a_scene_has_its_own_settings() {
     let scene = scene("[solver]\nsubsteps = 7\nimpact_law = \"poisson\"");
     let settings = scene.settings(StepSettings::realtime()).unwrap();
     let impact_law = ImpactLaw::Poisson;
-    // So many, and no more for what is small.
+    // The stated number of substeps is also the largest one, even for small bodies.
     let [substeps, most_substeps] = [7, 7];
     let realtime = StepSettings::realtime();
     assert_eq!(settings, StepSettings { substeps, most_substeps, impact_law, ..realtime });
 }
 
+/// Infinite masses are read from TOML and JSON, and any extras are accepted.
 #[test]
 fn infinite_masses_and_extras_are_read() {
     let scene = scene(&ball("mass = inf\ninertia = [1.0, inf, 1.0]\nextras = { any = [1] }"));
@@ -452,6 +463,7 @@ fn infinite_masses_and_extras_are_read() {
     assert_eq!(scene.bodies[0].mass.mass, Some(f64::INFINITY));
 }
 
+/// Nesting of 100 000 levels is a syntax error, not a stack overflow.
 #[test]
 fn deep_nesting_is_an_error() {
     let deep = 100_000;
@@ -469,6 +481,7 @@ fn deep_nesting_is_an_error() {
     }
 }
 
+/// Messages on texts of 1 MB are shorter than 500 bytes.
 #[test]
 fn long_texts_are_cut_in_messages() {
     let long = "x".repeat(1_000_000);
@@ -482,6 +495,7 @@ fn long_texts_are_cut_in_messages() {
     }
 }
 
+/// A message has one line, even if a name has several.
 #[test]
 fn messages_have_one_line() {
     let name = "name = \"two\\nlines\"\nmass = 0";
@@ -495,6 +509,8 @@ const SAMPLE: &str = "time_step = 0.01\r\n[materials.\"a b\"]\nfriction = 0.5\n\
     vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], triangles = [[0, 1, 2]] }]\n\
     [solver]\nsubsteps = 3\n";
 
+/// Every truncation of a TOML scene is read or refused without a panic, and every one of a JSON
+/// scene is refused.
 #[test]
 fn every_truncation_is_read_or_refused() {
     let json = drystone::scene::to_json(&scene(SAMPLE));
@@ -507,11 +523,13 @@ fn every_truncation_is_read_or_refused() {
 }
 
 proptest! {
+    /// Any text of up to 200 characters is read or refused without a panic.
     #[test]
     fn any_text_is_read_or_refused(text in ".{0,200}") {
         let _ = (toml_error(&text), json_error(&text));
     }
 
+    /// A scene with one changed character is read or refused without a panic.
     #[test]
     fn a_changed_letter_is_read_or_refused(at in 0..SAMPLE.len(), letter in any::<char>()) {
         if let (Some(before), Some(after)) = (SAMPLE.get(..at), SAMPLE.get(at + 1..)) {
@@ -520,6 +538,8 @@ proptest! {
     }
 }
 
+/// The extension of a file selects its reader. Unknown extensions, unreadable files, bytes that are
+/// no UTF-8 and files over 1 GiB are refused.
 #[test]
 fn files_are_read_by_their_extension() {
     let directory = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Sleep is an economy: what sleeps rests, wakes when it must, and changes nothing else.
+//! Tests of sleep: bodies at rest sleep, wake when they must, and change nothing else.
 
 use drystone::geometry::{Geometry, Rigid2, Rigid3};
 use drystone::scene::Motion;
@@ -18,7 +18,7 @@ fn dozing<G: Rigid<L, A>, const L: usize, const A: usize>() -> World<G, L, A> {
     world
 }
 
-/// A stack of boxes of half a meter at x.
+/// Adds a stack of boxes of half a meter at x.
 fn stack<G: Rigid<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     x: f32,
@@ -66,13 +66,16 @@ fn rests<G: Rigid<L, A>, const L: usize, const A: usize>() {
     assert!((world.measure().deepest_penetration - depth).abs() < 1e-4, "still measured");
 }
 
+/// A stack at rest sleeps after the delay and then keeps every bit. It has no contacts in a step,
+/// and its overlap is still measured.
 #[test]
 fn what_holds_still_sleeps_and_stays_where_it_is() {
     rests::<Rigid2, 2, 1>();
     rests::<Rigid3, 3, 3>();
 }
 
-/// Asleep or not, a stack that is hit does much the same: one that never slept is the measure.
+/// An impact wakes the stack that it hits and no other. The stack ends within 2 cm of one that
+/// never slept.
 #[test]
 fn a_blow_wakes_what_it_hits_and_no_other() {
     let after = |sleep: f32| {
@@ -95,7 +98,8 @@ fn a_blow_wakes_what_it_hits_and_no_other() {
     }
 }
 
-/// What happens to a sleeping stack in a step, and whether it must wake.
+/// Everything that can move a sleeping stack wakes it in one step: a new pose, velocity, force,
+/// gravity or setting, a moving support, and a removed body.
 #[test]
 fn whatever_moves_a_sleeper_wakes_it() {
     let asleep = || {
@@ -140,7 +144,7 @@ fn whatever_moves_a_sleeper_wakes_it() {
     }
 }
 
-/// A body that turns on the spot, or is carried along, does not hold still.
+/// A body that a belt carries along at 2 mm/s does not sleep.
 #[test]
 fn what_is_carried_does_not_sleep() {
     let mut world: World3 = dozing();
@@ -155,7 +159,8 @@ fn what_is_carried_does_not_sleep() {
     assert!(place(&world, load)[0] > 0.004);
 }
 
-/// One island sleeps, another goes on: bit for bit as if nothing slept.
+/// A ball that rolls while other islands sleep moves as if nothing slept, bit by bit. One and two
+/// threads give the same bits.
 #[test]
 fn sleep_changes_nothing_but_rest() {
     let run = |sleep: f32, threads: usize| {
@@ -179,7 +184,7 @@ fn sleep_changes_nothing_but_rest() {
     assert_eq!(one.0, run(0.0, 1).0, "the ball that rolls");
 }
 
-/// Boxes that have toppled into a heap come to rest and sleep; never while one still falls.
+/// A heap of forty boxes that topple comes to rest and sleeps within 20 s.
 #[test]
 fn a_heap_sleeps_as_a_whole() {
     let mut world: World3 = dozing();

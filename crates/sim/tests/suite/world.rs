@@ -1,4 +1,5 @@
-//! What a world promises of any scene: conservation, rest, and the bodies it is told of.
+//! Tests of worlds: conservation, resting contact, kinematic bodies, shapes and properties of
+//! bodies.
 
 use std::time::{Duration, Instant};
 
@@ -10,8 +11,8 @@ use drystone_solver::{SymmetricMatrix, Vector, Velocity};
 
 // Conservation
 
-/// Bodies on a loose grid with random velocities, spins and restitutions, no two overlapping;
-/// each with its mass.
+/// Adds bodies on a loose grid, none of which overlap, with random velocities, spins and materials.
+/// Returns each with its mass \[kg\].
 fn scatter<G: Rigid<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     random: &mut Random,
@@ -66,6 +67,8 @@ fn free_collisions<G: Rigid<L, A>, const L: usize, const A: usize>(seed: u64) {
     assert_below(&format!("{L}D, {seed}: energy, part of that before"), kept, 1.001);
 }
 
+/// In collisions without gravity the momentum changes by less than 1e-5 of 3 m/s times the total
+/// mass. The energy ends below 1.001 times the initial one.
 #[test]
 fn free_collisions_keep_the_momentum() {
     for seed in 0..4 {
@@ -89,6 +92,7 @@ fn piles<G: Rigid<L, A>, const L: usize, const A: usize>(seed: u64) {
     assert_below(&format!("{L}D, {seed}: most energy, part of the first"), most as f32, 1.001);
 }
 
+/// The energy of a pile never exceeds 1.001 times the initial one in 300 steps.
 #[test]
 fn a_pile_never_gains_energy() {
     for seed in 10..16 {
@@ -97,7 +101,8 @@ fn a_pile_never_gains_energy() {
     }
 }
 
-/// Sixty bodies of all shapes thrown into a box of thin walls.
+/// Throws sixty bodies of all convex shapes, at up to 15 m/s along each axis, into a container with
+/// walls 0.2 m thick.
 fn container<G: Rigid<L, A>, const L: usize, const A: usize>(hull: &[[f32; L]]) {
     let material = surface(0.4, 0.3);
     let mut world = world::<G, L, A>();
@@ -138,12 +143,14 @@ fn container<G: Rigid<L, A>, const L: usize, const A: usize>(hull: &[[f32; L]]) 
         }
     }
     assert_below(&format!("{L}D: farthest center [m]"), farthest, half - 0.05);
-    // Balls roll on.
+    // Balls keep rolling, hence the large bound.
     assert_below(&format!("{L}D: fastest at the end [m/s]"), world.measure().fastest as f32, 1.0);
     let deepest = world.measure().deepest_penetration as f32;
     assert_below(&format!("{L}D: deepest overlap at the end [m]"), deepest, 1e-3);
 }
 
+/// Bodies thrown into a container stay inside for 8 s. They end slower than 1 m/s, with overlaps
+/// below 1 mm.
 #[test]
 fn nothing_escapes_a_container() {
     container::<Rigid2, 2, 1>(&[[-0.2, -0.15], [0.25, -0.1], [0.15, 0.2], [-0.1, 0.22]]);
@@ -156,9 +163,10 @@ fn nothing_escapes_a_container() {
     ]);
 }
 
-// Rest
+// Resting contact
 
-/// A pyramid of boxes and a heap of balls between blocks, added in this order of the whole.
+/// Adds a pyramid of boxes and a ball between two blocks in this order, and returns the positions
+/// of all bodies after 5 s. `order(i)` is the body that is added as number i. \[m\]
 fn settled<G: Rigid<L, A>, const L: usize, const A: usize>(
     order: impl Fn(usize) -> usize,
 ) -> Vec<Vector<f32, L>> {
@@ -189,7 +197,7 @@ fn settled<G: Rigid<L, A>, const L: usize, const A: usize>(
 fn permutation<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let first = settled::<G, L, A>(|i| i);
     let count = first.len();
-    // Backwards, and by steps of 7, which does not divide 19.
+    // Backwards, and in steps of 7, which does not divide 19.
     for (name, other) in [
         ("backwards", settled::<G, L, A>(|i| count - 1 - i)),
         ("mixed", settled::<G, L, A>(|i| i * 7 % count)),
@@ -199,13 +207,16 @@ fn permutation<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// The resting positions after 5 s differ by less than 1 mm if the bodies are added in another
+/// order.
 #[test]
 fn rest_does_not_depend_on_the_order_of_the_bodies() {
     permutation::<Rigid2, 2, 1>();
     permutation::<Rigid3, 3, 3>();
 }
 
-/// With a `hold` of 20/s, which is 8 % of a slip in each substep, it swayed by 3 cm/s and more, for ever.
+/// A wall of 210 boxes moves slower than 2 mm/s after 5 s in the real-time preset. With a `hold` of
+/// 20 1/s, or 8 % of a slip in each substep, it swayed by 3 cm/s and more forever.
 #[test]
 fn a_wall_in_real_time_comes_to_rest() {
     let material = surface(0.5, 0.0);
@@ -228,8 +239,11 @@ fn a_wall_in_real_time_comes_to_rest() {
     assert_below("speed of a wall after 5 s [m/s]", speed, 2e-3);
 }
 
-/// Thirty boxes, none put down more than 2 cm aside. Pushed where they touch now, not where they did when points were
-/// found, they fall: the tower is one and a half times as high as can stand on contacts that sink in by 7 mm.
+/// Stacks thirty boxes in the real-time preset and checks that none leans.
+///
+/// Impulses act where the boxes touched when the points were found. If they acted where the boxes
+/// touch now, the tower would fall. It is one and a half times as high as can stand on contacts
+/// that yield by 7 mm.
 fn tower<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let material = surface(0.5, 0.0);
     let mut world = World::<G, L, A>::new(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
@@ -246,15 +260,17 @@ fn tower<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// Thirty stacked boxes, each at most 2 cm off center, lean by less than 10 cm in 20 s.
 #[test]
 fn a_tower_in_real_time_stands() {
     tower::<Rigid2, 2, 1>();
     tower::<Rigid3, 3, 3>();
 }
 
-/// Two boxes without gravity, of which one is hit beside its middle and both go on together, turning. Where points are
-/// reused the two are pushed at places that are as far apart as they have moved since: so little that both their
-/// momenta stay.
+/// Lets a box hit another off center, without gravity, so that both move on together and rotate.
+///
+/// Reused points apply the two opposite impulses at positions as far apart as the bodies have moved
+/// since the search. That is so little that linear and angular momentum are kept.
 fn meeting<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let material = surface(0.5, 0.0);
     for settings in [StepSettings::realtime(), StepSettings::certified()] {
@@ -262,7 +278,7 @@ fn meeting<G: Rigid<L, A>, const L: usize, const A: usize>() {
         let still = world.add(dynamic([0.0; L], G::cuboid([0.5; L]), &material));
         let hits = dynamic(v(-1.2, 0.3, 0.0), G::cuboid([0.5; L]), &material);
         let hits = world.add(moving(hits, v(2.0, 0.5, 0.0)));
-        // By the mass of a box.
+        // Divided by the mass of a box.
         let spin = |world: &World<G, L, A>| {
             let own = [still, hits].map(|id| {
                 let (at, velocity) = (place(world, id), velocity(world, id));
@@ -278,13 +294,16 @@ fn meeting<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// An off-center collision keeps the angular momentum within 1 %, in the real-time and in the
+/// certified preset.
 #[test]
 fn what_meets_keeps_its_angular_momentum() {
     meeting::<Rigid2, 2, 1>();
     meeting::<Rigid3, 3, 3>();
 }
 
-/// With points of contact that stayed behind where it had been, a ball that crept rolled ever faster.
+/// Rolls a ball over a floor for 10 s. With contact points left behind at an earlier position, a
+/// slowly rolling ball became ever faster.
 fn rolling<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let material = surface(0.5, 0.0);
     for speed in [0.003f32, 0.03, 0.3] {
@@ -302,14 +321,15 @@ fn rolling<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// A ball that rolls at 3 mm/s, 3 cm/s or 0.3 m/s changes its speed by less than 1 % in 10 s.
 #[test]
 fn a_ball_rolls_on_as_it_did() {
     rolling::<Rigid2, 2, 1>();
     rolling::<Rigid3, 3, 3>();
 }
 
-/// A small box that slides over an edge in real time is held beyond it by no more than a part of its size: its points
-/// are reused, but not for as long as those of a large one.
+/// Contact points of a small box that slides over an edge end up less than 1/32 of its size plus
+/// 0.1 mm beyond it. They are reused, but not for as long as those of a large box.
 #[test]
 fn points_of_what_is_small_are_not_reused_for_long() {
     let (size, smooth) = (0.04, surface(0.0, 0.0));
@@ -320,7 +340,7 @@ fn points_of_what_is_small_are_not_reused_for_long() {
     let small = dynamic([-0.03, 0.5 * size], Rigid2::cuboid([0.5 * size; 2]), &smooth);
     let small = world.add(moving(small, [0.03, 0.0]));
     let mut farthest = f32::NEG_INFINITY;
-    // Until its center is over the edge.
+    // Until the center of the box is almost over the edge.
     for _ in 0..55 {
         let center = place(&world, small);
         world.step(DT);
@@ -331,12 +351,13 @@ fn points_of_what_is_small_are_not_reused_for_long() {
             farthest = farthest.max(point[0]);
         }
     }
-    // The box takes them along.
+    // Reused points move with the box.
     assert!(farthest > 1e-4, "not reused: {farthest} m beyond the edge");
     assert_below("beyond the edge [m]", farthest, size / 32.0 + 1e-4);
 }
 
-/// The deepest overlap \[m\] and fastest body \[m/s\] of a column whose floor is at this height.
+/// Returns the deepest overlap \[m\] and the highest speed \[m/s\] in a column after 3 s. The
+/// column is shifted by `height` along each axis.
 fn column_at(height: f32) -> [f64; 2] {
     let material = surface(0.5, 0.0);
     let mut world: World3 = world();
@@ -350,7 +371,8 @@ fn column_at(height: f32) -> [f64; 2] {
     [measure.deepest_penetration, measure.fastest]
 }
 
-/// 1 km from the origin positions are rounded to 0.1 mm, five times what the contacts sink in.
+/// A column 1 km from the origin rests with the overlap of one at the origin, within 0.001 mm, and
+/// is slower than 0.1 mm/s. Positions are rounded to 0.1 mm there, five times the overlap.
 #[test]
 fn rest_does_not_depend_on_where_it_is() {
     let ([near, _], [far, speed]) = (column_at(0.0), column_at(1024.0));
@@ -374,6 +396,7 @@ fn ten_minutes<G: Rigid<L, A>, const L: usize, const A: usize>() {
     assert_below(&format!("{L}D: creep in 10 minutes [m]"), moved, 5e-5);
 }
 
+/// A box on a slope of 20 degrees with friction 0.5 creeps less than 0.05 mm in 10 minutes.
 #[test]
 fn a_box_on_a_slope_stays_for_ten_minutes() {
     ten_minutes::<Rigid2, 2, 1>();
@@ -402,6 +425,8 @@ fn pushing<G: Rigid<L, A>, const L: usize, const A: usize>() {
     assert_within(&format!("{L}D: speed of the pushed [m/s]"), speed, 1.0, 0.01);
 }
 
+/// A kinematic body is within 0.1 mm of its course, although it pushes a body of 100 t. It gives
+/// that body its speed within 1 %.
 #[test]
 fn a_kinematic_body_pushes_and_is_never_pushed() {
     pushing::<Rigid2, 2, 1>();
@@ -431,12 +456,14 @@ fn carrying<G: Rigid<L, A>, const L: usize, const A: usize>() {
     assert_below(&format!("{L}D: slip on a moving platform [m]"), worst, 2e-3);
 }
 
+/// A box on a platform that accelerates at up to 2 m/s^2, below mu g, slips by less than 2 mm.
 #[test]
 fn a_moving_platform_carries_by_friction() {
     carrying::<Rigid2, 2, 1>();
     carrying::<Rigid3, 3, 3>();
 }
 
+/// A box on a platform that rotates at 1 rad/s follows its circle within 1 cm for 2 rad.
 #[test]
 fn a_turning_platform_carries_a_box_around() {
     let material = surface(0.8, 0.0);
@@ -445,7 +472,7 @@ fn a_turning_platform_carries_a_box_around() {
     disk.velocity.angular = Vector([0.0, 1.0, 0.0]);
     world.add(disk);
     let mut block = dynamic([2.0, 0.35, 0.0], Rigid3::cuboid([0.25; 3]), &material);
-    // At once at the speed of the platform.
+    // The box starts with the velocity of the platform below it.
     block.velocity =
         Velocity { linear: Vector([0.0, 0.0, -2.0]), angular: Vector([0.0, 1.0, 0.0]) };
     let block = world.add(block);
@@ -494,19 +521,21 @@ fn compounds<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// A box of two halves accelerates as a whole one within 1e-5. Both come to rest at the height of
+/// 0.5 m within 0.1 %.
 #[test]
 fn a_compound_moves_as_one_body() {
     compounds::<Rigid2, 2, 1>();
     compounds::<Rigid3, 3, 3>();
 }
 
-/// A tee of a light head and a heavy foot off center: it stands only over its center of mass.
+/// Puts down a body of two equal cubes, the upper one shifted by `reach`.
 fn center_of_mass<G: Rigid<L, A>, const L: usize, const A: usize>() {
     for (reach, stands) in [(0.9, true), (1.3, false)] {
         let material = surface(0.8, 0.0);
         let mut world = world::<G, L, A>();
         add_floor(&mut world, &material);
-        // A cube foot of half width 0.5, and a cube on top of it, aside by `reach`.
+        // A cube of half width 0.5 m, and another on top of it, shifted by `reach`.
         let mut tee = dynamic(v(0.0, 0.5, 0.0), G::cuboid([0.5; L]), &material);
         tee.colliders.push(Collider {
             pose: G::pose(Vector(v(reach, 1.0, 0.0)), &[]),
@@ -520,12 +549,16 @@ fn center_of_mass<G: Rigid<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// A body of two equal cubes stands only while its center of mass is above the lower one: with the
+/// upper one shifted by 0.9 m, but not by 1.3 m.
 #[test]
 fn a_compound_tips_about_its_own_center() {
     center_of_mass::<Rigid2, 2, 1>();
     center_of_mass::<Rigid3, 3, 3>();
 }
 
+/// Frictionless bodies do not feel the inner edges of a flat mesh. Within 4 s they leave the plane
+/// by less than 1 mm, change velocity by less than 3 mm/s and spin below 0.01 rad/s.
 #[test]
 fn inner_edges_of_a_mesh_are_not_felt() {
     let smooth = surface(0.0, 0.0);
@@ -555,6 +588,7 @@ fn inner_edges_of_a_mesh_are_not_felt() {
     }
 }
 
+/// A ball that rolls over a flat mesh keeps its speed for 4 s within 0.2 %.
 #[test]
 fn a_ball_rolls_evenly_over_a_mesh() {
     let rough = surface(0.5, 0.0);
@@ -568,14 +602,15 @@ fn a_ball_rolls_evenly_over_a_mesh() {
     assert_within("way [m]", place(&world, ball)[0], 1.7, 2e-3);
 }
 
-// What bodies are told to be
+// Properties of bodies
 
+/// A ball rests on a slab if the filters of both accept the other, and falls through otherwise.
 #[test]
 fn filters_say_who_collides() {
     let material = surface(0.5, 0.0);
     let only =
         |systems, collides_with| Filter { systems, collides_with, collides_with_unnamed: false };
-    // Each must accept the other.
+    // The filter of each must accept the other.
     let cases = [
         (only(1, 2), only(2, 1), true),
         (only(1, 2), only(2, 4), false),
@@ -598,6 +633,8 @@ fn filters_say_who_collides() {
     }
 }
 
+/// A removed body is gone, and its identifier never refers to the body that reuses its slot. The
+/// box above it falls to rest at its height within 0.1 %.
 #[test]
 fn removed_bodies_are_gone_and_never_mistaken() {
     let material = surface(0.5, 0.0);
@@ -637,12 +674,13 @@ fn masses<G: Round<L, A>, const L: usize, const A: usize>() {
     let light = world.add(moving(weighing(light, 1.0), v(4.0, 0.0, 0.0)));
     let heavy = world.add(weighing(dynamic([0.0; L], G::ball(0.5), &hard), 3.0));
     run(&mut world, 0.5);
-    // (m - M) / (m + M) and 2 m / (m + M) of the speed.
+    // (m - M) / (m + M) and 2 m / (m + M) of the initial speed.
     let what = format!("({L},{A}): after a blow of 1 kg on 3 kg [m/s]");
     assert_within(&what, velocity(&world, light).linear[0], -2.0, 1e-5);
     assert_within(&what, velocity(&world, heavy).linear[0], 2.0, 1e-5);
 }
 
+/// An elastic impact of 1 kg on 3 kg gives the velocities of the formula within 1e-5.
 #[test]
 fn a_body_weighs_what_it_is_said_to() {
     masses::<Spheres, 2, 0>();
@@ -651,10 +689,12 @@ fn a_body_weighs_what_it_is_said_to() {
     masses::<Rigid3, 3, 3>();
 }
 
+/// A body of infinite mass keeps its pose and velocity exactly, and one of infinite moments its
+/// rotation.
 #[test]
 fn infinite_mass_and_inertia_are_not_moved() {
     let material = surface(0.5, 0.0);
-    // No push moves what is infinitely heavy: not even gravity.
+    // Neither impacts nor gravity move a body of infinite mass.
     let mut world: World3 = world();
     let mut anvil = dynamic([0.0, 2.0, 0.0], Rigid3::cuboid([0.5; 3]), &material);
     anvil.inertia = Some(Inertia::FIXED);
@@ -665,7 +705,7 @@ fn infinite_mass_and_inertia_are_not_moved() {
     assert_eq!(place(&world, anvil).0, [0.0, 2.0, 0.0]);
     assert_eq!(velocity(&world, anvil), Velocity::ZERO);
 
-    // What does not turn lands beyond its balance, and stays level.
+    // A body of infinite moments that lands with its center beyond the edge stays level.
     let mut world: World3 = weightless();
     world.gravity = Vector([0.0, -GRAVITY, 0.0]);
     world.add(body(Motion::Static, [0.0; 3], Rigid3::cuboid([0.5; 3]), &material));
@@ -698,6 +738,7 @@ fn gravity_factors<G: Round<L, A>, const L: usize, const A: usize>() {
     }
 }
 
+/// Gravity accelerates each body by its factor, within 1e-4.
 #[test]
 fn gravity_acts_by_its_factor() {
     gravity_factors::<Spheres, 2, 0>();
@@ -706,7 +747,8 @@ fn gravity_acts_by_its_factor() {
     gravity_factors::<Rigid3, 3, 3>();
 }
 
-/// The lowest corner of a hull is a point of its contact with a floor, whichever faces look down.
+/// The contact of a hull with a floor contains the lowest corner of the hull, whichever faces point
+/// down: the deepest gap is the true one within 1 %.
 #[test]
 fn the_lowest_corner_of_a_hull_touches() {
     let floor = |kind| match kind {
@@ -722,7 +764,7 @@ fn the_lowest_corner_of_a_hull_touches() {
         let upright = Rigid3::pose(Vector::ZERO, &[]);
         let turned = Rigid3::advance(&upright, Vector::ZERO, turn);
         let lowest = Rigid3::bounds(&hull, &turned).min[1];
-        // A millimeter deep: on a floor of flat shapes, its top is the axis of least overlap.
+        // 1 mm deep, so that the top of a box-shaped floor is the axis of least overlap.
         let pose = Rigid3::advance(&turned, Vector([0.0, -lowest - 0.001, 0.0]), Vector::ZERO);
         let base = Rigid3::pose(Vector([0.0, height, 0.0]), &[]);
         let mut deepest = f32::INFINITY;
@@ -736,8 +778,8 @@ fn the_lowest_corner_of_a_hull_touches() {
     }
 }
 
-/// Two boxes on each other have no point outside of either, also where edges of both lie almost in
-/// one plane and where they cross is lost to rounding.
+/// Contact points of two stacked boxes lie within 1 mm of both. This holds even if edges are almost
+/// coplanar, so that rounding dominates their crossing.
 #[test]
 fn points_of_contact_lie_on_both_boxes() {
     let half = [0.2, 0.15, 0.12];
@@ -772,15 +814,15 @@ fn points_of_contact_lie_on_both_boxes() {
     }
 }
 
-/// Boxes that rain on each other at speed do not sink in: contacts are searched again while they
-/// turn and push each other.
+/// Boxes that fall onto each other at 5 m/s overlap by less than 12 mm in the mean of four runs.
+/// Contacts are searched again while the boxes rotate and push each other.
 #[test]
 fn falling_boxes_do_not_sink_into_each_other() {
     falling_boxes(drystone::StepSettings::quality());
     falling_boxes(drystone::StepSettings::certified());
 }
 
-/// The deepest overlap of a rain is chance: in the mean of some.
+/// Asserts the bound on the mean of four runs, because the deepest overlap of one run is random.
 fn falling_boxes(settings: drystone::StepSettings) {
     let deepest = [11, 12, 13, 14].map(|seed| deepest_of_rain(seed, settings.clone()));
     println!("deepest overlaps {deepest:?} m");
@@ -810,8 +852,8 @@ fn deepest_of_rain(seed: u64, settings: drystone::StepSettings) -> f64 {
     deepest
 }
 
-/// Steps until `seconds` with a tolerance of 1 mm/s, each within it; returns the deepest overlap at
-/// the end. \[m\]
+/// Steps for `seconds` with a tolerance of 1 mm/s and asserts that every step is within it. Returns
+/// the deepest overlap at the end. \[m\]
 fn certified(world: &mut World3, seconds: f32) -> f32 {
     world.settings.tolerance = 1e-3;
     world.settings.substeps = 8;
@@ -823,7 +865,8 @@ fn certified(world: &mut World3, seconds: f32) -> f32 {
     world.measure().deepest_penetration as f32
 }
 
-/// A box 1000 times heavier than the nine that it stands on: sweeps alone would need thousands.
+/// A box 1000 times heavier than each of the nine below it: the overlap is below 0.1 mm after 3 s,
+/// and every step is within 1 mm/s. Sweeps alone would need thousands of iterations.
 #[test]
 fn heavy_on_light_is_solved_to_a_tolerance() {
     let material = surface(0.5, 0.0);
@@ -845,7 +888,7 @@ fn heavy_on_light_is_solved_to_a_tolerance() {
     }
 }
 
-/// Boxes above a floor, turned in all ways.
+/// Returns a world of thirty boxes of random orientation above a floor.
 fn heap(restitution: f64) -> World3 {
     let material = surface(0.5, restitution);
     let mut world: World3 = world();
@@ -862,13 +905,14 @@ fn heap(restitution: f64) -> World3 {
     world
 }
 
-/// Boxes that fall, bounce off each other and slide: every substep within the tolerance.
+/// A falling heap of boxes that bounce and slide is solved within 1 mm/s in every step of 3 s.
 #[test]
 fn a_falling_heap_is_solved_to_a_tolerance() {
     certified(&mut heap(0.3), 3.0);
 }
 
-/// While a heap falls, iterations end at a part of its speed; once it rests, at a fifth of the tolerance.
+/// While a heap falls, iterations end at a fraction of its speed, and the largest error is 0.5 to 1
+/// mm/s. When all bodies are slower than 1 cm/s, it is at most 0.5 mm/s.
 #[test]
 fn what_moves_is_solved_to_a_part_of_its_speed() {
     let mut world = heap(0.0);
@@ -885,7 +929,8 @@ fn what_moves_is_solved_to_a_part_of_its_speed() {
     assert!(resting > 0.0 && resting <= 5e-4, "slower than 1 cm/s: {resting} m/s");
 }
 
-/// A heap that has come to rest begins each substep with its solution: an iteration proves it.
+/// A heap at rest begins each substep with its solution, so one iteration certifies it: eight for a
+/// step. A step of the falling heap takes more than 64.
 #[test]
 fn what_rests_is_proven_at_once() {
     let mut world = heap(0.0);
@@ -897,7 +942,8 @@ fn what_rests_is_proven_at_once() {
     (0..20).for_each(|step| assert_eq!(iterations(), 8, "{step} steps later"));
 }
 
-/// Islands of infinite masses have no root mean square by mass: they are given up, and steps end.
+/// An island of infinite masses has no root mean square by mass. The solver gives it up in fewer
+/// than 8000 iterations per step.
 #[test]
 fn what_only_turns_is_given_up() {
     let material = surface(0.5, 0.0);
@@ -918,6 +964,7 @@ fn what_only_turns_is_given_up() {
     assert!(world.measure().finite);
 }
 
+/// Stages of a step are timed only on request. Their sum is then at most the time of the step.
 #[test]
 fn stages_are_timed_where_that_is_asked_for() {
     let material = surface(0.5, 0.0);

@@ -9,23 +9,23 @@ use drystone::scene::{Material, Motion};
 use drystone::{Body, BodyId, Inertia, StepSettings, World};
 use drystone_solver::{SymmetricMatrix, Vector, Velocity};
 
-/// A frame. \[s\]
+/// Time step of a frame. \[s\]
 pub(crate) const DT: f32 = 1.0 / 60.0;
 
-/// \[m/s^2\]
+/// Gravitational acceleration. \[m/s^2\]
 pub(crate) const GRAVITY: f32 = 9.81;
 
-/// A substep of a frame at the default settings. \[s\]
+/// Returns the length of a substep of a frame at the default settings. \[s\]
 pub(crate) fn substep() -> f32 {
     DT / StepSettings::quality().substeps as f32
 }
 
-/// The first `L` of three components.
+/// Returns the first `L` of three components.
 pub(crate) fn v<const L: usize>(x: f32, y: f32, z: f32) -> [f32; L] {
     std::array::from_fn(|i| [x, y, z][i])
 }
 
-/// Shapes that every dimension has.
+/// Shapes that particles and rigid bodies have.
 pub(crate) trait Round<const L: usize, const A: usize>: Geometry<L, A> {
     fn ball(radius: f32) -> Self::Shape;
     fn halfspace(normal: [f32; L]) -> Self::Shape;
@@ -36,7 +36,7 @@ pub(crate) trait Rigid<const L: usize, const A: usize>: Round<L, A> {
     fn cuboid(half: [f32; L]) -> Self::Shape;
     fn capsule(half_height: f32, radius: f32) -> Self::Shape;
     fn hull(points: &[[f32; L]]) -> Self::Shape;
-    /// Turned by `angle` \[rad\] about z.
+    /// Returns the pose at `position`, rotated by `angle` \[rad\] about z.
     fn turned(position: [f32; L], angle: f32) -> Self::Pose;
 }
 
@@ -101,7 +101,7 @@ rigid!(
     |angle: f32| [0.0, 0.0, (angle * 0.5).sin(), (angle * 0.5).cos()]
 );
 
-/// A triangle mesh that bodies slide over without stumbling, as scenes have it.
+/// Returns a triangle mesh as scenes build it: bodies slide over its inner edges without catching.
 pub(crate) fn mesh(vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> parry3d::shape::SharedShape {
     use parry3d::shape::{SharedShape, TriMeshFlags};
     let vertices = vertices.iter().map(|v| parry3d::math::Vector::from(*v)).collect();
@@ -111,7 +111,7 @@ pub(crate) fn mesh(vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> parry3d::sh
     SharedShape::trimesh_with_flags(vertices, triangles.to_vec(), flags).unwrap()
 }
 
-/// A flat floor of `n` times `n` squares, each two triangles, centered, facing up.
+/// Returns a flat floor of `n` times `n` squares of two triangles each, centered and facing up.
 pub(crate) fn grid(n: u32, size: f32) -> parry3d::shape::SharedShape {
     let at = |i: u32| (i as f32 / n as f32 - 0.5) * size;
     let mut vertices = Vec::new();
@@ -132,14 +132,14 @@ pub(crate) fn grid(n: u32, size: f32) -> parry3d::shape::SharedShape {
     mesh(&vertices, &triangles)
 }
 
-/// An empty world with gravity along -y.
+/// Returns an empty world with gravity along -y.
 pub(crate) fn world<G: Geometry<L, A>, const L: usize, const A: usize>() -> World<G, L, A> {
     let mut world = World::new(StepSettings::quality());
     world.gravity = Vector(v(0.0, -GRAVITY, 0.0));
     world
 }
 
-/// An empty world without gravity.
+/// Returns an empty world without gravity.
 pub(crate) fn weightless<G: Geometry<L, A>, const L: usize, const A: usize>() -> World<G, L, A> {
     World::new(StepSettings::quality())
 }
@@ -148,7 +148,7 @@ pub(crate) fn surface(friction: f64, restitution: f64) -> Material {
     Material { friction, restitution, ..Material::default() }
 }
 
-/// A body with one shape.
+/// Returns a body with one shape.
 pub(crate) fn body<G: Geometry<L, A>, const L: usize, const A: usize>(
     motion: Motion,
     position: [f32; L],
@@ -168,7 +168,7 @@ pub(crate) fn dynamic<G: Geometry<L, A>, const L: usize, const A: usize>(
     body(Motion::Dynamic, position, shape, material)
 }
 
-/// The half-space below y = 0.
+/// Adds the half-space below y = 0.
 pub(crate) fn add_floor<G: Round<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     material: &Material,
@@ -177,7 +177,7 @@ pub(crate) fn add_floor<G: Round<L, A>, const L: usize, const A: usize>(
     world.add(body(Motion::Static, [0.0; L], shape, material))
 }
 
-/// The body at another velocity.
+/// Returns the body with another linear velocity.
 pub(crate) fn moving<G: Geometry<L, A>, const L: usize, const A: usize>(
     mut body: Body<G, L, A>,
     linear: [f32; L],
@@ -186,7 +186,7 @@ pub(crate) fn moving<G: Geometry<L, A>, const L: usize, const A: usize>(
     body
 }
 
-/// The body with this mass; its shape's inertia scaled to it.
+/// Returns the body with this mass and the inertia of its first shape scaled to it.
 pub(crate) fn weighing<G: Geometry<L, A>, const L: usize, const A: usize>(
     mut body: Body<G, L, A>,
     mass: f32,
@@ -197,7 +197,7 @@ pub(crate) fn weighing<G: Geometry<L, A>, const L: usize, const A: usize>(
     body
 }
 
-/// Steps of a frame until `seconds` have passed.
+/// Steps by frames until `seconds` have passed.
 pub(crate) fn run<G: Geometry<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     seconds: f32,
@@ -221,7 +221,7 @@ pub(crate) fn velocity<G: Geometry<L, A>, const L: usize, const A: usize>(
     world.velocity(id).unwrap()
 }
 
-/// The cosine between a body's y axis and the world's.
+/// Returns the cosine between the y axes of a body and of the world.
 pub(crate) fn upright<G: Geometry<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     id: BodyId,
@@ -229,7 +229,7 @@ pub(crate) fn upright<G: Geometry<L, A>, const L: usize, const A: usize>(
     G::frame(&world.pose(id).unwrap()).axes[1][1]
 }
 
-/// Kinetic plus potential. \[J\]
+/// Returns the kinetic plus the potential energy. \[J\]
 pub(crate) fn energy<G: Geometry<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
 ) -> f64 {
@@ -237,7 +237,7 @@ pub(crate) fn energy<G: Geometry<L, A>, const L: usize, const A: usize>(
     measure.kinetic_energy + measure.potential_energy
 }
 
-/// The normal impulse of the last substep between two bodies, all points together. \[N s\]
+/// Returns the sum of the normal impulses between two bodies in the last substep. \[N s\]
 pub(crate) fn impulse_between<G: Geometry<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     a: BodyId,
@@ -253,7 +253,7 @@ pub(crate) fn impulse_between<G: Geometry<L, A>, const L: usize, const A: usize>
         .sum()
 }
 
-/// R D R^T w: the angular momentum of a body with these principal moments. \[kg m^2/s\]
+/// Returns R D R^T w, the angular momentum of a body with the principal moments D. \[kg m^2/s\]
 pub(crate) fn angular_momentum<G: Geometry<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     id: BodyId,
@@ -263,7 +263,8 @@ pub(crate) fn angular_momentum<G: Geometry<L, A>, const L: usize, const A: usize
     frame.tensor(moments) * velocity(world, id).angular
 }
 
-/// Shows what was measured, and fails if it is not within this part of what is expected.
+/// Prints the measured value, and panics if it differs from the expected one by more than this
+/// fraction of it.
 #[track_caller]
 pub(crate) fn assert_within(what: &str, measured: f32, expected: f32, part: f32) {
     println!("{what}: {measured}, expected {expected} within {} %", part * 100.0);
@@ -274,25 +275,25 @@ pub(crate) fn assert_within(what: &str, measured: f32, expected: f32, part: f32)
     );
 }
 
-/// Shows what was measured, and fails if it is not below `bound`.
+/// Prints the measured value, and panics if it is not below `bound`.
 #[track_caller]
 pub(crate) fn assert_below(what: &str, measured: f32, bound: f32) {
     println!("{what}: {measured}, to be below {bound}");
     assert!(measured < bound, "{what}: {measured}, to be below {bound}");
 }
 
-/// Shows what was measured, and fails if it is not above `bound`.
+/// Prints the measured value, and panics if it is not above `bound`.
 #[track_caller]
 pub(crate) fn assert_above(what: &str, measured: f32, bound: f32) {
     println!("{what}: {measured}, to be above {bound}");
     assert!(measured > bound, "{what}: {measured}, to be above {bound}");
 }
 
-/// Random numbers that are the same everywhere (splitmix64).
+/// Random numbers that are the same on every platform (SplitMix64).
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    /// Between `low` and `high`.
+    /// Returns a number between `low` and `high`.
     pub(crate) fn between(&mut self, low: f32, high: f32) -> f32 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;

@@ -1,14 +1,14 @@
-//! Inputs that are nearly right: what fuzzing makes of a corpus, seeded and bounded.
+//! Fuzzing of readers with seeded mutations of a corpus, bounded in number and time.
 //!
-//! `DRYSTONE_FUZZ` sets how many inputs each test tries, `DRYSTONE_FUZZ_SEED` which.
+//! `DRYSTONE_FUZZ` sets the number of inputs per test, `DRYSTONE_FUZZ_SEED` their seed.
 
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-/// Inputs that a test tries unless `DRYSTONE_FUZZ` says more.
+/// Inputs per test unless `DRYSTONE_FUZZ` says otherwise.
 const INPUTS: u64 = 2000;
-/// What reading an input may take. \[s\]
+/// Longest time that reading an input may take. \[s\]
 const LONGEST: f64 = 2.0;
 
 fn variable(name: &str, default: u64) -> u64 {
@@ -36,8 +36,9 @@ impl Random {
     }
 }
 
-/// Tries inputs made of the corpus. `read` may refuse all it wants, but neither panic nor take long;
-/// an input that makes it do so is left in the folder for temporary files, and named.
+/// Runs `read` on mutations of the corpus. It may refuse any input, but must neither panic nor take
+/// longer than `LONGEST`. An input that makes it do so is left in the folder for temporary files,
+/// and named.
 pub(crate) fn fuzz(name: &str, corpus: &[Vec<u8>], json: bool, read: impl Fn(&[u8])) {
     let inputs = variable("DRYSTONE_FUZZ", INPUTS);
     let seed = variable("DRYSTONE_FUZZ_SEED", 1);
@@ -50,7 +51,7 @@ pub(crate) fn fuzz(name: &str, corpus: &[Vec<u8>], json: bool, read: impl Fn(&[u
     println!("{name}: {inputs} inputs in {:.1} s", start.elapsed().as_secs_f64());
 }
 
-/// Tries one input.
+/// Runs `read` on one input, with the same demands as [`fuzz`].
 pub(crate) fn try_one(name: &str, input: &[u8], read: impl Fn(&[u8])) {
     let start = Instant::now();
     let read = std::panic::AssertUnwindSafe(|| read(input));
@@ -66,7 +67,7 @@ pub(crate) fn try_one(name: &str, input: &[u8], read: impl Fn(&[u8])) {
 
 fn mutated(corpus: &[Vec<u8>], json: bool, random: &mut Random) -> Vec<u8> {
     let mut input = random.pick(corpus).clone();
-    // Among values first, which gets farther than what breaks the syntax.
+    // Most inputs have changed values, which get farther in a reader than broken syntax.
     if json
         && random.below(4) != 0
         && let Ok(mut document) = serde_json::from_slice(&input)
@@ -85,7 +86,7 @@ fn mutated(corpus: &[Vec<u8>], json: bool, random: &mut Random) -> Vec<u8> {
     input
 }
 
-/// Puts another value in a place of a document.
+/// Changes a random value of a document.
 fn change_value(document: &mut Value, random: &mut Random) {
     let other = {
         let mut place = &*document;
@@ -218,7 +219,7 @@ fn change_bytes(input: &mut Vec<u8>, corpus: &[Vec<u8>], random: &mut Random) {
             input.splice(at..at, piece.iter().copied());
         }
         _ => {
-            // A number where there is one.
+            // Replaces a number by another.
             let digits = |byte: &u8| byte.is_ascii_digit();
             if let Some(start) = input[at..].iter().position(digits).map(|start| at + start) {
                 let length = input[start..].iter().take_while(|byte| digits(byte)).count();

@@ -10,12 +10,12 @@ use drystone::scene::{
 use drystone::{Body, BodyId, Collider, Inertia, StepSettings, World};
 use drystone_solver::{SymmetricMatrix, Vector, Velocity};
 
-/// The number in an environment variable.
+/// Returns the number in an environment variable, or `default`.
 pub(crate) fn variable(name: &str, default: u64) -> u64 {
     std::env::var(name).map_or(default, |text| text.parse().unwrap())
 }
 
-/// A random scene and the way it is run.
+/// A random scene with its preset and number of steps.
 #[derive(Clone)]
 pub(crate) struct Trial {
     pub(crate) seed: u64,
@@ -23,9 +23,9 @@ pub(crate) struct Trial {
     /// Name of the preset.
     pub(crate) preset: &'static str,
     pub(crate) steps: u32,
-    /// Half of the inner size of a closed container about the origin. \[m\]
+    /// Half of the inner size of a closed container around the origin. \[m\]
     pub(crate) container: Option<Vec<f64>>,
-    /// A body of infinite mass moves: it may do any work.
+    /// Whether a body of infinite mass moves, which may do any work.
     pub(crate) driven: bool,
     /// Largest extent of a body. \[m\]
     pub(crate) size: f64,
@@ -57,13 +57,13 @@ impl Trial {
 /// The features of a trial that make it hard.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hardness {
-    /// Thinnest extent of the shape of a dynamic body. \[m\]
+    /// Smallest extent of any shape of a dynamic body. \[m\]
     pub(crate) thinnest: f64,
-    /// Distance that surfaces move in a step at the start, over the thinnest extent. \[1\]
+    /// Largest distance that a surface moves in the first step, over the smallest extent. \[1\]
     pub(crate) travel: f64,
     /// Largest over smallest density. \[1\]
     pub(crate) densities: f64,
-    /// Longest over shortest extent of a shape, at most. \[1\]
+    /// Largest ratio of the longest to the shortest extent of a shape. \[1\]
     pub(crate) aspect: f64,
 }
 
@@ -91,7 +91,7 @@ impl Hardness {
     }
 }
 
-/// Shortest and longest extent of a shape along its axes. \[m\]
+/// Returns the shortest and the longest extent of a shape along its axes. \[m\]
 fn extents(kind: &ShapeKind) -> [f64; 2] {
     let of = |half: &[f64]| {
         let least = half.iter().copied().fold(f64::INFINITY, f64::min);
@@ -132,12 +132,12 @@ fn describe_body(body: &scene::Body) -> String {
     format!("{fixed}{}", kinds.join("+"))
 }
 
-/// Rigid bodies whose shapes come from scenes.
+/// Geometry of rigid bodies whose shapes come from scenes.
 pub(crate) trait Forms<const L: usize, const A: usize>: Rigid<L, A> {
-    /// A hull, and what only this dimension has.
+    /// Builds a hull or a shape that only this dimension has.
     fn special(kind: &ShapeKind) -> Option<Self::Shape>;
 
-    /// None where points enclose nothing.
+    /// Builds a shape, or returns None if its points enclose nothing.
     fn form(kind: &ShapeKind) -> Option<Self::Shape> {
         Some(match kind {
             ShapeKind::Sphere { radius } => Self::ball(*radius as f32),
@@ -193,7 +193,7 @@ fn pose<G: Geometry<L, A>, const L: usize, const A: usize>(
     }
 }
 
-/// Mass, center and moments of a body as its scene states them.
+/// Returns mass, center and moments of a body as its scene states them.
 pub(crate) fn inertia<G: Forms<L, A>, const L: usize, const A: usize>(
     body: &scene::Body,
 ) -> Option<Inertia<L, A>> {
@@ -219,7 +219,7 @@ pub(crate) fn inertia<G: Forms<L, A>, const L: usize, const A: usize>(
     Some(inertia)
 }
 
-/// The body of a world that a scene describes.
+/// Returns the body of a world that a scene describes, or None if a shape encloses nothing.
 pub(crate) fn body_of<G: Forms<L, A>, const L: usize, const A: usize>(
     body: &scene::Body,
 ) -> Option<Body<G, L, A>> {
@@ -251,11 +251,11 @@ pub(crate) fn body_of<G: Forms<L, A>, const L: usize, const A: usize>(
     })
 }
 
-/// A world, with what its energy depends on.
+/// A world with the masses and gravity factors on which its energy depends.
 pub(crate) struct Running<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) world: World<G, L, A>,
     pub(crate) ids: Vec<BodyId>,
-    /// None of what nothing moves.
+    /// Inertia of each body; None for static and kinematic bodies.
     pub(crate) inertia: Vec<Option<Inertia<L, A>>>,
     gravity_factor: Vec<f64>,
 }
@@ -270,7 +270,7 @@ pub(crate) struct Energy {
 }
 
 impl<G: Forms<L, A>, const L: usize, const A: usize> Running<G, L, A> {
-    /// None where a shape encloses nothing.
+    /// Builds a world, or returns None if a shape encloses nothing.
     pub(crate) fn new(scene: &Scene, settings: StepSettings) -> Option<Self> {
         let mut world = World::new(settings);
         world.gravity = Vector(floats(&scene.gravity));
@@ -284,13 +284,14 @@ impl<G: Forms<L, A>, const L: usize, const A: usize> Running<G, L, A> {
         Some(Self { world, ids, inertia, gravity_factor })
     }
 
-    /// Center of mass. \[m\]
+    /// Returns the center of mass of a body. \[m\]
     pub(crate) fn center(&self, index: usize) -> Vector<f32, L> {
         let frame = G::frame(&self.world.pose(self.ids[index]).unwrap());
         frame.point(self.inertia[index].map_or(Vector::ZERO, |inertia| inertia.center))
     }
 
-    /// From masses, moments, poses and velocities, in double precision. Infinite masses count as none.
+    /// Computes the energy from masses, moments, poses and velocities in double precision. Infinite
+    /// masses add nothing.
     pub(crate) fn energy(&self) -> Energy {
         let mut energy = Energy::default();
         for (index, inertia) in self.inertia.iter().enumerate() {
@@ -327,7 +328,7 @@ impl<G: Forms<L, A>, const L: usize, const A: usize> Running<G, L, A> {
         energy
     }
 
-    /// All poses and velocities are finite.
+    /// Returns whether all poses and velocities are finite.
     pub(crate) fn finite(&self) -> bool {
         let mut numbers = Vec::new();
         self.world.write_poses(&mut numbers);
@@ -343,12 +344,12 @@ impl Random {
         (self.between(0.0, count as f32) as usize).min(count - 1)
     }
 
-    /// True in this part of the cases.
+    /// Returns true with this probability.
     pub(crate) fn chance(&mut self, part: f32) -> bool {
         self.between(0.0, 1.0) < part
     }
 
-    /// Between two positive numbers, uniform in the logarithm.
+    /// Returns a number between two positive ones, uniform in the logarithm.
     pub(crate) fn scale(&mut self, low: f32, high: f32) -> f32 {
         self.between(low.ln(), high.ln()).exp()
     }
@@ -361,7 +362,7 @@ impl Random {
         }
     }
 
-    /// A direction times a length.
+    /// Returns a random direction times a length.
     pub(crate) fn arrow(&mut self, dimension: usize, length: f32) -> Vec<f64> {
         let arrow: Vec<f64> = (0..dimension).map(|_| f64::from(self.between(-1.0, 1.0))).collect();
         let norm = arrow.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -401,10 +402,10 @@ pub(crate) fn body(motion: Motion, shapes: Vec<Shape>, dimension: usize) -> scen
     }
 }
 
-/// The thinnest that a body may be. \[m\]
+/// Smallest extent of a body. \[m\]
 const THINNEST: f32 = 1e-3;
 
-/// A convex shape whose longest extent is `size` \[m\], up to `aspect` times its shortest.
+/// Returns a convex shape whose longest extent is `size` \[m\], up to `aspect` times its shortest.
 fn convex(random: &mut Random, dimension: usize, size: f32, aspect: f32) -> ShapeKind {
     let half = 0.5 * size;
     let thin =
@@ -454,7 +455,7 @@ fn convex(random: &mut Random, dimension: usize, size: f32, aspect: f32) -> Shap
     }
 }
 
-/// A box around all shapes of a body.
+/// Returns a box around all shapes of a body, or None if one of them encloses nothing.
 fn bounds<G: Forms<L, A>, const L: usize, const A: usize>(body: &scene::Body) -> Option<Bounds<L>> {
     let place = pose::<G, L, A>(&body.position, &body.rotation);
     let mut all = Bounds::EMPTY;
@@ -504,7 +505,7 @@ impl Range {
         Material { friction: friction.into(), restitution, ..Material::default() }
     }
 
-    /// A body about the origin.
+    /// Returns a random body at the origin.
     fn body(&self, random: &mut Random, dimension: usize) -> scene::Body {
         let size = (self.size * random.scale(0.1, 1.0)).max(THINNEST);
         let parts = if random.chance(0.15) { 2 + random.below(2) } else { 1 };
@@ -526,7 +527,7 @@ impl Range {
         }
         let speed = self.speed * random.between(0.0, 1.0);
         body.linear_velocity = random.arrow(dimension, speed);
-        // Curvature move at 100 m/s at most.
+        // The surface moves at 100 m/s at most.
         let spin = (self.spin * random.between(0.0, 1.0)).min(200.0 / size);
         body.angular_velocity = random.arrow(body.angular_velocity.len(), spin);
         body
@@ -537,7 +538,8 @@ fn middle<const L: usize>(bounds: &Bounds<L>) -> Vector<f32, L> {
     (bounds.min + bounds.max) * 0.5
 }
 
-/// Bodies side by side and on top of each other, none of whose boxes overlap.
+/// Returns bodies side by side and on top of each other whose boxes do not overlap, and the box
+/// around all.
 fn cluster<G: Forms<L, A>, const L: usize, const A: usize>(
     random: &mut Random,
     range: &Range,
@@ -584,7 +586,7 @@ fn cluster<G: Forms<L, A>, const L: usize, const A: usize>(
     (bodies, all)
 }
 
-/// A grid of triangles about the origin, level or with bumps that end at y = 0.
+/// Returns a grid of triangles around the origin, flat or with bumps up to y = 0.
 fn terrain(random: &mut Random, size: f32, bump: f32) -> ShapeKind {
     let n = 2 + random.below(10) as u32;
     let at = |i: u32| f64::from((i as f32 / n as f32 - 0.5) * size);
@@ -606,7 +608,7 @@ fn terrain(random: &mut Random, size: f32, bump: f32) -> ShapeKind {
     ShapeKind::Trimesh { vertices, triangles, decomposition: None }
 }
 
-/// The scene of a seed. None where fewer bodies than one could be placed.
+/// Returns the trial of a seed, or None if no body could be placed.
 pub(crate) fn trial<G: Forms<L, A>, const L: usize, const A: usize>(seed: u64) -> Option<Trial> {
     let random = &mut Random(seed.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(L as u64));
     let range = Range::new(random);
