@@ -18,6 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENES = ROOT / "guide/scenes"
+NOTES = ROOT / "scenes/notes"
 INK, GREY, LINE = "#1a1a1a", "#666666", "#dddddd"
 COLORS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1a1a1a"]
 
@@ -97,17 +98,17 @@ def ticks(low, high, count=5):
 
 
 class Axes:
-    """A frame with numbers along it, at a place in a picture."""
+    """A frame with numbers along it, at a place in a picture. `log` scales y, `log_x` scales x."""
 
-    def __init__(self, left, top, width, height, x, y, labels, log=False):
+    def __init__(self, left, top, width, height, x, y, labels, log=False, log_x=False):
         self.box = (left, top, width, height)
-        self.x, self.y, self.log = x, y, log
+        self.x, self.y, self.log, self.log_x = x, y, log, log_x
         self.parts = []
-        for value in ticks(*x):
+        for value in self.marks(x, log_x):
             at = self.across(value)
             self.parts.append(self.line([(at, top), (at, top + height)], LINE))
             self.parts.append(text(at, top + height + 18, f"{value:g}", 12, "middle"))
-        for value in self.marks():
+        for value in self.marks(y, log):
             at = self.up(value)
             self.parts.append(self.line([(left, at), (left + width, at)], LINE))
             self.parts.append(text(left - 7, at + 4, f"{value:g}".replace("e+0", "e"), 12, "end"))
@@ -116,15 +117,19 @@ class Axes:
         self.parts.append(text(left + width / 2, top + height + 38, labels[0], 13, "middle"))
         self.parts.append(text(left - 48, top + height / 2, labels[1], 13, "middle", turn=-90))
 
-    def marks(self):
-        if not self.log:
-            return ticks(*self.y)
-        low, high = (math.log10(value) for value in self.y)
+    @staticmethod
+    def marks(limits, log):
+        if not log:
+            return ticks(*limits)
+        low, high = (math.log10(value) for value in limits)
         return [10.0 ** i for i in range(math.ceil(low - 1e-9), math.floor(high + 1e-9) + 1)]
 
     def across(self, value):
         left, _, width, _ = self.box
-        return left + width * (value - self.x[0]) / (self.x[1] - self.x[0])
+        low, high = self.x
+        if self.log_x:
+            low, high, value = (math.log10(max(v, self.x[0])) for v in (low, high, value))
+        return left + width * (value - low) / (high - low)
 
     def up(self, value):
         _, top, _, height = self.box
@@ -159,10 +164,10 @@ class Axes:
             self.parts.append(text(left + width + 45, y + 4, words, 12))
 
 
-def curves(series, x, y, labels, log=False, size=(760, 330), side=190):
+def curves(series, x, y, labels, log=False, size=(760, 330), side=190, log_x=False):
     """Lines over one frame; each of series is (words, points[, dash])."""
     width, height = size
-    axes = Axes(72, 16, width - 72 - side, height - 70, x, y, labels, log)
+    axes = Axes(72, 16, width - 72 - side, height - 70, x, y, labels, log, log_x)
     entries = []
     for i, (words, points, *dash) in enumerate(series):
         color = COLORS[i % len(COLORS)] if not dash else GREY
@@ -200,8 +205,26 @@ def around(points):
     return sorted(points, key=lambda p: math.atan2(p[1] - middle[1], p[0] - middle[0]))
 
 
-def strip(bake, frames, low, high, titles=None, scale=150, gap=14):
-    """The bodies of a plane scene at some frames, side by side, within a window of meters."""
+def matrix_color(body):
+    """The color of a body in `drystone matrix`."""
+    chroma = 0.6 * 0.35
+    hues = ((phase + body * 137.508 / 30) % 12 for phase in (0, 8, 4))
+    channels = (0.65 - chroma * max(-1, min(k - 3, 9 - k, 1)) for k in hues)
+    return "#" + "".join(f"{int(255 * channel):02x}" for channel in channels)
+
+
+def arrow(x, y, length, scale):
+    """A vertical arrow from a point, in meters."""
+    tip, head = y + length, math.copysign(10 / scale, length)
+    return (f'<path d="M{x:.4f} {y:.4f}V{tip - head:.4f}" stroke-width="{3 / scale:.5f}"/>'
+            f'<path d="M{x:.4f} {tip:.4f}l{-5 / scale:.4f} {-head:.4f}h{10 / scale:.4f}z" '
+            f'fill="{INK}"/>')
+
+
+def strip(bake, frames, low, high, titles=None, scale=150, gap=14, named=False, over=None):
+    """The bodies of a plane scene at some frames, side by side, within a window of meters.
+
+    `named` writes names on bodies, in the colors of `drystone matrix`; `over` draws on a frame."""
     width, height = ((high[i] - low[i]) * scale for i in range(2))
     parts = []
     for panel, frame in enumerate(frames):
@@ -215,7 +238,8 @@ def strip(bake, frames, low, high, titles=None, scale=150, gap=14):
         color = 0
         for body, of in enumerate(bake.bodies):
             moves = of.get("motion", "dynamic") == "dynamic"
-            fill = COLORS[color % 6] if moves else "#b9b5ac"
+            fill = matrix_color(body) if named else COLORS[color % 6]
+            fill = fill if moves else "#b9b5ac"
             color += moves
             parts.append(f'<g fill="{fill}">')
             for shape in of["shapes"]:
@@ -226,7 +250,14 @@ def strip(bake, frames, low, high, titles=None, scale=150, gap=14):
                 else:
                     parts.append(outline(shape, bake.pose(frame, body)))
             parts.append("</g>")
-        parts.append("</g></svg>")
+        parts.append(over(frame) if over else "")
+        parts.append("</g>")
+        for body, of in enumerate(bake.bodies):
+            if named and of.get("motion", "dynamic") == "dynamic":
+                x, y, _ = bake.pose(frame, body)
+                parts.append(text((x - low[0]) * scale - 9, (high[1] - y) * scale + 5, of["name"], 13,
+                                  "middle"))
+        parts.append("</svg>")
         words = titles[panel] if titles else f"{frame * bake.dt:.2f} s"
         parts.append(text(left + width / 2, 20, words, 13, "middle"))
     return picture(gap + len(frames) * (width + gap), height + 30 + gap, parts)
@@ -246,7 +277,7 @@ def bounce(drystone):
 
 
 def cradle(drystone):
-    """One panel for each law of impact: place over time."""
+    """One panel for each law of impact: position over time."""
     parts = []
     for panel, law in enumerate(("reflections", "newton", "poisson")):
         scene = tomllib.loads((SCENES / "cradle.toml").read_text())
@@ -256,7 +287,7 @@ def cradle(drystone):
             file.flush()
             bake = Bake(drystone, file.name)
         axes = Axes(72 + panel * 300, 34, 220, 230, (0, 1.2), (-0.8, 1.4),
-                    ("time, s", "place, m" if panel == 0 else ""))
+                    ("time, s", "position, m" if panel == 0 else ""))
         for i in range(5):
             axes.curve(bake.path(f"ball {i + 1}", 0), COLORS[i])
         parts += axes.parts + [text(182 + panel * 300, 20, law, 13, "middle")]
@@ -265,29 +296,40 @@ def cradle(drystone):
 
 def overlap(drystone):
     bake = Bake(drystone, SCENES / "overlap.toml")
-    depth = [(t, (0.5 - y) * 1e3) for t, y in bake.path("ball", 1)]
-    theory = [(n * bake.dt, 20 * 0.8 ** n) for n in range(31)]
-    series = [("overlap of the ball", depth), ("20 mm times (1 − 0.2)ⁿ", theory, "2 3")]
-    return curves(series, (0, 0.5), (0, 20), ("time, s", "overlap, mm"), side=220)
+    axes = Axes(72, 16, 468, 260, (0, 0.125), (0, 20), ("time, s", "overlap, mm"))
+    axes.curve([(n * bake.dt, 20 * 0.8 ** n) for n in range(31)], GREY, "2 3")
+    axes.dots([(t, (0.5 - y) * 1e3) for t, y in bake.path("ball", 1)], COLORS[0])
+    axes.legend([("20 mm times (1 − 0.2)ⁿ", GREY, "2 3")])
+    axes.parts.append(f'<circle cx="566" cy="51" r="4" fill="{COLORS[0]}" fill-opacity="0.7"/>')
+    axes.parts.append(text(585, 55, "ball, after each substep", 12))
+    return picture(760, 330, axes.parts)
 
 
 def matrix(drystone):
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "a.svg"
-        command = [drystone, "matrix", SCENES / "seven.toml", "--step", "150", "-o", out]
+        command = [drystone, "matrix", NOTES / "seven.toml", "--step", "150", "-o", out]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         # The drawing leaves room for a larger matrix.
         return out.read_text().replace('1209.2 686.0"', '1209.2 465.0"', 1)
 
 
 def seven(drystone):
-    bake = Bake(drystone, SCENES / "seven.toml")
-    return strip(bake, [0, 18, 36, 150], (-0.85, -0.1), (0.85, 1.3), scale=130)
+    bake = Bake(drystone, NOTES / "seven.toml")
+    return strip(bake, [0, 18, 36, 150], (-0.85, -0.1), (0.85, 1.3), scale=130, named=True)
 
 
 def pull(drystone):
-    bake = Bake(drystone, SCENES / "pull.toml")
-    return strip(bake, [0, 12, 24, 36], (-0.7, -0.15), (0.7, 2.0), scale=120)
+    """Forces on the upper box: its weight, and one and a half times as much upward."""
+    bake = Bake(drystone, NOTES / "pull.toml")
+    scale, weight = 120, 0.3
+
+    def forces(frame):
+        x, y, _ = bake.pose(frame, bake.index("upper"))
+        return (f'<g fill="none">{arrow(x - 0.1, y, -weight, scale)}'
+                f'{arrow(x + 0.1, y, 1.5 * weight, scale)}</g>')
+
+    return strip(bake, [0, 12, 24, 36], (-0.7, -0.15), (0.7, 2.4), scale=scale, over=forces)
 
 
 def complementarity(drystone):
@@ -297,6 +339,11 @@ def complementarity(drystone):
     excess = [u * 1e3 for u in result["u"][::dim]]
     axes = Axes(80, 20, 520, 280, (0, max(pushes) * 1.05), (0, max(excess) * 1.05),
                 ("impulse γ, N s", "excess w, mm/s"))
+    left, top, width, height = axes.box
+    axes.parts.append(axes.line([(left, top), (left, top + height), (left + width, top + height)],
+                                COLORS[4], 7))
+    axes.parts.append(text(left + 14, top + 60, "separates: γ = 0, w ≥ 0"))
+    axes.parts.append(text(left + width - 14, top + height - 14, "pushes: γ ≥ 0, w = 0", 13, "end"))
     axes.dots([(max(g, 0), max(w, 0)) for g, w in zip(pushes, excess)], COLORS[0])
     off = max(min(g / max(pushes), w / max(excess)) for g, w in zip(pushes, excess))
     sys.stderr.write(f"complementarity: {len(pushes)} contacts, farthest from the L: {off:.1e}\n")
@@ -370,10 +417,10 @@ def cost(drystone):
         meets = sum(1 for p in pairs for q in pairs if set(p) & set(q) & moves)
         rows.append((len(pairs), meets))
     most = max(rows)
-    series = [("entries of A that are not 0", [(k, n) for k, n in rows]),
+    series = [("nonzero entries of A", [(k, n) for k, n in rows]),
               ("all entries, k²", [(k, k * k) for k, _ in rows], "2 3"),
               ("visits in a sweep, k", [(k, k) for k, _ in rows], "6 3")]
-    return curves(series, (0, most[0]), (1, most[0] ** 2), ("contacts k", ""), log=True, side=240)
+    return curves(series, (10, 2000), (10, 4e6), ("contacts k", ""), log=True, side=240, log_x=True)
 
 
 def incline(drystone):
@@ -386,7 +433,7 @@ def incline(drystone):
         pull = max(0.0, 9.81 * (math.sin(slope) - mu * math.cos(slope)))
         theory.append(("on paper" if mu == 0 else None,
                        [(i / 50, pull * (i / 50) ** 2 / 2) for i in range(76)], "2 3"))
-    return curves(series + theory, (0, 1.5), (0, 4), ("time, s", "way, m"))
+    return curves(series + theory, (0, 1.5), (0, 4), ("time, s", "distance, m"))
 
 
 def certified(drystone):
