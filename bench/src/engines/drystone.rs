@@ -50,7 +50,7 @@ pub(super) fn settings(effort: Effort) -> StepSettings {
 
 impl Engine for Drystone {
     fn step(&mut self, dt: f32) -> Result<(), Refusal> {
-        self.report = self.simulation.step(dt.into());
+        self.report = self.simulation.step(dt.into()).map_err(|error| Refusal::new("step", error.to_string()))?;
         Ok(())
     }
 

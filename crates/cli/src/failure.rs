@@ -4,6 +4,7 @@ use std::fmt;
 use std::io;
 use std::path::Path;
 
+use drystone::InputError;
 use drystone::scene::SceneError;
 
 /// A failure, described in one line.
@@ -52,6 +53,12 @@ impl fmt::Display for Failure {
             | Self::File(text)
             | Self::Interrupted(text) => f.write_str(text),
         }
+    }
+}
+
+impl From<InputError> for Failure {
+    fn from(error: InputError) -> Self {
+        Self::Input(error.to_string())
     }
 }
 

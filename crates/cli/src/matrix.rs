@@ -80,7 +80,7 @@ fn simulate(arguments: &Arguments, scene: &Scene) -> Result<(SavedProblem, Vec<f
         .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     for step in 1..=arguments.step {
         simulation.save_systems(step == arguments.step);
-        simulation.step(scene.time_step);
+        simulation.step(scene.time_step)?;
     }
     let saved = simulation.saved().transpose();
     let saved = saved.map_err(|error| Failure::Diverged(format!("{file}: {error}")))?;

@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     simulation.write_poses(&mut recording.poses);
     let (mut error, mut deepest) = (0.0f64, 0.0f64);
     for _ in 0..scene.steps.unwrap_or(600) {
-        let report = simulation.step(scene.time_step);
+        let report = simulation.step(scene.time_step).unwrap();
         error = error.max(report.certified.map_or(0.0, |of| of.error));
         deepest = deepest.max(simulation.measure().deepest_penetration);
         simulation.write_poses(&mut recording.poses);

@@ -10,19 +10,21 @@ fn main() {
     let settings = StepSettings { tolerance: 1e-4, ..StepSettings::certified() };
     let mut world = World3::new(settings);
     world.gravity = [0.0, -9.81, 0.0].into();
-    world.add(Body::new(Motion::Static, [0.0, -0.5, 0.0], SharedShape::cuboid(5.0, 0.5, 5.0)));
+    world
+        .add(Body::new(Motion::Static, [0.0, -0.5, 0.0], SharedShape::cuboid(5.0, 0.5, 5.0)))
+        .unwrap();
     let block = || SharedShape::cuboid(0.5, 0.5, 0.5);
     for i in 0..10 {
-        world.add(Body::new(Motion::Dynamic, [0.0, 0.5 + i as f32, 0.0], block()));
+        world.add(Body::new(Motion::Dynamic, [0.0, 0.5 + i as f32, 0.0], block())).unwrap();
     }
     // Ten boxes of one ton carry a box of fifty tons.
     let mut heavy = Body::new(Motion::Dynamic, [0.0, 10.5, 0.0], block());
     heavy.colliders[0].density = 5e4;
-    let id = world.add(heavy);
+    let id = world.add(heavy).unwrap();
 
     world.time_stages(true);
     for step in 1..=120 {
-        let report = world.step(1.0 / 60.0);
+        let report = world.step(1.0 / 60.0).unwrap();
         let Some(certified) = report.certified else { continue };
         for jam in &report.jams {
             println!("step {step}: jammed {:?}", jam.bodies);

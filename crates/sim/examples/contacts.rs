@@ -31,7 +31,7 @@ fn main() {
     let mut names = Vec::new();
     let mut add = |name, body| {
         // Manifolds refer to bodies by the indices of their ids.
-        assert_eq!(world.add(body).index(), names.len());
+        assert_eq!(world.add(body).unwrap().index(), names.len());
         names.push(name);
     };
     let box_of = |x, y, z| SharedShape::cuboid(x, y, z);
@@ -43,7 +43,7 @@ fn main() {
 
     let mut before = BTreeMap::new();
     for step in 1..=150 {
-        world.step(STEP);
+        world.step(STEP).unwrap();
         let now = pushing(&world);
         let name = |pair: &[u32; 2]| pair.map(|body| names[body as usize]).join(" and ");
         for (pair, push) in now.iter().filter(|(pair, _)| !before.contains_key(*pair)) {

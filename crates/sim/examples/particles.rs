@@ -11,20 +11,22 @@ fn main() {
     // A slope is a half-space; its normal points outward.
     for normal in [[0.8, 0.6], [-0.8, 0.6]] {
         let shape = SphereShape::Halfspace { normal: Vector(normal) };
-        world.add(Body::new(Motion::Static, [0.0, 0.0], shape));
+        world.add(Body::new(Motion::Static, [0.0, 0.0], shape)).unwrap();
     }
     let grains: Vec<_> = (0..300)
         .map(|i| {
             let (row, column) = (i / 15, i % 15);
             let shift = 0.005 * (row % 2) as f32;
             let position = [0.021 * (column as f32 - 7.0) + shift, 0.3 + 0.021 * row as f32];
-            world.add(Body::new(Motion::Dynamic, position, SphereShape::Sphere { radius: 0.01 }))
+            world
+                .add(Body::new(Motion::Dynamic, position, SphereShape::Sphere { radius: 0.01 }))
+                .unwrap()
         })
         .collect();
     for second in 1..=4 {
         let mut contacts = 0;
         for _ in 0..60 {
-            contacts = world.step(1.0 / 60.0).contacts;
+            contacts = world.step(1.0 / 60.0).unwrap().contacts;
         }
         let heights = grains.iter().filter_map(|&id| world.pose(id)).map(|place| place[1]);
         println!(

@@ -9,20 +9,20 @@ fn main() {
     let mut world = World2::new(StepSettings::realtime());
     world.gravity = [0.0, -9.81].into();
     let floor = SharedShape::halfspace(parry2d::math::Vector::Y);
-    world.add(Body::new(Motion::Static, [0.0, 0.0], floor));
+    world.add(Body::new(Motion::Static, [0.0, 0.0], floor)).unwrap();
     let dominoes: Vec<_> = (0..20)
         .map(|i| {
             let shape = SharedShape::cuboid(0.01, 0.1);
-            world.add(Body::new(Motion::Dynamic, [0.08 * i as f32, 0.1], shape))
+            world.add(Body::new(Motion::Dynamic, [0.08 * i as f32, 0.1], shape)).unwrap()
         })
         .collect();
     let mut ball = Body::new(Motion::Dynamic, [-0.3, 0.15], SharedShape::ball(0.05));
     ball.velocity = Velocity { linear: Vector([2.0, 0.0]), ..Velocity::ZERO };
     ball.colliders[0].material.restitution = 0.3;
-    world.add(ball);
+    world.add(ball).unwrap();
 
     for step in 1..=180 {
-        world.step(1.0 / 60.0);
+        world.step(1.0 / 60.0).unwrap();
         if step % 20 == 0 {
             let mut numbers = Vec::new();
             world.write_poses(&mut numbers);

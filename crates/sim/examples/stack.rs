@@ -10,11 +10,15 @@ const STEP: f32 = 1.0 / 60.0;
 fn main() {
     let mut world = World3::new(StepSettings::realtime());
     world.gravity = [0.0, -9.81, 0.0].into();
-    world.add(Body::new(Motion::Static, [0.0, -0.5, 0.0], SharedShape::cuboid(5.0, 0.5, 5.0)));
+    world
+        .add(Body::new(Motion::Static, [0.0, -0.5, 0.0], SharedShape::cuboid(5.0, 0.5, 5.0)))
+        .unwrap();
     let crates: Vec<_> = (0..5)
         .map(|i| {
             let position = [0.0, 0.5 + 1.1 * i as f32, 0.0];
-            world.add(Body::new(Motion::Dynamic, position, SharedShape::cuboid(0.5, 0.5, 0.5)))
+            world
+                .add(Body::new(Motion::Dynamic, position, SharedShape::cuboid(0.5, 0.5, 0.5)))
+                .unwrap()
         })
         .collect();
 
@@ -23,7 +27,7 @@ fn main() {
     for frame in 0..3 * 144 {
         behind += frame_time;
         while behind >= STEP {
-            world.step(STEP);
+            world.step(STEP).unwrap();
             behind -= STEP;
         }
         if frame % 72 == 71 {

@@ -141,6 +141,11 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
         inverse_moments: SymmetricMatrix::ZERO,
     };
 
+    /// Inertia of a body of this mass \[kg\] that no torque rotates: a character, or a lift.
+    pub fn without_rotation(mass: f32) -> Self {
+        Self { mass, ..Self::FIXED }
+    }
+
     /// Of a solid.
     pub fn of(solid: &MassProperties<L, A>) -> Self {
         Self {

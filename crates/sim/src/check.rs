@@ -116,11 +116,11 @@ pub fn check_with(
 ) -> Result<Vec<Finding>, BuildError> {
     let scene = &read.scene;
     let mut simulation = build_with(scene, contacts::at_the_start(settings), known)?;
-    simulation.step(contacts::INSTANT);
+    simulation.step(contacts::INSTANT)?;
     let (near, masses) = (simulation.nearby(), simulation.masses());
     // Only steps with certificates look for jams.
     let certifying = StepSettings { certify: true, ..settings.clone() };
-    let wedged = build_with(scene, certifying, known)?.step(scene.time_step).jams;
+    let wedged = build_with(scene, certifying, known)?.step(scene.time_step)?.jams;
 
     let mut findings = contacts::overlaps(scene, &near);
     findings.extend(contacts::wedged(scene, &wedged));

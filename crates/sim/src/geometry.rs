@@ -21,7 +21,7 @@ use std::fmt::Debug;
 use drystone_solver::{Real, SymmetricMatrix, Vector};
 
 pub(crate) use hull::{mass_within, shape as convex_shape};
-pub use rigid::{Rigid2, Rigid3};
+pub use rigid::{Pose2, Rigid2, Rigid3};
 pub use spheres::Spheres;
 
 /// A geometry with `L` linear and `A` angular degrees of freedom per body.
@@ -85,6 +85,13 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     /// Returns mass, center of mass and inertia of a shape of this density, in its own frame. They
     /// are zero for shapes without volume.
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<L, A>;
+
+    /// Returns the kind of a shape of which no contacts are known, if it is one.
+    fn unsupported(shape: &Self::Shape) -> Option<&'static str>;
+
+    /// Returns the longest side of a shape's box, or none if the shape is unlimited. It is negative or
+    /// NaN for a shape with a negative or NaN size. \[m\]
+    fn extent(shape: &Self::Shape) -> Option<f32>;
 
     /// Prepares a shape for [`collide`](Self::collide).
     fn collider(shape: Self::Shape) -> Self::Collider;

@@ -27,20 +27,19 @@
 //! # Example
 //!
 //! ```
-//! use drystone::scene::Motion;
-//! use drystone::{Body, StepSettings, World3};
+//! use drystone::{Body, Motion, StepSettings, World3};
 //! use parry3d::shape::SharedShape;
 //!
 //! let mut world = World3::new(StepSettings::certified());
 //! world.gravity = [0.0, -9.81, 0.0].into();
 //! let ground = SharedShape::cuboid(5.0, 0.5, 5.0);
-//! world.add(Body::new(Motion::Static, [0.0, -0.5, 0.0], ground));
+//! world.add(Body::new(Motion::Static, [0.0, -0.5, 0.0], ground)).unwrap();
 //! let crates = [0.5, 1.5].map(|height| {
 //!     let shape = SharedShape::cuboid(0.5, 0.5, 0.5);
-//!     world.add(Body::new(Motion::Dynamic, [0.0, height, 0.0], shape))
+//!     world.add(Body::new(Motion::Dynamic, [0.0, height, 0.0], shape)).unwrap()
 //! });
 //! for _ in 0..60 {
-//!     let report = world.step(1.0 / 60.0);
+//!     let report = world.step(1.0 / 60.0).unwrap();
 //!     assert!(report.certified.is_some_and(|of| of.error <= 1e-3)); // m/s
 //! }
 //! // The upper one stands where it was, to 0.1 mm.
@@ -72,6 +71,7 @@ pub mod decomposition;
 mod forms;
 pub mod geometry;
 mod ids;
+mod input;
 mod ledger;
 mod motion;
 mod narrow_phase;
@@ -99,6 +99,7 @@ pub use drystone_solver::ladder::{Method, SolveReport};
 pub use drystone_solver::restitution::ImpactLaw;
 pub use drystone_solver::{Clock, Vector, Velocity};
 pub use ids::{BodyId, ColliderId};
+pub use input::InputError;
 pub use ledger::Ledger;
 pub use report::{Measure, Nearby, Stage, StepReport};
 pub use saved::SavedSystem;
@@ -107,6 +108,18 @@ pub use saved::{SavedContact, SavedProblem};
 pub use settings::StepSettings;
 pub use simulation::{BuildError, Simulation, build, build_with};
 pub use world::{Checkpoint, CheckpointError, World};
+
+pub use geometry::Pose2;
+pub use scene::{Filter, Material, Motion};
+
+/// A rigid body in the plane, to be added to a [`World2`].
+pub type Body2 = Body<geometry::Rigid2, 2, 1>;
+/// A rigid body in space, to be added to a [`World3`].
+pub type Body3 = Body<geometry::Rigid3, 3, 3>;
+/// A shape of a [`Body2`].
+pub type Collider2 = Collider<geometry::Rigid2, 2, 1>;
+/// A shape of a [`Body3`].
+pub type Collider3 = Collider<geometry::Rigid3, 3, 3>;
 
 /// Rigid bodies in the plane.
 pub type World2 = World<geometry::Rigid2, 2, 1>;

@@ -5,6 +5,8 @@ use drystone_solver::restitution::ImpactLaw;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::input::{self, InputError};
+
 /// Settings of [`World::step`](crate::World::step).
 ///
 /// Three presets: [`StepSettings::certified`] for baking with proof, [`StepSettings::quality`] for as
@@ -83,6 +85,59 @@ enum ImpactLawName {
 }
 
 impl StepSettings {
+    /// Name, least and largest value of each setting that is a number.
+    pub const RANGES: [(&'static str, f64, f64); 17] = [
+        ("substeps", 1.0, 1000.0),
+        ("most_substeps", 1.0, 1000.0),
+        ("iterations", 1.0, 10_000.0),
+        ("repair", 0.0, 1.0),
+        ("softness", 0.0, 0.999),
+        ("slop", 0.0, 1.0),
+        ("push_speed", 0.0, 1e6),
+        ("hold", 0.0, 1e6),
+        ("tolerance", 0.0, 1e3),
+        ("budget", 1.0, 10_000.0),
+        ("sag", 1e-9, 1.0),
+        ("restitution_threshold", 0.0, 1e6),
+        ("prediction_distance", 0.0, 1e3),
+        ("travel_per_search", 0.001, 1e6),
+        ("searches", 1.0, 1000.0),
+        ("reuse_distance", 0.0, 1e3),
+        ("sleep", 0.0, 1e6),
+    ];
+
+    /// Checks all numbers against their [`RANGES`](Self::RANGES).
+    ///
+    /// # Errors
+    /// A number is out of its range, or NaN.
+    pub fn check(&self) -> Result<(), InputError> {
+        let values = [
+            f64::from(self.substeps),
+            f64::from(self.most_substeps),
+            f64::from(self.iterations),
+            f64::from(self.repair),
+            f64::from(self.softness),
+            f64::from(self.slop),
+            f64::from(self.push_speed),
+            f64::from(self.hold),
+            f64::from(self.tolerance),
+            f64::from(self.budget),
+            f64::from(self.sag),
+            f64::from(self.restitution_threshold),
+            f64::from(self.prediction_distance),
+            f64::from(self.travel_per_search),
+            f64::from(self.searches),
+            f64::from(self.reuse_distance),
+            f64::from(self.sleep),
+        ];
+        let all = Self::RANGES.iter().zip(values);
+        all.into_iter().try_for_each(|(&(name, least, most), value)| {
+            // Bounds in the precision of the setting.
+            let [least, most] = [least, most].map(|bound| f64::from(bound as f32));
+            input::within(format_args!("the setting {name}"), value, [least, most])
+        })
+    }
+
     /// For baking: stiff contacts, small overlaps, exact motion.
     pub const fn quality() -> Self {
         Self {

@@ -11,6 +11,7 @@ use crate::decomposition::Decompositions;
 use crate::forms::{FromScene, Pieces, floats, place, times};
 use crate::geometry::{Frame, Geometry, MassProperties, Rigid2, Rigid3, Spheres};
 use crate::ids::BodyId;
+use crate::input::InputError;
 use crate::report::{Measure, Nearby, StepReport};
 use crate::scene::{self, BodiesAs, Motion, Rotation, Scene, Track};
 use crate::settings::StepSettings;
@@ -19,7 +20,10 @@ use crate::world::{CheckpointError, World};
 /// A running scene of any dimension.
 pub trait Simulation: Send {
     /// Advances the simulation by `dt` \[s\]; kinematic bodies follow their tracks.
-    fn step(&mut self, dt: f64) -> StepReport;
+    ///
+    /// # Errors
+    /// [`World::step`] and [`World::move_to`] refuse the step.
+    fn step(&mut self, dt: f64) -> Result<StepReport, InputError>;
 
     /// Appends the poses of all bodies in scene order: 3D px py pz qx qy qz qw, 2D px py angle.
     /// \[m, rad\]
@@ -71,16 +75,30 @@ pub trait Simulation: Send {
     fn settings(&self) -> &StepSettings;
 }
 
-/// Error: a shape of a scene cannot be built.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("shape {shape} of {body}: {reason}")]
-pub struct BuildError {
-    /// Name of the body, or its index.
-    pub body: String,
-    /// Index of the shape.
-    pub shape: usize,
-    /// The problem, and what is accepted.
-    pub reason: &'static str,
+/// Error: a world cannot be built from a scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BuildError {
+    /// A shape does not exist in the scene's dimension, or has no volume.
+    #[error("shape {shape} of {body}: {reason}")]
+    Shape {
+        /// Name of the body, or its index.
+        body: String,
+        /// Index of the shape.
+        shape: usize,
+        /// The problem, and what is accepted.
+        reason: &'static str,
+    },
+    /// The world refuses a body.
+    #[error("{body}: {error}")]
+    Body {
+        /// Name of the body, or its index.
+        body: String,
+        /// The problem, and what is accepted.
+        error: InputError,
+    },
+    /// The world refuses a step.
+    #[error("{0}")]
+    Step(#[from] InputError),
 }
 
 /// Builds a world from a scene. Concave meshes of dynamic bodies are decomposed; equal meshes share
@@ -122,11 +140,14 @@ impl<G: FromScene<L, A>, const L: usize, const A: usize> Run<G, L, A> {
         settings: StepSettings,
         known: &mut Decompositions,
     ) -> Result<Self, BuildError> {
+        settings.check()?;
         let mut world = World::new(settings);
         world.gravity = Vector(floats(&scene.gravity));
         let mut tracks = Vec::new();
         for (index, body) in scene.bodies.iter().enumerate() {
-            let id = world.add(convert::<G, L, A>(body, index, known)?);
+            let added = world.add(convert::<G, L, A>(body, index, known)?);
+            let refused = |error| BuildError::Body { body: name(body, index), error };
+            let id = added.map_err(refused)?;
             if !body.track.times.is_empty() {
                 tracks.push((id, body.track.clone()));
             }
@@ -136,12 +157,12 @@ impl<G: FromScene<L, A>, const L: usize, const A: usize> Run<G, L, A> {
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L, A> {
-    fn step(&mut self, dt: f64) -> StepReport {
+    fn step(&mut self, dt: f64) -> Result<StepReport, InputError> {
         self.time += dt;
         for (id, track) in &self.tracks {
             let (position, rotation) = track.at(self.time);
             let target = place::<G, L, A>(&position, &rotation);
-            self.world.move_to(*id, &target, dt as f32);
+            self.world.move_to(*id, &target, dt as f32)?;
         }
         self.world.step(dt as f32)
     }
@@ -221,6 +242,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L,
     }
 }
 
+/// Name of a body, or its index.
+fn name(body: &scene::Body, index: usize) -> String {
+    body.name.clone().unwrap_or_else(|| format!("body {index}"))
+}
+
 fn convert<G: FromScene<L, A>, const L: usize, const A: usize>(
     body: &scene::Body,
     index: usize,
@@ -230,11 +256,7 @@ fn convert<G: FromScene<L, A>, const L: usize, const A: usize>(
     let mut colliders = Vec::with_capacity(body.shapes.len());
     let mut solid = MassProperties::ZERO;
     for (number, shape) in body.shapes.iter().enumerate() {
-        let wrong = |reason| BuildError {
-            body: body.name.clone().unwrap_or_else(|| format!("body {index}")),
-            shape: number,
-            reason,
-        };
+        let wrong = |reason| BuildError::Shape { body: name(body, index), shape: number, reason };
         let pose = place::<G, L, A>(&shape.position, &shape.rotation);
         let dynamic = body.motion == Motion::Dynamic;
         let pieces = if dynamic { G::pieces(&shape.kind, known).map_err(wrong)? } else { None };

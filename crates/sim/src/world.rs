@@ -19,6 +19,7 @@ use crate::colliders::{Colliders, Definitions};
 use crate::course::SubstepContext;
 use crate::geometry::{Geometry, MassProperties};
 use crate::ids::{self, BodyId, ColliderId, put};
+use crate::input::{self, InputError};
 use crate::ledger::LedgerBuilder;
 use crate::motion::{self, Advanced, MovingBodies, SubstepParams};
 use crate::narrow_phase::{NarrowPhaseInput, PairWorker, closing, manifolds};
@@ -48,6 +49,9 @@ const SINKS: f32 = 1.0 / 1024.0;
 
 /// Sweeps over what collides at once.
 const COLLISION_SWEEPS: usize = 40;
+
+/// Threads for each processor, at most.
+const MOST_THREADS: usize = 4;
 
 /// Bodies and their contacts, in the dimension of `G`.
 pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -178,7 +182,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Uses `threads` threads; results do not depend on it. Keeps to one where no more can be had.
     pub fn set_threads(&mut self, threads: usize) {
-        if threads.max(1) != self.pool.threads() {
+        let most = MOST_THREADS * std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = threads.clamp(1, most);
+        if threads != self.pool.threads() {
             self.pool = Arc::new(ThreadPool::new(threads));
             self.wide.set_pool(Arc::clone(&self.pool));
             self.tuner = ThreadTuner::default();
@@ -187,7 +193,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Adds a body. Mass and inertia come from its shapes unless it brings its own; a dynamic
     /// body without either cannot be moved.
-    pub fn add(&mut self, body: Body<G, L, A>) -> BodyId {
+    pub fn add(&mut self, body: Body<G, L, A>) -> Result<BodyId, InputError> {
         let inertia = match (body.motion, body.inertia) {
             (Motion::Dynamic, Some(inertia)) => inertia,
             (Motion::Dynamic, None) => {
@@ -199,6 +205,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             _ => Inertia::FIXED,
         };
+        input::check_body(&body, &inertia)?;
         let slot = self.bodies.insert(&body, inertia);
         self.definitions = OnceLock::new();
         let moves = body.motion != Motion::Static;
@@ -217,7 +224,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.colliders.add(slot, collider, local, &self.bodies, &mut self.broad_phase);
         }
         self.colliders.run(slot, body.surface_velocity, to_center);
-        BodyId::new(&self.bodies.slots, slot, self.id)
+        Ok(BodyId::new(&self.bodies.slots, slot, self.id))
     }
 
     /// Removes a body with its colliders, and wakes all that was near it; returns whether it was there.
@@ -237,6 +244,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// The slot of a body, if it is there.
     fn index(&self, id: BodyId) -> Option<usize> {
         id.slot(&self.bodies.slots, self.id)
+    }
+
+    /// The slot of a body.
+    fn known(&self, id: BodyId) -> Result<usize, InputError> {
+        self.index(id).ok_or(InputError::UnknownBody)
+    }
+
+    /// The slot of a body that can move.
+    fn moving(&self, id: BodyId) -> Result<usize, InputError> {
+        let slot = self.known(id)?;
+        let is_static = self.bodies.motion[slot] == Some(Motion::Static);
+        if is_static { Err(InputError::Static) } else { Ok(slot) }
     }
 
     /// The body in a slot, if there is one.
@@ -317,74 +336,102 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Sets the velocity of a dynamic or kinematic body, and wakes it.
-    pub fn set_velocity(&mut self, id: BodyId, velocity: Velocity<f32, L, A>) {
-        if let Some(index) = self.index(id)
-            && self.bodies.motion[index] != Some(Motion::Static)
-        {
-            self.wake_slot(index);
-            self.bodies.turns[index] = SpinState::default();
-            self.system.velocities[index] = velocity;
-        }
+    ///
+    /// # Errors
+    /// The body is unknown or static, or the velocity is not finite.
+    pub fn set_velocity(
+        &mut self,
+        id: BodyId,
+        velocity: Velocity<f32, L, A>,
+    ) -> Result<(), InputError> {
+        let slot = self.moving(id)?;
+        input::check_velocity(&velocity)?;
+        self.wake_slot(slot);
+        self.bodies.turns[slot] = SpinState::default();
+        self.system.velocities[slot] = velocity;
+        Ok(())
     }
 
-    /// Gives a kinematic body the velocity that takes it to `target` within `dt` \[s\]. A dynamic one
-    /// wakes, and is thrown there. A static one stays: [`World::set_pose`] takes any body elsewhere.
-    pub fn move_to(&mut self, id: BodyId, target: &G::Pose, dt: f32) {
-        let Some(index) = self.index(id) else { return };
-        if self.bodies.motion[index] == Some(Motion::Static) {
-            return;
-        }
-        let from = self.bodies.origin(index);
+    /// Gives a kinematic body the velocity that takes it to `target` within `dt` \[s\]. A dynamic body
+    /// wakes, and is thrown there. [`World::set_pose`] puts any body elsewhere at once.
+    ///
+    /// # Errors
+    /// The body is unknown or static, the pose is not finite, or the way is too fast.
+    pub fn move_to(&mut self, id: BodyId, target: &G::Pose, dt: f32) -> Result<(), InputError> {
+        let slot = self.moving(id)?;
+        input::check_pose::<G, L, A>(target)?;
+        input::check_time(dt)?;
+        let from = self.bodies.origin(slot);
         let apart = G::frame(target).position - G::frame(&from).position;
-        self.wake_slot(index);
-        self.bodies.turns[index] = SpinState::default();
-        self.system.velocities[index] = Velocity {
+        let velocity = Velocity {
             linear: apart * (1.0 / dt),
             angular: G::turn_between(&from, target) * (1.0 / dt),
         };
+        self.set_velocity(id, velocity)
     }
 
-    /// Puts a body elsewhere at once, whatever is in between; its velocity stays. It wakes, with all that was near it;
-    /// who is near its new place wakes when they touch.
-    pub fn set_pose(&mut self, id: BodyId, pose: &G::Pose) {
-        let Some(index) = self.index(id) else { return };
-        self.wake_neighbors(index);
-        self.bodies.set_origin(index, pose);
+    /// Puts a body elsewhere at once, whatever is in between; its velocity stays. It wakes, with all
+    /// bodies near its old place. Bodies near its new place wake when they touch it.
+    ///
+    /// # Errors
+    /// The body is unknown, or the pose is not finite.
+    pub fn set_pose(&mut self, id: BodyId, pose: &G::Pose) -> Result<(), InputError> {
+        let slot = self.known(id)?;
+        input::check_pose::<G, L, A>(pose)?;
+        self.wake_neighbors(slot);
+        self.bodies.set_origin(slot, pose);
         let Self { bodies, colliders, broad_phase, .. } = self;
-        colliders.place_body(index, bodies, broad_phase);
-        if bodies.motion[index] != Some(Motion::Dynamic) {
-            self.sleep.place(index);
+        colliders.place_body(slot, bodies, broad_phase);
+        if bodies.motion[slot] != Some(Motion::Dynamic) {
+            self.sleep.place(slot);
         }
+        Ok(())
     }
 
-    /// Has the surface of a body run, or stand, and wakes what is near it; but for shapes that have a motion of
-    /// their own.
-    pub fn set_surface_velocity(&mut self, id: BodyId, motion: Option<SurfaceMotion<L, A>>) {
-        if let Some(index) = self.index(id) {
-            self.definitions = OnceLock::new();
-            self.wake_neighbors(index);
-            let to_center = G::pose(-self.bodies.inertia[index].center, &[]);
-            self.colliders.run(index, motion, to_center);
-        }
+    /// Has the surface of a body run, or stand, and wakes all bodies near it. Colliders with a surface
+    /// velocity of their own keep it.
+    ///
+    /// # Errors
+    /// The body is unknown, or the velocity is not finite.
+    pub fn set_surface_velocity(
+        &mut self,
+        id: BodyId,
+        motion: Option<SurfaceMotion<L, A>>,
+    ) -> Result<(), InputError> {
+        let slot = self.known(id)?;
+        input::check_surface(motion.as_ref())?;
+        self.definitions = OnceLock::new();
+        self.wake_neighbors(slot);
+        let to_center = G::pose(-self.bodies.inertia[slot].center, &[]);
+        self.colliders.run(slot, motion, to_center);
+        Ok(())
     }
 
     /// Sets the rates at which the linear and angular velocity of a body decay, and wakes it. \[1/s\]
-    pub fn set_damping(&mut self, id: BodyId, damping: [f32; 2]) {
-        if let Some(index) = self.index(id) {
-            self.definitions = OnceLock::new();
-            self.wake_slot(index);
-            self.bodies.set_damping(index, damping);
-        }
+    ///
+    /// # Errors
+    /// The body is unknown, or a rate is negative or not finite.
+    pub fn set_damping(&mut self, id: BodyId, damping: [f32; 2]) -> Result<(), InputError> {
+        let slot = self.known(id)?;
+        input::check_damping(damping)?;
+        self.definitions = OnceLock::new();
+        self.wake_slot(slot);
+        self.bodies.set_damping(slot, damping);
+        Ok(())
     }
 
     /// Adds a force \[N\] and torque \[N m\] that act through the next step, and wakes the body.
-    pub fn add_force(&mut self, id: BodyId, force: Velocity<f32, L, A>) {
-        if let Some(index) = self.index(id) {
-            self.wake_slot(index);
-            let (all, forces) = (self.len(), &mut self.bodies.forces);
-            forces.resize(all, Velocity::ZERO);
-            forces[index] += force;
-        }
+    ///
+    /// # Errors
+    /// The body is unknown, or the force is not finite.
+    pub fn add_force(&mut self, id: BodyId, force: Velocity<f32, L, A>) -> Result<(), InputError> {
+        let slot = self.known(id)?;
+        input::check_force(&force)?;
+        self.wake_slot(slot);
+        let (all, forces) = (self.len(), &mut self.bodies.forces);
+        forces.resize(all, Velocity::ZERO);
+        forces[slot] += force;
+        Ok(())
     }
 
     /// Velocities of all slots, in order.
@@ -437,8 +484,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.saved.as_ref()
     }
 
-    /// Moves the world on by `dt` \[s\].
-    pub fn step(&mut self, dt: f32) -> StepReport {
+    /// Moves the world on by `dt` \[s\]: 1/240 to 1/24 s for what people see. Nothing moves in a step of 0 s.
+    ///
+    /// # Errors
+    /// The step is negative or not finite, as gravity may be, or a setting is out of its range
+    /// ([`StepSettings::RANGES`]). The world is then as it was.
+    pub fn step(&mut self, dt: f32) -> Result<StepReport, InputError> {
+        input::check_time(dt)?;
+        input::check_gravity(&self.gravity)?;
+        self.settings.check()?;
         let mut report = StepReport::default();
         let mut clock = StageTimer::start(if self.timing { self.clock } else { Clock::NONE });
         let start = self.tuner.start(&self.pool, self.clock);
@@ -494,7 +548,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report.manifolds = self.records.manifolds.len();
         report.contacts = self.records.points.len();
         self.tuner.stop(self.clock.since(start), report.sweeps, report.contacts);
-        report
+        Ok(report)
     }
 
     /// Substeps of a step that fit the thinnest body.

@@ -26,7 +26,7 @@ fn hashes(path: &str, steps: usize) -> Result<(), Box<dyn std::error::Error>> {
     let scene = scene::read(Path::new(path))?.scene;
     let mut simulation = build(&scene, scene.settings(StepSettings::certified())?)?;
     for step in 1..=steps {
-        simulation.step(scene.time_step);
+        simulation.step(scene.time_step).expect("a scene that was read");
         println!("{path} {step} {:016x}", simulation.state_hash());
     }
     Ok(())

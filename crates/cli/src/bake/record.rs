@@ -79,7 +79,7 @@ impl Bake {
             }
             simulation.save_systems(length.dump_step == Some(step));
             if step <= bake.steps.len() {
-                simulation.step(scene.time_step);
+                simulation.step(scene.time_step)?;
                 diary.compare(step, &bake.steps[step - 1], simulation.state_hash())?;
             } else {
                 bake.step(simulation, scene, diary)?;
@@ -154,7 +154,7 @@ impl Bake {
         diary: &mut Diary,
     ) -> Result<(), Failure> {
         let clock = Instant::now();
-        let report = simulation.step(scene.time_step);
+        let report = simulation.step(scene.time_step)?;
         let time = clock.elapsed();
         let measure = simulation.measure();
         let frame = self.recording.poses.len();

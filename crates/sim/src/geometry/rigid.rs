@@ -56,13 +56,30 @@ pub struct Pose2 {
 }
 
 impl Pose2 {
-    fn new(position: parry2d::math::Vector, angle: f32) -> Self {
+    /// Returns the pose at this position \[m\], rotated counter-clockwise by `angle` \[rad\].
+    pub fn new(position: impl Into<parry2d::math::Vector>, angle: f32) -> Self {
         let (sin, cos) = libm::sincosf(angle);
         Self {
-            position,
+            position: position.into(),
             angle,
             rotation: parry2d::math::Rotation::from_cos_sin_unchecked(cos, sin),
         }
+    }
+
+    /// Returns the position. \[m\]
+    pub fn position(&self) -> parry2d::math::Vector {
+        self.position
+    }
+
+    /// Returns the angle, full turns included. \[rad\]
+    pub fn angle(&self) -> f32 {
+        self.angle
+    }
+}
+
+impl From<parry2d::math::Pose> for Pose2 {
+    fn from(pose: parry2d::math::Pose) -> Self {
+        Self::new(pose.translation, libm::atan2f(pose.rotation.im, pose.rotation.re))
     }
 }
 
@@ -103,6 +120,30 @@ macro_rules! over_parry {
                 _ => 0.0,
             };
             Reach { all: all.min(UNBOUNDED), core: (all - round).clamp(0.0, UNBOUNDED) }
+        }
+
+        fn unsupported(shape: &Self::Shape) -> Option<&'static str> {
+            use $parry::shape::TypedShape;
+            match shape.as_typed_shape() {
+                TypedShape::Ball(_) | TypedShape::HalfSpace(_) | TypedShape::TriMesh(_) => None,
+                TypedShape::Compound(_) => Some("compound"),
+                TypedShape::Voxels(_) => Some("voxel grid"),
+                TypedShape::HeightField(_) => Some("height field"),
+                TypedShape::Polyline(_) => Some("polyline"),
+                _ if shape.as_polygonal_feature_map().is_some() => None,
+                _ => Some("shape of another kind"),
+            }
+        }
+
+        fn extent(shape: &Self::Shape) -> Option<f32> {
+            if shape.as_halfspace().is_some() {
+                return None;
+            }
+            let aabb = shape.compute_local_aabb();
+            let sides = (aabb.maxs - aabb.mins).to_array();
+            // A comparison would pass over NaN.
+            let sum = sides.iter().sum::<f32>();
+            Some(if sum.is_nan() { sum } else { sides.into_iter().fold(f32::MIN, f32::max) })
         }
 
         fn collider(shape: Self::Shape) -> Self::Collider {

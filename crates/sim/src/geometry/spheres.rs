@@ -99,6 +99,17 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         }
     }
 
+    fn unsupported(_: &Self::Shape) -> Option<&'static str> {
+        None
+    }
+
+    fn extent(shape: &Self::Shape) -> Option<f32> {
+        match shape {
+            SphereShape::Sphere { radius } => Some(2.0 * radius),
+            SphereShape::Halfspace { .. } => None,
+        }
+    }
+
     fn collider(shape: Self::Shape) -> Self::Collider {
         shape
     }

@@ -25,27 +25,6 @@ impl Fault {
     }
 }
 
-/// Smallest and largest sensible values. A setting not listed here only has to fit its type.
-const RANGES: [(&str, f64, f64); 17] = [
-    ("substeps", 1.0, 1000.0),
-    ("most_substeps", 1.0, 1000.0),
-    ("iterations", 1.0, 10_000.0),
-    ("repair", 0.0, 1.0),
-    ("softness", 0.0, 0.999),
-    ("slop", 0.0, 1.0),
-    ("push_speed", 0.0, 1e6),
-    ("hold", 0.0, 1e6),
-    ("tolerance", 0.0, 1e3),
-    ("budget", 1.0, 10_000.0),
-    ("sag", 1e-9, 1.0),
-    ("restitution_threshold", 0.0, 1e6),
-    ("prediction_distance", 0.0, 1e3),
-    ("travel_per_search", 0.001, 1e6),
-    ("searches", 1.0, 1000.0),
-    ("reuse_distance", 0.0, 1e3),
-    ("sleep", 0.0, 1e6),
-];
-
 /// Names of [`ImpactLaw`](crate::ImpactLaw), the only setting whose value is a word.
 const IMPACT_LAWS: [&str; 3] = ["newton", "poisson", "reflections"];
 
@@ -71,7 +50,7 @@ fn set(settings: StepSettings, key: &str, value: &Value) -> Result<StepSettings,
         let known: Vec<_> = all.keys().collect();
         return Err(fault(true, nearest_known(key, &known)));
     }
-    if let Some((_, min, max)) = RANGES.iter().find(|(name, ..)| *name == key) {
+    if let Some((_, min, max)) = StepSettings::RANGES.iter().find(|(name, ..)| *name == key) {
         let whole = all.get(key).is_some_and(Value::is_u64);
         let fits =
             value.as_f64().is_some_and(|x| *min <= x && x <= *max) && (!whole || value.is_u64());

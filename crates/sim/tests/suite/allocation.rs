@@ -89,7 +89,7 @@ fn settled<G: Round<L, A>, const L: usize, const A: usize>(
             let mut position = [0.0; L];
             position[axis] = side * 2.0 - if axis == 1 { -1.5 } else { 0.0 };
             let wall = wall(axis, -side);
-            world.add(body(Motion::Static, position, wall, &material));
+            world.add(body(Motion::Static, position, wall, &material)).unwrap();
         }
     }
     let mut random = Random(3);
@@ -98,15 +98,15 @@ fn settled<G: Round<L, A>, const L: usize, const A: usize>(
         let height = if L == 2 { index / 4 } else { index / 16 };
         let aside: f32 = random.between(-0.05, 0.05);
         let position = v(cell(0) + aside, 0.5 + 0.7 * height as f32, cell(1) + aside);
-        world.add(dynamic(position, shapes[index % shapes.len()].clone(), &material));
+        world.add(dynamic(position, shapes[index % shapes.len()].clone(), &material)).unwrap();
     }
     for _ in 0..300 {
-        world.step(DT);
+        world.step(DT).unwrap();
     }
     let mut contacts = 0;
     let taken = allocations(|| {
         for _ in 0..50 {
-            contacts = world.step(DT).contacts;
+            contacts = world.step(DT).unwrap().contacts;
         }
     });
     assert!(contacts >= 20, "({L},{A}) {name}: only {contacts} contacts");

@@ -29,18 +29,18 @@ fn box_on_slope<G: Rigid<L, A>, const L: usize, const A: usize>(
     match ground {
         Ground::Halfspace => {
             let shape = G::halfspace(v(-sin, cos, 0.0));
-            world.add(body(Motion::Static, [0.0; L], shape, &material));
+            world.add(body(Motion::Static, [0.0; L], shape, &material)).unwrap();
         }
         Ground::Box => {
             let slab = G::cuboid(v(20.0, 0.5, 20.0));
             let mut slope = body(Motion::Static, [0.0; L], slab, &material);
             slope.pose = G::turned(v(0.5 * sin, -0.5 * cos, 0.0), angle);
-            world.add(slope);
+            world.add(slope).unwrap();
         }
     }
     let mut block = dynamic([0.0; L], G::cuboid(half), &material);
     block.pose = G::turned(v(-half[1] * sin, half[1] * cos, 0.0), angle);
-    let block = world.add(block);
+    let block = world.add(block).unwrap();
     (world, block)
 }
 
@@ -103,8 +103,8 @@ fn rolling_down<G: Rigid<L, A>, const L: usize, const A: usize>(inertia: f32) {
     let material = surface(0.8, 0.0);
     let mut world = world::<G, L, A>();
     let slope = G::halfspace(v(-sin, cos, 0.0));
-    world.add(body(Motion::Static, [0.0; L], slope, &material));
-    let ball = world.add(dynamic(v(-0.3 * sin, 0.3 * cos, 0.0), G::ball(0.3), &material));
+    world.add(body(Motion::Static, [0.0; L], slope, &material)).unwrap();
+    let ball = world.add(dynamic(v(-0.3 * sin, 0.3 * cos, 0.0), G::ball(0.3), &material)).unwrap();
     run(&mut world, 2.0);
     let acceleration = velocity(&world, ball).linear.length() / 2.0;
     let what = format!("{L}D: acceleration of a rolling ball [m/s^2]");
@@ -125,7 +125,7 @@ fn slide_to_roll<G: Rigid<L, A>, const L: usize, const A: usize>(inertia: f32) {
     let mut world = world::<G, L, A>();
     add_floor(&mut world, &material);
     let ball = dynamic(v(0.0, 0.5, 0.0), G::ball(0.5), &material);
-    let ball = world.add(moving(ball, v(speed, 0.0, 0.0)));
+    let ball = world.add(moving(ball, v(speed, 0.0, 0.0))).unwrap();
     // v = v0 - mu g t, r omega = mu g t / c: equal at t = c v0 / ((1 + c) mu g).
     let time = inertia * speed / ((1.0 + inertia) * friction * GRAVITY);
     let rolling = speed / (1.0 + inertia);
@@ -164,7 +164,7 @@ fn stack_forces<G: Rigid<L, A>, const L: usize, const A: usize>() {
     const HEIGHT: usize = 10;
     for i in 0..HEIGHT {
         let position = v(0.0, i as f32 + 0.5, 0.0);
-        bodies.push(world.add(dynamic(position, shape.clone(), &material)));
+        bodies.push(world.add(dynamic(position, shape.clone(), &material)).unwrap());
     }
     run(&mut world, 3.0);
     for (i, pair) in bodies.windows(2).enumerate() {
@@ -187,11 +187,12 @@ fn ball_on_two<G: Round<L, A>, const L: usize, const A: usize>() {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let smooth = surface(0.0, 0.0);
         let mut world = world::<G, L, A>();
-        let below = [-sin, sin]
-            .map(|x| world.add(body(Motion::Static, v(x, 0.0, 0.0), G::ball(0.5), &smooth)));
+        let below = [-sin, sin].map(|x| {
+            world.add(body(Motion::Static, v(x, 0.0, 0.0), G::ball(0.5), &smooth)).unwrap()
+        });
         let shape = G::ball(0.5);
         let weight = G::mass(&shape, 1000.0).mass * GRAVITY;
-        let ball = world.add(dynamic(v(0.0, cos, 0.0), shape, &smooth));
+        let ball = world.add(dynamic(v(0.0, cos, 0.0), shape, &smooth)).unwrap();
         run(&mut world, 1.0);
         for fixed in below {
             let impulse = impulse_between(&world, ball, fixed);
@@ -219,7 +220,7 @@ fn overhang<G: Rigid<L, A>, const L: usize, const A: usize>(part: f32) -> f32 {
     let material = surface(0.7, 0.0);
     let mut world = world::<G, L, A>();
     let table = G::cuboid(v(2.0, 0.5, 1.0));
-    world.add(body(Motion::Static, v(-2.0, -0.5, 0.0), table, &material));
+    world.add(body(Motion::Static, v(-2.0, -0.5, 0.0), table, &material)).unwrap();
     let mut end = 0.0;
     let mut top = None;
     for level in 0..4 {
@@ -227,7 +228,7 @@ fn overhang<G: Rigid<L, A>, const L: usize, const A: usize>(part: f32) -> f32 {
         end += part / (2.0 * (4 - level) as f32);
         let block = G::cuboid(v(0.5, 0.1, 0.25));
         let position = v(end - 0.5, 0.1 + 0.2 * level as f32, 0.0);
-        top = Some(world.add(dynamic(position, block, &material)));
+        top = Some(world.add(dynamic(position, block, &material)).unwrap());
     }
     let top = top.unwrap();
     let start = place(&world, top)[1];
@@ -269,7 +270,7 @@ fn arch<G: Rigid<L, A>, const L: usize, const A: usize>(thickness: f32) -> [f32;
             }
         }
         let position = v(center[0], center[1], 0.0);
-        stones.push(world.add(dynamic(position, G::hull(&corners), &material)));
+        stones.push(world.add(dynamic(position, G::hull(&corners), &material)).unwrap());
     }
     let places = |world: &World<G, L, A>| -> Vec<_> {
         stones.iter().map(|&stone| place(world, stone)).collect()
@@ -312,12 +313,13 @@ fn bounces<G: Round<L, A>, const L: usize, const A: usize>(
     let mut world = world::<G, L, A>();
     add_floor(&mut world, &material);
     let radius = 0.1;
-    let ball = world.add(dynamic(v(0.0, height + radius, 0.0), G::ball(radius), &material));
+    let ball =
+        world.add(dynamic(v(0.0, height + radius, 0.0), G::ball(radius), &material)).unwrap();
     let mut apexes = Vec::new();
     let mut rising = false;
     let mut highest = 0.0f32;
     for _ in 0..(seconds / DT) as usize {
-        world.step(DT);
+        world.step(DT).unwrap();
         let upward = velocity(&world, ball).linear[1] > 0.0;
         if upward && !rising {
             highest = 0.0;
@@ -361,11 +363,11 @@ fn struck<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let mut tilted =
         moving(dynamic(v(0.0, 0.0, 0.0), G::cuboid(v(0.5, 0.25, 0.5)), &hard), v(0.0, -2.0, 0.0));
     tilted.pose = G::turned(v(0.0, 0.452, 0.0), 0.3);
-    let tilted = world.add(tilted);
+    let tilted = world.add(tilted).unwrap();
     let h = DT / 8.0;
     let hit = (0..100).find_map(|_| {
         let (before, speed) = (world.pose(tilted).unwrap(), velocity(&world, tilted).linear[1]);
-        (world.step(h).collisions > 0).then_some((before, speed))
+        (world.step(h).unwrap().collisions > 0).then_some((before, speed))
     });
     let (before, speed) = hit.expect("a collision");
     let (after, now) = (world.pose(tilted).unwrap(), velocity(&world, tilted));
@@ -400,9 +402,9 @@ fn oblique<G: Round<L, A>, const L: usize, const A: usize>() {
     let smooth = surface(0.0, 1.0);
     for aside in [0.2, 0.5, 0.8] {
         let mut world = weightless::<G, L, A>();
-        let still = world.add(dynamic([0.0; L], G::ball(0.5), &smooth));
+        let still = world.add(dynamic([0.0; L], G::ball(0.5), &smooth)).unwrap();
         let ball = dynamic(v(-1.77, aside, 0.0), G::ball(0.5), &smooth);
-        let ball = world.add(moving(ball, v(3.0, 0.0, 0.0)));
+        let ball = world.add(moving(ball, v(3.0, 0.0, 0.0))).unwrap();
         run(&mut world, 1.0);
         let [u, w] = [still, ball].map(|id| velocity(&world, id).linear);
         assert_above("speed of the ball that was hit [m/s]", u.length(), 1.0);
@@ -431,7 +433,7 @@ fn cradle<G: Round<L, A>, const L: usize, const A: usize>() {
             let x = if i == 0 { -1.3 } else { i as f32 };
             let speed = if i == 0 { 2.0 } else { 0.0 };
             let ball = dynamic(v(x, 0.0, 0.0), G::ball(0.5), &hard);
-            world.add(moving(ball, v(speed, 0.0, 0.0)))
+            world.add(moving(ball, v(speed, 0.0, 0.0))).unwrap()
         })
         .collect();
     let before = energy(&world);
@@ -464,11 +466,11 @@ where
     let settings = StepSettings { restitution_threshold: 1e-3, ..StepSettings::quality() };
     let mut world = World::<Spheres, L, 0>::new(settings);
     let wall = Spheres::halfspace(v(1.0, 0.0, 0.0));
-    world.add(body(Motion::Static, [0.0; L], wall, &hard));
-    world.add(weighing(dynamic(v(1.0, 0.0, 0.0), Spheres::ball(0.1), &hard), 1.0));
+    world.add(body(Motion::Static, [0.0; L], wall, &hard)).unwrap();
+    world.add(weighing(dynamic(v(1.0, 0.0, 0.0), Spheres::ball(0.1), &hard), 1.0)).unwrap();
     let heavy = dynamic(v(2.0, 0.0, 0.0), Spheres::ball(0.1), &hard);
-    world.add(moving(weighing(heavy, ratio), v(-1.0, 0.0, 0.0)));
-    (0..8000).map(|_| world.step(1e-3).collisions).sum()
+    world.add(moving(weighing(heavy, ratio), v(-1.0, 0.0, 0.0))).unwrap();
+    (0..8000).map(|_| world.step(1e-3).unwrap().collisions).sum()
 }
 
 /// Mass ratios of 1, 100 and 10 000 give 3, 31 and 314 collisions: the digits of pi (Galperin).
@@ -493,12 +495,12 @@ fn a_fast_ball_does_not_pass_a_thin_plate() {
                 let (sin, cos) = degrees.to_radians().sin_cos();
                 let mut world: World3 = weightless();
                 let plate = body(Motion::Static, [0.0; 3], plate.clone(), &material);
-                world.add(plate);
+                world.add(plate).unwrap();
                 let position = [-start * sin, start * cos, 0.1];
                 let ball = dynamic(position, Rigid3::ball(0.05), &material);
-                let ball = world.add(moving(ball, [200.0 * sin, -200.0 * cos, 0.0]));
+                let ball = world.add(moving(ball, [200.0 * sin, -200.0 * cos, 0.0])).unwrap();
                 for _ in 0..10 {
-                    world.step(DT);
+                    world.step(DT).unwrap();
                 }
                 let height = place(&world, ball)[1];
                 let fall = velocity(&world, ball).linear[1];
@@ -518,7 +520,7 @@ fn free_fall<G: Round<L, A>, const L: usize, const A: usize>() {
         world.settings.substeps = substeps;
         let material = surface(0.5, 0.0);
         let ball = dynamic(v(0.0, 5.0, 0.0), G::ball(0.5), &material);
-        let ball = world.add(moving(ball, v(1.0, 0.0, 0.0)));
+        let ball = world.add(moving(ball, v(1.0, 0.0, 0.0))).unwrap();
         run(&mut world, 1.0);
         let error = 5.0 - 0.5 * GRAVITY - place(&world, ball)[1];
         let what = format!("({L},{A}): {substeps} substeps: error of the height [m]");
@@ -541,14 +543,14 @@ fn free_fall_follows_the_parabola() {
 fn overlap<G: Rigid<L, A>, const L: usize, const A: usize>(ground: G::Shape, top: f32) {
     let material = surface(0.5, 0.0);
     let mut world = world::<G, L, A>();
-    world.add(body(Motion::Static, [0.0; L], ground, &material));
+    world.add(body(Motion::Static, [0.0; L], ground, &material)).unwrap();
     let rest = top + 0.5;
     let block = dynamic(v(0.0, rest - 0.005, 0.0), G::cuboid([0.5; L]), &material);
-    let block = world.add(block);
+    let block = world.add(block).unwrap();
     let mut before = place(&world, block)[1];
     let mut highest = before;
     for _ in 0..120 {
-        world.step(DT);
+        world.step(DT).unwrap();
         let height = place(&world, block)[1];
         assert!(
             height > before - 2e-6 || height > rest - 1e-4,
@@ -592,7 +594,7 @@ impl Racket {
         let mut racket = dynamic([0.0; 3], shape, &surface(0.5, 0.0));
         let third = -growth * i1 / ((i3 - i2) * speed) * disturbance;
         racket.velocity.angular = Vector([disturbance, speed, third]);
-        let body = world.add(racket);
+        let body = world.add(racket).unwrap();
         Self { world, body, moments, growth }
     }
 
@@ -612,7 +614,7 @@ impl Racket {
         let before = energy(&self.world);
         let mut drift = 0.0f64;
         for _ in 0..(seconds / DT) as usize {
-            self.world.step(DT);
+            self.world.step(DT).unwrap();
             drift = drift.max((energy(&self.world) / before - 1.0).abs());
         }
         drift

@@ -62,11 +62,11 @@ fn turning<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let rough = surface(0.5, 0.0);
     let mut bar = dynamic([0.0; L], G::cuboid(v(1.0, 0.05, 0.05)), &rough);
     bar.velocity.angular[A - 1] = 1.0;
-    world.add(bar);
-    let other = world.add(dynamic(v(0.0, 0.9, 0.0), G::cuboid([0.1; L]), &rough));
+    world.add(bar).unwrap();
+    let other = world.add(dynamic(v(0.0, 0.9, 0.0), G::cuboid([0.1; L]), &rough)).unwrap();
     let mut touched = None;
     for step in 0..120 {
-        if world.step(DT).contacts > 0 {
+        if world.step(DT).unwrap().contacts > 0 {
             touched.get_or_insert(step);
         }
     }
@@ -96,9 +96,9 @@ fn carried<G: Rigid<L, A>, const L: usize, const A: usize>() {
         let mut carried = dynamic(place, G::cuboid([0.1; L]), &rough);
         carried.velocity.linear = arm.velocity.at(Vector(place)) * along;
         carried.velocity.angular = arm.velocity.angular * along;
-        world.add(arm);
-        world.add(carried);
-        assert_eq!(world.step(DT).contacts > 0, near, "{L}D, {along}");
+        world.add(arm).unwrap();
+        world.add(carried).unwrap();
+        assert_eq!(world.step(DT).unwrap().contacts > 0, near, "{L}D, {along}");
     }
 }
 
@@ -119,10 +119,10 @@ fn swung<G: Rigid<L, A>, const L: usize, const A: usize>() {
             let shape = G::cuboid(v(2.0, 0.05, 0.05));
             let mut bat = body(Motion::Kinematic, [0.0; L], shape, &smooth);
             bat.velocity.angular[A - 1] = 15.0;
-            world.add(bat);
-            let ball = world.add(dynamic(v(1.8, height, 0.0), G::ball(0.05), &smooth));
+            world.add(bat).unwrap();
+            let ball = world.add(dynamic(v(1.8, height, 0.0), G::ball(0.05), &smooth)).unwrap();
             for _ in 0..3 {
-                world.step(DT);
+                world.step(DT).unwrap();
             }
             let up = velocity(&world, ball).linear[1];
             assert!(up > 15.0, "{L}D, {height} m: {up} m/s");

@@ -34,7 +34,7 @@ fn after_steps<G: Geometry<L, A>, const L: usize, const A: usize>(
 ) -> u64 {
     world.set_threads(threads);
     for _ in 0..100 {
-        world.step(DT);
+        world.step(DT).unwrap();
     }
     hash(&world)
 }
@@ -47,7 +47,7 @@ fn pyramid(rows: usize) -> World2 {
     for row in 0..rows {
         for column in 0..rows - row {
             let position = [column as f32 * 1.1 + row as f32 * 0.55, 0.55 + row as f32 * 1.05];
-            world.add(dynamic(position, Rigid2::cuboid([0.5; 2]), &material));
+            world.add(dynamic(position, Rigid2::cuboid([0.5; 2]), &material)).unwrap();
         }
     }
     world
@@ -79,7 +79,7 @@ fn mixed_pile(side: usize, layers: usize) -> World3 {
         };
         let mut thrown = dynamic(position, shape, &material);
         thrown.pose = Rigid3::pose(Vector(position), &random.quaternion());
-        world.add(thrown);
+        world.add(thrown).unwrap();
     }
     world
 }
@@ -93,7 +93,7 @@ fn particles(side: usize) -> ParticleWorld3 {
         let cell = |axis: u32| (index / side.pow(axis) % side) as f32;
         let offset: [f32; 3] = random.vector(0.04);
         let position = [cell(0) + offset[0], cell(1) + 0.6 + offset[1], cell(2) + offset[2]];
-        world.add(dynamic(position, Spheres::ball(0.45), &material));
+        world.add(dynamic(position, Spheres::ball(0.45), &material)).unwrap();
     }
     world
 }
@@ -112,11 +112,18 @@ fn bits_do_not_depend_on_the_threads() {
     // Enough pairs for several threads to share.
     let (mut flat, mut pile, mut balls) = (pyramid(24), mixed_pile(7, 6), particles(8));
     for _ in 0..50 {
-        flat.step(DT);
-        pile.step(DT);
-        balls.step(DT);
+        flat.step(DT).unwrap();
+        pile.step(DT).unwrap();
+        balls.step(DT).unwrap();
     }
-    assert!(flat.step(DT).pairs.min(pile.step(DT).pairs).min(balls.step(DT).pairs) > 256);
+    assert!(
+        flat.step(DT)
+            .unwrap()
+            .pairs
+            .min(pile.step(DT).unwrap().pairs)
+            .min(balls.step(DT).unwrap().pairs)
+            > 256
+    );
     let one = [
         after_steps(pyramid(24), 1),
         after_steps(mixed_pile(7, 6), 1),
@@ -142,7 +149,7 @@ fn certified_steps_do_not_depend_on_the_threads() {
         world.set_threads(threads);
         let proven: Vec<_> = (0..60)
             .map(|_| {
-                let report = world.step(DT);
+                let report = world.step(DT).unwrap();
                 let certified = report.certified.expect("a tolerance");
                 (report.sweeps, certified.error.to_bits(), certified.residuals.map(f64::to_bits))
             })
@@ -181,14 +188,14 @@ fn towers() -> World3 {
         for ahead in [3, 10, 17].into_iter().filter(|_| tower % 24 == 0) {
             let ((x, z), slab) = (place(tower + ahead), Rigid3::cuboid([0.6, 0.2, 0.6]));
             let belt = body(Motion::Kinematic, [x, 0.0, z], slab, &material);
-            world.add(moving(belt, [0.1, 0.05, 0.3]));
+            world.add(moving(belt, [0.1, 0.05, 0.3])).unwrap();
         }
         let ((x, z), on_belt) = (place(tower), [3, 10, 17].contains(&(tower % 24)));
         let base = if on_belt { 0.2 } else { 0.0 };
         for level in 0..5 {
             let lean = if tower % 31 == 5 { 0.2 * level as f32 } else { 0.0 };
             let position = [x + lean, base + 0.26 + 0.505 * level as f32, z];
-            world.add(dynamic(position, Rigid3::cuboid([0.25; 3]), &material));
+            world.add(dynamic(position, Rigid3::cuboid([0.25; 3]), &material)).unwrap();
         }
     }
     world

@@ -22,7 +22,7 @@ fn cradle<G: Round<L, A>, const L: usize, const A: usize>(
         // Powers of two, so that the balls touch to the last bit.
         let (x, radius) = ((i as f32 - ahead) / 8.0, 1.0 / 16.0);
         let ball = dynamic(v(x, 0.0, 0.0), G::ball(radius), &hard);
-        world.add(moving(ball, v(speed, 0.0, 0.0)))
+        world.add(moving(ball, v(speed, 0.0, 0.0))).unwrap()
     });
     run(&mut world, 1.0);
     balls.map(|ball| velocity(&world, ball).linear[0])
@@ -62,13 +62,13 @@ fn break_shot<G: Round<L, A>, const L: usize, const A: usize>() -> [f64; 2] {
     let mut world = weightless::<G, L, A>();
     world.settings.restitution_threshold = 1e-5;
     let cue = dynamic(v(-1.5, 0.0, 0.0), G::ball(0.5), &hard);
-    world.add(moving(cue, v(8.0, 0.0, 0.0)));
+    world.add(moving(cue, v(8.0, 0.0, 0.0))).unwrap();
     let mut rack = Vec::new();
     for column in 0..5 {
         for place in 0..=column {
             let along = 0.75f32.sqrt() * column as f32;
             let aside = place as f32 - 0.5 * column as f32;
-            let ball = world.add(dynamic(v(along, aside, 0.0), G::ball(0.5), &hard));
+            let ball = world.add(dynamic(v(along, aside, 0.0), G::ball(0.5), &hard)).unwrap();
             rack.push((column, place, ball));
         }
     }
@@ -130,7 +130,7 @@ fn audit<G: Geometry<L, A>, const L: usize, const A: usize>(
     let mut start = world.measure();
     let (mut lowest, mut highest) = (start.potential_energy, energy(&world));
     for _ in 0..(seconds / DT).round() as usize {
-        let ledger = world.step(DT).energy.expect("a ledger was asked for");
+        let ledger = world.step(DT).unwrap().energy.expect("a ledger was asked for");
         let end = world.measure();
         let kinetic = end.kinetic_energy - start.kinetic_energy - ledger.kinetic;
         let potential = end.potential_energy - start.potential_energy - ledger.potential;
@@ -175,7 +175,7 @@ fn bounce<G: Round<L, A>, const L: usize, const A: usize>() {
     let mut world = world::<G, L, A>();
     add_floor(&mut world, &material);
     let ball = dynamic(v(0.0, 2.0, 0.0), G::ball(0.1), &material);
-    world.add(moving(ball, v(1.0, 0.0, 0.0)));
+    world.add(moving(ball, v(1.0, 0.0, 0.0))).unwrap();
     let (what, audit) = (format!("({L},{A}): bounce"), audit(world, 4.0));
     audit.balanced(&what);
     audit.creates_below(1e-5 * audit.turnover, &what);
@@ -202,10 +202,10 @@ fn on_slope<G: Rigid<L, A>, const L: usize, const A: usize>(degrees: f32) -> Wor
     let rough = surface(0.5, 0.0);
     let mut world = world::<G, L, A>();
     let slope = G::halfspace(v(-sin, cos, 0.0));
-    world.add(body(Motion::Static, [0.0; L], slope, &rough));
+    world.add(body(Motion::Static, [0.0; L], slope, &rough)).unwrap();
     let mut block = dynamic([0.0; L], G::cuboid(v(0.5, 0.1, 0.5)), &rough);
     block.pose = G::turned(v(-0.1 * sin, 0.1 * cos, 0.0), degrees.to_radians());
-    world.add(block);
+    world.add(block).unwrap();
     world
 }
 
@@ -249,7 +249,7 @@ fn thrown<G: Rigid<L, A>, const L: usize, const A: usize>() -> World<G, L, A> {
         let shape = if i % 2 == 0 { G::ball(0.25) } else { G::cuboid(v(0.3, 0.2, 0.1)) };
         let mut body = moving(dynamic(at, shape, &material), random.vector(2.0));
         body.velocity.angular = Vector(random.vector(5.0));
-        world.add(body);
+        world.add(body).unwrap();
     }
     world
 }
@@ -286,7 +286,7 @@ fn stack<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let mut world = world::<G, L, A>();
     add_floor(&mut world, &rough);
     for i in 0..8 {
-        world.add(dynamic(v(0.0, i as f32 + 0.5, 0.0), G::cuboid([0.5; L]), &rough));
+        world.add(dynamic(v(0.0, i as f32 + 0.5, 0.0), G::cuboid([0.5; L]), &rough)).unwrap();
     }
     let (what, audit) = (format!("{L}D: stack"), audit(world, 3.0));
     audit.balanced(&what);
@@ -306,8 +306,8 @@ fn belt<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let mut world = world::<G, L, A>();
     let slab = G::cuboid(v(20.0, 0.5, 5.0));
     let belt = body(Motion::Kinematic, v(0.0, -0.5, 0.0), slab, &rough);
-    world.add(moving(belt, v(2.0, 0.0, 0.0)));
-    world.add(dynamic(v(0.0, 0.2, 0.0), G::cuboid([0.2; L]), &rough));
+    world.add(moving(belt, v(2.0, 0.0, 0.0))).unwrap();
+    world.add(dynamic(v(0.0, 0.2, 0.0), G::cuboid([0.2; L]), &rough)).unwrap();
     let (what, audit) = (format!("{L}D: belt"), audit(world, 2.0));
     audit.balanced(&what);
     audit.creates_below(1e-4 * audit.turnover, &what);
@@ -327,15 +327,17 @@ fn a_belt_brings_energy() {
 fn pushed<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let mut world = weightless::<G, L, A>();
     let block = dynamic([0.0; L], G::cuboid([0.5; L]), &surface(0.5, 0.0));
-    let block = world.add(moving(block, v(1.0, 0.0, 0.0)));
+    let block = world.add(moving(block, v(1.0, 0.0, 0.0))).unwrap();
     world.settings.ledger = true;
     let mut total = Ledger::default();
     for _ in 0..60 {
-        world.add_force(
-            block,
-            Velocity { linear: Vector(v(5e3, 0.0, 0.0)), angular: Vector([2e3; A]) },
-        );
-        total.join(&world.step(DT).energy.expect("a ledger was asked for"));
+        world
+            .add_force(
+                block,
+                Velocity { linear: Vector(v(5e3, 0.0, 0.0)), angular: Vector([2e3; A]) },
+            )
+            .unwrap();
+        total.join(&world.step(DT).unwrap().energy.expect("a ledger was asked for"));
     }
     assert!(total.kinetic > 1e4, "{L}D: {total:#?}");
     assert!((total.forces / total.kinetic - 1.0).abs() < 1e-4, "{L}D: {total:#?}");
@@ -355,7 +357,7 @@ fn what_repair_lifts_is_in_the_books() {
     let rough = surface(0.5, 0.0);
     let mut world = world::<Rigid3, 3, 3>();
     add_floor(&mut world, &rough);
-    world.add(dynamic([0.0, 0.45, 0.0], Rigid3::cuboid([0.5; 3]), &rough));
+    world.add(dynamic([0.0, 0.45, 0.0], Rigid3::cuboid([0.5; 3]), &rough)).unwrap();
     let audit = audit(world, 1.0);
     let total = &audit.total;
     println!("{audit:#?}");
@@ -375,7 +377,7 @@ fn precession_is_integration() {
         let mut racket = dynamic(place, Rigid3::cuboid([0.5, 0.3, 0.1]), &surface(0.5, 0.0));
         let mut spin = || random.between(-8.0f32, 8.0);
         racket.velocity.angular = Vector([spin(), spin(), spin()]);
-        world.add(racket);
+        world.add(racket).unwrap();
     }
     let audit = audit(world, 3.0);
     let total = &audit.total;

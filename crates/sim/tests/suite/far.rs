@@ -19,7 +19,7 @@ fn falling(
     world.settings = settings.clone();
     let mut ground = body(Motion::Static, [0.0; 3], floor, &material);
     ground.pose = Rigid3::turned([0.0, -0.5, 0.0], tilt);
-    world.add(ground);
+    world.add(ground).unwrap();
     let mut random = Random(11);
     let mut ids = Vec::new();
     for i in 0..12 {
@@ -32,13 +32,13 @@ fn falling(
         let place = [0.13 * (i % 4) as f32, 0.3 + 0.2 * (i / 4) as f32, 0.05 * i as f32];
         let mut own = dynamic(place, shape, &material);
         own.velocity.angular = Vector(random.vector(5.0));
-        ids.push(world.add(own));
+        ids.push(world.add(own).unwrap());
     }
     for &Far { place, velocity } in far {
-        world.add(moving(dynamic(place, Rigid3::ball(0.1), &material), velocity));
+        world.add(moving(dynamic(place, Rigid3::ball(0.1), &material), velocity)).unwrap();
     }
     for _ in 0..50 {
-        world.step(DT);
+        world.step(DT).unwrap();
     }
     let bits = |id| {
         let velocity = world.velocity(id).unwrap();

@@ -80,28 +80,28 @@ fn ride<G: Rigid<L, A>, const L: usize, const A: usize>(
     if floor == Floor::Parts {
         let mut whole: Body<G, L, A> = Body::new(supports, [0.0; L], shape_of());
         whole.colliders = parts;
-        world.add(whole);
+        world.add(whole).unwrap();
     } else {
         for at in -2..3 {
-            world.add(body(supports, place(at), shape_of(), &material));
+            world.add(body(supports, place(at), shape_of(), &material)).unwrap();
         }
     }
     if supports == Motion::Dynamic {
         let below = G::halfspace(v(0.0, 1.0, 0.0));
         let place = v(0.0, -2.0 * size, 0.0);
-        world.add(body(Motion::Static, place, below, &surface(1.0, 0.0)));
+        world.add(body(Motion::Static, place, below, &surface(1.0, 0.0))).unwrap();
     }
     let start = -1.6 * slab;
     let mut slider = moving(dynamic(v(start, size, 0.0), shape, &material), v(speed, 0.0, 0.0));
     if rolls {
         slider.velocity.angular[A - 1] = -speed / size;
     }
-    let slider = world.add(slider);
+    let slider = world.add(slider).unwrap();
     let (mut slowest, mut highest) = (speed, 0.0f32);
     let dt = 1.0 / rate;
     let steps = ((3.4 * slab / speed * rate) as usize).min(400);
     for _ in 0..steps {
-        world.step(dt);
+        world.step(dt).unwrap();
         slowest = slowest.min(velocity(&world, slider).linear[0]);
         highest = highest.max(G::frame(&world.pose(slider).unwrap()).position[1] - size);
     }
@@ -224,7 +224,9 @@ fn a_chain_of_polygons_does_not_catch() {
                 for _ in 0..8 {
                     let end = [at[0] + slope.cos(), at[1] + slope.sin()];
                     let points = [at, end, [end[0], -2.0], [at[0], -2.0]];
-                    world.add(body(Motion::Static, [0.0; 2], Rigid2::hull(&points), &smooth));
+                    world
+                        .add(body(Motion::Static, [0.0; 2], Rigid2::hull(&points), &smooth))
+                        .unwrap();
                     (at, slope) = (end, slope + angle);
                 }
                 let (size, speed) = (0.1, 3.0);
@@ -234,10 +236,10 @@ fn a_chain_of_polygons_does_not_catch() {
                 slider.pose = Rigid2::turned(start, -2.0 * angle);
                 let slope = -2.0 * angle;
                 slider.velocity.linear = Vector([speed * slope.cos(), speed * slope.sin()]);
-                let slider = world.add(slider);
+                let slider = world.add(slider).unwrap();
                 let start = energy(&world);
                 for _ in 0..100 {
-                    world.step(DT);
+                    world.step(DT).unwrap();
                 }
                 let weight = f64::from(0.5 * speed * speed) * 1000.0 * f64::from(size * size);
                 let lost = (start - energy(&world))
@@ -261,12 +263,12 @@ fn what_lands_at_a_seam_keeps_its_way() {
                 let smooth = surface(0.0, restitution);
                 for at in [-1.0, 1.0] {
                     let slab = Rigid3::cuboid([1.0, 0.25, 1.0]);
-                    world.add(body(Motion::Static, [at, -0.25, 0.0], slab, &smooth));
+                    world.add(body(Motion::Static, [at, -0.25, 0.0], slab, &smooth)).unwrap();
                 }
                 let shape = if ball { Rigid3::ball(0.2) } else { Rigid3::cuboid([0.2; 3]) };
                 let start = [-0.35 + 0.03 * tenth as f32 - 0.4, 0.35, 0.0];
                 let falling = moving(dynamic(start, shape, &smooth), [4.0, -2.0, 0.0]);
-                let slider = world.add(falling);
+                let slider = world.add(falling).unwrap();
                 run(&mut world, 0.3);
                 let speed = velocity(&world, slider).linear[0];
                 assert!((speed - 4.0).abs() < 0.04, "{restitution}, {tenth}, {ball}: {speed} m/s");

@@ -43,7 +43,7 @@ impl Run {
         };
         simulation.write_poses(&mut recording.poses);
         for step in 0..seconds * RATE {
-            simulation.step(recording.frame_time);
+            simulation.step(recording.frame_time).unwrap();
             simulation.write_poses(&mut recording.poses);
             assert!(simulation.measure().finite, "{file}: not finite after {step} steps");
         }

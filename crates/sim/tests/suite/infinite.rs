@@ -32,11 +32,11 @@ fn turned(
         moments: moments(|moment| if moment.is_finite() { moment } else { 0.0 }),
         inverse_moments: moments(|moment| 1.0 / moment),
     });
-    let plate = world.add(plate);
+    let plate = world.add(plate).unwrap();
     let ball = weighing(dynamic([0.3, 1.7, 0.0], Rigid3::ball(0.1), &surface(0.5, 0.0)), 1.0);
-    world.add(moving(ball, [0.0, if gravity { 0.0 } else { -1.5 }, 0.0]));
+    world.add(moving(ball, [0.0, if gravity { 0.0 } else { -1.5 }, 0.0])).unwrap();
     for _ in 0..40 {
-        let report = world.step(DT);
+        let report = world.step(DT).unwrap();
         let measure = world.measure();
         assert!(measure.finite && measure.kinetic_energy.is_finite(), "{mass} kg");
         if let Some(certified) = report.certified {
@@ -86,12 +86,12 @@ fn islands_without_mass_are_finite() {
                 moments: SymmetricMatrix::diagonal(moments),
                 inverse_moments: SymmetricMatrix::diagonal(moments),
             });
-            world.add(wheel);
+            world.add(wheel).unwrap();
             let box_on_it = Rigid3::cuboid([0.1; 3]);
-            world.add(dynamic([3.0 * i as f32, 0.6, 0.0], box_on_it, &surface(0.5, 0.2)));
+            world.add(dynamic([3.0 * i as f32, 0.6, 0.0], box_on_it, &surface(0.5, 0.2))).unwrap();
         }
         for step in 0..60 {
-            let report = world.step(DT);
+            let report = world.step(DT).unwrap();
             assert!(world.measure().finite, "step {step}");
             let error = report.certified.map_or(0.0, |certified| certified.error);
             assert!(error.is_finite(), "step {step}: {error}");
@@ -133,7 +133,7 @@ fn public_samples_bake_at_default_settings() {
         let Ok(mut simulation) = build(&scene.scene, StepSettings::certified()) else { continue };
         ran += 1;
         for step in 0..40 {
-            simulation.step(f64::from(DT));
+            simulation.step(f64::from(DT)).unwrap();
             let measure = simulation.measure();
             let finite = measure.finite && measure.kinetic_energy.is_finite();
             assert!(finite, "{}: step {step}", file.display());
@@ -149,7 +149,9 @@ fn moves_on<G: Rigid<L, A>, const L: usize, const A: usize>(shape: G::Shape, inv
     for settings in [StepSettings::certified(), StepSettings::quality(), StepSettings::realtime()] {
         let mut world = World::<G, L, A>::new(settings);
         let rough = surface(0.5, 0.3);
-        world.add(body(Motion::Static, v(0.0, -2.16, 0.0), G::cuboid(v(3.2, 1.6, 3.2)), &rough));
+        world
+            .add(body(Motion::Static, v(0.0, -2.16, 0.0), G::cuboid(v(3.2, 1.6, 3.2)), &rough))
+            .unwrap();
         let start = dynamic(v(0.013, 0.0, 0.007), shape.clone(), &rough);
         let mut heavy = moving(start, v(-3.776, -1.3, 0.4));
         heavy.velocity.angular[0] = -0.0085;
@@ -159,9 +161,9 @@ fn moves_on<G: Rigid<L, A>, const L: usize, const A: usize>(shape: G::Shape, inv
             moments: SymmetricMatrix::diagonal(Vector([1.0 / inverse_moment; A])),
             inverse_moments: SymmetricMatrix::diagonal(Vector([inverse_moment; A])),
         });
-        world.add(heavy);
+        world.add(heavy).unwrap();
         for step in 0..24 {
-            world.step(1.0 / 24.0);
+            world.step(1.0 / 24.0).unwrap();
             assert!(world.measure().finite, "{L}D, step {step}");
         }
     }

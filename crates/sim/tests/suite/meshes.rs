@@ -165,7 +165,7 @@ fn shapes_stay_on_meshes() {
             let (size, speed) = (0.06, [0.0, 5.0, 20.0, 2.0][(number + pace) % 4]);
             let winding = WINDINGS[(number + pace) % 3];
             let rough = surface(0.5, 0.0);
-            world.add(body(Motion::Static, [0.0; 3], ground.shape(winding), &rough));
+            world.add(body(Motion::Static, [0.0; 3], ground.shape(winding), &rough)).unwrap();
             let mut bodies = Vec::new();
             for kind in 0..KINDS {
                 let (x, z) = (-0.6 + 0.4 * (kind % 4) as f32, -0.5 + 0.5 * (kind / 4) as f32);
@@ -179,10 +179,10 @@ fn shapes_stay_on_meshes() {
                 let turn = random.vector(3.0);
                 fallen.pose = Rigid3::advance(&fallen.pose, Vector::ZERO, Vector(turn));
                 fallen.velocity.linear = Vector([0.0, -speed, 0.0]);
-                bodies.push((kind, world.add(fallen), corners, radius));
+                bodies.push((kind, world.add(fallen).unwrap(), corners, radius));
             }
             for _ in 0..(0.6 / dt) as usize {
-                world.step(dt);
+                world.step(dt).unwrap();
             }
             for (kind, id, corners, radius) in bodies {
                 let what = format!("shape {kind}, ground {number}, {speed} m/s, {name}");
@@ -205,16 +205,18 @@ fn cones_stand_on_meshes() {
             let ground = Ground { n, height: FLAT };
             let mut world = with(&settings);
             let rough = surface(0.5, 0.0);
-            world.add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Turned), &rough));
+            world
+                .add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Turned), &rough))
+                .unwrap();
             let cone: Vec<_> = cone(sides).iter().map(|p| p.map(|x| x * 0.1)).collect();
             let prism: Vec<_> = prism(sides).iter().map(|p| p.map(|x| x * 0.1)).collect();
             let shapes =
                 [Rigid3::hull(&cone), Rigid3::hull(&prism), Rigid3::cuboid([0.1, 0.1, 0.1])];
             let places = [-0.43, 0.03, 0.47];
-            let mut add = |(shape, x)| world.add(dynamic([x, 0.1, 0.04], shape, &rough));
+            let mut add = |(shape, x)| world.add(dynamic([x, 0.1, 0.04], shape, &rough)).unwrap();
             let ids: Vec<_> = shapes.into_iter().zip(places).map(&mut add).collect();
             for _ in 0..(1.5 / dt) as usize {
-                world.step(dt);
+                world.step(dt).unwrap();
             }
             let sunk: Vec<f32> = ids.iter().map(|&id| 0.1 - place(&world, id)[1]).collect();
             for (id, x) in ids.into_iter().zip(places) {
@@ -252,14 +254,16 @@ fn troughs_do_not_push_along() {
             for (shape, friction) in &shapes {
                 let mut world = with(&settings);
                 let material = surface(*friction, 0.0);
-                world.add(body(Motion::Static, [0.0; 3], trough(strips, winding), &material));
+                world
+                    .add(body(Motion::Static, [0.0; 3], trough(strips, winding), &material))
+                    .unwrap();
                 let mut ball = dynamic([-0.6, 0.5, 0.137], shape.clone(), &material);
                 let along = Vector([0.5 * PI, 0.0, 0.0]);
                 ball.pose = Rigid3::advance(&ball.pose, Vector::ZERO, along);
-                let ball = world.add(ball);
+                let ball = world.add(ball).unwrap();
                 let mut drift = 0.0f32;
                 for _ in 0..600 {
-                    world.step(DT);
+                    world.step(DT).unwrap();
                     drift = drift.max((place(&world, ball)[2] - 0.137).abs());
                 }
                 let what = format!("{strips} strips, friction {friction}");
@@ -291,10 +295,10 @@ fn a_cup_has_two_sides() {
             let rough = surface(0.4, 0.0);
             add_floor(&mut world, &rough);
             let cup = mesh(&vertices, &wound(&triangles, winding));
-            world.add(body(Motion::Static, [0.0, 0.05, 0.0], cup, &rough));
+            world.add(body(Motion::Static, [0.0, 0.05, 0.0], cup, &rough)).unwrap();
             let mut ball = |x: f32, y: f32, z: f32, speed: f32| {
                 let ball = dynamic([x, y, z], Rigid3::ball(0.02), &rough);
-                world.add(moving(ball, [speed, 0.0, 0.0]))
+                world.add(moving(ball, [speed, 0.0, 0.0])).unwrap()
             };
             let inside: Vec<_> = (0..6)
                 .map(|i| ball(0.02 - 0.01 * (i % 3) as f32, 0.12 + 0.045 * i as f32, 0.01, 0.0))
@@ -359,8 +363,8 @@ fn closed_meshes_push_out() {
             for (shape, start) in shapes.iter().flat_map(|shape| [(shape, 0.22), (shape, 0.4)]) {
                 let mut world = with(&settings);
                 let rough = surface(0.5, 0.0);
-                world.add(body(Motion::Static, [0.0; 3], block(n, winding), &rough));
-                let id = world.add(dynamic([0.1, start, 0.1], shape.clone(), &rough));
+                world.add(body(Motion::Static, [0.0; 3], block(n, winding), &rough)).unwrap();
+                let id = world.add(dynamic([0.1, start, 0.1], shape.clone(), &rough)).unwrap();
                 run(&mut world, 1.0);
                 let height = place(&world, id)[1];
                 let room = winding == Winding::Turned && start < 0.25;
@@ -383,12 +387,14 @@ fn inner_edges_do_not_slow() {
         for (shape, speed) in shapes.iter().flat_map(|shape| [0.1, 2.0, 16.0].map(|v| (shape, v))) {
             let ground = Ground { n: 40, height: FLAT };
             let mut world = with(&settings);
-            world.add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Mixed), &smooth));
+            world
+                .add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Mixed), &smooth))
+                .unwrap();
             let slider = dynamic([-0.8, 0.1, -0.31], shape.clone(), &smooth);
-            let slider = world.add(moving(slider, [speed, 0.0, 0.37 * speed]));
+            let slider = world.add(moving(slider, [speed, 0.0, 0.37 * speed])).unwrap();
             let mut rise = 0.0f32;
             for _ in 0..((1.4 / speed / DT) as usize).clamp(3, 60) {
-                world.step(DT);
+                world.step(DT).unwrap();
                 rise = rise.max(place(&world, slider)[1] - 0.1);
             }
             let Velocity { linear, .. } = velocity(&world, slider);
@@ -409,7 +415,9 @@ fn small_marbles_do_not_pass() {
         for (name, settings, dt) in paces() {
             let mut world = with(&settings);
             let rough = surface(0.4, 0.0);
-            world.add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Given), &rough));
+            world
+                .add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Given), &rough))
+                .unwrap();
             let ids: Vec<_> = (0..9)
                 .map(|i| {
                     let radius = [0.001, 0.003, 0.01][i % 3];
@@ -417,11 +425,11 @@ fn small_marbles_do_not_pass() {
                     let place = [x, 0.1 + random.between(0.0, 0.3), -0.2 + 0.2 * (i / 3) as f32];
                     let marble = dynamic(place, Rigid3::ball(radius), &rough);
                     let aside: [f32; 3] = random.vector(6.0);
-                    world.add(moving(marble, [aside[0], -20.0, aside[2]]))
+                    world.add(moving(marble, [aside[0], -20.0, aside[2]])).unwrap()
                 })
                 .collect();
             for _ in 0..(0.3 / dt) as usize {
-                world.step(dt);
+                world.step(dt).unwrap();
             }
             for id in ids {
                 let place = place(&world, id);
@@ -441,8 +449,10 @@ fn a_box_on_waves_does_not_creep() {
         let ground = Ground { n: 20, height: WAVY };
         let mut world = with(&StepSettings::certified());
         let rough = surface(0.8, 0.0);
-        world.add(body(Motion::Static, [0.0; 3], ground.shape(winding), &rough));
-        let id = world.add(dynamic([0.1, 0.16, 0.05], Rigid3::cuboid([0.25, 0.06, 0.2]), &rough));
+        world.add(body(Motion::Static, [0.0; 3], ground.shape(winding), &rough)).unwrap();
+        let id = world
+            .add(dynamic([0.1, 0.16, 0.05], Rigid3::cuboid([0.25, 0.06, 0.2]), &rough))
+            .unwrap();
         run(&mut world, 3.0);
         let start = place(&world, id);
         run(&mut world, 3.0);
@@ -464,12 +474,14 @@ fn slender_things_do_not_pass_thin_floors() {
     for shape in shapes {
         let mut world = with(&StepSettings::realtime());
         let rough = surface(0.5, 0.0);
-        world.add(body(
-            Motion::Static,
-            [0.0, -0.01, 0.0],
-            Rigid3::cuboid([30.0, 0.01, 30.0]),
-            &rough,
-        ));
+        world
+            .add(body(
+                Motion::Static,
+                [0.0, -0.01, 0.0],
+                Rigid3::cuboid([30.0, 0.01, 30.0]),
+                &rough,
+            ))
+            .unwrap();
         let mut things = Vec::new();
         for i in 0..60 {
             let (x, z) = (0.72 * (i % 8) as f32, 0.72 * (i / 8) as f32);
@@ -477,11 +489,11 @@ fn slender_things_do_not_pass_thin_floors() {
             let mut thrown = dynamic(at, shape.clone(), &rough);
             thrown.pose = Rigid3::advance(&thrown.pose, Vector::ZERO, Vector(random.vector(3.0)));
             thrown.velocity.linear = Vector([0.0, -20.0, 0.0]);
-            things.push(world.add(thrown));
+            things.push(world.add(thrown).unwrap());
         }
         for _ in 0..60 {
             let before = energy(&world);
-            world.step(1.0 / 60.0);
+            world.step(1.0 / 60.0).unwrap();
             let after = energy(&world);
             assert!(
                 after < before * (1.0 + 1e-3 * before.signum()) + 1e-3,

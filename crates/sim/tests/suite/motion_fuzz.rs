@@ -107,7 +107,7 @@ fn run<G: Forms<L, A>, const L: usize, const A: usize>(
     let has_infinite = trial.driven;
     for step in 0..trial.steps {
         *now = step;
-        running.world.step(dt);
+        running.world.step(dt).unwrap();
         if !running.finite() {
             return Some(Fault { kind: "not finite", excess: f64::INFINITY, step });
         }

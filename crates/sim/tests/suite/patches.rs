@@ -36,7 +36,7 @@ fn add_ground(world: &mut World3, kind: usize, size: f32) {
         2 => (Rigid3::hull(&hull), 0.0),
         _ => (grid(3, 2.0 * size), 0.0),
     };
-    world.add(body::<Rigid3, 3, 3>(Motion::Static, [0.0, height, 0.0], shape, &material));
+    world.add(body::<Rigid3, 3, 3>(Motion::Static, [0.0, height, 0.0], shape, &material)).unwrap();
 }
 
 fn moved(world: &World3, id: BodyId, from: [f32; 3]) -> f32 {
@@ -52,7 +52,7 @@ fn with_rates() -> [(StepSettings, f32); 4] {
 
 fn run_at(world: &mut World3, seconds: f32, rate: f32) {
     for _ in 0..(seconds * rate) as usize {
-        world.step(1.0 / rate);
+        world.step(1.0 / rate).unwrap();
     }
 }
 
@@ -92,7 +92,7 @@ fn slender_patches_stand() {
                 let mut world = with_gravity(StepSettings::quality());
                 add_ground(&mut world, kind, 2.0 * size);
                 let start = [0.0, half[1], 0.0];
-                let id = world.add(solid(start, Rigid3::cuboid(half)));
+                let id = world.add(solid(start, Rigid3::cuboid(half))).unwrap();
                 run(&mut world, 1.0);
                 let what = format!("{half:?} on floor {kind}");
                 let leans = 1.0 - upright(&world, id);
@@ -121,7 +121,7 @@ fn cylinders_rest() {
                         if lying {
                             can.pose = Rigid3::pose(Vector(start), &LYING);
                         }
-                        let id = world.add(can);
+                        let id = world.add(can).unwrap();
                         run(&mut world, 1.0);
                         let what = format!("{radius} by {half} on floor {kind}, lying: {lying}");
                         assert_below(&what, moved(&world, id, start), 1e-3 * size.max(0.2));
@@ -141,12 +141,12 @@ fn needles_lie_on_meshes() {
             let mut world = with_gravity(settings.clone());
             let mesh = grid(cells, 0.03);
             let material = surface(0.5, 0.0);
-            world.add(body::<Rigid3, 3, 3>(Motion::Static, [0.0; 3], mesh, &material));
+            world.add(body::<Rigid3, 3, 3>(Motion::Static, [0.0; 3], mesh, &material)).unwrap();
             let (radius, half) = (5e-5, 1.5e-3);
             let start = [0.4 * radius, radius, 0.3 * radius];
             let mut needle = solid(start, SharedShape::cylinder(half, radius));
             needle.pose = Rigid3::pose(Vector(start), &LYING);
-            let id = world.add(needle);
+            let id = world.add(needle).unwrap();
             run_at(&mut world, 2.0, rate);
             let what = format!("a needle on {cells} cells at {rate} moved, of its length");
             assert_below(&what, moved(&world, id, start) / (2.0 * half), 5e-3);
@@ -167,7 +167,7 @@ fn coins_stay_stacked() {
                 .map(|i| {
                     let aside = if i % 2 == 0 { 0.0 } else { 0.1 * radius };
                     let start = [aside, half * (2 * i + 1) as f32, 0.0];
-                    (world.add(solid(start, SharedShape::cylinder(half, radius))), start)
+                    (world.add(solid(start, SharedShape::cylinder(half, radius))).unwrap(), start)
                 })
                 .collect();
             run_at(&mut world, 2.0, rate);
@@ -205,7 +205,8 @@ fn towers_of_compounds_stand() {
                     (Rigid3::cuboid(half.map(|x: f32| x * size)), pose)
                 });
                 let parts: Vec<_> = parts.collect();
-                let ids: Vec<_> = (0..6).map(|i| world.add(compound(place(i), &parts))).collect();
+                let ids: Vec<_> =
+                    (0..6).map(|i| world.add(compound(place(i), &parts)).unwrap()).collect();
                 let starts: Vec<_> = ids.iter().map(|&id| place_of(&world, id)).collect();
                 run_at(&mut world, 2.0, rate);
                 for (id, start) in ids.into_iter().zip(starts) {
@@ -228,7 +229,9 @@ fn a_heap_comes_to_rest() {
     for [x, z] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
         let half = [1.2 - 0.9 * f32::abs(x), 4.0, 1.2 - 0.9 * f32::abs(z)];
         let at = [1.2 * x, 4.0, 1.2 * z];
-        world.add(body::<Rigid3, 3, 3>(Motion::Static, at, Rigid3::cuboid(half), &material));
+        world
+            .add(body::<Rigid3, 3, 3>(Motion::Static, at, Rigid3::cuboid(half), &material))
+            .unwrap();
     }
     let mut random = Random(5);
     let boxes: Vec<_> = (0..150)
@@ -239,7 +242,7 @@ fn a_heap_comes_to_rest() {
             let mut own = solid(start, Rigid3::cuboid(half));
             let turn = Vector(random.vector(1.0));
             own.pose = Rigid3::advance(&own.pose, Vector::ZERO, turn);
-            world.add(own)
+            world.add(own).unwrap()
         })
         .collect();
     run_at(&mut world, 12.0, 60.0);
@@ -262,7 +265,7 @@ fn a_wheel_keeps_its_speed() {
         let mut wheel = moving(solid(start, SharedShape::cylinder(0.1, radius)), [2.0, 0.0, 0.0]);
         wheel.pose = Rigid3::pose(Vector(start), &LYING);
         wheel.velocity.angular = Vector([0.0, 0.0, -2.0 / radius]);
-        let id = world.add(wheel);
+        let id = world.add(wheel).unwrap();
         run(&mut world, 3.0);
         assert_within("speed of a wheel", velocity(&world, id).linear[0], 2.0, 0.01);
     }

@@ -31,7 +31,7 @@ fn ran<G: Forms<L, A>, const L: usize, const A: usize>(
 ) -> Running<G, L, A> {
     let mut running = Running::new(&trial.scene, settings).unwrap();
     for _ in 0..STEPS {
-        running.world.step(trial.scene.time_step as f32);
+        running.world.step(trial.scene.time_step as f32).unwrap();
     }
     running
 }

@@ -26,7 +26,7 @@ fn stack<G: Rigid<L, A>, const L: usize, const A: usize>(
 ) -> Vec<BodyId> {
     let boxes = (0..height).map(|level| {
         let center = v(x, 0.25 + 0.5 * level as f32, 0.0);
-        world.add(dynamic(center, G::cuboid(v(0.25, 0.25, 0.25)), &surface(0.6, 0.0)))
+        world.add(dynamic(center, G::cuboid(v(0.25, 0.25, 0.25)), &surface(0.6, 0.0))).unwrap()
     });
     boxes.collect()
 }
@@ -59,7 +59,7 @@ fn rests<G: Rigid<L, A>, const L: usize, const A: usize>() {
     run(&mut world, 1.6);
     assert!(all_sleep(&world, &boxes));
     let (before, depth) = (numbers(&world), world.measure().deepest_penetration);
-    let report = world.step(DT);
+    let report = world.step(DT).unwrap();
     assert_eq!((report.asleep, report.manifolds, report.contacts), (5, 0, 0));
     run(&mut world, 1.0);
     assert_eq!(numbers(&world), before);
@@ -85,7 +85,7 @@ fn a_blow_wakes_what_it_hits_and_no_other() {
         run(&mut world, 2.0);
         assert_eq!(all_sleep(&world, &hit), sleep > 0.0);
         let ball = dynamic([-2.0, 1.75, 0.0], Rigid3::ball(0.3), &surface(0.6, 0.0));
-        world.add(moving(ball, [12.0, 1.0, 0.0]));
+        world.add(moving(ball, [12.0, 1.0, 0.0])).unwrap();
         run(&mut world, 0.3);
         assert!(none_sleeps(&world, &hit));
         assert_eq!(all_sleep(&world, &apart), sleep > 0.0);
@@ -104,12 +104,14 @@ fn a_blow_wakes_what_it_hits_and_no_other() {
 fn whatever_moves_a_sleeper_wakes_it() {
     let asleep = || {
         let mut world: World3 = dozing();
-        let lift = world.add(body(
-            Motion::Kinematic,
-            [0.0, -0.25, 0.0],
-            Rigid3::cuboid([1.0, 0.25, 1.0]),
-            &surface(0.6, 0.0),
-        ));
+        let lift = world
+            .add(body(
+                Motion::Kinematic,
+                [0.0, -0.25, 0.0],
+                Rigid3::cuboid([1.0, 0.25, 1.0]),
+                &surface(0.6, 0.0),
+            ))
+            .unwrap();
         let boxes = stack(&mut world, 0.0, 3);
         run(&mut world, 2.0);
         assert!(all_sleep(&world, &boxes));
@@ -120,13 +122,13 @@ fn whatever_moves_a_sleeper_wakes_it() {
     let deeds: [(&str, Deed); 7] = [
         ("throw", |world, boxes, _, _| {
             let target = Rigid3::pose(Vector([0.01, 1.25, 0.0]), &[]);
-            world.move_to(boxes[2], &target, DT);
+            world.move_to(boxes[2], &target, DT).unwrap();
         }),
-        ("velocity", |world, boxes, _, push| world.set_velocity(boxes[2], push)),
-        ("force", |world, boxes, _, push| world.add_force(boxes[1], push * 10.0)),
+        ("velocity", |world, boxes, _, push| world.set_velocity(boxes[2], push).unwrap()),
+        ("force", |world, boxes, _, push| world.add_force(boxes[1], push * 10.0).unwrap()),
         ("lift", |world, _, lift, _| {
             let up = Velocity { linear: Vector([0.0, 0.5, 0.0]), angular: Vector::ZERO };
-            world.set_velocity(lift, up);
+            world.set_velocity(lift, up).unwrap();
         }),
         ("gravity", |world, _, _, _| world.gravity = Vector([0.0, 1.0, 0.0])),
         ("removal", |world, boxes, _, _| assert!(world.remove(boxes[0]))),
@@ -136,7 +138,7 @@ fn whatever_moves_a_sleeper_wakes_it() {
         let (mut world, boxes, lift) = asleep();
         deed(&mut world, &boxes, lift, push);
         let before = place(&world, boxes[2]);
-        world.step(DT);
+        world.step(DT).unwrap();
         assert!(none_sleeps(&world, &boxes), "{name}");
         run(&mut world, 0.2);
         let moved = (place(&world, boxes[2]) - before).length();
@@ -149,11 +151,12 @@ fn whatever_moves_a_sleeper_wakes_it() {
 fn what_is_carried_does_not_sleep() {
     let mut world: World3 = dozing();
     let belt = Rigid3::cuboid([20.0, 0.25, 1.0]);
-    let belt = world.add(body(Motion::Kinematic, [0.0, 0.25, 0.0], belt, &surface(0.9, 0.0)));
+    let belt =
+        world.add(body(Motion::Kinematic, [0.0, 0.25, 0.0], belt, &surface(0.9, 0.0))).unwrap();
     let slow = Velocity { linear: Vector([0.002, 0.0, 0.0]), angular: Vector::ZERO };
-    world.set_velocity(belt, slow);
+    world.set_velocity(belt, slow).unwrap();
     let load = Rigid3::cuboid([0.25, 0.25, 0.25]);
-    let load = world.add(dynamic([0.0, 0.75, 0.0], load, &surface(0.9, 0.0)));
+    let load = world.add(dynamic([0.0, 0.75, 0.0], load, &surface(0.9, 0.0))).unwrap();
     run(&mut world, 3.0);
     assert!(!world.is_sleeping(load));
     assert!(place(&world, load)[0] > 0.004);
@@ -171,10 +174,10 @@ fn sleep_changes_nothing_but_rest() {
             stack(&mut world, 3.0 + x as f32, 6);
         }
         let ball = dynamic([-100.0, 0.3, 0.0], Rigid3::ball(0.3), &surface(0.6, 0.0));
-        let rolling = world.add(moving(ball, [3.0, 0.0, 0.5]));
+        let rolling = world.add(moving(ball, [3.0, 0.0, 0.5])).unwrap();
         let mut path = Vec::new();
         for _ in 0..180 {
-            world.step(DT);
+            world.step(DT).unwrap();
             path.push(place(&world, rolling).0.map(f32::to_bits));
         }
         (path, numbers(&world))
@@ -191,12 +194,12 @@ fn a_heap_sleeps_as_a_whole() {
     let boxes: Vec<_> = (0..40)
         .map(|i| {
             let at = [0.1 * (i % 3) as f32, 0.5 + 0.6 * i as f32, 0.13 * (i % 4) as f32];
-            world.add(dynamic(at, Rigid3::cuboid([0.25, 0.2, 0.3]), &surface(0.6, 0.0)))
+            world.add(dynamic(at, Rigid3::cuboid([0.25, 0.2, 0.3]), &surface(0.6, 0.0))).unwrap()
         })
         .collect();
     let mut fastest = f32::INFINITY;
     for _ in 0..1200 {
-        world.step(DT);
+        world.step(DT).unwrap();
         let awake = boxes.iter().filter(|&&id| !world.is_sleeping(id));
         fastest = awake.map(|&id| world.velocity(id).unwrap().linear.length()).fold(0.0, f32::max);
     }

@@ -36,10 +36,10 @@ impl<G: Rigid<L, A>, const L: usize, const A: usize> Press<G, L, A> {
             lying.pose = G::turned(v(0.0, 0.04, 0.0), std::f32::consts::FRAC_PI_2);
         }
         lying.colliders[0].density = 7000.0 / ratio;
-        let light = world.add(lying);
+        let light = world.add(lying).unwrap();
         let mut ball = dynamic(v(aside, 0.2, 0.0), G::ball(0.09), &material);
         ball.colliders[0].density = 7000.0;
-        let heavy = world.add(moving(ball, v(0.0, -2.5, 0.0)));
+        let heavy = world.add(moving(ball, v(0.0, -2.5, 0.0))).unwrap();
         Self { world, light, heavy }
     }
 
@@ -49,7 +49,7 @@ impl<G: Rigid<L, A>, const L: usize, const A: usize> Press<G, L, A> {
         let (mut deepest, mut lowest, mut most) = (0.0f64, f64::INFINITY, 0.0f64);
         let start = energy(&self.world);
         for _ in 0..30 {
-            self.world.step(DT);
+            self.world.step(DT).unwrap();
             deepest = deepest.max(self.world.measure().deepest_penetration);
             lowest = lowest.min(f64::from(place(&self.world, self.light)[1]));
             most = most.max(energy(&self.world) / start);

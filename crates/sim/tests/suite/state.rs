@@ -2,18 +2,18 @@
 
 use drystone::geometry::{Geometry, Rigid3};
 use drystone::scene::Motion;
-use drystone::{Body, BodyId, StepSettings, Vector, Velocity, World3};
+use drystone::{Body, BodyId, InputError, StepSettings, Vector, Velocity, World3};
 
 use super::common::{Random, Rigid, Round};
 
 const DT: f32 = 1.0 / 60.0;
 
 fn floor(world: &mut World3) -> BodyId {
-    world.add(Body::new(Motion::Static, [0.0, -0.5, 0.0], Rigid3::cuboid([9.0, 0.5, 9.0])))
+    world.add(Body::new(Motion::Static, [0.0, -0.5, 0.0], Rigid3::cuboid([9.0, 0.5, 9.0]))).unwrap()
 }
 
 fn cube(world: &mut World3, position: [f32; 3], half: f32) -> BodyId {
-    world.add(Body::new(Motion::Dynamic, position, Rigid3::cuboid([half; 3])))
+    world.add(Body::new(Motion::Dynamic, position, Rigid3::cuboid([half; 3]))).unwrap()
 }
 
 fn world() -> World3 {
@@ -35,7 +35,7 @@ fn heap(seed: u64, count: usize) -> (World3, Vec<BodyId>) {
         if ids.iter().all(|&id| world.is_sleeping(id)) {
             break;
         }
-        world.step(DT);
+        world.step(DT).unwrap();
     }
     (world, ids)
 }
@@ -50,7 +50,7 @@ fn poses(world: &World3) -> Vec<f32> {
 fn go_on(world: &mut World3, steps: usize) -> Vec<Vec<f32>> {
     (0..steps)
         .map(|_| {
-            world.step(DT);
+            world.step(DT).unwrap();
             poses(world)
         })
         .collect()
@@ -68,8 +68,8 @@ fn sleepers_that_wake_after_a_restore_take_the_same_bits() {
             let push = Velocity { linear: Vector([2.0, 1.0, 0.0]), angular: Vector::ZERO };
             match way % 3 {
                 0 => world.wake(id),
-                1 => world.add_force(id, push * 3000.0),
-                _ => world.set_velocity(id, push),
+                1 => world.add_force(id, push * 3000.0).unwrap(),
+                _ => world.set_velocity(id, push).unwrap(),
             }
         };
         for way in 0..6 {
@@ -158,7 +158,7 @@ fn stale_and_foreign_identifiers_name_nothing() {
     let mut tagged = Body::new(Motion::Dynamic, [0.0, 1.0, 0.0], Rigid3::ball(0.2));
     tagged.user_data = 77;
     tagged.colliders[0].user_data = 78;
-    let [own, foreign] = [&mut world, &mut other].map(|world| world.add(tagged.clone()));
+    let [own, foreign] = [&mut world, &mut other].map(|world| world.add(tagged.clone()).unwrap());
     let collider = world.colliders(own).next().unwrap();
     assert_eq!((world.user_data(own), world.collider_user_data(collider)), (Some(77), Some(78)));
     assert_eq!((world.body_of(collider), world.body_at(own.index())), (Some(own), Some(own)));
@@ -166,7 +166,7 @@ fn stale_and_foreign_identifiers_name_nothing() {
     assert_eq!(world.colliders(foreign).count(), 0);
     assert!(world.remove(own) && !world.remove(own));
     assert_eq!((world.pose(own), world.collider_user_data(collider)), (None, None));
-    let next = world.add(tagged);
+    let next = world.add(tagged).unwrap();
     assert_eq!(next.index(), own.index());
     assert_eq!((world.pose(own), world.body_of(collider)), (None, None));
     assert_eq!(world.bodies().collect::<Vec<_>>(), [next]);
@@ -185,7 +185,7 @@ fn spawning_and_removing_takes_no_memory_in_the_long_run() {
             world.remove(alive.pop_front().unwrap());
         }
         if spawn % 3 == 0 {
-            world.step(DT);
+            world.step(DT).unwrap();
         }
         if spawn % 1000 == 999 {
             let checkpoint = postcard::to_stdvec(&world.checkpoint()).unwrap().len();
@@ -205,18 +205,18 @@ fn what_appears_in_a_sleeper_wakes_it() {
             floor(&mut world);
             let crates = [0.0, 4.0].map(|x| cube(&mut world, [x, 0.5, 0.0], 0.5));
             let wedge = Body::new(motion, [8.0, 5.0, 0.0], Rigid3::cuboid([0.5; 3]));
-            let there = put.then(|| world.add(wedge.clone()));
-            (0..300).for_each(|_| drop(world.step(DT)));
+            let there = put.then(|| world.add(wedge.clone()).unwrap());
+            (0..300).for_each(|_| drop(world.step(DT).unwrap()));
             assert_eq!(crates.map(|id| world.is_sleeping(id)), [true; 2]);
             let at = Rigid3::pose(Vector([0.4, 0.8, 0.0]), &[]);
             match there {
-                Some(id) => world.set_pose(id, &at),
-                None => drop(world.add(Body { pose: at, ..wedge })),
+                Some(id) => world.set_pose(id, &at).unwrap(),
+                None => drop(world.add(Body { pose: at, ..wedge }).unwrap()),
             }
-            world.step(DT);
+            world.step(DT).unwrap();
             assert_eq!(crates.map(|id| world.is_sleeping(id)), [false, true], "{motion:?}, {put}");
             let before = world.pose(crates[0]).unwrap();
-            (0..60).for_each(|_| drop(world.step(DT)));
+            (0..60).for_each(|_| drop(world.step(DT).unwrap()));
             assert_ne!(world.pose(crates[0]).unwrap(), before, "it is pushed out");
         }
     }
@@ -229,19 +229,21 @@ fn static_bodies_are_put_and_not_moved() {
     let floor = floor(&mut world);
     let rider = cube(&mut world, [0.0, 0.5, 0.0], 0.5);
     let pose = world.pose(floor);
-    world.move_to(floor, &Rigid3::pose(Vector([3.0, -0.5, 0.0]), &[]), DT);
-    world.set_velocity(floor, Velocity { linear: Vector([1.0; 3]), angular: Vector::ZERO });
-    (0..300).for_each(|_| drop(world.step(DT)));
+    let there = Rigid3::pose(Vector([3.0, -0.5, 0.0]), &[]);
+    assert_eq!(world.move_to(floor, &there, DT), Err(InputError::Static));
+    let velocity = Velocity { linear: Vector([1.0; 3]), angular: Vector::ZERO };
+    assert_eq!(world.set_velocity(floor, velocity), Err(InputError::Static));
+    (0..300).for_each(|_| drop(world.step(DT).unwrap()));
     assert_eq!((world.pose(floor), world.velocity(floor)), (pose, Some(Velocity::ZERO)));
     assert!(world.is_sleeping(rider));
     // Lowered by a meter, and far to the side: the crate falls that far.
-    world.set_pose(floor, &Rigid3::pose(Vector([5.0, -1.5, 0.0]), &[]));
-    (0..300).for_each(|_| drop(world.step(DT)));
+    world.set_pose(floor, &Rigid3::pose(Vector([5.0, -1.5, 0.0]), &[])).unwrap();
+    (0..300).for_each(|_| drop(world.step(DT).unwrap()));
     let height = Rigid3::frame(&world.pose(rider).unwrap()).position[1];
     assert!((height + 0.5).abs() < 0.01, "{height} m");
     // A sleeping crate is put beside it, onto the floor, and both stay.
-    world.set_pose(rider, &Rigid3::pose(Vector([3.0, -0.4, 2.0]), &[]));
-    (0..300).for_each(|_| drop(world.step(DT)));
+    world.set_pose(rider, &Rigid3::pose(Vector([3.0, -0.4, 2.0]), &[])).unwrap();
+    (0..300).for_each(|_| drop(world.step(DT).unwrap()));
     let at = Rigid3::frame(&world.pose(rider).unwrap()).position;
     assert!((at[1] + 0.5).abs() < 0.01 && (at[0] - 3.0).abs() < 0.01, "{at:?}");
 }
@@ -257,7 +259,7 @@ fn removed_sleepers_wake_their_neighbors_alone() {
             [cube(&mut world, at, 0.1), cube(&mut world, [at[0], 0.3, 0.0], 0.1)]
         })
         .collect();
-    (0..200).for_each(|_| drop(world.step(DT)));
+    (0..200).for_each(|_| drop(world.step(DT).unwrap()));
     assert!(pairs.iter().flatten().all(|&id| world.is_sleeping(id)));
     world.remove(pairs[7][0]);
     let awake = |world: &World3| {
@@ -268,8 +270,86 @@ fn removed_sleepers_wake_their_neighbors_alone() {
         awake.copied().collect::<Vec<_>>()
     };
     assert_eq!(awake(&world), [pairs[7][1]]);
-    let report = world.step(DT);
+    let report = world.step(DT).unwrap();
     assert_eq!(report.asleep, 58);
     world.wake(pairs[3][1]);
     assert_eq!(awake(&world), [pairs[3][0], pairs[3][1], pairs[7][1]]);
+}
+
+/// Bad values are refused at the door, by name, and the world is as it was.
+#[test]
+fn bad_values_are_refused_and_change_nothing() {
+    let (mut world, ids) = heap(5, 8);
+    let before = world.checkpoint();
+    let good = Body::new(Motion::Dynamic, [0.0, 9.0, 0.0], Rigid3::cuboid([0.2; 3]));
+    let mut refused = |what: &str, change: &dyn Fn(&mut Body<Rigid3, 3, 3>)| {
+        let mut body = good.clone();
+        change(&mut body);
+        let error = world.add(body).expect_err(what).to_string();
+        assert!(error.contains(what) && error.contains("accepted: "), "{what}: {error}");
+    };
+    for wrong in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e20] {
+        refused("position", &|body| body.pose = Rigid3::pose(Vector([0.0, wrong, 0.0]), &[]));
+        refused("velocity", &|body| body.velocity.linear[1] = wrong);
+        refused("angular velocity", &|body| body.velocity.angular[2] = wrong);
+        refused("damping", &|body| body.damping[1] = wrong);
+        refused("gravity factor", &|body| body.gravity_factor = wrong);
+        refused("density", &|body| body.colliders[0].density = wrong);
+        refused("friction", &|body| body.colliders[0].material.friction = wrong.into());
+        refused("size of collider 0", &|body| body.colliders[0].shape = Rigid3::ball(wrong));
+    }
+    refused("rotation", &|body| body.pose = Rigid3::pose(Vector([0.0; 3]), &[0.0; 4]));
+    refused("rotation", &|body| body.pose = Rigid3::pose(Vector([0.0; 3]), &[f32::NAN; 4]));
+    refused("size of collider 0", &|body| body.colliders[0].shape = Rigid3::ball(-0.5));
+    refused("size of collider 0", &|body| body.colliders[0].shape = Rigid3::ball(0.0));
+    refused("size of collider 0", &|body| body.colliders[0].shape = Rigid3::cuboid([-0.5; 3]));
+    refused("no mass", &|body| body.colliders[0].shape = Rigid3::cuboid([0.5, 0.0, 0.5]));
+    refused("no mass", &|body| body.colliders[0].density = 0.0);
+    refused("no mass", &|body| body.colliders.clear());
+    refused("no mass", &|body| body.colliders[0].shape = Rigid3::halfspace([0.0, 1.0, 0.0]));
+    refused("restitution", &|body| body.colliders[0].material.restitution = 5.0);
+    for mass in [0.0, -1.0, f32::NAN] {
+        refused("mass", &|body| {
+            body.inertia = Some(drystone::Inertia { mass, ..drystone::Inertia::FIXED });
+        });
+    }
+    let cube = || (parry3d::math::Pose::IDENTITY, Rigid3::cuboid([0.5; 3]));
+    let compound = parry3d::shape::SharedShape::compound(vec![cube()]);
+    refused("compound", &|body| body.colliders[0].shape = compound.clone());
+
+    for wrong in [f32::NAN, f32::INFINITY, 3e38] {
+        let velocity = Velocity { linear: Vector([wrong, 0.0, 0.0]), angular: Vector::ZERO };
+        assert!(world.set_velocity(ids[0], velocity).is_err(), "{wrong}");
+        assert!(world.add_force(ids[0], velocity).is_err(), "{wrong}");
+        assert!(world.set_damping(ids[0], [wrong, 0.0]).is_err(), "{wrong}");
+        let pose = Rigid3::pose(Vector([wrong, 0.0, 0.0]), &[]);
+        assert!(world.set_pose(ids[0], &pose).is_err(), "{wrong}");
+        assert!(world.move_to(ids[0], &pose, DT).is_err(), "{wrong}");
+        assert!(world.step(wrong).is_err(), "{wrong}");
+        world.gravity[0] = wrong;
+        assert!(world.step(DT).is_err(), "{wrong}");
+        world.gravity[0] = 0.0;
+    }
+    let near = Rigid3::pose(Vector([0.0, 1.0, 0.0]), &[]);
+    assert!(world.move_to(ids[0], &near, 0.0).is_err(), "a way in no time");
+    assert!(world.step(-DT).is_err());
+    for change in [
+        |settings: &mut StepSettings| settings.substeps = 0,
+        |settings: &mut StepSettings| settings.softness = 1.0,
+        |settings: &mut StepSettings| settings.prediction_distance = -1.0,
+        |settings: &mut StepSettings| settings.slop = f32::NAN,
+    ] {
+        let settings = world.settings.clone();
+        change(&mut world.settings);
+        let error = world.step(DT).unwrap_err().to_string();
+        assert!(error.contains("the setting "), "{error}");
+        world.settings = settings;
+    }
+    assert_eq!(world.checkpoint(), before, "a world that refused is as it was");
+    world.step(0.0).unwrap();
+    assert_eq!(poses(&world), {
+        let mut other = world;
+        other.restore(&before).unwrap();
+        poses(&other)
+    });
 }

@@ -765,7 +765,7 @@ fn steps(scene: &Scene) -> Vec<u64> {
     let settings = scene.settings(StepSettings::realtime()).unwrap();
     let mut simulation = build(scene, settings).unwrap();
     let step = |_| {
-        simulation.step(scene.time_step);
+        simulation.step(scene.time_step).unwrap();
         simulation.state_hash()
     };
     (0..10).map(step).collect()

@@ -174,7 +174,7 @@ pub(crate) fn add_floor<G: Round<L, A>, const L: usize, const A: usize>(
     material: &Material,
 ) -> BodyId {
     let shape = G::halfspace(v(0.0, 1.0, 0.0));
-    world.add(body(Motion::Static, [0.0; L], shape, material))
+    world.add(body(Motion::Static, [0.0; L], shape, material)).unwrap()
 }
 
 /// Returns the body with another linear velocity.
@@ -203,7 +203,7 @@ pub(crate) fn run<G: Geometry<L, A>, const L: usize, const A: usize>(
     seconds: f32,
 ) {
     for _ in 0..(seconds / DT).round() as usize {
-        world.step(DT);
+        world.step(DT).unwrap();
     }
 }
 

@@ -279,7 +279,7 @@ impl<G: Forms<L, A>, const L: usize, const A: usize> Running<G, L, A> {
             let body = body_of::<G, L, A>(own)?;
             inertia.push(body.inertia);
             gravity_factor.push(own.gravity_factor);
-            ids.push(world.add(body));
+            ids.push(world.add(body).unwrap());
         }
         Some(Self { world, ids, inertia, gravity_factor })
     }

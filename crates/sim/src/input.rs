@@ -1,0 +1,193 @@
+//! [`InputError`]: what a world refuses at the door, and why.
+//!
+//! A number that is not finite would spread from contact to contact. So bodies, settings, forces and steps are
+//! checked before anything is changed.
+
+use std::fmt::{self, Display, Formatter};
+
+use drystone_solver::{Vector, Velocity};
+
+use crate::bodies::{Body, Inertia, SurfaceMotion};
+use crate::geometry::Geometry;
+use crate::scene::{Material, Motion};
+
+/// Farthest position, longest shape. \[m\]
+const FAR: f64 = 1e9;
+
+/// Fastest speed \[m/s\] and rotation \[rad/s\].
+const FAST: f64 = 1e12;
+
+/// Largest mass, moment of inertia, force and torque, in SI units; one over it is the smallest mass.
+const HEAVY: f64 = 1e18;
+
+/// Longest time step. \[s\]
+const LONG: f64 = 1e3;
+
+/// A value that a world refuses. The world is then as it was.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InputError {
+    /// No body of this world has the identifier: it was removed, or belongs to another world.
+    UnknownBody,
+    /// A number is out of its range, infinite or NaN.
+    OutOfRange {
+        /// Name of the number, with its unit.
+        item: String,
+        /// Its value.
+        value: f64,
+        /// Least and largest accepted value.
+        accepted: [f64; 2],
+    },
+    /// A dynamic body brings no inertia, and its shapes have no mass: density 0, or shapes without volume.
+    NoMass,
+    /// No contacts are known of this shape: it would pass through everything.
+    UnsupportedShape {
+        /// Index of the collider in its body.
+        collider: usize,
+        /// Kind of the shape.
+        shape: &'static str,
+    },
+    /// A static body has no velocity: [`World::set_pose`](crate::World::set_pose) puts it elsewhere.
+    Static,
+}
+
+impl Display for InputError {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UnknownBody => {
+                f.write_str("the body is not in this world: it was removed, or is of another world")
+            }
+            Self::OutOfRange { item, value, accepted: [least, most] } => {
+                write!(f, "{item} is {value}; accepted: from {least} to {most}")
+            }
+            Self::NoMass => f.write_str(
+                "the shapes of the dynamic body have no mass; \
+                 accepted: a density above 0 and a shape with a volume, or an inertia of its own",
+            ),
+            Self::UnsupportedShape { collider, shape } => write!(
+                f,
+                "collider {collider} is a {shape}, which touches nothing; \
+                 accepted: ball, box, capsule, cylinder, cone, convex hull, half-space, triangle mesh, one per collider"
+            ),
+            Self::Static => f.write_str(
+                "the body is static and has no velocity; accepted: a dynamic or kinematic body, or set_pose",
+            ),
+        }
+    }
+}
+
+impl std::error::Error for InputError {}
+
+type Checked = Result<(), InputError>;
+
+/// Refuses a number outside of these bounds, or NaN.
+pub(crate) fn within(item: impl Display, value: f64, [least, most]: [f64; 2]) -> Checked {
+    if least <= value && value <= most {
+        return Ok(());
+    }
+    Err(InputError::OutOfRange { item: item.to_string(), value, accepted: [least, most] })
+}
+
+fn all_within<const N: usize>(item: &str, of: &Vector<f32, N>, most: f64) -> Checked {
+    of.0.iter().try_for_each(|&number| within(item, f64::from(number), [-most, most]))
+}
+
+/// Refuses a velocity that is too fast.
+pub(crate) fn check_velocity<const L: usize, const A: usize>(
+    velocity: &Velocity<f32, L, A>,
+) -> Checked {
+    all_within("the velocity [m/s]", &velocity.linear, FAST)?;
+    all_within("the angular velocity [rad/s]", &velocity.angular, FAST)
+}
+
+/// Refuses a force that is too large.
+pub(crate) fn check_force<const L: usize, const A: usize>(force: &Velocity<f32, L, A>) -> Checked {
+    all_within("the force [N]", &force.linear, HEAVY)?;
+    all_within("the torque [N m]", &force.angular, HEAVY)
+}
+
+/// Refuses damping that drives.
+pub(crate) fn check_damping(damping: [f32; 2]) -> Checked {
+    damping.iter().try_for_each(|&rate| within("the damping [1/s]", f64::from(rate), [0.0, FAST]))
+}
+
+/// Refuses a time step that is none.
+pub(crate) fn check_time(dt: f32) -> Checked {
+    within("the time step [s]", f64::from(dt), [0.0, LONG])
+}
+
+/// Refuses gravity that is not finite.
+pub(crate) fn check_gravity<const L: usize>(gravity: &Vector<f32, L>) -> Checked {
+    all_within("gravity [m/s^2]", gravity, FAST)
+}
+
+/// Refuses a surface velocity that is too fast.
+pub(crate) fn check_surface<const L: usize, const A: usize>(
+    motion: Option<&SurfaceMotion<L, A>>,
+) -> Checked {
+    motion.map_or(Ok(()), |&SurfaceMotion { linear, angular, .. }| {
+        check_velocity(&Velocity { linear, angular })
+    })
+}
+
+/// Refuses a pose that is far out, or whose rotation is none.
+pub(crate) fn check_pose<G: Geometry<L, A>, const L: usize, const A: usize>(
+    pose: &G::Pose,
+) -> Checked {
+    let frame = G::frame(pose);
+    all_within("the position [m]", &frame.position, FAR)?;
+    frame.axes.iter().try_for_each(|axis| {
+        within("the length of the rotation", f64::from(axis.dot(*axis)).sqrt(), [0.99, 1.01])
+    })
+}
+
+fn check_inertia<const L: usize, const A: usize>(inertia: &Inertia<L, A>) -> Checked {
+    // Infinite: no force moves it.
+    if inertia.mass != f32::INFINITY {
+        within("the mass [kg]", f64::from(inertia.mass), [1.0 / HEAVY, HEAVY])?;
+    }
+    all_within("the center of mass [m]", &inertia.center, FAR)?;
+    for (moments, inverse) in inertia.moments.0.iter().zip(&inertia.inverse_moments.0) {
+        all_within("the moments of inertia [kg m^2]", moments, HEAVY)?;
+        all_within("the inverse moments of inertia [1/(kg m^2)]", inverse, f64::from(f32::MAX))?;
+    }
+    Ok(())
+}
+
+fn check_material(material: &Material) -> Checked {
+    within("the friction [1]", material.friction, [0.0, FAST])?;
+    within("the restitution [1]", material.restitution, [0.0, 1.0])?;
+    within("the rolling resistance [m]", material.rolling_resistance, [0.0, FAR])?;
+    within("the spinning resistance [m]", material.spinning_resistance, [0.0, FAR])
+}
+
+/// Refuses a body that a world cannot hold. `inertia` is its own, or that of its shapes.
+pub(crate) fn check_body<G: Geometry<L, A>, const L: usize, const A: usize>(
+    body: &Body<G, L, A>,
+    inertia: &Inertia<L, A>,
+) -> Checked {
+    check_pose::<G, L, A>(&body.pose)?;
+    check_velocity(&body.velocity)?;
+    check_damping(body.damping)?;
+    check_surface(body.surface_velocity.as_ref())?;
+    within("the gravity factor [1]", f64::from(body.gravity_factor), [-FAST, FAST])?;
+    for (index, collider) in body.colliders.iter().enumerate() {
+        check_pose::<G, L, A>(&collider.pose)?;
+        check_surface(collider.surface_velocity.as_ref())?;
+        check_material(&collider.material)?;
+        within("the density", f64::from(collider.density), [0.0, HEAVY])?;
+        if let Some(shape) = G::unsupported(&collider.shape) {
+            return Err(InputError::UnsupportedShape { collider: index, shape });
+        }
+        if let Some(extent) = G::extent(&collider.shape) {
+            let item = format!("the size of collider {index} [m]");
+            within(item, f64::from(extent), [f64::from(f32::MIN_POSITIVE), FAR])?;
+        }
+    }
+    if body.motion == Motion::Dynamic {
+        if body.inertia.is_none() && inertia.mass == 0.0 {
+            return Err(InputError::NoMass);
+        }
+        check_inertia(inertia)?;
+    }
+    Ok(())
+}
