@@ -893,7 +893,7 @@ impl Geometry<2, 1> for Rigid2 {
 
     fn pose(position: Vector<f32, 2>, rotation: &[f32]) -> Pose2 {
         let angle = rotation.first().copied().unwrap_or(0.0);
-        Pose2::new(position.0.into(), angle)
+        Pose2::new(position.0, angle)
     }
 
     fn frame(pose: &Pose2) -> Frame<2> {
@@ -930,7 +930,7 @@ impl Geometry<2, 1> for Rigid2 {
 
     fn read(numbers: &[f32]) -> Pose2 {
         let [x, y, angle] = leading(numbers);
-        Pose2::new([x, y].into(), angle)
+        Pose2::new([x, y], angle)
     }
 
     fn mass(shape: &Self::Shape, density: f32) -> MassProperties<2, 1> {
