@@ -1,7 +1,7 @@
 //! The bodies of a world: poses, inertia and what acts on them, one array per property.
 
 use drystone_solver::thread_pool::ThreadPool;
-use drystone_solver::{InverseMass, Mass, SymmetricMatrix, Vector, Velocity};
+use drystone_solver::{InverseMass, Mass, SymmetricMatrix, System, Vector, Velocity};
 
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties, Precession, Reach};
 use crate::ids::{Slots, put};
@@ -249,14 +249,19 @@ pub(crate) struct SpinState<const A: usize> {
     pub(crate) remainder: Vector<f32, A>,
 }
 
-/// The state of all bodies, except velocities and world inverse masses, which the contact system
-/// holds.
+/// State and properties of all bodies.
 #[derive(Clone)]
 pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) slots: Slots,
     /// None: the slot is free.
     pub(crate) motion: Vec<Option<Motion>>,
     pub(crate) user_data: Vec<u128>,
+    /// v of each body.
+    pub(crate) velocities: Vec<Velocity<f32, L, A>>,
+    /// M^-1 of each body, zero while it sleeps.
+    pub(crate) inverse_masses: Vec<InverseMass<f32, L, A>>,
+    /// Velocities that contacts gave in the last substep, as far as it was warm started.
+    pub(crate) contact_gains: Vec<Velocity<f32, L, A>>,
     /// At the center of mass.
     pub(crate) poses: Vec<G::Pose>,
     pub(crate) frames: Vec<Frame<L>>,
@@ -320,6 +325,9 @@ pub(crate) struct BodiesInMotion<'a, G: Geometry<L, A>, const L: usize, const A:
     pub(crate) poses: &'a mut [G::Pose],
     pub(crate) turns: &'a mut [SpinState<A>],
     pub(crate) turned: &'a mut [bool],
+    pub(crate) velocities: &'a mut [Velocity<f32, L, A>],
+    pub(crate) inverse_masses: &'a mut [InverseMass<f32, L, A>],
+    pub(crate) contact_gains: &'a mut [Velocity<f32, L, A>],
 }
 
 /// What damping \[1/s\] takes from a velocity that gains `change` within `h` \[s\].
@@ -380,6 +388,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             slots: Slots::default(),
             motion: Vec::new(),
             user_data: Vec::new(),
+            velocities: Vec::new(),
+            inverse_masses: Vec::new(),
+            contact_gains: Vec::new(),
             poses: Vec::new(),
             frames: Vec::new(),
             remainders: Vec::new(),
@@ -463,15 +474,58 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.moved_since_rebuild[body] = f32::MAX;
     }
 
-    /// Notes which bodies have moved by more than `limit` \[m\], or than a small part of their size, have
-    /// turned, or move whatever they touch.
-    pub(crate) fn mark_moved(
+    /// Computes M^-1 of a body at its present pose.
+    pub(crate) fn set_inverse_mass(&mut self, body: usize) {
+        self.inverse_masses[body] = self.inverse_mass(body);
+    }
+
+    /// Recomputes M^-1 of the bodies that have moved enough, at their present poses. Nothing moves a
+    /// body that sleeps.
+    pub(crate) fn update_inverse_masses(
         &mut self,
-        limit: f32,
-        velocities: &[Velocity<f32, L, A>],
+        is_sleeping: impl Fn(usize) -> bool + Sync,
         pool: &ThreadPool,
     ) {
-        let Self { needs_rebuild, moved_since_rebuild, turned, inertia, reach, .. } = self;
+        let mut all = std::mem::take(&mut self.inverse_masses);
+        let (useful, share) = pool.share(all.len(), GRAIN);
+        pool.for_each(useful, all.chunks_mut(share).enumerate(), |(part, masses)| {
+            for (body, mass) in (share * part..).zip(masses) {
+                if is_sleeping(body) {
+                    *mass = InverseMass::FIXED;
+                } else if self.needs_rebuild[body] || *mass == InverseMass::FIXED {
+                    *mass = self.inverse_mass(body);
+                }
+            }
+        });
+        self.inverse_masses = all;
+    }
+
+    /// Returns a contact system of these bodies without contacts.
+    pub(crate) fn without_contacts(&self) -> System<f32, L, A> {
+        let (velocities, masses) = (self.velocities.clone(), self.inverse_masses.clone());
+        System { velocities, masses, ..System::new() }
+    }
+
+    /// Returns the bodies that are not at finite positions with finite velocities.
+    pub(crate) fn not_finite(&self) -> Vec<u32> {
+        // A finite number times zero is zero, every other is NaN: one pass without branches.
+        let zero = |body: usize| {
+            let (frame, velocity) = (&self.frames[body], &self.velocities[body]);
+            let numbers = frame.position.0.iter().chain(&velocity.linear.0);
+            numbers.chain(&velocity.angular.0).map(|x| x * 0.0).sum::<f32>()
+        };
+        let all = 0..self.poses.len();
+        if all.clone().map(zero).sum::<f32>() == 0.0 {
+            return Vec::new();
+        }
+        all.filter(|&body| zero(body) != 0.0).map(|body| body as u32).collect()
+    }
+
+    /// Notes which bodies have moved by more than `limit` \[m\], or than a small part of their size, have
+    /// turned, or move whatever they touch.
+    pub(crate) fn mark_moved(&mut self, limit: f32, pool: &ThreadPool) {
+        let Self { needs_rebuild, moved_since_rebuild, turned, inertia, reach, velocities, .. } =
+            self;
         let (useful, share) = pool.share(velocities.len(), GRAIN);
         let parts = needs_rebuild.chunks_mut(share).zip(moved_since_rebuild.chunks_mut(share));
         let parts = parts.zip(turned.chunks_mut(share)).enumerate();
@@ -501,6 +555,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             poses: &mut self.poses,
             turns: &mut self.turns,
             turned: &mut self.turned,
+            velocities: &mut self.velocities,
+            inverse_masses: &mut self.inverse_masses,
+            contact_gains: &mut self.contact_gains,
         }
     }
 

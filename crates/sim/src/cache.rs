@@ -12,6 +12,17 @@ use crate::geometry::{Curvature, Frame, MAX_POINTS, ManifoldPoint, NormalCarrier
 /// What is left of the room of a pair when a way is taken off that is too short to count. \[1\]
 const ROUNDED: f32 = 1.0 - 2.0 * f32::EPSILON;
 
+/// Contacts of a world between two steps.
+#[derive(Default)]
+pub(crate) struct ContactCache<const L: usize> {
+    /// Pairs of shapes whose boxes overlap, sorted.
+    pub(crate) pairs: Vec<Pair>,
+    /// Manifolds of the pairs that are awake.
+    pub(crate) records: ManifoldCache<L>,
+    /// Reuse distance of the last search. \[m\]
+    pub(crate) last_reuse: f32,
+}
+
 /// Two shapes whose boxes overlap.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pair {

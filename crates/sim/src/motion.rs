@@ -6,9 +6,7 @@ use drystone_solver::kinematics;
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 
-use crate::bodies::{
-    Bodies, BodiesInMotion, BodyParams, GRAIN, Inertia, SearchMotion, SpinState, damped,
-};
+use crate::bodies::{Bodies, BodyParams, GRAIN, Inertia, SearchMotion, SpinState, damped};
 use crate::geometry::{Geometry, Precession, Spin, TOGETHER};
 
 /// Bodies of which those that precess are found before they turn.
@@ -61,22 +59,22 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// All bodies.
     pub(crate) fn new(
         bodies: &'a mut Bodies<G, L, A>,
-        masses: &'a mut [InverseMass<f32, L, A>],
-        [velocities, prospective, displacements, pushes]: [&'a mut [Velocity<f32, L, A>]; 4],
+        prospective: &'a mut [Velocity<f32, L, A>],
+        displacements: &'a mut [Velocity<f32, L, A>],
         pool: &'a ThreadPool,
     ) -> Self {
-        let BodiesInMotion { given, poses, turns, turned } = bodies.in_motion();
+        let own = bodies.in_motion();
         Self {
             first: 0,
-            velocities,
+            velocities: own.velocities,
             prospective,
             displacements,
-            pushes,
-            poses,
-            turns,
-            turned,
-            masses,
-            given,
+            pushes: own.contact_gains,
+            poses: own.poses,
+            turns: own.turns,
+            turned: own.turned,
+            masses: own.inverse_masses,
+            given: own.given,
             pool,
         }
     }
@@ -349,9 +347,9 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &mut Bodies<G, L, A>,
     pool: &ThreadPool,
     displacements: &[Velocity<f32, L, A>],
-    velocities: &mut [Velocity<f32, L, A>],
 ) {
     let Bodies {
+        velocities,
         poses,
         turns,
         frames,

@@ -2,7 +2,7 @@
 //! moves them. An economy, never a cure: everything must hold still without it.
 
 use drystone_solver::island::{self, Islands};
-use drystone_solver::{System, Velocity};
+use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::Bodies;
 use crate::cache::{ManifoldCache, Pair};
@@ -26,6 +26,8 @@ pub(crate) struct Sleep<const L: usize> {
     next: Vec<u32>,
     /// Number of bodies that sleep.
     count: usize,
+    /// Gravity in the last step: another one wakes all. \[m/s^2\]
+    pub(crate) last_gravity: Vector<f32, L>,
     /// Static and kinematic bodies that were added or moved since contacts were last searched for: they may touch
     /// sleepers.
     pub(crate) placed: Vec<u32>,
@@ -97,12 +99,11 @@ impl<const L: usize> Sleep<L> {
     pub(crate) fn is_active<G: Geometry<L, A>, const A: usize>(
         &self,
         bodies: &Bodies<G, L, A>,
-        velocities: &[Velocity<f32, L, A>],
         body: usize,
     ) -> bool {
         match bodies.motion[body] {
             Some(Motion::Dynamic) => !self.is_sleeping(body),
-            Some(Motion::Kinematic) => velocities[body] != Velocity::ZERO,
+            Some(Motion::Kinematic) => bodies.velocities[body] != Velocity::ZERO,
             _ => false,
         }
     }
@@ -152,14 +153,13 @@ impl<const L: usize> Sleep<L> {
     /// which number the surface `runs`: what is driven does not sleep. Returns whether any were.
     pub(crate) fn fall_asleep<G: Geometry<L, A>, const A: usize>(
         &mut self,
-        bodies: &Bodies<G, L, A>,
-        system: &mut System<f32, L, A>,
+        bodies: &mut Bodies<G, L, A>,
         (touching, runs): (impl Iterator<Item = [u32; 2]> + Clone, impl Fn(usize) -> bool),
         dt: f32,
         delay: f32,
     ) -> bool {
         let mut tired = false;
-        for (body, velocity) in system.velocities.iter().enumerate() {
+        for (body, velocity) in bodies.velocities.iter().enumerate() {
             let speed =
                 velocity.linear.length() + velocity.angular.length() * bodies.reach[body].all;
             let still = &mut self.still[body];
@@ -169,7 +169,7 @@ impl<const L: usize> Sleep<L> {
         if !tired {
             return false;
         }
-        self.islands.join(&system.masses, touching.clone());
+        self.islands.join(&bodies.inverse_masses, touching.clone());
         let of_body = &self.islands.of_body;
         self.ready.clear();
         self.ready.resize(self.islands.count, true);
@@ -178,14 +178,13 @@ impl<const L: usize> Sleep<L> {
                 *ready &= self.still[body] >= delay;
             }
         }
-        for (number, bodies) in touching.enumerate() {
+        for (number, pair) in touching.enumerate() {
             let carried = runs(number)
-                || bodies.iter().any(|&body| {
+                || pair.iter().any(|&body| {
                     of_body[body as usize] == island::NONE
-                        && system.velocities[body as usize] != Velocity::ZERO
+                        && bodies.velocities[body as usize] != Velocity::ZERO
                 });
-            if carried
-                && let Some(ready) = self.ready.get_mut(self.islands.of_pair(bodies) as usize)
+            if carried && let Some(ready) = self.ready.get_mut(self.islands.of_pair(pair) as usize)
             {
                 *ready = false;
             }
@@ -200,7 +199,7 @@ impl<const L: usize> Sleep<L> {
                 let mut member = self.members[island as usize];
                 self.enter(body, first + island, &mut member);
                 self.members[island as usize] = member;
-                system.velocities[body] = Velocity::ZERO;
+                bodies.velocities[body] = Velocity::ZERO;
             }
         }
         self.count > asleep

@@ -139,11 +139,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let bodies = &self.bodies;
         let mut poses = Vec::with_capacity(self.len() * pose_numbers(L));
         bodies.poses.iter().for_each(|pose| G::write(pose, &mut poses));
-        let (mut pairs, mut records) = (self.pairs.clone(), ManifoldCache::default());
+        let (mut pairs, mut records) = (self.contacts.pairs.clone(), ManifoldCache::default());
         let there = |collider: &u32| self.colliders.slots.is_taken(*collider as usize);
         pairs.retain(|pair| pair.colliders.iter().all(there));
         for pair in &mut pairs {
-            let from = if pair.rests { &self.sleep.records } else { &self.records };
+            let from = if pair.rests { &self.sleep.records } else { &self.contacts.records };
             records.take_pair(pair, from);
         }
         let nothing = Bounds { min: Vector::ZERO, max: Vector::ZERO };
@@ -156,10 +156,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             poses,
             remainders: flat(&bodies.remainders),
             spins: bodies.turns.iter().flat_map(|turn| turn.remainder.0).collect(),
-            velocities: flat_velocities(&self.system.velocities),
-            pushes: flat_velocities(&self.pushes),
+            velocities: flat_velocities(&self.bodies.velocities),
+            pushes: flat_velocities(&self.bodies.contact_gains),
             forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
-            masses: self.system.masses.iter().flat_map(flat_mass).collect(),
+            masses: self.bodies.inverse_masses.iter().flat_map(flat_mass).collect(),
             moved_since_rebuild: bodies
                 .moved_since_rebuild
                 .iter()
@@ -178,10 +178,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             features: records.points.iter().map(|point| point.feature).collect(),
             still: self.sleep.still.clone(),
             groups: self.sleep.group.clone(),
-            gravity: self.last_gravity.0.to_vec(),
+            gravity: self.sleep.last_gravity.0.to_vec(),
             placed: self.sleep.placed.clone(),
-            memory: self.certifier.island_solver.memory,
-            wait: self.certifier.wait,
+            memory: self.solver.certifier.island_solver.memory,
+            wait: self.solver.certifier.wait,
         }
     }
 
@@ -189,7 +189,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if !self.colliders.resist {
             return Vec::new();
         }
-        let held = &self.surfaces.held;
+        let held = &self.solver.surfaces.held;
         let of = |pair: &Pair| {
             let found = held.binary_search_by_key(&pair.colliders, |held| held.colliders);
             found.map_or(Vector::ZERO, |at| held[at].torque).0
@@ -230,17 +230,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 return Err(error);
             }
         };
-        self.pairs = pairs;
-        self.surfaces.held.clear();
-        let torques = from.torques.chunks_exact(A.max(1)).zip(&self.pairs);
-        self.surfaces.held.extend(torques.map(|(numbers, pair)| HeldTorque {
+        self.contacts.pairs = pairs;
+        self.solver.surfaces.held.clear();
+        let torques = from.torques.chunks_exact(A.max(1)).zip(&self.contacts.pairs);
+        self.solver.surfaces.held.extend(torques.map(|(numbers, pair)| HeldTorque {
             colliders: pair.colliders,
             torque: take(&mut numbers.iter().copied()),
         }));
-        self.records = records;
+        self.contacts.records = records;
         let placed = from.placed.clone();
         self.sleep = Sleep::resumed(from.still.clone(), from.groups.clone(), placed, sleeping);
-        self.last_gravity = take(&mut from.gravity.iter().copied());
+        self.sleep.last_gravity = take(&mut from.gravity.iter().copied());
         let there = |collider: usize| self.colliders.slots.is_taken(collider);
         let boxes = from.boxes.chunks_exact(2 * L).enumerate();
         self.broad_phase = BroadPhase::with_boxes(boxes.map(|(collider, corners)| {
@@ -248,10 +248,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let (min, max) = (take(&mut corners), take(&mut corners));
             there(collider).then_some(Bounds { min, max })
         }));
-        self.certifier.wait = from.wait;
-        self.certifier.island_solver.memory = from.memory;
+        self.solver.certifier.wait = from.wait;
+        self.solver.certifier.island_solver.memory = from.memory;
         self.restore_bodies(from);
-        self.wide.forget();
+        self.solver.lanes.forget();
         self.colliders.place(&self.bodies);
         Ok(())
     }
@@ -262,19 +262,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.bodies.poses[body] = pose;
             self.bodies.frames[body] = G::frame(&pose);
         }
-        let all = self.len();
-        self.system.velocities.resize(all, Velocity::ZERO);
-        self.system.masses.resize(all, InverseMass::FIXED);
-        self.pushes.resize(all, Velocity::ZERO);
-        self.displacements.resize(all, Velocity::ZERO);
         let bodies = &mut self.bodies;
         fill(&from.remainders, &mut bodies.remainders);
         let mut numbers = from.spins.iter().copied();
         for turn in &mut bodies.turns {
             *turn = SpinState { followed: Vector::ZERO, remainder: take(&mut numbers) };
         }
-        fill_velocities(&from.velocities, &mut self.system.velocities);
-        fill_velocities(&from.pushes, &mut self.pushes);
+        fill_velocities(&from.velocities, &mut bodies.velocities);
+        fill_velocities(&from.pushes, &mut bodies.contact_gains);
         bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
         fill_velocities(&from.forces, &mut bodies.forces);
         bodies.moved_since_rebuild.clone_from(&from.moved_since_rebuild);
@@ -290,7 +285,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             *since_search = SearchMotion { linear, turned };
         }
         let mut numbers = from.masses.iter().copied();
-        for mass in &mut self.system.masses {
+        for mass in &mut bodies.inverse_masses {
             let [linear] = take(&mut numbers).0;
             let angular = SymmetricMatrix(from_fn(|_| take(&mut numbers)));
             *mass = InverseMass { linear, angular };

@@ -109,7 +109,9 @@ fn calls(texts: &BTreeMap<Vec<String>, String>) -> Vec<(Vec<String>, Vec<String>
                 method.map(|line| line.trim_start_matches("pub ").trim_start_matches("unsafe "));
             if let Some(name) = method.and_then(|line| line.strip_prefix("fn ")) {
                 let end = name.find(|letter: char| !letter.is_alphanumeric() && letter != '_');
-                homes.entry(&name[..end.unwrap_or(name.len())]).or_default().push((module, abroad));
+                let is_public = line.trim_start().starts_with("pub");
+                let home = (*module, abroad && is_public);
+                homes.entry(&name[..end.unwrap_or(name.len())]).or_default().push(home);
             }
         }
     }

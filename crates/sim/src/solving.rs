@@ -1,0 +1,52 @@
+//! [`ConstraintSolver`]: the solver of a world's contacts, and what it keeps from step to step.
+
+use drystone_solver::System;
+use drystone_solver::restitution::ImpactSolver;
+use drystone_solver::wide::Wide;
+
+use crate::bodies::Bodies;
+use crate::certifier::Certifier;
+use crate::geometry::Geometry;
+use crate::surfaces::SurfaceStates;
+
+/// Solver of the contacts of a world.
+pub(crate) struct ConstraintSolver<const L: usize, const A: usize> {
+    /// The contacts, sixteen side by side.
+    pub(crate) lanes: Wide<L, A>,
+    pub(crate) certifier: Certifier<L, A>,
+    pub(crate) impacts: ImpactSolver<L, A>,
+    pub(crate) surfaces: SurfaceStates<L, A>,
+    /// Copies of the contacts one by one, for the stages that need them. Its velocities and masses are those of the
+    /// bodies while they are [lent](Self::with_system), else empty.
+    pub(crate) system: System<f32, L, A>,
+}
+
+impl<const L: usize, const A: usize> Default for ConstraintSolver<L, A> {
+    fn default() -> Self {
+        Self {
+            lanes: Wide::new(),
+            certifier: Certifier::default(),
+            impacts: ImpactSolver::default(),
+            surfaces: SurfaceStates::default(),
+            system: System::new(),
+        }
+    }
+}
+
+impl<const L: usize, const A: usize> ConstraintSolver<L, A> {
+    /// Lends velocities and masses of the bodies to the system while `work` is done.
+    pub(crate) fn with_system<G: Geometry<L, A>, R>(
+        &mut self,
+        bodies: &mut Bodies<G, L, A>,
+        work: impl FnOnce(&mut Self, &Bodies<G, L, A>) -> R,
+    ) -> R {
+        let exchange = |solver: &mut Self, bodies: &mut Bodies<G, L, A>| {
+            std::mem::swap(&mut solver.system.velocities, &mut bodies.velocities);
+            std::mem::swap(&mut solver.system.masses, &mut bodies.inverse_masses);
+        };
+        exchange(self, bodies);
+        let done = work(self, bodies);
+        exchange(self, bodies);
+        done
+    }
+}

@@ -1,0 +1,512 @@
+//! A step of a world: its stages in order ([`World::step`]), and the searches for contacts among them.
+//!
+//! | Stage | From | To |
+//! |---|---|---|
+//! | pairs | boxes and relative motion of bodies | pairs of colliders that may touch |
+//! | manifolds | pairs, shapes and poses | cached manifolds with gaps and impulses |
+//! | rows | manifolds, masses, settings | contacts in lanes, ready to be solved |
+//! | predict ... relax | velocities and contacts | velocities, impulses and displacements, substep by substep ([`substep`](crate::substep)) |
+//! | remember | impulses | cached manifolds |
+//! | advance | displacements | poses |
+//!
+//! Where bodies move far, contacts are searched for several times in a step; each search is for some of its substeps.
+
+use drystone_solver::restitution::ImpactSettings;
+use drystone_solver::{Clock, Velocity};
+
+use crate::bodies::{Bodies, GRAIN};
+use crate::cache::{self, Pair};
+use crate::geometry::Geometry;
+use crate::input::{self, InputError};
+use crate::motion::{self, SubstepParams};
+use crate::narrow_phase::{NarrowPhaseInput, PairWorker, closing, manifolds};
+use crate::patches::Shapes;
+use crate::report::{Stage, StageTimer, StepReport};
+use crate::rows::CacheSource;
+use crate::seams::SeamInput;
+use crate::settings::StepSettings;
+use crate::solving::ConstraintSolver;
+use crate::step_scratch::StepScratch;
+use crate::substep::PartPlan;
+use crate::travel::MotionView;
+use crate::world::World;
+
+/// Rounds of impacts within a substep: an impact passes through this many contacts against the order of
+/// the contacts.
+const IMPACT_ROUNDS: usize = 32;
+
+/// Sweeps over the contacts that collide at once.
+const IMPACT_SWEEPS: usize = 40;
+
+/// Where a step has several searches, points are reused while bodies move less than this fraction of the
+/// prediction distance. Shapes farther apart than that had no points. \[1\]
+const REUSE: f32 = 0.25;
+
+/// In a substep no body falls by more than this fraction of its thickness. Soft contacts penetrate by about as
+/// much for each body above them, and a tower of twenty stands. \[1\]
+const MOST_FALL: f32 = 1.0 / 1024.0;
+
+/// A search for contacts, and the part of the step that it is for.
+#[derive(Clone, Copy, Debug)]
+struct Search {
+    /// Length of a substep. \[s\]
+    h: f32,
+    /// Substeps of the whole step.
+    substeps: u32,
+    /// Substeps of this part, and those after it.
+    due: u32,
+    left: u32,
+    /// Searches before this one, and searches of a step at most.
+    number: u32,
+    most: u32,
+}
+
+impl Search {
+    /// Length of the part. \[s\]
+    fn duration(&self) -> f32 {
+        self.h * self.due as f32
+    }
+
+    /// Distance for which points are reused. \[m\]
+    fn reuse(&self, settings: &StepSettings) -> f32 {
+        let several = self.due < self.substeps;
+        let least = if several { REUSE * settings.prediction_distance } else { 0.0 };
+        settings.reuse_distance.max(least)
+    }
+}
+
+/// Returns the number of substeps until the next search, if near bodies move `passed` times as far against each
+/// other in `substeps` as they may without one.
+fn substeps_until_search(substeps: u32, passed: f32) -> u32 {
+    ((substeps as f32 / passed) as u32).max(1)
+}
+
+/// Returns the bodies as they move for `dt` \[s\].
+fn moving<G: Geometry<L, A>, const L: usize, const A: usize>(
+    bodies: &Bodies<G, L, A>,
+    dt: f32,
+) -> MotionView<'_, L, A> {
+    let Bodies { velocities, frames, reach, since_search, .. } = bodies;
+    MotionView { velocities, frames, reach, since_search, dt }
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
+    /// Moves the world on by `dt` \[s\]: 1/240 to 1/24 s for what people see. Nothing moves in a step of 0 s.
+    ///
+    /// # Errors
+    /// The step is negative or not finite, as gravity may be, or a setting is out of its range
+    /// ([`StepSettings::RANGES`]). The world is then as it was.
+    pub fn step(&mut self, dt: f32) -> Result<StepReport, InputError> {
+        input::check_time(dt)?;
+        input::check_gravity(&self.gravity)?;
+        self.settings.check()?;
+        let execution = &self.execution;
+        let start = execution.tuner.start(&execution.pool, execution.clock);
+        let mut timer =
+            StageTimer::start(if execution.timing { execution.clock } else { Clock::NONE });
+        let mut report = StepReport::default();
+        self.wake_if_changed();
+        let mut search = self.first_search(dt);
+        report.substeps = search.substeps;
+        loop {
+            timer.lap(Stage::Pairs);
+            let same = self.find_manifolds(&search);
+            timer.lap(Stage::Manifolds);
+            let plan = self.build_rows(&search, same);
+            timer.lap(Stage::Rows);
+            self.take_substeps(&plan, &mut timer, &mut report);
+            self.integrate_poses(&plan, &mut report);
+            timer.lap(Stage::Advance);
+            if !self.next_search(&mut search) {
+                break;
+            }
+        }
+        self.bodies.forces.clear();
+        self.fall_asleep(dt);
+        report.stages = timer.stages;
+        report.asleep = self.sleep.count();
+        report.not_finite = self.bodies.not_finite();
+        report.pairs = self.contacts.pairs.len();
+        report.manifolds = self.contacts.records.manifolds.len();
+        report.contacts = self.contacts.records.points.len();
+        let time = self.execution.clock.since(start);
+        self.execution.tuner.stop(time, report.sweeps, report.contacts);
+        Ok(report)
+    }
+
+    /// Wakes all bodies if nothing sleeps any more, or gravity is another.
+    fn wake_if_changed(&mut self) {
+        let is_other = self.gravity != self.sleep.last_gravity;
+        self.sleep.last_gravity = self.gravity;
+        if self.sleep.count() > 0 && (self.settings.sleep <= 0.0 || is_other) {
+            for body in 0..self.bodies.poses.len() {
+                self.wake_slot(body);
+            }
+        }
+    }
+
+    /// Begins the first search of a step: for all of its substeps, or as many as the motion of bodies allows.
+    fn first_search(&mut self, dt: f32) -> Search {
+        let most = self.settings.searches;
+        let passed = self.plan_searches(dt);
+        // Each search is for one substep at least.
+        let asked = self.settings.substeps.max(self.substeps_of_thinnest(dt));
+        let substeps = asked.max(passed.ceil().min(most as f32) as u32);
+        let h = dt / substeps as f32;
+        let mut search = Search { h, substeps, due: substeps, left: substeps, number: 0, most };
+        self.fit(&mut search, passed);
+        search
+    }
+
+    /// Begins the next search. Returns false if all substeps have been taken.
+    fn next_search(&mut self, search: &mut Search) -> bool {
+        if search.left == 0 {
+            return false;
+        }
+        search.number += 1;
+        search.due = search.due.min(search.left);
+        let passed = self.plan_searches(search.duration());
+        self.fit(search, passed);
+        true
+    }
+
+    /// Shortens or lengthens the part of a search to what the motion of bodies allows.
+    fn fit(&mut self, search: &mut Search, passed: f32) {
+        let share = search.left.div_ceil(search.most - search.number);
+        let fitting = substeps_until_search(search.due, passed).max(share).min(search.left);
+        if fitting != search.due {
+            search.due = fitting;
+            self.plan_searches(search.duration());
+        }
+        search.left -= search.due;
+    }
+
+    /// Finds the pairs for the next `dt` \[s\] and the relative motion of their bodies. Returns the largest relative motion of
+    /// near bodies over the one that demands another search for contacts. \[1\]
+    fn plan_searches(&mut self, dt: f32) -> f32 {
+        self.find_pairs(dt);
+        let fall = self.gravity.length() * dt * dt;
+        let moving = moving(&self.bodies, dt);
+        let margin = self.settings.prediction_distance;
+        let masses = &self.bodies.inverse_masses;
+        let worst = self.scratch.travel.pass(
+            moving,
+            masses,
+            &self.contacts.pairs,
+            [fall, margin],
+            &self.execution.pool,
+        );
+        let passed = worst / self.settings.travel_per_search;
+        if passed.is_finite() { passed } else { 0.0 }
+    }
+
+    /// Returns the number of substeps that fits the thinnest body that is awake ([`MOST_FALL`]).
+    fn substeps_of_thinnest(&self, dt: f32) -> u32 {
+        let (settings, gravity) = (&self.settings, self.gravity.length());
+        let awake = |(body, thickness): (usize, &f32)| {
+            if self.sleep.is_sleeping(body) { f32::INFINITY } else { *thickness }
+        };
+        let thickness = self.bodies.thickness.iter().enumerate().map(awake);
+        let thinnest = thickness.fold(f32::INFINITY, f32::min);
+        if settings.tolerance > 0.0 || gravity == 0.0 || thinnest == f32::INFINITY {
+            return 1;
+        }
+        let longest = (2.0 * MOST_FALL * thinnest / gravity).sqrt();
+        let fitting = (dt / longest).ceil().min(settings.most_substeps as f32) as u32;
+        fitting.max(1)
+    }
+
+    /// Pairs of shapes whose boxes, enlarged by where they can get to in `dt`, overlap.
+    fn find_pairs(&mut self, dt: f32) {
+        let reach = self.settings.prediction_distance * 0.5;
+        let bodies = &self.bodies;
+        self.scratch.travel.find(moving(bodies, dt), &self.execution.pool);
+        let (travel, sleep) = (&self.scratch.travel.own, &self.sleep);
+        self.colliders.follow(
+            &mut self.broad_phase,
+            bodies,
+            sleep,
+            travel,
+            reach,
+            &self.execution.pool,
+        );
+        let Some(found) = self.broad_phase.follow(&mut self.contacts.pairs, &self.execution.pool)
+        else {
+            return;
+        };
+        let fresh = &mut self.scratch.fresh_pairs;
+        fresh.clear();
+        let (colliders, bodies) = (&self.colliders, &self.bodies);
+        fresh.extend(found.filter_map(|pair| colliders.pair(bodies, pair)));
+        let (fall, settings) = (self.gravity.length() * dt * dt, &self.settings);
+        let moving = moving(bodies, dt);
+        if self.scratch.workers.is_empty() {
+            self.scratch.workers.push(PairWorker::default());
+        }
+        for pair in fresh.iter_mut() {
+            let passed = moving.passed(travel, pair, || 0.0).unwrap_or_default();
+            let passed = passed[0] + passed[1] + fall;
+            // It decides how often contacts are searched for, if it is as near as its box.
+            if passed > settings.travel_per_search * pair.thickness {
+                let prediction = passed + 2.0 * settings.prediction_distance;
+                self.scratch.workers[0].measure_room(colliders, bodies, pair, prediction);
+            }
+        }
+        cache::merge(&mut self.contacts.pairs, fresh);
+        self.colliders.release();
+    }
+
+    /// Finds the manifolds of the pairs. Returns true if they are the same as before, with as many points.
+    fn find_manifolds(&mut self, search: &Search) -> bool {
+        let (reuse, dt) = (search.reuse(&self.settings), search.duration());
+        // Two bodies that need no rebuild have moved by half of the reuse distance together, at most.
+        let limit = 0.25 * reuse;
+        self.bodies.mark_moved(limit, &self.execution.pool);
+        self.update_inverse_masses();
+        if reuse < std::mem::replace(&mut self.contacts.last_reuse, reuse) {
+            // The reuse distance shrank, so the points found for the larger one are no longer valid.
+            self.contacts
+                .pairs
+                .iter_mut()
+                .filter(|pair| pair.count > 0)
+                .for_each(|pair| pair.room = 0.0);
+        }
+        std::mem::swap(&mut self.contacts.records, &mut self.scratch.old_records);
+        self.update_active();
+        if self.sleep.count() > 0 {
+            let active = |body: u32| self.scratch.active[body as usize];
+            self.sleep.rest_pairs(&mut self.contacts.pairs, &self.scratch.old_records, active);
+        }
+        let (mut traced, mut same) = (true, true);
+        loop {
+            if self.collide(traced, reuse, dt) {
+                same = false;
+            } else {
+                std::mem::swap(&mut self.contacts.records, &mut self.scratch.old_records);
+            }
+            traced = false;
+            // A sleeper that is touched wakes, and may wake what it touches.
+            if !self.wake_touched() {
+                self.sleep.placed.clear();
+                self.find_patches();
+                self.settle_seams(dt);
+                // A tolerance shares loads as it should.
+                if self.settings.tolerance == 0.0 {
+                    self.scratch.patches.join(&mut self.contacts.records);
+                }
+                return same;
+            }
+            self.update_active();
+            std::mem::swap(&mut self.contacts.records, &mut self.scratch.old_records);
+        }
+    }
+
+    /// Notes which bodies may touch something new.
+    fn update_active(&mut self) {
+        let (bodies, sleep) = (&self.bodies, &self.sleep);
+        let active = |body: usize| sleep.is_active(bodies, body);
+        self.scratch.active.resize(bodies.poses.len(), false);
+        let (useful, share) = self.execution.pool.share(bodies.poses.len(), GRAIN);
+        self.execution.pool.for_each(
+            useful,
+            self.scratch.active.chunks_mut(share).enumerate(),
+            |(part, own)| {
+                (share * part..).zip(own).for_each(|(body, own)| *own = active(body));
+            },
+        );
+        self.sleep.placed.iter().for_each(|&body| self.scratch.active[body as usize] = true);
+    }
+
+    /// Wakes sleepers that an active body touches. Returns true if there were any.
+    fn wake_touched(&mut self) -> bool {
+        let mut any = false;
+        if self.sleep.count() == 0 {
+            return any;
+        }
+        for record in 0..self.contacts.records.manifolds.len() {
+            for body in self.contacts.records.manifolds[record].bodies {
+                any |= self.sleep.is_sleeping(body as usize) && self.wake_slot(body as usize);
+            }
+        }
+        any
+    }
+
+    /// Finds the manifolds from the cached ones, whose impulses were `traced` in the last step, or which were only found.
+    /// Returns true if there are others than before.
+    fn collide(&mut self, traced: bool, reuse_distance: f32, dt: f32) -> bool {
+        let around = NarrowPhaseInput::<G, L, A> {
+            shapes: &self.colliders.shapes,
+            poses: &self.colliders.poses,
+            bodies: &self.bodies,
+            travel: &self.scratch.travel.own,
+            moving: moving(&self.bodies, dt),
+            traced,
+            resting: &self.sleep.records,
+            active: &self.scratch.active,
+            prediction_distance: self.settings.prediction_distance,
+            fall: self.gravity.length() * dt * dt,
+            reuse_distance,
+        };
+        let records = (&mut self.scratch.old_records, &mut self.contacts.records);
+        manifolds(
+            &around,
+            &mut self.contacts.pairs,
+            &mut self.scratch.workers,
+            &self.execution.pool,
+            records,
+        )
+    }
+
+    /// Turns manifolds at seams and corners to the axes along which their bodies are held apart.
+    fn settle_seams(&mut self, dt: f32) {
+        let meeting = SeamInput::<G, L, A> {
+            shapes: &self.colliders.shapes,
+            poses: &self.colliders.poses,
+            bodies: &self.bodies,
+            velocities: &self.bodies.velocities,
+            dt,
+        };
+        let closing =
+            closing(&self.scratch.workers, self.contacts.pairs.len(), &self.execution.pool);
+        self.scratch.seams.settle(
+            &meeting,
+            closing,
+            &mut self.contacts.pairs,
+            &mut self.contacts.records,
+        );
+    }
+
+    /// Finds contacts of compounds, and opens those between sides that another part covers.
+    fn find_patches(&mut self) {
+        let shapes = Shapes { colliders: &self.colliders, bodies: &self.bodies };
+        self.scratch.patches.find(&self.contacts.pairs, &shapes, &mut self.contacts.records);
+    }
+
+    /// Decides how the substeps of a part are taken.
+    fn plan(&self, search: &Search) -> PartPlan<L> {
+        let Search { h, due: substeps, left, .. } = *search;
+        let settings = &self.settings;
+        let solving = settings.tolerance > 0.0;
+        let examined = (left == 0 && settings.certify).then_some(substeps - 1);
+        let mut pairs = self.contacts.pairs.iter();
+        let bounces = |pair: &Pair| pair.restitution > 0.0 && pair.count > 0 && !pair.rests;
+        let bouncing = self.colliders.bounce && pairs.any(bounces);
+        let params = SubstepParams {
+            h,
+            substeps,
+            iterations: settings.iterations,
+            gravity: self.gravity,
+            repair: settings.repair_in(h),
+            softness: settings.softness,
+        };
+        PartPlan {
+            params,
+            solving,
+            examined,
+            ledger: settings.ledger,
+            collisions: bouncing.then_some(ImpactSettings {
+                law: settings.impact_law,
+                dt: h,
+                threshold: settings.restitution_threshold,
+                rounds: IMPACT_ROUNDS,
+                sweeps: IMPACT_SWEEPS,
+            }),
+            together: solving
+                || examined.is_some()
+                || settings.ledger
+                || bouncing
+                || self.execution.saving,
+        }
+    }
+
+    /// Builds the rows of the contacts of a part from its manifolds; `same` if these are as before.
+    fn build_rows(&mut self, search: &Search, same: bool) -> PartPlan<L> {
+        let (plan, dt) = (self.plan(search), search.duration());
+        let all = self.bodies.poses.len();
+        let StepScratch { displacements, prospective, .. } = &mut self.scratch;
+        displacements.clear();
+        displacements.resize(all, Velocity::ZERO);
+        self.bodies.turned.fill(false);
+        // The first substep asks the contacts, and sets them.
+        prospective.resize(all, Velocity::ZERO);
+        let ConstraintSolver { lanes, certifier, surfaces, .. } = &mut self.solver;
+        let (records, bodies) = (&self.contacts.records, &self.bodies);
+        let certifying = plan.solving || plan.examined.is_some();
+        if certifying {
+            certifier.find_islands(&bodies.inverse_masses, records.pairs());
+        }
+        let stiffness = if plan.solving {
+            let of = |body| [bodies.weight(body, self.gravity), bodies.thickness[body]];
+            certifier.stiffness(records.pairs(), of, &self.settings, plan.params.h)
+        } else {
+            certifier.no_stiffness()
+        };
+        let (velocities, together) = (&bodies.velocities, plan.together);
+        let in_order = plan.solving || self.settings.certify;
+        let rows = CacheSource { records, velocities, stiffness, same, together, in_order };
+        lanes.pack(&rows, &bodies.inverse_masses, self.settings.softness);
+        let (of, moving) = ((&self.colliders, bodies), (bodies.velocities.as_slice(), dt));
+        surfaces.give(of, &self.contacts.pairs, records.manifolds.len(), moving, lanes);
+        let (ledger, gravity) = (&mut self.scratch.ledger, self.gravity);
+        self.solver.with_system(&mut self.bodies, |solver, bodies| {
+            let ConstraintSolver { lanes, certifier, system, .. } = solver;
+            if certifying {
+                certifier.start(system, lanes);
+            }
+            if plan.ledger || plan.collisions.is_some() {
+                lanes.unpack(system);
+            }
+            if plan.ledger {
+                ledger.open(bodies, gravity, system);
+            }
+        });
+        plan
+    }
+
+    /// Moves the poses by the displacements of a part.
+    fn integrate_poses(&mut self, plan: &PartPlan<L>, report: &mut StepReport) {
+        motion::arrive(&mut self.bodies, &self.execution.pool, &self.scratch.displacements);
+        if plan.ledger {
+            let (bodies, gravity) = (&self.bodies, self.gravity);
+            let ledger = self.scratch.ledger.close(bodies, gravity, &bodies.velocities);
+            report.energy.get_or_insert_default().join(&ledger);
+        }
+    }
+
+    /// Recomputes M^-1 of the bodies that have moved enough.
+    fn update_inverse_masses(&mut self) {
+        let sleep = &self.sleep;
+        self.bodies.update_inverse_masses(|body| sleep.is_sleeping(body), &self.execution.pool);
+    }
+
+    /// Puts islands to sleep that have held still long enough.
+    fn fall_asleep(&mut self, dt: f32) {
+        let delay = self.settings.sleep;
+        if delay <= 0.0 {
+            return;
+        }
+        let (surfaces, touching) = (&self.solver.surfaces, self.contacts.records.pairs());
+        let runs = |manifold: usize| surfaces.runs(manifold);
+        if self.sleep.fall_asleep(&mut self.bodies, (touching, runs), dt, delay) {
+            self.update_inverse_masses();
+            self.colliders.place(&self.bodies);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As many substeps as pass no more than they may, and one at least.
+    #[test]
+    fn searches_are_as_far_apart_as_they_may_be() {
+        let of = |passed: [f32; 5], substeps| {
+            passed.map(|passed| substeps_until_search(substeps, passed))
+        };
+        assert_eq!(of([1.0, 2.0, 3.1, 4.1, 99.0], 8), [8, 4, 2, 1, 1]);
+        // What has become slower may go on for longer.
+        assert_eq!(of([0.25, 0.5, 0.9, 1.0, 1.1], 2), [8, 4, 2, 2, 1]);
+        assert_eq!(substeps_until_search(1, 0.0), u32::MAX);
+    }
+}

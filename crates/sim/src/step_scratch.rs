@@ -1,0 +1,48 @@
+//! [`StepScratch`]: memory that the stages of a step hand to each other.
+
+use drystone_solver::Velocity;
+
+use crate::cache::{ManifoldCache, Pair};
+use crate::geometry::Geometry;
+use crate::ledger::LedgerBuilder;
+use crate::narrow_phase::PairWorker;
+use crate::patches::Patches;
+use crate::seams::SeamResolver;
+use crate::travel::TravelBounds;
+
+/// Memory of a step that no later step reads.
+pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) fresh_pairs: Vec<Pair>,
+    pub(crate) old_records: ManifoldCache<L>,
+    /// True for bodies that may touch something new.
+    pub(crate) active: Vec<bool>,
+    pub(crate) travel: TravelBounds<L>,
+    pub(crate) workers: Vec<PairWorker<G, L, A>>,
+    pub(crate) seams: SeamResolver<L>,
+    pub(crate) patches: Patches<L>,
+    /// Velocities of a substep without the impulses of its contacts.
+    pub(crate) prospective: Vec<Velocity<f32, L, A>>,
+    /// Displacements since gaps were measured.
+    pub(crate) displacements: Vec<Velocity<f32, L, A>>,
+    /// Velocities that forces give in a substep in which bodies may bounce.
+    pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
+    pub(crate) ledger: LedgerBuilder<L, A>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<G, L, A> {
+    fn default() -> Self {
+        Self {
+            fresh_pairs: Vec::new(),
+            old_records: ManifoldCache::default(),
+            active: Vec::new(),
+            travel: TravelBounds::default(),
+            workers: Vec::new(),
+            seams: SeamResolver::default(),
+            patches: Patches::default(),
+            prospective: Vec::new(),
+            displacements: Vec::new(),
+            force_gains: Vec::new(),
+            ledger: LedgerBuilder::default(),
+        }
+    }
+}

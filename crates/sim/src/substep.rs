@@ -1,0 +1,335 @@
+//! The substeps of a part of a step, in one of two ways with the same stages.
+//!
+//! [`SubstepContext::run_by_batch`] takes one batch of islands after the other through all substeps, while it is in the cache.
+//! [`World::take_substeps`] takes all bodies through one substep after the other where something looks at the whole:
+//! impacts, certificates, ledgers, saved systems.
+
+use std::sync::{Mutex, PoisonError};
+
+use drystone_solver::restitution::{self, ImpactSettings};
+use drystone_solver::thread_pool::Divide;
+use drystone_solver::wide::{Landing, MovedBodies, WideBatch};
+
+use crate::geometry::Geometry;
+use crate::motion::{Advanced, MovingBodies, SubstepParams};
+use crate::report::{Stage, StageTimer, StepReport};
+use crate::saved::SavedSystem;
+use crate::solving::ConstraintSolver;
+use crate::step_scratch::StepScratch;
+use crate::world::World;
+
+/// How the substeps of a part of a step are taken.
+pub(crate) struct PartPlan<const L: usize> {
+    pub(crate) params: SubstepParams<L>,
+    /// True if each is solved to the tolerance.
+    pub(crate) solving: bool,
+    /// The substep that is certified with all residuals.
+    pub(crate) examined: Option<u32>,
+    /// True if each accounts for its energy.
+    pub(crate) ledger: bool,
+    /// Settings of impacts, where anything may bounce.
+    pub(crate) collisions: Option<ImpactSettings<f32>>,
+    /// True if a substep is taken for all bodies before the next one, not for one batch after the other.
+    pub(crate) together: bool,
+}
+
+/// After so many substeps contacts are asked again what they give to the velocities
+/// ([`MovingBodies::push`]): what rounding adds to it would add up.
+const REFRESH_INTERVAL: u32 = 4;
+
+/// Surfaces approach each other at this many times [`Advanced::fastest`] at most: 2^(3/2), and some for the
+/// bend of their paths. \[1\]
+const APPROACH: f32 = 3.5;
+
+/// The bodies of a batch, and their contacts.
+pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) contacts: WideBatch<'a, L, A>,
+    pub(crate) bodies: MovingBodies<'a, G, L, A>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L, A> {
+    /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps. Contacts are asked, too, if J
+    /// has been `renewed` since. To v* belong the torques of resistance. Returns whether anything turns.
+    pub(crate) fn warm_start(
+        &mut self,
+        substep: u32,
+        renewed: bool,
+        params: &SubstepParams<L>,
+    ) -> bool {
+        let resists = self.contacts.has_surfaces();
+        if resists {
+            self.contacts.apply_resistance(self.bodies.velocities);
+        }
+        if renewed || resists || substep.is_multiple_of(REFRESH_INTERVAL) {
+            self.bodies.prospective.copy_from_slice(self.bodies.velocities);
+            self.contacts.apply_impulses(self.bodies.velocities);
+        } else {
+            self.bodies.push();
+        }
+        self.bodies.lead(params)
+    }
+
+    /// Sweeps towards the targets; whether bodies turn.
+    pub(crate) fn solve(&mut self, params: &SubstepParams<L>, substep: u32, turning: bool) {
+        let Self { contacts, bodies: MovingBodies { velocities, displacements, .. } } = self;
+        contacts.sweep_normals_to_targets(velocities, displacements, turning, &params.repair);
+        for _ in 1..params.iterations {
+            contacts.sweep_normals(velocities);
+        }
+        self.run_belts(params, substep);
+    }
+
+    /// Adds belts to targets that have just been set.
+    pub(crate) fn run_belts(&mut self, params: &SubstepParams<L>, substep: u32) {
+        if self.contacts.has_surfaces() {
+            self.contacts.run_belts(params.h * substep as f32, params.repair.hold);
+        }
+    }
+
+    /// Renews J where bodies have turned; whether any is another.
+    pub(crate) fn renew(&mut self, params: &SubstepParams<L>) -> bool {
+        let Self { contacts, bodies } = self;
+        let MovingBodies { velocities, displacements, masses, turned, .. } = bodies;
+        let bodies = MovedBodies { velocities, displacements, masses, turned };
+        contacts.renew(bodies, [params.h, params.softness])
+    }
+
+    /// A sweep of rigid contacts: takes the velocity of overlap repair out again, and stops what has landed.
+    pub(crate) fn relax(&mut self, renewed: bool, fastest: f32, params: &SubstepParams<L>) {
+        let MovingBodies { velocities, displacements, .. } = &mut self.bodies;
+        let landing = Landing { displacements, dt: params.h, approach: APPROACH * fastest };
+        self.contacts.relax(velocities, renewed, Some(landing));
+        if self.contacts.has_surfaces() {
+            self.contacts.resist(velocities);
+        }
+    }
+
+    /// What contacts hand to the next step.
+    pub(crate) fn trace(&mut self, params: &SubstepParams<L>) {
+        if self.contacts.has_surfaces() {
+            self.contacts.carry_belts(params.h * params.substeps as f32);
+        }
+        self.contacts.trace(self.bodies.displacements, params.repair.hold);
+    }
+
+    /// Through all substeps.
+    fn run(&mut self, params: &SubstepParams<L>, clock: &mut StageTimer) {
+        let mut renewed = false;
+        for substep in 0..params.substeps {
+            self.bodies.predict(params);
+            clock.lap(Stage::Predict);
+            let turning = self.warm_start(substep, renewed, params);
+            clock.lap(Stage::WarmStart);
+            self.solve(params, substep, turning);
+            clock.lap(Stage::Solve);
+            let Advanced { turned, fastest } = self.bodies.advance(params);
+            clock.lap(Stage::Advance);
+            renewed = turned && self.renew(params);
+            self.relax(renewed, fastest, params);
+            clock.lap(Stage::Relax);
+        }
+        self.trace(params);
+        clock.lap(Stage::Remember);
+    }
+
+    /// Batch after batch through all substeps; each by one member of the pool, if none is much of the whole.
+    pub(crate) fn run_by_batch(self, params: &SubstepParams<L>, clock: &mut StageTimer) {
+        let (pool, runs) = (self.bodies.pool, self.contacts.runs());
+        let all = Mutex::new(clock.another());
+        pool.for_each(runs > 1, self.divide(runs), |run| {
+            let (mut own, batches) = (clock.another(), run.count());
+            run.divide(batches).for_each(|mut batch| batch.run(params, &mut own));
+            all.lock().unwrap_or_else(PoisonError::into_inner).join(&own);
+        });
+        clock.lap_as(&all.into_inner().unwrap_or_else(PoisonError::into_inner));
+    }
+}
+
+/// Into batches.
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for SubstepContext<'_, G, L, A> {
+    fn count(&self) -> usize {
+        self.contacts.count()
+    }
+
+    fn split_at(self, count: usize) -> (Self, Self) {
+        let (contacts, later_contacts) = self.contacts.split_at(count);
+        let (bodies, later_bodies) = self.bodies.split_at(contacts.bodies().len());
+        let first = Self { contacts, bodies };
+        (first, Self { contacts: later_contacts, bodies: later_bodies })
+    }
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
+    /// Takes the substeps of a part, and gives what contacts have learned to the cache.
+    pub(crate) fn take_substeps(
+        &mut self,
+        plan: &PartPlan<L>,
+        timer: &mut StageTimer,
+        report: &mut StepReport,
+    ) {
+        let params = &plan.params;
+        if plan.together {
+            let mut renewed = false;
+            for substep in 0..params.substeps {
+                self.substep(plan, substep, &mut renewed, timer, report);
+            }
+            self.context().trace(params);
+            timer.lap(Stage::Remember);
+        } else {
+            self.context().run_by_batch(params, timer);
+        }
+        let ConstraintSolver { lanes, surfaces, .. } = &mut self.solver;
+        surfaces.take_back(&self.colliders, &self.contacts.pairs, lanes);
+        let sweeps = if plan.solving { 1 } else { 1 + params.iterations };
+        report.sweeps += (params.substeps * sweeps) as usize;
+    }
+
+    /// Returns all bodies and their contacts on their way through a part.
+    fn context(&mut self) -> SubstepContext<'_, G, L, A> {
+        let StepScratch { prospective, displacements, .. } = &mut self.scratch;
+        let contacts = self.solver.lanes.whole(&mut self.contacts.records.traces);
+        let pool = &self.execution.pool;
+        let bodies = MovingBodies::new(&mut self.bodies, prospective, displacements, pool);
+        SubstepContext { contacts, bodies }
+    }
+
+    /// Forces, blows, contacts, motion, and contacts again as rigid ones: a substep of everything at once, with
+    /// all that may go with it. Without, it is that of [`SubstepContext::run_by_batch`].
+    fn substep(
+        &mut self,
+        plan: &PartPlan<L>,
+        substep: u32,
+        renewed: &mut bool,
+        timer: &mut StageTimer,
+        report: &mut StepReport,
+    ) {
+        let params = &plan.params;
+        if plan.ledger {
+            self.scratch.ledger.start(&self.bodies.velocities);
+        }
+        if plan.collisions.is_some() {
+            self.scratch.force_gains.clone_from(&self.bodies.velocities);
+        }
+        self.context().bodies.predict(params);
+        timer.lap(Stage::Predict);
+        if let Some(collisions) = &plan.collisions {
+            if *renewed {
+                self.unpack();
+            }
+            for (forced, velocity) in
+                self.scratch.force_gains.iter_mut().zip(&self.bodies.velocities)
+            {
+                *forced = *velocity - *forced;
+            }
+            report.collisions += self.bounce(plan, collisions);
+            timer.lap(Stage::Bounce);
+        }
+        let examined = plan.examined == Some(substep);
+        let saving = self.execution.saving && substep + 1 == params.substeps;
+        let turning = self.context().warm_start(substep, *renewed, params);
+        if plan.solving || saving {
+            let velocities = turning.then_some(&self.bodies.velocities[..]);
+            self.solver.lanes.set_targets(&self.scratch.displacements, velocities, &params.repair);
+            self.context().run_belts(params, substep);
+        }
+        if saving {
+            self.save(params.h);
+        }
+        timer.lap(Stage::WarmStart);
+        let solved = if plan.solving {
+            let (settings, prospective) = (&self.settings, &self.scratch.prospective);
+            let outcome = self.solver.with_system(&mut self.bodies, |solver, _| {
+                let ConstraintSolver { lanes, certifier, system, .. } = solver;
+                certifier.refine(system, lanes, prospective, settings, examined)
+            });
+            report.sweeps += outcome.iterations;
+            Some(outcome)
+        } else {
+            self.context().solve(params, substep, turning);
+            timer.lap(Stage::Solve);
+            let velocities = &self.bodies.velocities;
+            let examine = || {
+                self.solver.certifier.examine(
+                    velocities,
+                    &self.solver.lanes,
+                    &self.scratch.prospective,
+                )
+            };
+            examined.then(examine)
+        };
+        if let Some(outcome) = solved {
+            report.join(&outcome, timer);
+        }
+        if plan.ledger {
+            self.unpack();
+            let ledger = &mut self.scratch.ledger;
+            self.solver.with_system(&mut self.bodies, |solver, _| ledger.depart(&solver.system));
+        }
+        let Advanced { turned, fastest } = self.context().bodies.advance(params);
+        timer.lap(Stage::Advance);
+        if plan.ledger {
+            self.scratch.ledger.arrive(&self.bodies.velocities);
+        }
+        *renewed = turned && self.context().renew(params);
+        if turned && (plan.solving || plan.examined.is_some()) {
+            self.solver.with_system(&mut self.bodies, |solver, _| {
+                solver.certifier.island_solver.follow(&solver.system);
+            });
+        }
+        self.context().relax(*renewed, fastest, params);
+        if plan.ledger {
+            self.unpack();
+            let (ledger, gravity) = (&mut self.scratch.ledger, self.gravity);
+            self.solver.with_system(&mut self.bodies, |solver, bodies| {
+                let ConstraintSolver { lanes, surfaces, system, .. } = solver;
+                surfaces.note(lanes);
+                ledger.end(bodies, gravity, (system, &surfaces.done), params.h);
+            });
+        }
+        timer.lap(Stage::Relax);
+        if examined {
+            let sinking = report.certified.map_or(0.0, |of| of.residuals[1]);
+            report.jams = self.solver.with_system(&mut self.bodies, |solver, _| {
+                let ConstraintSolver { lanes, certifier, system, .. } = solver;
+                certifier.jams(system, lanes, sinking)
+            });
+            timer.lap(Stage::Certify);
+        }
+    }
+
+    /// Collisions at the start of a substep; returns how many there were.
+    fn bounce(&mut self, plan: &PartPlan<L>, collisions: &ImpactSettings<f32>) -> usize {
+        let StepScratch { ledger, displacements, force_gains, .. } = &mut self.scratch;
+        self.solver.with_system(&mut self.bodies, |solver, _| {
+            let ConstraintSolver { lanes, impacts, system, .. } = solver;
+            if plan.ledger {
+                ledger.strike(0, &system.velocities);
+            }
+            system.set_targets(displacements, &plan.params.repair);
+            let count =
+                restitution::collide(system, displacements, force_gains, collisions, impacts);
+            lanes.take_impacts(system);
+            if plan.ledger {
+                ledger.strike(1, &system.velocities);
+            }
+            count
+        })
+    }
+
+    /// Copies the contacts from the lanes.
+    fn unpack(&mut self) {
+        self.solver.with_system(&mut self.bodies, |solver, _| {
+            solver.lanes.unpack(&mut solver.system);
+        });
+    }
+
+    /// Saves the contact system of a substep of `h` \[s\] before it is solved.
+    fn save(&mut self, h: f32) {
+        let mut system = self.bodies.without_contacts();
+        // Prospective: as the contacts find them.
+        system.velocities.clone_from(&self.scratch.prospective);
+        self.solver.lanes.unpack(&mut system);
+        let positions = self.bodies.frames.iter().map(|frame| frame.position).collect();
+        self.execution.saved = Some(SavedSystem { system, positions, substep: h });
+    }
+}
