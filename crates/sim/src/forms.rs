@@ -4,13 +4,14 @@ use std::array::from_fn;
 
 use drystone_solver::Vector;
 
+use crate::compiled::Dimension;
 use crate::decomposition::Decompositions;
 use crate::geometry::spheres::SphereShape;
 use crate::geometry::{Geometry, MassProperties, Rigid2, Rigid3, Spheres, mass_within};
 use crate::scene::description::{Rotation, Shape, ShapeKind};
 
 /// Conversion of a scene's shape to a shape of this dimension.
-pub(crate) trait FromScene<const L: usize, const A: usize>: Geometry<L, A> {
+pub(crate) trait FromScene<const L: usize, const A: usize>: Dimension<L, A> {
     fn shape(kind: &ShapeKind) -> Result<Self::Shape, &'static str>;
 
     /// Returns the convex pieces that replace a shape on a dynamic body; `None` if none are needed.
@@ -138,7 +139,10 @@ impl FromScene<3, 3> for Rigid3 {
     }
 }
 
-impl<const L: usize> FromScene<L, 0> for Spheres {
+impl<const L: usize> FromScene<L, 0> for Spheres
+where
+    Self: Dimension<L, 0> + Geometry<L, 0, Shape = SphereShape<L>>,
+{
     fn shape(kind: &ShapeKind) -> Result<Self::Shape, &'static str> {
         match kind {
             ShapeKind::Sphere { radius } => Ok(SphereShape::Sphere { radius: *radius as f32 }),

@@ -147,7 +147,7 @@ fn check_inertia<const L: usize, const A: usize>(inertia: &Inertia<L, A>) -> Che
     }
     all_within("the center of mass [m]", &inertia.center, FAR)?;
     for (moments, inverse) in inertia.moments.0.iter().zip(&inertia.inverse_moments.0) {
-        all_within("the moments of inertia [kg m^2]", moments, HEAVY)?;
+        all_within("the moments of inertia [kg m^2]", moments, HEAVY * 1e12)?;
         all_within("the inverse moments of inertia [1/(kg m^2)]", inverse, f64::from(f32::MAX))?;
     }
     Ok(())

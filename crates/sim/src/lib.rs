@@ -66,6 +66,7 @@ mod cache;
 mod certifier;
 pub mod check;
 mod colliders;
+mod compiled;
 pub mod decomposition;
 mod forms;
 pub mod geometry;
@@ -94,6 +95,7 @@ mod tuner;
 mod world;
 
 pub use bodies::{Body, Collider, Inertia, SurfaceMotion};
+pub use compiled::Dimension;
 pub use decomposition::{
     Decomposition, DecompositionOptions, Decompositions, Deviation, NotSolid, decompose,
 };

@@ -7,6 +7,7 @@ use drystone_solver::{Manifold, SymmetricMatrix, Vector, Velocity};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::bodies::{Body, Collider, Inertia, SurfaceMotion};
+use crate::compiled::Dimension;
 use crate::decomposition::Decompositions;
 use crate::forms::{FromScene, Pieces, floats, place, times};
 use crate::geometry::{Frame, Geometry, MassProperties, Rigid2, Rigid3, Spheres};
@@ -156,7 +157,7 @@ impl<G: FromScene<L, A>, const L: usize, const A: usize> Run<G, L, A> {
     }
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Simulation for Run<G, L, A> {
+impl<G: Dimension<L, A>, const L: usize, const A: usize> Simulation for Run<G, L, A> {
     fn step(&mut self, dt: f64) -> Result<StepReport, InputError> {
         self.time += dt;
         for (id, track) in &self.tracks {

@@ -91,12 +91,8 @@ fn moving<G: Geometry<L, A>, const L: usize, const A: usize>(
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// Moves the world on by `dt` \[s\]: 1/240 to 1/24 s for what people see. Nothing moves in a step of 0 s.
-    ///
-    /// # Errors
-    /// The step is negative or not finite, as gravity may be, or a setting is out of its range
-    /// ([`StepSettings::RANGES`]). The world is then as it was.
-    pub fn step(&mut self, dt: f32) -> Result<StepReport, InputError> {
+    /// Takes a step ([`World::step`]): the stages in their order.
+    pub(crate) fn take_step(&mut self, dt: f32) -> Result<StepReport, InputError> {
         input::check_time(dt)?;
         input::check_gravity(&self.gravity)?;
         self.settings.check()?;

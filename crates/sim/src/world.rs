@@ -107,9 +107,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Adds a body. Mass and inertia come from its shapes unless it brings its own; a dynamic
-    /// body without either cannot be moved.
-    pub fn add(&mut self, body: Body<G, L, A>) -> Result<BodyId, InputError> {
+    /// Adds a body ([`World::add`]).
+    pub(crate) fn insert(&mut self, body: Body<G, L, A>) -> Result<BodyId, InputError> {
         let inertia = match (body.motion, body.inertia) {
             (Motion::Dynamic, Some(inertia)) => inertia,
             (Motion::Dynamic, None) => {
@@ -143,8 +142,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(BodyId::new(&self.bodies.slots, slot, self.id))
     }
 
-    /// Removes a body with its colliders, and wakes all that was near it; returns whether it was there.
-    pub fn remove(&mut self, id: BodyId) -> bool {
+    /// Removes a body ([`World::remove`]).
+    pub(crate) fn take_out(&mut self, id: BodyId) -> bool {
         let Some(slot) = self.index(id) else { return false };
         self.wake_neighbors(slot);
         self.sleep.placed.retain(|&placed| placed as usize != slot);
@@ -422,8 +421,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         });
     }
 
-    /// Energies, deepest overlap and residual as the last step left them.
-    pub fn measure(&self) -> Measure {
+    /// Measures the state after the last step ([`World::measure`]).
+    pub(crate) fn measured(&self) -> Measure {
         let mut out = Measure { finite: true, ..Measure::default() };
         for body in 0..self.len() {
             let frame = &self.bodies.frames[body];

@@ -127,10 +127,8 @@ pub enum CheckpointError {
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// The state between two steps, with the bodies: a world that has fewer or others by then gets them back.
-    ///
-    /// Read from bytes it is without the bodies, and only a world takes it that has them.
-    pub fn checkpoint(&self) -> Checkpoint {
+    /// Saves the state between two steps ([`World::checkpoint`]).
+    pub(crate) fn save_state(&self) -> Checkpoint {
         let definitions = self.definitions.get_or_init(|| {
             Arc::new(Definitions { bodies: self.bodies.clone(), colliders: self.colliders.clone() })
         });
@@ -197,14 +195,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         pairs.iter().flat_map(of).collect()
     }
 
-    /// Takes on the state of a world: from here on both take the same steps, bit by bit, with the same settings.
-    ///
-    /// Bodies that were added since are removed, and those that were removed come back with their identifiers.
-    /// Identifiers of bodies that were added since may be those of others that will be added.
-    ///
-    /// # Errors
-    /// It is of another world. This one is then as it was.
-    pub fn restore(&mut self, from: &Checkpoint) -> Result<(), CheckpointError> {
+    /// Loads a state ([`World::restore`]).
+    pub(crate) fn load_state(&mut self, from: &Checkpoint) -> Result<(), CheckpointError> {
         let slots = [&self.bodies.slots, &self.colliders.slots];
         let same = slots.map(|slots| slots.generations()) == [&from.slots[0][..], &from.slots[1]];
         let definitions = from.definitions.0.clone().and_then(|of| of.downcast().ok());

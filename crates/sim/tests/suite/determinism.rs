@@ -2,6 +2,7 @@
 //! build.
 
 use crate::common::*;
+use drystone::Dimension;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::Motion;
 use drystone::{ParticleWorld3, StepSettings, World, World2, World3};
@@ -16,7 +17,7 @@ const GOLDEN: [(&str, u64); 3] = [
 ];
 
 /// Returns the FNV-1a hash of all poses, bit by bit.
-fn hash<G: Geometry<L, A>, const L: usize, const A: usize>(world: &World<G, L, A>) -> u64 {
+fn hash<G: Dimension<L, A>, const L: usize, const A: usize>(world: &World<G, L, A>) -> u64 {
     let mut poses = Vec::new();
     world.write_poses(&mut poses);
     assert!(poses.iter().all(|x| x.is_finite()));
@@ -28,7 +29,7 @@ fn hash<G: Geometry<L, A>, const L: usize, const A: usize>(world: &World<G, L, A
         })
 }
 
-fn after_steps<G: Geometry<L, A>, const L: usize, const A: usize>(
+fn after_steps<G: Dimension<L, A>, const L: usize, const A: usize>(
     mut world: World<G, L, A>,
     threads: usize,
 ) -> u64 {

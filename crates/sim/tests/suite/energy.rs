@@ -1,7 +1,8 @@
 //! Tests of impacts between several bodies, and of the ledger of energy.
 
 use crate::common::*;
-use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::Dimension;
+use drystone::geometry::{Rigid2, Rigid3, Spheres};
 use drystone::scene::Motion;
 use drystone::{BodyId, ImpactLaw, Ledger, World, World3};
 use drystone_solver::{Vector, Velocity};
@@ -121,7 +122,7 @@ struct Audit {
 }
 
 /// Runs a world with a ledger.
-fn audit<G: Geometry<L, A>, const L: usize, const A: usize>(
+fn audit<G: Dimension<L, A>, const L: usize, const A: usize>(
     mut world: World<G, L, A>,
     seconds: f32,
 ) -> Audit {

@@ -1,6 +1,7 @@
 //! Tests that jams are reported, and mere pressure is not.
 
 use crate::common::*;
+use drystone::Dimension;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::Motion;
 use drystone::{BodyId, StepReport, World, World3};
@@ -8,7 +9,7 @@ use drystone_solver::Vector;
 
 /// Takes steps, after each of which all values are finite. Returns the bodies that were jammed in
 /// any step.
-fn jammed<G: Geometry<L, A>, const L: usize, const A: usize>(
+fn jammed<G: Dimension<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     steps: usize,
 ) -> Vec<u32> {

@@ -1,12 +1,13 @@
 //! Tests that a bounce onto a body on the floor presses it no deeper than an inelastic impact does.
 
 use crate::common::*;
-use drystone::geometry::{Geometry, Rigid2, Rigid3};
+use drystone::Dimension;
+use drystone::geometry::{Rigid2, Rigid3};
 use drystone::{BodyId, StepSettings, World};
 use drystone_solver::Vector;
 
 /// A light body on the floor and a heavy ball that falls onto it.
-struct Press<G: Geometry<L, A>, const L: usize, const A: usize> {
+struct Press<G: Dimension<L, A>, const L: usize, const A: usize> {
     world: World<G, L, A>,
     light: BodyId,
     heavy: BodyId,

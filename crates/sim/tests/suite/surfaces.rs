@@ -4,7 +4,8 @@
 use std::fs;
 use std::path::PathBuf;
 
-use drystone::geometry::{Geometry, Rigid2, Rigid3};
+use drystone::Dimension;
+use drystone::geometry::{Rigid2, Rigid3};
 use drystone::recording::physics::Physics;
 use drystone::recording::usda::Stage;
 use drystone::scene::{self, Material, Motion, Read, Scene};
@@ -20,7 +21,7 @@ fn presets() -> [StepSettings; 3] {
     [StepSettings::quality(), StepSettings::certified(), StepSettings::realtime()]
 }
 
-fn world_of<G: Geometry<L, A>, const L: usize, const A: usize>(
+fn world_of<G: Dimension<L, A>, const L: usize, const A: usize>(
     settings: &StepSettings,
 ) -> World<G, L, A> {
     let mut world = World::new(settings.clone());

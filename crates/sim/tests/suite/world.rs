@@ -4,9 +4,12 @@
 use std::time::{Duration, Instant};
 
 use crate::common::*;
+use drystone::Dimension;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::{Filter, Motion};
-use drystone::{Body, BodyId, Collider, Inertia, Stage, StepSettings, World, World2, World3};
+use drystone::{
+    Body, BodyId, Collider, Inertia, InputError, Stage, StepSettings, World, World2, World3,
+};
 use drystone_solver::{SymmetricMatrix, Vector, Velocity};
 
 // Conservation
@@ -38,7 +41,7 @@ fn scatter<G: Rigid<L, A>, const L: usize, const A: usize>(
     out
 }
 
-fn momentum<G: Geometry<L, A>, const L: usize, const A: usize>(
+fn momentum<G: Dimension<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     bodies: &[(BodyId, f32)],
 ) -> Vector<f64, L> {
@@ -645,7 +648,8 @@ fn removed_bodies_are_gone_and_never_mistaken() {
     assert!(!world.remove(low), "removed twice");
     assert_eq!(world.pose(low), None);
     assert_eq!(world.velocity(low), None);
-    world.set_velocity(low, Velocity { linear: Vector([9.0; 3]), angular: Vector::ZERO }).unwrap();
+    let fast = Velocity { linear: Vector([9.0; 3]), angular: Vector::ZERO };
+    assert_eq!(world.set_velocity(low, fast), Err(InputError::UnknownBody));
     run(&mut world, 2.0);
     assert_within("the upper box has come down [m]", place(&world, high)[1], 0.5, 1e-3);
 
@@ -654,7 +658,8 @@ fn removed_bodies_are_gone_and_never_mistaken() {
     assert_ne!(again, low);
     assert_eq!(world.pose(low), None, "the old name has come to life");
     assert!(!world.remove(low), "the old name removed the new body");
-    world.add_force(low, Velocity { linear: Vector([1e9; 3]), angular: Vector::ZERO }).unwrap();
+    let strong = Velocity { linear: Vector([1e9; 3]), angular: Vector::ZERO };
+    assert_eq!(world.add_force(low, strong), Err(InputError::UnknownBody));
     run(&mut world, 1.0);
     assert_within("the new box [m]", place(&world, again)[1], 0.5, 1e-3);
     assert_below("way of the new box [m]", (place(&world, again)[0] - 3.0).abs(), 1e-3);

@@ -3,6 +3,7 @@
 pub(crate) mod mutation;
 pub(crate) mod scenes;
 
+use drystone::Dimension;
 use drystone::geometry::spheres::SphereShape;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
 use drystone::scene::{Material, Motion};
@@ -26,7 +27,7 @@ pub(crate) fn v<const L: usize>(x: f32, y: f32, z: f32) -> [f32; L] {
 }
 
 /// Shapes that particles and rigid bodies have.
-pub(crate) trait Round<const L: usize, const A: usize>: Geometry<L, A> {
+pub(crate) trait Round<const L: usize, const A: usize>: Dimension<L, A> {
     fn ball(radius: f32) -> Self::Shape;
     fn halfspace(normal: [f32; L]) -> Self::Shape;
 }
@@ -40,7 +41,10 @@ pub(crate) trait Rigid<const L: usize, const A: usize>: Round<L, A> {
     fn turned(position: [f32; L], angle: f32) -> Self::Pose;
 }
 
-impl<const L: usize> Round<L, 0> for Spheres {
+impl<const L: usize> Round<L, 0> for Spheres
+where
+    Self: Dimension<L, 0> + Geometry<L, 0, Shape = SphereShape<L>>,
+{
     fn ball(radius: f32) -> Self::Shape {
         SphereShape::Sphere { radius }
     }
@@ -133,14 +137,14 @@ pub(crate) fn grid(n: u32, size: f32) -> parry3d::shape::SharedShape {
 }
 
 /// Returns an empty world with gravity along -y.
-pub(crate) fn world<G: Geometry<L, A>, const L: usize, const A: usize>() -> World<G, L, A> {
+pub(crate) fn world<G: Dimension<L, A>, const L: usize, const A: usize>() -> World<G, L, A> {
     let mut world = World::new(StepSettings::quality());
     world.gravity = Vector(v(0.0, -GRAVITY, 0.0));
     world
 }
 
 /// Returns an empty world without gravity.
-pub(crate) fn weightless<G: Geometry<L, A>, const L: usize, const A: usize>() -> World<G, L, A> {
+pub(crate) fn weightless<G: Dimension<L, A>, const L: usize, const A: usize>() -> World<G, L, A> {
     World::new(StepSettings::quality())
 }
 
@@ -149,7 +153,7 @@ pub(crate) fn surface(friction: f64, restitution: f64) -> Material {
 }
 
 /// Returns a body with one shape.
-pub(crate) fn body<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn body<G: Dimension<L, A>, const L: usize, const A: usize>(
     motion: Motion,
     position: [f32; L],
     shape: G::Shape,
@@ -160,7 +164,7 @@ pub(crate) fn body<G: Geometry<L, A>, const L: usize, const A: usize>(
     body
 }
 
-pub(crate) fn dynamic<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn dynamic<G: Dimension<L, A>, const L: usize, const A: usize>(
     position: [f32; L],
     shape: G::Shape,
     material: &Material,
@@ -178,7 +182,7 @@ pub(crate) fn add_floor<G: Round<L, A>, const L: usize, const A: usize>(
 }
 
 /// Returns the body with another linear velocity.
-pub(crate) fn moving<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn moving<G: Dimension<L, A>, const L: usize, const A: usize>(
     mut body: Body<G, L, A>,
     linear: [f32; L],
 ) -> Body<G, L, A> {
@@ -187,7 +191,7 @@ pub(crate) fn moving<G: Geometry<L, A>, const L: usize, const A: usize>(
 }
 
 /// Returns the body with this mass and the inertia of its first shape scaled to it.
-pub(crate) fn weighing<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn weighing<G: Dimension<L, A>, const L: usize, const A: usize>(
     mut body: Body<G, L, A>,
     mass: f32,
 ) -> Body<G, L, A> {
@@ -198,7 +202,7 @@ pub(crate) fn weighing<G: Geometry<L, A>, const L: usize, const A: usize>(
 }
 
 /// Steps by frames until `seconds` have passed.
-pub(crate) fn run<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn run<G: Dimension<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     seconds: f32,
 ) {
@@ -207,14 +211,14 @@ pub(crate) fn run<G: Geometry<L, A>, const L: usize, const A: usize>(
     }
 }
 
-pub(crate) fn place<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn place<G: Dimension<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     id: BodyId,
 ) -> Vector<f32, L> {
     G::frame(&world.pose(id).unwrap()).position
 }
 
-pub(crate) fn velocity<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn velocity<G: Dimension<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     id: BodyId,
 ) -> Velocity<f32, L, A> {
@@ -222,7 +226,7 @@ pub(crate) fn velocity<G: Geometry<L, A>, const L: usize, const A: usize>(
 }
 
 /// Returns the cosine between the y axes of a body and of the world.
-pub(crate) fn upright<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn upright<G: Dimension<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     id: BodyId,
 ) -> f32 {
@@ -230,7 +234,7 @@ pub(crate) fn upright<G: Geometry<L, A>, const L: usize, const A: usize>(
 }
 
 /// Returns the kinetic plus the potential energy. \[J\]
-pub(crate) fn energy<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn energy<G: Dimension<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
 ) -> f64 {
     let measure = world.measure();
@@ -238,7 +242,7 @@ pub(crate) fn energy<G: Geometry<L, A>, const L: usize, const A: usize>(
 }
 
 /// Returns the sum of the normal impulses between two bodies in the last substep. \[N s\]
-pub(crate) fn impulse_between<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn impulse_between<G: Dimension<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     a: BodyId,
     b: BodyId,
@@ -254,7 +258,7 @@ pub(crate) fn impulse_between<G: Geometry<L, A>, const L: usize, const A: usize>
 }
 
 /// Returns R D R^T w, the angular momentum of a body with the principal moments D. \[kg m^2/s\]
-pub(crate) fn angular_momentum<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn angular_momentum<G: Dimension<L, A>, const L: usize, const A: usize>(
     world: &World<G, L, A>,
     id: BodyId,
     moments: SymmetricMatrix<f32, A>,

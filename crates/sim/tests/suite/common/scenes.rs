@@ -3,7 +3,8 @@
 //! A scene depends on its seed and dimension only. No two of its bodies overlap at the start.
 
 use super::{Random, Rigid};
-use drystone::geometry::{Bounds, Geometry, MassProperties, Rigid2, Rigid3};
+use drystone::Dimension;
+use drystone::geometry::{Bounds, MassProperties, Rigid2, Rigid3};
 use drystone::scene::{
     self, BodiesAs, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind,
 };
@@ -183,7 +184,7 @@ pub(crate) fn floats<const L: usize>(of: &[f64]) -> [f32; L] {
     std::array::from_fn(|i| of.get(i).copied().unwrap_or(0.0) as f32)
 }
 
-fn pose<G: Geometry<L, A>, const L: usize, const A: usize>(
+fn pose<G: Dimension<L, A>, const L: usize, const A: usize>(
     position: &[f64],
     rotation: &Rotation,
 ) -> G::Pose {
@@ -252,7 +253,7 @@ pub(crate) fn body_of<G: Forms<L, A>, const L: usize, const A: usize>(
 }
 
 /// A world with the masses and gravity factors on which its energy depends.
-pub(crate) struct Running<G: Geometry<L, A>, const L: usize, const A: usize> {
+pub(crate) struct Running<G: Dimension<L, A>, const L: usize, const A: usize> {
     pub(crate) world: World<G, L, A>,
     pub(crate) ids: Vec<BodyId>,
     /// Inertia of each body; None for static and kinematic bodies.

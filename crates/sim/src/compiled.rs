@@ -1,0 +1,138 @@
+//! [`Dimension`]: the four kinds of worlds, compiled in this crate.
+//!
+//! A generic method is compiled by the crate that calls it, at the optimization level of that crate: the
+//! debug build of a game would take eight times as long for a step. So the methods with all the work are
+//! called through a trait whose implementations are not generic.
+
+use crate::bodies::Body;
+use crate::geometry::spheres::Spheres;
+use crate::geometry::{Geometry, Rigid2, Rigid3};
+use crate::ids::BodyId;
+use crate::input::InputError;
+use crate::report::{Measure, StepReport};
+use crate::world::{Checkpoint, CheckpointError, World};
+
+/// A [`Geometry`] that worlds exist for: rigid bodies or particles, in the plane or in space.
+pub trait Dimension<const L: usize, const A: usize>: Geometry<L, A> {
+    /// [`World::add`].
+    #[doc(hidden)]
+    fn add(world: &mut World<Self, L, A>, body: Body<Self, L, A>) -> Result<BodyId, InputError>;
+
+    /// [`World::remove`].
+    #[doc(hidden)]
+    fn remove(world: &mut World<Self, L, A>, id: BodyId) -> bool;
+
+    /// [`World::step`].
+    #[doc(hidden)]
+    fn step(world: &mut World<Self, L, A>, dt: f32) -> Result<StepReport, InputError>;
+
+    /// [`World::measure`].
+    #[doc(hidden)]
+    fn measure(world: &World<Self, L, A>) -> Measure;
+
+    /// [`World::checkpoint`].
+    #[doc(hidden)]
+    fn checkpoint(world: &World<Self, L, A>) -> Checkpoint;
+
+    /// [`World::restore`].
+    #[doc(hidden)]
+    fn restore(world: &mut World<Self, L, A>, from: &Checkpoint) -> Result<(), CheckpointError>;
+}
+
+/// Implements [`Dimension`] for one kind of world.
+macro_rules! compiled {
+    ($geometry:ty, $l:literal, $a:literal) => {
+        impl Dimension<$l, $a> for $geometry {
+            #[inline(never)]
+            fn add(
+                world: &mut World<Self, $l, $a>,
+                body: Body<Self, $l, $a>,
+            ) -> Result<BodyId, InputError> {
+                world.insert(body)
+            }
+
+            #[inline(never)]
+            fn remove(world: &mut World<Self, $l, $a>, id: BodyId) -> bool {
+                world.take_out(id)
+            }
+
+            #[inline(never)]
+            fn step(world: &mut World<Self, $l, $a>, dt: f32) -> Result<StepReport, InputError> {
+                world.take_step(dt)
+            }
+
+            #[inline(never)]
+            fn measure(world: &World<Self, $l, $a>) -> Measure {
+                world.measured()
+            }
+
+            #[inline(never)]
+            fn checkpoint(world: &World<Self, $l, $a>) -> Checkpoint {
+                world.save_state()
+            }
+
+            #[inline(never)]
+            fn restore(
+                world: &mut World<Self, $l, $a>,
+                from: &Checkpoint,
+            ) -> Result<(), CheckpointError> {
+                world.load_state(from)
+            }
+        }
+    };
+}
+
+compiled!(Rigid2, 2, 1);
+compiled!(Rigid3, 3, 3);
+compiled!(Spheres, 2, 0);
+compiled!(Spheres, 3, 0);
+
+impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
+    /// Adds a body. Mass and inertia come from its shapes unless it brings its own.
+    ///
+    /// # Errors
+    /// A number of the body is not finite or out of range, a dynamic body has no mass, or no contacts are
+    /// known of a shape. The world is then as it was.
+    pub fn add(&mut self, body: Body<G, L, A>) -> Result<BodyId, InputError> {
+        G::add(self, body)
+    }
+
+    /// Removes a body with its colliders, and wakes the bodies near it. Returns true if it was there.
+    pub fn remove(&mut self, id: BodyId) -> bool {
+        G::remove(self, id)
+    }
+
+    /// Moves the world on by `dt` \[s\]: 1/240 to 1/24 s for motion that people watch. Nothing moves in a
+    /// step of 0 s.
+    ///
+    /// # Errors
+    /// The step is negative or not finite, as gravity may be, or a setting is out of its range
+    /// ([`StepSettings::RANGES`](crate::StepSettings::RANGES)). The world is then as it was.
+    pub fn step(&mut self, dt: f32) -> Result<StepReport, InputError> {
+        G::step(self, dt)
+    }
+
+    /// Returns energies, deepest penetration and residual after the last step.
+    pub fn measure(&self) -> Measure {
+        G::measure(self)
+    }
+
+    /// Returns the state between two steps, with the bodies.
+    ///
+    /// Written as bytes, it is without the bodies, and only a world takes it that has them.
+    pub fn checkpoint(&self) -> Checkpoint {
+        G::checkpoint(self)
+    }
+
+    /// Restores a state. All further steps repeat those after the checkpoint bit by bit, with the same
+    /// settings.
+    ///
+    /// Bodies that were added since are removed, and bodies that were removed come back with their
+    /// identifiers. An identifier of a body that was added since may later name another body.
+    ///
+    /// # Errors
+    /// It is of another world. This one is then as it was.
+    pub fn restore(&mut self, from: &Checkpoint) -> Result<(), CheckpointError> {
+        G::restore(self, from)
+    }
+}
