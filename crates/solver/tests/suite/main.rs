@@ -16,4 +16,5 @@ mod methods;
 mod notes;
 #[cfg(feature = "assembled")]
 mod problems;
+mod theorem;
 mod thread_pool;
