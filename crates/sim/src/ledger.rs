@@ -308,7 +308,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         let contact = &system.contacts[index];
         let [a, b] = manifold.bodies.map(|body| body as usize);
         let manifold: Manifold<f64, L> = manifold.cast();
-        let (frame, anchors) = (manifold.frame, manifold.anchors(contact.place.cast()));
+        let (frame, anchors) = (manifold.frame, manifold.anchors(contact.offset.cast()));
         let gamma = contact.impulse.cast::<f64>();
         let relative = |of: [Velocity<f64, L, A>; 2]| of[0].at(anchors[0]) - of[1].at(anchors[1]);
         let u = relative([self.mean[1][a], self.mean[1][b]]);

@@ -79,8 +79,8 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
         let mut sum = Vector::ZERO;
         for (index, contact) in points.iter_mut().enumerate() {
             let own = V::each(|lane| self.point(records[lane], index));
-            contact.place = V::gathered_vector(V::each(|lane| &own[lane].0.push_point));
-            sum += contact.place;
+            contact.offset = V::gathered_vector(V::each(|lane| &own[lane].0.push_point));
+            sum += contact.offset;
             contact.gap = V::gathered_vector(V::each(|lane| &own[lane].1.gap));
             contact.impulse = V::gathered_vector(V::each(|lane| &own[lane].1.impulse));
             let mut slip = contact.gap;
@@ -100,11 +100,11 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
         let mean = sum * V::gathered(V::each(|lane| SHARES[records[lane].count as usize]));
         let center = match points {
             [] => mean,
-            [first, ..] => mean + normal * normal.dot(first.place - mean),
+            [first, ..] => mean + normal * normal.dot(first.offset - mean),
         };
         for contact in points {
-            contact.place = manifold.to_frame(contact.place - center);
-            contact.place[0] = V::ZERO;
+            contact.offset = manifold.to_frame(contact.offset - center);
+            contact.offset[0] = V::ZERO;
         }
         let apart = V::gathered_vector(V::each(|lane| &records[lane].apart));
         manifold.arms = [center - apart, center];
@@ -168,9 +168,9 @@ mod tests {
         let (manifold, contacts) = (&system.manifolds[0], &system.contacts);
         let [_, arm] = manifold.arms.map(|arm| manifold.to_frame(arm));
         assert!((arm[0] - 0.25).abs() < 1e-6, "{arm:?}");
-        assert!(contacts.iter().all(|contact| contact.place[0] == 0.0), "{contacts:?}");
-        let sum = contacts[0].place + contacts[1].place;
-        let apart = (contacts[0].place - contacts[1].place).length();
+        assert!(contacts.iter().all(|contact| contact.offset[0] == 0.0), "{contacts:?}");
+        let sum = contacts[0].offset + contacts[1].offset;
+        let apart = (contacts[0].offset - contacts[1].offset).length();
         assert!(sum.length() < 1e-6 && (apart - 0.25).abs() < 1e-6, "{contacts:?}");
     }
 

@@ -83,9 +83,9 @@ use crate::{Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Ve
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Certificate {
     /// Duality gap G. \[J\]
-    pub gap: f64,
+    pub duality_gap: f64,
     /// Part of G from velocities that the impulses do not produce: 1/2 d . M d, for the impulses of
-    /// `gap`. \[J\]
+    /// `duality_gap`. \[J\]
     pub defect: f64,
     /// Mass of all bodies \[kg\]. If all bodies have infinite mass and only rotate, their moments
     /// of inertia \[kg m^2\]; errors are then in rad/s.
@@ -106,7 +106,7 @@ pub struct Certificate {
 impl Certificate {
     /// Certificate of an empty system.
     pub const NONE: Self = Self {
-        gap: 0.0,
+        duality_gap: 0.0,
         defect: 0.0,
         mass: 0.0,
         lightest: f64::INFINITY,
@@ -129,7 +129,11 @@ impl Certificate {
     }
 
     fn farthest(&self, mass: f64) -> f64 {
-        if self.gap > 0.0 { reach(self.gap, self.defect) / mass.sqrt() } else { 0.0 }
+        if self.duality_gap > 0.0 {
+            reach(self.duality_gap, self.defect) / mass.sqrt()
+        } else {
+            0.0
+        }
     }
 
     /// Adds the residuals of a manifold.
@@ -450,7 +454,7 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         let islands = self.certificates.iter().zip(&self.lines);
         islands.map(|(of, line)| {
             let [gap, defect] = line.at(0.0);
-            Certificate { gap, defect, ..*of }.error()
+            Certificate { duality_gap: gap, defect, ..*of }.error()
         })
     }
 
@@ -541,7 +545,7 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         }
         for (certificate, line) in self.certificates.iter_mut().zip(&self.lines) {
             certificate.mass = certificate.mass.abs();
-            [certificate.gap, certificate.defect] = line.best();
+            [certificate.duality_gap, certificate.defect] = line.best();
         }
         &self.certificates
     }

@@ -22,7 +22,7 @@ pub(crate) const RIGID_APART: u8 = 2;
 pub struct Contact<T: Real, const L: usize> {
     /// Offset from the manifold's center, in the plane of the tangents: component 0 is 0, so that
     /// friction has no moment that tilts the plane. \[m\]
-    pub place: Vector<T, L>,
+    pub offset: Vector<T, L>,
     /// Normal: distance between the surfaces, negative when they overlap (-d of the notes).
     /// Tangents: slip of a on b since the point began to stick. \[m\]
     pub gap: Vector<T, L>,
@@ -74,7 +74,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
         T: Cast<U>,
     {
         Contact {
-            place: self.place.part(index),
+            offset: self.offset.part(index),
             gap: self.gap.part(index),
             target: self.target.part(index),
             impulse: self.impulse.part(index),
@@ -94,8 +94,8 @@ impl<T: Real, const L: usize> Contact<T, L> {
         u[0] = self.normal_velocity(twist);
         // Velocity in the tangent plane from rotation about the normal.
         if A == 3 {
-            u[1] -= twist.angular[0] * self.place[2];
-            u[2] += twist.angular[0] * self.place[1];
+            u[1] -= twist.angular[0] * self.offset[2];
+            u[2] += twist.angular[0] * self.offset[1];
         }
         u
     }
@@ -104,7 +104,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// separating. \[m/s\]
     #[inline(always)]
     pub fn normal_velocity<const A: usize>(&self, twist: &Velocity<T, L, A>) -> T {
-        twist.at(self.place)[0]
+        twist.at(self.offset)[0]
     }
 
     /// Adds the components `axes` of an impulse \[N s\] at this point to a wrench.
@@ -118,10 +118,10 @@ impl<T: Real, const L: usize> Contact<T, L> {
         for axis in axes {
             wrench.linear[axis] += impulse[axis];
             match axis {
-                0 => add_moment(self.place, 0, impulse[0], &mut wrench.angular),
+                0 => add_moment(self.offset, 0, impulse[0], &mut wrench.angular),
                 // Moment about the normal from impulses in the tangent plane.
-                1 if A == 3 => wrench.angular[0] -= self.place[2] * impulse[1],
-                2 if A == 3 => wrench.angular[0] += self.place[1] * impulse[2],
+                1 if A == 3 => wrench.angular[0] -= self.offset[2] * impulse[1],
+                2 if A == 3 => wrench.angular[0] += self.offset[1] * impulse[2],
                 _ => {}
             }
         }

@@ -68,7 +68,7 @@ pub fn solve<const L: usize, const A: usize>(
         problem.answer(system);
         let certificate = track.record(system);
         // The rest of G is the error of the shift.
-        if certificate.defect < 0.1 * certificate.gap {
+        if certificate.defect < 0.1 * certificate.duality_gap {
             problem.renew_shifts(system);
         }
     }
@@ -287,7 +287,7 @@ impl<const L: usize> ContactRow<L> {
                 flat::<L, A>(&Velocity { linear: push, angular: moment(anchor, push) })
             })
         };
-        let [anchor_a, anchor_b] = manifold.anchors(contact.place);
+        let [anchor_a, anchor_b] = manifold.anchors(contact.offset);
         Self {
             contact: index,
             bodies: manifold.bodies.map(|body| body as usize),

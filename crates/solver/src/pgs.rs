@@ -117,7 +117,7 @@ fn visit_of<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICTI
 /// velocity, and its impulses have no moment.
 #[inline(always)]
 pub(crate) fn is_center<T: Real, const L: usize>(points: &[Contact<T, L>]) -> bool {
-    matches!(points, [only] if only.place == Vector::ZERO)
+    matches!(points, [only] if only.offset == Vector::ZERO)
 }
 
 /// Visits a manifold once: the normals of its points, then `between`, then their friction. `center`

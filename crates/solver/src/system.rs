@@ -41,9 +41,9 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
     /// Adds a manifold with these points, and sets its `first` and `count`.
     ///
     /// # Panics
-    /// A point is not in the manifold's tangent plane ([`Contact::place`]).
+    /// A point is not in the manifold's tangent plane ([`Contact::offset`]).
     pub fn add_manifold(&mut self, mut manifold: Manifold<T, L>, points: &[Contact<T, L>]) {
-        assert!(points.iter().all(|point| point.place[0] == T::ZERO), "points in one plane");
+        assert!(points.iter().all(|point| point.offset[0] == T::ZERO), "points in one plane");
         manifold.first = self.contacts.len() as u32;
         manifold.count = points.len() as u32;
         self.manifolds.push(manifold);

@@ -281,7 +281,7 @@ fn set_contact<V: Lanes, const L: usize>(
     lane: usize,
     own: &Contact<f32, L>,
 ) {
-    set(&mut wide.place, lane, &own.place);
+    set(&mut wide.offset, lane, &own.offset);
     set(&mut wide.gap, lane, &own.gap);
     set(&mut wide.impulse, lane, &own.impulse);
     wide.impact.set(lane, own.impact);
@@ -324,7 +324,7 @@ pub(super) fn contact_in<V: Lanes, const L: usize>(
     lane: usize,
 ) -> Contact<f32, L> {
     Contact {
-        place: get(&wide.place, lane),
+        offset: get(&wide.offset, lane),
         gap: get(&wide.gap, lane),
         target: get(&wide.target, lane),
         impulse: get(&wide.impulse, lane),

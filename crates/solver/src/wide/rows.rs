@@ -127,7 +127,7 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for System<f32, L, A> {
         let open = open();
         for (index, contact) in points.iter_mut().enumerate() {
             let own = V::each(|lane| self.contacts[own[lane].points()].get(index).unwrap_or(&open));
-            contact.place = V::gathered_vector(V::each(|lane| &own[lane].place));
+            contact.offset = V::gathered_vector(V::each(|lane| &own[lane].offset));
             contact.gap = V::gathered_vector(V::each(|lane| &own[lane].gap));
             contact.impulse = V::gathered_vector(V::each(|lane| &own[lane].impulse));
         }

@@ -28,7 +28,7 @@ fn solved_by<const L: usize, const A: usize>(
         let mut own = system.clone();
         let solution = solve(&mut own, &Goal { tolerance: 1e-6, budget: 2_000 });
         check(name, method, &own);
-        assert!(!solution.certificate.gap.is_nan(), "{name}, {method}: {solution:?}");
+        assert!(!solution.certificate.duality_gap.is_nan(), "{name}, {method}: {solution:?}");
         let truly = certify(&own, &system.velocities).error() <= 1.01e-6;
         assert!(solution.status != Status::Converged || truly, "{name}, {method}: lies");
         if solution.status == Status::Converged {

@@ -207,7 +207,7 @@ fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
         alone += usize::from(manifold.count == 1);
         manifold.arms = manifold.arms.map(|arm| arm + manifold.to_world(by));
         for contact in &mut shifted.contacts[manifold.points()] {
-            contact.place -= by;
+            contact.offset -= by;
         }
     }
     assert!(alone > 50, "{alone} have a point alone");
@@ -230,7 +230,7 @@ fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
 #[should_panic(expected = "points in one plane")]
 fn a_point_off_the_plane_is_refused() {
     let mut system: System<f64, 3, 3> = System::new();
-    let off = Contact { place: Vector([1e-3, 0.0, 0.0]), ..Contact::default() };
+    let off = Contact { offset: Vector([1e-3, 0.0, 0.0]), ..Contact::default() };
     system.add_manifold(Manifold::default(), &[Contact::default(), off]);
 }
 
@@ -645,7 +645,7 @@ fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
         mass.mass().squared(&velocity.cast())
     };
     let energy: f64 = v.iter().zip(&system.masses).map(energy).sum();
-    let Certificate { gap, defect, .. } = at_hand;
+    let Certificate { duality_gap: gap, defect, .. } = at_hand;
     assert!(defect <= 1e-11 * energy, "{defect} J of {energy}");
     let expected = losses(&system.cast()) + defect;
     assert!((gap - expected).abs() <= 1e-9 * expected, "{gap} and {expected}");
@@ -681,7 +681,7 @@ fn certificates_agree<const L: usize, const A: usize>(seed: u64) {
     let start: System<f32, L, A> = scene.cast();
     let [lanes, one] = certified::<Portable, L, A>(&start);
     let numbers = |of: &Certificate| {
-        let sums = [of.gap, of.defect, of.mass, of.complementarity];
+        let sums = [of.duality_gap, of.defect, of.mass, of.complementarity];
         [&sums[..], &[of.natural_residual, of.approach_error, of.cone]].concat()
     };
     for (lanes, one) in numbers(&lanes).into_iter().zip(numbers(&one)) {
@@ -738,7 +738,7 @@ fn certificates_by_threads<const L: usize, const A: usize>(seed: u64) {
         all
     };
     let expected = of(1);
-    let missing = expected.iter().filter(|of| of.gap > 0.0).count();
+    let missing = expected.iter().filter(|of| of.duality_gap > 0.0).count();
     assert!(4 * missing > expected.len(), "{missing} of {} islands are not solved", expected.len());
     for members in 2..=4 {
         assert_eq!(of(members), expected, "{members} threads");
@@ -847,7 +847,7 @@ fn mirrored<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Syste
         manifold.frame[L - 1] = -manifold.frame[L - 1];
     }
     for contact in &mut mirror.contacts {
-        contact.place[L - 1] = -contact.place[L - 1];
+        contact.offset[L - 1] = -contact.offset[L - 1];
     }
     mirror
 }
@@ -880,7 +880,7 @@ fn exchange<const L: usize, const A: usize>(seed: u64) {
     }
     for contact in &mut exchanged.contacts {
         for i in 0..2 {
-            contact.place[i] = -contact.place[i];
+            contact.offset[i] = -contact.offset[i];
         }
     }
     exchanged.prepare(0.0);

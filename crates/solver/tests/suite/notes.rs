@@ -962,7 +962,7 @@ mod rigid_bodies {
         let masses = scene.system.masses_of(manifold);
         Row {
             n: manifold.normal().0,
-            anchors: manifold.anchors(scene.system.contacts[0].place).map(|anchor| anchor.0),
+            anchors: manifold.anchors(scene.system.contacts[0].offset).map(|anchor| anchor.0),
             inverse_inertias: masses.map(|mass| mass.angular.0.map(|row| row.0)),
             inverse_masses: masses.map(|mass| mass.linear),
         }
@@ -1064,7 +1064,7 @@ mod rigid_bodies {
                 for j in manifold.points().filter(|&j| j != 0) {
                     for (x, body) in [a, b].into_iter().enumerate() {
                         let mass = &system.masses[body as usize];
-                        let anchors = manifold.anchors(system.contacts[j].place);
+                        let anchors = manifold.anchors(system.contacts[j].offset);
                         let (s, anchor) = match manifold.bodies.iter().position(|&y| y == body) {
                             Some(0) => (1.0, anchors[0].0),
                             Some(_) => (-1.0, anchors[1].0),
@@ -1081,7 +1081,7 @@ mod rigid_bodies {
             }
             let contact = system.contacts[0];
             let n = system.manifolds[0].normal().0;
-            let [r_a, r_b] = system.manifolds[0].anchors(contact.place);
+            let [r_a, r_b] = system.manifolds[0].anchors(contact.offset);
             let other = dot(n, dv[0]) - dot(n, dv[1]) + dot(n, cross(dw[0], r_a.0))
                 - dot(n, cross(dw[1], r_b.0));
             let v_n = (jacobian(&system) * velocities(&system))[0];
@@ -1136,7 +1136,7 @@ mod a_bit_about_implementation {
                 let p = manifold.to_world(contact.impulse);
                 linear[a] += p;
                 linear[b] -= p;
-                let [r_a, r_b] = manifold.anchors(contact.place);
+                let [r_a, r_b] = manifold.anchors(contact.offset);
                 angular[a] += drystone_solver::moment(r_a, p);
                 angular[b] -= drystone_solver::moment(r_b, p);
             }

@@ -146,7 +146,7 @@ impl<const L: usize, const A: usize> Scene<L, A> {
             place
         };
         let contacts: Vec<_> =
-            points.iter().map(|p| Contact { place: place(p), ..Contact::default() }).collect();
+            points.iter().map(|p| Contact { offset: place(p), ..Contact::default() }).collect();
         self.system.add_manifold(manifold, &contacts);
     }
 
