@@ -1,5 +1,5 @@
-//! [`World`]: bodies, their contacts, and the functions that change and read them.
-//! [`step`](crate::step) has the time step.
+//! [`World`]: bodies, their contacts, and the functions that change and read them. The time step is
+//! in [`step`](crate::step).
 
 mod checkpoint;
 
