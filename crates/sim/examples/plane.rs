@@ -1,5 +1,5 @@
-//! Knocks over a row of dominoes with a ball, in 2D: `cargo run --release -p drystone --example
-//! plane`
+//! Knocks over a row of dominoes with a ball, in 2D:
+//! `cargo run --release -p drystone --example plane`
 
 use drystone::scene::Motion;
 use drystone::{Body, StepSettings, Vector, Velocity, World2};

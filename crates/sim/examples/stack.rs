@@ -1,5 +1,5 @@
-//! Simulates a stack of boxes with a fixed time step: `cargo run --release -p drystone --example
-//! stack`
+//! Simulates a stack of boxes with a fixed time step:
+//! `cargo run --release -p drystone --example stack`
 
 use drystone::scene::Motion;
 use drystone::{Body, StepSettings, World3};

@@ -25,9 +25,10 @@
 //! ```
 //!
 //! [`World::pose`] and [`World::velocity`] return the state of a body, [`World::write_poses`] the
-//! poses of all. Kinematic bodies follow [`World::move_to`]; [`World::add_force`] acts for one step.
-//! Settings come as presets: [`StepSettings::realtime`] for games, [`StepSettings::quality`] for
-//! baking, and [`StepSettings::certified`] for baking with a proven error bound.
+//! poses of all. [`World::move_to`] moves kinematic bodies. A force of [`World::add_force`] acts for
+//! one step. Settings come as presets: [`StepSettings::realtime`] for games,
+//! [`StepSettings::quality`] for baking, and [`StepSettings::certified`] for baking with a proven
+//! error bound.
 //!
 //! # Method
 //!
@@ -52,9 +53,9 @@
 //! √(G / m) ≤ tolerance,   (v − v_exact)ᵀ M (v − v_exact) ≤ G
 //! ```
 //!
-//! for each island, with its mass m. G is computed from v and γ alone. [`drystone_solver::certificate`]
-//! proves this bound, and one for v that do not follow from γ. With friction, v_exact is the exact
-//! solution for the current slips.
+//! for each island, with its mass m. G is computed from v and γ alone.
+//! [`drystone_solver::certificate`] proves this bound, and one for v that do not follow from γ. With
+//! friction, v_exact is the exact solution for the current slips.
 //!
 //! # Where to look
 //!
@@ -64,7 +65,7 @@
 //! | descriptions of bodies | [`Body`], [`Collider`], [`Inertia`] |
 //! | settings of steps | [`StepSettings`] |
 //! | reports of steps | [`StepReport`], [`Measure`], [`Ledger`] |
-//! | scenes from files, checked and run | [`scene::read`], [`check::check`], [`build`], [`Simulation`] |
+//! | scenes from files | [`scene::read`], [`check::check`], [`build`], [`Simulation`] |
 //! | concave meshes as convex pieces | [`decompose`], [`Decompositions`] |
 //! | motion as files | [`recording`] |
 //! | contacts and impulses | [`World::system`] |

@@ -58,7 +58,7 @@ pub(crate) struct Execution<const L: usize, const A: usize> {
     pub(crate) pool: Arc<ThreadPool>,
     pub(crate) tuner: ThreadTuner,
     pub(crate) clock: Clock,
-    /// True if steps time their stages.
+    /// True if steps measure the time of their stages.
     pub(crate) timing: bool,
     /// True if steps save the contact system of their last substep.
     pub(crate) saving: bool,
@@ -264,7 +264,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Sets the velocity of a dynamic or kinematic body, and wakes it.
     ///
     /// # Errors
-    /// The body is unknown or static, or the velocity is not finite.
+    /// The body is unknown or static, or the velocity is out of its range.
     pub fn set_velocity(
         &mut self,
         id: BodyId,
@@ -302,7 +302,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Bodies near its new pose wake when it touches them.
     ///
     /// # Errors
-    /// The body is unknown, or the pose is not finite.
+    /// The body is unknown, or the pose is out of its range.
     pub fn set_pose(&mut self, id: BodyId, pose: &G::Pose) -> Result<(), InputError> {
         let slot = self.known(id)?;
         input::check_pose::<G, L, A>(pose)?;
@@ -320,7 +320,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Colliders with a surface velocity of their own keep it.
     ///
     /// # Errors
-    /// The body is unknown, or the velocity is not finite.
+    /// The body is unknown, or the velocity is out of its range.
     pub fn set_surface_velocity(
         &mut self,
         id: BodyId,
@@ -339,7 +339,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// body. \[1/s\]
     ///
     /// # Errors
-    /// The body is unknown, or a rate is negative or not finite.
+    /// The body is unknown, or a rate is out of its range.
     pub fn set_damping(&mut self, id: BodyId, damping: [f32; 2]) -> Result<(), InputError> {
         let slot = self.known(id)?;
         input::check_damping(damping)?;
@@ -349,10 +349,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
-    /// Adds a force \[N\] and torque \[N m\] that act through the next step, and wakes the body.
+    /// Adds a force \[N\] and torque \[N m\] that act during the next step, and wakes the body.
     ///
     /// # Errors
-    /// The body is unknown, or the force is not finite.
+    /// The body is unknown, or the force is out of its range.
     pub fn add_force(&mut self, id: BodyId, force: Velocity<f32, L, A>) -> Result<(), InputError> {
         let slot = self.known(id)?;
         input::check_force(&force)?;
