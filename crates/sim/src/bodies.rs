@@ -82,8 +82,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Collider<G, L, A> {
     }
 }
 
-/// Velocity of a surface relative to its body, as of a conveyor belt or a turntable: v = linear +
-/// angular x r, with r from the origin of the body or shape.
+/// Velocity of a surface relative to its body, as of a conveyor belt or a turntable. It is v =
+/// linear + angular x r, with r from the origin of the body or shape.
 ///
 /// Contacts see only its tangential part: friction drives the other body towards it. It neither
 /// lifts nor presses, and has no effect without friction.
@@ -534,8 +534,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     }
 
     /// Marks the bodies whose contacts and M^-1 are to be rebuilt. These bodies have moved by more
-    /// than `limit` \[m\] or by more than a small fraction of their size, have rotated, or are
-    /// driven and move.
+    /// than `limit` \[m\] or by more than a small fraction of their size, or have rotated. Bodies
+    /// of infinite mass are marked whenever they move.
     pub(crate) fn mark_moved(&mut self, limit: f32, pool: &ThreadPool) {
         let Self { needs_rebuild, moved_since_rebuild, turned, inertia, reach, velocities, .. } =
             self;

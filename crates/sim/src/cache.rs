@@ -44,8 +44,8 @@ pub(crate) struct Pair {
     pub(crate) corners: bool,
     /// True if it sleeps: neither body moves or can be moved.
     pub(crate) rests: bool,
-    /// Lever of rotations: a rotation that moves the surface of one body by 1 moves the points of a
-    /// relative to b by at most this ([`SearchMotion`](crate::bodies::SearchMotion)). \[1\]
+    /// Lever of rotations ([`SearchMotion`](crate::bodies::SearchMotion)). A rotation that moves
+    /// the surface of one body by 1 moves the points of a relative to b by at most this. \[1\]
     pub(crate) lever: f32,
     /// Without manifolds: lower bound of the distance of its shapes. With manifolds: relative
     /// motion after which its points are recomputed. \[m\]
@@ -144,7 +144,7 @@ pub(crate) struct CachedManifold<const L: usize> {
     /// points. \[m\]
     pub(crate) apart: Vector<f32, L>,
     /// Normal in the frame of the body that [carries](Self::carrier) it, and frame of a relative to
-    /// b, both as of the search that found the points. Not used for shapes that roll.
+    /// b. Both are as of the search that found the points. Not used for shapes that roll.
     pub(crate) local_normal: Vector<f32, L>,
     pub(crate) found_at: Frame<L>,
     /// Largest distance of its points from the center of mass of a. \[m\]
@@ -427,8 +427,8 @@ pub(crate) fn reach<const L: usize>(points: &[CachedPoint<L>]) -> f32 {
     points.iter().map(|point| point.on_a.dot(point.on_a)).fold(0.0, f32::max).sqrt()
 }
 
-/// Copies impulses and slips from the old points of the same manifold: from the point with the same
-/// feature, or else from a point within `match_distance` \[m\] on a.
+/// Copies impulses and slips from the old points of the same manifold. Each point takes those of
+/// the point with the same feature, or else of a point within `match_distance` \[m\] on a.
 pub(crate) fn inherit<const L: usize>(
     points: &[CachedPoint<L>],
     traces: &mut [CachedImpulse<L>],

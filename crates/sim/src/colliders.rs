@@ -55,8 +55,8 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// By chunk: shapes that have left their boxes in the broad phase, and the boxes that they
     /// need.
     outgrown: Vec<Vec<(u32, Bounds<L>)>>,
-    /// A shape has room in its box while the path of its body, plus its displacement ahead, plus
-    /// the search distance, is less than this. \[m\]
+    /// A shape has room in its box while the sum of its body's path, its displacement ahead and the
+    /// search distance is less than this. \[m\]
     room_until: Vec<f64>,
 }
 

@@ -250,8 +250,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         }
     }
 
-    /// Returns the work of impacts and of half of the impulses of a manifold, as far as it depends
-    /// on the change of J within the substep. \[J\]
+    /// Returns the work of impacts and of half of the impulses of a manifold that results from the
+    /// change of J within the substep. \[J\]
     fn lag(
         &self,
         before: &Manifold<f32, L>,
@@ -371,8 +371,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         }
     }
 
-    /// Returns the part of an impulse's work on a body that does not become kinetic energy, because
-    /// the motion or rotation of the body is prescribed. \[J\]
+    /// Returns the part of an impulse's work on a body that does not become kinetic energy. It is
+    /// not zero if the motion or rotation of the body is prescribed. \[J\]
     fn absorbed(
         &self,
         system: &System<f32, L, A>,

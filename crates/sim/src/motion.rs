@@ -174,8 +174,8 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         });
     }
 
-    /// Subtracts h p / 2 from the displacements, with p the constant part of M^-1 J^T gamma: that
-    /// which the warm starts of this substep and of the previous one have in common. So sliding,
+    /// Subtracts h p / 2 from the displacements. p is the constant part of M^-1 J^T gamma: the part
+    /// that the warm starts of this substep and of the previous one have in common. So sliding,
     /// rolling and rocking bodies move with second-order accuracy in h, too. An impact has no
     /// constant part. Returns true if any body rotates
     /// ([`kinematics`](drystone_solver::kinematics)).

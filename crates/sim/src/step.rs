@@ -178,8 +178,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         true
     }
 
-    /// Sets the number of substeps of a search to what the motion of the bodies allows, given their
-    /// relative motion `passed` in the substeps that are due.
+    /// Sets the number of substeps of a search to that which the motion of the bodies allows.
+    /// `passed` is their relative motion in the substeps that are due, as returned by
+    /// `plan_searches`.
     fn fit(&mut self, search: &mut Search, passed: f32) {
         let share = search.left.div_ceil(search.most - search.number);
         let fitting = substeps_until_search(search.due, passed).max(share).min(search.left);

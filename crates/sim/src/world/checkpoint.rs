@@ -68,9 +68,9 @@ pub struct Checkpoint {
     torques: Vec<f32>,
     /// Part and number of points of each manifold.
     records: Vec<[u32; 2]>,
-    /// By manifold: the normal, the vector from b to a, the normal in the frame of its carrier, the
-    /// frame of a relative to b when the points were found, the radii of curvature and the shares
-    /// of the normal.
+    /// By manifold: the normal, the vector from b to a, the normal in the frame of its carrier, and
+    /// the frame of a relative to b when the points were found. The radii of curvature and the
+    /// shares of the normal follow.
     frames: Vec<f32>,
     /// By point: position on a and on b and push point \[m\], impulse \[N s\], gap and slip \[m\].
     points: Vec<f32>,
