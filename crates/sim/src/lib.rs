@@ -25,8 +25,8 @@
 //! ```
 //!
 //! [`World::pose`] and [`World::velocity`] return the state of a body, [`World::write_poses`] the
-//! poses of all. [`World::move_to`] moves kinematic bodies. A force of [`World::add_force`] acts for
-//! one step. Settings come as presets: [`StepSettings::realtime`] for games,
+//! poses of all. [`World::move_to`] moves kinematic bodies. A force of [`World::add_force`] acts
+//! for one step. Settings come as presets: [`StepSettings::realtime`] for games,
 //! [`StepSettings::quality`] for baking, and [`StepSettings::certified`] for baking with a proven
 //! error bound.
 //!
@@ -54,8 +54,8 @@
 //! ```
 //!
 //! for each island, with its mass m. G is computed from v and γ alone.
-//! [`drystone_solver::certificate`] proves this bound, and one for v that do not follow from γ. With
-//! friction, v_exact is the exact solution for the current slips.
+//! [`drystone_solver::certificate`] proves this bound, and one for v that do not follow from γ.
+//! With friction, v_exact is the exact solution for the current slips.
 //!
 //! # Where to look
 //!

@@ -99,8 +99,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Sets the number of threads, at most four per processor. Results do not depend on it. If the
-    /// system grants no threads, steps run on one.
+    /// Sets the number of threads, at most four per processor. Uses fewer if the system grants
+    /// fewer. Results do not depend on it.
     pub fn set_threads(&mut self, threads: usize) {
         let most = MOST_THREADS * std::thread::available_parallelism().map_or(1, usize::from);
         let threads = threads.clamp(1, most);
@@ -376,7 +376,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         system
     }
 
-    /// Returns the same system with the gaps measured by the last contact search.
+    /// Returns [`World::system`] with the gaps measured by the last contact search.
     pub(crate) fn searched(&self) -> System<f32, L, A> {
         let mut system = self.system();
         for manifold in &system.manifolds {
