@@ -26,7 +26,7 @@ pub struct Body<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub surface_velocity: Option<SurfaceMotion<L, A>>,
     /// Its shapes.
     pub colliders: Vec<Collider<G, L, A>>,
-    /// Any number of the caller, returned by [`World::user_data`](crate::World::user_data).
+    /// Any number chosen by the caller, returned by [`World::user_data`](crate::World::user_data).
     pub user_data: u128,
 }
 
@@ -62,7 +62,7 @@ pub struct Collider<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub surface_velocity: Option<SurfaceMotion<L, A>>,
     /// Selection of the colliders that it can touch.
     pub filter: Filter,
-    /// Any number of the caller, returned by
+    /// Any number chosen by the caller, returned by
     /// [`World::collider_user_data`](crate::World::collider_user_data).
     pub user_data: u128,
 }
@@ -82,8 +82,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Collider<G, L, A> {
     }
 }
 
-/// Velocity of a surface relative to its body, as of a conveyor belt or a turntable. It is v =
-/// linear + angular x r, with r from the origin of the body or shape.
+/// Velocity of a surface relative to its body, as of a conveyor belt or a turntable:
+/// v = linear + angular x r. The arm r begins at the origin of the body or shape.
 ///
 /// Contacts see only its tangential part: friction drives the other body towards it. It neither
 /// lifts nor presses, and has no effect without friction.
@@ -130,7 +130,7 @@ pub struct Inertia<const L: usize, const A: usize> {
     /// Center of mass in the frame of the body. \[m\]
     pub center: Vector<f32, L>,
     /// I_0 about the center of mass, in the frame of the body. Infinite moments are stored as
-    /// 0. \[kg m^2\]
+    /// zero. \[kg m^2\]
     pub moments: SymmetricMatrix<f32, A>,
     /// I_0^-1; zero about axes about which no torque rotates the body. \[1/(kg m^2)\]
     pub inverse_moments: SymmetricMatrix<f32, A>,
@@ -166,8 +166,8 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
         if self.mass > 0.0 { 1.0 / self.mass } else { 0.0 }
     }
 
-    /// Returns bounds on the precession of the body: none if its moments are equal to 1e-4, or if
-    /// one is infinite.
+    /// Returns bounds on the precession of the body: none if its moments differ by less than
+    /// 1e-4, or if one is infinite.
     pub(crate) fn precession(&self) -> Precession {
         if A != 3 {
             return Precession::NONE;
@@ -281,7 +281,7 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) since_search: Vec<SearchMotion<L>>,
     /// Part of this path since its contacts and M^-1 were last rebuilt. \[m\]
     pub(crate) moved_since_rebuild: Vec<f32>,
-    /// True if its contacts and M^-1 are rebuilt in this search, because that part is too long.
+    /// True if its contacts and M^-1 are rebuilt in this search ([`Bodies::mark_moved`]).
     pub(crate) needs_rebuild: Vec<bool>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
     pub(crate) precession: Vec<Precession>,

@@ -122,8 +122,8 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// contacts in the previous substep, M^-1 J^T gamma: the velocities minus the old prospective
     /// ones.
     ///
-    /// A substep moves bodies by h v at its end. Under a constant force the displacement is h
-    /// (v_start + v) / 2. Therefore displacements start at -h (v* - v) / 2. A body in free flight
+    /// A substep moves bodies by h v at its end. Under a constant force the displacement is
+    /// h (v_start + v) / 2. Therefore displacements start at -h (v* - v) / 2. A body in free flight
     /// then follows its parabola exactly, and contacts see its true position.
     pub(crate) fn predict(&mut self, params: &SubstepParams<L>) {
         let SubstepParams { gravity, h, .. } = *params;
