@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     match &read.source {
         None => recording::glb::write(&output, scene, &recording, &Sampling::default())?,
-        // A glTF scene becomes the same document with an animation added.
+        // A glTF scene is written as the same document with an animation added.
         Some(source) => recording::write_whole(&output, |out| {
             recording::gltf::write(out, source, &recording, &Sampling::default()).map(drop)
         })?,

@@ -9,8 +9,8 @@ use parry3d::shape::SharedShape;
 
 const STEP: f32 = 1.0 / 60.0;
 
-/// Returns the normal impulse of each pair of bodies that push each other in the last substep. \[N
-/// s\]
+/// Returns the normal impulse of each pair of bodies that push each other in the last
+/// substep. \[N s\]
 fn pushing(world: &World3) -> BTreeMap<[u32; 2], f32> {
     let system = world.system();
     let mut pushes = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! Moves a kinematic body and applies forces: a lift carries a crate up, and wind blows it off.
+//! Moves a kinematic body and applies forces: a lift carries a crate up, and wind blows it off:
 //! `cargo run --release -p drystone --example forces`
 
 use drystone::scene::Motion;
@@ -23,12 +23,12 @@ fn main() {
 
     for step in 0..300 {
         let time = step as f32 * STEP;
-        // A kinematic body moves to a given pose by the end of the step. It pushes others and is
+        // The kinematic body reaches the given pose at the end of the step. It pushes others and is
         // never pushed.
         let height = 0.1 + (0.5 * (time + STEP)).min(1.5);
         world.move_to(lift, &Pose::from_translation(Point::new(0.0, height, 0.0)), STEP).unwrap();
         if time > 3.5 {
-            // The force in N acts during one step.
+            // The force [N] acts during one step.
             world
                 .add_force(load, Velocity { linear: Vector([150.0, 0.0, 0.0]), ..Velocity::ZERO })
                 .unwrap();

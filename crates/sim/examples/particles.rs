@@ -8,7 +8,7 @@ use drystone::{Body, ParticleWorld2, StepSettings, Vector};
 fn main() {
     let mut world = ParticleWorld2::new(StepSettings::quality());
     world.gravity = [0.0, -9.81].into();
-    // A slope is a half-space; its normal points outward.
+    // Each slope is a half-space. Its normal points outward.
     for normal in [[0.8, 0.6], [-0.8, 0.6]] {
         let shape = SphereShape::Halfspace { normal: Vector(normal) };
         world.add(Body::new(Motion::Static, [0.0, 0.0], shape)).unwrap();

@@ -1,4 +1,4 @@
-//! A 2D scene: a ball knocks over a row of dominoes.
+//! Knocks over a row of dominoes with a ball, in 2D:
 //! `cargo run --release -p drystone --example plane`
 
 use drystone::scene::Motion;
@@ -26,7 +26,7 @@ fn main() {
         if step % 20 == 0 {
             let mut numbers = Vec::new();
             world.write_poses(&mut numbers);
-            // x, y and angle of each body, in the order of their addition.
+            // Poses are x, y and angle, in the order in which the bodies were added.
             let angle = |id: &drystone::BodyId| numbers[3 * id.index() + 2];
             let fallen = dominoes.iter().filter(|id| angle(id).abs() > 0.5).count();
             println!("{:.2} s: {fallen} of {} have fallen", step as f32 / 60.0, dominoes.len());

@@ -1,4 +1,4 @@
-//! A stack of boxes with a fixed time step:
+//! Simulates a stack of boxes with a fixed time step:
 //! `cargo run --release -p drystone --example stack`
 
 use drystone::scene::Motion;
@@ -22,7 +22,7 @@ fn main() {
         })
         .collect();
 
-    // A game draws at its own rate, while the world advances in steps of fixed length.
+    // A game draws frames at its own rate, while the world advances in steps of fixed length.
     let (mut behind, frame_time) = (0.0, 1.0 / 144.0);
     for frame in 0..3 * 144 {
         behind += frame_time;

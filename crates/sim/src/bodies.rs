@@ -1,4 +1,4 @@
-//! The bodies of a world: poses, inertia and what acts on them, one array per property.
+//! The bodies of a world: poses, velocities, inertia and forces, one array per property.
 
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, System, Vector, Velocity};
@@ -7,31 +7,31 @@ use crate::geometry::{Bounds, Frame, Geometry, MassProperties, Precession, Reach
 use crate::ids::{Slots, put};
 use crate::scene::{Filter, Material, Motion};
 
-/// A body to be added to a world.
+/// Description of a body to be added to a world.
 #[derive(Clone)]
 pub struct Body<G: Geometry<L, A>, const L: usize, const A: usize> {
-    /// What moves it.
+    /// Static, kinematic or dynamic.
     pub motion: Motion,
     /// Pose of its origin.
     pub pose: G::Pose,
-    /// Of its center of mass.
+    /// Velocity of its center of mass.
     pub velocity: Velocity<f32, L, A>,
-    /// Mass and inertia; absent: those of its shapes.
+    /// Mass and inertia. If absent, they are computed from its shapes.
     pub inertia: Option<Inertia<L, A>>,
-    /// Part of the world's gravity that acts on it. \[1\]
+    /// Factor of the world's gravity. \[1\]
     pub gravity_factor: f32,
-    /// Rates at which its linear and angular velocity decay: dv/dt = -d v. \[1/s\]
+    /// Decay rates d of its linear and angular velocity: dv/dt = -d v. \[1/s\]
     pub damping: [f32; 2],
-    /// How its surface runs, in its frame; colliders may have it run otherwise.
+    /// Surface velocity, in its frame. Colliders may have one of their own.
     pub surface_velocity: Option<SurfaceMotion<L, A>>,
     /// Its shapes.
     pub colliders: Vec<Collider<G, L, A>>,
-    /// Whatever the caller wants to find again by [`World::user_data`](crate::World::user_data).
+    /// Any number chosen by the caller, returned by [`World::user_data`](crate::World::user_data).
     pub user_data: u128,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Body<G, L, A> {
-    /// A body at rest at `position` \[m\], not turned, with one shape of density 1000.
+    /// Creates a body at rest at `position` \[m\], not rotated, with one shape of density 1000.
     pub fn new(motion: Motion, position: [f32; L], shape: G::Shape) -> Self {
         Self {
             motion,
@@ -47,28 +47,28 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Body<G, L, A> {
     }
 }
 
-/// A shape on a body.
+/// Description of a shape of a body.
 #[derive(Clone)]
 pub struct Collider<G: Geometry<L, A>, const L: usize, const A: usize> {
-    /// Its form.
+    /// Geometry.
     pub shape: G::Shape,
-    /// In the frame of the body.
+    /// Pose in the frame of the body.
     pub pose: G::Pose,
-    /// 3D \[kg/m^3\], 2D \[kg/m^2\].
+    /// Density: 3D \[kg/m^3\], 2D \[kg/m^2\].
     pub density: f32,
-    /// Its surface.
+    /// Surface properties.
     pub material: Material,
-    /// How its surface runs, in the frame of the shape; absent: as that of the body.
+    /// Surface velocity, in the frame of the shape. If absent, that of the body applies.
     pub surface_velocity: Option<SurfaceMotion<L, A>>,
-    /// What it collides with.
+    /// Selection of the colliders that it can touch.
     pub filter: Filter,
-    /// Whatever the caller wants to find again by
+    /// Any number chosen by the caller, returned by
     /// [`World::collider_user_data`](crate::World::collider_user_data).
     pub user_data: u128,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Collider<G, L, A> {
-    /// A shape at the body's origin, of density 1000, with the default surface.
+    /// Creates a collider at the body's origin, of density 1000, with the default material.
     pub fn new(shape: G::Shape) -> Self {
         Self {
             shape,
@@ -82,33 +82,36 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Collider<G, L, A> {
     }
 }
 
-/// How a surface runs against its body, as a belt or a turntable does: v = linear + angular x r, with r from
-/// the origin of the body or shape.
+/// Velocity of a surface relative to its body, as of a conveyor belt or a turntable:
+/// v = linear + angular x r. The arm r begins at the origin of the body or shape.
 ///
-/// Contacts see what of it lies along them: friction drives the other body to it. It neither lifts nor
-/// presses, and without friction does nothing.
+/// Contacts see only its tangential part: friction drives the other body towards it. It neither
+/// lifts nor presses, and has no effect without friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceMotion<const L: usize, const A: usize> {
-    /// \[m/s\]
+    /// Linear velocity. \[m/s\]
     pub linear: Vector<f32, L>,
-    /// \[rad/s\]
+    /// Angular velocity. \[rad/s\]
     pub angular: Vector<f32, A>,
-    /// Whether its axes are those of the body or shape, and turn with it; else those of the world.
+    /// True if its axes are those of the body or shape, and rotate with it. If false, they are
+    /// those of the world.
     pub local: bool,
 }
 
 impl<const L: usize, const A: usize> SurfaceMotion<L, A> {
-    /// A belt that runs at this velocity \[m/s\] in the frame of its body.
+    /// Creates a belt with this velocity \[m/s\] in the frame of its body.
     pub fn linear(linear: Vector<f32, L>) -> Self {
         Self { linear, angular: Vector::ZERO, local: true }
     }
 
-    /// A surface that turns like this \[rad/s\] about the origin of its body, in its frame.
+    /// Creates a surface that rotates with this angular velocity \[rad/s\] about the origin of its
+    /// body, in the body's frame.
     pub fn angular(angular: Vector<f32, A>) -> Self {
         Self { linear: Vector::ZERO, angular, local: true }
     }
 
-    /// As a velocity at the place from which `frame` is seen.
+    /// Returns the velocity at the origin of the coordinates in which `frame` is given. `frame` is
+    /// that of the body or shape.
     pub(crate) fn seen_from(&self, frame: &Frame<L>) -> Velocity<f32, L, A> {
         let Self { mut linear, mut angular, local } = *self;
         if local {
@@ -119,21 +122,22 @@ impl<const L: usize, const A: usize> SurfaceMotion<L, A> {
     }
 }
 
-/// How hard a body is to move.
+/// Mass, center of mass and moments of inertia of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inertia<const L: usize, const A: usize> {
-    /// m; infinite: no push moves it. \[kg\]
+    /// m; infinite if no force moves the body. \[kg\]
     pub mass: f32,
     /// Center of mass in the frame of the body. \[m\]
     pub center: Vector<f32, L>,
-    /// I_0 about the center of mass, in the frame of the body; infinite moments as 0. \[kg m^2\]
+    /// I_0 about the center of mass, in the frame of the body. Infinite moments are stored as
+    /// zero. \[kg m^2\]
     pub moments: SymmetricMatrix<f32, A>,
-    /// I_0^-1; zero about axes that nothing turns it about. \[1/(kg m^2)\]
+    /// I_0^-1; zero about axes about which no torque rotates the body. \[1/(kg m^2)\]
     pub inverse_moments: SymmetricMatrix<f32, A>,
 }
 
 impl<const L: usize, const A: usize> Inertia<L, A> {
-    /// Of what nothing can move.
+    /// Inertia of a body that no force and no torque moves.
     pub const FIXED: Self = Self {
         mass: f32::INFINITY,
         center: Vector::ZERO,
@@ -141,12 +145,13 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
         inverse_moments: SymmetricMatrix::ZERO,
     };
 
-    /// Inertia of a body of this mass \[kg\] that no torque rotates: a character, or a lift.
+    /// Returns the inertia of a body of this mass \[kg\] that no torque rotates, such as a
+    /// character or a lift.
     pub fn without_rotation(mass: f32) -> Self {
         Self { mass, ..Self::FIXED }
     }
 
-    /// Of a solid.
+    /// Returns the inertia of a solid.
     pub fn of(solid: &MassProperties<L, A>) -> Self {
         Self {
             mass: solid.mass,
@@ -156,12 +161,13 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
         }
     }
 
-    /// m^-1. \[1/kg\]
+    /// Returns m^-1, or 0 if m is 0. \[1/kg\]
     pub fn inverse_mass(&self) -> f32 {
         if self.mass > 0.0 { 1.0 / self.mass } else { 0.0 }
     }
 
-    /// How turning freely changes the angular velocity: not at all where the moments hardly differ.
+    /// Returns bounds on the precession of the body: none if its moments differ by less than
+    /// 1e-4, or if one is infinite.
     pub(crate) fn precession(&self) -> Precession {
         if A != 3 {
             return Precession::NONE;
@@ -179,7 +185,8 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
         let Some(inverse) = moments.inverse().filter(|_| finite && !round) else {
             return Precession::NONE;
         };
-        // I - I_max: positive for a body of masses, of which no moment is more than the others together.
+        // Positive definite for a body made of masses: no moment is larger than the sum of the
+        // others.
         let half = (0..A).map(|i| 0.5005 * moments.0[i][i]).sum();
         let mut others = SymmetricMatrix::diagonal(Vector([half; A]));
         for (others, own) in others.0.iter_mut().zip(&moments.0) {
@@ -190,12 +197,12 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
     }
 }
 
-/// The root of the sum of the squares of its entries.
+/// Returns the Frobenius norm.
 fn norm<const A: usize>(matrix: &SymmetricMatrix<f64, A>) -> f64 {
     matrix.0.iter().map(|row| row.dot(*row)).sum::<f64>().sqrt()
 }
 
-/// The inverse of a symmetric positive definite matrix of size 0, 1 or 3; zero where singular.
+/// Returns the inverse of a symmetric positive definite matrix of size 0, 1 or 3; zero if singular.
 fn inverse<const A: usize>(matrix: &SymmetricMatrix<f32, A>) -> SymmetricMatrix<f32, A> {
     let mut out = SymmetricMatrix::ZERO;
     let m = |i: usize, j: usize| f64::from(matrix.0[i][j]);
@@ -221,18 +228,19 @@ fn inverse<const A: usize>(matrix: &SymmetricMatrix<f32, A>) -> SymmetricMatrix<
     out
 }
 
-/// Bodies that are worth as much as the least that threads share.
+/// Grain size for sharing bodies between threads.
 pub(crate) const GRAIN: usize = 32;
 
-/// Contacts are kept as long as bodies have moved by less than this part of their size. \[1\]
+/// Contacts and M^-1 are kept until bodies have moved by more than this fraction of their
+/// size. \[1\]
 const STRAY: f32 = 0.01;
 
-/// How far a body has come since contacts were last searched for.
+/// Motion of a body since the last contact search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SearchMotion<const L: usize> {
-    /// Its center. \[m\]
+    /// Displacement of its center. \[m\]
     pub(crate) linear: Vector<f32, L>,
-    /// The surface of its shapes about it, by turning, at most ([`Reach::core`]). \[m\]
+    /// Upper bound of the displacement of its surfaces by rotation ([`Reach::core`]). \[m\]
     pub(crate) turned: f32,
 }
 
@@ -240,12 +248,12 @@ impl<const L: usize> SearchMotion<L> {
     pub(crate) const NOWHERE: Self = Self { linear: Vector::ZERO, turned: 0.0 };
 }
 
-/// What a body that precesses keeps of its turning.
+/// State of the rotation of a body that precesses.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct SpinState<const A: usize> {
-    /// Rotation vector that the pose has followed before the end of the step. \[rad\]
+    /// Sum of the rotation vectors that the pose has already followed within the step. \[rad\]
     pub(crate) followed: Vector<f32, A>,
-    /// What rounding has left out of the angular velocity. \[rad/s\]
+    /// Rounding error left out of the angular velocity. \[rad/s\]
     pub(crate) remainder: Vector<f32, A>,
 }
 
@@ -253,45 +261,47 @@ pub(crate) struct SpinState<const A: usize> {
 #[derive(Clone)]
 pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) slots: Slots,
-    /// None: the slot is free.
+    /// `None` if the slot is free.
     pub(crate) motion: Vec<Option<Motion>>,
     pub(crate) user_data: Vec<u128>,
-    /// v of each body.
+    /// v.
     pub(crate) velocities: Vec<Velocity<f32, L, A>>,
-    /// M^-1 of each body, zero while it sleeps.
+    /// M^-1, zero while the body sleeps.
     pub(crate) inverse_masses: Vec<InverseMass<f32, L, A>>,
-    /// Velocities that contacts gave in the last substep, as far as it was warm started.
+    /// M^-1 J^T gamma of the last warm start.
     pub(crate) contact_gains: Vec<Velocity<f32, L, A>>,
-    /// At the center of mass.
+    /// Poses of the centers of mass.
     pub(crate) poses: Vec<G::Pose>,
     pub(crate) frames: Vec<Frame<L>>,
-    /// What rounding has left out of the positions. \[m\]
+    /// Rounding errors left out of the positions. \[m\]
     pub(crate) remainders: Vec<Vector<f32, L>>,
-    /// How far the surface of its shapes can have come, step by step, since it was added ([`Reach::core`]). \[m\]
+    /// Upper bound of the path length of its surfaces since it was added, summed over the steps
+    /// ([`Reach::core`]). \[m\]
     pub(crate) paths: Vec<f64>,
     pub(crate) since_search: Vec<SearchMotion<L>>,
-    /// How much of it since its contacts and its M^-1 were last found anew. \[m\]
+    /// Part of this path since its contacts and M^-1 were last rebuilt. \[m\]
     pub(crate) moved_since_rebuild: Vec<f32>,
-    /// Whether that was more than what they are kept for: they are found anew in this step.
+    /// True if its contacts and M^-1 are rebuilt in this search ([`Bodies::mark_moved`]).
     pub(crate) needs_rebuild: Vec<bool>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
     pub(crate) precession: Vec<Precession>,
     pub(crate) turns: Vec<SpinState<A>>,
-    /// Whether it has turned since contacts were last searched for
+    /// True if it has rotated since the last contact search
     /// ([`kinematics`](drystone_solver::kinematics)).
     pub(crate) turned: Vec<bool>,
     pub(crate) gravity_factor: Vec<f32>,
-    /// Linear and angular; of none where there are no more. \[1/s\]
+    /// Linear and angular damping. The array may be shorter; further bodies have none. \[1/s\]
     pub(crate) damping: Vec<[f32; 2]>,
-    /// Of its shapes from the center of mass.
+    /// Reach of its shapes from the center of mass.
     pub(crate) reach: Vec<Reach>,
-    /// The smallest extent of all its shapes together; unlimited of what cannot be moved. \[m\]
+    /// Smallest extent of all its shapes together; infinite if the body cannot be moved. \[m\]
     pub(crate) thickness: Vec<f32>,
-    /// Force and torque until the end of the next step; of none where there are no more. \[N, N m\]
+    /// Force and torque in the next step. The array may be shorter; further bodies have
+    /// none. \[N, N m\]
     pub(crate) forces: Vec<Velocity<f32, L, A>>,
 }
 
-/// What of the bodies does not change through the substeps of a step.
+/// Properties of bodies that stay constant through the substeps of a step.
 #[derive(Clone, Copy)]
 pub(crate) struct BodyParams<'a, const L: usize, const A: usize> {
     motion: &'a [Option<Motion>],
@@ -308,18 +318,18 @@ impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
         self.motion[body] == Some(Motion::Dynamic)
     }
 
-    /// Force and torque on a body. \[N, N m\]
+    /// Returns the force and torque on a body. \[N, N m\]
     pub(crate) fn force(&self, body: usize) -> Velocity<f32, L, A> {
         self.forces.get(body).copied().unwrap_or(Velocity::ZERO)
     }
 
-    /// The acceleration of gravity on a body. \[m/s^2\]
+    /// Returns the acceleration of gravity of a body. \[m/s^2\]
     pub(crate) fn pull(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
         gravity * self.gravity_factor[body]
     }
 }
 
-/// Bodies in motion.
+/// Constant properties and mutable state of bodies, for substeps.
 pub(crate) struct BodiesInMotion<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) given: BodyParams<'a, L, A>,
     pub(crate) poses: &'a mut [G::Pose],
@@ -330,7 +340,7 @@ pub(crate) struct BodiesInMotion<'a, G: Geometry<L, A>, const L: usize, const A:
     pub(crate) contact_gains: &'a mut [Velocity<f32, L, A>],
 }
 
-/// What damping \[1/s\] takes from a velocity that gains `change` within `h` \[s\].
+/// Returns the change by damping \[1/s\] of a velocity that gains `change` within `h` \[s\].
 ///
 /// Exact for dv/dt = a - d v: v (exp(-d h) - 1) + a h ((1 - exp(-d h)) / (d h) - 1).
 pub(crate) fn damped<const L: usize, const A: usize>(
@@ -342,7 +352,7 @@ pub(crate) fn damped<const L: usize, const A: usize>(
     let parts = |damping: f32| {
         let passed = damping * h;
         let decay = libm::expm1f(-passed);
-        // As a series, where the quotient is rounding.
+        // The quotient loses precision for small arguments, so a series replaces it.
         let late = if passed > 1e-3 { -decay / passed - 1.0 } else { passed * -0.5 };
         [decay, late]
     };
@@ -353,7 +363,7 @@ pub(crate) fn damped<const L: usize, const A: usize>(
     }
 }
 
-/// The box around a solid in its own frame, or at a pose; none around what has no volume.
+/// Returns the bounding box of a solid in its own frame, or at a pose; `None` if it has no volume.
 pub(crate) fn extent<G: Geometry<L, A>, const L: usize, const A: usize>(
     shape: &G::Shape,
     pose: Option<&G::Pose>,
@@ -363,13 +373,14 @@ pub(crate) fn extent<G: Geometry<L, A>, const L: usize, const A: usize>(
     has_volume.then(|| G::bounds(shape, pose.unwrap_or(&own())))
 }
 
-/// The smallest extent of a box; unlimited of none. \[m\]
+/// Returns the smallest extent of a box, or infinity if there is none. \[m\]
 pub(crate) fn smallest<const L: usize>(bounds: &Option<Bounds<L>>) -> f32 {
     let extents = bounds.as_ref().map(|bounds| (bounds.max - bounds.min).0);
     extents.into_iter().flatten().fold(f32::INFINITY, f32::min)
 }
 
-/// The smallest extent of all shapes of a body together, in its frame; of a single shape in its own. \[m\]
+/// Returns the smallest extent of all shapes of a body together, in the frame of the body. A single
+/// shape is measured in its own frame. \[m\]
 fn thickness<G: Geometry<L, A>, const L: usize, const A: usize>(
     colliders: &[Collider<G, L, A>],
 ) -> f32 {
@@ -410,7 +421,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
     }
 
-    /// Puts a body into the lowest free slot, without its colliders, and returns the slot.
+    /// Puts a body, without its colliders, into the lowest free slot. Returns the slot.
     pub(crate) fn insert(&mut self, body: &Body<G, L, A>, inertia: Inertia<L, A>) -> usize {
         let slot = self.slots.take();
         let moved = body.motion == Motion::Dynamic;
@@ -444,7 +455,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         slot
     }
 
-    /// Takes a body out of its slot.
+    /// Removes the body in a slot.
     pub(crate) fn remove(&mut self, slot: usize) {
         self.slots.vacate(slot);
         self.slots.release(slot);
@@ -457,7 +468,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
     }
 
-    /// Puts the origin of a body at a pose: a way that contacts have to follow as any other.
+    /// Sets the pose of a body's origin. The displacement counts as motion, so contacts of the body
+    /// are searched again.
     pub(crate) fn set_origin(&mut self, body: usize, origin: &G::Pose) {
         let pose = G::compose(origin, &G::pose(self.inertia[body].center, &[]));
         let (before, frame) = (self.frames[body], G::frame(&pose));
@@ -474,13 +486,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.moved_since_rebuild[body] = f32::MAX;
     }
 
-    /// Computes M^-1 of a body at its present pose.
+    /// Recomputes M^-1 of a body at its current pose.
     pub(crate) fn set_inverse_mass(&mut self, body: usize) {
         self.inverse_masses[body] = self.inverse_mass(body);
     }
 
-    /// Recomputes M^-1 of the bodies that have moved enough, at their present poses. Nothing moves a
-    /// body that sleeps.
+    /// Recomputes M^-1 of the bodies that need a rebuild, at their current poses. Sleeping bodies
+    /// get zero: nothing moves them.
     pub(crate) fn update_inverse_masses(
         &mut self,
         is_sleeping: impl Fn(usize) -> bool + Sync,
@@ -500,15 +512,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.inverse_masses = all;
     }
 
-    /// Returns a contact system of these bodies without contacts.
+    /// Returns a system with the velocities and masses of the bodies, without contacts.
     pub(crate) fn without_contacts(&self) -> System<f32, L, A> {
         let (velocities, masses) = (self.velocities.clone(), self.inverse_masses.clone());
         System { velocities, masses, ..System::new() }
     }
 
-    /// Returns the bodies that are not at finite positions with finite velocities.
+    /// Returns the bodies with a position or velocity that is not finite.
     pub(crate) fn not_finite(&self) -> Vec<u32> {
-        // A finite number times zero is zero, every other is NaN: one pass without branches.
+        // A finite number times zero is zero, any other is NaN. So one pass needs no branches.
         let zero = |body: usize| {
             let (frame, velocity) = (&self.frames[body], &self.velocities[body]);
             let numbers = frame.position.0.iter().chain(&velocity.linear.0);
@@ -521,8 +533,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         all.filter(|&body| zero(body) != 0.0).map(|body| body as u32).collect()
     }
 
-    /// Notes which bodies have moved by more than `limit` \[m\], or than a small part of their size, have
-    /// turned, or move whatever they touch.
+    /// Marks the bodies whose contacts and M^-1 are to be rebuilt. These bodies have moved by more
+    /// than `limit` \[m\] or by more than a small fraction of their size, or have rotated. Bodies
+    /// of infinite mass are marked whenever they move.
     pub(crate) fn mark_moved(&mut self, limit: f32, pool: &ThreadPool) {
         let Self { needs_rebuild, moved_since_rebuild, turned, inertia, reach, velocities, .. } =
             self;
@@ -536,7 +549,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
                 let leads = inertia[body].inverse_mass() == 0.0;
                 *needs_rebuild = leads && velocities[body] != Velocity::ZERO
                     || *moved_since_rebuild > limit.min(STRAY * reach[body].all)
-                    // Its contacts have been renewed in the lanes, and not in the records.
+                    // Its contacts have been updated in the lanes, not in the cache.
                     || *turned;
                 if *needs_rebuild {
                     *moved_since_rebuild = 0.0;
@@ -545,7 +558,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         });
     }
 
-    /// What does not change in motion, and what does.
+    /// Returns the constant properties and the mutable state of the bodies.
     pub(crate) fn in_motion(&mut self) -> BodiesInMotion<'_, G, L, A> {
         let Self { motion, gravity_factor, damping, forces, inertia, precession, reach, .. } = self;
         let given =
@@ -566,7 +579,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         BodyParams { motion, gravity_factor, damping, forces, inertia, precession, reach }
     }
 
-    /// Sets the damping of a body: linear and angular. \[1/s\]
+    /// Sets the linear and angular damping of a body. \[1/s\]
     pub(crate) fn set_damping(&mut self, body: usize, damping: [f32; 2]) {
         if self.damping.len() <= body && damping != [0.0; 2] {
             self.damping.resize(body + 1, [0.0; 2]);
@@ -580,15 +593,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.given().is_dynamic(body)
     }
 
-    /// x_a - x_b, as exact as if the positions were: far from the origin an `f32` is coarser than
-    /// what contacts feel. \[m\]
+    /// Returns x_a - x_b, including the rounding errors left out of the positions. Far from the
+    /// origin an `f32` position is coarser than the gaps of contacts. \[m\]
     pub(crate) fn apart(&self, [a, b]: [u32; 2]) -> Vector<f32, L> {
         let (a, b) = (a as usize, b as usize);
         (self.frames[a].position - self.frames[b].position)
             + (self.remainders[a] - self.remainders[b])
     }
 
-    /// M of a body at its present pose; zero for what is not dynamic, and along what is infinite.
+    /// Returns M of a body at its current pose. It is zero if the body is not dynamic, and zero
+    /// along infinite entries.
     pub(crate) fn mass(&self, body: usize) -> Mass<L, A> {
         let inertia = &self.inertia[body];
         if !self.is_dynamic(body) {
@@ -600,7 +614,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
     }
 
-    /// M^-1 of a body at its present pose.
+    /// Returns M^-1 of a body at its current pose.
     pub(crate) fn inverse_mass(&self, body: usize) -> InverseMass<f32, L, A> {
         let inertia = &self.inertia[body];
         if !self.is_dynamic(body) {
@@ -612,17 +626,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
     }
 
-    /// Force and torque on a body. \[N, N m\]
+    /// Returns the force and torque on a body. \[N, N m\]
     pub(crate) fn force(&self, body: usize) -> Velocity<f32, L, A> {
         self.given().force(body)
     }
 
-    /// The acceleration of gravity on a body. \[m/s^2\]
+    /// Returns the acceleration of gravity of a body. \[m/s^2\]
     pub(crate) fn pull(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
         self.given().pull(body, gravity)
     }
 
-    /// m |g| of a body that moves freely; an infinite mass does not fall. \[N\]
+    /// Returns m |g| of a dynamic body, or 0 if its mass is infinite. \[N\]
     pub(crate) fn weight(&self, body: usize, gravity: Vector<f32, L>) -> f32 {
         let mass = self.inertia[body].mass;
         if self.is_dynamic(body) && mass.is_finite() {
@@ -632,7 +646,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
     }
 
-    /// -m g . x of all bodies. \[J\]
+    /// Returns -m g . x, summed over the dynamic bodies of finite mass. \[J\]
     pub(crate) fn potential_energy(&self, gravity: Vector<f32, L>) -> f64 {
         let of = |(body, frame): (usize, &Frame<L>)| {
             let mass = self.inertia[body].mass;
@@ -645,7 +659,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.frames.iter().enumerate().map(of).sum()
     }
 
-    /// Pose of the body's origin.
+    /// Returns the pose of the body's origin.
     pub(crate) fn origin(&self, body: usize) -> G::Pose {
         let center = self.inertia[body].center;
         if center == Vector::ZERO {

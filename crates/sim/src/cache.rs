@@ -1,5 +1,5 @@
-//! What the contacts of one step hand to the next: pairs, their manifolds, and the impulses and
-//! slips of their points, matched by feature.
+//! Contact data that one step passes to the next: pairs, their manifolds, and the impulses and
+//! slips of contact points, matched by feature.
 
 use std::ops::Range;
 
@@ -9,7 +9,8 @@ use drystone_solver::wide::{CachedImpulse, Reuse};
 use crate::bodies::SearchMotion;
 use crate::geometry::{Curvature, Frame, MAX_POINTS, ManifoldPoint, NormalCarrier};
 
-/// What is left of the room of a pair when a way is taken off that is too short to count. \[1\]
+/// Factor of a pair's room for each step. It accounts for displacements that are too small to
+/// change the room in `f32`. \[1\]
 const ROUNDED: f32 = 1.0 - 2.0 * f32::EPSILON;
 
 /// Contacts of a world between two steps.
@@ -17,7 +18,7 @@ const ROUNDED: f32 = 1.0 - 2.0 * f32::EPSILON;
 pub(crate) struct ContactCache<const L: usize> {
     /// Pairs of shapes whose boxes overlap, sorted.
     pub(crate) pairs: Vec<Pair>,
-    /// Manifolds of the pairs that are awake.
+    /// Manifolds of the awake pairs.
     pub(crate) records: ManifoldCache<L>,
     /// Reuse distance of the last search. \[m\]
     pub(crate) last_reuse: f32,
@@ -26,28 +27,31 @@ pub(crate) struct ContactCache<const L: usize> {
 /// Two shapes whose boxes overlap.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pair {
-    /// Lower index first; the order of pairs.
+    /// Lower index first. Pairs are sorted by this field.
     pub(crate) colliders: [u32; 2],
     pub(crate) bodies: [u32; 2],
     pub(crate) friction: f32,
     pub(crate) restitution: f32,
     /// Smallest extent of the thinner shape. \[m\]
     pub(crate) thickness: f32,
-    /// Whether one of them may roll: points that touched before do not tell where they do now.
+    /// True if one shape may roll: then earlier contact points do not determine the current ones.
     pub(crate) rolls: bool,
-    /// Whether one of them may be passed through without a trace.
+    /// True if one shape may have no interior, so that a body which has passed through it is not
+    /// pushed back.
     pub(crate) sheet: bool,
-    /// The shapes may meet at a corner: one has edges, and both have ends.
+    /// True if the shapes may touch at a corner: one has edges, and both have a farthest point in
+    /// each direction.
     pub(crate) corners: bool,
-    /// Whether it rests: neither body moves or can be moved.
+    /// True if it sleeps: neither body moves or can be moved.
     pub(crate) rests: bool,
-    /// A turn that moves the surface of one of its bodies by 1 moves a against b, as seen from it, by at most so
-    /// much ([`SearchMotion`](crate::bodies::SearchMotion)). \[1\]
+    /// Lever of rotations ([`SearchMotion`](crate::bodies::SearchMotion)). A rotation that moves
+    /// the surface of one body by 1 moves the points of a relative to b by at most this. \[1\]
     pub(crate) lever: f32,
-    /// How far its bodies can still come towards each other before they touch, if it has no records; else
-    /// against each other before its points are found anew. \[m\]
+    /// Without manifolds: lower bound of the distance of its shapes. With manifolds: relative
+    /// motion after which its points are recomputed. \[m\]
     pub(crate) room: f32,
-    /// Its records: of the step, or of what rests.
+    /// First manifold and number of manifolds: in the cache of awake pairs, or in that of sleeping
+    /// pairs.
     pub(crate) first: u32,
     pub(crate) count: u32,
 }
@@ -57,12 +61,12 @@ impl Pair {
         self.first as usize..(self.first + self.count) as usize
     }
 
-    /// How far apart they still are at least, if it has no records. \[m\]
+    /// Returns a lower bound of the distance of its shapes, or 0 if it has manifolds. \[m\]
     pub(crate) fn gap<const L: usize>(&self, since_search: &[SearchMotion<L>]) -> f32 {
         if self.count > 0 { 0.0 } else { self.left(since_search) }
     }
 
-    /// Its room after its bodies have come so far. \[m\]
+    /// Returns the room that is left after the motion `since_search` of its bodies. \[m\]
     #[inline(always)]
     pub(crate) fn left<const L: usize>(&self, since_search: &[SearchMotion<L>]) -> f32 {
         let [a, b] = self.bodies.map(|body| &since_search[body as usize]);
@@ -74,7 +78,7 @@ impl Pair {
 
 #[cfg(test)]
 impl Pair {
-    /// Two bodies that may touch.
+    /// A pair without contacts, for tests.
     pub(crate) const APART: Self = Self {
         colliders: [0, 1],
         bodies: [0, 1],
@@ -92,7 +96,8 @@ impl Pair {
     };
 }
 
-/// Merges sorted pairs into others, from the end on; where there are none, the memory of `fresh` is taken, too.
+/// Merges the sorted pairs `fresh` into the sorted `pairs`, from the end. If `pairs` is empty, the
+/// two vectors are swapped, with their memory.
 pub(crate) fn merge(pairs: &mut Vec<Pair>, fresh: &mut Vec<Pair>) {
     let mut old = pairs.len();
     if old == 0 {
@@ -108,19 +113,19 @@ pub(crate) fn merge(pairs: &mut Vec<Pair>, fresh: &mut Vec<Pair>) {
     }
 }
 
-/// The manifolds of a step, and their points one manifold after the other, the deepest first.
+/// Manifolds of a step. Their points are stored manifold by manifold, the deepest first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ManifoldCache<const L: usize> {
     pub(crate) manifolds: Vec<CachedManifold<L>>,
     pub(crate) points: Vec<CachedPoint<L>>,
-    /// Of each point.
+    /// Impulse, gap and slip of each point.
     pub(crate) traces: Vec<CachedImpulse<L>>,
-    /// Of each manifold; kept is one of which neither body has moved far enough for a rebuild
-    /// ([`Bodies::needs_rebuild`](crate::bodies::Bodies::needs_rebuild)).
+    /// Reuse of each manifold. A manifold is kept if neither body has moved far enough for a
+    /// rebuild ([`Bodies::needs_rebuild`](crate::bodies::Bodies::needs_rebuild)).
     pub(crate) reuse: Vec<Reuse>,
 }
 
-/// A manifold as it is kept from step to step: in the frames of its bodies.
+/// A manifold that is kept from step to step, in the frames of its bodies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CachedManifold<const L: usize> {
     pub(crate) bodies: [u32; 2],
@@ -128,36 +133,36 @@ pub(crate) struct CachedManifold<const L: usize> {
     pub(crate) restitution: f32,
     pub(crate) part: u32,
     pub(crate) surfaces: Curvature,
-    /// Its points.
+    /// First point and number of points.
     pub(crate) first: u32,
     pub(crate) count: u32,
-    /// World, from b towards a; as the places of its points.
+    /// Contact normal in world axes, from b towards a, as of the last update of the push points.
     pub(crate) normal: Vector<f32, L>,
-    /// The normal that its traces are seen from: that of the step before.
+    /// Normal of the frame in which the impulses and slips are given: that of the previous step.
     pub(crate) traced: Vector<f32, L>,
-    /// From the center of mass of b to that of a. \[m\]
+    /// Vector from the center of mass of b to that of a, as of the last update of the push
+    /// points. \[m\]
     pub(crate) apart: Vector<f32, L>,
-    /// The normal in the frame of the body that [carries](Self::carrier) it, and a's frame as seen from b,
-    /// when the points were found; of what rolls they are not asked for.
+    /// Normal in the frame of the body that [carries](Self::carrier) it, and frame of a relative to
+    /// b. Both are as of the search that found the points. Not used for shapes that roll.
     pub(crate) local_normal: Vector<f32, L>,
     pub(crate) found_at: Frame<L>,
     /// Largest distance of its points from the center of mass of a. \[m\]
     pub(crate) reach: f32,
-    /// A manifold that is new, or was turned in the search before, may be turned at rest, too
-    /// ([`Seams`](crate::seams::Seams)). Seams take the mark off.
+    /// True if it is new, or if the previous search rotated it to another axis. Such a manifold may
+    /// get another axis even at rest ([`seams`](crate::seams)), which resets this mark.
     pub(crate) undecided: bool,
 }
 
-/// A point of a record.
+/// A contact point of a cached manifold.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct CachedPoint<const L: usize> {
-    /// On the surface of a, in the frame of a. \[m\]
+    /// Position on the surface of a, in the frame of a. \[m\]
     pub(crate) on_a: Vector<f32, L>,
-    /// On the surface of b, in the frame of b. \[m\]
+    /// Position on the surface of b, in the frame of b. \[m\]
     pub(crate) on_b: Vector<f32, L>,
-    /// Where both bodies are pushed, one place for both: so the pair keeps its angular momentum
-    /// ([`NormalCarrier::place`]).
-    /// World, from the center of mass of b. \[m\]
+    /// Point at which the impulse acts on both bodies, so that the pair keeps its angular momentum
+    /// ([`NormalCarrier::place`]). World axes, from the center of mass of b. \[m\]
     pub(crate) push_point: Vector<f32, L>,
     pub(crate) feature: u64,
 }
@@ -170,24 +175,24 @@ impl<const L: usize> ManifoldCache<L> {
         self.reuse.clear();
     }
 
-    /// The bodies of each manifold.
+    /// Returns the bodies of each manifold.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = [u32; 2]> + Clone {
         self.manifolds.iter().map(|record| record.bodies)
     }
 
-    /// To read all.
+    /// Returns a view of all manifolds.
     pub(crate) fn view(&self) -> ManifoldCacheView<'_, L> {
         let Self { manifolds, points, traces, .. } = self;
         ManifoldCacheView { manifolds, points, traces, before: [0; 2] }
     }
 
-    /// To change all where they are.
+    /// Returns a mutable view of all manifolds.
     pub(crate) fn view_mut(&mut self) -> ManifoldCacheMut<'_, L> {
         let Self { manifolds, points, traces, reuse } = self;
         ManifoldCacheMut { manifolds, points, traces, reuse, before: [0; 2] }
     }
 
-    /// Appends a manifold of so many points, which are still to be set.
+    /// Appends a manifold with `count` points, which the caller sets.
     pub(crate) fn add(
         &mut self,
         count: usize,
@@ -202,7 +207,7 @@ impl<const L: usize> ManifoldCache<L> {
         (record, &mut self.points[first..], &mut self.traces[first..])
     }
 
-    /// Appends manifolds of others.
+    /// Appends the manifolds `numbers` of another cache.
     pub(crate) fn extend(&mut self, from: ManifoldCacheView<'_, L>, numbers: Range<usize>) {
         for record in from.of(numbers) {
             let first = self.points.len() as u32;
@@ -213,7 +218,8 @@ impl<const L: usize> ManifoldCache<L> {
         self.reuse.resize(self.manifolds.len(), Reuse::New);
     }
 
-    /// Appends the records that a pair has in `from`, which have been traced, and makes them the pair's.
+    /// Appends the manifolds that a pair has in `from`, and assigns the copies to the pair. The
+    /// solver must have updated their impulses.
     pub(crate) fn take_pair(&mut self, pair: &mut Pair, from: &Self) {
         let first = self.manifolds.len();
         self.extend(from.view(), pair.records());
@@ -224,17 +230,17 @@ impl<const L: usize> ManifoldCache<L> {
     }
 }
 
-/// Some records that follow each other.
+/// A range of manifolds.
 #[derive(Clone, Copy)]
 pub(crate) struct ManifoldCacheView<'a, const L: usize> {
     manifolds: &'a [CachedManifold<L>],
     points: &'a [CachedPoint<L>],
     traces: &'a [CachedImpulse<L>],
-    /// How many manifolds and points come before.
+    /// Number of manifolds and number of points before the range.
     before: [usize; 2],
 }
 
-/// The same, to be changed where they are.
+/// A range of manifolds that can be changed.
 #[derive(Default)]
 pub(crate) struct ManifoldCacheMut<'a, const L: usize> {
     manifolds: &'a mut [CachedManifold<L>],
@@ -244,23 +250,23 @@ pub(crate) struct ManifoldCacheMut<'a, const L: usize> {
     before: [usize; 2],
 }
 
-/// A range, counted from later on.
+/// Returns a range with `before` subtracted.
 fn after(range: Range<usize>, before: usize) -> Range<usize> {
     range.start - before..range.end - before
 }
 
 impl<'a, const L: usize> ManifoldCacheView<'a, L> {
-    /// The manifolds of these numbers.
+    /// Returns the manifolds with these indices.
     pub(crate) fn of(self, numbers: Range<usize>) -> &'a [CachedManifold<L>] {
         if numbers.is_empty() { &[] } else { &self.manifolds[after(numbers, self.before[0])] }
     }
 
-    /// The points of one of the manifolds.
+    /// Returns the points of a manifold of the range.
     pub(crate) fn points_of(self, record: &CachedManifold<L>) -> &'a [CachedPoint<L>] {
         &self.points[after(record.points(), self.before[1])]
     }
 
-    /// What they have handed on.
+    /// Returns the impulses, gaps and slips of the points of a manifold.
     pub(crate) fn traces_of(self, record: &CachedManifold<L>) -> &'a [CachedImpulse<L>] {
         &self.traces[after(record.points(), self.before[1])]
     }
@@ -272,7 +278,7 @@ impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
         ManifoldCacheView { manifolds, points, traces, before: *before }
     }
 
-    /// The manifolds of these numbers, which are cut off with all before them.
+    /// Splits off the manifolds with these indices and returns them. `self` keeps those after them.
     pub(crate) fn split_off(&mut self, numbers: Range<usize>) -> Self {
         let [manifolds, points] = self.before;
         let first =
@@ -283,7 +289,7 @@ impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
         self.cut(to[1])
     }
 
-    /// All before these manifolds and points, which are cut off.
+    /// Splits off everything before these indices of manifold and point, and returns it.
     fn cut(&mut self, to: [usize; 2]) -> Self {
         let [manifolds, points] = [0, 1].map(|i| to[i] - self.before[i]);
         Self {
@@ -295,8 +301,8 @@ impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
         }
     }
 
-    /// Notes of manifolds that have been `traced` that they were in the step before; what was noted since
-    /// stays.
+    /// Marks manifolds as kept if the solver has updated them (`traced`); otherwise their marks
+    /// stay. Returns the marks.
     pub(crate) fn keep(&mut self, numbers: Range<usize>, traced: bool) -> &mut [Reuse] {
         let reuse = &mut self.reuse[after(numbers.clone(), self.before[0])];
         if traced {
@@ -305,13 +311,13 @@ impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
         reuse
     }
 
-    /// The same of manifolds that are others now.
+    /// Marks manifolds as changed, in the same way.
     pub(crate) fn change(&mut self, numbers: Range<usize>, traced: bool) {
         let reuse = self.keep(numbers, traced);
         reuse.iter_mut().for_each(|reuse| *reuse = reuse.changed());
     }
 
-    /// A manifold, its points and what they have handed on, to be found anew.
+    /// Returns a manifold, its points and their impulses, to be overwritten.
     pub(crate) fn place(
         &mut self,
         number: usize,
@@ -321,9 +327,12 @@ impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
         (record, &mut self.points[points.clone()], &mut self.traces[points])
     }
 
-    /// Measures the gaps of manifolds anew, whose bodies are where these frames are. Bodies that have not
-    /// turned are pushed where they were, until that has moved against one of them by `most` \[m\]: so a
-    /// tower that leans in its sag stands. Whether they have been `traced` since they were last measured.
+    /// Recomputes the gaps of manifolds whose bodies are at these frames.
+    ///
+    /// Push points stay while the bodies have not rotated and no push point has moved relative to a
+    /// body by more than `most` \[m\]. So a tower that leans because it sags remains standing.
+    /// `traced` is true if the solver has updated the manifolds since their gaps were last
+    /// computed.
     pub(crate) fn measure(
         &mut self,
         numbers: Range<usize>,
@@ -363,7 +372,7 @@ impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
 }
 
 impl<const L: usize> CachedManifold<L> {
-    /// No record.
+    /// An empty manifold.
     pub(crate) const NONE: Self = Self {
         bodies: [0; 2],
         friction: 0.0,
@@ -385,20 +394,20 @@ impl<const L: usize> CachedManifold<L> {
         self.first as usize..(self.first + self.count) as usize
     }
 
-    /// The frame in which its local normal stays: that of the body with the face.
+    /// Returns the frame in which its local normal is constant: that of the body with the face.
     pub(crate) fn carrier<'a>(&self, a: &'a Frame<L>, b: &'a Frame<L>) -> &'a Frame<L> {
         if self.surfaces.normal == NormalCarrier::FaceOfA { a } else { b }
     }
 }
 
-/// The trace of a new point.
+/// Returns the data of a new point: no impulse, no slip, and this gap \[m\].
 pub(crate) const fn open<const L: usize>(gap: f32) -> CachedImpulse<L> {
     let mut gaps = [0.0; L];
     gaps[0] = gap;
     CachedImpulse { impulse: Vector([0.0; L]), gap: Vector(gaps) }
 }
 
-/// Puts the deepest of points first: its plane is that of the manifold.
+/// Moves the deepest point to the front: its plane is that of the manifold.
 #[inline]
 pub(crate) fn deepest_first<const L: usize>(
     points: &mut [CachedPoint<L>],
@@ -413,12 +422,13 @@ pub(crate) fn deepest_first<const L: usize>(
     traces.swap(0, deepest);
 }
 
-/// Largest distance of points from the center of mass of a. \[m\]
+/// Returns the largest distance of points from the center of mass of a. \[m\]
 pub(crate) fn reach<const L: usize>(points: &[CachedPoint<L>]) -> f32 {
     points.iter().map(|point| point.on_a.dot(point.on_a)).fold(0.0, f32::max).sqrt()
 }
 
-/// Gives points the impulses and slips of the same manifold's points a step ago: by feature, then by place.
+/// Copies impulses and slips from the old points of the same manifold. Each point takes those of
+/// the point with the same feature, or else of a point within `match_distance` \[m\] on a.
 pub(crate) fn inherit<const L: usize>(
     points: &[CachedPoint<L>],
     traces: &mut [CachedImpulse<L>],
@@ -454,7 +464,7 @@ pub(crate) fn inherit<const L: usize>(
 }
 
 impl<const L: usize> CachedPoint<L> {
-    /// One that is not there.
+    /// An absent point.
     pub(crate) const OPEN: Self =
         Self { on_a: Vector::ZERO, on_b: Vector::ZERO, push_point: Vector::ZERO, feature: 0 };
 
@@ -478,7 +488,8 @@ mod tests {
     use super::*;
     use crate::geometry::random::Random;
 
-    /// The deepest point comes first, with what it hands on; of equals the one that was first.
+    /// The deepest point comes first, together with its data. Of equal points the first one stays
+    /// first.
     #[test]
     fn the_deepest_comes_first() {
         for (gaps, first) in [([0.1, -0.2, 0.3], 1), ([0.0, 0.0, 0.0], 0), ([0.2, 0.1, -0.1], 2)] {
@@ -493,7 +504,8 @@ mod tests {
         }
     }
 
-    /// Two crowds of points about centers that move and turn: never nearer than the room that is left says.
+    /// Two clouds of points translate and rotate. Their distance is never less than the remaining
+    /// room.
     #[test]
     fn what_is_left_is_there() {
         let mut random = Random(3);
@@ -530,11 +542,11 @@ mod tests {
             assert!(pair.room <= distance + 1e-5, "{} m left of {distance} m", pair.room);
             steps += 1;
         }
-        // They go on together much faster than they come nearer.
+        // They move together much faster than they approach.
         assert!(steps > 20, "{steps}");
     }
 
-    /// A way that is less than a rounding is taken off.
+    /// A displacement below the rounding error is subtracted, too.
     #[test]
     fn what_creeps_comes() {
         let mut pair = Pair { bodies: [0, 1], room: 1.0, ..Pair::APART };

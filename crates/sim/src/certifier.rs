@@ -1,4 +1,4 @@
-//! Solving to a tolerance: what a step keeps for its certificates.
+//! Solving to a tolerance: islands, contact stiffness, certificates and jams.
 
 use drystone_solver::island::{self, Islands};
 use drystone_solver::jam::{self, Jam};
@@ -10,42 +10,42 @@ use serde::{Deserialize, Serialize};
 
 use crate::settings::StepSettings;
 
-/// A contact that misses its target by more than this after a step may be jammed: more than what
-/// rests on soft contacts misses. \[m/s\]
+/// A contact that misses its target by more than this after a step may be jammed. Bodies at rest on
+/// soft contacts miss theirs by less. \[m/s\]
 const MISSED: f64 = 0.1;
 
-/// Steps from one search for jams in vain to the next, at most.
+/// Largest number of steps between searches for jams that find none.
 const LONGEST_WAIT: u32 = 64;
 
-/// Islands, and how they are brought within the tolerance.
+/// Islands, and the solver that brings them within the tolerance.
 #[derive(Default)]
 pub(crate) struct Certifier<const L: usize, const A: usize> {
     islands: Islands,
     pub(crate) island_solver: IslandSolver<L, A>,
     loads: Vec<Load>,
-    /// As in [`Stiffness`].
+    /// Compliances of [`Stiffness`].
     compliances: Vec<[f32; 2]>,
     pub(crate) wait: Wait,
 }
 
-/// When jams are looked for again: after twice as many steps each time that there were none.
+/// Schedule of the searches for jams: the interval doubles each time that there are none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Wait {
     left: u32,
     whole: u32,
-    /// Searches so far: each begins with another island.
+    /// Number of searches so far. Each begins with another island.
     searches: usize,
 }
 
 impl Wait {
-    /// Whether it is over. Counts a step.
+    /// Returns true if the interval is over. Counts a step.
     fn is_over(&mut self) -> bool {
         let over = self.left == 0;
         self.left = self.left.saturating_sub(1);
         over
     }
 
-    /// Begins after a search.
+    /// Begins the interval after a search. `in_vain` is true if the search found no jam.
     fn begin(&mut self, in_vain: bool) {
         self.searches += 1;
         self.whole = if in_vain { (2 * self.whole).clamp(1, LONGEST_WAIT) } else { 0 };
@@ -53,17 +53,17 @@ impl Wait {
     }
 }
 
-/// An island sinks by at most this part of the thinnest of its bodies. \[1\]
+/// Largest sag of an island, as a fraction of the thickness of its thinnest body. \[1\]
 const SHALLOW: f32 = 1.0 / 64.0;
 
-/// What holds an island up.
+/// Weight and supports of an island.
 #[derive(Clone, Copy)]
 struct Load {
-    /// \[N\]
+    /// Weight of its bodies. \[N\]
     weight: f32,
     /// Thickness of its thinnest body. \[m\]
     thickness: f32,
-    /// Manifolds with fixed bodies.
+    /// Number of manifolds with fixed bodies.
     supports: f32,
 }
 
@@ -71,14 +71,16 @@ impl Load {
     const NONE: Self = Self { weight: 0.0, thickness: f32::INFINITY, supports: 0.0 };
 }
 
-/// How much contacts give way at most.
+/// Upper bounds on the compliance of contacts.
 ///
-/// Contacts under an island sink by the sag, or by a part of its thinnest body if that is less. The island's weight W \[N\] on its n manifolds with
-/// fixed bodies gives the stiffness k = W / (n sag), and a spring of implicit form that repairs the part
-/// c of its depth per substep h has epsilon = c / (h^2 k).
+/// Contacts under an island sink by the setting `sag`, or by a fraction of its thinnest body if
+/// that is less. The weight W \[N\] of the island on its n manifolds with fixed bodies gives the
+/// stiffness k = W / (n sag). A spring in implicit form that repairs the fraction c of its depth
+/// per substep h has epsilon = c / (h^2 k).
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Stiffness<'a> {
-    /// Of each body: the largest epsilon of its contacts, and that of the part before. Empty: as they come. \[1/kg\]
+    /// By body: largest epsilon of its contacts, in this part of the step and in the part before.
+    /// If empty, there are no bounds. \[1/kg\]
     compliances: &'a [[f32; 2]],
 }
 
@@ -89,29 +91,30 @@ impl Stiffness<'_> {
         [a.min(b), a_before.min(b_before)]
     }
 
-    /// The largest epsilon of contacts between these bodies. \[1/kg\]
+    /// Returns the largest epsilon of contacts between these bodies. \[1/kg\]
     pub(crate) fn compliance(&self, bodies: [u32; 2]) -> f32 {
         self.of(bodies)[0]
     }
 
-    /// Whether any may be another than in the part before.
+    /// Returns true if any bound may differ from that of the part before.
     pub(crate) fn changes(&self) -> bool {
         !self.compliances.is_empty()
     }
 
-    /// Whether that is another than in the part before.
+    /// Returns true if the bound for these bodies differs from that of the part before.
     pub(crate) fn is_new(&self, bodies: [u32; 2]) -> bool {
         let [now, before] = self.of(bodies);
         now != before
     }
 }
 
-/// Of a body whose contacts may be as soft as they come, now and before.
+/// No bound, now and in the part before.
 const AS_THEY_COME: [f32; 2] = [f32::INFINITY; 2];
 
 impl<const L: usize, const A: usize> Certifier<L, A> {
-    /// How stiff contacts are in substeps of `h` \[s\] between these `pairs`: by what their islands weigh, if they
-    /// are solved to a tolerance. `of` is the weight \[N\] and the thickness \[m\] of a body.
+    /// Returns bounds on the compliance of the contacts of these body `pairs` in substeps of
+    /// `h` \[s\], by the weights of their islands. It is for contacts that are solved to a
+    /// tolerance. `of` returns the weight \[N\] and the thickness \[m\] of a body.
     pub(crate) fn stiffness(
         &mut self,
         pairs: impl Iterator<Item = [u32; 2]>,
@@ -151,7 +154,7 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         Stiffness { compliances }
     }
 
-    /// As they come: where nothing is solved to a tolerance.
+    /// Returns no bounds, for contacts that are not solved to a tolerance.
     pub(crate) fn no_stiffness(&mut self) -> Stiffness<'_> {
         self.compliances.iter_mut().for_each(|own| *own = [f32::INFINITY, own[0]]);
         if self.compliances.iter().all(|own| *own == AS_THEY_COME) {
@@ -160,8 +163,9 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         Stiffness { compliances: &self.compliances }
     }
 
-    /// Contacts whose targets no velocities can meet; after searches in vain not in every step. `sinking` is
-    /// the most that any missed its target by. \[m/s\]
+    /// Returns the contacts whose targets no velocities can meet. After a search that finds none,
+    /// it skips some steps. `sinking` is the largest speed by which a contact missed its
+    /// target. \[m/s\]
     pub(crate) fn jams(
         &mut self,
         system: &mut System<f32, L, A>,
@@ -177,7 +181,7 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         jams
     }
 
-    /// Finds the islands of a part of a step, in which these pairs of bodies touch.
+    /// Finds the islands of a part of a step, from the pairs of bodies that touch.
     pub(crate) fn find_islands(
         &mut self,
         masses: &[InverseMass<f32, L, A>],
@@ -186,14 +190,14 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         self.islands.join(masses, pairs);
     }
 
-    /// Takes over a system that has been packed, for all substeps of a part of a step.
+    /// Prepares the solver for all substeps of a part of a step. The system has been packed before.
     pub(crate) fn start(&mut self, system: &System<f32, L, A>, wide: &mut Wide<L, A>) {
         wide.set_islands(&self.islands);
         self.island_solver.start(system, &self.islands);
     }
 
-    /// Brings a substep within the tolerance, from the impulses of the one before; with all residuals
-    /// if `examined`.
+    /// Solves a substep to the tolerance, from the impulses of the previous substep. If `examined`,
+    /// the report includes all residuals.
     pub(crate) fn refine(
         &mut self,
         system: &mut System<f32, L, A>,
@@ -212,7 +216,7 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         }
     }
 
-    /// The certificate of a substep as it is.
+    /// Returns the certificate of a substep, with its present velocities and impulses.
     pub(crate) fn examine(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
@@ -227,7 +231,8 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
 mod tests {
     use super::*;
 
-    /// After 1, 2, 4 steps and so on, up to the longest wait; in each step while there are jams.
+    /// Searches follow after 1, 2, 4 steps and so on, up to the longest interval. While there are
+    /// jams, each step has a search.
     #[test]
     fn searches_in_vain_become_rare() {
         let mut wait = Wait::default();

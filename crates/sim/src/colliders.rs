@@ -1,4 +1,5 @@
-//! The shapes of the bodies: where they are, what is near them, and what they make of a pair.
+//! The shapes of the bodies: their poses, their boxes in the broad phase, and the properties of
+//! pairs.
 
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Vector, Velocity};
@@ -12,7 +13,7 @@ use crate::scene::{Combine, Filter, Material, Motion};
 use crate::sleep::Sleep;
 use crate::travel::TravelBound;
 
-/// Boxes are known to this part of how far they are from the origin. \[1\]
+/// Relative rounding error of boxes, as a fraction of their distance from the origin. \[1\]
 const ROUNDING: f32 = 1e-6;
 
 /// No collider.
@@ -22,48 +23,50 @@ const NONE: u32 = u32::MAX;
 #[derive(Clone)]
 pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) slots: Slots,
-    /// Slots that are released once no pair names them any more.
+    /// Slots to be released as soon as no pair refers to them.
     vacated: Vec<u32>,
-    /// The first shape of each body, and the next of the same body for each shape.
+    /// First shape of each body, and for each shape the next one of the same body.
     first: Vec<u32>,
     next: Vec<u32>,
     pub(crate) user_data: Vec<u128>,
     pub(crate) body: Vec<u32>,
     pub(crate) shapes: Vec<G::Collider>,
-    /// Smallest extent of a solid; unlimited for what has no volume. \[m\]
+    /// Smallest extent of each solid; infinite for shapes without volume. \[m\]
     thickness: Vec<f32>,
-    /// Whether any body has ever had several shapes.
+    /// True if any body has ever had several shapes.
     compounds: bool,
-    /// In the frame of the body's center of mass.
+    /// Poses in the frame of the body's center of mass.
     local: Vec<G::Pose>,
-    /// Turned with the body, seen from its center of mass.
+    /// Poses rotated with the body, relative to its center of mass.
     pub(crate) poses: Vec<G::Pose>,
-    /// What shapes that were added one after the other have in common, how many shapes have it, and which of them each
-    /// shape has.
+    /// Distinct materials and filters, the number of shapes that use each, and the unused entries.
+    /// Shapes that are added one after the other share an entry if theirs are equal. `surface` has
+    /// the entry of each shape.
     surfaces: Vec<(Material, Filter)>,
     uses: Vec<u32>,
     unused: Vec<u32>,
     surface: Vec<u32>,
-    /// Whether any of them has ever bounced.
+    /// True if any shape has ever had a restitution.
     pub(crate) bounce: bool,
-    /// Whether any of them has ever resisted rolling or spinning.
+    /// True if any shape has ever had a rolling or spinning resistance.
     pub(crate) resist: bool,
-    /// How surfaces run; of none where there are no more.
+    /// Surface velocities. The array may be shorter; further shapes have none.
     belts: Vec<Option<Belt<G, L, A>>>,
-    /// By chunk: shapes that have outgrown their boxes in the broad phase, and the room that they need.
+    /// By chunk: shapes that have left their boxes in the broad phase, and the boxes that they
+    /// need.
     outgrown: Vec<Vec<(u32, Bounds<L>)>>,
-    /// As long as the path of its body, its way ahead and what is looked beyond add up to less, a shape
-    /// has room in its box. \[m\]
+    /// A shape has room in its box while the sum of its body's path, its displacement ahead and the
+    /// search distance is less than this. \[m\]
     room_until: Vec<f64>,
 }
 
-/// How the surface of a shape runs.
+/// Surface velocity of a shape.
 #[derive(Clone)]
 struct Belt<G: Geometry<L, A>, const L: usize, const A: usize> {
     motion: SurfaceMotion<L, A>,
-    /// What it is given in, in the frame of the body's center of mass.
+    /// Frame in which it is given, relative to the body's center of mass.
     frame: G::Pose,
-    /// Whether it is that of the shape, not of its body.
+    /// True if it belongs to the shape, not to the body.
     own: bool,
 }
 
@@ -128,7 +131,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         self.set_belt(slot, belt.map(|motion| Belt { motion, frame: local, own: true }));
     }
 
-    /// Where a surface is among those that shapes have in common.
+    /// Returns the index of a material and filter among those in use, and counts the use.
     fn intern(&mut self, surface: (Material, Filter)) -> u32 {
         let last = self.surfaces.len().wrapping_sub(1);
         if self.surfaces.last() == Some(&surface) && self.uses[last] > 0 {
@@ -150,8 +153,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         }
     }
 
-    /// Has the surface of a body run, whose origin is at `frame` in that of its center of mass; but for shapes
-    /// that have a motion of their own.
+    /// Sets the surface velocity of a body whose origin is at `frame` relative to its center of
+    /// mass. Shapes with a surface velocity of their own keep it.
     pub(crate) fn run(&mut self, body: usize, motion: Option<SurfaceMotion<L, A>>, frame: G::Pose) {
         let mut collider = self.first_of(body);
         while collider != NONE {
@@ -165,29 +168,30 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         }
     }
 
-    /// Whether a body has several shapes.
+    /// Returns true if a body has several shapes.
     pub(crate) fn is_compound(&self, body: u32) -> bool {
         let first = self.first_of(body as usize);
         first != NONE && self.next[first as usize] != NONE
     }
 
-    /// Whether any body may have several shapes.
+    /// Returns true if any body may have several shapes.
     pub(crate) fn has_compounds(&self) -> bool {
         self.compounds
     }
 
-    /// Neither of two surfaces runs or resists rolling.
+    /// Returns true if neither surface of a pair has a surface velocity or resists rolling or
+    /// spinning.
     pub(crate) fn is_plain(&self, pair: [u32; 2]) -> bool {
         let runs = |id: &u32| self.belts.get(*id as usize).is_some_and(Option::is_some);
         !pair.iter().any(runs) && self.resistance(pair) == [0.0; 2]
     }
 
-    /// Whether a surface may run or resist rolling.
+    /// Returns true if any surface may have a surface velocity or resist rolling or spinning.
     pub(crate) fn has_surfaces(&self) -> bool {
         self.resist || !self.belts.is_empty()
     }
 
-    /// How the surface of a shape runs, as a velocity at the center of mass of its body. World axes.
+    /// Returns the surface velocity of a shape, at the center of mass of its body. World axes.
     pub(crate) fn belt(&self, bodies: &Bodies<G, L, A>, id: usize) -> Velocity<f32, L, A> {
         let Some(Some(belt)) = self.belts.get(id) else { return Velocity::ZERO };
         let body = self.body[id] as usize;
@@ -195,7 +199,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         belt.motion.seen_from(&G::frame(&turned))
     }
 
-    /// How two shapes resist rolling and spinning: as the one does that does so more. \[m\]
+    /// Returns the rolling and spinning resistance of a pair: the larger of the two shapes. \[m\]
     pub(crate) fn resistance(&self, pair: [u32; 2]) -> [f32; 2] {
         if !self.resist {
             return [0.0; 2];
@@ -211,7 +215,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         self.first.get(body).copied().unwrap_or(NONE)
     }
 
-    /// The shapes of a body, the last that was added first.
+    /// Returns the shapes of a body in reverse order of addition.
     pub(crate) fn of_body(&self, body: usize) -> impl Iterator<Item = u32> + use<'_, G, L, A> {
         let mut at = self.first_of(body);
         std::iter::from_fn(move || {
@@ -221,7 +225,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         })
     }
 
-    /// Removes the shapes of a body. Their slots are taken again after the next [release](Self::release).
+    /// Removes the shapes of a body. Their slots become free at the next [release](Self::release).
     pub(crate) fn remove(&mut self, body: usize, broad_phase: &mut BroadPhase<L>) {
         let mut collider = self.first_of(body);
         while collider != NONE {
@@ -243,12 +247,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         }
     }
 
-    /// Lets the slots of removed shapes be taken again: no pair names them.
+    /// Releases the slots of removed shapes, when no pair refers to them any more.
     pub(crate) fn release(&mut self) {
         self.vacated.drain(..).for_each(|slot| self.slots.release(slot as usize));
     }
 
-    /// Turns all shapes with their bodies, also of those that sleep, wherever they were before.
+    /// Updates the poses of all shapes, those of sleeping bodies included, from the poses of their
+    /// bodies.
     pub(crate) fn place(&mut self, bodies: &Bodies<G, L, A>) {
         self.room_until.fill(0.0);
         let parts = self.poses.iter_mut().zip(&self.local).zip(&self.body);
@@ -258,7 +263,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         }
     }
 
-    /// Turns the shapes of a body with it, and gives them boxes where they are.
+    /// Updates the poses and boxes of the shapes of a body.
     pub(crate) fn place_body(
         &mut self,
         body: usize,
@@ -276,8 +281,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         }
     }
 
-    /// Turns the shapes of what is awake with their bodies, and enlarges the boxes of those that have not
-    /// enough room where they can get to, and `reach` \[m\] beyond.
+    /// Updates the poses of the shapes of awake bodies. Enlarges their boxes in the broad phase if
+    /// they lack room for the displacement ahead (`travel`) and `reach` \[m\] beyond.
     pub(crate) fn follow(
         &mut self,
         broad_phase: &mut BroadPhase<L>,
@@ -322,7 +327,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
                 let grown = Bounds { min: bounds.min - reach, max: bounds.max + reach };
                 let needed = swept(grown);
                 if broad_phase.room(id, &needed) < 0.0 {
-                    // As far again: what goes on as it does need not ask in the next step.
+                    // Adds the displacement once more. So a shape that keeps its velocity needs no
+                    // update in the next step.
                     outgrown.push((id as u32, swept(needed)));
                     *room_until = 0.0;
                 }
@@ -333,7 +339,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         }
     }
 
-    /// What two shapes are to each other; none, if they do not collide.
+    /// Returns the pair of two shapes, or `None` if they do not collide.
     pub(crate) fn pair(&self, bodies: &Bodies<G, L, A>, pair: [u32; 2]) -> Option<Pair> {
         let [a, b] = pair.map(|id| id as usize);
         let owners = [self.body[a], self.body[b]];
@@ -364,13 +370,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
     }
 }
 
-/// Bodies and colliders as they were added. Their state is that of when they last changed: a checkpoint has the numbers.
+/// Copy of bodies and colliders. Its state is that of their last change; a checkpoint holds the
+/// current one.
 pub(crate) struct Definitions<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) bodies: Bodies<G, L, A>,
     pub(crate) colliders: Colliders<G, L, A>,
 }
 
-/// The pose of a shape as seen from its body's center of mass, turned with the body.
+/// Returns the pose of a shape relative to its body's center of mass, rotated with the body.
 fn turn<G: Geometry<L, A>, const L: usize, const A: usize>(
     local: &G::Pose,
     body: &G::Pose,
@@ -379,7 +386,7 @@ fn turn<G: Geometry<L, A>, const L: usize, const A: usize>(
     G::compose(&G::advance(body, -frame.position, Vector::ZERO), local)
 }
 
-/// The box of a shape in the world.
+/// Returns the bounding box of a shape in the world.
 fn bounds<G: Geometry<L, A>, const L: usize, const A: usize>(
     shape: &G::Shape,
     turned: &G::Pose,
@@ -389,9 +396,10 @@ fn bounds<G: Geometry<L, A>, const L: usize, const A: usize>(
     Bounds { min: min + frame.position, max: max + frame.position }
 }
 
-/// [`Pair::lever`]: when b turns, the points of a near it are farther out than its own, by the size of a; once
-/// for the way to the center of a, once for a's turning against b, and what a gap may add. As large as can be for
-/// what turns and is where it was: infinite, it would make no number of bodies that do not turn.
+/// Returns [`Pair::lever`]. When b rotates, the points of a near it are farther out than its own by
+/// up to the size of a. That size counts twice: for the path to the center of a, and for the
+/// rotation of a relative to b. The rest allows for a gap. The result is finite even for b that
+/// cannot rotate a surface: infinity times zero would be NaN.
 pub(crate) fn lever([reach_a, reach_b]: [f32; 2]) -> f32 {
     if reach_b > 0.0 { (2.0 * reach_a + 1.5 * reach_b) / reach_b } else { f32::MAX }
 }

@@ -1,4 +1,5 @@
-//! [`BodyId`] and [`ColliderId`]: names of things that come and go, and the [`Slots`] behind them.
+//! [`BodyId`] and [`ColliderId`]: identifiers of bodies and colliders, and the [`Slots`] behind
+//! them.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -16,17 +17,19 @@ macro_rules! id {
         }
 
         impl $name {
-            /// The identifier of the content of a slot.
+            /// Returns the identifier of the content of a slot.
             pub(crate) fn new(slots: &Slots, index: usize, world: u32) -> Self {
                 Self { index: index as u32, generation: slots.generations[index], world }
             }
 
-            /// Slot: index into arrays over all slots. Where nothing was removed, the order of adding.
+            /// Returns its slot: the index into arrays over all slots. While nothing has been
+            /// removed, slots follow the order of addition.
             pub fn index(self) -> usize {
                 self.index as usize
             }
 
-            /// Its slot, unless the content is another by now, or the world is.
+            /// Returns its slot, or `None` if the slot has other content by now or the world
+            /// differs.
             pub(crate) fn slot(self, slots: &Slots, world: u32) -> Option<usize> {
                 let index = self.index as usize;
                 let current = slots.generations.get(index) == Some(&self.generation);
@@ -37,46 +40,48 @@ macro_rules! id {
 }
 
 id! {
-    /// Identifies a body of a world. No world takes the identifier of a body that was removed, or that of another world.
+    /// Identifier of a body. It is invalid after the body is removed, and in other worlds.
     BodyId
 }
 
 id! {
-    /// Identifies a collider of a world: one shape of a body. It becomes stale with its body.
+    /// Identifier of a collider: one shape of a body. It is invalid after the body is removed, and
+    /// in other worlds.
     ColliderId
 }
 
-/// A number that no other world of this process has.
+/// Returns a number that no other world of this process has.
 pub(crate) fn new_world() -> u32 {
     static WORLDS: AtomicU32 = AtomicU32::new(0);
     WORLDS.fetch_add(1, Ordering::Relaxed)
 }
 
-/// Slots of which the lowest free one is taken first, so that indices depend on the order of calls alone.
+/// Slots with generations. The lowest free slot is taken first, so indices depend only on the order
+/// of calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Slots {
-    /// Odd while the slot is taken; each change adds one.
+    /// Generation of each slot: odd while it is taken, plus one at each change.
     generations: Vec<u32>,
     free: BinaryHeap<Reverse<u32>>,
 }
 
 impl Slots {
-    /// Number of slots, free ones included.
+    /// Returns the number of slots, free ones included.
     pub(crate) fn len(&self) -> usize {
         self.generations.len()
     }
 
-    /// Generation of each slot: odd while it is taken.
+    /// Returns the generation of each slot: odd while it is taken.
     pub(crate) fn generations(&self) -> &[u32] {
         &self.generations
     }
 
-    /// True if the slot is taken.
+    /// Returns true if the slot is taken.
     pub(crate) fn is_taken(&self, index: usize) -> bool {
         self.generations[index] % 2 == 1
     }
 
-    /// Takes the lowest free slot, or a new one behind all others.
+    /// Takes the lowest free slot, or appends one, and returns its index.
     pub(crate) fn take(&mut self) -> usize {
         let index = self.free.pop().map_or(self.generations.len(), |Reverse(index)| index as usize);
         match self.generations.get_mut(index) {
@@ -86,19 +91,20 @@ impl Slots {
         index
     }
 
-    /// Makes the identifiers of a slot stale. It is not taken again before it is [released](Self::release).
+    /// Invalidates the identifiers of a slot. The slot stays unused until it is
+    /// [released](Self::release).
     pub(crate) fn vacate(&mut self, index: usize) {
         debug_assert!(self.is_taken(index), "a slot in use");
         self.generations[index] = self.generations[index].wrapping_add(1);
     }
 
-    /// Lets a vacated slot be taken again.
+    /// Makes a vacated slot free.
     pub(crate) fn release(&mut self, index: usize) {
         self.free.push(Reverse(index as u32));
     }
 }
 
-/// Sets the value of a slot in an array over all slots, of which this one may be the next.
+/// Sets the value of a slot in an array over all slots. The slot may be the next one.
 pub(crate) fn put<T>(all: &mut Vec<T>, index: usize, value: T) {
     match all.get_mut(index) {
         Some(own) => *own = value,

@@ -1,7 +1,7 @@
-//! [`InputError`]: what a world refuses at the door, and why.
+//! [`InputError`]: values that a world rejects, and why.
 //!
-//! A number that is not finite would spread from contact to contact. So bodies, settings, forces and steps are
-//! checked before anything is changed.
+//! A number that is not finite would spread from contact to contact. Therefore bodies, settings,
+//! forces and time steps are checked before anything is changed.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -11,19 +11,21 @@ use crate::bodies::{Body, Inertia, SurfaceMotion};
 use crate::geometry::Geometry;
 use crate::scene::{Material, Motion};
 
-/// Farthest position, longest shape. \[m\]
+/// Largest distance of a position from the origin along an axis, and largest extent of a
+/// shape. \[m\]
 const FAR: f64 = 1e9;
 
-/// Fastest speed \[m/s\] and rotation \[rad/s\].
+/// Largest speed \[m/s\] and angular velocity \[rad/s\].
 const FAST: f64 = 1e12;
 
-/// Largest mass, moment of inertia, force and torque, in SI units; one over it is the smallest mass.
+/// Largest mass, moment of inertia, force and torque, in SI units. The smallest mass is its
+/// reciprocal.
 const HEAVY: f64 = 1e18;
 
 /// Longest time step. \[s\]
 const LONG: f64 = 1e3;
 
-/// A value that a world refuses. The world is then as it was.
+/// A value that a world rejects. The world is then unchanged.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InputError {
     /// No body of this world has the identifier: it was removed, or belongs to another world.
@@ -34,19 +36,20 @@ pub enum InputError {
         item: String,
         /// Its value.
         value: f64,
-        /// Least and largest accepted value.
+        /// Smallest and largest accepted value.
         accepted: [f64; 2],
     },
-    /// A dynamic body brings no inertia, and its shapes have no mass: density 0, or shapes without volume.
+    /// A dynamic body has no inertia of its own, and its shapes have no mass: their density is 0,
+    /// or they have no volume.
     NoMass,
-    /// No contacts are known of this shape: it would pass through everything.
+    /// The shape has no contact detection: it would pass through everything.
     UnsupportedShape {
         /// Index of the collider in its body.
         collider: usize,
         /// Kind of the shape.
         shape: &'static str,
     },
-    /// A static body has no velocity: [`World::set_pose`](crate::World::set_pose) puts it elsewhere.
+    /// A static body has no velocity. Use [`World::set_pose`](crate::World::set_pose) to move it.
     Static,
 }
 
@@ -79,7 +82,7 @@ impl std::error::Error for InputError {}
 
 type Checked = Result<(), InputError>;
 
-/// Refuses a number outside of these bounds, or NaN.
+/// Rejects a number outside of these bounds, or NaN.
 pub(crate) fn within(item: impl Display, value: f64, [least, most]: [f64; 2]) -> Checked {
     if least <= value && value <= most {
         return Ok(());
@@ -91,7 +94,7 @@ fn all_within<const N: usize>(item: &str, of: &Vector<f32, N>, most: f64) -> Che
     of.0.iter().try_for_each(|&number| within(item, f64::from(number), [-most, most]))
 }
 
-/// Refuses a velocity that is too fast.
+/// Rejects a velocity that is too large.
 pub(crate) fn check_velocity<const L: usize, const A: usize>(
     velocity: &Velocity<f32, L, A>,
 ) -> Checked {
@@ -99,28 +102,28 @@ pub(crate) fn check_velocity<const L: usize, const A: usize>(
     all_within("the angular velocity [rad/s]", &velocity.angular, FAST)
 }
 
-/// Refuses a force that is too large.
+/// Rejects a force or torque that is too large.
 pub(crate) fn check_force<const L: usize, const A: usize>(force: &Velocity<f32, L, A>) -> Checked {
     all_within("the force [N]", &force.linear, HEAVY)?;
     all_within("the torque [N m]", &force.angular, HEAVY)
 }
 
-/// Refuses damping that drives.
+/// Rejects negative damping.
 pub(crate) fn check_damping(damping: [f32; 2]) -> Checked {
     damping.iter().try_for_each(|&rate| within("the damping [1/s]", f64::from(rate), [0.0, FAST]))
 }
 
-/// Refuses a time step that is none.
+/// Rejects a negative or too long time step.
 pub(crate) fn check_time(dt: f32) -> Checked {
     within("the time step [s]", f64::from(dt), [0.0, LONG])
 }
 
-/// Refuses gravity that is not finite.
+/// Rejects gravity that is too large or not finite.
 pub(crate) fn check_gravity<const L: usize>(gravity: &Vector<f32, L>) -> Checked {
     all_within("gravity [m/s^2]", gravity, FAST)
 }
 
-/// Refuses a surface velocity that is too fast.
+/// Rejects a surface velocity that is too large.
 pub(crate) fn check_surface<const L: usize, const A: usize>(
     motion: Option<&SurfaceMotion<L, A>>,
 ) -> Checked {
@@ -129,7 +132,7 @@ pub(crate) fn check_surface<const L: usize, const A: usize>(
     })
 }
 
-/// Refuses a pose that is far out, or whose rotation is none.
+/// Rejects a pose that is too far from the origin, or whose rotation is invalid.
 pub(crate) fn check_pose<G: Geometry<L, A>, const L: usize, const A: usize>(
     pose: &G::Pose,
 ) -> Checked {
@@ -141,7 +144,7 @@ pub(crate) fn check_pose<G: Geometry<L, A>, const L: usize, const A: usize>(
 }
 
 fn check_inertia<const L: usize, const A: usize>(inertia: &Inertia<L, A>) -> Checked {
-    // Infinite: no force moves it.
+    // A body of infinite mass is moved by no force.
     if inertia.mass != f32::INFINITY {
         within("the mass [kg]", f64::from(inertia.mass), [1.0 / HEAVY, HEAVY])?;
     }
@@ -160,7 +163,7 @@ fn check_material(material: &Material) -> Checked {
     within("the spinning resistance [m]", material.spinning_resistance, [0.0, FAR])
 }
 
-/// Refuses a body that a world cannot hold. `inertia` is its own, or that of its shapes.
+/// Rejects a body with a value out of range. `inertia` is its own, or that of its shapes.
 pub(crate) fn check_body<G: Geometry<L, A>, const L: usize, const A: usize>(
     body: &Body<G, L, A>,
     inertia: &Inertia<L, A>,

@@ -1,22 +1,22 @@
-//! [`Ledger`]: where the energy of a step came from, and where it went.
+//! [`Ledger`]: the energy balance of a step, item by item.
 //!
-//! A substep takes the velocities v to v' by impulses p at contacts, gravity and forces. Since
-//! M (v' - v) is their sum,
+//! A substep changes the velocities v to v' by the impulses p of contacts, gravity and forces.
+//! Since M (v' - v) is their sum, the kinetic energy changes by
 //!
 //! ```text
 //! T(v') - T(v) = sum over p of  p . J (v + v') / 2
 //! ```
 //!
-//! so each impulse works on the mean of the velocities before and after the substep, and the items
-//! add up exactly. Friction that opposes slip loses energy in these books whatever happens in
-//! between, and what rests has no entries at all, although gravity pulls and contacts push.
+//! Each impulse does work on the mean of the velocities before and after the substep, and the items
+//! add up exactly. Friction that opposes slip loses energy in this balance, whatever happens within
+//! the substep. A body at rest has no entries, although gravity and contacts act on it.
 //!
-//! A collision works on the velocities just before and after it, c apart. Gravity and forces come
-//! before it and work on (v + v' - c) / 2; contacts and friction come after it, and work on
-//! (v + v' + c) / 2: the sum is still exact.
+//! An impact does work on the mean of the velocities just before and after it, which differ by c.
+//! Gravity and forces act before it, and do work on (v + v' - c) / 2. Contacts and friction act
+//! after it, and do work on (v + v' + c) / 2. The sum is still exact.
 //!
-//! Precession, and inertia that turns with its body, count as integration, as does the difference
-//! between what gravity worked on and how far the bodies came down.
+//! Precession and the change of M by rotation count as integration. So does the difference between
+//! the work of gravity and the change of the potential energy.
 
 use drystone_solver::{
     Contact, InverseMass, Manifold, Mass, SurfaceEffects, System, Vector, Velocity,
@@ -26,41 +26,41 @@ use serde::{Deserialize, Serialize};
 use crate::bodies::{Bodies, damped};
 use crate::geometry::Geometry;
 
-/// The energy of a step, item by item. Work that adds energy is positive. \[J\]
+/// Energy balance of a step. Work that adds energy is positive. \[J\]
 ///
-/// To rounding, kinetic + potential = forces + damping + driven + impacts + contacts + friction + repair +
-/// relaxed + integration. Gravity is on the left already.
+/// Up to rounding, kinetic + potential = forces + damping + driven + impacts + contacts +
+/// friction + repair + relaxed + integration. Gravity is part of the left side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
     /// Change of the kinetic energy.
     pub kinetic: f64,
     /// Change of the potential energy.
     pub potential: f64,
-    /// Work of gravity: what the potential energy loses, but for errors of integration.
+    /// Work of gravity: minus the change of the potential energy, up to errors of integration.
     pub gravity: f64,
-    /// Work of the forces and torques that were asked for.
+    /// Work of applied forces and torques.
     pub forces: f64,
     /// Work of damping; never positive.
     pub damping: f64,
-    /// Work of the bodies that nothing moves but themselves, and of surfaces that run, through their contacts.
+    /// Work done through contacts by bodies that contacts cannot move, and by surface velocities.
     pub driven: f64,
-    /// Work of collisions that bounce; never positive.
+    /// Work of impacts with restitution; never positive.
     pub impacts: f64,
-    /// Work of normal impulses besides.
+    /// Work of the other normal impulses.
     pub contacts: f64,
-    /// Work of friction and of resistance to rolling; positive only as far as sweeps have not converged.
+    /// Work of friction and rolling resistance; positive only if sweeps have not converged.
     pub friction: f64,
-    /// Overlap repair: the velocity it gives, and the height it lifts bodies by.
+    /// Overlap repair: the velocity that it adds, and the height by which it lifts bodies.
     pub repair: f64,
-    /// What the relaxing sweep takes out of that velocity again; negative.
+    /// Work of the relaxing sweep, which removes that velocity again; negative.
     pub relaxed: f64,
-    /// What time stepping makes or loses. In free fall it follows -h/2 p . g, p the momentum and h the
-    /// substep, and so does not grow with time.
+    /// Error of time integration. In free fall it follows -h/2 p . g with the momentum p and the
+    /// substep h, so it does not grow with time.
     pub integration: f64,
 }
 
 impl Ledger {
-    /// The names of the items and the items, in order.
+    /// Returns the items with their names, in order.
     pub fn items(&self) -> [(&'static str, f64); 12] {
         [
             ("kinetic", self.kinetic),
@@ -78,26 +78,26 @@ impl Ledger {
         ]
     }
 
-    /// Work of all contacts, but for what driven bodies bring: collisions, normal impulses, friction
-    /// and repair together. Contacts are springs: what they took they may give back in a later
-    /// step; what they give beyond that is from nowhere. \[J\]
+    /// Returns the work of all contacts without that of driven bodies: impacts, normal impulses,
+    /// friction and repair. Contacts are springs: they may return energy that they took in an
+    /// earlier step. Any energy beyond that is an error. \[J\]
     pub fn by_contacts(&self) -> f64 {
         self.impacts + self.contacts + self.friction + self.repair + self.relaxed
     }
 
-    /// What contacts gave in this step, if they gave more than they took. \[J\]
+    /// Returns the energy that contacts added in this step, or 0 if they removed energy. \[J\]
     pub fn created(&self) -> f64 {
         self.by_contacts().max(0.0)
     }
 
-    /// The change of energy that no item explains: rounding. \[J\]
+    /// Returns the change of energy that no item explains: the rounding error. \[J\]
     pub fn unexplained(&self) -> f64 {
         let explained =
             self.forces + self.damping + self.driven + self.by_contacts() + self.integration;
         self.kinetic + self.potential - explained
     }
 
-    /// Both, one after the other.
+    /// Adds the items of the following step.
     pub fn join(&mut self, other: &Self) {
         self.kinetic += other.kinetic;
         self.potential += other.potential;
@@ -114,35 +114,35 @@ impl Ledger {
     }
 }
 
-/// The velocities of all bodies.
+/// Velocities of all bodies.
 type Velocities<T, const L: usize, const A: usize> = Vec<Velocity<T, L, A>>;
 
-/// What a part of a step notes down for its ledger.
+/// Data that a part of a step collects for its ledger.
 #[derive(Default)]
 pub(crate) struct LedgerBuilder<const L: usize, const A: usize> {
     ledger: Ledger,
-    /// Kinetic and potential energy when the part began. \[J\]
+    /// Kinetic and potential energy at the start of the part. \[J\]
     opening: [f64; 2],
     masses: Vec<Mass<L, A>>,
-    /// M^-1 of where bodies were when the masses were taken.
+    /// M^-1 at the poses for which the masses were computed.
     inverses: Vec<InverseMass<f32, L, A>>,
-    /// At the start of the substep.
+    /// Velocities at the start of the substep.
     start: Velocities<f32, L, A>,
-    /// Before and after collisions; empty where nothing bounces.
+    /// Velocities before and after impacts; empty if nothing bounces.
     struck: [Velocities<f32, L, A>; 2],
-    /// Before and after bodies have moved and turned.
+    /// Velocities before and after the motion of the bodies.
     moved: [Velocities<f32, L, A>; 2],
-    /// What gravity and forces work on, and what contacts do.
+    /// Mean velocities on which gravity and forces do work, and those on which contacts do.
     mean: [Velocities<f64, L, A>; 2],
-    /// The manifolds when bodies moved, and the impulses of their contacts. \[N s\]
+    /// Manifolds before the motion of the bodies, and impulses of their contacts. \[N s\]
     manifolds: Vec<Manifold<f32, L>>,
     pressed: Vec<Vector<f32, L>>,
-    /// Impulses of collisions until the substep before. \[N s\]
+    /// Impulses of impacts up to the previous substep. \[N s\]
     impacts: Vec<f32>,
 }
 
 impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
-    /// Before the first substep of a part.
+    /// Begins the ledger of a part, before its first substep.
     pub(crate) fn open<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,
@@ -159,17 +159,17 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         self.struck.iter_mut().for_each(Vec::clear);
     }
 
-    /// At the start of a substep.
+    /// Records the velocities at the start of a substep.
     pub(crate) fn start(&mut self, velocities: &[Velocity<f32, L, A>]) {
         copy(velocities, &mut self.start);
     }
 
-    /// Before collisions (0), or after them (1).
+    /// Records the velocities before impacts (`when` = 0) or after them (1).
     pub(crate) fn strike(&mut self, when: usize, velocities: &[Velocity<f32, L, A>]) {
         copy(velocities, &mut self.struck[when]);
     }
 
-    /// When bodies are about to move with the velocities that the sweeps found.
+    /// Records velocities, impulses and manifolds after the solve, before the bodies move.
     pub(crate) fn depart(&mut self, system: &System<f32, L, A>) {
         copy(&system.velocities, &mut self.moved[0]);
         self.pressed.clear();
@@ -177,13 +177,13 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         self.manifolds.clone_from(&system.manifolds);
     }
 
-    /// When they have moved.
+    /// Records the velocities after the bodies have moved.
     pub(crate) fn arrive(&mut self, velocities: &[Velocity<f32, L, A>]) {
         copy(velocities, &mut self.moved[1]);
     }
 
-    /// At the end of a substep of length `h` \[s\]; `system` holds its impulses, `surfaces` what those of its manifolds
-    /// do, if any.
+    /// Adds a substep of length `h` \[s\], at its end. `system` has its impulses; `surfaces` has
+    /// the surface effects of its manifolds, if any.
     pub(crate) fn end<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,
@@ -220,7 +220,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
             let turned = difference(&self.moved, body);
             self.ledger.integration += after.dot(&mass.momentum(&turned));
             if self.inverses[body] != system.masses[body] {
-                // It has turned: what relaxes it, meets another inertia than what has pushed it.
+                // The body has rotated, so the relaxing sweep acts on another inertia than the
+                // solve did.
                 self.inverses[body] = system.masses[body];
                 *own = bodies.mass(body);
                 let end: Velocity<f64, L, A> = system.velocities[body].cast();
@@ -249,8 +250,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         }
     }
 
-    /// Work of the blows and of the half of its impulses that a manifold gave before J was renewed, as far
-    /// as J has changed since. \[J\]
+    /// Returns the work of impacts and of half of the impulses of a manifold that results from the
+    /// change of J within the substep. \[J\]
     fn lag(
         &self,
         before: &Manifold<f32, L>,
@@ -284,7 +285,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         changed
     }
 
-    /// The means of the velocities at the start and the end of the substep.
+    /// Computes the mean velocities of the substep.
     fn take_means(&mut self, end: &[Velocity<f32, L, A>]) {
         self.mean.iter_mut().for_each(Vec::clear);
         for (body, (start, end)) in self.start.iter().zip(end).enumerate() {
@@ -296,8 +297,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         }
     }
 
-    /// The items of a contact. `lift`: what an impulse that relaxing takes out, had left as potential
-    /// energy. \[m/s\]
+    /// Adds the items of a contact. `lift` \[m/s\] times an impulse that the relaxing sweep removes
+    /// is the potential energy which that impulse has added.
     fn contact(
         &mut self,
         system: &System<f32, L, A>,
@@ -320,7 +321,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
             self.ledger.friction += gamma[i] * frame[i].dot(u);
         }
         if let Some(surface) = surface {
-            // Friction works on the slip against the belt; what it gives besides, the belt brings.
+            // Friction does work on the slip relative to the belt. The rest of its work comes from
+            // the belt.
             let belt = contact.relative_velocity(&surface.belt).cast::<f64>();
             let work: f64 = (1..L).map(|i| gamma[i] * belt[i]).sum();
             self.ledger.friction += work;
@@ -350,7 +352,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         self.ledger.driven += self.absorbed(system, b, anchors[1], -push);
     }
 
-    /// The items of the resistance to rolling of a manifold.
+    /// Adds the items of the rolling resistance of a manifold.
     fn resist(
         &mut self,
         system: &System<f32, L, A>,
@@ -369,8 +371,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         }
     }
 
-    /// The part of an impulse's work on a body that does not become kinetic energy, since the body,
-    /// or its turning, moves as it will. \[J\]
+    /// Returns the part of an impulse's work on a body that does not become kinetic energy. It is
+    /// not zero if the motion or rotation of the body is prescribed. \[J\]
     fn absorbed(
         &self,
         system: &System<f32, L, A>,
@@ -379,7 +381,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         push: Vector<f64, L>,
     ) -> f64 {
         let (mass, mean) = (&self.masses[body], &self.mean[1][body]);
-        // Turned, what is locked about some axis is singular.
+        // In rotated coordinates, the inertia of a body that is locked about some axis is singular.
         if mass.linear > 0.0 && mass.angular.inverse().is_some() {
             return 0.0;
         }
@@ -389,11 +391,12 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
             let inverse: InverseMass<f64, L, A> = system.masses[body].cast();
             mass.momentum(&inverse.response(anchor, push))
         };
-        // Minus: what the mover gives is what the impulse does not find in the books of the body.
+        // Negative: the body's drive supplies the work that the impulse does not add to the body's
+        // energy.
         mean.dot(&kept) - push.dot(mean.at(anchor))
     }
 
-    /// After the last substep, when the poses have followed; returns the ledger of the part.
+    /// Returns the ledger of the part, after the last substep, when the poses have been updated.
     pub(crate) fn close<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,
@@ -413,14 +416,14 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         *ledger
     }
 
-    /// 1/2 v^T M v. \[J\]
+    /// Returns 1/2 v^T M v. \[J\]
     fn kinetic_energy(&self, velocities: &[Velocity<f32, L, A>]) -> f64 {
         let squares = self.masses.iter().zip(velocities).map(|(mass, v)| mass.squared(&v.cast()));
         0.5 * squares.sum::<f64>()
     }
 }
 
-/// What a body's velocity is in the second more than in the first.
+/// Returns the velocity of a body in the second array minus that in the first.
 fn difference<const L: usize, const A: usize>(
     of: &[Velocities<f32, L, A>; 2],
     body: usize,

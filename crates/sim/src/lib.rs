@@ -1,30 +1,8 @@
-//! Particles and rigid bodies with contact, in 2D and 3D.
+//! Physics engine for rigid bodies and particles in contact, in 2D and 3D, with certified errors.
 //!
-//! A [`World`] has bodies and moves them on, a step at a time. Each substep of length h finds the
-//! impulses γ at all contacts together:
-//!
-//! ```text
-//! v*  =  v + h (g + M⁻¹ f)                     forces act                        Stage::Predict
-//! 0 ≤ γ  ⊥  A γ + ε γ − b ≥ 0                  contacts push, or separate        Stage::Solve
-//!     A = J M⁻¹ Jᵀ,   b = t − J v*
-//!     |γ_t| ≤ μ γ_n                            friction, at each point
-//! v⁺  =  v* + M⁻¹ Jᵀ γ                         velocities                        Stage::Solve
-//! x⁺  =  x + h v⁺                              bodies move                       Stage::Advance
-//! ```
-//!
-//! with J v the velocities at the contacts, t those that are wanted (a bounce, the repair of an
-//! overlap, a gap that may close) and ε the compliance. [`drystone_solver`] is that problem alone, with
-//! no shapes and no time.
-//!
-//! With a [`tolerance`](StepSettings::tolerance) each substep is solved until
-//!
-//! ```text
-//! √(G / m) ≤ tolerance,   (v − v_exact)ᵀ M (v − v_exact) ≤ G
-//! ```
-//!
-//! G needs nothing but v and γ; [`drystone_solver::certificate`] proves it, and has it for γ that did not make v.
-//!
-//! # Example
+//! Create a [`World`] with [`StepSettings`], set its gravity, add bodies, and call [`World::step`].
+//! Shapes of rigid bodies come from the crates `parry2d` and `parry3d`. Units are SI, and any axis
+//! may point up.
 //!
 //! ```
 //! use drystone::{Body, Motion, StepSettings, World3};
@@ -42,22 +20,55 @@
 //!     let report = world.step(1.0 / 60.0).unwrap();
 //!     assert!(report.certified.is_some_and(|of| of.error <= 1e-3)); // m/s
 //! }
-//! // The upper one stands where it was, to 0.1 mm.
+//! // The upper crate has moved by less than 0.1 mm.
 //! assert!(world.pose(crates[1]).is_some_and(|pose| (pose.translation.y - 1.5).abs() < 1e-4));
 //! ```
+//!
+//! [`World::pose`] and [`World::velocity`] return the state of a body, [`World::write_poses`] the
+//! poses of all. [`World::move_to`] moves kinematic bodies. A force of [`World::add_force`] acts
+//! for one step. Settings come as presets: [`StepSettings::realtime`] for games,
+//! [`StepSettings::quality`] for baking, and [`StepSettings::certified`] for baking with a proven
+//! error bound.
+//!
+//! # Method
+//!
+//! Each substep of length h computes the impulses γ of all contacts together:
+//!
+//! ```text
+//! v*  =  v + h (g + M⁻¹ f)                     forces                            Stage::Predict
+//! 0 ≤ γ  ⊥  A γ + ε γ − b ≥ 0                  contacts push or separate         Stage::Solve
+//!     A = J M⁻¹ Jᵀ,   b = t − J v*
+//!     |γ_t| ≤ μ γ_n                            friction at each point
+//! v⁺  =  v* + M⁻¹ Jᵀ γ                         velocities                        Stage::Solve
+//! x⁺  =  x + h v⁺                              positions                         Stage::Advance
+//! ```
+//!
+//! J v are the velocities at the contacts. The targets t come from bounces, the repair of overlaps,
+//! and gaps that may close. ε is the compliance. The crate [`drystone_solver`] solves this problem;
+//! it knows no shapes and no time.
+//!
+//! With a [`tolerance`](StepSettings::tolerance), each substep is solved until
+//!
+//! ```text
+//! √(G / m) ≤ tolerance,   (v − v_exact)ᵀ M (v − v_exact) ≤ G
+//! ```
+//!
+//! for each island, with its mass m. G is computed from v and γ alone.
+//! [`drystone_solver::certificate`] proves this bound, and one for v that do not follow from γ.
+//! With friction, v_exact is the exact solution for the current slips.
 //!
 //! # Where to look
 //!
 //! | For | Look at |
 //! |---|---|
 //! | the four kinds of world | [`World2`], [`World3`], [`ParticleWorld2`], [`ParticleWorld3`] |
-//! | what a body is made of | [`Body`], [`Collider`], [`Inertia`] |
-//! | how a step is taken | [`StepSettings`] |
-//! | what a step did | [`StepReport`], [`Measure`], [`Ledger`] |
-//! | scenes from files, checked and run | [`scene::read`], [`check::check`], [`build`], [`Simulation`] |
+//! | descriptions of bodies | [`Body`], [`Collider`], [`Inertia`] |
+//! | settings of steps | [`StepSettings`] |
+//! | reports of steps | [`StepReport`], [`Measure`], [`Ledger`] |
+//! | scenes from files | [`scene::read`], [`check::check`], [`build`], [`Simulation`] |
 //! | concave meshes as convex pieces | [`decompose`], [`Decompositions`] |
-//! | motion to files | [`recording`] |
-//! | contacts by hand | [`World::system`] |
+//! | motion as files | [`recording`] |
+//! | contacts and impulses | [`World::system`] |
 
 pub mod audit;
 mod bodies;

@@ -1,4 +1,5 @@
-//! Bodies in free motion: the start and the end of a substep.
+//! Free motion of bodies: prediction of velocities at the start of a substep, and motion at its
+//! end.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -9,17 +10,19 @@ use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 use crate::bodies::{Bodies, BodyParams, GRAIN, Inertia, SearchMotion, SpinState, damped};
 use crate::geometry::{Geometry, Precession, Spin, TOGETHER};
 
-/// Bodies of which those that precess are found before they turn.
+/// Number of bodies per chunk. In each chunk, the precessing bodies are collected before they are
+/// rotated.
 const CHUNK: usize = 256;
 
-/// Below this angle per substep \[rad\] a body precesses at the end of the step. A quaternion of `f32` is too
-/// coarse for smaller turns.
+/// Below this angle per substep \[rad\], a body precesses at the end of the part, not in each
+/// substep. A quaternion of `f32` is too coarse for smaller rotations.
 const SMALL_TURN: f32 = 1e-4;
 
-/// Below this angle \[rad\] it does not: its angular velocity would change by less than this part of itself.
+/// Below this angle \[rad\] a body does not precess at the end of the part. Its angular velocity
+/// would change by less than this fraction.
 const LEAST_TURN: f32 = 1e-5;
 
-/// What it takes to go through substeps.
+/// Parameters of the substeps of a part.
 #[derive(Clone, Copy)]
 pub(crate) struct SubstepParams<const L: usize> {
     /// Length of a substep. \[s\]
@@ -27,36 +30,36 @@ pub(crate) struct SubstepParams<const L: usize> {
     pub(crate) substeps: u32,
     /// Sweeps over all contacts per substep.
     pub(crate) iterations: u32,
-    /// \[m/s^2\]
+    /// Acceleration of gravity. \[m/s^2\]
     pub(crate) gravity: Vector<f32, L>,
     pub(crate) repair: Repair<f32>,
-    /// epsilon over A_ii + epsilon of contacts. \[1\]
+    /// Softness of contacts: epsilon / (A_ii + epsilon). \[1\]
     pub(crate) softness: f32,
 }
 
-/// The bodies of a batch: slices of what they have, and what does not change.
+/// The bodies of a batch: slices of their state, and the constant properties of all bodies.
 pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    /// The number of the first.
+    /// Index of the first body.
     pub(crate) first: usize,
     pub(crate) velocities: &'a mut [Velocity<f32, L, A>],
-    /// Those of the substep without the impulses of its contacts.
+    /// Prospective velocities v*: those without the contact impulses of the substep.
     pub(crate) prospective: &'a mut [Velocity<f32, L, A>],
-    /// What each has moved since the part began.
+    /// Displacements since the part began.
     pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
-    /// What contacts gave it in the last warm start.
+    /// M^-1 J^T gamma of the last warm start.
     pub(crate) pushes: &'a mut [Velocity<f32, L, A>],
     pub(crate) poses: &'a mut [G::Pose],
     pub(crate) turns: &'a mut [SpinState<A>],
     pub(crate) turned: &'a mut [bool],
     /// M^-1.
     pub(crate) masses: &'a mut [InverseMass<f32, L, A>],
-    /// Of all bodies.
+    /// Properties of all bodies.
     pub(crate) given: BodyParams<'a, L, A>,
     pub(crate) pool: &'a ThreadPool,
 }
 
 impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, L, A> {
-    /// All bodies.
+    /// Returns all bodies.
     pub(crate) fn new(
         bodies: &'a mut Bodies<G, L, A>,
         prospective: &'a mut [Velocity<f32, L, A>],
@@ -79,7 +82,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         }
     }
 
-    /// The first `count` bodies, and the others.
+    /// Splits into the first `count` bodies and the others.
     pub(crate) fn split_at(self, count: usize) -> (Self, Self) {
         let (velocities, later_velocities) = self.velocities.split_at_mut(count);
         let (prospective, later_prospective) = self.prospective.split_at_mut(count);
@@ -115,12 +118,13 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         (first, others)
     }
 
-    /// v* = v + h (g + M^-1 f): the prospective velocities. In their stead it keeps what contacts gave to the
-    /// velocities in the substep before, M^-1 J^T gamma: how these differ from the prospective ones of then.
+    /// Computes v* = v + h (g + M^-1 f), with damping. Stores in `prospective` the contribution of
+    /// contacts in the previous substep, M^-1 J^T gamma: the velocities minus the old prospective
+    /// ones.
     ///
-    /// A substep moves bodies by h v at its end; under a steady force they come h (v_start + v) / 2. So
-    /// displacements start at -h (v* - v) / 2: a body in free flight follows the parabola exactly, and
-    /// contacts see where it comes.
+    /// A substep moves bodies by h v at its end. Under a constant force the displacement is
+    /// h (v_start + v) / 2. Therefore displacements start at -h (v* - v) / 2. A body in free flight
+    /// then follows its parabola exactly, and contacts see its true position.
     pub(crate) fn predict(&mut self, params: &SubstepParams<L>) {
         let SubstepParams { gravity, h, .. } = *params;
         let (first, given) = (self.first, self.given);
@@ -153,9 +157,11 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         });
     }
 
-    /// v = v* + M^-1 J^T gamma of the substep before, which `predict` has kept; it keeps v* for it.
+    /// Computes v = v* + M^-1 J^T gamma of the previous substep, which `predict` has stored in
+    /// `prospective`. Stores v* there instead.
     ///
-    /// Where nothing turns, J and M stay, and bodies know what their contacts will give them.
+    /// While nothing rotates, J and M are constant, so the contribution of contacts need not be
+    /// recomputed.
     pub(crate) fn push(&mut self) {
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
@@ -168,9 +174,10 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         });
     }
 
-    /// Displacement -= h p / 2 with p = M^-1 J^T gamma, as far as contacts push steadily: what they gave
-    /// in this substep's warm start and in the one before alike. What slides, rolls or rocks so moves to
-    /// second order of h, too; a blow is no steady push. Returns whether anything turns
+    /// Subtracts h p / 2 from the displacements. p is the constant part of M^-1 J^T gamma: the part
+    /// that the warm starts of this substep and of the previous one have in common. So sliding,
+    /// rolling and rocking bodies move with second-order accuracy in h, too. An impact has no
+    /// constant part. Returns true if any body rotates
     /// ([`kinematics`](drystone_solver::kinematics)).
     pub(crate) fn lead(&mut self, params: &SubstepParams<L>) -> bool {
         let h = params.h;
@@ -196,8 +203,9 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         turning.into_inner()
     }
 
-    /// Displacement += h v. A body that precesses turns at once: its free motion keeps the angular
-    /// momentum and, to second order in h, the energy. The others turn at the end of the step.
+    /// Adds h v to the displacements. A body that precesses rotates at once: its free motion
+    /// conserves the angular momentum and, to second order in h, the energy. The other bodies
+    /// rotate at the end of the part.
     pub(crate) fn advance(&mut self, params: &SubstepParams<L>) -> Advanced {
         let (given, h) = (self.given, params.h);
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
@@ -232,7 +240,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
                 }
                 bodies.precess(h, &precessing[..count]);
             }
-            // Numbers that are not negative are ordered as their bits are.
+            // The bits of non-negative numbers have the same order as the numbers.
             fastest.fetch_max(squared.to_bits(), Ordering::Relaxed);
         });
         let fastest = f32::from_bits(fastest.into_inner()).sqrt();
@@ -240,21 +248,22 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     }
 }
 
-/// How fast bodies have moved in a substep.
+/// Speeds of the bodies in a substep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Advanced {
-    /// Whether any turns faster than [`LEAST_SPIN`](kinematics::LEAST_SPIN).
+    /// True if any body rotates faster than [`LEAST_SPIN`](kinematics::LEAST_SPIN).
     pub(crate) turned: bool,
-    /// The largest root of v^2 + (omega r)^2, where r is the farthest that a turn moves a surface
-    /// ([`Reach::core`]): surfaces approach each other at 2^(3/2) times this, at most. \[m/s\]
+    /// Largest sqrt(v^2 + (omega r)^2) of any body, where r is the lever by which a rotation moves
+    /// a surface ([`Reach::core`]). Surfaces approach each other at most 2^(3/2) times as
+    /// fast. \[m/s\]
     ///
     /// [`Reach::core`]: crate::geometry::Reach::core
     pub(crate) fastest: f32,
 }
 
-/// Bodies that follow each other, [`CHUNK`] at most.
+/// Consecutive bodies, [`CHUNK`] at most.
 struct Chunk<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    /// The number of the first.
+    /// Index of the first body.
     first: usize,
     velocities: &'a mut [Velocity<f32, L, A>],
     prospective: &'a mut [Velocity<f32, L, A>],
@@ -263,13 +272,13 @@ struct Chunk<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     turns: &'a mut [SpinState<A>],
     turned: &'a mut [bool],
     masses: &'a mut [InverseMass<f32, L, A>],
-    /// Of all bodies.
+    /// Properties of all bodies.
     given: BodyParams<'a, L, A>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
-    /// Displacement += h v; lists the first `count` bodies that are `precessing`. Returns the square of the
-    /// fastest speed.
+    /// Adds h v to the displacements, and collects the indices of the `count` bodies that are
+    /// `precessing`. Returns the square of the largest speed in [`Advanced::fastest`].
     fn advance(&mut self, h: f32, precessing: &mut [u16; CHUNK], count: &mut usize) -> Advanced {
         let moved = self.displacements.iter_mut().zip(&*self.velocities);
         let spins = self.turns.iter_mut().zip(&mut *self.turned);
@@ -288,7 +297,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
             let swing = if spinning > 0.0 { spinning * (reach.core * reach.core) } else { 0.0 };
             let squared = velocity.linear.dot(velocity.linear) + swing;
             advanced.fastest = advanced.fastest.max(squared);
-            // In the plane nothing precesses.
+            // There is no precession in 2D.
             if A == 3 && kind.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
                 spin.followed += turn;
                 precessing[*count] = body;
@@ -298,10 +307,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
         advanced
     }
 
-    /// Turns these bodies freely for `h` \[s\].
+    /// Rotates these bodies freely for `h` \[s\].
     fn precess(&mut self, h: f32, precessing: &[u16]) {
         for group in precessing.chunks(TOGETHER) {
-            // The last stands where there is none.
+            // The last body fills the empty lanes.
             let own = |index: usize| usize::from(group[index.min(group.len() - 1)]);
             let spins: [_; TOGETHER] = std::array::from_fn(|index| {
                 let own = own(index);
@@ -316,7 +325,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
             });
             G::precess(&spins, group.len(), h, |index, pose, [omega, remainder]| {
                 let own = own(index);
-                // It is not from contacts.
+                // Precession does not count as an effect of contacts.
                 self.prospective[own].angular += omega - self.velocities[own].angular;
                 self.velocities[own].angular = omega;
                 self.turns[own].remainder = remainder;
@@ -331,18 +340,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
     }
 }
 
-/// An angular velocity is worth a renewed J. \[rad/s\]
+/// Returns true if J must be updated for this angular velocity. \[rad/s\]
 fn turns<const A: usize>(omega: Vector<f32, A>) -> bool {
     omega.dot(omega) > kinematics::LEAST_SPIN * kinematics::LEAST_SPIN
 }
 
-/// The part of one vector that another has in common with it: 0 to 1 times the first.
+/// Returns the part of a vector that it has in common with another: 0 to 1 times the vector.
 fn common<const N: usize>(of: Vector<f32, N>, with: Vector<f32, N>) -> Vector<f32, N> {
     let (along, squared) = (of.dot(with), of.dot(of));
     if along > 0.0 && squared > 0.0 { of * (along / squared).min(1.0) } else { Vector::ZERO }
 }
 
-/// Moves the poses by what `advance` has summed up over the step.
+/// Moves the poses by the displacements that `advance` has summed up.
 pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &mut Bodies<G, L, A>,
     pool: &ThreadPool,
@@ -392,7 +401,7 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
                 continue;
             }
             let by = displacement.linear + *remainder;
-            // Displacements tell of blows within a substep, too.
+            // Displacements include corrections for impacts within a substep.
             let turn = displacement.angular - std::mem::replace(&mut turned.followed, Vector::ZERO);
             let before = *frame;
             if kind.rate > 0.0 && turn.dot(turn) > LEAST_TURN * LEAST_TURN {
@@ -403,7 +412,7 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
             }
             *frame = G::frame(pose);
             *remainder = rounding(before.position, by, frame.position);
-            // ||R - R'|| is at most this. What does not precess has turned but now.
+            // Upper bound of ||R - R'||. A body that does not precess has rotated by `turn` only.
             let far = if kind.rate > 0.0 {
                 let axes = frame.axes.iter().zip(&before.axes);
                 axes.fold(0.0, |sum, (now, then)| sum + (*now - *then).length())
@@ -418,8 +427,9 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     });
 }
 
-/// The pose of a body that is moved `by` \[m\] and has a `turn` \[rad\] left, of which its angular velocity is along
-/// some part: so far it turns freely.
+/// Returns the pose of a body that has been moved `by` \[m\] and has the rotation `turn` \[rad\]
+/// left. The part of `turn` along the angular velocity is a free rotation with precession; the rest
+/// is a plain rotation.
 #[inline(never)]
 fn precess_late<G: Geometry<L, A>, const L: usize, const A: usize>(
     pose: &G::Pose,
@@ -446,8 +456,8 @@ fn precess_late<G: Geometry<L, A>, const L: usize, const A: usize>(
     end
 }
 
-/// a + b - sum, exactly, where `sum` is a + b rounded (Knuth, The Art of Computer Programming 2,
-/// 4.2.2).
+/// Returns a + b - sum exactly, where `sum` is a + b rounded (Knuth, The Art of Computer
+/// Programming 2, 4.2.2).
 fn rounding<const L: usize>(
     a: Vector<f32, L>,
     b: Vector<f32, L>,

@@ -1,4 +1,4 @@
-//! What a step says of itself.
+//! Reports of a step: times, counts, errors and energies.
 
 use std::time::Duration;
 
@@ -9,36 +9,37 @@ use serde::{Deserialize, Serialize};
 
 use crate::ledger::Ledger;
 
-/// The stages of a step, in order. All repeat in each part of the step that has its own contacts,
-/// those from `Predict` to `Relax` in each substep.
+/// The stages of a step, in order. All repeat in each part of the step that has its own contact
+/// search. Those from `Predict` to `Relax` repeat in each substep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Boxes that overlap: the broad phase.
+    /// Broad phase: pairs of overlapping boxes.
     Pairs,
-    /// Shapes that touch: the narrow phase.
+    /// Narrow phase: contact manifolds.
     Manifolds,
-    /// Anchors, gaps and effective masses of each contact; packing.
+    /// Arms, gaps and effective masses of contacts, packed into lanes.
     Rows,
     /// v* = v + h M^-1 f.
     Predict,
-    /// Collisions that bounce.
+    /// Impacts with restitution.
     Bounce,
-    /// Target velocities from gaps, and v += M^-1 J^T gamma of the step before.
+    /// Target velocities from gaps, and v += M^-1 J^T gamma with the impulses of the previous
+    /// substep.
     WarmStart,
-    /// Sweeps towards the targets, and stronger methods where certificates ask for them.
+    /// Sweeps towards the targets, and stronger methods where certificates require them.
     Solve,
-    /// Certificates; at the end, the search for jams.
+    /// Certificates, and at the end the search for jams.
     Certify,
-    /// Displacements grow by h v; at the end, poses move by them.
+    /// Displacements grow by h v; at the end of a part, poses move by the displacements.
     Advance,
-    /// A sweep that takes the velocity of overlap repair out again.
+    /// Sweep that removes the velocity of overlap repair.
     Relax,
-    /// gamma and slip for the next step.
+    /// Storage of gamma and slip for the next step.
     Remember,
 }
 
 impl Stage {
-    /// All of them, in order.
+    /// All stages, in order.
     pub const ALL: [Self; 11] = [
         Self::Pairs,
         Self::Manifolds,
@@ -53,7 +54,7 @@ impl Stage {
         Self::Remember,
     ];
 
-    /// Its name in reports.
+    /// Returns its name in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Pairs => "pairs",
@@ -71,42 +72,43 @@ impl Stage {
     }
 }
 
-/// What [`World::step`](crate::World::step) did.
+/// Report of [`World::step`](crate::World::step).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepReport {
-    /// Wall time of each stage, in the order of [`Stage::ALL`]; all substeps together. Zero unless asked for
-    /// ([`World::time_stages`](crate::World::time_stages)).
+    /// Wall time of each stage, in the order of [`Stage::ALL`], summed over all substeps. Zero
+    /// unless [`World::time_stages`](crate::World::time_stages) is on.
     pub stages: [Duration; Stage::ALL.len()],
-    /// Pairs of shapes whose boxes overlap, in the last part of the step, as are the next two.
+    /// Number of pairs of shapes whose boxes overlap. This number and the next two are those of the
+    /// last part of the step.
     pub pairs: usize,
-    /// Manifolds.
+    /// Number of manifolds.
     pub manifolds: usize,
-    /// Contact points, those that do not touch yet included.
+    /// Number of contact points, including those that do not touch yet.
     pub contacts: usize,
-    /// Bodies that sleep after it.
+    /// Number of sleeping bodies after the step.
     pub asleep: usize,
-    /// Bodies, by slot, whose position or velocity is no longer a finite number. They touch nothing from then on;
-    /// the others go on. Removing them and adding them again makes them sound.
+    /// Bodies, by slot, whose position or velocity is infinite or NaN. They touch nothing from then
+    /// on; the other bodies go on. Remove such a body and add it again to repair it.
     pub not_finite: Vec<u32>,
-    /// Substeps that it took.
+    /// Number of substeps.
     pub substeps: u32,
-    /// Passes over all contacts.
+    /// Number of passes over all contacts.
     pub sweeps: usize,
-    /// Collisions that bounced.
+    /// Number of impacts with restitution.
     pub collisions: usize,
-    /// How far the velocities that moved the bodies can be from the exact ones, all substeps together;
-    /// `None` with neither a tolerance nor `certify`.
+    /// Certified distance of the velocities that moved the bodies from the exact ones, all substeps
+    /// together. `None` with neither a tolerance nor `certify`.
     pub certified: Option<SolveReport>,
-    /// Where the energy of the step came from and went; `None` unless the settings ask for it.
+    /// Energy balance of the step. `None` unless the setting `ledger` is on.
     pub energy: Option<Ledger>,
-    /// Contacts whose targets no velocities can meet, in the last part of the step; none unless the
-    /// settings ask for certificates. Bodies are slots of the world; contacts those of
+    /// Contacts whose targets no velocities can meet, in the last part of the step. Empty unless
+    /// the setting `certify` is on. Bodies are slots of the world. Contacts are those of
     /// [`World::system`](crate::World::system).
     pub jams: Vec<Jam>,
 }
 
 impl StepReport {
-    /// Takes in what solving or examining a substep has come to, and its time.
+    /// Adds the outcome of solving or examining a substep, and charges its time.
     pub(crate) fn join(&mut self, outcome: &SolveReport, clock: &mut StageTimer) {
         clock.lap(Stage::Solve);
         if clock.last.is_some() {
@@ -116,13 +118,13 @@ impl StepReport {
         self.certified.get_or_insert_default().join(outcome);
     }
 
-    /// Wall time of all stages.
+    /// Returns the wall time of all stages.
     pub fn time(&self) -> Duration {
         self.stages.iter().sum()
     }
 }
 
-/// What [`World::measure`](crate::World::measure) finds after a step.
+/// Measurements by [`World::measure`](crate::World::measure) after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measure {
     /// 1/2 v^T M v. \[J\]
@@ -131,32 +133,32 @@ pub struct Measure {
     pub potential_energy: f64,
     /// Deepest overlap of any contact. \[m\]
     pub deepest_penetration: f64,
-    /// Largest velocity error of any contact against its law. \[m/s\]
+    /// Largest velocity error of any contact with respect to its contact law. \[m/s\]
     pub residual: f64,
-    /// Fastest body. \[m/s\]
+    /// Largest speed of a dynamic body. \[m/s\]
     pub fastest: f64,
-    /// Whether every position and velocity is a finite number.
+    /// True if every position and velocity is finite.
     pub finite: bool,
 }
 
-/// Two bodies with points of contact, made ahead or touching.
+/// Two bodies with contact points. The points may be speculative or touch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nearby {
-    /// a and b.
+    /// Bodies a and b.
     pub bodies: [usize; 2],
     /// Unit normal, from b towards a.
     pub normal: Vec<f64>,
-    /// The least distance of its points, negative where they overlap. \[m\]
+    /// Smallest gap of its points, negative for an overlap. \[m\]
     pub gap: f64,
-    /// Coulomb coefficient of the pair. \[1\]
+    /// Coulomb friction coefficient of the pair. \[1\]
     pub friction: f64,
 }
 
-/// Charges time to stages.
+/// Timer that charges time to stages.
 #[derive(Clone)]
 pub(crate) struct StageTimer {
     clock: Clock,
-    /// When the last lap ended; none where nobody asks for times.
+    /// End of the last lap; `None` if no times are measured.
     last: Option<Duration>,
     pub(crate) stages: [Duration; Stage::ALL.len()],
 }
@@ -166,7 +168,7 @@ impl StageTimer {
         Self { clock, last: clock.now(), stages: Default::default() }
     }
 
-    /// One for a member of a pool, which starts now, if this one runs.
+    /// Returns a timer for a worker. It starts now, if this one runs.
     pub(crate) fn another(&self) -> Self {
         Self::start(self.clock)
     }
@@ -179,14 +181,15 @@ impl StageTimer {
         }
     }
 
-    /// Takes in what another one has charged.
+    /// Adds the times that another timer has charged.
     pub(crate) fn join(&mut self, other: &Self) {
         for (own, other) in self.stages.iter_mut().zip(&other.stages) {
             *own += *other;
         }
     }
 
-    /// Charges the time since the last lap to stages as `others` have charged it, who worked side by side.
+    /// Charges the time since the last lap to stages, in proportion to the times charged by
+    /// `others`, which ran in parallel.
     pub(crate) fn lap_as(&mut self, others: &Self) {
         let all = others.stages.iter().sum::<Duration>();
         let passed = self.clock.since(self.last).as_secs_f64();

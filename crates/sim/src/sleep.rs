@@ -1,5 +1,5 @@
-//! Sleep: islands that have held still for a while are left out of steps until something touches or
-//! moves them. An economy, never a cure: everything must hold still without it.
+//! Sleep: steps leave out islands that have held still for a while, until something touches or
+//! moves them. It only saves time: bodies must also stay at rest without it.
 
 use drystone_solver::island::{self, Islands};
 use drystone_solver::{Vector, Velocity};
@@ -9,38 +9,38 @@ use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
 use crate::scene::Motion;
 
-/// No body.
+/// Marks the absence of a body.
 const NONE: u32 = u32::MAX;
 
-/// A body holds still below this speed of any of its points. \[m/s\]
+/// A body holds still if the speed of each of its points is below this. \[m/s\]
 const STILL: f32 = 0.005;
 
-/// Who sleeps, and what was between the sleepers.
+/// Sleeping bodies, and the manifolds between them.
 #[derive(Default)]
 pub(crate) struct Sleep<const L: usize> {
-    /// How long each body has held still. \[s\]
+    /// By body: time for which it has held still. \[s\]
     pub(crate) still: Vec<f32>,
-    /// The group that each body fell asleep with; 0: it is awake.
+    /// By body: group with which it fell asleep, or 0 if it is awake.
     pub(crate) group: Vec<u32>,
-    /// The next body of the same group; the groups are rings.
+    /// By body: next body of the same group. Groups are circular lists.
     next: Vec<u32>,
-    /// Number of bodies that sleep.
+    /// Number of sleeping bodies.
     count: usize,
-    /// Gravity in the last step: another one wakes all. \[m/s^2\]
+    /// Gravity of the last step. A change wakes all bodies. \[m/s^2\]
     pub(crate) last_gravity: Vector<f32, L>,
-    /// Static and kinematic bodies that were added or moved since contacts were last searched for: they may touch
-    /// sleepers.
+    /// Static and kinematic bodies that were added or moved since the last contact search. They may
+    /// touch sleeping bodies.
     pub(crate) placed: Vec<u32>,
-    /// Manifolds of the pairs that sleep.
+    /// Manifolds of the sleeping pairs.
     pub(crate) records: ManifoldCache<L>,
     islands: Islands,
-    /// Of each island: whether all of it holds still, and a body that has fallen asleep.
+    /// By island: true if all of it holds still; and its last body that has fallen asleep.
     ready: Vec<bool>,
     members: Vec<u32>,
 }
 
 impl<const L: usize> Sleep<L> {
-    /// Resumes from the state of a checkpoint.
+    /// Restores the state of a checkpoint.
     pub(crate) fn resumed(
         still: Vec<f32>,
         group: Vec<u32>,
@@ -57,7 +57,7 @@ impl<const L: usize> Sleep<L> {
         resumed
     }
 
-    /// Makes room for a body, or forgets what was in its place.
+    /// Makes room for a body and resets its state.
     pub(crate) fn reset(&mut self, body: usize) {
         let bodies = self.group.len().max(body + 1);
         self.still.resize(bodies, 0.0);
@@ -66,7 +66,7 @@ impl<const L: usize> Sleep<L> {
         (self.still[body], self.group[body]) = (0.0, 0);
     }
 
-    /// Puts a body into a group, of which `member` is one if there is any.
+    /// Adds a body to a group. `member` is a body of the group, if any, and becomes the added one.
     fn enter(&mut self, body: usize, group: u32, member: &mut u32) {
         let own = body as u32;
         self.group[body] = group;
@@ -79,7 +79,7 @@ impl<const L: usize> Sleep<L> {
         *member = own;
     }
 
-    /// Notes that a static or kinematic body is where it was not before.
+    /// Records that a static or kinematic body was added or moved.
     pub(crate) fn place(&mut self, body: usize) {
         if !self.placed.contains(&(body as u32)) {
             self.placed.push(body as u32);
@@ -90,12 +90,13 @@ impl<const L: usize> Sleep<L> {
         self.group[body] != 0
     }
 
-    /// Number of bodies that sleep.
+    /// Returns the number of sleeping bodies.
     pub(crate) fn count(&self) -> usize {
         self.count
     }
 
-    /// Whether a body may touch what was not touched before: it moves, or can be moved.
+    /// Returns true if a body may touch something new: it is dynamic and awake, or kinematic and
+    /// moves.
     pub(crate) fn is_active<G: Geometry<L, A>, const A: usize>(
         &self,
         bodies: &Bodies<G, L, A>,
@@ -108,7 +109,8 @@ impl<const L: usize> Sleep<L> {
         }
     }
 
-    /// Wakes all bodies that fell asleep with this one, and calls `woken` with each; returns whether it slept.
+    /// Wakes all bodies that fell asleep with this one, and calls `woken` with each. Returns true
+    /// if it slept.
     pub(crate) fn wake(&mut self, body: usize, mut woken: impl FnMut(usize)) -> bool {
         if self.group[body] == 0 {
             return false;
@@ -125,14 +127,16 @@ impl<const L: usize> Sleep<L> {
         }
     }
 
-    /// Puts pairs to rest of which neither body is active; their records move here.
+    /// Puts pairs to sleep if neither body is active, and moves their manifolds to the cache of
+    /// sleeping pairs.
     pub(crate) fn rest_pairs(
         &mut self,
         pairs: &mut [Pair],
         records: &ManifoldCache<L>,
         active: impl Fn(u32) -> bool,
     ) {
-        // What has been woken since has left holes: they go when they are half of all.
+        // Pairs that woke have left unused entries. The cache is compacted when these are more than
+        // half of it.
         let kept: u32 = pairs.iter().filter(|pair| pair.rests).map(|pair| pair.count).sum();
         if self.records.manifolds.len() > 2 * kept as usize {
             let old = std::mem::take(&mut self.records);
@@ -148,9 +152,10 @@ impl<const L: usize> Sleep<L> {
         }
     }
 
-    /// Counts how long bodies have held still, `dt` \[s\] longer now, and puts islands to sleep all of
-    /// whose bodies have for `delay` \[s\]; `touching` are the pairs that do, and of
-    /// which number the surface `runs`: what is driven does not sleep. Returns whether any were.
+    /// Updates the time for which bodies have held still, after a step of `dt` \[s\]. Puts islands
+    /// to sleep if all their bodies have held still for `delay` \[s\]. `touching` are the pairs of
+    /// bodies of the manifolds. `runs` tells whether a surface of a manifold has a surface
+    /// velocity: a driven island stays awake. Returns true if any body fell asleep.
     pub(crate) fn fall_asleep<G: Geometry<L, A>, const A: usize>(
         &mut self,
         bodies: &mut Bodies<G, L, A>,

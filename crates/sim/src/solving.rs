@@ -1,4 +1,4 @@
-//! [`ConstraintSolver`]: the solver of a world's contacts, and what it keeps from step to step.
+//! [`ConstraintSolver`]: the contact solver of a world, and its state from step to step.
 
 use drystone_solver::System;
 use drystone_solver::restitution::ImpactSolver;
@@ -9,15 +9,15 @@ use crate::certifier::Certifier;
 use crate::geometry::Geometry;
 use crate::surfaces::SurfaceStates;
 
-/// Solver of the contacts of a world.
+/// Contact solver of a world.
 pub(crate) struct ConstraintSolver<const L: usize, const A: usize> {
-    /// The contacts, sixteen side by side.
+    /// The contacts, sixteen per block.
     pub(crate) lanes: Wide<L, A>,
     pub(crate) certifier: Certifier<L, A>,
     pub(crate) impacts: ImpactSolver<L, A>,
     pub(crate) surfaces: SurfaceStates<L, A>,
-    /// Copies of the contacts one by one, for the stages that need them. Its velocities and masses are those of the
-    /// bodies while they are [lent](Self::with_system), else empty.
+    /// Copy of the contacts one by one, for stages that need them. While [lent](Self::with_system),
+    /// it holds the velocities and masses of the bodies; otherwise those arrays are empty.
     pub(crate) system: System<f32, L, A>,
 }
 
@@ -34,7 +34,7 @@ impl<const L: usize, const A: usize> Default for ConstraintSolver<L, A> {
 }
 
 impl<const L: usize, const A: usize> ConstraintSolver<L, A> {
-    /// Lends velocities and masses of the bodies to the system while `work` is done.
+    /// Moves velocities and masses of the bodies to the system while `work` runs.
     pub(crate) fn with_system<G: Geometry<L, A>, R>(
         &mut self,
         bodies: &mut Bodies<G, L, A>,

@@ -1,15 +1,19 @@
-//! A step of a world: its stages in order ([`World::step`]), and the searches for contacts among them.
+//! Time step of a world: its stages in order ([`World::step`]), and the contact searches within a
+//! step.
 //!
 //! | Stage | From | To |
 //! |---|---|---|
-//! | pairs | boxes and relative motion of bodies | pairs of colliders that may touch |
+//! | pairs | bounding boxes and travel bounds of bodies | pairs of colliders that may touch |
 //! | manifolds | pairs, shapes and poses | cached manifolds with gaps and impulses |
 //! | rows | manifolds, masses, settings | contacts in lanes, ready to be solved |
-//! | predict ... relax | velocities and contacts | velocities, impulses and displacements, substep by substep ([`substep`](crate::substep)) |
+//! | predict to relax | velocities, contacts | velocities, impulses, displacements |
 //! | remember | impulses | cached manifolds |
 //! | advance | displacements | poses |
 //!
-//! Where bodies move far, contacts are searched for several times in a step; each search is for some of its substeps.
+//! The stages from predict to relax run in each substep ([`substep`](crate::substep)).
+//!
+//! A step with fast bodies has several contact searches. Each search is for a part of the step: one
+//! or more of its substeps.
 
 use drystone_solver::restitution::ImpactSettings;
 use drystone_solver::{Clock, Velocity};
@@ -31,43 +35,45 @@ use crate::substep::PartPlan;
 use crate::travel::MotionView;
 use crate::world::World;
 
-/// Rounds of impacts within a substep: an impact passes through this many contacts against the order of
-/// the contacts.
+/// Largest number of rounds of impacts per substep. An impact can propagate through this many
+/// contacts against the order of the contacts.
 const IMPACT_ROUNDS: usize = 32;
 
-/// Sweeps over the contacts that collide at once.
+/// Largest number of sweeps over the contacts of an impact.
 const IMPACT_SWEEPS: usize = 40;
 
-/// Where a step has several searches, points are reused while bodies move less than this fraction of the
-/// prediction distance. Shapes farther apart than that had no points. \[1\]
+/// In a step with several searches, contact points are reused while bodies move less than this
+/// fraction of the prediction distance. Shapes farther apart than that distance had no
+/// points. \[1\]
 const REUSE: f32 = 0.25;
 
-/// In a substep no body falls by more than this fraction of its thickness. Soft contacts penetrate by about as
-/// much for each body above them, and a tower of twenty stands. \[1\]
+/// In a substep no body falls by more than this fraction of its thickness, as far as the setting
+/// `most_substeps` allows. A soft contact sinks by about this distance for each body above it. At
+/// this fraction a tower of twenty bodies stands. \[1\]
 const MOST_FALL: f32 = 1.0 / 1024.0;
 
-/// A search for contacts, and the part of the step that it is for.
+/// A contact search and its part of the step.
 #[derive(Clone, Copy, Debug)]
 struct Search {
     /// Length of a substep. \[s\]
     h: f32,
-    /// Substeps of the whole step.
+    /// Number of substeps of the whole step.
     substeps: u32,
-    /// Substeps of this part, and those after it.
+    /// Number of substeps of this part, and number of those after it.
     due: u32,
     left: u32,
-    /// Searches before this one, and searches of a step at most.
+    /// Number of searches before this one, and largest number of searches in the step.
     number: u32,
     most: u32,
 }
 
 impl Search {
-    /// Length of the part. \[s\]
+    /// Returns the length of the part. \[s\]
     fn duration(&self) -> f32 {
         self.h * self.due as f32
     }
 
-    /// Distance for which points are reused. \[m\]
+    /// Returns the distance up to which contact points are reused. \[m\]
     fn reuse(&self, settings: &StepSettings) -> f32 {
         let several = self.due < self.substeps;
         let least = if several { REUSE * settings.prediction_distance } else { 0.0 };
@@ -75,13 +81,13 @@ impl Search {
     }
 }
 
-/// Returns the number of substeps until the next search, if near bodies move `passed` times as far against each
-/// other in `substeps` as they may without one.
+/// Returns the number of substeps until the next search. In `substeps` substeps, near bodies move
+/// `passed` times as far relative to each other as one search allows.
 fn substeps_until_search(substeps: u32, passed: f32) -> u32 {
     ((substeps as f32 / passed) as u32).max(1)
 }
 
-/// Returns the bodies as they move for `dt` \[s\].
+/// Returns the motion of the bodies over `dt` \[s\].
 fn moving<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &Bodies<G, L, A>,
     dt: f32,
@@ -130,7 +136,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(report)
     }
 
-    /// Wakes all bodies if nothing sleeps any more, or gravity is another.
+    /// Wakes all bodies if sleep is turned off or gravity has changed.
     fn wake_if_changed(&mut self) {
         let is_other = self.gravity != self.sleep.last_gravity;
         self.sleep.last_gravity = self.gravity;
@@ -141,11 +147,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Begins the first search of a step: for all of its substeps, or as many as the motion of bodies allows.
+    /// Begins the first search of a step. It is for all substeps, or for as many as the motion of
+    /// the bodies allows.
     fn first_search(&mut self, dt: f32) -> Search {
         let most = self.settings.searches;
         let passed = self.plan_searches(dt);
-        // Each search is for one substep at least.
+        // Each search is for at least one substep.
         let asked = self.settings.substeps.max(self.substeps_of_thinnest(dt));
         let substeps = asked.max(passed.ceil().min(most as f32) as u32);
         let h = dt / substeps as f32;
@@ -166,7 +173,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         true
     }
 
-    /// Shortens or lengthens the part of a search to what the motion of bodies allows.
+    /// Sets the number of substeps of a search to that which the motion of the bodies allows.
+    /// `passed` is their relative motion in the substeps that are due, as returned by
+    /// `plan_searches`.
     fn fit(&mut self, search: &mut Search, passed: f32) {
         let share = search.left.div_ceil(search.most - search.number);
         let fitting = substeps_until_search(search.due, passed).max(share).min(search.left);
@@ -177,8 +186,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         search.left -= search.due;
     }
 
-    /// Finds the pairs for the next `dt` \[s\] and the relative motion of their bodies. Returns the largest relative motion of
-    /// near bodies over the one that demands another search for contacts. \[1\]
+    /// Finds the pairs for the next `dt` \[s\] and the relative motion of their bodies. Returns the
+    /// largest relative motion of near bodies, as a multiple of the motion that requires another
+    /// search. \[1\]
     fn plan_searches(&mut self, dt: f32) -> f32 {
         self.find_pairs(dt);
         let fall = self.gravity.length() * dt * dt;
@@ -196,7 +206,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if passed.is_finite() { passed } else { 0.0 }
     }
 
-    /// Returns the number of substeps that fits the thinnest body that is awake ([`MOST_FALL`]).
+    /// Returns the number of substeps required by the thinnest awake body ([`MOST_FALL`]).
     fn substeps_of_thinnest(&self, dt: f32) -> u32 {
         let (settings, gravity) = (&self.settings, self.gravity.length());
         let awake = |(body, thickness): (usize, &f32)| {
@@ -212,7 +222,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         fitting.max(1)
     }
 
-    /// Pairs of shapes whose boxes, enlarged by where they can get to in `dt`, overlap.
+    /// Updates the pairs of shapes whose bounding boxes, enlarged by their motion in `dt` \[s\],
+    /// overlap.
     fn find_pairs(&mut self, dt: f32) {
         let reach = self.settings.prediction_distance * 0.5;
         let bodies = &self.bodies;
@@ -242,7 +253,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         for pair in fresh.iter_mut() {
             let passed = moving.passed(travel, pair, || 0.0).unwrap_or_default();
             let passed = passed[0] + passed[1] + fall;
-            // It decides how often contacts are searched for, if it is as near as its box.
+            // The pair would determine how often contacts are searched, if it were as near as its
+            // boxes. So the distance of its shapes is measured.
             if passed > settings.travel_per_search * pair.thickness {
                 let prediction = passed + 2.0 * settings.prediction_distance;
                 self.scratch.workers[0].measure_room(colliders, bodies, pair, prediction);
@@ -252,15 +264,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.colliders.release();
     }
 
-    /// Finds the manifolds of the pairs. Returns true if they are the same as before, with as many points.
+    /// Finds the manifolds of the pairs. Returns true if the manifolds, with their numbers of
+    /// points, are the same as before.
     fn find_manifolds(&mut self, search: &Search) -> bool {
         let (reuse, dt) = (search.reuse(&self.settings), search.duration());
-        // Two bodies that need no rebuild have moved by half of the reuse distance together, at most.
+        // Two bodies that need no rebuild have moved by at most half of the reuse distance
+        // together.
         let limit = 0.25 * reuse;
         self.bodies.mark_moved(limit, &self.execution.pool);
         self.update_inverse_masses();
         if reuse < std::mem::replace(&mut self.contacts.last_reuse, reuse) {
-            // The reuse distance shrank, so the points found for the larger one are no longer valid.
+            // The reuse distance shrank, so the points found for the larger one are no longer
+            // valid.
             self.contacts
                 .pairs
                 .iter_mut()
@@ -281,12 +296,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 std::mem::swap(&mut self.contacts.records, &mut self.scratch.old_records);
             }
             traced = false;
-            // A sleeper that is touched wakes, and may wake what it touches.
+            // A sleeping body that is touched wakes, and may wake the bodies that it touches.
             if !self.wake_touched() {
                 self.sleep.placed.clear();
                 self.find_patches();
                 self.settle_seams(dt);
-                // A tolerance shares loads as it should.
+                // A solve to a tolerance distributes the load correctly, so it needs no reduced
+                // patches.
                 if self.settings.tolerance == 0.0 {
                     self.scratch.patches.join(&mut self.contacts.records);
                 }
@@ -297,7 +313,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Notes which bodies may touch something new.
+    /// Updates the list of bodies that may touch something new.
     fn update_active(&mut self) {
         let (bodies, sleep) = (&self.bodies, &self.sleep);
         let active = |body: usize| sleep.is_active(bodies, body);
@@ -313,7 +329,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.sleep.placed.iter().for_each(|&body| self.scratch.active[body as usize] = true);
     }
 
-    /// Wakes sleepers that an active body touches. Returns true if there were any.
+    /// Wakes sleeping bodies that an active body touches. Returns true if there were any.
     fn wake_touched(&mut self) -> bool {
         let mut any = false;
         if self.sleep.count() == 0 {
@@ -327,8 +343,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         any
     }
 
-    /// Finds the manifolds from the cached ones, whose impulses were `traced` in the last step, or which were only found.
-    /// Returns true if there are others than before.
+    /// Runs the narrow phase on the old manifolds. `traced` is true if the solver has updated their
+    /// impulses since they were found. Returns true if the manifolds differ from before.
     fn collide(&mut self, traced: bool, reuse_distance: f32, dt: f32) -> bool {
         let around = NarrowPhaseInput::<G, L, A> {
             shapes: &self.colliders.shapes,
@@ -353,7 +369,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         )
     }
 
-    /// Turns manifolds at seams and corners to the axes along which their bodies are held apart.
+    /// Rotates the normals of manifolds at seams and corners to the axes along which the bodies are
+    /// held apart.
     fn settle_seams(&mut self, dt: f32) {
         let meeting = SeamInput::<G, L, A> {
             shapes: &self.colliders.shapes,
@@ -372,13 +389,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         );
     }
 
-    /// Finds contacts of compounds, and opens those between sides that another part covers.
+    /// Finds the contact patches of compounds, and opens contacts with sides that another part
+    /// covers.
     fn find_patches(&mut self) {
         let shapes = Shapes { colliders: &self.colliders, bodies: &self.bodies };
         self.scratch.patches.find(&self.contacts.pairs, &shapes, &mut self.contacts.records);
     }
 
-    /// Decides how the substeps of a part are taken.
+    /// Returns the plan for the substeps of a part.
     fn plan(&self, search: &Search) -> PartPlan<L> {
         let Search { h, due: substeps, left, .. } = *search;
         let settings = &self.settings;
@@ -415,7 +433,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Builds the rows of the contacts of a part from its manifolds; `same` if these are as before.
+    /// Builds the rows of the contacts of a part from its manifolds. `same` is true if these are
+    /// the same as before.
     fn build_rows(&mut self, search: &Search, same: bool) -> PartPlan<L> {
         let (plan, dt) = (self.plan(search), search.duration());
         let all = self.bodies.poses.len();
@@ -423,7 +442,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         displacements.clear();
         displacements.resize(all, Velocity::ZERO);
         self.bodies.turned.fill(false);
-        // The first substep asks the contacts, and sets them.
+        // The first substep overwrites these: it computes J^T gamma from the contacts.
         prospective.resize(all, Velocity::ZERO);
         let ConstraintSolver { lanes, certifier, surfaces, .. } = &mut self.solver;
         let (records, bodies) = (&self.contacts.records, &self.bodies);
@@ -459,7 +478,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         plan
     }
 
-    /// Moves the poses by the displacements of a part.
+    /// Moves the poses by the displacements of a part, and closes its ledger.
     fn integrate_poses(&mut self, plan: &PartPlan<L>, report: &mut StepReport) {
         motion::arrive(&mut self.bodies, &self.execution.pool, &self.scratch.displacements);
         if plan.ledger {
@@ -469,7 +488,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Recomputes M^-1 of the bodies that have moved enough.
+    /// Recomputes M^-1 of the bodies that need a rebuild.
     fn update_inverse_masses(&mut self) {
         let sleep = &self.sleep;
         self.bodies.update_inverse_masses(|body| sleep.is_sleeping(body), &self.execution.pool);
@@ -494,14 +513,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 mod tests {
     use super::*;
 
-    /// As many substeps as pass no more than they may, and one at least.
+    /// The interval has as many substeps as the relative motion allows, and at least one.
     #[test]
     fn searches_are_as_far_apart_as_they_may_be() {
         let of = |passed: [f32; 5], substeps| {
             passed.map(|passed| substeps_until_search(substeps, passed))
         };
         assert_eq!(of([1.0, 2.0, 3.1, 4.1, 99.0], 8), [8, 4, 2, 1, 1]);
-        // What has become slower may go on for longer.
+        // Bodies that have slowed down need fewer searches.
         assert_eq!(of([0.25, 0.5, 0.9, 1.0, 1.1], 2), [8, 4, 2, 2, 1]);
         assert_eq!(substeps_until_search(1, 0.0), u32::MAX);
     }

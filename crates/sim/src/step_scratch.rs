@@ -1,4 +1,4 @@
-//! [`StepScratch`]: memory that the stages of a step hand to each other.
+//! [`StepScratch`]: buffers that the stages of a step share.
 
 use drystone_solver::Velocity;
 
@@ -10,11 +10,11 @@ use crate::patches::Patches;
 use crate::seams::SeamResolver;
 use crate::travel::TravelBounds;
 
-/// Memory of a step that no later step reads.
+/// Buffers of a step. No later step reads them.
 pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) fresh_pairs: Vec<Pair>,
     pub(crate) old_records: ManifoldCache<L>,
-    /// True for bodies that may touch something new.
+    /// By body: true if it may touch something new.
     pub(crate) active: Vec<bool>,
     pub(crate) travel: TravelBounds<L>,
     pub(crate) workers: Vec<PairWorker<G, L, A>>,
@@ -22,9 +22,9 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) patches: Patches<L>,
     /// Velocities of a substep without the impulses of its contacts.
     pub(crate) prospective: Vec<Velocity<f32, L, A>>,
-    /// Displacements since gaps were measured.
+    /// Displacements since the last contact search.
     pub(crate) displacements: Vec<Velocity<f32, L, A>>,
-    /// Velocities that forces give in a substep in which bodies may bounce.
+    /// Velocity changes by forces, in a substep in which bodies may bounce.
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
     pub(crate) ledger: LedgerBuilder<L, A>,
 }

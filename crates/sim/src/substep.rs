@@ -1,8 +1,9 @@
-//! The substeps of a part of a step, in one of two ways with the same stages.
+//! Substeps of a part of a step. They run in one of two ways with the same stages.
 //!
-//! [`SubstepContext::run_by_batch`] takes one batch of islands after the other through all substeps, while it is in the cache.
-//! [`World::take_substeps`] takes all bodies through one substep after the other where something looks at the whole:
-//! impacts, certificates, ledgers, saved systems.
+//! [`SubstepContext::run_by_batch`] takes one batch of islands after the other through all
+//! substeps, while the batch is in the CPU cache. [`World::take_substeps`] takes all bodies
+//! together through one substep after the other. It does so for stages that need the whole system:
+//! impacts, certificates, ledgers and saved systems.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -18,38 +19,42 @@ use crate::solving::ConstraintSolver;
 use crate::step_scratch::StepScratch;
 use crate::world::World;
 
-/// How the substeps of a part of a step are taken.
+/// Plan for the substeps of a part of a step.
 pub(crate) struct PartPlan<const L: usize> {
     pub(crate) params: SubstepParams<L>,
-    /// True if each is solved to the tolerance.
+    /// True if each substep is solved to the tolerance.
     pub(crate) solving: bool,
-    /// The substep that is certified with all residuals.
+    /// Index of the substep that gets a certificate with all residuals.
     pub(crate) examined: Option<u32>,
-    /// True if each accounts for its energy.
+    /// True if each substep accounts for its energy.
     pub(crate) ledger: bool,
-    /// Settings of impacts, where anything may bounce.
+    /// Parameters of impacts, if any contact may bounce.
     pub(crate) collisions: Option<ImpactSettings<f32>>,
-    /// True if a substep is taken for all bodies before the next one, not for one batch after the other.
+    /// True if all bodies go through one substep together before the next begins. If false, each
+    /// batch goes through all substeps by itself.
     pub(crate) together: bool,
 }
 
-/// After so many substeps contacts are asked again what they give to the velocities
-/// ([`MovingBodies::push`]): what rounding adds to it would add up.
+/// Number of substeps after which M^-1 J^T gamma is recomputed from the contacts
+/// ([`MovingBodies::push`]). In between it comes from the previous substep, and its rounding errors
+/// add up.
 const REFRESH_INTERVAL: u32 = 4;
 
-/// Surfaces approach each other at this many times [`Advanced::fastest`] at most: 2^(3/2), and some for the
-/// bend of their paths. \[1\]
+/// Factor of [`Advanced::fastest`] that bounds the approach speed of two surfaces: 2^(3/2), plus a
+/// margin for the curvature of their paths. \[1\]
 const APPROACH: f32 = 3.5;
 
-/// The bodies of a batch, and their contacts.
+/// The bodies and contacts of a batch.
 pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) contacts: WideBatch<'a, L, A>,
     pub(crate) bodies: MovingBodies<'a, G, L, A>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L, A> {
-    /// v += M^-1 J^T gamma of the substep before, from v*, which it keeps. Contacts are asked, too, if J
-    /// has been `renewed` since. To v* belong the torques of resistance. Returns whether anything turns.
+    /// Adds v += M^-1 J^T gamma with the impulses of the previous substep, and keeps v*. Recomputes
+    /// J^T gamma from the contacts if J has been `renewed` since, if surfaces resist, and every
+    /// [`REFRESH_INTERVAL`] substeps. v* includes the torques of resistance. Returns true if any
+    /// body rotates.
     pub(crate) fn warm_start(
         &mut self,
         substep: u32,
@@ -69,7 +74,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         self.bodies.lead(params)
     }
 
-    /// Sweeps towards the targets; whether bodies turn.
+    /// Sweeps over the normals towards the targets. `turning` is true if any body rotates.
     pub(crate) fn solve(&mut self, params: &SubstepParams<L>, substep: u32, turning: bool) {
         let Self { contacts, bodies: MovingBodies { velocities, displacements, .. } } = self;
         contacts.sweep_normals_to_targets(velocities, displacements, turning, &params.repair);
@@ -79,14 +84,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         self.run_belts(params, substep);
     }
 
-    /// Adds belts to targets that have just been set.
+    /// Adds the velocities of belts to targets that have just been set.
     pub(crate) fn run_belts(&mut self, params: &SubstepParams<L>, substep: u32) {
         if self.contacts.has_surfaces() {
             self.contacts.run_belts(params.h * substep as f32, params.repair.hold);
         }
     }
 
-    /// Renews J where bodies have turned; whether any is another.
+    /// Updates J for bodies that have rotated. Returns true if any J has changed.
     pub(crate) fn renew(&mut self, params: &SubstepParams<L>) -> bool {
         let Self { contacts, bodies } = self;
         let MovingBodies { velocities, displacements, masses, turned, .. } = bodies;
@@ -94,7 +99,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         contacts.renew(bodies, [params.h, params.softness])
     }
 
-    /// A sweep of rigid contacts: takes the velocity of overlap repair out again, and stops what has landed.
+    /// Sweeps once over rigid contacts. This removes the velocity of overlap repair and stops
+    /// bodies that have landed.
     pub(crate) fn relax(&mut self, renewed: bool, fastest: f32, params: &SubstepParams<L>) {
         let MovingBodies { velocities, displacements, .. } = &mut self.bodies;
         let landing = Landing { displacements, dt: params.h, approach: APPROACH * fastest };
@@ -104,7 +110,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         }
     }
 
-    /// What contacts hand to the next step.
+    /// Writes the data that contacts pass to the next step to the cache.
     pub(crate) fn trace(&mut self, params: &SubstepParams<L>) {
         if self.contacts.has_surfaces() {
             self.contacts.carry_belts(params.h * params.substeps as f32);
@@ -112,7 +118,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         self.contacts.trace(self.bodies.displacements, params.repair.hold);
     }
 
-    /// Through all substeps.
+    /// Takes the batch through all substeps.
     fn run(&mut self, params: &SubstepParams<L>, clock: &mut StageTimer) {
         let mut renewed = false;
         for substep in 0..params.substeps {
@@ -132,7 +138,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         clock.lap(Stage::Remember);
     }
 
-    /// Batch after batch through all substeps; each by one member of the pool, if none is much of the whole.
+    /// Takes each batch through all substeps. Each thread takes a run of batches, unless one thread
+    /// solves all ([`WideBatch::runs`]).
     pub(crate) fn run_by_batch(self, params: &SubstepParams<L>, clock: &mut StageTimer) {
         let (pool, runs) = (self.bodies.pool, self.contacts.runs());
         let all = Mutex::new(clock.another());
@@ -145,7 +152,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     }
 }
 
-/// Into batches.
+/// Splits into batches.
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for SubstepContext<'_, G, L, A> {
     fn count(&self) -> usize {
         self.contacts.count()
@@ -160,7 +167,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for SubstepContex
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// Takes the substeps of a part, and gives what contacts have learned to the cache.
+    /// Takes the substeps of a part, and writes the data of contacts for the next step to the
+    /// cache.
     pub(crate) fn take_substeps(
         &mut self,
         plan: &PartPlan<L>,
@@ -184,7 +192,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report.sweeps += (params.substeps * sweeps) as usize;
     }
 
-    /// Returns all bodies and their contacts on their way through a part.
+    /// Returns all bodies and their contacts as one context.
     fn context(&mut self) -> SubstepContext<'_, G, L, A> {
         let StepScratch { prospective, displacements, .. } = &mut self.scratch;
         let contacts = self.solver.lanes.whole(&mut self.contacts.records.traces);
@@ -193,8 +201,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         SubstepContext { contacts, bodies }
     }
 
-    /// Forces, blows, contacts, motion, and contacts again as rigid ones: a substep of everything at once, with
-    /// all that may go with it. Without, it is that of [`SubstepContext::run_by_batch`].
+    /// Takes all bodies through one substep: forces, impacts, contacts, motion, and the relaxing
+    /// sweep over rigid contacts. Includes all options of the plan. Without any it equals a substep
+    /// of [`SubstepContext::run_by_batch`].
     fn substep(
         &mut self,
         plan: &PartPlan<L>,
@@ -297,7 +306,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Collisions at the start of a substep; returns how many there were.
+    /// Resolves the impacts at the start of a substep. Returns their number.
     fn bounce(&mut self, plan: &PartPlan<L>, collisions: &ImpactSettings<f32>) -> usize {
         let StepScratch { ledger, displacements, force_gains, .. } = &mut self.scratch;
         self.solver.with_system(&mut self.bodies, |solver, _| {
@@ -316,7 +325,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         })
     }
 
-    /// Copies the contacts from the lanes.
+    /// Copies the contacts from the lanes to the system.
     fn unpack(&mut self) {
         self.solver.with_system(&mut self.bodies, |solver, _| {
             solver.lanes.unpack(&mut solver.system);
@@ -326,7 +335,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Saves the contact system of a substep of `h` \[s\] before it is solved.
     fn save(&mut self, h: f32) {
         let mut system = self.bodies.without_contacts();
-        // Prospective: as the contacts find them.
+        // The prospective velocities are those before contact impulses.
         system.velocities.clone_from(&self.scratch.prospective);
         self.solver.lanes.unpack(&mut system);
         let positions = self.bodies.frames.iter().map(|frame| frame.position).collect();

@@ -1,4 +1,5 @@
-//! [`World`]: bodies, their contacts, and the step that moves both on.
+//! [`World`]: bodies, their contacts, and the functions that change and read them. The time step is
+//! in [`step`](crate::step).
 
 mod checkpoint;
 
@@ -25,22 +26,24 @@ use crate::solving::ConstraintSolver;
 use crate::step_scratch::StepScratch;
 use crate::tuner::ThreadTuner;
 
-/// Threads for each processor, at most.
+/// Largest number of threads per processor.
 const MOST_THREADS: usize = 4;
 
-/// Bodies and their contacts, in the dimension of `G`.
+/// Bodies and their contacts in the dimension of `G`.
 ///
-/// The state that a checkpoint holds is in `bodies`, `colliders`, `broad_phase`, `contacts`, `sleep` and `solver`.
+/// Checkpoints hold the state of `bodies`, `colliders`, `broad_phase`, `contacts`, `sleep` and
+/// `solver`.
 pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
-    /// Settings of each step.
+    /// Settings of the following steps.
     pub settings: StepSettings,
-    /// Acceleration of free fall. \[m/s^2\]
+    /// Acceleration of gravity. \[m/s^2\]
     pub gravity: Vector<f32, L>,
-    /// Number that tells identifiers of this world from those of others.
+    /// Number that distinguishes identifiers of this world from those of other worlds.
     id: u32,
     pub(crate) bodies: Bodies<G, L, A>,
     pub(crate) colliders: Colliders<G, L, A>,
-    /// Bodies and colliders as they have been since the last change, for checkpoints.
+    /// Copy of bodies and colliders for checkpoints. Reset when either is added, removed or
+    /// redefined.
     definitions: OnceLock<Arc<Definitions<G, L, A>>>,
     pub(crate) broad_phase: BroadPhase<L>,
     pub(crate) contacts: ContactCache<L>,
@@ -50,21 +53,21 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) execution: Execution<L, A>,
 }
 
-/// Where and how fast steps are taken, and what they keep for whoever looks on. Results do not depend on it.
+/// Threads, clock and recorded data of steps. Results do not depend on them.
 pub(crate) struct Execution<const L: usize, const A: usize> {
     pub(crate) pool: Arc<ThreadPool>,
     pub(crate) tuner: ThreadTuner,
     pub(crate) clock: Clock,
-    /// True if steps time their stages.
+    /// True if steps measure the time of their stages.
     pub(crate) timing: bool,
-    /// True if steps save their last contact system.
+    /// True if steps save the contact system of their last substep.
     pub(crate) saving: bool,
-    /// Contact system of the last step.
+    /// Saved contact system of the last substep.
     pub(crate) saved: Option<SavedSystem<L, A>>,
 }
 
 impl<const L: usize, const A: usize> Default for Execution<L, A> {
-    /// One thread and the clock of the system; nothing is timed or saved.
+    /// One thread and the system clock; no times and no systems are recorded.
     fn default() -> Self {
         Self {
             pool: Arc::default(),
@@ -78,7 +81,7 @@ impl<const L: usize, const A: usize> Default for Execution<L, A> {
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// An empty world without gravity, on one thread.
+    /// Creates an empty world without gravity, on one thread.
     pub fn new(settings: StepSettings) -> Self {
         Self {
             settings,
@@ -96,7 +99,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Uses `threads` threads; results do not depend on it. Keeps to one where no more can be had.
+    /// Sets the number of threads, at most four per processor. Uses fewer if the system grants
+    /// fewer. Results do not depend on it.
     pub fn set_threads(&mut self, threads: usize) {
         let most = MOST_THREADS * std::thread::available_parallelism().map_or(1, usize::from);
         let threads = threads.clamp(1, most);
@@ -156,36 +160,36 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         true
     }
 
-    /// The slot of a body, if it is there.
+    /// Returns the slot of a body, or `None` if the body is unknown.
     fn index(&self, id: BodyId) -> Option<usize> {
         id.slot(&self.bodies.slots, self.id)
     }
 
-    /// The slot of a body.
+    /// Returns the slot of a body, or an error if the body is unknown.
     fn known(&self, id: BodyId) -> Result<usize, InputError> {
         self.index(id).ok_or(InputError::UnknownBody)
     }
 
-    /// The slot of a body that can move.
+    /// Returns the slot of a body that is not static.
     fn moving(&self, id: BodyId) -> Result<usize, InputError> {
         let slot = self.known(id)?;
         let is_static = self.bodies.motion[slot] == Some(Motion::Static);
         if is_static { Err(InputError::Static) } else { Ok(slot) }
     }
 
-    /// The body in a slot, if there is one.
+    /// Returns the body in a slot, if any.
     pub fn body_at(&self, slot: usize) -> Option<BodyId> {
         let slots = &self.bodies.slots;
         let taken = slot < slots.len() && slots.is_taken(slot);
         taken.then(|| BodyId::new(slots, slot, self.id))
     }
 
-    /// All bodies, slot by slot.
+    /// Returns all bodies in the order of their slots.
     pub fn bodies(&self) -> impl Iterator<Item = BodyId> + '_ {
         (0..self.len()).filter_map(|slot| self.body_at(slot))
     }
 
-    /// The colliders of a body, the last that was added first.
+    /// Returns the colliders of a body in reverse order of addition.
     pub fn colliders(&self, id: BodyId) -> impl Iterator<Item = ColliderId> + '_ {
         let colliders = self.index(id).map(|slot| self.colliders.of_body(slot));
         colliders
@@ -194,56 +198,57 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             .map(|slot| ColliderId::new(&self.colliders.slots, slot as usize, self.id))
     }
 
-    /// The body of a collider.
+    /// Returns the body of a collider.
     pub fn body_of(&self, id: ColliderId) -> Option<BodyId> {
         let slot = id.slot(&self.colliders.slots, self.id)?;
         self.body_at(self.colliders.body[slot] as usize)
     }
 
-    /// [`Body::user_data`] of a body.
+    /// Returns the [`Body::user_data`] of a body.
     pub fn user_data(&self, id: BodyId) -> Option<u128> {
         self.index(id).map(|slot| self.bodies.user_data[slot])
     }
 
-    /// [`Collider::user_data`](crate::Collider::user_data) of a collider.
+    /// Returns the [`Collider::user_data`](crate::Collider::user_data) of a collider.
     pub fn collider_user_data(&self, id: ColliderId) -> Option<u128> {
         id.slot(&self.colliders.slots, self.id).map(|slot| self.colliders.user_data[slot])
     }
 
-    /// Slots for bodies, removed ones included: what indices run over.
+    /// Returns the number of body slots, free ones included. Body indices are less than this
+    /// number.
     pub fn len(&self) -> usize {
         self.bodies.poses.len()
     }
 
-    /// Whether the world never had a body.
+    /// Returns true if the world has never had a body.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Pose of a body's origin.
+    /// Returns the pose of a body's origin.
     pub fn pose(&self, id: BodyId) -> Option<G::Pose> {
         self.index(id).map(|index| self.bodies.origin(index))
     }
 
-    /// Appends the poses of all slots, in order, as numbers ([`Geometry::write`]).
+    /// Appends the poses of all slots in order, as numbers ([`Geometry::write`]).
     pub fn write_poses(&self, out: &mut Vec<f32>) {
         for body in 0..self.len() {
             G::write(&self.bodies.origin(body), out);
         }
     }
 
-    /// Velocity of a body's center of mass.
+    /// Returns the velocity of a body's center of mass.
     pub fn velocity(&self, id: BodyId) -> Option<Velocity<f32, L, A>> {
         self.index(id).map(|index| self.bodies.velocities[index])
     }
 
-    /// Whether a body sleeps: it and all that it touches have held still for a while
-    /// ([`StepSettings::sleep`]), and steps leave it out substeps_until_search something touches or moves it.
+    /// Returns true if a body sleeps. A body falls asleep after its whole island has held still for
+    /// a while ([`StepSettings::sleep`]). Steps leave it out until something touches or moves it.
     pub fn is_sleeping(&self, id: BodyId) -> bool {
         self.index(id).is_some_and(|index| self.sleep.is_sleeping(index))
     }
 
-    /// Wakes a body and all that sleeps with it.
+    /// Wakes a body and all bodies that fell asleep with it.
     pub fn wake(&mut self, id: BodyId) {
         if let Some(index) = self.index(id) {
             self.wake_slot(index);
@@ -253,7 +258,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Sets the velocity of a dynamic or kinematic body, and wakes it.
     ///
     /// # Errors
-    /// The body is unknown or static, or the velocity is not finite.
+    /// The body is unknown or static, or the velocity is out of its range.
     pub fn set_velocity(
         &mut self,
         id: BodyId,
@@ -267,11 +272,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
-    /// Gives a kinematic body the velocity that takes it to `target` within `dt` \[s\]. A dynamic body
-    /// wakes, and is thrown there. [`World::set_pose`] puts any body elsewhere at once.
+    /// Sets the velocity with which a body reaches `target` after `dt` \[s\], and wakes the body. A
+    /// kinematic body keeps this velocity until it gets another; a dynamic body is thrown.
+    /// [`World::set_pose`] teleports a body instead.
     ///
     /// # Errors
-    /// The body is unknown or static, the pose is not finite, or the way is too fast.
+    /// The body is unknown or static, the pose or the time is out of range, or the velocity is too
+    /// large.
     pub fn move_to(&mut self, id: BodyId, target: &G::Pose, dt: f32) -> Result<(), InputError> {
         let slot = self.moving(id)?;
         input::check_pose::<G, L, A>(target)?;
@@ -285,11 +292,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.set_velocity(id, velocity)
     }
 
-    /// Puts a body elsewhere at once, whatever is in between; its velocity stays. It wakes, with all
-    /// bodies near its old place. Bodies near its new place wake when they touch it.
+    /// Teleports a body; its velocity stays. Wakes the body and all bodies near its old pose.
+    /// Bodies near its new pose wake when it touches them.
     ///
     /// # Errors
-    /// The body is unknown, or the pose is not finite.
+    /// The body is unknown, or the pose is out of its range.
     pub fn set_pose(&mut self, id: BodyId, pose: &G::Pose) -> Result<(), InputError> {
         let slot = self.known(id)?;
         input::check_pose::<G, L, A>(pose)?;
@@ -303,11 +310,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
-    /// Has the surface of a body run, or stand, and wakes all bodies near it. Colliders with a surface
-    /// velocity of their own keep it.
+    /// Sets or removes the surface velocity of a body, and wakes the body and all bodies near it.
+    /// Colliders with a surface velocity of their own keep it.
     ///
     /// # Errors
-    /// The body is unknown, or the velocity is not finite.
+    /// The body is unknown, or the velocity is out of its range.
     pub fn set_surface_velocity(
         &mut self,
         id: BodyId,
@@ -322,10 +329,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
-    /// Sets the rates at which the linear and angular velocity of a body decay, and wakes it. \[1/s\]
+    /// Sets the rates at which the linear and angular velocity of a body decay, and wakes the
+    /// body. \[1/s\]
     ///
     /// # Errors
-    /// The body is unknown, or a rate is negative or not finite.
+    /// The body is unknown, or a rate is out of its range.
     pub fn set_damping(&mut self, id: BodyId, damping: [f32; 2]) -> Result<(), InputError> {
         let slot = self.known(id)?;
         input::check_damping(damping)?;
@@ -335,10 +343,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
-    /// Adds a force \[N\] and torque \[N m\] that act through the next step, and wakes the body.
+    /// Adds a force \[N\] and torque \[N m\] that act during the next step, and wakes the body.
     ///
     /// # Errors
-    /// The body is unknown, or the force is not finite.
+    /// The body is unknown, or the force is out of its range.
     pub fn add_force(&mut self, id: BodyId, force: Velocity<f32, L, A>) -> Result<(), InputError> {
         let slot = self.known(id)?;
         input::check_force(&force)?;
@@ -349,19 +357,20 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
-    /// Velocities of all slots, in order.
+    /// Returns the velocities of all slots in order.
     pub fn velocities(&self) -> &[Velocity<f32, L, A>] {
         &self.bodies.velocities
     }
 
-    /// The contact system of the last substep, as the solver left it; its gaps are those after the step.
+    /// Returns the contact system of the last substep after solving. Its gaps are those after the
+    /// step.
     pub fn system(&self) -> System<f32, L, A> {
         let mut system = self.bodies.without_contacts();
         self.solver.lanes.unpack(&mut system);
         system
     }
 
-    /// The same with gaps as they were when contacts were last searched for.
+    /// Returns [`World::system`] with the gaps measured by the last contact search.
     pub(crate) fn searched(&self) -> System<f32, L, A> {
         let mut system = self.system();
         for manifold in &system.manifolds {
@@ -374,37 +383,40 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         system
     }
 
-    /// Takes the time from this clock: by default that of the system. Without one no stage takes any time, and no number
-    /// of threads is found to be faster than another; results stay the same.
+    /// Sets the clock. The default is the system clock. Without a clock ([`Clock::NONE`]) all times
+    /// are zero, and the number of threads is not tuned. Results do not change.
     pub fn set_clock(&mut self, clock: Clock) {
         self.execution.clock = clock;
         self.solver.certifier.island_solver.clock = clock;
     }
 
-    /// Whether steps report the time of their stages ([`StepReport::stages`]). By default they do not: where a step
-    /// takes a few microseconds, reading the clock 26 times is a tenth of it.
+    /// Sets whether steps measure the time of their stages
+    /// ([`StepReport::stages`](crate::StepReport::stages)). The default is no: in a step of a few
+    /// microseconds, reading the clock 26 times takes a tenth of the time.
     pub fn time_stages(&mut self, timing: bool) {
         self.execution.timing = timing;
     }
 
-    /// Whether steps save the contact system of their last substep. By default they do not.
+    /// Sets whether steps save the contact system of their last substep. The default is no.
     pub fn save_systems(&mut self, saving: bool) {
         self.execution.saving = saving;
         self.execution.saved = None;
     }
 
-    /// The contact system of the last substep as it was before it was solved, if that was asked for.
+    /// Returns the contact system of the last substep before solving, if it was saved
+    /// ([`World::save_systems`]).
     pub fn saved(&self) -> Option<&SavedSystem<L, A>> {
         self.execution.saved.as_ref()
     }
 
-    /// Wakes a body, by its slot, with all that sleep with it. Returns true if it slept.
+    /// Wakes the body in a slot and all bodies that fell asleep with it. Returns true if it slept.
     pub(crate) fn wake_slot(&mut self, body: usize) -> bool {
         let bodies = &mut self.bodies;
         self.sleep.wake(body, |member| bodies.set_inverse_mass(member))
     }
 
-    /// Wakes a body and all bodies whose boxes overlap one of its own.
+    /// Wakes a body and all bodies with a collider whose stored box overlaps one of its own, if the
+    /// two colliders can collide.
     fn wake_neighbors(&mut self, body: usize) {
         self.wake_slot(body);
         let Self { bodies, colliders, broad_phase, .. } = self;
@@ -450,7 +462,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         out
     }
 
-    /// m of a body, by its slot; infinite for what no push moves. \[kg\]
+    /// Returns the mass of the body in a slot, or infinity if the body is not dynamic. \[kg\]
     pub(crate) fn mass(&self, body: usize) -> f64 {
         if self.bodies.is_dynamic(body) {
             f64::from(self.bodies.inertia[body].mass)

@@ -1,4 +1,5 @@
-//! [`Checkpoint`]: a world between two steps, so that another can go on from there with the same bits.
+//! [`Checkpoint`]: the state of a world between two steps. A world that is restored from it takes
+//! the same steps, bit by bit.
 
 use std::any::Any;
 use std::array::from_fn;
@@ -22,68 +23,74 @@ use crate::geometry::{
 use crate::sleep::Sleep;
 use crate::surfaces::HeldTorque;
 
-/// What the next step of a world depends on and its bodies as they were added do not tell.
+/// State of a world on which the next step depends, except the descriptions of its bodies.
 ///
-/// Numbers stand one after the other, body by body, shape by shape, point by point. What a step
-/// computes anew is left out: boxes of what does not move, contact systems, colors.
+/// Arrays hold the numbers of all bodies, shapes, pairs or points, one after the other. Data that a
+/// step recomputes is left out: contact systems and colors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// Generations of the slots of bodies and colliders.
+    /// Generations of the slots of bodies and of colliders.
     slots: [Vec<u32>; 2],
-    /// Bodies and colliders as they were added; none where it was read from bytes.
+    /// Copy of bodies and colliders; absent if the checkpoint was read from bytes.
     #[serde(skip)]
     definitions: Shared,
-    /// Poses of the centers of mass ([`Geometry::write`]), which are not those of the bodies.
+    /// Poses of the centers of mass ([`Geometry::write`]), not of the bodies' origins.
     poses: Vec<f32>,
-    /// What rounding has left out of the positions. \[m\]
+    /// Rounding errors left out of the positions. \[m\]
     remainders: Vec<f32>,
-    /// What rounding has left out of the angular velocities of bodies that precess. \[rad/s\]
+    /// Rounding errors left out of the angular velocities of bodies that precess. \[rad/s\]
     spins: Vec<f32>,
-    /// Linear and angular. \[m/s, rad/s\]
+    /// Linear and angular velocities. \[m/s, rad/s\]
     velocities: Vec<f32>,
-    /// What contacts gave each body in the last substep. \[m/s, rad/s\]
+    /// M^-1 J^T gamma of the last warm start of each body. \[m/s, rad/s\]
     pushes: Vec<f32>,
-    /// What acts through the next step. \[N, N m\]
+    /// Forces and torques of the next step. \[N, N m\]
     forces: Vec<f32>,
-    /// M^-1, of the pose that contacts were found at: linear, then the rows of the angular.
+    /// M^-1 as left by the last step: the linear part, then the rows of the angular part.
     masses: Vec<f32>,
-    /// How far each has come since. \[m\]
+    /// Path length of each body since its contacts and M^-1 were last rebuilt; infinite if the body
+    /// has rotated. \[m\]
     moved_since_rebuild: Vec<f32>,
-    /// How far each has come since contacts were last searched for: its center, and its surface by turning. \[m\]
+    /// Motion of each body since the last contact search: displacement of its center, and of its
+    /// surfaces by rotation. \[m\]
     since_search: Vec<f32>,
-    /// The stored boxes of the broad phase: lowest and highest corner. \[m\]
+    /// Stored boxes of the broad phase: lower and upper corner. \[m\]
     boxes: Vec<f32>,
-    /// Shapes that are near each other, and how many records they have.
+    /// Pairs of near shapes, with their number of manifolds.
     pairs: Vec<[u32; 3]>,
-    /// Whether each of these sleeps.
+    /// True for each pair that sleeps.
     asleep: Vec<bool>,
-    /// How far each can still come towards each other before they touch, if it has none: what has more room than it
-    /// passes strikes nothing. \[m\]
+    /// Room of each pair without manifolds, else 0. A pair with more room than its relative motion
+    /// has no contacts. \[m\]
     rooms: Vec<f32>,
-    /// Of each pair the torque against rolling and spinning; none where nothing resists. \[N m s\]
+    /// Angular impulse of each pair against rolling and spinning; empty if nothing
+    /// resists. \[N m s\]
     torques: Vec<f32>,
-    /// Part and number of points of each record.
+    /// Part and number of points of each manifold.
     records: Vec<[u32; 2]>,
-    /// Of each record: the normal, the way from b to a, the normal in the frame of b, and a's frame as seen
-    /// from b, when the points were found.
+    /// By manifold: the normal, the vector from b to a, the normal in the frame of its carrier, and
+    /// the frame of a relative to b when the points were found. The radii of curvature and the
+    /// shares of the normal follow.
     frames: Vec<f32>,
-    /// Of each point: place on a and on b and the push point \[m\], impulse \[N s\], gap and slip \[m\].
+    /// By point: position on a and on b and push point \[m\], impulse \[N s\], gap and slip \[m\].
     points: Vec<f32>,
-    /// Of each point.
+    /// Feature of each point.
     features: Vec<u64>,
-    /// How long each body has held still \[s\], the group it sleeps with, and gravity.
+    /// Time for which each body has held still \[s\], the group with which it sleeps, and gravity
+    /// of the last step.
     still: Vec<f32>,
     groups: Vec<u32>,
     gravity: Vec<f32>,
-    /// Static and kinematic bodies that have just come.
+    /// Static and kinematic bodies that were added or moved since the last contact search.
     placed: Vec<u32>,
-    /// What the solver has learned.
+    /// State with which the solver tunes itself.
     memory: SolverMemory,
-    /// When jams are looked for again.
+    /// Schedule of the searches for jams.
     wait: Wait,
 }
 
-/// The [`Definitions`] of some world, if any: they are part of no comparison, since slots tell of changes.
+/// The [`Definitions`] of a world, if any. Comparisons ignore them, because the generations of
+/// slots tell added and removed bodies.
 #[derive(Clone, Default)]
 struct Shared(Option<Arc<dyn Any + Send + Sync>>);
 
@@ -99,29 +106,30 @@ impl Debug for Shared {
     }
 }
 
-/// Why a world does not take a checkpoint.
+/// Reason why a world rejects a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CheckpointError {
-    /// The bytes are none.
+    /// The bytes are not a checkpoint.
     #[error("is no checkpoint: {0}")]
     Unreadable(String),
-    /// It was taken of other bodies.
+    /// It belongs to a world with other bodies.
     #[error("is a checkpoint of another world: {what} need {expected} numbers, and it has {found}")]
     OtherWorld {
-        /// What is too few or too many.
+        /// Kind of data with the wrong size.
         what: &'static str,
-        /// How many numbers this world has of it.
+        /// Size in this world.
         expected: usize,
-        /// How many the checkpoint has.
+        /// Size in the checkpoint.
         found: usize,
     },
-    /// Bodies were added or removed since, and it was read from bytes, which do not hold bodies.
+    /// Bodies were added or removed since it was taken. It was read from bytes, which do not hold
+    /// bodies.
     #[error("is a checkpoint of other bodies: some were added or removed since")]
     OtherBodies,
-    /// A number is infinite, or none.
+    /// A number is infinite or NaN.
     #[error("has {0} that are not finite")]
     NotFinite(&'static str),
-    /// It names a pair of shapes that cannot touch in this world.
+    /// It has a pair of shapes that cannot touch in this world.
     #[error("is a checkpoint of another world: its shapes {0:?} do not collide here")]
     OtherPair([u32; 2]),
 }
@@ -265,7 +273,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
         fill_velocities(&from.forces, &mut bodies.forces);
         bodies.moved_since_rebuild.clone_from(&from.moved_since_rebuild);
-        // What has turned has moved as far as can be.
+        // The path length of bodies that have rotated is stored as infinite.
         for (turned, moved_since_rebuild) in
             bodies.turned.iter_mut().zip(&bodies.moved_since_rebuild)
         {
@@ -284,7 +292,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// That sizes are those of this world, and numbers numbers.
+    /// Checks that array sizes match this world and that numbers are finite.
     fn check(&self, from: &Checkpoint) -> Result<(), CheckpointError> {
         let (bodies, shapes) = (self.len(), self.colliders.body.len());
         let resist = self.colliders.resist;
@@ -343,7 +351,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
-    /// The pairs of a checkpoint whose sizes are right, and the manifolds of those that are awake and of those asleep.
+    /// Returns the pairs of a checkpoint whose sizes have been checked, and the manifolds of the
+    /// awake pairs and of the sleeping ones.
     fn contacts_of(
         &self,
         from: &Checkpoint,
@@ -384,13 +393,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 }
 
-/// How far a body has moved; one that has turned, as far as can be.
+/// Returns the path length of a body since the last rebuild, or infinity if it has rotated.
 fn moved_since_rebuild((moved_since_rebuild, turned): (&f32, &bool)) -> f32 {
     if *turned { f32::INFINITY } else { *moved_since_rebuild }
 }
 
-/// Numbers of a record: two normals and a way, the position and axes of a frame, and four of the
-/// surfaces.
+/// Number of numbers of a manifold: two normals and a vector, position and axes of a frame, and
+/// four numbers for the surfaces.
 const fn record_numbers(dimension: usize) -> usize {
     (4 + dimension) * dimension + 4
 }
@@ -432,7 +441,7 @@ fn record<const L: usize>(
     }
 }
 
-/// Numbers of a point: five vectors.
+/// Number of numbers of a point: five vectors.
 const fn point_numbers(dimension: usize) -> usize {
     5 * dimension
 }
@@ -451,7 +460,7 @@ fn point<const L: usize>(numbers: &[f32], feature: u64) -> (CachedPoint<L>, Cach
     (CachedPoint { on_a, on_b, push_point, feature }, trace)
 }
 
-/// The next numbers.
+/// Takes the next numbers as a vector.
 fn take<const N: usize>(numbers: &mut impl Iterator<Item = f32>) -> Vector<f32, N> {
     Vector(from_fn(|_| numbers.next().unwrap_or(0.0)))
 }
