@@ -43,7 +43,8 @@ pub struct Contact<T: Real, const L: usize> {
     pub tangential_compliance: T,
 }
 
-/// Conversion of overlaps and gaps to target velocities ([`System::set_targets`]).
+/// Conversion of overlaps and gaps to target velocities
+/// ([`System::set_targets`](crate::System::set_targets)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repair<T> {
     /// Step h over which the velocities act. \[s\]
