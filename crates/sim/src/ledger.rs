@@ -191,46 +191,13 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         (system, surfaces): (&System<f32, L, A>, &[SurfaceEffects<f32, L, A>]),
         h: f32,
     ) {
-        let substep = h;
-        let h = f64::from(h);
         self.take_means(&system.velocities);
-        for (body, own) in self.masses.iter_mut().enumerate() {
-            let [mean, after] = [&self.mean[0][body], &self.mean[1][body]];
-            if *own == Mass::ZERO {
-                continue;
-            }
-            let mass = *own;
-            let (push, inverse) = (bodies.force(body).cast::<f64>(), &self.inverses[body]);
-            let pushed = Velocity {
-                linear: push.linear * f64::from(inverse.linear),
-                angular: inverse.angular.cast() * push.angular,
-            };
-            self.ledger.forces += h * mean.dot(&mass.momentum(&pushed));
-            let pull = bodies.pull(body, gravity).cast::<f64>();
-            self.ledger.gravity += h * mass.linear * mean.linear.dot(pull);
-            let change = Velocity {
-                linear: pushed.linear.cast() + bodies.pull(body, gravity),
-                angular: pushed.angular.cast(),
-            };
-            let change = change * substep;
-            if let Some(damping) = bodies.damping.get(body) {
-                let lost = damped(*damping, &self.start[body], &change, substep);
-                self.ledger.damping += mean.dot(&mass.momentum(&lost.cast()));
-            }
-            let turned = difference(&self.moved, body);
-            self.ledger.integration += after.dot(&mass.momentum(&turned));
-            if self.inverses[body] != system.masses[body] {
-                // The body has rotated, so the relaxing sweep acts on another inertia than the
-                // solve did.
-                self.inverses[body] = system.masses[body];
-                *own = bodies.mass(body);
-                let end: Velocity<f64, L, A> = system.velocities[body].cast();
-                let relaxed = end - self.moved[1][body].cast();
-                let change = |of: &Velocity<f64, L, A>| own.momentum(of) - mass.momentum(of);
-                self.ledger.integration +=
-                    0.5 * end.dot(&change(&end)) - after.dot(&change(&relaxed));
+        for body in 0..self.masses.len() {
+            if self.masses[body] != Mass::ZERO {
+                self.add_body(bodies, gravity, (system, body), h);
             }
         }
+        let h = f64::from(h);
         let mut surfaces = surfaces.iter();
         for (number, manifold) in system.manifolds.iter().enumerate() {
             self.ledger.integration -= self.lag(&self.manifolds[number], manifold, system);
@@ -247,6 +214,50 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
             if let Some(surface) = surface {
                 self.resist(system, manifold, surface);
             }
+        }
+    }
+
+    /// Adds the work of forces, gravity and damping on a body in a substep, and what its rotation has
+    /// left out.
+    fn add_body<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &Bodies<G, L, A>,
+        gravity: Vector<f32, L>,
+        (system, body): (&System<f32, L, A>, usize),
+        substep: f32,
+    ) {
+        let h = f64::from(substep);
+        let [mean, after] = [&self.mean[0][body], &self.mean[1][body]];
+        let mass = self.masses[body];
+        let (push, inverse) = (bodies.force(body).cast::<f64>(), &self.inverses[body]);
+        let pushed = Velocity {
+            linear: push.linear * f64::from(inverse.linear),
+            angular: inverse.angular.cast() * push.angular,
+        };
+        self.ledger.forces += h * mean.dot(&mass.momentum(&pushed));
+        let pull = bodies.pull(body, gravity).cast::<f64>();
+        self.ledger.gravity += h * mass.linear * mean.linear.dot(pull);
+        let change = Velocity {
+            linear: pushed.linear.cast() + bodies.pull(body, gravity),
+            angular: pushed.angular.cast(),
+        };
+        let change = change * substep;
+        if let Some(damping) = bodies.damping.get(body) {
+            let lost = damped(*damping, &self.start[body], &change, substep);
+            self.ledger.damping += mean.dot(&mass.momentum(&lost.cast()));
+        }
+        let turned = difference(&self.moved, body);
+        self.ledger.integration += after.dot(&mass.momentum(&turned));
+        if self.inverses[body] != system.masses[body] {
+            // The body has rotated, so the relaxing sweep acts on another inertia than the
+            // solve did.
+            self.inverses[body] = system.masses[body];
+            let own = bodies.mass(body);
+            self.masses[body] = own;
+            let end: Velocity<f64, L, A> = system.velocities[body].cast();
+            let relaxed = end - self.moved[1][body].cast();
+            let change = |of: &Velocity<f64, L, A>| own.momentum(of) - mass.momentum(of);
+            self.ledger.integration += 0.5 * end.dot(&change(&end)) - after.dot(&change(&relaxed));
         }
     }
 

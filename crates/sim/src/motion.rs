@@ -8,7 +8,7 @@ use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Repair, Vector, Velocity};
 
 use crate::bodies::{Bodies, BodyParams, GRAIN, Inertia, SearchMotion, SpinState, damped};
-use crate::geometry::{Geometry, Precession, Spin, TOGETHER};
+use crate::geometry::{Frame, Geometry, Precession, Spin, TOGETHER};
 
 /// Number of bodies per chunk. In each chunk, the precessing bodies are collected before they are
 /// rotated.
@@ -400,31 +400,53 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
                 *since_search = SearchMotion::NOWHERE;
                 continue;
             }
-            let by = displacement.linear + *remainder;
-            // Displacements include corrections for impacts within a substep.
-            let turn = displacement.angular - std::mem::replace(&mut turned.followed, Vector::ZERO);
-            let before = *frame;
-            if kind.rate > 0.0 && turn.dot(turn) > LEAST_TURN * LEAST_TURN {
-                let omega = &mut velocity.angular;
-                *pose = precess_late::<G, L, A>(pose, by, turn, omega, turned, kind, inertia);
-            } else {
-                *pose = G::advance(pose, by, turn);
-            }
-            *frame = G::frame(pose);
-            *remainder = rounding(before.position, by, frame.position);
-            // Upper bound of ||R - R'||. A body that does not precess has rotated by `turn` only.
-            let far = if kind.rate > 0.0 {
-                let axes = frame.axes.iter().zip(&before.axes);
-                axes.fold(0.0, |sum, (now, then)| sum + (*now - *then).length())
-            } else {
-                turn.length()
-            };
+            let exact = ExactPose { pose, turned, frame, remainder };
+            let far = exact.integrate::<G>(displacement, velocity, (kind, inertia));
             *since_search = SearchMotion { linear: displacement.linear, turned: far * reach.core };
             let way = since_search.linear.length() + since_search.turned;
             *path += f64::from(way);
             *moved_since_rebuild += way;
         }
     });
+}
+
+/// Pose of a body, and what rounding and precession have left out of it.
+struct ExactPose<'a, P, const L: usize, const A: usize> {
+    pose: &'a mut P,
+    turned: &'a mut SpinState<A>,
+    frame: &'a mut Frame<L>,
+    remainder: &'a mut Vector<f32, L>,
+}
+
+impl<P, const L: usize, const A: usize> ExactPose<'_, P, L, A> {
+    /// Moves a body by a displacement. Returns an upper bound of the change of its rotation matrix.
+    fn integrate<G: Geometry<L, A, Pose = P>>(
+        self,
+        displacement: &Velocity<f32, L, A>,
+        velocity: &mut Velocity<f32, L, A>,
+        (kind, inertia): (&Precession, &Inertia<L, A>),
+    ) -> f32 {
+        let Self { pose, turned, frame, remainder } = self;
+        let by = displacement.linear + *remainder;
+        // Displacements include corrections for impacts within a substep.
+        let turn = displacement.angular - std::mem::replace(&mut turned.followed, Vector::ZERO);
+        let before = *frame;
+        if kind.rate > 0.0 && turn.dot(turn) > LEAST_TURN * LEAST_TURN {
+            let omega = &mut velocity.angular;
+            *pose = precess_late::<G, L, A>(pose, by, turn, omega, turned, kind, inertia);
+        } else {
+            *pose = G::advance(pose, by, turn);
+        }
+        *frame = G::frame(pose);
+        *remainder = rounding(before.position, by, frame.position);
+        // A body that does not precess has rotated by `turn` only.
+        if kind.rate > 0.0 {
+            let axes = frame.axes.iter().zip(&before.axes);
+            axes.fold(0.0, |sum, (now, then)| sum + (*now - *then).length())
+        } else {
+            turn.length()
+        }
+    }
 }
 
 /// Returns the pose of a body that has been moved `by` \[m\] and has the rotation `turn` \[rad\]

@@ -496,31 +496,55 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     };
     let gap = G::collide(shape_a, shape_b, ahead, before, scratch, &mut all);
     if let Some(normal) = passed {
+        let passing = Passing { shapes: [shape_a, shape_b], normal, ahead, before };
+        passing.collide_cores::<G, A>(pair.colliders, scratch, core, &mut keep);
+    }
+    let (count, again) = places.finish(around.traced);
+    pair.count = count;
+    pair.room = known_to(if count > 0 { around.lasting(pair) } else { gap }, a.position);
+    again
+}
+
+/// Two shapes of which one may pass through the other in the step.
+struct Passing<'a, C, P, const L: usize> {
+    shapes: [(&'a C, &'a P); 2],
+    /// Direction in which it passes.
+    normal: Vector<f32, L>,
+    ahead: LookAhead<L>,
+    before: Option<u64>,
+}
+
+impl<C, P, const L: usize> Passing<'_, C, P, L> {
+    /// Finds the contacts of the core of each shape with the other shape, where they are along the way.
+    fn collide_cores<G: Geometry<L, A, Collider = C, Pose = P>, const A: usize>(
+        &self,
+        colliders: [u32; 2],
+        scratch: &mut G::Scratch,
+        core: &mut Option<ShapeCore<G, L, A>>,
+        keep: &mut impl FnMut(&ContactManifold<L>, u32),
+    ) {
         for side in 0..2 {
-            let (shape, pose) = [shape_a, shape_b][side];
-            let number = pair.colliders[side];
+            let (shape, pose) = self.shapes[side];
+            let number = colliders[side];
             if core.as_ref().is_none_or(|of| of.shape != number) {
                 *core =
                     G::core(shape).map(|(center, ball)| ShapeCore { shape: number, center, ball });
             }
             let Some(ShapeCore { center, ball, .. }) = &*core else { continue };
             let pose = G::pose(G::frame(pose).point(*center), &[]);
-            let mut pair = [shape_a, shape_b];
+            let mut pair = self.shapes;
             pair[side] = (ball, &pose);
             let mut passing = |touch: &ContactManifold<L>| {
                 let gaps = touch.points.iter().map(|point| point.gap);
                 let gap = gaps.fold(f32::INFINITY, f32::min);
-                if touch.normal.dot(normal) > ALIKE && approach(touch.normal) > gap {
+                let approach = -touch.normal.dot(self.ahead.motion);
+                if touch.normal.dot(self.normal) > ALIKE && approach > gap {
                     keep(touch, touch.part ^ CORES[side]);
                 }
             };
-            G::collide(pair[0], pair[1], ahead, before, scratch, &mut passing);
+            G::collide(pair[0], pair[1], self.ahead, self.before, scratch, &mut passing);
         }
     }
-    let (count, again) = places.finish(around.traced);
-    pair.count = count;
-    pair.room = known_to(if count > 0 { around.lasting(pair) } else { gap }, a.position);
-    again
 }
 
 /// Updates the gaps of a pair's cached manifolds if their points are still valid. Returns whether

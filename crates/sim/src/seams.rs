@@ -272,38 +272,21 @@ impl<const L: usize> SeamResolver<L> {
         number: u32,
         records: &ManifoldCache<L>,
     ) -> Option<AxisChange<L>> {
-        let (view, bodies) = (records.view(), meeting.bodies);
+        let view = records.view();
         let record = &records.manifolds[number as usize];
         let corner = meeting.corner(pair);
         let (normal, gap) = (record.normal, view.traces_of(record)[0].gap[0]);
         let point = &view.points_of(record)[0];
         let places = [corner.frames[0].point(point.on_a), corner.frames[1].point(point.on_b)];
-        let (planes, count) = self.planes(bodies, (pair, record), (number, &places), records);
+        let (planes, count) =
+            self.planes(meeting.bodies, (pair, record), (number, &places), records);
         let planes = &planes[..count];
         // A contact that touches, with no plane that holds its bodies, is not at the side of a
         // neighbor. Nearly all contacts of a heap end here.
         if gap <= 0.0 && planes.is_empty() {
             return None;
         }
-        let velocity = |body: u32, place: Vector<f32, L>| {
-            let center = bodies.apart([body, record.bodies[1]]);
-            meeting.velocities[body as usize].at(place - center)
-        };
-        // A round body moves as its core does, however it rotates.
-        let round = corner.roundness(normal);
-        let cores = [places[0] + normal * round[0], places[1] - normal * round[1]];
-        let mut velocities = [0, 1].map(|side| velocity(record.bodies[side], cores[side]));
-        for plane in planes {
-            // The holder lets the body approach by no more than this gap.
-            let outward = plane.outward();
-            if outward.dot(normal).abs() < ACROSS {
-                let by = velocity(plane.holder, cores[plane.side]);
-                let towards = outward.dot(velocities[plane.side] - by);
-                let least = -plane.gap.max(0.0) / meeting.dt;
-                velocities[plane.side] += outward * (least - towards).max(0.0);
-            }
-        }
-        let mut ahead = (velocities[0] - velocities[1]) * (AHEAD * meeting.dt);
+        let mut ahead = meeting.ahead(&corner, record, &places, planes);
         // Bodies that touch and hardly move keep their axis; otherwise resting bodies jitter.
         if gap <= 0.0 && normal.dot(ahead).abs() <= STILL * pair.thickness {
             if !record.undecided {
@@ -330,12 +313,7 @@ impl<const L: usize> SeamResolver<L> {
         }
         // A body on a plane touches the other's side below its edge: by its sag, and by the height
         // that it still climbs on its way there.
-        let until = gap.max(0.0) / -normal.dot(ahead).min(-f32::MIN_POSITIVE);
-        let near = planes.iter().fold(FLUSH * pair.thickness, |most, plane| {
-            let up = plane.axis - normal * plane.axis.dot(normal);
-            let climbs = up.dot(ahead).abs() / up.length() * until.min(1.0);
-            most.max(plane.allowed + climbs)
-        });
+        let near = reach_of_sides(pair, (normal, gap), ahead, planes);
         for side in 0..2 {
             let mut face = |outward: Vector<f32, L>| {
                 let axis = outward * if side == 0 { -1.0 } else { 1.0 };
@@ -359,7 +337,53 @@ impl<const L: usize> SeamResolver<L> {
     }
 }
 
+/// Returns the distance within which faces count as sides of a contact. \[m\]
+fn reach_of_sides<const L: usize>(
+    pair: &Pair,
+    (normal, gap): (Vector<f32, L>, f32),
+    ahead: Vector<f32, L>,
+    planes: &[HoldingPlane<L>],
+) -> f32 {
+    let until = gap.max(0.0) / -normal.dot(ahead).min(-f32::MIN_POSITIVE);
+    planes.iter().fold(FLUSH * pair.thickness, |most, plane| {
+        let up = plane.axis - normal * plane.axis.dot(normal);
+        let climbs = up.dot(ahead).abs() / up.length() * until.min(1.0);
+        most.max(plane.allowed + climbs)
+    })
+}
+
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
+    /// Returns the relative motion of two bodies until the next search for contacts, as far as the planes that
+    /// hold them let them move. \[m\]
+    fn ahead(
+        &self,
+        corner: &SeamPair<'_, G, L, A>,
+        record: &CachedManifold<L>,
+        places: &[Vector<f32, L>; 2],
+        planes: &[HoldingPlane<L>],
+    ) -> Vector<f32, L> {
+        let normal = record.normal;
+        let velocity = |body: u32, place: Vector<f32, L>| {
+            let center = self.bodies.apart([body, record.bodies[1]]);
+            self.velocities[body as usize].at(place - center)
+        };
+        // A round body moves as its core does, however it rotates.
+        let round = corner.roundness(normal);
+        let cores = [places[0] + normal * round[0], places[1] - normal * round[1]];
+        let mut velocities = [0, 1].map(|side| velocity(record.bodies[side], cores[side]));
+        for plane in planes {
+            // The holder lets the body approach by no more than this gap.
+            let outward = plane.outward();
+            if outward.dot(normal).abs() < ACROSS {
+                let by = velocity(plane.holder, cores[plane.side]);
+                let towards = outward.dot(velocities[plane.side] - by);
+                let least = -plane.gap.max(0.0) / self.dt;
+                velocities[plane.side] += outward * (least - towards).max(0.0);
+            }
+        }
+        (velocities[0] - velocities[1]) * (AHEAD * self.dt)
+    }
+
     fn corner(&self, pair: &Pair) -> SeamPair<'_, G, L, A> {
         let [a, b] = pair.bodies.map(|body| body as usize);
         let [shape_a, shape_b] = pair.colliders.map(|shape| shape as usize);

@@ -7,11 +7,14 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use drystone_solver::ladder::SolveReport;
 use drystone_solver::restitution::{self, ImpactSettings};
 use drystone_solver::thread_pool::Divide;
 use drystone_solver::wide::{Landing, MovedBodies, WideBatch};
 
+use crate::bodies::Bodies;
 use crate::geometry::Geometry;
+use crate::ledger::LedgerBuilder;
 use crate::motion::{Advanced, MovingBodies, SubstepParams};
 use crate::report::{Stage, StageTimer, StepReport};
 use crate::saved::SavedSystem;
@@ -225,54 +228,25 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if *renewed {
                 self.unpack();
             }
-            for (forced, velocity) in
-                self.scratch.force_gains.iter_mut().zip(&self.bodies.velocities)
-            {
-                *forced = *velocity - *forced;
-            }
             report.collisions += self.bounce(plan, collisions);
             timer.lap(Stage::Bounce);
         }
-        let examined = plan.examined == Some(substep);
-        let saving = self.execution.saving && substep + 1 == params.substeps;
         let turning = self.context().warm_start(substep, *renewed, params);
-        if plan.solving || saving {
-            let velocities = turning.then_some(&self.bodies.velocities[..]);
-            self.solver.lanes.set_targets(&self.scratch.displacements, velocities, &params.repair);
-            self.context().run_belts(params, substep);
-        }
-        if saving {
-            self.save(params.h);
-        }
+        self.set_targets(plan, substep, turning);
         timer.lap(Stage::WarmStart);
+        let examined = plan.examined == Some(substep);
         let solved = if plan.solving {
-            let (settings, prospective) = (&self.settings, &self.scratch.prospective);
-            let outcome = self.solver.with_system(&mut self.bodies, |solver, _| {
-                let ConstraintSolver { lanes, certifier, system, .. } = solver;
-                certifier.refine(system, lanes, prospective, settings, examined)
-            });
-            report.sweeps += outcome.iterations;
-            Some(outcome)
+            Some(self.refine(examined, report))
         } else {
             self.context().solve(params, substep, turning);
             timer.lap(Stage::Solve);
-            let velocities = &self.bodies.velocities;
-            let examine = || {
-                self.solver.certifier.examine(
-                    velocities,
-                    &self.solver.lanes,
-                    &self.scratch.prospective,
-                )
-            };
-            examined.then(examine)
+            examined.then(|| self.examine())
         };
         if let Some(outcome) = solved {
             report.join(&outcome, timer);
         }
         if plan.ledger {
-            self.unpack();
-            let ledger = &mut self.scratch.ledger;
-            self.solver.with_system(&mut self.bodies, |solver, _| ledger.depart(&solver.system));
+            self.account(|ledger, solver, _| ledger.depart(&solver.system));
         }
         let Advanced { turned, fastest } = self.context().bodies.advance(params);
         timer.lap(Stage::Advance);
@@ -287,9 +261,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.context().relax(*renewed, fastest, params);
         if plan.ledger {
-            self.unpack();
-            let (ledger, gravity) = (&mut self.scratch.ledger, self.gravity);
-            self.solver.with_system(&mut self.bodies, |solver, bodies| {
+            let gravity = self.gravity;
+            self.account(|ledger, solver, bodies| {
                 let ConstraintSolver { lanes, surfaces, system, .. } = solver;
                 surfaces.note(lanes);
                 ledger.end(bodies, gravity, (system, &surfaces.done), params.h);
@@ -297,18 +270,68 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         timer.lap(Stage::Relax);
         if examined {
-            let sinking = report.certified.map_or(0.0, |of| of.residuals[1]);
-            report.jams = self.solver.with_system(&mut self.bodies, |solver, _| {
-                let ConstraintSolver { lanes, certifier, system, .. } = solver;
-                certifier.jams(system, lanes, sinking)
-            });
+            self.find_jams(report);
             timer.lap(Stage::Certify);
         }
+    }
+
+    /// Sets the targets of the contacts where the sweep does not: for a tolerance, or for a system that is
+    /// saved here.
+    fn set_targets(&mut self, plan: &PartPlan<L>, substep: u32, turning: bool) {
+        let params = &plan.params;
+        let saving = self.execution.saving && substep + 1 == params.substeps;
+        if plan.solving || saving {
+            let velocities = turning.then_some(&self.bodies.velocities[..]);
+            self.solver.lanes.set_targets(&self.scratch.displacements, velocities, &params.repair);
+            self.context().run_belts(params, substep);
+        }
+        if saving {
+            self.save(params.h);
+        }
+    }
+
+    /// Solves the contacts to the tolerance; with all residuals if `examined`.
+    fn refine(&mut self, examined: bool, report: &mut StepReport) -> SolveReport {
+        let (settings, prospective) = (&self.settings, &self.scratch.prospective);
+        let outcome = self.solver.with_system(&mut self.bodies, |solver, _| {
+            let ConstraintSolver { lanes, certifier, system, .. } = solver;
+            certifier.refine(system, lanes, prospective, settings, examined)
+        });
+        report.sweeps += outcome.iterations;
+        outcome
+    }
+
+    /// Certifies the velocities as the sweeps left them.
+    fn examine(&mut self) -> SolveReport {
+        let ConstraintSolver { lanes, certifier, .. } = &mut self.solver;
+        certifier.examine(&self.bodies.velocities, lanes, &self.scratch.prospective)
+    }
+
+    /// Looks for contacts that are jammed, if the certificate of the substep gives a reason.
+    fn find_jams(&mut self, report: &mut StepReport) {
+        let sinking = report.certified.map_or(0.0, |of| of.residuals[1]);
+        report.jams = self.solver.with_system(&mut self.bodies, |solver, _| {
+            let ConstraintSolver { lanes, certifier, system, .. } = solver;
+            certifier.jams(system, lanes, sinking)
+        });
+    }
+
+    /// Books energies in the ledger, with the contacts as they are in the lanes.
+    fn account(
+        &mut self,
+        book: impl FnOnce(&mut LedgerBuilder<L, A>, &mut ConstraintSolver<L, A>, &Bodies<G, L, A>),
+    ) {
+        self.unpack();
+        let ledger = &mut self.scratch.ledger;
+        self.solver.with_system(&mut self.bodies, |solver, bodies| book(ledger, solver, bodies));
     }
 
     /// Resolves the impacts at the start of a substep. Returns their number.
     fn bounce(&mut self, plan: &PartPlan<L>, collisions: &ImpactSettings<f32>) -> usize {
         let StepScratch { ledger, displacements, force_gains, .. } = &mut self.scratch;
+        for (gain, velocity) in force_gains.iter_mut().zip(&self.bodies.velocities) {
+            *gain = *velocity - *gain;
+        }
         self.solver.with_system(&mut self.bodies, |solver, _| {
             let ConstraintSolver { lanes, impacts, system, .. } = solver;
             if plan.ledger {
