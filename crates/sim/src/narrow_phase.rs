@@ -459,29 +459,9 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     let before = old.of(pair.records()).first().map(|record| old.points_of(record)[0].feature);
     let mut places =
         ManifoldWriter::new(own, pair.records(), rested.then_some(around.resting), records);
+    let of = &*pair;
     let mut keep = |touch: &ContactManifold<L>, part: u32| {
-        let before = places.before(part);
-        let traced = before.map_or(touch.normal, |before| around.seen_from(before));
-        let fresh = before.is_none_or(seams::is_turned);
-        let (record, points) = places.next(touch, part, a, b);
-        *record = CachedManifold {
-            bodies: pair.bodies,
-            friction: pair.friction,
-            restitution: pair.restitution,
-            part,
-            surfaces: touch.surfaces,
-            normal: touch.normal,
-            traced,
-            apart: a.position,
-            undecided: fresh,
-            found_at: Frame::IDENTITY,
-            ..*record
-        };
-        if !pair.rolls {
-            record.local_normal = record.carrier(a, b).local_direction(touch.normal);
-            record.found_at = a.seen_from(b);
-            record.reach = cache::reach(points);
-        }
+        around.store(of, (touch, part), (a, b), &mut places);
     };
     let shape_a = (&around.shapes[a_shape as usize], &pose_a);
     let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
@@ -503,6 +483,41 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     pair.count = count;
     pair.room = known_to(if count > 0 { around.lasting(pair) } else { gap }, a.position);
     again
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, L, A> {
+    /// Writes a manifold of a pair, whose bodies have the frames `a` and `b`, as that of a `part`.
+    #[inline(always)]
+    fn store(
+        &self,
+        pair: &Pair,
+        (touch, part): (&ContactManifold<L>, u32),
+        (a, b): (&Frame<L>, &Frame<L>),
+        writer: &mut ManifoldWriter<'_, '_, L>,
+    ) {
+        let before = writer.before(part);
+        let traced = before.map_or(touch.normal, |before| self.seen_from(before));
+        let fresh = before.is_none_or(seams::is_turned);
+        let (record, points) = writer.next(touch, part, a, b);
+        *record = CachedManifold {
+            bodies: pair.bodies,
+            friction: pair.friction,
+            restitution: pair.restitution,
+            part,
+            surfaces: touch.surfaces,
+            normal: touch.normal,
+            traced,
+            apart: a.position,
+            undecided: fresh,
+            found_at: Frame::IDENTITY,
+            ..*record
+        };
+        if !pair.rolls {
+            record.local_normal = record.carrier(a, b).local_direction(touch.normal);
+            record.found_at = a.seen_from(b);
+            record.reach = cache::reach(points);
+        }
+    }
 }
 
 /// Two shapes of which one may pass through the other in the step.

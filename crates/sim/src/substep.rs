@@ -7,7 +7,6 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use drystone_solver::ladder::SolveReport;
 use drystone_solver::restitution::{self, ImpactSettings};
 use drystone_solver::thread_pool::Divide;
 use drystone_solver::wide::{Landing, MovedBodies, WideBatch};
@@ -235,15 +234,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.set_targets(plan, substep, turning);
         timer.lap(Stage::WarmStart);
         let examined = plan.examined == Some(substep);
-        let solved = if plan.solving {
-            Some(self.refine(examined, report))
+        if plan.solving {
+            self.refine(examined, timer, report);
         } else {
             self.context().solve(params, substep, turning);
             timer.lap(Stage::Solve);
-            examined.then(|| self.examine())
-        };
-        if let Some(outcome) = solved {
-            report.join(&outcome, timer);
+        }
+        if examined && !plan.solving {
+            self.examine(timer, report);
         }
         if plan.ledger {
             self.account(|ledger, solver, _| ledger.depart(&solver.system));
@@ -291,20 +289,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Solves the contacts to the tolerance; with all residuals if `examined`.
-    fn refine(&mut self, examined: bool, report: &mut StepReport) -> SolveReport {
+    fn refine(&mut self, examined: bool, timer: &mut StageTimer, report: &mut StepReport) {
         let (settings, prospective) = (&self.settings, &self.scratch.prospective);
         let outcome = self.solver.with_system(&mut self.bodies, |solver, _| {
             let ConstraintSolver { lanes, certifier, system, .. } = solver;
             certifier.refine(system, lanes, prospective, settings, examined)
         });
         report.sweeps += outcome.iterations;
-        outcome
+        report.join(&outcome, timer);
     }
 
     /// Certifies the velocities as the sweeps left them.
-    fn examine(&mut self) -> SolveReport {
+    fn examine(&mut self, timer: &mut StageTimer, report: &mut StepReport) {
         let ConstraintSolver { lanes, certifier, .. } = &mut self.solver;
-        certifier.examine(&self.bodies.velocities, lanes, &self.scratch.prospective)
+        let prospective = &self.scratch.prospective;
+        let outcome = certifier.examine(&self.bodies.velocities, lanes, prospective);
+        report.join(&outcome, timer);
     }
 
     /// Looks for contacts that are jammed, if the certificate of the substep gives a reason.
