@@ -87,6 +87,18 @@ fn substeps_until_search(substeps: u32, passed: f32) -> u32 {
     ((substeps as f32 / passed) as u32).max(1)
 }
 
+/// Sums the impulses of pairs over the parts of a step.
+fn join_pairs(impulses: &mut Vec<([u32; 2], f32)>) {
+    impulses.sort_by_key(|(colliders, _)| *colliders);
+    impulses.dedup_by(|later, first| {
+        let same = later.0 == first.0;
+        if same {
+            first.1 += later.1;
+        }
+        same
+    });
+}
+
 /// Returns the motion of the bodies over `dt` \[s\].
 fn moving<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &Bodies<G, L, A>,
@@ -108,6 +120,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             StageTimer::start(if execution.timing { execution.clock } else { Clock::NONE });
         let mut report = StepReport::default();
         self.wake_if_changed();
+        self.scratch.pair_impulses.clear();
         let mut search = self.first_search(dt);
         report.substeps = search.substeps;
         loop {
@@ -124,6 +137,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         }
         self.bodies.forces.clear();
+        join_pairs(&mut self.scratch.pair_impulses);
         self.fall_asleep(dt);
         report.stages = timer.stages;
         report.asleep = self.sleep.count();
@@ -429,7 +443,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 || examined.is_some()
                 || settings.ledger
                 || bouncing
-                || self.execution.saving,
+                || self.execution.saving
+                || self.execution.recording,
         }
     }
 

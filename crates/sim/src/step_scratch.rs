@@ -27,6 +27,10 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     /// Velocity changes by forces, in a substep in which bodies may bounce.
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
     pub(crate) ledger: LedgerBuilder<L, A>,
+    /// Normal impulses of each manifold in the substeps of a part, if they are recorded. \[N s\]
+    pub(crate) impulses: Vec<f32>,
+    /// Normal impulses of pairs of colliders in the last step, if they are recorded. \[N s\]
+    pub(crate) pair_impulses: Vec<([u32; 2], f32)>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<G, L, A> {
@@ -43,6 +47,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             displacements: Vec::new(),
             force_gains: Vec::new(),
             ledger: LedgerBuilder::default(),
+            impulses: Vec::new(),
+            pair_impulses: Vec::new(),
         }
     }
 }

@@ -12,6 +12,7 @@ use drystone_solver::thread_pool::Divide;
 use drystone_solver::wide::{Landing, MovedBodies, WideBatch};
 
 use crate::bodies::Bodies;
+use crate::cache::Pair;
 use crate::geometry::Geometry;
 use crate::ledger::LedgerBuilder;
 use crate::motion::{Advanced, MovingBodies, SubstepParams};
@@ -184,6 +185,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 self.substep(plan, substep, &mut renewed, timer, report);
             }
             self.context().trace(params);
+            self.record_pairs();
             timer.lap(Stage::Remember);
         } else {
             self.context().run_by_batch(params, timer);
@@ -266,6 +268,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 ledger.end(bodies, gravity, (system, &surfaces.done), params.h);
             });
         }
+        if self.execution.recording {
+            self.record(substep + 1 == params.substeps);
+        }
         timer.lap(Stage::Relax);
         if examined {
             self.find_jams(report);
@@ -346,6 +351,29 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             count
         })
+    }
+
+    /// Adds the normal impulses of a substep to those of the part; after the `last` one the impacts, too.
+    fn record(&mut self, last: bool) {
+        self.unpack();
+        let (impulses, system) = (&mut self.scratch.impulses, &self.solver.system);
+        impulses.resize(system.manifolds.len(), 0.0);
+        for (own, manifold) in impulses.iter_mut().zip(&system.manifolds) {
+            for contact in &system.contacts[manifold.points()] {
+                *own += contact.impulse[0] + if last { contact.impact } else { 0.0 };
+            }
+        }
+    }
+
+    /// Adds the recorded impulses of a part to those of the pairs.
+    fn record_pairs(&mut self) {
+        let StepScratch { impulses, pair_impulses, .. } = &mut self.scratch;
+        if !impulses.is_empty() {
+            let touching = self.contacts.pairs.iter().filter(|pair| !pair.rests && pair.count > 0);
+            let sum = |pair: &Pair| impulses[pair.records()].iter().sum();
+            pair_impulses.extend(touching.map(|pair| (pair.colliders, sum(pair))));
+            impulses.clear();
+        }
     }
 
     /// Copies the contacts from the lanes to the system.

@@ -62,6 +62,8 @@ pub(crate) struct Execution<const L: usize, const A: usize> {
     pub(crate) timing: bool,
     /// True if steps save the contact system of their last substep.
     pub(crate) saving: bool,
+    /// True if steps record the impulses of their contacts.
+    pub(crate) recording: bool,
     /// Saved contact system of the last substep.
     pub(crate) saved: Option<SavedSystem<L, A>>,
 }
@@ -75,6 +77,7 @@ impl<const L: usize, const A: usize> Default for Execution<L, A> {
             clock: Clock::system(),
             timing: false,
             saving: false,
+            recording: false,
             saved: None,
         }
     }
@@ -187,6 +190,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Returns all bodies in the order of their slots.
     pub fn bodies(&self) -> impl Iterator<Item = BodyId> + '_ {
         (0..self.len()).filter_map(|slot| self.body_at(slot))
+    }
+
+    /// Returns the collider in a slot, if there is one.
+    pub fn collider_at(&self, slot: usize) -> Option<ColliderId> {
+        let slots = &self.colliders.slots;
+        let taken = slot < slots.len() && slots.is_taken(slot);
+        taken.then(|| ColliderId::new(slots, slot, self.id))
     }
 
     /// Returns the colliders of a body in reverse order of addition.

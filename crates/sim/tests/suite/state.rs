@@ -353,3 +353,39 @@ fn bad_values_are_refused_and_change_nothing() {
         poses(&other)
     });
 }
+
+/// Contacts of a step: a crate at rest is pushed by its weight, asleep it still touches, and every bounce of a ball is
+/// seen with its whole impulse, also where contacts are searched for several times in a step.
+#[test]
+fn touching_bodies_are_reported_with_the_impulse_of_the_whole_step() {
+    for gravity in [9.81_f32, 30.0] {
+        let mut world = world();
+        world.gravity = Vector([0.0, -gravity, 0.0]);
+        world.record_impulses(true);
+        let floor = floor(&mut world);
+        let crate_id = cube(&mut world, [3.0, 0.5, 0.0], 0.5);
+        let mut ball = Body::new(Motion::Dynamic, [0.0, 2.0, 0.0], Rigid3::ball(0.1));
+        ball.colliders[0].material.restitution = 0.9;
+        let mass = 1000.0 * 4.0 / 3.0 * std::f32::consts::PI * 0.001;
+        let ball = world.add(ball).unwrap();
+        let (mut bounces, mut slept) = (0, false);
+        for step in 0..200 {
+            let falling = world.velocity(ball).unwrap().linear[1];
+            world.step(DT).unwrap();
+            let rising = world.velocity(ball).unwrap().linear[1];
+            let of = |id: BodyId| world.touching().find(|of| of.bodies.contains(&id));
+            let pushed = of(ball).map_or(0.0, |of| of.impulse);
+            let gained = mass * (rising - falling + gravity * DT);
+            assert!((pushed - gained).abs() < 0.02 * gained.abs() + 1e-3, "{pushed}, {gained}");
+            bounces += u32::from(pushed > mass);
+            let stands = of(crate_id).expect("the crate stands");
+            assert_eq!(stands.bodies.map(|id| id == crate_id || id == floor), [true; 2]);
+            assert!((stands.normal[1].abs() - 1.0).abs() < 1e-3 && stands.point[1].abs() < 0.01);
+            slept |= world.is_sleeping(crate_id);
+            let weight = if world.is_sleeping(crate_id) { 0.0 } else { 1000.0 * gravity * DT };
+            let is_still = step > 20 && stands.impulse > 0.0;
+            assert!(!is_still || (stands.impulse / weight - 1.0).abs() < 0.05, "{stands:?}");
+        }
+        assert!(bounces >= 3 && slept, "{bounces} bounces, asleep: {slept}");
+    }
+}

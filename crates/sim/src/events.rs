@@ -1,0 +1,74 @@
+//! [`Touching`]: the contacts of a step as games and sounds need them, without a copy of the contact system.
+
+use drystone_solver::Vector;
+
+use crate::cache::Pair;
+use crate::geometry::Geometry;
+use crate::ids::{BodyId, ColliderId};
+use crate::world::World;
+
+/// Two colliders that touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touching<const L: usize> {
+    /// Bodies a and b.
+    pub bodies: [BodyId; 2],
+    /// Their colliders.
+    pub colliders: [ColliderId; 2],
+    /// Unit normal, from b towards a.
+    pub normal: Vector<f32, L>,
+    /// World position midway between the surfaces, at the deepest point. \[m\]
+    pub point: Vector<f32, L>,
+    /// Distance between the surfaces at that point, negative where they overlap. \[m\]
+    pub gap: f32,
+    /// Sum of the normal impulses of all substeps of the last step, impacts included, if steps record them
+    /// ([`World::record_impulses`]). It is 0 while both bodies sleep. \[N s\]
+    pub impulse: f32,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
+    /// Whether steps record the impulses of contacts for [`World::touching`]. By default they do not: a step
+    /// then takes its islands one after the other through all substeps, which is faster.
+    pub fn record_impulses(&mut self, recording: bool) {
+        self.execution.recording = recording;
+        self.scratch.pair_impulses.clear();
+    }
+
+    /// Returns the colliders that touched at the end of the last step, or pushed each other in it, sleepers
+    /// included. One entry for each pair of colliders, in the order of their slots.
+    pub fn touching(&self) -> impl Iterator<Item = Touching<L>> + '_ {
+        self.contacts.pairs.iter().filter_map(|pair| self.touching_of(pair))
+    }
+
+    fn touching_of(&self, pair: &Pair) -> Option<Touching<L>> {
+        let records = if pair.rests { &self.sleep.records } else { &self.contacts.records };
+        let view = records.view();
+        let [a, b] = pair.bodies.map(|body| &self.bodies.frames[body as usize]);
+        let (mut deepest, mut is_pressed) = (None, false);
+        for record in view.of(pair.records()) {
+            for (point, trace) in view.points_of(record).iter().zip(view.traces_of(record)) {
+                is_pressed |= trace.impulse[0] > 0.0;
+                let gap = trace.gap[0];
+                if deepest.is_none_or(|(_, _, least)| gap < least) {
+                    let point = (a.point(point.on_a) + b.point(point.on_b)) * 0.5;
+                    deepest = Some((record.normal, point, gap));
+                }
+            }
+        }
+        let (normal, point, gap) = deepest?;
+        let recorded = &self.scratch.pair_impulses;
+        let found = recorded.binary_search_by_key(&pair.colliders, |(colliders, _)| *colliders);
+        let impulse = found.map_or(0.0, |at| recorded[at].1);
+        let touches = gap <= 0.0 || is_pressed || impulse > 0.0;
+        let colliders = pair.colliders.map(|slot| self.collider_at(slot as usize));
+        let bodies = pair.bodies.map(|slot| self.body_at(slot as usize));
+        let ([Some(p), Some(q)], [Some(a), Some(b)]) = (colliders, bodies) else { return None };
+        touches.then_some(Touching {
+            bodies: [a, b],
+            colliders: [p, q],
+            normal,
+            point,
+            gap,
+            impulse,
+        })
+    }
+}
