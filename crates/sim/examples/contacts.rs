@@ -3,8 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use drystone::scene::Motion;
-use drystone::{Body, StepSettings, Vector, Velocity, World3};
+use drystone::{Body, Motion, StepSettings, Vector, Velocity, World3};
 use parry3d::shape::SharedShape;
 
 const STEP: f32 = 1.0 / 60.0;

@@ -1,8 +1,7 @@
 //! A 2D scene: a ball knocks over a row of dominoes.
 //! `cargo run --release -p drystone --example plane`
 
-use drystone::scene::Motion;
-use drystone::{Body, StepSettings, Vector, Velocity, World2};
+use drystone::{Body, Motion, StepSettings, Vector, Velocity, World2};
 use parry2d::shape::SharedShape;
 
 fn main() {

@@ -8,8 +8,8 @@ use std::fmt::{self, Display, Formatter};
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::{Body, Inertia, SurfaceMotion};
+use crate::body::{Material, Motion};
 use crate::geometry::Geometry;
-use crate::scene::{Material, Motion};
 
 /// Farthest position, longest shape. \[m\]
 const FAR: f64 = 1e9;

@@ -59,31 +59,26 @@
 //! | motion to files | [`recording`] |
 //! | contacts by hand | [`World::system`] |
 
-pub mod audit;
 mod bodies;
+mod body;
 mod broad_phase;
 mod cache;
 mod certifier;
-pub mod check;
 mod colliders;
 mod course;
-pub mod decomposition;
-mod forms;
 pub mod geometry;
 mod ids;
 mod input;
 mod ledger;
 mod motion;
 mod narrow_phase;
+mod nearby;
 mod patches;
-pub mod recording;
 mod report;
 mod rows;
 mod saved;
-pub mod scene;
 mod seams;
 mod settings;
-mod simulation;
 mod sleep;
 mod surfaces;
 mod travel;
@@ -91,9 +86,7 @@ mod tuner;
 mod world;
 
 pub use bodies::{Body, Collider, Inertia, SurfaceMotion};
-pub use decomposition::{
-    Decomposition, DecompositionOptions, Decompositions, Deviation, NotSolid, decompose,
-};
+pub use body::{Combine, Filter, Material, Motion};
 pub use drystone_solver::jam::Jam;
 pub use drystone_solver::ladder::{Method, SolveReport};
 pub use drystone_solver::restitution::ImpactLaw;
@@ -106,11 +99,9 @@ pub use saved::SavedSystem;
 #[cfg(feature = "assembled")]
 pub use saved::{SavedContact, SavedProblem};
 pub use settings::StepSettings;
-pub use simulation::{BuildError, Simulation, build, build_with};
 pub use world::{Checkpoint, CheckpointError, World};
 
 pub use geometry::Pose2;
-pub use scene::{Filter, Material, Motion};
 
 /// A rigid body in the plane, to be added to a [`World2`].
 pub type Body2 = Body<geometry::Rigid2, 2, 1>;

@@ -5,6 +5,7 @@ use std::time::Duration;
 use drystone_solver::Clock;
 use drystone_solver::jam::Jam;
 use drystone_solver::ladder::SolveReport;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 use crate::ledger::Ledger;
@@ -72,7 +73,8 @@ impl Stage {
 }
 
 /// What [`World::step`](crate::World::step) did.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct StepReport {
     /// Wall time of each stage, in the order of [`Stage::ALL`]; all substeps together. Zero unless asked for
     /// ([`World::time_stages`](crate::World::time_stages)).
@@ -123,7 +125,8 @@ impl StepReport {
 }
 
 /// What [`World::measure`](crate::World::measure) finds after a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Measure {
     /// 1/2 v^T M v. \[J\]
     pub kinetic_energy: f64,

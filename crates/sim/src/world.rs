@@ -12,6 +12,7 @@ use drystone_solver::wide::Wide;
 use drystone_solver::{Clock, InverseMass, System, Vector, Velocity};
 
 use crate::bodies::{Bodies, Body, GRAIN, Inertia, SpinState, SurfaceMotion};
+use crate::body::Motion;
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, ManifoldCache, Pair};
 use crate::certifier::Certifier;
@@ -27,7 +28,6 @@ use crate::patches::{Patches, Shapes};
 use crate::report::{Measure, Stage, StageTimer, StepReport};
 use crate::rows::CacheSource;
 use crate::saved::SavedSystem;
-use crate::scene::Motion;
 use crate::seams::{SeamInput, SeamResolver};
 use crate::settings::StepSettings;
 use crate::sleep::Sleep;

@@ -2,12 +2,13 @@
 
 use std::any::Any;
 use std::array::from_fn;
-use std::fmt::{self, Debug, Formatter};
+use std::fmt::{self, Debug, Display, Formatter};
 use std::sync::{Arc, OnceLock};
 
 use drystone_solver::ladder::SolverMemory;
 use drystone_solver::wide::{CachedImpulse, Reuse};
 use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 use super::World;
@@ -26,12 +27,13 @@ use crate::surfaces::HeldTorque;
 ///
 /// Numbers stand one after the other, body by body, shape by shape, point by point. What a step
 /// computes anew is left out: boxes of what does not move, contact systems, colors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Checkpoint {
     /// Generations of the slots of bodies and colliders.
     slots: [Vec<u32>; 2],
     /// Bodies and colliders as they were added; none where it was read from bytes.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     definitions: Shared,
     /// Poses of the centers of mass ([`Geometry::write`]), which are not those of the bodies.
     poses: Vec<f32>,
@@ -100,13 +102,11 @@ impl Debug for Shared {
 }
 
 /// Why a world does not take a checkpoint.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CheckpointError {
     /// The bytes are none.
-    #[error("is no checkpoint: {0}")]
     Unreadable(String),
     /// It was taken of other bodies.
-    #[error("is a checkpoint of another world: {what} need {expected} numbers, and it has {found}")]
     OtherWorld {
         /// What is too few or too many.
         what: &'static str,
@@ -116,15 +116,33 @@ pub enum CheckpointError {
         found: usize,
     },
     /// Bodies were added or removed since, and it was read from bytes, which do not hold bodies.
-    #[error("is a checkpoint of other bodies: some were added or removed since")]
     OtherBodies,
     /// A number is infinite, or none.
-    #[error("has {0} that are not finite")]
     NotFinite(&'static str),
     /// It names a pair of shapes that cannot touch in this world.
-    #[error("is a checkpoint of another world: its shapes {0:?} do not collide here")]
     OtherPair([u32; 2]),
 }
+
+impl Display for CheckpointError {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        const OTHER: &str = "is a checkpoint of another world";
+        match self {
+            Self::Unreadable(why) => write!(f, "is no checkpoint: {why}"),
+            Self::OtherWorld { what, expected, found } => {
+                write!(f, "{OTHER}: {what} need {expected} numbers, and it has {found}")
+            }
+            Self::OtherBodies => {
+                f.write_str("is a checkpoint of other bodies: some were added or removed since")
+            }
+            Self::NotFinite(what) => write!(f, "has {what} that are not finite"),
+            Self::OtherPair(pair) => {
+                write!(f, "{OTHER}: its shapes {pair:?} do not collide here")
+            }
+        }
+    }
+}
+
+impl std::error::Error for CheckpointError {}
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// The state between two steps, with the bodies: a world that has fewer or others by then gets them back.

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
-use drystone::scene::{Filter, Motion};
-use drystone::{Body, BodyId, Collider, Inertia, Stage, StepSettings, World, World2, World3};
+use drystone::{
+    Body, BodyId, Collider, Filter, Inertia, Motion, Stage, StepSettings, World, World2, World3,
+};
 use drystone_solver::{SymmetricMatrix, Vector, Velocity};
 
 // Conservation

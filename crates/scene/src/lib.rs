@@ -1,0 +1,72 @@
+//! Scene descriptions and the file formats that hold them.
+//!
+//! Every reader produces a [`Scene`], and every world is built from one. SI units, right-handed, +y
+//! up. Vectors have as many components as the scene has dimensions.
+
+// At most one error is made per file, so its size does not matter.
+#![allow(clippy::result_large_err)]
+
+mod description;
+mod document;
+mod engine;
+mod error;
+pub mod export;
+pub mod file;
+pub mod format;
+pub mod gltf;
+pub mod graph;
+mod read;
+pub mod schema;
+pub mod solid_mesh;
+mod solver;
+pub mod usd;
+mod whole;
+pub mod write;
+
+use std::path::Path;
+
+pub use description::{
+    BodiesAs, Body, Combine, Filter, Mass, Material, Motion, Rotation, Scene, Shape, ShapeKind,
+    SurfaceVelocity, Track,
+};
+pub use engine::{Engine, Hull, NoEngine, SettingFault, Solid, Weight};
+pub use error::{Place, SceneError, Warning};
+pub use file::open;
+pub use read::Read;
+pub use schema::json_schema;
+pub use solid_mesh::{DecompositionOptions, NotSolid, is_solid};
+pub use whole::{sync_directory, write_whole};
+pub use write::{to_json, to_toml};
+
+/// Reads a scene from a file, without an engine: the table `solver` is not checked.
+///
+/// # Errors
+/// Those of [`read_with`].
+pub fn read(path: &Path) -> Result<Read, SceneError> {
+    read_with(path, &NoEngine)
+}
+
+/// Reads a scene from a file. The extension is `.toml`, `.json`, `.gltf`, `.glb`, `.usda` or
+/// `.usd`, in upper or lower case.
+///
+/// # Errors
+/// [`SceneError::unreadable`] is set if the operating system does not provide the file. Otherwise
+/// the error describes the first fault found in the file.
+pub fn read_with(path: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
+    let extension = path.extension().and_then(|name| name.to_str()).unwrap_or("");
+    match extension.to_ascii_lowercase().as_str() {
+        "toml" => format::read_toml_with(path, &file::read_text(path)?, engine),
+        "json" => format::read_json_with(path, &file::read_text(path)?, engine),
+        "gltf" | "glb" => gltf::read(path, engine),
+        // `usd::read` refuses binary files and says how to convert them.
+        "usda" | "usd" | "usdc" | "usdz" => usd::read(path, engine),
+        other => Err(SceneError {
+            file: path.to_owned(),
+            place: Place::File,
+            item: "the format".to_owned(),
+            value: if other.is_empty() { "not named".to_owned() } else { format!("\".{other}\"") },
+            accepted: "accepted: .toml, .json, .gltf, .glb, .usda".to_owned(),
+            unreadable: false,
+        }),
+    }
+}
