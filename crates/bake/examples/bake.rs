@@ -14,19 +14,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let output = arguments.next().unwrap_or_else(|| "out/arch.glb".into());
     let read = drystone_bake::read(&file)?;
     let scene = &read.scene;
-    let settings = drystone_bake::settings(&scene, StepSettings::certified())?;
+    let settings = drystone_bake::settings(scene, StepSettings::certified())?;
     for finding in check::check(&read, &settings)? {
         println!("beware: {}; {}", finding.what, finding.advice);
     }
 
     let mut simulation = drystone_bake::build(scene, settings)?;
-    let mut recording = Recording {
-        dimension: scene.dimension,
-        bodies: scene.bodies.len(),
-        frame_time: scene.time_step,
-        start: 0,
-        poses: Vec::new(),
-    };
+    let mut recording = Recording::of(scene);
     simulation.write_poses(&mut recording.poses);
     let (mut error, mut deepest) = (0.0f64, 0.0f64);
     for _ in 0..scene.steps.unwrap_or(600) {

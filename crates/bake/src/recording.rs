@@ -16,6 +16,7 @@ use std::io;
 use std::ops::RangeInclusive;
 
 use drystone::geometry::pose_numbers;
+use drystone_scene::Scene;
 pub use sampling::Sampling;
 
 /// Accepted times between two frames. \[s\]
@@ -46,6 +47,17 @@ pub struct Named {
 }
 
 impl Recording {
+    /// Returns a recording of a scene without frames, one of which follows each of its time steps.
+    pub fn of(scene: &Scene) -> Self {
+        Self {
+            dimension: scene.dimension,
+            bodies: scene.bodies.len(),
+            frame_time: scene.time_step,
+            start: 0,
+            poses: Vec::new(),
+        }
+    }
+
     /// Returns the number of floats per pose: 7 in 3D, 3 in 2D.
     pub fn stride(&self) -> usize {
         pose_numbers(self.dimension)

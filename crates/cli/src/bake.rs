@@ -105,7 +105,7 @@ fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failur
         (false, Some(0.0)) => StepSettings { certify: true, ..StepSettings::quality() },
         (false, _) => StepSettings::certified(),
     };
-    let mut settings = drystone_bake::settings(&scene, preset)?;
+    let mut settings = drystone_bake::settings(scene, preset)?;
     if let Some(substeps) = arguments.substeps {
         (settings.substeps, settings.most_substeps) = (substeps, substeps);
     }

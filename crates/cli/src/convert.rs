@@ -123,7 +123,7 @@ fn scene(arguments: &Arguments) -> Result<(), Failure> {
 /// Converts a scene to a glTF with physics.
 fn physics(file: &Path, scene: &Scene) -> Result<Physics, Failure> {
     let wrong = |why: String| Failure::Input(format!("{}: {why}", file.display()));
-    let settings = drystone_bake::settings(&scene, StepSettings::certified())?;
+    let settings = drystone_bake::settings(scene, StepSettings::certified())?;
     let simulation = drystone_bake::build_with(scene, settings, &mut Decompositions::of_user())
         .map_err(|error| wrong(error.to_string()))?;
     Physics::new(scene, &simulation.masses(), &drystone_bake::Drystone).map_err(wrong)

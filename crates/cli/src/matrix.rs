@@ -75,7 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Simulates up to the step, and returns its contacts and the poses after it.
 fn simulate(arguments: &Arguments, scene: &Scene) -> Result<(SavedProblem, Vec<f32>), Failure> {
     let file = arguments.scene.display();
-    let settings = drystone_bake::settings(&scene, StepSettings::certified())?;
+    let settings = drystone_bake::settings(scene, StepSettings::certified())?;
     let mut simulation = build_with(scene, settings, &mut Decompositions::of_user())
         .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     for step in 1..=arguments.step {

@@ -1,7 +1,40 @@
-//! Scene descriptions and the file formats that hold them.
+//! Scenes of bodies in contact: one description, whatever file it comes from.
 //!
-//! Every reader produces a [`Scene`], and every world is built from one. SI units, right-handed, +y
-//! up. Vectors have as many components as the scene has dimensions.
+//! A [`Scene`] has bodies with shapes, materials, masses and tracks. Readers take it from Drystone's
+//! own format (TOML, JSON), from glTF 2.0 with physics, and from OpenUSD with UsdPhysics. Writers
+//! bring it back to each of them. SI units, right-handed, +y up. Vectors have as many components as
+//! the scene has dimensions.
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use drystone_scene::{ShapeKind, format::read_toml, to_json};
+//!
+//! let text = r#"
+//! [[bodies]]
+//! name = "ball"
+//! position = [0, 2, 0]
+//! shapes = [{ type = "sphere", radius = 0.5 }]
+//! "#;
+//! let read = read_toml(Path::new("ball.toml"), text)?;
+//! assert!(read.warnings.is_empty());
+//! assert_eq!(read.scene.bodies[0].shapes[0].kind, ShapeKind::Sphere { radius: 0.5 });
+//! assert!(to_json(&read.scene).contains("\"ball\""));
+//! # Ok::<(), drystone_scene::SceneError>(())
+//! ```
+//!
+//! Files are not trusted. A wrong value is refused with file, place, item, value and accepted range
+//! ([`SceneError`]); input without effect is named ([`Warning`]).
+//!
+//! This crate knows no engine. Settings of the table `solver`, masses of compound shapes and convex
+//! hulls are those of an [`Engine`]; `drystone-bake` has that of Drystone.
+//!
+//! | For | Look at |
+//! |---|---|
+//! | files | [`read`], [`read_with`] |
+//! | text of our own format | [`format`](mod@format), [`to_toml`], [`to_json`], [`json_schema`] |
+//! | glTF and OpenUSD to be written | [`export::gltf::Physics`], [`export::usd::Stage`] |
+//! | meshes that enclose a volume | [`is_solid`], [`DecompositionOptions`] |
 
 // At most one error is made per file, so its size does not matter.
 #![allow(clippy::result_large_err)]

@@ -46,6 +46,13 @@
 //! assert!(world.pose(crates[1]).is_some_and(|pose| (pose.translation.y - 1.5).abs() < 1e-4));
 //! ```
 //!
+//! Scenes from files, checks and recordings are in `drystone-bake`.
+//!
+//! # Features
+//!
+//! - `serde`: [`StepSettings`], reports and [`Checkpoint`] are written and read by serde.
+//! - `assembled`: a [`SavedSystem`] as matrices.
+//!
 //! # Where to look
 //!
 //! | For | Look at |
@@ -54,9 +61,6 @@
 //! | what a body is made of | [`Body`], [`Collider`], [`Inertia`] |
 //! | how a step is taken | [`StepSettings`] |
 //! | what a step did | [`StepReport`], [`Measure`], [`Ledger`] |
-//! | scenes from files, checked and run | [`scene::read`], [`check::check`], [`build`], [`Simulation`] |
-//! | concave meshes as convex pieces | [`decompose`], [`Decompositions`] |
-//! | motion to files | [`recording`] |
 //! | contacts by hand | [`World::system`] |
 
 mod bodies;

@@ -16,7 +16,7 @@ fn read(name: &str) -> Scene {
 }
 
 fn start(scene: &Scene, preset: &StepSettings) -> Box<dyn Simulation> {
-    build(scene, drystone_bake::settings(&scene, preset.clone()).unwrap()).unwrap()
+    build(scene, drystone_bake::settings(scene, preset.clone()).unwrap()).unwrap()
 }
 
 /// Returns the report of a step without its times.

@@ -71,7 +71,7 @@ impl Preset {
             Certified => StepSettings::certified(),
             Realtime => StepSettings { certify: true, ..StepSettings::realtime() },
         };
-        drystone_bake::settings(&scene, preset).unwrap_or_else(|error| panic!("{error}"))
+        drystone_bake::settings(scene, preset).unwrap_or_else(|error| panic!("{error}"))
     }
 
     fn build(self, scene: &Scene) -> Box<dyn Simulation> {

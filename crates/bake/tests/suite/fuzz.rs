@@ -66,7 +66,7 @@ fn use_own(scene: &drystone_scene::Scene) {
 fn use_scene(scene: &drystone_scene::Scene) {
     // Writing must not panic. The TOML text of a scene of defaults is empty.
     drop([to_json(scene), to_toml(scene)]);
-    if let Ok(settings) = drystone_bake::settings(&scene, StepSettings::realtime()) {
+    if let Ok(settings) = drystone_bake::settings(scene, StepSettings::realtime()) {
         drop(build(scene, settings));
     }
 }

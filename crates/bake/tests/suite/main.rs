@@ -13,5 +13,6 @@ mod motion_fuzz;
 mod relations;
 mod samples;
 mod scene;
+mod settings;
 mod surfaces;
 mod usd;

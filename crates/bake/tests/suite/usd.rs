@@ -761,7 +761,7 @@ fn what_leads_in_rings_or_out_of_the_folder_is_refused() {
 
 /// Returns the state hashes after each of the first ten steps.
 fn steps(scene: &Scene) -> Vec<u64> {
-    let settings = drystone_bake::settings(&scene, StepSettings::realtime()).unwrap();
+    let settings = drystone_bake::settings(scene, StepSettings::realtime()).unwrap();
     let mut simulation = build(scene, settings).unwrap();
     let step = |_| {
         simulation.step(scene.time_step).unwrap();

@@ -17,14 +17,9 @@ type House = BTreeMap<Vec<String>, Vec<Vec<String>>>;
 fn modules_depend_in_one_direction() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut arrows = 0;
-    for name in [
-        "crates/solver",
-        "crates/sim",
-        "crates/scene",
-        "crates/bake",
-        "crates/cli",
-        "bench",
-    ] {
+    for name in
+        ["crates/solver", "crates/sim", "crates/scene", "crates/bake", "crates/cli", "bench"]
+    {
         let texts = modules(&root.join(name).join("src"), &[]);
         let house = house(&texts);
         arrows += house.values().map(Vec::len).sum::<usize>();
