@@ -13,8 +13,8 @@ use crate::description::{Body, Mass, Motion, Scene, SurfaceVelocity};
 use crate::engine::Engine;
 use crate::whole::write_whole;
 use materials::Materials;
-use prim::quoted;
 pub use prim::{Prim, tuple};
+use prim::{quoted, space};
 use shape::Look;
 pub use stage::Stage;
 
@@ -144,11 +144,6 @@ pub fn write_stage(
 /// codes.
 pub fn rounded(x: f64) -> f64 {
     (x * 1e9).round() / 1e9
-}
-
-/// Returns a vector in 3D: missing components are 0.
-fn space(vector: &[f64]) -> [f64; 3] {
-    std::array::from_fn(|i| vector.get(i).copied().unwrap_or(0.0))
 }
 
 /// Sets the mass properties that do not follow from the shapes.

@@ -115,3 +115,8 @@ pub(super) fn quoted(text: &str) -> String {
     }
     out + "\""
 }
+
+/// Returns a vector in 3D: missing components are 0.
+pub(super) fn space(vector: &[f64]) -> [f64; 3] {
+    std::array::from_fn(|i| vector.get(i).copied().unwrap_or(0.0))
+}

@@ -2,8 +2,7 @@
 
 use super::super::color::{color_of, linear};
 use super::super::mesh::{self, mesh_of, scale_of};
-use super::prim::{Prim, list, tuple};
-use super::space;
+use super::prim::{Prim, list, space, tuple};
 use crate::description::{Motion, Rotation, Shape, ShapeKind, SurfaceVelocity};
 use crate::engine::Engine;
 use crate::graph::math::{from_up, quat_mul};

@@ -16,8 +16,8 @@ use std::io;
 use std::path::Path;
 
 use super::super::mesh::hull_triangles;
-use super::prim::{Prim, list, quoted, tuple};
-use super::{Prims, space, write_stage};
+use super::prim::{Prim, list, quoted, space, tuple};
+use super::{Prims, write_stage};
 use crate::description::{Body, Filter, Motion, Rotation, Scene, Shape, ShapeKind, Track};
 use crate::engine::Engine;
 use crate::write::own_words;
