@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use drystone::scene::{Motion, Scene};
+use drystone_scene::{Motion, Scene};
 
 /// A scene to run.
 pub(crate) struct Case {

@@ -12,10 +12,8 @@ mod rapier;
 use std::fmt;
 use std::str::FromStr;
 
-use ::drystone::scene::{
-    BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Track,
-};
 use clap::ValueEnum;
+use drystone_scene::{BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Track};
 
 pub(crate) use self::drystone::Drystone;
 
@@ -299,7 +297,7 @@ fn states_inertia(body: &Body) -> bool {
 macro_rules! solids {
     ($name:ident: $parry:ident, $shapes:ident, $stated:expr) => {
         pub(crate) mod $name {
-            use drystone::scene::{Body, Mass};
+            use drystone_scene::{Body, Mass};
             pub(crate) use $parry::mass_properties::MassProperties;
 
             use super::Refusal;
@@ -343,7 +341,7 @@ solids!(flat_solid: parry2d_f64, exact_flat, |of, moments, _| {
     MassProperties::new(of.local_com, of.mass(), moments.first().copied().unwrap_or(0.0))
 });
 solids!(solid: parry3d_f64, exact_space, |of, moments, mass| {
-    let axes = drystone::scene::Rotation::Quaternion(mass.inertia_rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
+    let axes = drystone_scene::Rotation::Quaternion(mass.inertia_rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
     let frame = pose(&[], &axes).rotation;
     MassProperties::with_principal_inertia_frame(of.local_com, of.mass(), vector(moments), frame)
 });
@@ -352,7 +350,7 @@ solids!(solid: parry3d_f64, exact_space, |of, moments, mass| {
 mod tests {
     use std::path::Path;
 
-    use ::drystone::scene::format::read_json;
+    use drystone_bake::read_json;
 
     use super::*;
 

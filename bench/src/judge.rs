@@ -1,6 +1,6 @@
 //! Quality of a run, judged in double precision from poses alone and independent of the engine.
 
-use drystone::scene::{Body, Motion, Rotation, Scene};
+use drystone_scene::{Body, Motion, Rotation, Scene};
 
 /// A scene starts at rest if every dynamic body is nearer than this to another body. \[m\]
 const TOUCH: f64 = 0.01;
@@ -108,7 +108,7 @@ fn start(body: &Body) -> Vec<f32> {
 macro_rules! judge {
     ($name:ident: $parry:ident, $shapes:ident, $stride:literal, $placed:expr) => {
         mod $name {
-            use drystone::scene::{Motion, Rotation, Scene, ShapeKind};
+            use drystone_scene::{Motion, Rotation, Scene, ShapeKind};
             use $parry::bounding_volume::BoundingVolume;
             use $parry::math::Pose;
             use $parry::query::contact;
@@ -210,7 +210,7 @@ judge!(space: parry3d_f64, exact_space, 7, |&[x, y, z, i, j, k, w]| (
 mod tests {
     use std::path::Path;
 
-    use drystone::scene::format::read_json;
+    use drystone_bake::read_json;
 
     use super::*;
     use crate::made::made;

@@ -2,9 +2,7 @@
 
 use std::f64::consts::PI;
 
-use drystone::scene::{
-    self, BodiesAs, Filter, Mass, Material, Motion, Rotation, Scene, ShapeKind, Track,
-};
+use drystone_scene::{BodiesAs, Filter, Mass, Material, Motion, Rotation, Scene, ShapeKind, Track};
 use parry3d_f64::shape::SharedShape as Exact;
 
 use crate::case::Case;
@@ -41,7 +39,7 @@ impl Body {
     }
 
     /// Returns the body for a scene of `dimension`; in 2D without z components.
-    fn described(&self, dimension: usize, friction: f64) -> scene::Body {
+    fn described(&self, dimension: usize, friction: f64) -> drystone_scene::Body {
         let axes = |of: &[f32; 3]| of[..dimension].iter().map(|&x| x.into()).collect::<Vec<f64>>();
         let kind = match &self.form {
             Form::Box(half) => ShapeKind::Box { half_extents: axes(half) },
@@ -54,7 +52,7 @@ impl Body {
             2 => Rotation::Angle(0.0),
             _ => Rotation::Quaternion(q.map(f64::from)),
         };
-        let shape = scene::Shape {
+        let shape = drystone_scene::Shape {
             kind,
             position: vec![0.0; dimension],
             rotation: turn([0.0, 0.0, 0.0, 1.0]),
@@ -62,7 +60,7 @@ impl Body {
             filter: Filter::default(),
             surface_velocity: None,
         };
-        scene::Body {
+        drystone_scene::Body {
             name: None,
             motion: if self.fixed { Motion::Static } else { Motion::Dynamic },
             position: axes(&self.position),

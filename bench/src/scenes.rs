@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use drystone::scene::read;
+use drystone_bake::read;
 
 use crate::case::Case;
 use crate::made::{NAMES, made};

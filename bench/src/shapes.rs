@@ -4,7 +4,7 @@
 macro_rules! shapes {
     ($name:ident: $($parry:ident)::+, $real:ident, $l:literal, $turn:expr, $cuboid:expr, $other:expr) => {
         pub(crate) mod $name {
-            use drystone::scene::{Rotation, ShapeKind};
+            use drystone_scene::{Rotation, ShapeKind};
             use $($parry)::+::math::{Pose, Rotation as Turn, Vector};
             use $($parry)::+::shape::SharedShape;
 

@@ -1,8 +1,8 @@
 //! A scene in Box2D with its default world.
 #![allow(unsafe_code)]
 
-use ::drystone::scene::{Body, Motion, Rotation, Scene, ShapeKind};
 use boxdd_sys::ffi as b2;
+use drystone_scene::{Body, Motion, Rotation, Scene, ShapeKind};
 
 use super::{Effort, Engine, Peer, Refusal, density, flat_solid, soft_step, states_inertia};
 

@@ -1,8 +1,8 @@
 //! A scene in Box3D with its default world.
 #![allow(unsafe_code)]
 
-use ::drystone::scene::{Body, Motion, Rotation, Scene, ShapeKind};
 use boxddd_sys::ffi as b3;
+use drystone_scene::{Body, Motion, Rotation, Scene, ShapeKind};
 
 use super::{Effort, Engine, Peer, Refusal, density, soft_step, solid, states_inertia};
 

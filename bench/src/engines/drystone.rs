@@ -1,7 +1,8 @@
 //! A scene in Drystone.
 
-use ::drystone::scene::Scene;
-use ::drystone::{Simulation, StepReport, StepSettings};
+use ::drystone::{StepReport, StepSettings};
+use drystone_bake::{BuildError, Simulation};
+use drystone_scene::Scene;
 
 use super::{Effort, Engine, Refusal};
 
@@ -23,8 +24,12 @@ impl Drystone {
     ) -> Result<Self, Refusal> {
         // No body sleeps in any engine.
         let settings = StepSettings { sleep: 0.0, ..settings };
-        let mut simulation = ::drystone::build(scene, settings)
-            .map_err(|error| Refusal::new(error.body, error.reason))?;
+        let mut simulation =
+            drystone_bake::build(scene, settings).map_err(|error| match error {
+                BuildError::Shape { body, reason, .. } => Refusal::new(body, reason),
+                BuildError::Body { body, error } => Refusal::new(body, error.to_string()),
+                BuildError::Step(error) => Refusal::new("settings", error.to_string()),
+            })?;
         simulation.set_threads(threads);
         Ok(Self { simulation, report: StepReport::default() })
     }
@@ -50,7 +55,10 @@ pub(super) fn settings(effort: Effort) -> StepSettings {
 
 impl Engine for Drystone {
     fn step(&mut self, dt: f32) -> Result<(), Refusal> {
-        self.report = self.simulation.step(dt.into()).map_err(|error| Refusal::new("step", error.to_string()))?;
+        self.report = self
+            .simulation
+            .step(dt.into())
+            .map_err(|error| Refusal::new("step", error.to_string()))?;
         Ok(())
     }
 

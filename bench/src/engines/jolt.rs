@@ -4,7 +4,7 @@
 use std::ptr::null;
 use std::sync::Once;
 
-use ::drystone::scene::{Body, Motion, Rotation, Scene, ShapeKind};
+use drystone_scene::{Body, Motion, Rotation, Scene, ShapeKind};
 use oxijolt_sys as jolt;
 
 use super::{Effort, Engine, Peer, Refusal, density, solid, states_inertia};
@@ -94,7 +94,7 @@ impl Jolt {
 
     fn add(&mut self, index: usize, body: &Body) -> Result<(), Refusal> {
         let refuse = |why: &str| Refusal::body(index, body, why);
-        let surface = |shape: &::drystone::scene::Shape| {
+        let surface = |shape: &drystone_scene::Shape| {
             [shape.material.friction as f32, shape.material.restitution as f32]
         };
         let [friction, restitution] = body.shapes.first().map_or([0.0; 2], surface);

@@ -1,6 +1,6 @@
 //! A scene in rapier2d or rapier3d with default parameters.
 
-use ::drystone::scene::Scene;
+use drystone_scene::Scene;
 
 use super::{Effort, Engine, Refusal, follow, soft_step};
 
@@ -26,7 +26,7 @@ pub(super) fn space(
 macro_rules! rapier {
     ($name:ident: $rapier:ident, $shapes:ident, $solids:ident, $spin:expr, $mass:expr, $pose:expr) => {
         mod $name {
-            use drystone::scene::{Body, Motion, Rotation, Scene};
+            use drystone_scene::{Body, Motion, Rotation, Scene};
             use $rapier::prelude::{
                 AngVector, CoefficientCombineRule, ColliderBuilder, MassProperties, PhysicsWorld,
                 Pose, RigidBodyBuilder, RigidBodyHandle,

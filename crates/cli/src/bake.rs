@@ -12,10 +12,11 @@ use std::collections::BTreeSet;
 use std::num::NonZero;
 use std::{fmt, thread};
 
-use drystone::check::{decompositions, jumps};
-use drystone::recording::journal::Header;
-use drystone::scene::{self, Read, Scene};
-use drystone::{Decompositions, Simulation, StepSettings};
+use drystone::StepSettings;
+use drystone_bake::check::{decompositions, jumps};
+use drystone_bake::recording::journal::Header;
+use drystone_bake::{Decompositions, Simulation};
+use drystone_scene::{Read, Scene};
 
 use crate::failure::Failure;
 use crate::print;
@@ -33,7 +34,7 @@ const DURATION: f64 = 10.0;
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = Outputs::new(arguments)?;
-    let read = scene::read(&arguments.scene)?;
+    let read = drystone_bake::read(&arguments.scene)?;
     print_warnings(arguments, read.warnings.iter());
     print_warnings(arguments, jumps(&read.scene).into_iter().map(|of| of.what));
     outputs.check_folders()?;
@@ -88,7 +89,7 @@ fn prepare(arguments: &Arguments, scene: &Scene) -> Result<Box<dyn Simulation>, 
         Failure::Input(format!("{}: {error}", arguments.scene.display()))
     };
     let mut known = Decompositions::of_user();
-    let simulation = drystone::build_with(scene, settings(arguments, scene)?, &mut known)
+    let simulation = drystone_bake::build_with(scene, settings(arguments, scene)?, &mut known)
         .map_err(|error| in_file(&error))?;
     if !arguments.quiet {
         for finding in decompositions(scene, &mut known) {
@@ -104,7 +105,7 @@ fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failur
         (false, Some(0.0)) => StepSettings { certify: true, ..StepSettings::quality() },
         (false, _) => StepSettings::certified(),
     };
-    let mut settings = scene.settings(preset)?;
+    let mut settings = drystone_bake::settings(scene, preset)?;
     if let Some(substeps) = arguments.substeps {
         (settings.substeps, settings.most_substeps) = (substeps, substeps);
     }

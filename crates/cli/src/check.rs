@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use drystone::check::{Finding, Kind, check_with};
-use drystone::scene::{self, Scene};
-use drystone::{Decompositions, StepSettings};
+use drystone::StepSettings;
+use drystone_bake::Decompositions;
+use drystone_bake::check::{Finding, Kind, check_with};
+use drystone_scene::Scene;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
@@ -45,10 +46,10 @@ Exit codes: 0 nothing found, 1 something found, 2 wrong input or usage, 4 a file
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let read = scene::read(&arguments.scene)?;
+    let read = drystone_bake::read(&arguments.scene)?;
     let preset =
         if arguments.realtime { StepSettings::realtime() } else { StepSettings::certified() };
-    let settings = read.scene.settings(preset)?;
+    let settings = drystone_bake::settings(&read.scene, preset)?;
     let file = arguments.scene.display();
     let findings = check_with(&read, &settings, &mut Decompositions::of_user())
         .map_err(|error| Failure::Input(format!("{file}: {error}")))?;

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use drystone::recording::physics::Physics;
-use drystone::recording::usda::Stage;
-use drystone::recording::write_whole;
-use drystone::scene::{self, Scene, to_json, to_toml};
-use drystone::{Decompositions, StepSettings};
+use drystone::StepSettings;
+use drystone_bake::Decompositions;
+use drystone_scene::export::gltf::Physics;
+use drystone_scene::export::usd::Stage;
+use drystone_scene::{Scene, to_json, to_toml, write_whole};
 
 use crate::bake::Format;
 use crate::cut::Cut;
@@ -68,7 +68,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn motion(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { input, output, scene, cut } = arguments;
     let format = Format::of("OUT", output)?;
-    let read = scene.as_deref().map(scene::read).transpose()?;
+    let read = scene.as_deref().map(drystone_bake::read).transpose()?;
     let named = take(input, read.as_ref().map(|read| &read.scene))?.ok_or_else(|| {
         let what = "does not tell whose poses it has; give their scene with --scene";
         Failure::Input(format!("{}: {what}", input.display()))
@@ -100,7 +100,7 @@ fn scene(arguments: &Arguments) -> Result<(), Failure> {
     if !matches!(form.as_str(), "toml" | "json" | "gltf" | "glb" | "usda") {
         return Err(wrong_extension("OUT", output, ".toml, .json, .gltf, .glb, .usda"));
     }
-    let read = scene::read(input)?;
+    let read = drystone_bake::read(input)?;
     read.warnings.iter().for_each(|warning| warn(input, warning));
     let text = |text: String| write_whole(output, |out| out.write_all(text.as_bytes()));
     let written = match form.as_str() {
@@ -108,7 +108,7 @@ fn scene(arguments: &Arguments) -> Result<(), Failure> {
         "json" => text(to_json(&read.scene)),
         "usda" => {
             let wrong = |why: String| Failure::Input(format!("{}: {why}", input.display()));
-            Stage::new(&read.scene).map_err(wrong)?.write(output)
+            Stage::new(&read.scene, &drystone_bake::Drystone).map_err(wrong)?.write(output)
         }
         _ if read.source.is_some() => {
             let what = "is a glTF already; accepted as OUT: .toml, .json, .usda";
@@ -123,12 +123,12 @@ fn scene(arguments: &Arguments) -> Result<(), Failure> {
 /// Converts a scene to a glTF with physics.
 fn physics(file: &Path, scene: &Scene) -> Result<Physics, Failure> {
     let wrong = |why: String| Failure::Input(format!("{}: {why}", file.display()));
-    let settings = scene.settings(StepSettings::certified())?;
-    let simulation = drystone::build_with(scene, settings, &mut Decompositions::of_user())
+    let settings = drystone_bake::settings(scene, StepSettings::certified())?;
+    let simulation = drystone_bake::build_with(scene, settings, &mut Decompositions::of_user())
         .map_err(|error| wrong(error.to_string()))?;
-    Physics::new(scene, &simulation.masses()).map_err(wrong)
+    Physics::new(scene, &simulation.masses(), &drystone_bake::Drystone).map_err(wrong)
 }
 
-fn warn(file: &Path, warning: &scene::Warning) {
+fn warn(file: &Path, warning: &drystone_scene::Warning) {
     eprintln!("drystone: warning: {}: {warning}", file.display());
 }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-use drystone::recording::{Recording, Sampling};
+use drystone_bake::recording::{Recording, Sampling};
 
 use crate::failure::Failure;
 use crate::quantity::{length, real};

@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 
 use drystone::InputError;
-use drystone::scene::SceneError;
+use drystone_scene::SceneError;
 
 /// A failure, described in one line.
 #[derive(Debug)]

@@ -9,8 +9,7 @@
 
 use std::path::Path;
 
-use drystone::recording::write_whole;
-use drystone::scene::{Place, SceneError};
+use drystone_scene::{Place, SceneError, write_whole};
 use drystone_solver::assembled::{Assembly, Bodies, Matrix, Problem, ProblemError, from_entries};
 use hdf5_pure::{File, FileBuilder, GroupBuilder};
 

@@ -5,9 +5,9 @@ mod draw;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use drystone::recording::write_whole;
-use drystone::scene::{self, Motion, Scene};
-use drystone::{Decompositions, SavedProblem, StepSettings, build_with};
+use drystone::{SavedProblem, StepSettings};
+use drystone_bake::{Decompositions, build_with};
+use drystone_scene::{Motion, Scene, write_whole};
 
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
@@ -54,7 +54,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(wrong_extension("--output", output, ".svg"));
     }
     spare(output, [file.as_path()])?;
-    let scene = scene::read(file)?.scene;
+    let scene = drystone_bake::read(file)?.scene;
     let (saved, poses) = simulate(arguments, &scene)?;
     let count = saved.contacts.len();
     if !(1..=MOST).contains(&count) {
@@ -75,7 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Simulates up to the step, and returns its contacts and the poses after it.
 fn simulate(arguments: &Arguments, scene: &Scene) -> Result<(SavedProblem, Vec<f32>), Failure> {
     let file = arguments.scene.display();
-    let settings = scene.settings(StepSettings::certified())?;
+    let settings = drystone_bake::settings(scene, StepSettings::certified())?;
     let mut simulation = build_with(scene, settings, &mut Decompositions::of_user())
         .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     for step in 1..=arguments.step {

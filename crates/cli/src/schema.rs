@@ -1,7 +1,5 @@
 //! `drystone schema`: prints the JSON Schema of scene files.
 
-use drystone::scene;
-
 use crate::failure::Failure;
 use crate::print;
 
@@ -11,5 +9,5 @@ pub(crate) struct Arguments {}
 
 /// Runs the command.
 pub(crate) fn run() -> Result<(), Failure> {
-    print(&format!("{:#}\n", scene::json_schema()))
+    print(&format!("{:#}\n", drystone_scene::json_schema()))
 }

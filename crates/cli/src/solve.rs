@@ -10,7 +10,7 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use drystone::recording::write_whole;
+use drystone_scene::write_whole;
 use drystone_solver::assembled::{Limits, Outcome, Status};
 use serde_json::Value;
 

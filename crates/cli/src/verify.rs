@@ -4,11 +4,12 @@ use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use drystone::recording::compare::{Difference, differences};
-use drystone::recording::journal;
-use drystone::recording::npz::{self, Named};
-use drystone::recording::poses;
-use drystone::scene::{self, Scene};
+use drystone_bake::recording::Named;
+use drystone_bake::recording::compare::{Difference, differences};
+use drystone_bake::recording::journal;
+use drystone_bake::recording::npz;
+use drystone_bake::recording::poses;
+use drystone_scene::Scene;
 
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
@@ -52,7 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         return Ok(ExitCode::SUCCESS);
     }
     let scene = match scene {
-        Some(path) => Some(scene::read(path)?.scene),
+        Some(path) => Some(drystone_bake::read(path)?.scene),
         None => None,
     };
     let difference = match (take(a, scene.as_ref())?, take(b, scene.as_ref())?) {
@@ -95,14 +96,14 @@ fn described(one: &Named, other: &Named) -> String {
 
 fn bytes(path: &Path) -> Result<Vec<u8>, Failure> {
     let mut bytes = Vec::new();
-    let read = scene::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
+    let read = drystone_scene::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
     read.map(|_| bytes).map_err(|error| Failure::cannot_read(path, &error))
 }
 
 /// Reads a bake with the names of its bodies; `None` if only a scene can tell its layout.
 pub(crate) fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, Failure> {
     let refused = |error: io::Error| Failure::Input(format!("{}: {error}", path.display()));
-    scene::open(path).map_err(|error| Failure::cannot_read(path, &error))?;
+    drystone_scene::open(path).map_err(|error| Failure::cannot_read(path, &error))?;
     match extension(path).as_str() {
         "npz" => {
             let mut named = npz::read(path).map_err(refused)?;

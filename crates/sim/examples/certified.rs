@@ -1,8 +1,7 @@
 //! Takes certified steps and prints their reports:
 //! `cargo run --release -p drystone --example certified`
 
-use drystone::scene::Motion;
-use drystone::{Body, Stage, StepSettings, World3};
+use drystone::{Body, Motion, Stage, StepSettings, World3};
 use parry3d::shape::SharedShape;
 
 fn main() {

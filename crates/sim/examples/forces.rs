@@ -1,8 +1,7 @@
 //! Moves a kinematic body and applies forces: a lift carries a crate up, and wind blows it off:
 //! `cargo run --release -p drystone --example forces`
 
-use drystone::scene::Motion;
-use drystone::{Body, StepSettings, Vector, Velocity, World3};
+use drystone::{Body, Motion, StepSettings, Vector, Velocity, World3};
 use parry3d::math::{Pose, Vector as Point};
 use parry3d::shape::SharedShape;
 

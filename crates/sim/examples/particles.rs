@@ -2,8 +2,7 @@
 //! `cargo run --release -p drystone --example particles`
 
 use drystone::geometry::spheres::SphereShape;
-use drystone::scene::Motion;
-use drystone::{Body, ParticleWorld2, StepSettings, Vector};
+use drystone::{Body, Motion, ParticleWorld2, StepSettings, Vector};
 
 fn main() {
     let mut world = ParticleWorld2::new(StepSettings::quality());

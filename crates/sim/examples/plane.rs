@@ -1,8 +1,7 @@
 //! Knocks over a row of dominoes with a ball, in 2D:
 //! `cargo run --release -p drystone --example plane`
 
-use drystone::scene::Motion;
-use drystone::{Body, StepSettings, Vector, Velocity, World2};
+use drystone::{Body, Motion, StepSettings, Vector, Velocity, World2};
 use parry2d::shape::SharedShape;
 
 fn main() {

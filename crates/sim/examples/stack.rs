@@ -1,8 +1,7 @@
 //! Simulates a stack of boxes with a fixed time step:
 //! `cargo run --release -p drystone --example stack`
 
-use drystone::scene::Motion;
-use drystone::{Body, StepSettings, World3};
+use drystone::{Body, Motion, StepSettings, World3};
 use parry3d::shape::SharedShape;
 
 const STEP: f32 = 1.0 / 60.0;

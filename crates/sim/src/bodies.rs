@@ -3,9 +3,9 @@
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, System, Vector, Velocity};
 
+use crate::body::{Filter, Material, Motion};
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties, Precession, Reach};
 use crate::ids::{Slots, put};
-use crate::scene::{Filter, Material, Motion};
 
 /// Description of a body to be added to a world.
 #[derive(Clone)]

@@ -6,6 +6,7 @@ use drystone_solver::ladder::{IslandSolver, SolveReport};
 use drystone_solver::solution::Goal;
 use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, System, Velocity};
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 use crate::settings::StepSettings;
@@ -29,7 +30,8 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
 }
 
 /// Schedule of the searches for jams: the interval doubles each time that there are none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(crate) struct Wait {
     left: u32,
     whole: u32,

@@ -5,11 +5,11 @@ use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::{Bodies, Collider, GRAIN, SurfaceMotion, extent, smallest};
+use crate::body::{Combine, Filter, Material, Motion};
 use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
 use crate::geometry::{Bounds, Frame, Geometry};
 use crate::ids::{Slots, put};
-use crate::scene::{Combine, Filter, Material, Motion};
 use crate::sleep::Sleep;
 use crate::travel::TravelBound;
 

@@ -20,7 +20,7 @@ use std::fmt::Debug;
 
 use drystone_solver::{Real, SymmetricMatrix, Vector};
 
-pub(crate) use hull::{mass_within, shape as convex_shape};
+pub use hull::{mass_within, shape as convex_shape};
 pub use rigid::{Pose2, Rigid2, Rigid3};
 pub use spheres::Spheres;
 

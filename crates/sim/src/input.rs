@@ -8,8 +8,8 @@ use std::fmt::{self, Display, Formatter};
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::{Body, Inertia, SurfaceMotion};
+use crate::body::{Material, Motion};
 use crate::geometry::Geometry;
-use crate::scene::{Material, Motion};
 
 /// Largest distance of a position from the origin along an axis, and largest extent of a
 /// shape. \[m\]

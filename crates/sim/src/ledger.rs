@@ -21,6 +21,7 @@
 use drystone_solver::{
     Contact, InverseMass, Manifold, Mass, SurfaceEffects, System, Vector, Velocity,
 };
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 use crate::bodies::{Bodies, damped};
@@ -30,7 +31,8 @@ use crate::geometry::Geometry;
 ///
 /// Up to rounding, kinetic + potential = forces + damping + driven + impacts + contacts +
 /// friction + repair + relaxed + integration. Gravity is part of the left side.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Ledger {
     /// Change of the kinetic energy.
     pub kinetic: f64,

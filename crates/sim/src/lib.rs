@@ -28,7 +28,7 @@
 //! poses of all. [`World::move_to`] moves kinematic bodies. A force of [`World::add_force`] acts
 //! for one step. Settings come as presets: [`StepSettings::realtime`] for games,
 //! [`StepSettings::quality`] for baking, and [`StepSettings::certified`] for baking with a proven
-//! error bound.
+//! error bound. Scenes from files, checks and recordings are in `drystone-bake`.
 //!
 //! # Method
 //!
@@ -57,6 +57,11 @@
 //! [`drystone_solver::certificate`] proves this bound, and one for v that do not follow from γ.
 //! With friction, v_exact is the exact solution for the current slips.
 //!
+//! # Features
+//!
+//! - `serde`: [`StepSettings`], reports and [`Checkpoint`] are written and read by serde.
+//! - `assembled`: a [`SavedSystem`] as matrices.
+//!
 //! # Where to look
 //!
 //! | For | Look at |
@@ -65,37 +70,29 @@
 //! | descriptions of bodies | [`Body`], [`Collider`], [`Inertia`] |
 //! | settings of steps | [`StepSettings`] |
 //! | reports of steps | [`StepReport`], [`Measure`], [`Ledger`] |
-//! | scenes from files | [`scene::read`], [`check::check`], [`build`], [`Simulation`] |
-//! | concave meshes as convex pieces | [`decompose`], [`Decompositions`] |
-//! | motion as files | [`recording`] |
 //! | contacts and impulses | [`World::system`] |
 
-pub mod audit;
 mod bodies;
+mod body;
 mod broad_phase;
 mod cache;
 mod certifier;
-pub mod check;
 mod colliders;
 mod compiled;
-pub mod decomposition;
 mod events;
-mod forms;
 pub mod geometry;
 mod ids;
 mod input;
 mod ledger;
 mod motion;
 mod narrow_phase;
+mod nearby;
 mod patches;
-pub mod recording;
 mod report;
 mod rows;
 mod saved;
-pub mod scene;
 mod seams;
 mod settings;
-mod simulation;
 mod sleep;
 mod solving;
 mod step;
@@ -107,10 +104,8 @@ mod tuner;
 mod world;
 
 pub use bodies::{Body, Collider, Inertia, SurfaceMotion};
+pub use body::{Combine, Filter, Material, Motion};
 pub use compiled::Dimension;
-pub use decomposition::{
-    Decomposition, DecompositionOptions, Decompositions, Deviation, NotSolid, decompose,
-};
 pub use drystone_solver::jam::Jam;
 pub use drystone_solver::ladder::{Method, SolveReport};
 pub use drystone_solver::restitution::ImpactLaw;
@@ -124,11 +119,9 @@ pub use saved::SavedSystem;
 #[cfg(feature = "assembled")]
 pub use saved::{SavedContact, SavedProblem};
 pub use settings::StepSettings;
-pub use simulation::{BuildError, Simulation, build, build_with};
 pub use world::{Checkpoint, CheckpointError, World};
 
 pub use geometry::Pose2;
-pub use scene::{Filter, Material, Motion};
 
 /// A rigid body in the plane, to be added to a [`World2`].
 pub type Body2 = Body<geometry::Rigid2, 2, 1>;

@@ -5,6 +5,7 @@ use std::time::Duration;
 use drystone_solver::Clock;
 use drystone_solver::jam::Jam;
 use drystone_solver::ladder::SolveReport;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 use crate::ledger::Ledger;
@@ -73,7 +74,8 @@ impl Stage {
 }
 
 /// Report of [`World::step`](crate::World::step).
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct StepReport {
     /// Wall time of each stage, in the order of [`Stage::ALL`], summed over all substeps. Zero
     /// unless [`World::time_stages`](crate::World::time_stages) is on.
@@ -125,7 +127,8 @@ impl StepReport {
 }
 
 /// Measurements by [`World::measure`](crate::World::measure) after a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Measure {
     /// 1/2 v^T M v. \[J\]
     pub kinetic_energy: f64,

@@ -2,7 +2,7 @@
 
 use drystone_solver::Repair;
 use drystone_solver::restitution::ImpactLaw;
-use schemars::JsonSchema;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 use crate::input::{self, InputError};
@@ -11,8 +11,8 @@ use crate::input::{self, InputError};
 ///
 /// Three presets: [`StepSettings::certified`] for baking with proof, [`StepSettings::quality`] for as
 /// much work in every step (the default), and [`StepSettings::realtime`] for games.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields, default))]
 pub struct StepSettings {
     /// Substeps per step: more make contacts stiffer and motion more exact. \[1\]
     pub substeps: u32,
@@ -49,8 +49,7 @@ pub struct StepSettings {
     /// What contacts that collide at once do with each other: `reflections` (symmetric, a blow passes
     /// through a row of touching balls), `poisson` (compression together, then expansion) or
     /// `newton` (one after the other).
-    #[serde(with = "ImpactLawName")]
-    #[schemars(with = "ImpactLawName")]
+    #[cfg_attr(feature = "serde", serde(with = "ImpactLawName"))]
     pub impact_law: ImpactLaw,
     /// Approach below this speed does not bounce. \[m/s\]
     pub restitution_threshold: f32,
@@ -75,9 +74,9 @@ pub struct StepSettings {
 }
 
 /// [`ImpactLaw`] as it is written.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[cfg(feature = "serde")]
+#[derive(Serialize, Deserialize)]
 #[serde(remote = "ImpactLaw", rename_all = "lowercase")]
-#[schemars(rename = "ImpactLaw")]
 enum ImpactLawName {
     Newton,
     Poisson,

@@ -5,9 +5,9 @@ use drystone_solver::island::{self, Islands};
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::Bodies;
+use crate::body::Motion;
 use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
-use crate::scene::Motion;
 
 /// Marks the absence of a body.
 const NONE: u32 = u32::MAX;

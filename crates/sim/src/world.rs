@@ -11,6 +11,7 @@ use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Clock, InverseMass, System, Vector, Velocity};
 
 use crate::bodies::{Bodies, Body, Inertia, SpinState, SurfaceMotion};
+use crate::body::Motion;
 use crate::broad_phase::BroadPhase;
 use crate::cache::ContactCache;
 use crate::colliders::{Colliders, Definitions};
@@ -19,7 +20,6 @@ use crate::ids::{self, BodyId, ColliderId, put};
 use crate::input::{self, InputError};
 use crate::report::Measure;
 use crate::saved::SavedSystem;
-use crate::scene::Motion;
 use crate::settings::StepSettings;
 use crate::sleep::Sleep;
 use crate::solving::ConstraintSolver;

@@ -4,7 +4,8 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use drystone::{StepSettings, build, scene};
+use drystone::StepSettings;
+use drystone_bake::build;
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
@@ -23,8 +24,9 @@ fn main() -> ExitCode {
 }
 
 fn hashes(path: &str, steps: usize) -> Result<(), Box<dyn std::error::Error>> {
-    let scene = scene::read(Path::new(path))?.scene;
-    let mut simulation = build(&scene, scene.settings(StepSettings::certified())?)?;
+    let scene = drystone_bake::read(Path::new(path))?.scene;
+    let mut simulation =
+        build(&scene, drystone_bake::settings(&scene, StepSettings::certified())?)?;
     for step in 1..=steps {
         simulation.step(scene.time_step).expect("a scene that was read");
         println!("{path} {step} {:016x}", simulation.state_hash());

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{env, fs};
 
-use drystone::Simulation;
-use drystone::recording::journal::{Header, Journal, Mark, Step};
+use drystone_bake::Simulation;
+use drystone_bake::recording::journal::{Header, Journal, Mark, Step};
 
 use super::arguments::Arguments;
 use crate::failure::Failure;

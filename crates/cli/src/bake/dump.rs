@@ -2,9 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use drystone::recording::write_whole;
-use drystone::scene::Scene;
 use drystone::{SavedContact, SavedProblem};
+use drystone_scene::{Scene, write_whole};
 use drystone_solver::assembled::Matrix;
 use serde_json::{Value, json};
 

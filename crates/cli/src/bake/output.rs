@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use drystone::recording::{self, Sampling, write_whole};
-use drystone::scene::{Read, Warning};
+use drystone_bake::recording::{self, Sampling};
+use drystone_scene::{Read, Warning, write_whole};
 
 use super::arguments::Arguments;
 use super::record::Bake;

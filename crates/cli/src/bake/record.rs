@@ -4,11 +4,12 @@ use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use drystone::audit::audit;
-use drystone::recording::Recording;
-use drystone::recording::journal::Step;
-use drystone::scene::{Motion, Scene};
-use drystone::{Measure, SavedProblem, Simulation, StepSettings};
+use drystone::{Measure, SavedProblem, StepSettings};
+use drystone_bake::Simulation;
+use drystone_bake::audit::audit;
+use drystone_bake::recording::Recording;
+use drystone_bake::recording::journal::Step;
+use drystone_scene::{Motion, Scene};
 use indicatif::ProgressBar;
 
 use super::diary::{Diary, Kept};

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-use drystone::recording::journal::Step;
-use drystone::recording::write_whole;
 use drystone::{Stage, StepSettings};
+use drystone_bake::recording::journal::Step;
+use drystone_scene::write_whole;
 use serde::Serialize;
 
 use super::record::Bake;

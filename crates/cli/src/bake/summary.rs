@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use drystone::audit::{Audit, Overlap, audit, gained_most};
-use drystone::recording::journal::Step;
-use drystone::scene::{BodiesAs, Body, Motion, Scene, SurfaceVelocity};
 use drystone::{Ledger, Measure, StepSettings};
+use drystone_bake::audit::{Audit, Overlap, audit, gained_most};
+use drystone_bake::recording::journal::Step;
+use drystone_scene::{BodiesAs, Body, Motion, Scene, SurfaceVelocity};
 use serde::Serialize;
 
 use super::record::Bake;

@@ -16,7 +16,7 @@ use std::io::Read as _;
 use std::num::NonZero;
 use std::path::Path;
 
-use drystone::scene::{self, Place, SceneError};
+use drystone_scene::{Place, SceneError};
 use drystone_solver::assembled::{Assembly, Bodies, Matrix, Problem, ProblemError, from_entries};
 use serde_json::Value;
 
@@ -42,7 +42,7 @@ pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
         return Ok(Named { name: stem(), problem: fclib(&file)?, assembly: None, warm: None });
     }
     let mut bytes = Vec::new();
-    let whole = scene::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
+    let whole = drystone_scene::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
     whole.map_err(|error| SceneError {
         unreadable: true,
         ..file.error(Place::File, format!("cannot be read: {error}"), String::new(), "")

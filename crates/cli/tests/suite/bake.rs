@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use crate::common::{Place, SCENE};
-use drystone::recording::{Recording, npz};
+use drystone_bake::recording::{Recording, npz};
 use serde_json::Value;
 
 #[test]

@@ -222,7 +222,7 @@ impl Surface {
 ///
 /// # Errors
 /// Fails if the hull has no volume or is too thin.
-pub(crate) fn shape(
+pub fn shape(
     points: &[parry3d::math::Vector],
 ) -> Result<parry3d::shape::SharedShape, &'static str> {
     use parry3d::shape::SharedShape;
@@ -269,7 +269,7 @@ pub(super) fn mass(points: &[parry3d::math::Vector], density: f32) -> MassProper
 
 /// Returns mass, center of mass and inertia of the solid within a closed surface of triangles,
 /// which are counter-clockwise seen from outside.
-pub(crate) fn mass_within(
+pub fn mass_within(
     points: &[parry3d::math::Vector],
     triangles: &[[u32; 3]],
     density: f32,

@@ -3,12 +3,13 @@
 
 use std::any::Any;
 use std::array::from_fn;
-use std::fmt::{self, Debug, Formatter};
+use std::fmt::{self, Debug, Display, Formatter};
 use std::sync::{Arc, OnceLock};
 
 use drystone_solver::ladder::SolverMemory;
 use drystone_solver::wide::{CachedImpulse, Reuse};
 use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 use super::World;
@@ -27,12 +28,13 @@ use crate::surfaces::HeldTorque;
 ///
 /// Arrays hold the numbers of all bodies, shapes, pairs or points, one after the other. Data that a
 /// step recomputes is left out: contact systems and colors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Checkpoint {
     /// Generations of the slots of bodies and of colliders.
     slots: [Vec<u32>; 2],
     /// Copy of bodies and colliders; absent if the checkpoint was read from bytes.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     definitions: Shared,
     /// Poses of the centers of mass ([`Geometry::write`]), not of the bodies' origins.
     poses: Vec<f32>,
@@ -107,13 +109,11 @@ impl Debug for Shared {
 }
 
 /// Reason why a world rejects a checkpoint.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CheckpointError {
     /// The bytes are not a checkpoint.
-    #[error("is no checkpoint: {0}")]
     Unreadable(String),
     /// It belongs to a world with other bodies.
-    #[error("is a checkpoint of another world: {what} need {expected} numbers, and it has {found}")]
     OtherWorld {
         /// Kind of data with the wrong size.
         what: &'static str,
@@ -124,15 +124,33 @@ pub enum CheckpointError {
     },
     /// Bodies were added or removed since it was taken. It was read from bytes, which do not hold
     /// bodies.
-    #[error("is a checkpoint of other bodies: some were added or removed since")]
     OtherBodies,
     /// A number is infinite or NaN.
-    #[error("has {0} that are not finite")]
     NotFinite(&'static str),
     /// It has a pair of shapes that cannot touch in this world.
-    #[error("is a checkpoint of another world: its shapes {0:?} do not collide here")]
     OtherPair([u32; 2]),
 }
+
+impl Display for CheckpointError {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        const OTHER: &str = "is a checkpoint of another world";
+        match self {
+            Self::Unreadable(why) => write!(f, "is no checkpoint: {why}"),
+            Self::OtherWorld { what, expected, found } => {
+                write!(f, "{OTHER}: {what} need {expected} numbers, and it has {found}")
+            }
+            Self::OtherBodies => {
+                f.write_str("is a checkpoint of other bodies: some were added or removed since")
+            }
+            Self::NotFinite(what) => write!(f, "has {what} that are not finite"),
+            Self::OtherPair(pair) => {
+                write!(f, "{OTHER}: its shapes {pair:?} do not collide here")
+            }
+        }
+    }
+}
+
+impl std::error::Error for CheckpointError {}
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Saves the state between two steps ([`World::checkpoint`]).

@@ -2,8 +2,7 @@
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
-use drystone::scene::Motion;
-use drystone::{BodyId, StepSettings, World, World3};
+use drystone::{BodyId, Motion, StepSettings, World, World3};
 use drystone_solver::Vector;
 
 // Slopes

@@ -5,8 +5,7 @@ use parry3d::query::{ShapeDistance, distance};
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3};
-use drystone::scene::Motion;
-use drystone::{StepSettings, World};
+use drystone::{Motion, StepSettings, World};
 use drystone_solver::Vector;
 
 type Shape = <Rigid3 as Geometry<3, 3>>::Shape;

@@ -4,8 +4,7 @@
 use crate::common::*;
 use drystone::Dimension;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
-use drystone::scene::Motion;
-use drystone::{ParticleWorld3, StepSettings, World, World2, World3};
+use drystone::{Motion, ParticleWorld3, StepSettings, World, World2, World3};
 use drystone_solver::Vector;
 
 /// Hashes of the poses of small scenes after 100 steps. A change of the method changes them: the

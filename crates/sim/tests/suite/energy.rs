@@ -3,8 +3,7 @@
 use crate::common::*;
 use drystone::Dimension;
 use drystone::geometry::{Rigid2, Rigid3, Spheres};
-use drystone::scene::Motion;
-use drystone::{BodyId, ImpactLaw, Ledger, World, World3};
+use drystone::{BodyId, ImpactLaw, Ledger, Motion, World, World3};
 use drystone_solver::{Vector, Velocity};
 
 // Impacts

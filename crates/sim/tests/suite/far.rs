@@ -2,8 +2,7 @@
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid3};
-use drystone::scene::Motion;
-use drystone::{StepSettings, World3};
+use drystone::{Motion, StepSettings, World3};
 use drystone_solver::Vector;
 
 /// Drops boxes, balls and hulls onto a floor, with these further bodies far away. Returns the bits

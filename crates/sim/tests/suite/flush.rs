@@ -3,8 +3,7 @@
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3};
-use drystone::scene::Motion;
-use drystone::{Body, Collider, StepSettings, World};
+use drystone::{Body, Collider, Motion, StepSettings, World};
 use drystone_solver::Vector;
 
 /// The construction of a floor of slabs.

@@ -17,7 +17,9 @@ type House = BTreeMap<Vec<String>, Vec<Vec<String>>>;
 fn modules_depend_in_one_direction() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut arrows = 0;
-    for name in ["crates/solver", "crates/sim", "crates/cli", "bench"] {
+    for name in
+        ["crates/solver", "crates/sim", "crates/scene", "crates/bake", "crates/cli", "bench"]
+    {
         let texts = modules(&root.join(name).join("src"), &[]);
         let house = house(&texts);
         arrows += house.values().map(Vec::len).sum::<usize>();
@@ -25,6 +27,24 @@ fn modules_depend_in_one_direction() {
         assert_eq!(circles, [""; 0], "{name}");
     }
     assert!(arrows > 300, "{arrows} imports were found");
+}
+
+/// Scenes depend on no crate of ours and not on parry. Worlds have six direct dependencies, and one
+/// that is optional.
+#[test]
+fn crates_depend_on_no_more_than_they_say() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let dependencies = |name: &str| -> Vec<String> {
+        let text = fs::read_to_string(root.join(name).join("Cargo.toml")).expect("a manifest");
+        let (_, list) = text.split_once("\n[dependencies]\n").expect("dependencies");
+        let lines = list.lines().take_while(|line| !line.starts_with('['));
+        let names = lines.filter_map(|line| line.split(['.', ' ']).next());
+        names.filter(|name| !name.is_empty()).map(str::to_owned).collect()
+    };
+    let ours = |name: &String| name.starts_with("drystone") || name.starts_with("parry");
+    assert!(!dependencies("scene").iter().any(ours));
+    let all = ["drystone-solver", "libm", "parry2d", "parry3d", "robust", "serde", "wide"];
+    assert_eq!(dependencies("sim"), all);
 }
 
 /// A cycle of imports is found; imports in comments and tests do not count.

@@ -3,8 +3,7 @@
 use crate::common::*;
 use drystone::Dimension;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
-use drystone::scene::Motion;
-use drystone::{BodyId, StepReport, World, World3};
+use drystone::{BodyId, Motion, StepReport, World, World3};
 use drystone_solver::Vector;
 
 /// Takes steps, after each of which all values are finite. Returns the bodies that were jammed in

@@ -1,34 +1,23 @@
-//! Integration tests of the crate: mechanics, files, and determinism.
+//! Integration tests of the crate: mechanics, determinism, and the house.
 
 mod allocation;
 mod analytic;
 mod apart;
-mod audit;
-mod checkpoint;
 mod common;
-mod decomposition;
 mod determinism;
 mod energy;
 mod far;
-mod field;
 mod flush;
-mod fuzz;
-mod gltf;
-mod gltf_physics;
-mod guide;
 mod house;
 mod infinite;
 mod jam;
 mod meshes;
-mod motion_fuzz;
 #[allow(unused)]
 mod patches;
-mod relations;
-mod scene;
 mod sleep;
 mod spin;
 mod squeeze;
+#[cfg(feature = "serde")]
 mod state;
 mod surfaces;
-mod usd;
 mod world;

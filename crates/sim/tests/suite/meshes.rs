@@ -4,8 +4,7 @@ use std::f32::consts::PI;
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid3};
-use drystone::scene::Motion;
-use drystone::{BodyId, StepSettings, World3};
+use drystone::{BodyId, Motion, StepSettings, World3};
 use drystone_solver::{Vector, Velocity};
 use parry3d::shape::SharedShape;
 

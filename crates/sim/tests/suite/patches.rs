@@ -2,8 +2,7 @@
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid3};
-use drystone::scene::Motion;
-use drystone::{Body, BodyId, Collider, StepSettings, World, World3};
+use drystone::{Body, BodyId, Collider, Motion, StepSettings, World, World3};
 use drystone_solver::Vector;
 use parry3d::shape::SharedShape;
 

@@ -1,8 +1,7 @@
 //! Tests of sleep: bodies at rest sleep, wake when they must, and change nothing else.
 
 use drystone::geometry::{Geometry, Rigid2, Rigid3};
-use drystone::scene::Motion;
-use drystone::{BodyId, StepSettings, World};
+use drystone::{BodyId, Motion, StepSettings, World};
 use drystone_solver::{Vector, Velocity};
 
 use crate::common::{

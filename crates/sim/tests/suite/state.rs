@@ -1,8 +1,7 @@
 //! State that is whole: checkpoints over wakes, additions and removals; identifiers; sleepers and what comes to them.
 
 use drystone::geometry::{Geometry, Rigid3};
-use drystone::scene::Motion;
-use drystone::{Body, BodyId, InputError, StepSettings, Vector, Velocity, World3};
+use drystone::{Body, BodyId, InputError, Motion, StepSettings, Vector, Velocity, World3};
 
 use super::common::{Random, Rigid, Round};
 

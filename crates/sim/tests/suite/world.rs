@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use crate::common::*;
 use drystone::Dimension;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
-use drystone::scene::{Filter, Motion};
 use drystone::{
-    Body, BodyId, Collider, Inertia, InputError, Stage, StepSettings, World, World2, World3,
+    Body, BodyId, Collider, Filter, Inertia, InputError, Motion, Stage, StepSettings, World,
+    World2, World3,
 };
 use drystone_solver::{SymmetricMatrix, Vector, Velocity};
 

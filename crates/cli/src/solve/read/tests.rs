@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::read;
 
-#[path = "../../../../sim/tests/suite/common/mutation.rs"]
+#[path = "../../../../bake/tests/suite/common/mutation.rs"]
 mod mutation;
 
 const MATRIX: &str = r#"{"format": "csc", "rows": 3, "cols": 3, "colptr": [0, 1, 2, 3],

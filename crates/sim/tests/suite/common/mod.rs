@@ -1,13 +1,11 @@
 //! Worlds, shapes, bodies and comparisons that the tests share.
 
-pub(crate) mod mutation;
-pub(crate) mod scenes;
+pub(crate) mod counting;
 
 use drystone::Dimension;
 use drystone::geometry::spheres::SphereShape;
 use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
-use drystone::scene::{Material, Motion};
-use drystone::{Body, BodyId, Inertia, StepSettings, World};
+use drystone::{Body, BodyId, Inertia, Material, Motion, StepSettings, World};
 use drystone_solver::{SymmetricMatrix, Vector, Velocity};
 
 /// Time step of a frame. \[s\]

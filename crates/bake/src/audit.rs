@@ -1,0 +1,449 @@
+//! Audit of a bake: measures overlaps and passages from shapes and poses, independently of
+//! contacts.
+//!
+//! A certificate bounds the error of the contacts that a step solved. It says nothing about
+//! contacts that were not found. The audit therefore uses shapes and poses only. It measures the
+//! penetration depth of shapes in sampled frames (GJK and EPA, evaluated in `f64`). It checks
+//! whether the center of a convex shape passed through a surface between two frames. It finds
+//! bodies that ended below everything that could have carried them.
+
+mod form;
+mod passage;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use parry3d::bounding_volume::{Aabb, BoundingVolume};
+use parry3d::partitioning::{Bvh, BvhBuildStrategy};
+use serde::Serialize;
+
+use crate::recording::Recording;
+use crate::recording::pose::frame_pose;
+use drystone::StepSettings;
+use drystone_scene::{Motion, Scene};
+use form::{Core, Form, Place, Point, dot, minus, norm, overlap};
+
+/// Maximum number of frames in which overlaps are measured.
+const FRAMES: usize = 64;
+/// Maximum number of shape pairs measured, summed over these frames.
+const PAIRS: usize = 1 << 17;
+/// Maximum number of center paths that are followed; each leads from one frame to the next.
+const STEPS: usize = 1 << 22;
+/// Accepted overlap as a fraction of the thinner shape's least width. \[1\]
+const PART: f64 = 0.02;
+/// Accepted overlap as a multiple of the allowed sag of contacts. \[1\]
+const SAGS: f64 = 5.0;
+/// Maximum number of overlaps and of passages that are kept; further ones are dropped.
+const KEPT: usize = 1000;
+
+/// Result of the audit of a bake.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Audit {
+    /// Number of frames in which overlaps were measured.
+    pub frames: usize,
+    /// Number of shape pairs measured, summed over these frames.
+    pub pairs: usize,
+    /// Number of intervals between frames over which centers were followed.
+    pub followed: usize,
+    /// Deepest overlap in the first frame, before anything moved.
+    pub start: Option<Overlap>,
+    /// Deepest overlap in any measured frame.
+    pub deepest: Option<Overlap>,
+    /// Pairs of bodies that overlap by more than is accepted, deepest first.
+    pub inside: Vec<Overlap>,
+    /// Bodies that passed through a surface of another body, in the order of their frames.
+    pub passed: Vec<Passage>,
+    /// Dynamic bodies that ended entirely below everything that could have carried them.
+    pub left: Vec<usize>,
+    /// Bodies of `left` that have a mesh. The audit does not follow meshes, so these bodies may
+    /// have passed through something.
+    pub astray: Vec<usize>,
+}
+
+/// Overlap of two bodies.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Overlap {
+    /// Indices of the bodies in the scene.
+    pub bodies: [usize; 2],
+    /// Penetration depth: the shortest translation that separates them. \[m\]
+    pub depth: f64,
+    /// Accepted depth for this pair in this frame. \[m\]
+    pub accepted: f64,
+    /// Frame in which the overlap was measured.
+    pub frame: usize,
+}
+
+/// Passage of the center of a convex shape through a surface of another body.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Passage {
+    /// The body that moved through, and the body it passed through.
+    pub bodies: [usize; 2],
+    /// First followed frame in which the center was on the other side.
+    pub frame: usize,
+}
+
+impl Audit {
+    /// True if no fault was found that contacts should have prevented. Bodies of `left` that were
+    /// followed and passed through nothing fell off an edge, which is no fault.
+    pub fn is_clean(&self) -> bool {
+        self.inside.is_empty() && self.passed.is_empty() && self.astray.is_empty()
+    }
+}
+
+/// Measures a bake of a scene.
+///
+/// The accepted overlap of two shapes is a sum:
+/// - their overlap at the start;
+/// - five times the sag of the settings;
+/// - 2 % of the thinner shape's least width;
+/// - their relative motion in a substep;
+/// - without a tolerance, the deepest penetration of the contacts of that step, since contacts are
+///   then softer than the sag says.
+///
+/// `known` holds the deepest penetration of contacts for each frame \[m\], or is empty.
+///
+/// The work is bounded. The audit measures at most 64 frames, evenly spread over the bake, and
+/// 131 072 pairs of shapes. It follows at most 4 million center paths. It does not measure two
+/// triangle meshes against each other. It does not follow meshes, and does not look for passages
+/// through dynamic bodies.
+pub fn audit(
+    scene: &Scene,
+    recording: &Recording,
+    settings: &StepSettings,
+    known: &[f64],
+) -> Audit {
+    let mut audit = Audit::default();
+    let Some(last) = recording.frames().checked_sub(1) else { return audit };
+    let stage = Stage::new(scene, recording);
+    stage.measure(last, (settings, known), &mut audit);
+    stage.follow(last, &mut audit);
+    stage.left(last, &mut audit);
+    audit
+}
+
+/// Returns the dynamic body that gained most mechanical energy between two frames, and its gain
+/// \[J\]. The result serves to name the body: velocities are differences of recorded poses, and the
+/// inertia is that of a ball with the reach of the body.
+pub fn gained_most(
+    scene: &Scene,
+    recording: &Recording,
+    masses: &[f64],
+    [from, to]: [usize; 2],
+) -> Option<(usize, f64)> {
+    let stage = Stage::new(scene, recording);
+    let dynamic = |body: &usize| scene.bodies[*body].motion == Motion::Dynamic;
+    let gain = |body: usize| {
+        let reach = stage.reach(body);
+        let [before, after] = [from, to].map(|frame| stage.energy(frame, body, reach));
+        (body, masses.get(body).copied().unwrap_or(f64::NAN) * (after - before))
+    };
+    let gains = (0..scene.bodies.len()).filter(dynamic).map(gain);
+    gains.filter(|(_, gain)| gain.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// A shape with its indices in the scene.
+struct Actor {
+    body: usize,
+    shape: usize,
+    form: Form,
+}
+
+struct Stage<'a> {
+    scene: &'a Scene,
+    recording: &'a Recording,
+    actors: Vec<Actor>,
+}
+
+/// World poses and bounding boxes of all shapes in a frame.
+struct Shot {
+    places: Vec<Place>,
+    bounds: Vec<Option<Aabb>>,
+}
+
+impl<'a> Stage<'a> {
+    fn new(scene: &'a Scene, recording: &'a Recording) -> Self {
+        let mut actors = Vec::new();
+        for (body, of) in scene.bodies.iter().enumerate() {
+            for (shape, of) in of.shapes.iter().enumerate() {
+                let form = Form::new(of, scene.dimension);
+                actors.extend(form.map(|form| Actor { body, shape, form }));
+            }
+        }
+        Self { scene, recording, actors }
+    }
+
+    fn body(&self, frame: usize, body: usize) -> Place {
+        let pose = frame_pose(self.recording, frame, body);
+        Place::new(pose.position, pose.rotation)
+    }
+
+    fn place(&self, frame: usize, actor: usize) -> Place {
+        let actor = &self.actors[actor];
+        actor.form.placed(&self.body(frame, actor.body))
+    }
+
+    /// Returns the largest distance of a point of the body from its origin. \[m\]
+    fn reach(&self, body: usize) -> f64 {
+        let own = self.actors.iter().filter(|actor| actor.body == body);
+        let far = own.map(|actor| {
+            norm(actor.form.placed(&Place::new([0.0; 3], [0.0, 0.0, 0.0, 1.0])).position)
+                + actor.form.reach
+        });
+        far.fold(0.0, f64::max)
+    }
+
+    /// Returns the energy of a body per unit mass, v^2 / 2 + (2/5) (r omega)^2 / 2 - g . x.
+    /// Velocities are those that led to the frame; for frame 0 they are the initial ones.
+    /// \[m^2/s^2\]
+    fn energy(&self, frame: usize, body: usize, reach: f64) -> f64 {
+        let [from, to] = [frame.saturating_sub(1), frame].map(|frame| self.body(frame, body));
+        let rate = 1.0 / self.recording.frame_time;
+        let start = &self.scene.bodies[body];
+        let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let mut speed = norm(minus(to.position, from.position)) * rate;
+        // For a small rotation the squared changes of the axes sum to 2 angle^2.
+        let turned: f64 = (0..3).map(|i| minus(to.axes[i], from.axes[i])).map(|d| dot(d, d)).sum();
+        let mut spin = reach * rate * (turned / 2.0).sqrt();
+        if frame == 0 {
+            speed = length(&start.linear_velocity);
+            spin = reach * length(&start.angular_velocity);
+        }
+        let factor = start.gravity_factor;
+        let height: f64 =
+            self.scene.gravity.iter().zip(to.position).map(|(g, x)| -g * factor * x).sum();
+        0.5 * speed * speed + 0.2 * spin * spin + height
+    }
+
+    fn shot(&self, frame: usize) -> Shot {
+        let places: Vec<_> = (0..self.actors.len()).map(|of| self.place(frame, of)).collect();
+        let both = self.actors.iter().zip(&places);
+        let bounds = both.map(|(actor, place)| actor.form.bounds(place)).collect();
+        Shot { places, bounds }
+    }
+
+    fn motion(&self, actor: usize) -> Motion {
+        self.scene.bodies[self.actors[actor].body].motion
+    }
+
+    /// Whether two shapes can collide: different bodies, one of them dynamic, and filters that
+    /// match.
+    fn meet(&self, a: usize, b: usize) -> bool {
+        let dynamic = [a, b].into_iter().any(|of| self.motion(of) == Motion::Dynamic);
+        let (x, y) = (&self.actors[a], &self.actors[b]);
+        let shape = |of: &Actor| &self.scene.bodies[of.body].shapes[of.shape];
+        dynamic && x.body != y.body && shape(x).filter.collides(&shape(y).filter)
+    }
+
+    /// Returns up to `most` pairs of shapes whose bounding boxes overlap. A half-space pairs with
+    /// every bounded shape.
+    fn pairs(&self, shot: &Shot, most: usize) -> Vec<[usize; 2]> {
+        let count = self.actors.len();
+        // The tree wants consecutive indices; half-spaces have no box.
+        let (boxed, boxes): (Vec<usize>, Vec<Aabb>) =
+            shot.bounds.iter().enumerate().filter_map(|(i, of)| Some((i, (*of)?))).unzip();
+        let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+        let mut pairs = Vec::new();
+        for a in 0..count {
+            let Some(around) = &shot.bounds[a] else {
+                let others = (0..count).filter(|&b| self.meet(a, b));
+                let others = others.filter(|&b| shot.bounds[b].is_some());
+                let room = most - pairs.len();
+                pairs.extend(others.map(|b| [a, b]).take(room));
+                continue;
+            };
+            let near = tree.intersect_aabb(around).map(|leaf| boxed[leaf as usize]);
+            let mut near: Vec<usize> = near.filter(|&b| b > a && self.meet(a, b)).collect();
+            near.sort_unstable();
+            near.dedup();
+            let room = most - pairs.len();
+            pairs.extend(near.into_iter().map(|b| [a, b]).take(room));
+            if pairs.len() >= most {
+                break;
+            }
+        }
+        pairs
+    }
+
+    /// Measures overlaps in frames spread over the bake, including the first and the last.
+    fn measure(&self, last: usize, (settings, known): (&StepSettings, &[f64]), audit: &mut Audit) {
+        let mut at_the_start = BTreeMap::new();
+        let mut worst: BTreeMap<[usize; 2], Overlap> = BTreeMap::new();
+        let mut intervals = (FRAMES - 1).min(last);
+        let mut sample = 0;
+        while sample <= intervals && audit.pairs < PAIRS {
+            let frame = (sample * last).checked_div(intervals).unwrap_or(0);
+            let shot = self.shot(frame);
+            let pairs = self.pairs(&shot, PAIRS - audit.pairs);
+            if sample == 0 {
+                let affordable = PAIRS / pairs.len().max(1);
+                intervals = intervals.min(affordable.saturating_sub(1).max(1)).min(last);
+            }
+            audit.frames += 1;
+            audit.pairs += pairs.len();
+            for [a, b] in pairs {
+                let [x, y] = [a, b].map(|of| (&self.actors[of].form, &shot.places[of]));
+                let Some(depth) = overlap(x, y) else { continue };
+                let bodies = [a, b].map(|of| self.actors[of].body);
+                let soft = if settings.tolerance > 0.0 { None } else { known.get(frame) };
+                let allowed = self.accepted([a, b], frame, settings) + soft.copied().unwrap_or(0.0);
+                if frame == 0 {
+                    at_the_start.insert([a, b], depth);
+                }
+                let start = at_the_start.get(&[a, b]).copied().unwrap_or(0.0);
+                let found = Overlap { bodies, depth, accepted: allowed + start, frame };
+                if audit.deepest.as_ref().is_none_or(|known| depth > known.depth) {
+                    audit.deepest = Some(found.clone());
+                    if frame == 0 {
+                        audit.start = Some(found.clone());
+                    }
+                }
+                let excess = |of: &Overlap| of.depth - of.accepted;
+                if excess(&found) > 0.0 {
+                    let known = worst.entry(bodies).or_insert_with(|| found.clone());
+                    if excess(&found) > excess(known) {
+                        *known = found;
+                    }
+                }
+            }
+            sample += 1;
+        }
+        let mut inside: Vec<_> = worst.into_values().collect();
+        inside.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+        inside.truncate(KEPT);
+        audit.inside = inside;
+    }
+
+    /// Returns the accepted overlap of two shapes in a frame, without that of the start. \[m\]
+    fn accepted(&self, pair: [usize; 2], frame: usize, settings: &StepSettings) -> f64 {
+        let thin = pair.map(|of| self.actors[of].form.thickness);
+        let thin = thin[0].min(thin[1]);
+        let part = if thin.is_finite() { PART * thin } else { 0.0 };
+        let before = frame.saturating_sub(1);
+        // Displacement since the frame before, and a bound on the displacement by rotation.
+        let moved = |of: usize| {
+            let [from, to] = [before, frame].map(|frame| self.place(frame, of));
+            let turned: f64 = (0..3).map(|i| norm(minus(to.axes[i], from.axes[i]))).sum();
+            let reach = self.actors[of].form.reach;
+            let arm = if reach.is_finite() { reach * turned } else { 0.0 };
+            (minus(to.position, from.position), arm)
+        };
+        let [(x, turn_x), (y, turn_y)] = pair.map(moved);
+        let way = norm(minus(x, y)) + turn_x + turn_y;
+        part + SAGS * f64::from(settings.sag) + way / f64::from(settings.substeps.max(1))
+    }
+
+    /// Follows the centers of dynamic convex shapes from frame to frame, and finds passages through
+    /// static and kinematic shapes.
+    fn follow(&self, last: usize, audit: &mut Audit) {
+        let all = 0..self.actors.len();
+        let (walkers, obstacles): (Vec<usize>, Vec<usize>) =
+            all.partition(|&of| self.motion(of) == Motion::Dynamic);
+        let convex = |of: &usize| !matches!(self.actors[*of].form.core, Core::Mesh(_));
+        let walkers: Vec<usize> = walkers.into_iter().filter(convex).collect();
+        if walkers.is_empty() || obstacles.is_empty() || last == 0 {
+            return;
+        }
+        let stride = (walkers.len() * last).div_ceil(STEPS).max(1);
+        let (boxed, planes): (Vec<usize>, Vec<usize>) =
+            obstacles.into_iter().partition(|&of| self.actors[of].form.reach.is_finite());
+        let moves = boxed.iter().any(|&of| self.motion(of) == Motion::Kinematic);
+        let mut seen = BTreeSet::new();
+        let places = |frame: usize, of: &[usize]| -> Vec<Place> {
+            of.iter().map(|&of| self.place(frame, of)).collect()
+        };
+        let mut walls = [places(0, &boxed), places(0, &boxed)];
+        let grounds = |frame: usize| places(frame, &planes);
+        let tree = |walls: &[Vec<Place>; 2]| {
+            let swept = boxed.iter().enumerate().map(|(i, &of)| {
+                let [from, to] = [0, 1].map(|end| self.actors[of].form.bounds(&walls[end][i]));
+                (i, from.zip(to).map_or(Aabb::new_invalid(), |(from, to)| from.merged(&to)))
+            });
+            Bvh::from_iter(BvhBuildStrategy::Binned, swept)
+        };
+        let mut around = tree(&walls);
+        let mut centers: Vec<Point> =
+            walkers.iter().map(|&of| self.place(0, of).position).collect();
+        let mut ground = grounds(0);
+        let mut frame = 0;
+        while frame < last {
+            frame = (frame + stride).min(last);
+            audit.followed += 1;
+            if moves {
+                walls = [std::mem::take(&mut walls[1]), places(frame, &boxed)];
+                around = tree(&walls);
+            }
+            let next_ground = grounds(frame);
+            for (walker, center) in walkers.iter().zip(&mut centers) {
+                let from = std::mem::replace(center, self.place(frame, *walker).position);
+                let way = [from, *center];
+                let low = std::array::from_fn(|i| from[i].min(center[i]));
+                let high = std::array::from_fn(|i| from[i].max(center[i]));
+                let passed = |obstacle: usize, places: [&Place; 2]| {
+                    self.meet(*walker, obstacle)
+                        && passage::passes(&self.actors[obstacle].form, passage::seen(way, places))
+                };
+                let mut through: Vec<usize> = around
+                    .intersect_aabb(&form::loose(low, high))
+                    .map(|i| i as usize)
+                    .filter(|&i| passed(boxed[i], [&walls[0][i], &walls[1][i]]))
+                    .map(|i| boxed[i])
+                    .collect();
+                let below =
+                    (0..planes.len()).filter(|&i| passed(planes[i], [&ground[i], &next_ground[i]]));
+                through.extend(below.map(|i| planes[i]));
+                through.sort_unstable();
+                for obstacle in through {
+                    let bodies = [*walker, obstacle].map(|of| self.actors[of].body);
+                    if seen.insert(bodies) && audit.passed.len() < KEPT {
+                        audit.passed.push(Passage { bodies, frame });
+                    }
+                }
+            }
+            ground = next_ground;
+        }
+    }
+
+    /// Finds dynamic bodies that end entirely below all static and kinematic shapes, by more than
+    /// their own height.
+    fn left(&self, last: usize, audit: &mut Audit) {
+        let gravity: Point =
+            std::array::from_fn(|i| self.scene.gravity.get(i).copied().unwrap_or(0.0));
+        let strength = norm(gravity);
+        if strength <= 0.0 {
+            return;
+        }
+        let up = gravity.map(|g| -g / strength);
+        // Lowest and highest coordinate along `up`.
+        let ends = |of: usize, frame: usize| {
+            let place = self.place(frame, of);
+            let form = &self.actors[of].form;
+            let reach = |sign: f64| form.support(place.local_direction(up.map(|x| x * sign)));
+            let center = dot(place.position, up);
+            [center - reach(-1.0), center + reach(1.0)]
+        };
+        let all = || 0..self.actors.len();
+        let fixed = all().filter(|&of| self.motion(of) != Motion::Dynamic);
+        // Nothing falls past the edge of a half-space; passages through it are found elsewhere.
+        let finite = fixed.clone().all(|of| self.actors[of].form.reach.is_finite());
+        let floor = fixed.map(|of| ends(of, last)[0].min(ends(of, 0)[0])).reduce(f64::min);
+        let Some(floor) = floor.filter(|_| finite) else { return };
+        let mut highest: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
+        for of in all().filter(|&of| self.motion(of) == Motion::Dynamic) {
+            let [low, high] = ends(of, last);
+            let known = highest.entry(self.actors[of].body).or_insert([low, high]);
+            *known = [known[0].min(low), known[1].max(high)];
+        }
+        let below = |[low, high]: [f64; 2]| high + (high - low) < floor;
+        // A body that began below the floor was put there on purpose.
+        let began = |body: usize| {
+            let shapes = all().filter(|&of| self.actors[of].body == body);
+            shapes.map(|of| ends(of, 0)[1]).fold(f64::NEG_INFINITY, f64::max) >= floor
+        };
+        let left = highest.into_iter().filter(|(body, ends)| below(*ends) && began(*body));
+        audit.left = left.map(|(body, _)| body).collect();
+        let has_mesh = |body: usize| {
+            let mut shapes = self.actors.iter().filter(|of| of.body == body);
+            shapes.any(|of| matches!(of.form.core, Core::Mesh(_)))
+        };
+        audit.astray = audit.left.iter().copied().filter(|body| has_mesh(*body)).collect();
+    }
+}

@@ -1,0 +1,142 @@
+//! Test whether the center of a shape passed through a surface between two frames.
+
+use parry3d::math::Vector;
+use parry3d::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
+use parry3d::shape::SupportMap;
+
+use super::form::{Core, Form, Mesh, Place, Point, cross, dot, loose, minus};
+
+/// Whether the path of a point ends on the other side of a surface or leads through a solid. Both
+/// ends are in the frame of the form, each at its own time.
+pub(super) fn passes(form: &Form, ends: [Point; 2]) -> bool {
+    match &form.core {
+        Core::Mesh(mesh) => crossings(mesh, ends) % 2 == 1,
+        Core::Plane(normal) => {
+            let [from, to] = ends.map(|end| dot(*normal, end));
+            from >= 0.0 && to < 0.0
+        }
+        // A path that starts inside does not enter here.
+        _ => enters(form, ends) && !enters(form, [ends[0]; 2]),
+    }
+}
+
+/// Offset of a path against exact hits of vertices and edges, relative to its largest coordinate.
+/// \[1\]
+const ASIDE: Point = [1.3e-9, 0.7e-9, 1.9e-9];
+
+/// Counts the triangles that a segment crosses. A crossing of a shared edge counts once.
+fn crossings(mesh: &Mesh, ends: [Point; 2]) -> usize {
+    // The offset is negligible, and keeps the segment off vertices and edges.
+    let size = ends.iter().flatten().fold(0.0f64, |size, x| size.max(x.abs()));
+    let [from, to] = ends.map(|end| std::array::from_fn(|i| end[i] + size * ASIDE[i]));
+    let low = std::array::from_fn(|i| from[i].min(to[i]));
+    let high = std::array::from_fn(|i| from[i].max(to[i]));
+    let around = loose(low, high);
+    let near = mesh.tree.bvh().intersect_aabb(&around);
+    near.filter(|&triangle| crosses(mesh, triangle, [from, to])).count()
+}
+
+fn crosses(mesh: &Mesh, triangle: u32, [from, to]: [Point; 2]) -> bool {
+    let [a, b, c] = mesh.corners(triangle);
+    let normal = cross(minus(b, a), minus(c, a));
+    let side = |p: Point| dot(normal, minus(p, a)) >= 0.0;
+    if side(from) == side(to) {
+        return false;
+    }
+    // The side on which the segment passes an edge. The end points enter in a fixed order, so that
+    // both triangles of the edge get the same answer, even for zero.
+    let [i, j, k] = mesh.triangles[triangle as usize];
+    let passes = |i: u32, j: u32| {
+        let [p, q] = [i.min(j), i.max(j)].map(|i| mesh.points[i as usize]);
+        let volume = dot(minus(to, from), cross(minus(p, from), minus(q, from)));
+        (volume >= 0.0) == (i < j)
+    };
+    let first = passes(i, j);
+    first == passes(j, k) && first == passes(k, i)
+}
+
+/// Segment given by both ends.
+struct Segment([Vector; 2]);
+
+impl SupportMap for Segment {
+    fn local_support_point(&self, dir: Vector) -> Vector {
+        let [a, b] = self.0;
+        if a.dot(dir) > b.dot(dir) { a } else { b }
+    }
+}
+
+/// Whether a segment shares a point with a convex form.
+fn enters(form: &Form, ends: [Point; 2]) -> bool {
+    let single = |p: Point| Vector::from(p.map(|x| x as f32));
+    let segment = Segment(ends.map(single));
+    let pose = parry3d::math::Pose::IDENTITY;
+    let solid = form.mapped();
+    let mut simplex = VoronoiSimplex::new();
+    let start = segment.0[0] + segment.0[1];
+    let start = if start.length_squared() > 0.0 { start } else { Vector::X };
+    simplex.reset(CsoPoint::from_shapes(&pose, &solid, &segment, start));
+    matches!(
+        closest_points(&pose, &solid, &segment, 0.0, false, &mut simplex),
+        GJKResult::Intersection
+    )
+}
+
+/// Converts both ends of a path to the frame of the obstacle, which may move between the two times.
+pub(super) fn seen(way: [Point; 2], places: [&Place; 2]) -> [Point; 2] {
+    [places[0].local_point(way[0]), places[1].local_point(way[1])]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use drystone_scene::{Filter, Material, Rotation, Shape, ShapeKind};
+
+    fn form(kind: ShapeKind) -> Form {
+        let shape = Shape {
+            kind,
+            position: vec![0.0; 3],
+            rotation: Rotation::identity(3),
+            material: Material::default(),
+            surface_velocity: None,
+            filter: Filter::default(),
+        };
+        Form::new(&shape, 3).unwrap()
+    }
+
+    /// Makes a sheet of four triangles around the origin.
+    fn sheet() -> Form {
+        let vertices = vec![
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 1.0],
+            [-1.0, 0.0, 1.0],
+            [-1.0, 0.0, -1.0],
+            [1.0, 0.0, -1.0],
+        ];
+        let triangles = vec![[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4]];
+        form(ShapeKind::Trimesh { vertices, triangles, decomposition: None })
+    }
+
+    #[test]
+    fn a_way_through_a_sheet_is_noticed_at_corners_and_edges_too() {
+        let sheet = sheet();
+        for (x, z) in [(0.0, 0.0), (0.3, 0.3), (0.5, 0.1), (-0.2, 0.2), (0.999, 0.0)] {
+            assert!(passes(&sheet, [[x, 1.0, z], [x, -1.0, z]]), "{x} {z}");
+            assert!(passes(&sheet, [[x, -1e-3, z], [x + 1e-4, 1e-3, z]]), "{x} {z}");
+            assert!(!passes(&sheet, [[x, 1.0, z], [x, 0.5, z]]), "{x} {z}");
+        }
+        assert!(!passes(&sheet, [[2.0, 1.0, 0.0], [2.0, -1.0, 0.0]]), "around it");
+        assert!(!passes(&sheet, [[-3.0, 0.1, 0.0], [3.0, 0.1, 0.0]]), "along it");
+    }
+
+    #[test]
+    fn a_way_through_a_solid_is_noticed_and_one_beside_it_is_not() {
+        let wall = form(ShapeKind::Box { half_extents: vec![0.01, 1.0, 1.0] });
+        assert!(passes(&wall, [[-0.5, 0.0, 0.0], [0.5, 0.1, 0.0]]));
+        assert!(!passes(&wall, [[-0.5, 0.0, 0.0], [-0.011, 0.1, 0.0]]));
+        assert!(!passes(&wall, [[-0.5, 1.1, 0.0], [0.5, 1.1, 0.0]]));
+        assert!(!passes(&wall, [[0.0, 0.1, 0.0], [0.5, 0.1, 0.0]]), "it was inside");
+        let ground = form(ShapeKind::Halfspace { normal: vec![0.0, 1.0, 0.0] });
+        assert!(passes(&ground, [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]]));
+        assert!(!passes(&ground, [[0.0, -0.1, 0.0], [0.0, -0.2, 0.0]]));
+    }
+}

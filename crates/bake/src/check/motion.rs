@@ -1,0 +1,111 @@
+//! Findings about speed: bodies that move farther than they are thick.
+
+use super::sizes::{extents, thickness};
+use super::{Finding, Kind, dot, length, up};
+use drystone::StepSettings;
+use drystone_scene::{Body, Motion, Scene};
+
+/// Motion between two keys up to which it is no jump, as a fraction of the body's thickness. \[1\]
+const JUMP: f64 = 0.1;
+/// A jump is faster than the motion before and after it by this factor. \[1\]
+const SUDDEN: f64 = 10.0;
+
+/// Finds bodies that may move more than their own thickness, or that of the thinnest body, between
+/// two searches for contacts. The speed is the initial one plus the speed gained by falling to the
+/// lowest body.
+pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
+    let up = up(scene);
+    let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let lowest =
+        scene.bodies.iter().map(|body| dot(&body.position, &up)).fold(f64::INFINITY, f64::min);
+    let thin = |body: &Body| body.shapes.iter().filter_map(thickness).reduce(f64::min);
+    let all = scene.bodies.iter().enumerate();
+    let solid: Vec<(usize, f64)> = all.filter_map(|(i, body)| Some((i, thin(body)?))).collect();
+    let thinnest = solid.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+    let Some(thinnest) = thinnest else { return Vec::new() };
+    let mut findings = Vec::new();
+    for &(index, own) in &solid {
+        let body = &scene.bodies[index];
+        let (other, limit) = if thinnest.1 < own { thinnest } else { (index, own) };
+        let fall = match body.motion {
+            Motion::Static => continue,
+            Motion::Kinematic => 0.0,
+            Motion::Dynamic => {
+                let height = dot(&body.position, &up) - lowest;
+                (2.0 * gravity * body.gravity_factor.abs() * height).sqrt()
+            }
+        };
+        let speed = norm(&body.linear_velocity) + norm(&body.angular_velocity) * reach(body) + fall;
+        let searches = f64::from(settings.searches.max(1));
+        let travel = speed * scene.time_step / searches;
+        if travel > limit {
+            let slower = scene.time_step * limit / travel;
+            findings.push(Finding {
+                kind: Kind::TooFast,
+                bodies: if other == index { vec![index] } else { vec![index, other] },
+                value: Some(travel),
+                limit: Some(limit),
+                what: format!(
+                    "{} may move {} between two searches for contacts (at {speed:.1} m/s, {searches} \
+                     per step); accepted: up to {}, the thickness of {}",
+                    scene.name_of(index),
+                    length(travel),
+                    length(limit),
+                    scene.name_of(other)
+                ),
+                advice: format!("it may pass through: set time_step to {slower:.1e} s or less"),
+            });
+        }
+    }
+    findings
+}
+
+/// Finds jumps in the tracks of bodies. A jump moves a body by more than a fraction of its
+/// thickness in less than half a step. It is also many times faster than the motion before and
+/// after it. Causes are a key with STEP interpolation, or two keys at almost the same time.
+pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
+    let step = scene.time_step;
+    let mut findings = Vec::new();
+    for (index, body) in scene.bodies.iter().enumerate() {
+        let track = &body.track;
+        let sides = body.shapes.iter().filter_map(extents).flatten();
+        let Some(thin) = sides.filter(|side| *side > 0.0).reduce(f64::min) else { continue };
+        let reach = reach(body);
+        let passed = |i: usize| {
+            let ways = track.positions[i].iter().zip(&track.positions[i + 1]);
+            let way = ways.map(|(p, q)| (q - p).powi(2)).sum::<f64>().sqrt();
+            way + reach * track.rotations[i].angle_to(&track.rotations[i + 1])
+        };
+        let lasts = |i: usize| track.times[i + 1] - track.times[i];
+        let segments = track.times.len().saturating_sub(1);
+        let speed = |i: usize| if i < segments { passed(i) / lasts(i) } else { 0.0 };
+        let jump = |i: &usize| {
+            let around = speed(i.wrapping_sub(1)).max(speed(i + 1));
+            lasts(*i) < 0.5 * step && passed(*i) > JUMP * thin && speed(*i) > SUDDEN * around
+        };
+        let farthest = (0..segments).filter(jump).max_by(|a, b| passed(*a).total_cmp(&passed(*b)));
+        let Some(worst) = farthest else { continue };
+        let (speed, limit) = (passed(worst) / step, JUMP * thin / step);
+        let what = format!(
+            "{} jumps by {} at {:.3} s, which in one step means {speed:.1} m/s; accepted: up to \
+             {limit:.1} m/s",
+            scene.name_of(index),
+            length(passed(worst)),
+            track.times[worst + 1]
+        );
+        let advice = "what it touches is thrown, what is in its way is passed: give the keys LINEAR \
+                      interpolation and time between them";
+        findings.push(Finding::of_body(index, Kind::Jump, [speed, limit], what, advice));
+    }
+    findings
+}
+
+fn norm(vector: &[f64]) -> f64 {
+    dot(vector, vector).sqrt()
+}
+
+/// Returns a bound on the distance of a point of the body from its origin. \[m\]
+fn reach(body: &Body) -> f64 {
+    let far = |shape| extents(shape).map_or(0.0, |sides| 0.5 * norm(&sides));
+    body.shapes.iter().map(|shape| norm(&shape.position) + far(shape)).fold(0.0, f64::max)
+}

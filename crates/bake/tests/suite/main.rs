@@ -1,0 +1,18 @@
+//! Integration tests of the crate: scenes, checks, bakes and recordings.
+
+mod audit;
+mod checkpoint;
+mod common;
+mod decomposition;
+mod field;
+mod fuzz;
+mod gltf;
+mod gltf_physics;
+mod guide;
+mod motion_fuzz;
+mod relations;
+mod samples;
+mod scene;
+mod settings;
+mod surfaces;
+mod usd;

@@ -1,0 +1,397 @@
+//! [`Scene`]: the description that a world is built from, whichever reader produced it.
+
+use std::array::from_fn;
+
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::solid_mesh::DecompositionOptions;
+
+/// A scene: its bodies, their initial state, and the length of the run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Name of the scene.
+    pub name: Option<String>,
+    /// Number of dimensions: 2 or 3.
+    pub dimension: usize,
+    /// Acceleration of gravity. \[m/s^2\]
+    pub gravity: Vec<f64>,
+    /// Length of a time step. \[s\]
+    pub time_step: f64,
+    /// Number of steps to run, if the scene specifies it.
+    pub steps: Option<u32>,
+    /// Whether bodies are rigid or particles. Particles never rotate.
+    pub bodies_as: BodiesAs,
+    /// Bodies; the index in this list is the body id in every output.
+    pub bodies: Vec<Body>,
+    /// The table `solver`: settings of the engine by name, each optional.
+    pub solver: serde_json::Map<String, Value>,
+}
+
+impl Scene {
+    /// Returns the names of all bodies; a body without a name is called `body 12` by its index.
+    pub fn names(&self) -> Vec<String> {
+        let name = |(i, body): (usize, &Body)| body.name.clone().unwrap_or(format!("body {i}"));
+        self.bodies.iter().enumerate().map(name).collect()
+    }
+
+    /// Returns the body as messages call it: its name in quotes, or `body 12` by its index.
+    pub fn name_of(&self, body: usize) -> String {
+        let name = self.bodies.get(body).and_then(|body| body.name.as_ref());
+        name.map_or_else(|| format!("body {body}"), |name| format!("'{name}'"))
+    }
+}
+
+/// How the bodies of a scene are simulated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BodiesAs {
+    /// They turn: (2,1) or (3,3).
+    #[default]
+    Rigid,
+    /// Spheres without friction that never turn: (2,0) or (3,0).
+    Particles,
+}
+
+/// A body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// Name, unique in the scene.
+    pub name: Option<String>,
+    /// Whether forces, a prescribed motion or nothing moves the body.
+    pub motion: Motion,
+    /// Position of the body's origin. \[m\]
+    pub position: Vec<f64>,
+    /// Rotation about the body's origin.
+    pub rotation: Rotation,
+    /// Velocity of the center of mass. \[m/s\]
+    pub linear_velocity: Vec<f64>,
+    /// Angular velocity: a vector in world axes in 3D, one number in 2D. \[rad/s\]
+    pub angular_velocity: Vec<f64>,
+    /// Mass properties.
+    pub mass: Mass,
+    /// Factor on the scene's gravity for this body. \[1\]
+    pub gravity_factor: f64,
+    /// Damping rate d of the linear velocity: dv/dt = -d v. \[1/s\]
+    pub linear_damping: f64,
+    /// Damping rate d of the angular velocity: dω/dt = -d ω. \[1/s\]
+    pub angular_damping: f64,
+    /// Surface velocity about the body's origin; each shape may override it.
+    pub surface_velocity: Option<SurfaceVelocity>,
+    /// One shape, or several that form a compound.
+    pub shapes: Vec<Shape>,
+    /// Prescribed poses of a kinematic body. Without any, the body moves at its velocities.
+    pub track: Track,
+}
+
+/// What moves a body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Motion {
+    /// Forces and contacts.
+    #[default]
+    Dynamic,
+    /// Nothing.
+    Static,
+    /// Its velocities or its track: it pushes others and is never pushed.
+    Kinematic,
+}
+
+/// A rotation as written in a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rotation {
+    /// Angle in 2D. \[rad\]
+    Angle(f64),
+    /// Unit quaternion x, y, z, w in 3D.
+    Quaternion([f64; 4]),
+}
+
+impl Rotation {
+    /// Returns the rotation by zero, in 2 or 3 dimensions.
+    pub fn identity(dimension: usize) -> Self {
+        if dimension == 3 { Self::Quaternion([0.0, 0.0, 0.0, 1.0]) } else { Self::Angle(0.0) }
+    }
+
+    /// Returns the rotation as a quaternion x, y, z, w; an angle turns about z.
+    pub fn quaternion(self) -> [f64; 4] {
+        match self {
+            Self::Quaternion(quaternion) => quaternion,
+            Self::Angle(angle) => {
+                let (sin, cos) = (libm::sin(angle / 2.0), libm::cos(angle / 2.0));
+                [0.0, 0.0, sin, cos]
+            }
+        }
+    }
+
+    /// Returns the angle of the rotation from `self` to `other`, by the shorter way for
+    /// quaternions. \[rad\]
+    pub fn angle_to(&self, other: &Self) -> f64 {
+        match (self, other) {
+            (Self::Quaternion(p), Self::Quaternion(q)) => {
+                let dot: f64 = p.iter().zip(q).map(|(x, y)| x * y).sum();
+                2.0 * libm::acos(dot.abs().min(1.0))
+            }
+            (Self::Angle(a), Self::Angle(b)) => (b - a).abs(),
+            _ => 0.0,
+        }
+    }
+
+    /// Interpolates from `self` (`t` = 0) to `other` (`t` = 1) at constant angular speed.
+    /// Quaternions take the shorter way (slerp).
+    pub fn towards(&self, other: &Self, t: f64) -> Self {
+        match (self, other) {
+            (Self::Quaternion(p), Self::Quaternion(q)) => {
+                let dot: f64 = p.iter().zip(q).map(|(x, y)| x * y).sum();
+                let sign = if dot < 0.0 { -1.0 } else { 1.0 };
+                let angle = libm::acos((dot * sign).min(1.0));
+                let sine = libm::sin(angle);
+                let (from, to) = if sine > 1e-6 {
+                    (libm::sin((1.0 - t) * angle) / sine, libm::sin(t * angle) / sine)
+                } else {
+                    (1.0 - t, t)
+                };
+                let mixed: [f64; 4] = from_fn(|i| p[i] * from + q[i] * to * sign);
+                let length = mixed.iter().map(|x| x * x).sum::<f64>().sqrt();
+                Self::Quaternion(mixed.map(|x| x / length))
+            }
+            (Self::Angle(a), Self::Angle(b)) => Self::Angle(a + (b - a) * t),
+            _ => *self,
+        }
+    }
+}
+
+/// Mass properties; absent ones are computed from the shapes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mass {
+    /// Density: \[kg/m^3\] in 3D, \[kg/m^2\] in 2D; 1000 if neither it nor the mass is given.
+    pub density: Option<f64>,
+    /// Total mass, instead of a density. No force moves a body of infinite mass. \[kg\]
+    pub mass: Option<f64>,
+    /// Center of mass in the body's frame. \[m\]
+    pub center: Option<Vec<f64>>,
+    /// Principal moments of inertia: three in 3D, one in 2D. The body does not turn about an axis
+    /// with an infinite moment. \[kg m^2\]
+    pub inertia: Option<Vec<f64>>,
+    /// Rotation from the principal axes to the body's frame (3D).
+    pub inertia_rotation: Option<[f64; 4]>,
+}
+
+/// A shape on a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape {
+    /// Geometry of the shape.
+    pub kind: ShapeKind,
+    /// Position in the body's frame. \[m\]
+    pub position: Vec<f64>,
+    /// Rotation in the body's frame.
+    pub rotation: Rotation,
+    /// Surface properties.
+    pub material: Material,
+    /// Surface velocity in the frame of the shape and about its origin; that of the body if absent.
+    pub surface_velocity: Option<SurfaceVelocity>,
+    /// Collision filter.
+    pub filter: Filter,
+}
+
+/// The form of a shape.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum ShapeKind {
+    /// Sphere (2D: disk).
+    Sphere {
+        /// \[m\]
+        radius: f64,
+    },
+    /// Box.
+    Box {
+        /// Half of its size along each axis. \[m\]
+        half_extents: Vec<f64>,
+    },
+    /// Capsule along local y.
+    Capsule {
+        /// \[m\]
+        radius: f64,
+        /// Half the length of its segment. \[m\]
+        half_height: f64,
+    },
+    /// Cylinder along local y (3D).
+    Cylinder {
+        /// \[m\]
+        radius: f64,
+        /// Half of its height. \[m\]
+        half_height: f64,
+    },
+    /// Hull of points.
+    ConvexHull {
+        /// Points. \[m\]
+        points: Vec<Vec<f64>>,
+    },
+    /// Everything behind a plane through the local origin; not on dynamic bodies.
+    Halfspace {
+        /// Outward unit normal.
+        normal: Vec<f64>,
+    },
+    /// Triangles, counter-clockwise seen from outside (3D). On a dynamic body the mesh is closed, and collides as
+    /// convex pieces.
+    Trimesh {
+        /// Points. \[m\]
+        vertices: Vec<[f64; 3]>,
+        /// Indices of three vertices each.
+        triangles: Vec<[u32; 3]>,
+        /// How closely the pieces follow the mesh, on a dynamic body; the default if absent.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        decomposition: Option<DecompositionOptions>,
+    },
+}
+
+/// Velocity of a surface relative to its body, as of a belt or a turntable: v = linear + angular ×
+/// r.
+///
+/// A contact uses the part of v that is tangential to it: friction drives the other body towards
+/// it. The normal part has no effect, and neither has a surface velocity without friction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceVelocity {
+    /// Linear part. \[m/s\]
+    pub linear: Vec<f64>,
+    /// Angular part: three numbers in 3D, one in 2D. \[rad/s\]
+    pub angular: Vec<f64>,
+    /// True if the axes are those of the body or shape and turn with it; false if they are the
+    /// world's.
+    pub local: bool,
+}
+
+impl SurfaceVelocity {
+    /// Whether any component differs from zero.
+    pub fn runs(&self) -> bool {
+        self.linear.iter().chain(&self.angular).any(|x| *x != 0.0)
+    }
+}
+
+/// Surface properties of a shape.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Coulomb friction coefficient. \[1\]
+    pub friction: f64,
+    /// Coefficient of restitution, 0..1. \[1\]
+    pub restitution: f64,
+    /// Rolling resistance: the largest distance by which the normal force may act ahead of the
+    /// contact. A rolling ball of radius r decelerates as on an upward slope of this length over r.
+    /// Of two surfaces, the larger value counts. \[m\]
+    pub rolling_resistance: f64,
+    /// Resistance to spinning about the normal: the largest moment divided by the normal force. Of
+    /// two surfaces, the larger value counts. \[m\]
+    pub spinning_resistance: f64,
+    /// Rule that combines the friction of two surfaces.
+    pub friction_combine: Combine,
+    /// Rule that combines the restitution of two surfaces.
+    pub restitution_combine: Combine,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self {
+            friction: 0.5,
+            restitution: 0.0,
+            rolling_resistance: 0.0,
+            spinning_resistance: 0.0,
+            friction_combine: Combine::GeometricMean,
+            restitution_combine: Combine::Maximum,
+        }
+    }
+}
+
+/// How two coefficients combine. When two surfaces differ, the earlier in this list decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Combine {
+    /// (a + b) / 2.
+    Average,
+    /// min(a, b).
+    Minimum,
+    /// max(a, b).
+    Maximum,
+    /// a b.
+    Multiply,
+    /// sqrt(a b): the default for friction.
+    GeometricMean,
+}
+
+impl Combine {
+    /// Combines the coefficients `x` and `y` of two surfaces whose rules are `a` and `b`.
+    pub fn of(a: Self, b: Self, x: f64, y: f64) -> f64 {
+        match a.min(b) {
+            Self::Average => 0.5 * (x + y),
+            Self::Minimum => x.min(y),
+            Self::Maximum => x.max(y),
+            Self::Multiply => x * y,
+            Self::GeometricMean => (x * y).sqrt(),
+        }
+    }
+}
+
+/// Collision filter of a shape. Each named system is a bit. Two shapes collide if each accepts a
+/// system of the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Filter {
+    /// Systems that the shape belongs to; 0 if it belongs to no named system.
+    pub systems: u64,
+    /// Systems that the shape collides with.
+    pub collides_with: u64,
+    /// Whether the shape collides with shapes that belong to no named system.
+    pub collides_with_unnamed: bool,
+}
+
+impl Filter {
+    /// Whether both shapes accept each other.
+    pub fn collides(&self, other: &Self) -> bool {
+        self.accepts(other) && other.accepts(self)
+    }
+
+    fn accepts(&self, other: &Self) -> bool {
+        if other.systems == 0 {
+            self.collides_with_unnamed
+        } else {
+            self.collides_with & other.systems != 0
+        }
+    }
+}
+
+impl Default for Filter {
+    fn default() -> Self {
+        Self { systems: 0, collides_with: u64::MAX, collides_with_unnamed: true }
+    }
+}
+
+/// Poses over time of a kinematic body: interpolated between keys, constant before the first and
+/// after the last.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Track {
+    /// Times in ascending order. \[s\]
+    pub times: Vec<f64>,
+    /// Positions of the body's origin, one per time. \[m\]
+    pub positions: Vec<Vec<f64>>,
+    /// Rotations, one per time.
+    pub rotations: Vec<Rotation>,
+}
+
+impl Track {
+    /// Returns position and rotation at `time` \[s\]: interpolated between keys, held before the
+    /// first and after the last.
+    ///
+    /// # Panics
+    /// If the track has no keys.
+    pub fn at(&self, time: f64) -> (Vec<f64>, Rotation) {
+        let after = self.times.partition_point(|&key| key <= time);
+        let i = after.saturating_sub(1);
+        let j = after.min(self.times.len() - 1);
+        let span = self.times[j] - self.times[i];
+        let t = if span > 0.0 { (time - self.times[i]) / span } else { 0.0 };
+        let position = self.positions[i]
+            .iter()
+            .zip(&self.positions[j])
+            .map(|(p, q)| p + (q - p) * t)
+            .collect();
+        (position, self.rotations[i].towards(&self.rotations[j], t))
+    }
+}

@@ -1,0 +1,457 @@
+//! Writes a scene of Drystone's own format as a glTF with `KHR_physics_rigid_bodies` and
+//! `KHR_implicit_shapes`. Reading it gives the same bodies.
+//!
+//! Data that these extensions cannot express goes into `extras.drystone`, which other programs
+//! ignore:
+//!
+//! - gravity, time step and settings of the scene;
+//! - the density of a body, valid as long as nobody changes the mass written with it;
+//! - the geometric mean as a rule that combines friction or restitution;
+//! - the fact that a compound body is static;
+//! - damping, surface velocities, and resistance to rolling and spinning;
+//! - accuracy and number of pieces of a convex decomposition.
+
+use std::collections::HashMap;
+use std::io;
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use super::buffer::{GltfBuffer, Use, write_glb};
+use super::mesh::hull_triangles;
+use super::nodes::{Nodes, is_centered, place};
+use crate::description::{
+    Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind, SurfaceVelocity,
+};
+use crate::engine::Engine;
+use crate::graph::math::{self, Quat};
+use crate::graph::seen_from;
+use crate::whole::write_whole;
+use crate::write::own_words;
+
+/// A scene as a glTF document with its buffer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Physics {
+    document: Value,
+    bytes: Vec<u8>,
+}
+
+impl Physics {
+    /// Converts a scene; `masses` are the masses of its bodies. \[kg\]
+    ///
+    /// # Errors
+    /// If the scene contains something that a glTF cannot express. The message says what to do
+    /// about it.
+    pub fn new(scene: &Scene, masses: &[f64], engine: &dyn Engine) -> Result<Self, String> {
+        if scene.dimension != 3 {
+            return Err("is a scene in 2D; a glTF is in 3D".to_owned());
+        }
+        let generator = concat!("Drystone ", env!("CARGO_PKG_VERSION"));
+        let mut document = json!({
+            "asset": {"version": "2.0", "generator": generator},
+            "extensionsUsed": ["KHR_implicit_shapes", "KHR_physics_rigid_bodies"],
+        });
+        let mut bytes = Vec::new();
+        let gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
+        let looks = Nodes::new(3, engine);
+        let mut writer = Writer {
+            gltf,
+            looks,
+            scene,
+            engine,
+            tables: Tables::default(),
+            meshes: HashMap::new(),
+        };
+        let bodies = scene.bodies.iter().enumerate();
+        let roots: Vec<_> = bodies
+            .map(|(index, body)| {
+                let mass = masses.get(index).copied().unwrap_or(f64::INFINITY);
+                writer.body(index, body, mass)
+            })
+            .collect::<Result<_, _>>()?;
+        let tables = writer.tables;
+        document["extensions"] = tables.extensions();
+        let mut root = json!({});
+        if let Some(name) = &scene.name {
+            root["name"] = json!(name);
+        }
+        if !roots.is_empty() {
+            root["nodes"] = json!(roots);
+        }
+        document["scene"] = json!(0);
+        document["scenes"] = json!([root]);
+        let own: Value = serde_json::from_str(&own_words(scene)).unwrap_or_default();
+        if own != json!({}) {
+            document["extras"] = json!({ "drystone": own });
+        }
+        Ok(Self { document, bytes })
+    }
+
+    /// Writes the document as `.glb`.
+    ///
+    /// # Errors
+    /// Those of [`write_whole`].
+    pub fn write_glb(&self, path: &Path) -> io::Result<()> {
+        write_whole(path, |out| write_glb(out, &self.document, &self.bytes))
+    }
+
+    /// Writes the document as `.gltf`, with the buffer in base64.
+    ///
+    /// # Errors
+    /// Those of [`write_whole`].
+    pub fn write_gltf(&self, path: &Path) -> io::Result<()> {
+        use base64::prelude::{BASE64_STANDARD, Engine as _};
+        let mut document = self.document.clone();
+        if let Some(buffer) = document.pointer_mut("/buffers/0") {
+            let data = BASE64_STANDARD.encode(&self.bytes);
+            buffer["uri"] = json!(format!("data:application/octet-stream;base64,{data}"));
+        }
+        write_whole(path, |out| {
+            serde_json::to_writer_pretty(&mut *out, &document)?;
+            out.write_all(b"\n")
+        })
+    }
+}
+
+/// Lists shared by bodies, each item once.
+#[derive(Default)]
+struct Tables {
+    shapes: Table,
+    materials: Table,
+    filters: Table,
+}
+
+#[derive(Default)]
+struct Table {
+    items: Vec<Value>,
+    /// Index of each item, by its text.
+    places: HashMap<String, usize>,
+}
+
+impl Table {
+    fn place(&mut self, item: Value) -> usize {
+        *self.places.entry(item.to_string()).or_insert_with(|| {
+            self.items.push(item);
+            self.items.len() - 1
+        })
+    }
+}
+
+impl Tables {
+    fn extensions(self) -> Value {
+        let mut bodies = Map::new();
+        for (key, table) in
+            [("physicsMaterials", self.materials), ("collisionFilters", self.filters)]
+        {
+            // glTF does not allow empty lists.
+            if !table.items.is_empty() {
+                bodies.insert(key.to_owned(), json!(table.items));
+            }
+        }
+        let mut extensions = json!({ "KHR_physics_rigid_bodies": bodies });
+        if !self.shapes.items.is_empty() {
+            extensions["KHR_implicit_shapes"] = json!({ "shapes": self.shapes.items });
+        }
+        extensions
+    }
+}
+
+struct Writer<'a> {
+    gltf: GltfBuffer<'a>,
+    /// Nodes and meshes for drawing.
+    looks: Nodes<'a>,
+    scene: &'a Scene,
+    engine: &'a dyn Engine,
+    tables: Tables,
+    /// Collision meshes, by their triangles.
+    meshes: HashMap<String, usize>,
+}
+
+impl Writer<'_> {
+    /// Adds a body and returns the index of its node.
+    fn body(&mut self, index: usize, body: &Body, mass: f64) -> Result<usize, String> {
+        let wrong = |what: &str| Err(format!("{} {what}", self.scene.name_of(index)));
+        if body.shapes.is_empty() {
+            return wrong("has no shape, and a glTF has no bodies without");
+        }
+        if !body.track.times.is_empty() {
+            return wrong(
+                "follows a track, whose keys a glTF would round; bake the scene for an animation",
+            );
+        }
+        // As the reader expects: colliders on the node of the body, or on nodes below it.
+        let mut node = json!({});
+        place(&mut node, &body.position, body.rotation);
+        if let Some(name) = &body.name {
+            node["name"] = json!(name);
+        }
+        let mut physics = json!({});
+        let mut children = Vec::new();
+        let alone = matches!(body.shapes.as_slice(), [shape] if is_centered(shape));
+        for shape in &body.shapes {
+            let (collider, turn) = self.collider(index, body, shape)?;
+            let looks = self.looks.add_centered(&mut self.gltf, shape, index, body.motion);
+            if alone && turn == math::NO_TURN {
+                physics["collider"] = collider;
+                children.push(looks);
+                continue;
+            }
+            let mut child = json!({
+                "children": [looks],
+                "extensions": {"KHR_physics_rigid_bodies": {"collider": collider}},
+            });
+            let own = rotation(shape.rotation);
+            let turn = if turn == math::NO_TURN { own } else { math::quat_mul(own, turn) };
+            place(&mut child, &shape.position, Rotation::Quaternion(turn));
+            children.push(self.gltf.push("nodes", child));
+        }
+        node["children"] = json!(children);
+        let mut own = Map::new();
+        if body.motion != Motion::Static || physics.get("collider").is_none() {
+            physics["motion"] = motion(body, mass, &mut own);
+        }
+        if let Some(motion) = &body.surface_velocity {
+            own.insert("surfaceVelocity".to_owned(), surface(motion));
+        }
+        node["extensions"] = json!({ "KHR_physics_rigid_bodies": physics });
+        if !own.is_empty() {
+            node["extras"] = json!({ "drystone": own });
+        }
+        Ok(self.gltf.push("nodes", node))
+    }
+
+    /// Returns the collider of a shape, and an additional rotation for its node.
+    fn collider(
+        &mut self,
+        index: usize,
+        body: &Body,
+        shape: &Shape,
+    ) -> Result<(Value, Quat), String> {
+        let mut turn = math::NO_TURN;
+        let implicit = |kind: &str, own: Value| json!({ "type": kind, kind: own });
+        let round = |radius: f64, half_height: f64| {
+            let height = 2.0 * half_height;
+            json!({ "height": height, "radiusTop": radius, "radiusBottom": radius })
+        };
+        let implicit = match &shape.kind {
+            ShapeKind::Sphere { radius } => implicit("sphere", json!({ "radius": radius })),
+            ShapeKind::Box { half_extents } => {
+                let size: Vec<_> = half_extents.iter().map(|half| 2.0 * half).collect();
+                implicit("box", json!({ "size": size }))
+            }
+            // The reader does not accept a capsule without height.
+            ShapeKind::Capsule { radius, half_height } if *half_height > 0.0 => {
+                implicit("capsule", round(*radius, *half_height))
+            }
+            ShapeKind::Capsule { radius, .. } => implicit("sphere", json!({ "radius": radius })),
+            ShapeKind::Cylinder { radius, half_height } => {
+                implicit("cylinder", round(*radius, *half_height))
+            }
+            ShapeKind::Halfspace { normal } => {
+                if body.motion != Motion::Static {
+                    let name = self.scene.name_of(index);
+                    return Err(format!(
+                        "{name} moves a half-space, and endless planes of a glTF stand still"
+                    ));
+                }
+                if let Ok(normal) = <[f64; 3]>::try_from(normal.as_slice())
+                    && let Some(normal) = math::unit(normal)
+                    && normal != [0.0, 1.0, 0.0]
+                {
+                    turn = math::from_up(normal);
+                }
+                implicit("plane", json!({}))
+            }
+            ShapeKind::ConvexHull { .. } | ShapeKind::Trimesh { .. } => Value::Null,
+        };
+        let geometry = if implicit.is_null() {
+            let hull = matches!(shape.kind, ShapeKind::ConvexHull { .. });
+            let mut geometry = json!({"mesh": self.mesh(index, &shape.kind)?, "convexHull": hull});
+            if let ShapeKind::Trimesh { decomposition: Some(options), .. } = &shape.kind {
+                geometry["extras"] = json!({ "drystone": { "decomposition": options } });
+            }
+            geometry
+        } else {
+            json!({ "shape": self.tables.shapes.place(implicit) })
+        };
+        let mut collider = json!({
+            "geometry": geometry,
+            "physicsMaterial": self.tables.materials.place(material(&shape.material)),
+        });
+        if shape.filter != Filter::default() {
+            collider["collisionFilter"] = json!(self.tables.filters.place(filter(&shape.filter)));
+        }
+        if let Some(motion) = &shape.surface_velocity {
+            let own = rotation(shape.rotation);
+            let motion = if turn == math::NO_TURN {
+                motion.clone()
+            } else {
+                seen_from(motion.clone(), own, math::quat_mul(own, turn))
+            };
+            collider["extras"] = json!({ "drystone": { "surfaceVelocity": surface(&motion) } });
+        }
+        Ok((collider, turn))
+    }
+
+    /// Adds the collision mesh of a hull or a mesh, with its points in their order, and returns its
+    /// index.
+    fn mesh(&mut self, index: usize, kind: &ShapeKind) -> Result<usize, String> {
+        let single = |point: &[f64]| -> [f32; 3] {
+            std::array::from_fn(|i| point.get(i).copied().unwrap_or(0.0) as f32)
+        };
+        let (points, triangles): (Vec<[f32; 3]>, Vec<u32>) = match kind {
+            ShapeKind::Trimesh { vertices, triangles, .. } => {
+                let points = vertices.iter().map(|vertex| single(vertex)).collect();
+                (points, triangles.as_flattened().to_vec())
+            }
+            ShapeKind::ConvexHull { points } => {
+                let points: Vec<_> = points.iter().map(|point| single(point)).collect();
+                let triangles = hull_triangles(&points, self.engine).ok_or_else(|| {
+                    format!("{} has a hull without triangles", self.scene.name_of(index))
+                })?;
+                (points, triangles)
+            }
+            _ => return Err(format!("{} has no mesh", self.scene.name_of(index))),
+        };
+        let key = format!("{points:?}{triangles:?}");
+        if let Some(mesh) = self.meshes.get(&key) {
+            return Ok(*mesh);
+        }
+        let positions = self.gltf.push_floats(&points, Use::Vertices, true);
+        let indices = self.gltf.push_indices(&triangles);
+        let primitive = json!({"attributes": {"POSITION": positions}, "indices": indices});
+        let mesh = self.gltf.push("meshes", json!({ "primitives": [primitive] }));
+        self.meshes.insert(key, mesh);
+        Ok(mesh)
+    }
+}
+
+fn surface(motion: &SurfaceVelocity) -> Value {
+    json!({ "linear": motion.linear, "angular": motion.angular, "local": motion.local })
+}
+
+fn rotation(rotation: Rotation) -> Quat {
+    match rotation {
+        Rotation::Quaternion(q) => q,
+        Rotation::Angle(_) => math::NO_TURN,
+    }
+}
+
+/// Returns the motion of a body; data that glTF cannot express is added to `own`.
+fn motion(body: &Body, mass: f64, own: &mut Map<String, Value>) -> Value {
+    let mut out = json!({});
+    if body.motion != Motion::Dynamic {
+        out["isKinematic"] = json!(true);
+    }
+    if body.motion == Motion::Static {
+        own.insert("motion".to_owned(), json!("static"));
+        return out;
+    }
+    // Zero stands for infinity.
+    let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
+    let Motion::Dynamic = body.motion else {
+        set_velocities(&mut out, body);
+        return out;
+    };
+    match body.mass.mass {
+        Some(mass) => out["mass"] = json!(finite(mass)),
+        None if mass.is_finite() && mass > 0.0 => {
+            out["mass"] = json!(mass);
+            let density = body.mass.density.unwrap_or(1000.0);
+            own.insert("density".to_owned(), json!(density));
+            own.insert("mass".to_owned(), json!(mass));
+        }
+        None => {}
+    }
+    if let Some(center) = &body.mass.center {
+        out["centerOfMass"] = json!(center);
+    }
+    if let Some(moments) = &body.mass.inertia {
+        out["inertiaDiagonal"] = moments.iter().map(|moment| finite(*moment)).collect();
+    }
+    if let Some(turn) = body.mass.inertia_rotation {
+        out["inertiaOrientation"] = json!(turn);
+    }
+    for (key, rate) in
+        [("linearDamping", body.linear_damping), ("angularDamping", body.angular_damping)]
+    {
+        if rate != 0.0 {
+            own.insert(key.to_owned(), json!(rate));
+        }
+    }
+    if body.gravity_factor != 1.0 {
+        out["gravityFactor"] = json!(body.gravity_factor);
+    }
+    set_velocities(&mut out, body);
+    out
+}
+
+/// Writes the velocities in the space of the node.
+fn set_velocities(out: &mut Value, body: &Body) {
+    let turn = math::conjugate(rotation(body.rotation));
+    for (key, velocity) in
+        [("linearVelocity", &body.linear_velocity), ("angularVelocity", &body.angular_velocity)]
+    {
+        if let Ok(velocity) = <[f64; 3]>::try_from(velocity.as_slice())
+            && velocity != [0.0; 3]
+        {
+            let turned = turn != math::NO_TURN;
+            out[key] = json!(if turned { math::turn(turn, velocity) } else { velocity });
+        }
+    }
+}
+
+fn material(material: &Material) -> Value {
+    let combine = |combine: Combine| match combine {
+        Combine::Minimum => "minimum",
+        Combine::Maximum => "maximum",
+        Combine::Multiply => "multiply",
+        // The rule nearest to the geometric mean: equal for equal surfaces.
+        Combine::Average | Combine::GeometricMean => "average",
+    };
+    let mut out = json!({
+        "staticFriction": material.friction,
+        "dynamicFriction": material.friction,
+        "restitution": material.restitution,
+        "frictionCombine": combine(material.friction_combine),
+        "restitutionCombine": combine(material.restitution_combine),
+    });
+    let mut own = Map::new();
+    for (key, of) in [
+        ("frictionCombine", material.friction_combine),
+        ("restitutionCombine", material.restitution_combine),
+    ] {
+        if of == Combine::GeometricMean {
+            own.insert(key.to_owned(), json!("geometric_mean"));
+        }
+    }
+    for (key, of) in [
+        ("rollingResistance", material.rolling_resistance),
+        ("spinningResistance", material.spinning_resistance),
+    ] {
+        if of != 0.0 {
+            own.insert(key.to_owned(), json!(of));
+        }
+    }
+    if !own.is_empty() {
+        out["extras"] = json!({ "drystone": own });
+    }
+    out
+}
+
+/// Names each system by its number.
+fn filter(filter: &Filter) -> Value {
+    let names = |mask: u64| -> Vec<String> {
+        (0..64).filter(|bit| mask & (1 << bit) != 0).map(|bit: u32| bit.to_string()).collect()
+    };
+    let mut out = json!({});
+    if filter.systems != 0 {
+        out["collisionSystems"] = json!(names(filter.systems));
+    }
+    if !filter.collides_with_unnamed {
+        out["collideWithSystems"] = json!(names(filter.collides_with));
+    } else if filter.collides_with != u64::MAX {
+        out["notCollideWithSystems"] = json!(names(!filter.collides_with));
+    }
+    out
+}

@@ -1,0 +1,205 @@
+//! Writes scenes as OpenUSD text, for Houdini, Maya, Omniverse, Blender and others.
+
+mod materials;
+mod prim;
+mod shape;
+mod stage;
+
+use std::collections::HashSet;
+use std::io;
+use std::path::Path;
+
+use crate::description::{Body, Mass, Motion, Scene, SurfaceVelocity};
+use crate::engine::Engine;
+use crate::whole::write_whole;
+use materials::Materials;
+pub use prim::{Prim, tuple};
+use prim::{quoted, space};
+use shape::Look;
+pub use stage::Stage;
+
+const PHYSICS: &str = "PhysicsScene";
+
+/// Prims of a scene with the schemas of UsdPhysics: an `Xform` per body, with its shapes below it.
+///
+/// Units are meters and kilograms, with +y up. 2D scenes lie in the plane z = 0, 0.5 m thick. A
+/// name that is no valid prim name becomes the display name.
+pub struct Prims<'a> {
+    scene: &'a Scene,
+    engine: &'a dyn Engine,
+    names: Vec<String>,
+    materials: Materials<'a>,
+}
+
+impl<'a> Prims<'a> {
+    /// Names the prims of a scene.
+    pub fn new(scene: &'a Scene, engine: &'a dyn Engine) -> Self {
+        Self { scene, engine, names: identifiers(scene), materials: Materials::of(scene) }
+    }
+
+    /// Returns the root prim, with gravity and materials.
+    pub fn world(&self) -> Prim {
+        let mut world = Prim::new("Xform", "World");
+        world.metadata.push("kind = \"component\"".to_owned());
+        world.children.push(self.physics());
+        world.children.extend(self.materials.prim());
+        world
+    }
+
+    fn physics(&self) -> Prim {
+        let gravity = &self.scene.gravity;
+        let mut prim = Prim::new("PhysicsScene", PHYSICS);
+        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let direction = space(gravity).map(|g| if strength > 0.0 { g / strength } else { 0.0 });
+        prim.set("vector3f physics:gravityDirection", tuple(&direction));
+        prim.set("float physics:gravityMagnitude", strength);
+        prim
+    }
+
+    /// Returns the prim of a body with its shapes, at its position in the scene.
+    pub fn body(&self, index: usize) -> Prim {
+        let (body, name) = (&self.scene.bodies[index], &self.names[index]);
+        let dimension = self.scene.dimension;
+        let mut prim = Prim::new("Xform", name);
+        if let Some(own) = body.name.as_ref().filter(|own| *own != name) {
+            prim.metadata.push(format!("displayName = {}", quoted(own)));
+        }
+        if body.motion != Motion::Static {
+            prim.schemas.extend(["PhysicsRigidBodyAPI", "PhysicsMassAPI"]);
+            mass(&mut prim, dimension, &body.mass);
+            velocity(&mut prim, body);
+            if body.motion == Motion::Kinematic {
+                prim.set("bool physics:kinematicEnabled", 1);
+            }
+        }
+        if body.linear_damping != 0.0 || body.angular_damping != 0.0 {
+            prim.schemas.push("PhysxRigidBodyAPI");
+            prim.set("float physxRigidBody:angularDamping", body.angular_damping);
+            prim.set("float physxRigidBody:linearDamping", body.linear_damping);
+        }
+        if let Some(motion) = &body.surface_velocity {
+            run(&mut prim, motion);
+        }
+        prim.place(space(&body.position), body.rotation.quaternion(), [1.0; 3]);
+        let look = Look { dimension, body: index, motion: body.motion, engine: self.engine };
+        let shapes = body.shapes.iter().enumerate().map(|(number, of)| {
+            let mut prim = shape::prim(&look, of, number);
+            self.materials.bind(&mut prim, &of.material);
+            if let Some(motion) = &of.surface_velocity {
+                run(&mut prim, &shape::seen_from_prim(motion, of));
+            }
+            prim
+        });
+        prim.children = shapes.collect();
+        prim
+    }
+}
+
+/// Returns a prim name for each body, unique among its siblings: ASCII letters, digits and
+/// underscores, without a leading digit.
+fn identifiers(scene: &Scene) -> Vec<String> {
+    let mut taken = HashSet::from([PHYSICS, materials::SCOPE, stage::GROUPS].map(str::to_owned));
+    let one = |(index, body): (usize, &Body)| {
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        let mut name: String = body.name.as_deref().unwrap_or("body").chars().map(plain).collect();
+        if !name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') {
+            name.insert(0, '_');
+        }
+        if body.name.is_none() || taken.contains(&name) {
+            name = format!("{name}_{index}");
+        }
+        while !taken.insert(name.clone()) {
+            name.push('_');
+        }
+        name
+    };
+    scene.bodies.iter().enumerate().map(one).collect()
+}
+
+/// Writes a stage with the prim `world`, from time code `start` to `end`, with `frames` frames and
+/// `codes` time codes per second.
+///
+/// # Errors
+/// Those of [`write_whole`].
+pub fn write_stage(
+    path: &Path,
+    world: &Prim,
+    [start, end]: [f64; 2],
+    frames: f64,
+    codes: f64,
+) -> io::Result<()> {
+    write_whole(path, |out| {
+        writeln!(out, "#usda 1.0\n(")?;
+        let creator = concat!("Drystone ", env!("CARGO_PKG_VERSION"));
+        writeln!(out, "    customLayerData = {{\n        string creator = \"{creator}\"\n    }}")?;
+        writeln!(out, "    defaultPrim = \"World\"\n    endTimeCode = {end}")?;
+        writeln!(out, "    framesPerSecond = {frames}\n    kilogramsPerUnit = 1")?;
+        writeln!(out, "    metersPerUnit = 1\n    startTimeCode = {start}")?;
+        writeln!(out, "    timeCodesPerSecond = {codes}\n    upAxis = \"Y\"\n)\n")?;
+        world.write(out, 0)
+    })
+}
+
+/// Rounds to nine decimals, which removes the errors of divisions, so that frames have whole time
+/// codes.
+pub fn rounded(x: f64) -> f64 {
+    (x * 1e9).round() / 1e9
+}
+
+/// Sets the mass properties that do not follow from the shapes.
+fn mass(prim: &mut Prim, dimension: usize, mass: &Mass) {
+    match mass.mass {
+        Some(mass) if mass.is_finite() => prim.set("float physics:mass", mass),
+        Some(_) => {}
+        None if dimension == 2 => {
+            let density = mass.density.unwrap_or(1000.0) / shape::THICKNESS;
+            prim.set("float physics:density", density);
+        }
+        // Without a density, OpenUSD uses the same default.
+        None => mass.density.into_iter().for_each(|x| prim.set("float physics:density", x)),
+    }
+    if let Some(center) = &mass.center {
+        prim.set("point3f physics:centerOfMass", tuple(&space(center)));
+    }
+    if let Some([x, y, z]) = mass.inertia.as_deref()
+        && [x, y, z].iter().all(|moment| moment.is_finite())
+    {
+        prim.set("float3 physics:diagonalInertia", tuple(&[x, y, z]));
+        if let Some([a, b, c, w]) = mass.inertia_rotation {
+            prim.set("quatf physics:principalAxes", tuple(&[w, a, b, c]));
+        }
+    }
+}
+
+fn velocity(prim: &mut Prim, body: &Body) {
+    let angular = turning(&body.angular_velocity);
+    prim.set("vector3f physics:angularVelocity", tuple(&angular.map(degrees)));
+    prim.set("vector3f physics:velocity", tuple(&space(&body.linear_velocity)));
+}
+
+/// Returns an angular velocity in 3D.
+fn turning(angular: &[f64]) -> [f64; 3] {
+    match angular {
+        [about_z] => [0.0, 0.0, *about_z],
+        vector => space(vector),
+    }
+}
+
+/// Sets the surface velocity of a prim, in PhysX's schema.
+fn run(prim: &mut Prim, motion: &SurfaceVelocity) {
+    prim.schemas.push("PhysxSurfaceVelocityAPI");
+    let angular = turning(&motion.angular).map(degrees);
+    prim.set("vector3f physxSurfaceVelocity:surfaceAngularVelocity", tuple(&angular));
+    prim.set("vector3f physxSurfaceVelocity:surfaceVelocity", tuple(&space(&motion.linear)));
+    prim.set("bool physxSurfaceVelocity:surfaceVelocityEnabled", 1);
+    let local = i32::from(motion.local);
+    prim.set("bool physxSurfaceVelocity:surfaceVelocityLocalSpace", local);
+}
+
+/// Converts an angle to degrees such that converting it back gives the same radians in single
+/// precision.
+fn degrees(angle: f64) -> f64 {
+    let near = angle.to_degrees();
+    let same = |degrees: &f64| degrees.to_radians() as f32 == angle as f32;
+    [near, near.next_up(), near.next_down()].into_iter().find(same).unwrap_or(near)
+}

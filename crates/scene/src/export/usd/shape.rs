@@ -1,0 +1,129 @@
+//! Shapes as prims of UsdGeom with colliders.
+
+use super::super::color::{color_of, linear};
+use super::super::mesh::{self, mesh_of, scale_of};
+use super::prim::{Prim, list, space, tuple};
+use crate::description::{Motion, Rotation, Shape, ShapeKind, SurfaceVelocity};
+use crate::engine::Engine;
+use crate::graph::math::{from_up, quat_mul};
+use crate::graph::seen_from;
+
+/// Thickness of 2D shapes. \[m\]
+pub(super) const THICKNESS: f64 = 2.0 * mesh::HALF_DEPTH;
+
+/// What the looks of a shape depend on besides itself.
+pub(super) struct Look<'a> {
+    pub(super) dimension: usize,
+    /// Index of the body.
+    pub(super) body: usize,
+    pub(super) motion: Motion,
+    pub(super) engine: &'a dyn Engine,
+}
+
+/// Returns the prim of shape `number` of a body.
+pub(super) fn prim(look: &Look<'_>, shape: &Shape, number: usize) -> Prim {
+    let name = format!("Shape_{number}");
+    let Look { dimension, body, motion, .. } = *look;
+    let (position, mut rotation) = (space(&shape.position), shape.rotation.quaternion());
+    let mut scale = [1.0; 3];
+    let mut prim = match &shape.kind {
+        kind if dimension == 2 => {
+            scale = scale_of(kind, dimension);
+            faces(&name, kind, look)
+        }
+        ShapeKind::Sphere { radius } => {
+            let mut prim = Prim::new("Sphere", name);
+            prim.set("double radius", radius);
+            prim.set("float3[] extent", extent([*radius; 3]));
+            prim
+        }
+        ShapeKind::Box { half_extents } => {
+            scale = space(half_extents);
+            let mut prim = Prim::new("Cube", name);
+            prim.set("double size", 2);
+            prim.set("float3[] extent", extent([1.0; 3]));
+            prim
+        }
+        ShapeKind::Capsule { radius, half_height } => {
+            round("Capsule", name, *radius, *half_height, half_height + radius)
+        }
+        ShapeKind::Cylinder { radius, half_height } => {
+            round("Cylinder", name, *radius, *half_height, *half_height)
+        }
+        ShapeKind::Halfspace { normal } => {
+            rotation = quat_mul(rotation, from_up(space(normal)));
+            let half = mesh::HALF_PLANE;
+            let mut prim = Prim::new("Plane", name);
+            prim.set("uniform token axis", "\"Y\"");
+            prim.set("bool doubleSided", 1);
+            prim.set("double length", 2.0 * half);
+            prim.set("double width", 2.0 * half);
+            prim.set("float3[] extent", extent([half, 0.0, half]));
+            prim
+        }
+        kind => faces(&name, kind, look),
+    };
+    if let (ShapeKind::Trimesh { decomposition, .. }, Motion::Dynamic) = (&shape.kind, motion) {
+        prim.set("uniform token physics:approximation", "\"convexDecomposition\"");
+        if let Some(options) = decomposition {
+            prim.set("custom double drystone:accuracy", options.accuracy);
+            prim.set("custom int drystone:pieces", options.pieces);
+        }
+    }
+    prim.schemas.insert(0, "PhysicsCollisionAPI");
+    prim.set(
+        "color3f[] primvars:displayColor",
+        list([tuple(&linear(color_of(body, motion)))].iter()),
+    );
+    prim.place(position, rotation, scale);
+    prim
+}
+
+/// Returns a surface velocity in the frame of the prim, which differs from that of the shape for
+/// planes.
+pub(super) fn seen_from_prim(motion: &SurfaceVelocity, shape: &Shape) -> SurfaceVelocity {
+    let own = shape.rotation.quaternion();
+    match (&shape.kind, shape.rotation) {
+        (ShapeKind::Halfspace { normal }, Rotation::Quaternion(_)) => {
+            seen_from(motion.clone(), own, quat_mul(own, from_up(space(normal))))
+        }
+        _ => motion.clone(),
+    }
+}
+
+/// Returns a capsule or a cylinder along y.
+fn round(kind: &'static str, name: String, radius: f64, half_height: f64, reach: f64) -> Prim {
+    let mut prim = Prim::new(kind, name);
+    prim.set("uniform token axis", "\"Y\"");
+    prim.set("double height", 2.0 * half_height);
+    prim.set("double radius", radius);
+    prim.set("float3[] extent", extent([radius, reach, radius]));
+    prim
+}
+
+/// Returns a mesh. Hulls and 2D shapes collide as the convex hulls of their points.
+fn faces(name: &str, kind: &ShapeKind, look: &Look<'_>) -> Prim {
+    let mesh = mesh_of(kind, look.dimension, look.engine);
+    let hull = !matches!(kind, ShapeKind::Trimesh { .. });
+    let mut prim = Prim::new("Mesh", name);
+    prim.schemas.push("PhysicsMeshCollisionAPI");
+    prim.set(
+        "uniform token physics:approximation",
+        if hull { "\"convexHull\"" } else { "\"none\"" },
+    );
+    prim.set("uniform token subdivisionScheme", "\"none\"");
+    prim.set("bool doubleSided", i32::from(!hull));
+    prim.set("int[] faceVertexCounts", list(mesh.indices.chunks_exact(3).map(|_| 3)));
+    prim.set("int[] faceVertexIndices", list(mesh.indices.iter()));
+    prim.set("point3f[] points", list(mesh.positions.iter().map(|point| tuple(point))));
+    let bound = |pick: fn(f32, f32) -> f32| -> [f32; 3] {
+        std::array::from_fn(|i| mesh.positions.iter().map(|p| p[i]).reduce(pick).unwrap_or(0.0))
+    };
+    let (low, high) = (bound(f32::min), bound(f32::max));
+    prim.set("float3[] extent", list([tuple(&low), tuple(&high)].iter()));
+    prim
+}
+
+fn extent(half: [f64; 3]) -> String {
+    list([tuple(&half.map(|x| -x)), tuple(&half)].iter())
+}

@@ -1,0 +1,105 @@
+//! Scenes of bodies in contact: one description, whatever file it comes from.
+//!
+//! A [`Scene`] has bodies with shapes, materials, masses and tracks. Readers take it from Drystone's
+//! own format (TOML, JSON), from glTF 2.0 with physics, and from OpenUSD with UsdPhysics. Writers
+//! bring it back to each of them. SI units, right-handed, +y up. Vectors have as many components as
+//! the scene has dimensions.
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use drystone_scene::{ShapeKind, format::read_toml, to_json};
+//!
+//! let text = r#"
+//! [[bodies]]
+//! name = "ball"
+//! position = [0, 2, 0]
+//! shapes = [{ type = "sphere", radius = 0.5 }]
+//! "#;
+//! let read = read_toml(Path::new("ball.toml"), text)?;
+//! assert!(read.warnings.is_empty());
+//! assert_eq!(read.scene.bodies[0].shapes[0].kind, ShapeKind::Sphere { radius: 0.5 });
+//! assert!(to_json(&read.scene).contains("\"ball\""));
+//! # Ok::<(), drystone_scene::SceneError>(())
+//! ```
+//!
+//! Files are not trusted. A wrong value is refused with file, place, item, value and accepted range
+//! ([`SceneError`]); input without effect is named ([`Warning`]).
+//!
+//! This crate knows no engine. Settings of the table `solver`, masses of compound shapes and convex
+//! hulls are those of an [`Engine`]; `drystone-bake` has that of Drystone.
+//!
+//! | For | Look at |
+//! |---|---|
+//! | files | [`read`], [`read_with`] |
+//! | text of our own format | [`format`](mod@format), [`to_toml`], [`to_json`], [`json_schema`] |
+//! | glTF and OpenUSD to be written | [`export::gltf::Physics`], [`export::usd::Stage`] |
+//! | meshes that enclose a volume | [`is_solid`], [`DecompositionOptions`] |
+
+// At most one error is made per file, so its size does not matter.
+#![allow(clippy::result_large_err)]
+
+mod description;
+mod document;
+mod engine;
+mod error;
+pub mod export;
+pub mod file;
+pub mod format;
+pub mod gltf;
+pub mod graph;
+mod read;
+pub mod schema;
+pub mod solid_mesh;
+mod solver;
+pub mod usd;
+mod whole;
+pub mod write;
+
+use std::path::Path;
+
+pub use description::{
+    BodiesAs, Body, Combine, Filter, Mass, Material, Motion, Rotation, Scene, Shape, ShapeKind,
+    SurfaceVelocity, Track,
+};
+pub use engine::{Engine, Hull, NoEngine, SettingFault, Solid, Weight};
+pub use error::{Place, SceneError, Warning};
+pub use file::open;
+pub use read::Read;
+pub use schema::json_schema;
+pub use solid_mesh::{DecompositionOptions, NotSolid, is_solid};
+pub use whole::{sync_directory, write_whole};
+pub use write::{to_json, to_toml};
+
+/// Reads a scene from a file, without an engine: the table `solver` is not checked.
+///
+/// # Errors
+/// Those of [`read_with`].
+pub fn read(path: &Path) -> Result<Read, SceneError> {
+    read_with(path, &NoEngine)
+}
+
+/// Reads a scene from a file. The extension is `.toml`, `.json`, `.gltf`, `.glb`, `.usda` or
+/// `.usd`, in upper or lower case.
+///
+/// # Errors
+/// [`SceneError::unreadable`] is set if the operating system does not provide the file. Otherwise
+/// the error describes the first fault found in the file.
+pub fn read_with(path: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
+    let extension = path.extension().and_then(|name| name.to_str()).unwrap_or("");
+    match extension.to_ascii_lowercase().as_str() {
+        "toml" => format::read_toml_with(path, &file::read_text(path)?, engine),
+        "json" => format::read_json_with(path, &file::read_text(path)?, engine),
+        "gltf" | "glb" => gltf::read(path, engine),
+        // `usd::read` refuses binary files and says how to convert them.
+        "usda" | "usd" | "usdc" | "usdz" => usd::read(path, engine),
+        other => Err(SceneError {
+            file: path.to_owned(),
+            place: Place::File,
+            item: "the format".to_owned(),
+            value: if other.is_empty() { "not named".to_owned() } else { format!("\".{other}\"") },
+            accepted: "accepted: .toml, .json, .gltf, .glb, .usda".to_owned(),
+            unreadable: false,
+        }),
+    }
+}

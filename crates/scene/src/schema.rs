@@ -1,0 +1,123 @@
+//! The JSON Schema of Drystone's own scene format.
+
+use serde_json::Value;
+
+use super::document::SceneDocument;
+
+/// Returns the JSON Schema (draft 2020-12) of the format, for editors and other programs.
+///
+/// It covers keys and types. Only [`read`](super::read) checks ranges that depend on other values.
+pub fn json_schema() -> Value {
+    let mut schema = schemars::schema_for!(SceneDocument).to_value();
+    remove_null(&mut schema);
+    plain(&mut schema);
+    schema
+}
+
+/// Removes the backslashes by which doc comments escape the brackets around units.
+fn plain(schema: &mut Value) {
+    match schema {
+        Value::Object(object) => {
+            if let Some(Value::String(text)) = object.get_mut("description") {
+                *text = text.replace("\\[", "[").replace("\\]", "]");
+            }
+            object.values_mut().for_each(plain);
+        }
+        Value::Array(items) => items.iter_mut().for_each(plain),
+        _ => {}
+    }
+}
+
+/// Removes null as a type: an absent value is omitted, and null is not accepted for it.
+fn remove_null(schema: &mut Value) {
+    let null = |value: &Value| value == "null" || value.get("type").is_some_and(|t| t == "null");
+    if let Value::Object(object) = &mut *schema {
+        for key in ["type", "anyOf"] {
+            let Some(Value::Array(choices)) = object.get_mut(key) else { continue };
+            choices.retain(|choice| !null(choice));
+            let [only] = choices.as_slice() else { continue };
+            let only = only.clone();
+            object.remove(key);
+            match only {
+                Value::Object(inner) => object.extend(inner),
+                name => _ = object.insert(key.to_owned(), name),
+            }
+        }
+        object.values_mut().for_each(remove_null);
+    } else if let Value::Array(items) = schema {
+        items.iter_mut().for_each(remove_null);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::format::SCENE_KEYS;
+    use crate::format::body::{BODY_KEYS, KEY_KEYS};
+    use crate::format::shape::{DECOMPOSITION_KEYS, SHAPE_KEYS};
+    use crate::format::surface::{COLLISION_KEYS, COMBINE, MATERIAL_KEYS, SURFACE_VELOCITY_KEYS};
+
+    fn keys_of(schema: &Value) -> BTreeSet<&str> {
+        let properties = schema.get("properties").and_then(Value::as_object);
+        properties.into_iter().flatten().map(|(key, _)| key.as_str()).collect()
+    }
+
+    fn set<'a>(keys: &[&'a str]) -> BTreeSet<&'a str> {
+        keys.iter().copied().collect()
+    }
+
+    #[test]
+    fn the_schema_has_the_keys_that_are_read() {
+        let schema = json_schema();
+        let of = |name: &str| keys_of(&schema["$defs"][name]);
+        assert_eq!(keys_of(&schema), set(SCENE_KEYS));
+        assert_eq!(of("Body"), set(BODY_KEYS));
+        assert_eq!(of("Key"), set(KEY_KEYS));
+        assert_eq!(of("Material"), set(MATERIAL_KEYS));
+        assert_eq!(of("Collision"), set(COLLISION_KEYS));
+        assert_eq!(of("SurfaceMotion"), set(SURFACE_VELOCITY_KEYS));
+        assert_eq!(of("Decomposition"), set(DECOMPOSITION_KEYS));
+    }
+
+    #[test]
+    fn the_schema_has_the_shapes_that_are_read() {
+        let schema = json_schema();
+        let shape = &schema["$defs"]["Shape"];
+        let variants = shape["oneOf"].as_array().unwrap();
+        assert_eq!(variants.len(), SHAPE_KEYS.len());
+        for (variant, (name, keys)) in variants.iter().zip(SHAPE_KEYS) {
+            assert_eq!(variant["properties"]["type"]["const"], name);
+            let all: BTreeSet<_> = keys_of(shape).union(&keys_of(variant)).copied().collect();
+            assert_eq!(all, set(keys), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_schema_has_the_combinations_that_are_read() {
+        let schema = json_schema();
+        let variants = schema["$defs"]["Combine"]["oneOf"].as_array().unwrap();
+        let names: Vec<_> = variants.iter().map(|v| v["const"].as_str().unwrap()).collect();
+        assert_eq!(names, COMBINE.map(|(name, _)| name));
+    }
+
+    #[test]
+    fn null_is_no_value() {
+        assert!(!json_schema().to_string().contains("\"null\""));
+    }
+
+    #[test]
+    fn units_are_written_plainly() {
+        assert!(json_schema().to_string().contains("[m]"));
+        assert!(!json_schema().to_string().contains("\\["));
+    }
+
+    #[test]
+    fn nothing_is_required_that_has_a_default() {
+        let schema = json_schema();
+        assert_eq!(schema.get("required"), None);
+        assert_eq!(schema["$defs"]["Body"].get("required"), None);
+        assert_eq!(schema["$defs"]["Key"]["required"], serde_json::json!(["time"]));
+    }
+}

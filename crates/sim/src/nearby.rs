@@ -1,0 +1,32 @@
+//! What a world tells about its bodies in numbers of any dimension.
+
+use drystone_solver::Manifold;
+
+use crate::geometry::Geometry;
+use crate::report::Nearby;
+use crate::world::World;
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
+    /// Returns the mass of each slot, in order; infinite for static and kinematic bodies. \[kg\]
+    pub fn masses(&self) -> Vec<f64> {
+        (0..self.len()).map(|slot| self.mass(slot)).collect()
+    }
+
+    /// Returns the pairs of bodies near each other at the last search for contacts, one entry per
+    /// manifold. Bodies are slots.
+    pub fn nearby(&self) -> Vec<Nearby> {
+        let system = self.searched();
+        let of = |manifold: &Manifold<f32, L>| {
+            let contacts = system.contacts[manifold.points()].iter();
+            Nearby {
+                bodies: manifold.bodies.map(|body| body as usize),
+                normal: manifold.normal().0.map(f64::from).to_vec(),
+                gap: contacts
+                    .map(|contact| f64::from(contact.gap[0]))
+                    .fold(f64::INFINITY, f64::min),
+                friction: f64::from(manifold.friction),
+            }
+        };
+        system.manifolds.iter().map(of).collect()
+    }
+}
