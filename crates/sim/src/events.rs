@@ -21,7 +21,7 @@ pub struct Touching<const L: usize> {
     /// Distance between the surfaces at that point, negative where they overlap. \[m\]
     pub gap: f32,
     /// Sum of the normal impulses of all substeps of the last step, impacts included, if steps record them
-    /// ([`World::record_impulses`]). It is 0 while both bodies sleep. \[N s\]
+    /// ([`World::record_impulses`]). It is 0 in steps that both bodies sleep through. \[N s\]
     pub impulse: f32,
 }
 
