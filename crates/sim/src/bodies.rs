@@ -247,6 +247,8 @@ pub(crate) struct SpinState<const A: usize> {
     pub(crate) followed: Vector<f32, A>,
     /// What rounding has left out of the angular velocity. \[rad/s\]
     pub(crate) remainder: Vector<f32, A>,
+    /// Whether a collision has changed its velocity since its pose last followed.
+    pub(crate) struck: bool,
 }
 
 /// The state of all bodies, except velocities and world inverse masses, which the contact system

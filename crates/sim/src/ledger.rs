@@ -123,6 +123,8 @@ pub(crate) struct LedgerBuilder<const L: usize, const A: usize> {
     ledger: Ledger,
     /// Kinetic and potential energy when the part began. \[J\]
     opening: [f64; 2],
+    /// Kinetic energy when the part ends, before the poses follow. \[J\]
+    unturned: f64,
     masses: Vec<Mass<L, A>>,
     /// M^-1 of where bodies were when the masses were taken.
     inverses: Vec<InverseMass<f32, L, A>>,
@@ -162,6 +164,14 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
     /// At the start of a substep.
     pub(crate) fn start(&mut self, velocities: &[Velocity<f32, L, A>]) {
         copy(velocities, &mut self.start);
+    }
+
+    /// When the substep starts with another M and M^-1 of a body than the one before has left.
+    pub(crate) fn turn(&mut self, body: usize, mass: Mass<L, A>, inverse: &InverseMass<f32, L, A>) {
+        let velocity = self.start[body].cast();
+        let before = std::mem::replace(&mut self.masses[body], mass);
+        self.ledger.integration += 0.5 * (mass.squared(&velocity) - before.squared(&velocity));
+        self.inverses[body] = *inverse;
     }
 
     /// Before collisions (0), or after them (1).
@@ -393,14 +403,18 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         mean.dot(&kept) - push.dot(mean.at(anchor))
     }
 
-    /// After the last substep, when the poses have followed; returns the ledger of the part.
+    /// After the last substep, before the poses follow.
+    pub(crate) fn stop(&mut self, velocities: &[Velocity<f32, L, A>]) {
+        self.unturned = self.kinetic_energy(velocities);
+    }
+
+    /// When they have followed; returns the ledger of the part.
     pub(crate) fn close<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,
         gravity: Vector<f32, L>,
         velocities: &[Velocity<f32, L, A>],
     ) -> Ledger {
-        let unturned = self.kinetic_energy(velocities);
         for (body, mass) in self.masses.iter_mut().enumerate() {
             *mass = bodies.mass(body);
         }
@@ -409,7 +423,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         let ledger = &mut self.ledger;
         ledger.kinetic = turned - kinetic;
         ledger.potential = bodies.potential_energy(gravity) - potential;
-        ledger.integration += ledger.gravity + ledger.potential + turned - unturned;
+        ledger.integration += ledger.gravity + ledger.potential + turned - self.unturned;
         *ledger
     }
 

@@ -508,10 +508,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let h = dt / substeps as f32;
         let (mut left, mut due) = (substeps, substeps);
         for search in 0.. {
-            let fitting =
-                substeps_until_search(due, passed).max(left.div_ceil(most - search)).min(left);
-            if fitting != due {
-                due = fitting;
+            let fitting = |due, passed| {
+                substeps_until_search(due, passed).max(left.div_ceil(most - search)).min(left)
+            };
+            let planned = due;
+            due = fitting(planned, passed);
+            if due != planned {
+                passed = self.plan_searches(h * due as f32);
+            }
+            // Falls grow as the square of the time: longer ahead, bodies pass more than in proportion.
+            let longest = fitting(due, passed);
+            if due > planned && longest < due {
+                due = longest;
                 self.plan_searches(h * due as f32);
             }
             left -= due;
@@ -719,6 +727,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.books.start(&self.system.velocities);
         }
         if plan.collisions.is_some() {
+            self.follow_turns(plan.ledger);
+        }
+        if plan.collisions.is_some() {
             self.forced.clone_from(&self.system.velocities);
         }
         self.course().bodies.predict(params);
@@ -789,6 +800,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
+    /// M^-1 of the bodies that precess, at their present poses. Slow turns do not update it, and an impact with that
+    /// of an earlier pose would create energy.
+    fn follow_turns(&mut self, ledger: bool) {
+        let (bodies, masses) = (&self.bodies, &mut self.system.masses);
+        for (body, mass) in masses.iter_mut().enumerate() {
+            if bodies.turned[body] && bodies.precession[body].rate > 0.0 {
+                let moments = bodies.inertia[body].inverse_moments;
+                mass.angular = G::frame(&bodies.poses[body]).tensor(moments);
+                if ledger {
+                    self.books.turn(body, bodies.mass(body), mass);
+                }
+            }
+        }
+    }
+
     /// Collisions at the start of a substep; returns how many there were.
     fn bounce(&mut self, plan: &Plan<L>, collisions: &ImpactSettings<f32>) -> usize {
         let (system, books, moved) = (&mut self.system, &mut self.books, &mut self.displacements);
@@ -799,6 +825,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let count =
             restitution::collide(system, moved, &self.forced, collisions, &mut self.impact_solver);
         self.wide.take_impacts(system);
+        if count > 0 {
+            for (body, turn) in self.bodies.turns.iter_mut().enumerate() {
+                turn.struck |= self.impact_solver.is_struck(body);
+            }
+        }
         if plan.ledger {
             books.strike(1, &system.velocities);
         }
@@ -818,6 +849,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Gives poses back at the end of a part.
     fn arrive(&mut self, plan: &Plan<L>, clock: &mut StageTimer, report: &mut StepReport) {
         let velocities = &mut self.system.velocities;
+        if plan.ledger {
+            self.books.stop(velocities);
+        }
         motion::arrive(&mut self.bodies, &self.pool, &self.displacements, velocities);
         if plan.ledger {
             let ledger = self.books.close(&self.bodies, self.gravity, &self.system.velocities);
