@@ -325,6 +325,21 @@ impl<const L: usize> Frame<L> {
         world
     }
 
+    /// Rotates a rotation vector of world axes to this frame. In 2D it is a scalar, which does not
+    /// change.
+    pub fn local_turning<const A: usize>(&self, world: Vector<f32, A>) -> Vector<f32, A> {
+        if A != L {
+            return world;
+        }
+        let mut local = Vector::ZERO;
+        for (component, axis) in local.0.iter_mut().zip(&self.axes) {
+            for i in 0..A {
+                *component += axis[i] * world[i];
+            }
+        }
+        local
+    }
+
     /// Rotates a tensor of this frame to world axes: R D R^T. In 2D it is a scalar, which does not
     /// change.
     pub fn tensor<const A: usize>(

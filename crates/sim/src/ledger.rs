@@ -125,6 +125,8 @@ pub(crate) struct LedgerBuilder<const L: usize, const A: usize> {
     ledger: Ledger,
     /// Kinetic and potential energy at the start of the part. \[J\]
     opening: [f64; 2],
+    /// Kinetic energy when the part ends, before the poses follow. \[J\]
+    unturned: f64,
     masses: Vec<Mass<L, A>>,
     /// M^-1 at the poses for which the masses were computed.
     inverses: Vec<InverseMass<f32, L, A>>,
@@ -164,6 +166,14 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
     /// Records the velocities at the start of a substep.
     pub(crate) fn start(&mut self, velocities: &[Velocity<f32, L, A>]) {
         copy(velocities, &mut self.start);
+    }
+
+    /// Takes over M and M^-1 with which the substep starts, where they are not those that the last one left.
+    pub(crate) fn turn(&mut self, body: usize, mass: Mass<L, A>, inverse: &InverseMass<f32, L, A>) {
+        let velocity = self.start[body].cast();
+        let before = std::mem::replace(&mut self.masses[body], mass);
+        self.ledger.integration += 0.5 * (mass.squared(&velocity) - before.squared(&velocity));
+        self.inverses[body] = *inverse;
     }
 
     /// Records the velocities before impacts (`when` = 0) or after them (1).
@@ -409,6 +419,11 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         mean.dot(&kept) - push.dot(mean.at(anchor))
     }
 
+    /// Records the kinetic energy after the last substep, before the poses are updated.
+    pub(crate) fn stop(&mut self, velocities: &[Velocity<f32, L, A>]) {
+        self.unturned = self.kinetic_energy(velocities);
+    }
+
     /// Returns the ledger of the part, after the last substep, when the poses have been updated.
     pub(crate) fn close<G: Geometry<L, A>>(
         &mut self,
@@ -416,7 +431,6 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         gravity: Vector<f32, L>,
         velocities: &[Velocity<f32, L, A>],
     ) -> Ledger {
-        let unturned = self.kinetic_energy(velocities);
         for (body, mass) in self.masses.iter_mut().enumerate() {
             *mass = bodies.mass(body);
         }
@@ -425,7 +439,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         let ledger = &mut self.ledger;
         ledger.kinetic = turned - kinetic;
         ledger.potential = bodies.potential_energy(gravity) - potential;
-        ledger.integration += ledger.gravity + ledger.potential + turned - unturned;
+        ledger.integration += ledger.gravity + ledger.potential + turned - self.unturned;
         *ledger
     }
 

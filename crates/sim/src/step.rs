@@ -191,10 +191,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// `passed` is their relative motion in the substeps that are due, as returned by
     /// `plan_searches`.
     fn fit(&mut self, search: &mut Search, passed: f32) {
-        let share = search.left.div_ceil(search.most - search.number);
-        let fitting = substeps_until_search(search.due, passed).max(share).min(search.left);
-        if fitting != search.due {
-            search.due = fitting;
+        let Search { left, due: planned, most, number, .. } = *search;
+        let fitting = |due, passed| {
+            substeps_until_search(due, passed).max(left.div_ceil(most - number)).min(left)
+        };
+        let mut passed = passed;
+        search.due = fitting(planned, passed);
+        if search.due != planned {
+            passed = self.plan_searches(search.duration());
+        }
+        // Falls grow with the square of the time: in a longer part bodies move more than in proportion.
+        let longest = fitting(search.due, passed);
+        if search.due > planned && longest < search.due {
+            search.due = longest;
             self.plan_searches(search.duration());
         }
         search.left -= search.due;
@@ -495,6 +504,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Moves the poses by the displacements of a part, and closes its ledger.
     fn integrate_poses(&mut self, plan: &PartPlan<L>, report: &mut StepReport) {
+        if plan.ledger {
+            self.scratch.ledger.stop(&self.bodies.velocities);
+        }
         motion::arrive(&mut self.bodies, &self.execution.pool, &self.scratch.displacements);
         if plan.ledger {
             let (bodies, gravity) = (&self.bodies, self.gravity);

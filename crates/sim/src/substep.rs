@@ -221,6 +221,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.scratch.ledger.start(&self.bodies.velocities);
         }
         if plan.collisions.is_some() {
+            self.update_rotated_masses(plan.ledger);
             self.scratch.force_gains.clone_from(&self.bodies.velocities);
         }
         self.context().bodies.predict(params);
@@ -337,7 +338,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         for (gain, velocity) in force_gains.iter_mut().zip(&self.bodies.velocities) {
             *gain = *velocity - *gain;
         }
-        self.solver.with_system(&mut self.bodies, |solver, _| {
+        let count = self.solver.with_system(&mut self.bodies, |solver, _| {
             let ConstraintSolver { lanes, impacts, system, .. } = solver;
             if plan.ledger {
                 ledger.strike(0, &system.velocities);
@@ -350,7 +351,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 ledger.strike(1, &system.velocities);
             }
             count
-        })
+        });
+        if count > 0 {
+            for (body, spin) in self.bodies.turns.iter_mut().enumerate() {
+                spin.struck |= self.solver.impacts.is_struck(body);
+            }
+        }
+        count
     }
 
     /// Adds the normal impulses of a substep to those of the part; after the `last` one the impacts, too.
@@ -373,6 +380,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let sum = |pair: &Pair| impulses[pair.records()].iter().sum();
             pair_impulses.extend(touching.map(|pair| (pair.colliders, sum(pair))));
             impulses.clear();
+        }
+    }
+
+    /// Updates M^-1 of the bodies that precess to their present poses. Slow rotations do not update it, and an
+    /// impact with that of an earlier pose would create energy.
+    fn update_rotated_masses(&mut self, ledger: bool) {
+        let bodies = &mut self.bodies;
+        for body in 0..bodies.poses.len() {
+            if bodies.turned[body] && bodies.precession[body].rate > 0.0 {
+                let moments = bodies.inertia[body].inverse_moments;
+                bodies.inverse_masses[body].angular = G::frame(&bodies.poses[body]).tensor(moments);
+                if ledger {
+                    let (mass, inverse) = (bodies.mass(body), &bodies.inverse_masses[body]);
+                    self.scratch.ledger.turn(body, mass, inverse);
+                }
+            }
         }
     }
 

@@ -183,6 +183,11 @@ pub struct ImpactSolver<const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> ImpactSolver<L, A> {
+    /// Returns whether the last [`collide`] has changed the velocity of a body.
+    pub fn is_struck(&self, body: usize) -> bool {
+        self.struck.get(body).is_some_and(|&time| time != NEVER)
+    }
+
     /// Resolves one impact among these manifolds; returns how many took part.
     fn fall<T: Scalar>(
         &mut self,

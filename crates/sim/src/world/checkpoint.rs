@@ -284,7 +284,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         fill(&from.remainders, &mut bodies.remainders);
         let mut numbers = from.spins.iter().copied();
         for turn in &mut bodies.turns {
-            *turn = SpinState { followed: Vector::ZERO, remainder: take(&mut numbers) };
+            *turn = SpinState { remainder: take(&mut numbers), ..SpinState::default() };
         }
         fill_velocities(&from.velocities, &mut bodies.velocities);
         fill_velocities(&from.pushes, &mut bodies.contact_gains);

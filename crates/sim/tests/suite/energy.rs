@@ -2,8 +2,8 @@
 
 use crate::common::*;
 use drystone::Dimension;
-use drystone::geometry::{Rigid2, Rigid3, Spheres};
-use drystone::{BodyId, ImpactLaw, Ledger, Motion, World, World3};
+use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::{BodyId, ImpactLaw, Inertia, Ledger, Motion, StepSettings, World, World3};
 use drystone_solver::{Vector, Velocity};
 
 // Impacts
@@ -98,6 +98,55 @@ fn a_break_is_symmetric_and_keeps_its_energy() {
     breaks::<Spheres, 3, 0>();
     breaks::<Rigid2, 2, 1>();
     breaks::<Rigid3, 3, 3>();
+}
+
+/// Bounces a box that tumbles on a smooth floor for 4 s. Returns the largest rise and fall of its
+/// energy, relative to that of the start, and the largest change of its angular momentum about the
+/// vertical, relative to the largest angular momentum.
+fn tumble(settings: StepSettings, half: [f32; 3], rate: f32, random: &mut Random) -> [f64; 3] {
+    let hard = surface(0.0, 1.0);
+    let mut world = World3::new(settings);
+    world.gravity = Vector([0.0, -GRAVITY, 0.0]);
+    add_floor(&mut world, &hard);
+    let shape = Rigid3::cuboid(half);
+    let moments = Inertia::of(&Rigid3::mass(&shape, 1000.0)).moments;
+    let mut own = dynamic([0.0, 1.0, 0.0], shape, &hard);
+    own.pose = Rigid3::pose(Vector([0.0, 1.0, 0.0]), &random.quaternion());
+    own.velocity.angular = Vector(random.vector(10.0));
+    let id = world.add(own).unwrap();
+    let about = |world: &World3| angular_momentum(world, id, moments);
+    let (start, spun) = (energy(&world), about(&world));
+    let (mut largest, mut changes) = (spun.length(), [0.0f64; 3]);
+    for _ in 0..(4.0 * rate) as usize {
+        world.step(1.0 / rate).unwrap();
+        let now = about(&world);
+        largest = largest.max(now.length());
+        let gain = energy(&world) / start - 1.0;
+        let turned = f64::from((now[1] - spun[1]).abs());
+        changes = [changes[0].max(gain), changes[1].max(-gain), changes[2].max(turned)];
+    }
+    [changes[0], changes[1], changes[2] / f64::from(largest)]
+}
+
+/// The energy of a box that tumbles and bounces without loss rises by less than 0.02 % in 4 s, and
+/// falls by less than 0.5 %. Its angular momentum about the vertical changes by less than 10 %.
+///
+/// The pose follows an impact within a step at the end. If the angular velocity stayed the same
+/// then, one impact would change the energy by up to 10 %. Impacts need M^-1 of the present pose,
+/// however slowly the body turns.
+#[test]
+fn what_tumbles_and_bounces_keeps_its_energy() {
+    let mut random = Random(7);
+    let mut worst = [0.0f64; 3];
+    for case in 0..24 {
+        let settings = [StepSettings::quality(), StepSettings::realtime()][case % 2].clone();
+        let rate = [24.0, 60.0, 240.0][case / 2 % 3];
+        let half = [[0.1, 0.1, 0.2], [0.2, 0.1, 0.05], [0.1, 0.02, 0.2], [0.02, 0.2, 0.03]];
+        let changes = tumble(settings, half[case / 6], rate, &mut random);
+        worst = [0, 1, 2].map(|i| worst[i].max(changes[i]));
+    }
+    println!("rise and fall of the energy, and change of the angular momentum: {worst:?}");
+    assert!(worst[0] < 2e-4 && worst[1] < 5e-3 && worst[2] < 0.1, "{worst:?}");
 }
 
 // The ledger
