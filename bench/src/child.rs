@@ -38,7 +38,7 @@ pub(crate) struct Verdict {
     pub(crate) depth: Option<f64>,
     /// Fraction of the bodies that stand where they started. \[1\]
     pub(crate) standing: f64,
-    /// Whether the scene is built to stand still.
+    /// True if the scene is built to stand still.
     pub(crate) stands: bool,
 }
 

@@ -31,7 +31,7 @@ struct Point {
     setting: String,
     /// Time per step \[ms\] and overlap \[mm\].
     at: [f64; 2],
-    /// Whether a standing scene has fallen, so that its overlap says little.
+    /// True if a standing scene has fallen, so that its overlap says little.
     fallen: bool,
 }
 

@@ -67,8 +67,8 @@ impl<'a> Judge<'a> {
         f64::from(stand) / f64::from(count.max(1))
     }
 
-    /// Whether the scene is built to stand still: there is gravity, nothing moves, and every
-    /// dynamic body touches another one.
+    /// Returns true if the scene is built to stand still: there is gravity, nothing moves, and
+    /// every dynamic body touches another one.
     pub(crate) fn starts_at_rest(&self) -> bool {
         let still = |body: &Body| {
             let rates = body.linear_velocity.iter().chain(&body.angular_velocity);

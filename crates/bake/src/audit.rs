@@ -224,8 +224,8 @@ impl<'a> Stage<'a> {
         self.scene.bodies[self.actors[actor].body].motion
     }
 
-    /// Whether two shapes can collide: different bodies, one of them dynamic, and filters that
-    /// match.
+    /// Returns true if two shapes can collide: different bodies, one of them dynamic, and filters
+    /// that match.
     fn meet(&self, a: usize, b: usize) -> bool {
         let dynamic = [a, b].into_iter().any(|of| self.motion(of) == Motion::Dynamic);
         let (x, y) = (&self.actors[a], &self.actors[b]);

@@ -67,7 +67,7 @@ pub struct Decomposition {
 }
 
 impl Decomposition {
-    /// Whether the deviation is within the accuracy of the options.
+    /// Returns true if the deviation is within the accuracy of the options.
     pub fn is_accurate(&self, options: &DecompositionOptions) -> bool {
         self.deviation.outward.max(self.deviation.inward) <= options.accuracy * self.size
     }

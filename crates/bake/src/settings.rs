@@ -55,8 +55,8 @@ fn set(settings: StepSettings, key: &str, value: &Value) -> Result<StepSettings,
 /// Returns `base` with the settings of the scene's table `solver` in place of its own.
 ///
 /// # Errors
-/// If a setting does not exist or is out of range. In a scene read by [`read`](fn@crate::read), this
-/// has been checked.
+/// If a setting does not exist or is out of range. In a scene read by [`read`](fn@crate::read),
+/// this has been checked.
 pub fn settings(scene: &Scene, base: StepSettings) -> Result<StepSettings, SceneError> {
     merge(&scene.solver, base).map_err(|fault| SceneError {
         file: "scene".into(),

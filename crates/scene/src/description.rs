@@ -43,7 +43,7 @@ impl Scene {
     }
 }
 
-/// How the bodies of a scene are simulated.
+/// Kind of simulation of the bodies of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BodiesAs {
@@ -85,7 +85,7 @@ pub struct Body {
     pub track: Track,
 }
 
-/// What moves a body.
+/// Cause of the motion of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Motion {
@@ -239,7 +239,7 @@ pub enum ShapeKind {
         vertices: Vec<[f64; 3]>,
         /// Indices of three vertices each.
         triangles: Vec<[u32; 3]>,
-        /// How closely the pieces follow the mesh, on a dynamic body; the default if absent.
+        /// Accuracy of the pieces that replace the mesh, on a dynamic body; the default if absent.
         #[serde(skip_serializing_if = "Option::is_none")]
         decomposition: Option<DecompositionOptions>,
     },
@@ -301,7 +301,7 @@ impl Default for Material {
     }
 }
 
-/// How two coefficients combine. When two surfaces differ, the earlier in this list decides.
+/// Rule that combines two coefficients. When two surfaces differ, the earlier in this list decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Combine {
@@ -315,19 +315,6 @@ pub enum Combine {
     Multiply,
     /// sqrt(a b): the default for friction.
     GeometricMean,
-}
-
-impl Combine {
-    /// Combines the coefficients `x` and `y` of two surfaces whose rules are `a` and `b`.
-    pub fn of(a: Self, b: Self, x: f64, y: f64) -> f64 {
-        match a.min(b) {
-            Self::Average => 0.5 * (x + y),
-            Self::Minimum => x.min(y),
-            Self::Maximum => x.max(y),
-            Self::Multiply => x * y,
-            Self::GeometricMean => (x * y).sqrt(),
-        }
-    }
 }
 
 /// Collision filter of a shape. Each named system is a bit. Two shapes collide if each accepts a

@@ -36,7 +36,7 @@ pub(super) struct SceneDocument {
     /// Time to run [s], instead of a number of steps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) duration: Option<f64>,
-    /// What the bodies are; "rigid" if absent.
+    /// Kind of the bodies; "rigid" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) bodies_as: Option<BodiesAs>,
     /// Step settings in place of the defaults.
@@ -63,7 +63,7 @@ pub(super) struct SceneDocument {
     pub(super) extras: Option<Value>,
 }
 
-/// What bodies are made of.
+/// Material of the inside of bodies.
 #[derive(Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Material")]
@@ -75,7 +75,7 @@ pub(super) struct MaterialDocument {
     pub(super) surface: SurfaceDocument,
 }
 
-/// What a surface is like.
+/// Properties of a surface.
 #[derive(Serialize, JsonSchema, Default)]
 #[schemars(rename = "Surface")]
 pub(super) struct SurfaceDocument {
@@ -97,10 +97,10 @@ pub(super) struct SurfaceDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub(super) spinning_resistance: Option<f64>,
-    /// How the frictions of two surfaces combine; "geometric_mean" if absent.
+    /// Rule that combines the frictions of two surfaces; "geometric_mean" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) friction_combine: Option<Combine>,
-    /// How the restitutions of two surfaces combine; "maximum" if absent.
+    /// Rule that combines the restitutions of two surfaces; "maximum" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) restitution_combine: Option<Combine>,
 }
@@ -113,7 +113,7 @@ pub(super) struct BodyDocument {
     /// Its name, unique in the scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) name: Option<String>,
-    /// What moves it; "dynamic" if absent.
+    /// Kind of motion; "dynamic" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) motion: Option<Motion>,
     /// Position [m]; the origin if absent.
@@ -141,7 +141,7 @@ pub(super) struct BodyDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub(super) angular_damping: Option<f64>,
-    /// How its surface runs, as a belt does, in the body's frame and about its origin; it stands if absent.
+    /// Velocity of its surface, as of a belt, in the body's frame and about its origin; 0 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) surface_velocity: Option<SurfaceVelocityDocument>,
     /// Density [kg/m^3], in 2D [kg/m^2]; 1000 if there is no mass either.
@@ -166,7 +166,7 @@ pub(super) struct BodyDocument {
     pub(super) material: Option<String>,
     #[serde(flatten)]
     pub(super) surface: SurfaceDocument,
-    /// What it collides with; everything if absent.
+    /// Collision filter; it collides with everything if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) collision: Option<CollisionDocument>,
     /// One shape, or several that make a compound.
@@ -209,7 +209,7 @@ pub(super) enum SurfaceVelocityDocument {
     Table(SurfaceMotionDocument),
 }
 
-/// How a surface runs: linear + angular x r, with r from the origin of the body or shape.
+/// Velocity of a surface: linear + angular x r, with r from the origin of the body or shape.
 #[derive(Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "SurfaceMotion")]
@@ -308,10 +308,10 @@ pub(super) struct ShapeDocument {
     pub(super) rotation: Option<RotationDocument>,
     #[serde(flatten)]
     pub(super) surface: SurfaceDocument,
-    /// How its surface runs, in the frame of the shape and about its origin, instead of what the body says.
+    /// Velocity of its surface, in the frame of the shape and about its origin, instead of that of the body.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) surface_velocity: Option<SurfaceVelocityDocument>,
-    /// What it collides with, instead of what the body says.
+    /// Collision filter, instead of that of the body.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) collision: Option<CollisionDocument>,
     /// Anything; ignored.

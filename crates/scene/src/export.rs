@@ -1,5 +1,5 @@
-//! Scenes in formats other than our own: as glTF with physics and as OpenUSD, and what recordings of
-//! motion share with them.
+//! Scenes in formats other than our own: as glTF with physics and as OpenUSD, and what recordings
+//! of motion share with them.
 
 mod buffer;
 mod color;
@@ -9,4 +9,4 @@ mod nodes;
 pub mod usd;
 
 pub use buffer::{GltfBuffer, Use, float_accessor, float_bytes, write_glb};
-pub use nodes::Nodes;
+pub use nodes::{Nodes, add_scene};

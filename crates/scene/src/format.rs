@@ -244,7 +244,7 @@ fn check_particle(field: &Field<'_>, index: usize, body: &Body) -> Result<(), Sc
     Ok(())
 }
 
-/// Whether particles can collide with this kind of shape.
+/// Returns true if particles can collide with this kind of shape.
 fn fits_particles(kind: &ShapeKind) -> bool {
     matches!(kind, ShapeKind::Sphere { .. } | ShapeKind::Halfspace { .. })
 }

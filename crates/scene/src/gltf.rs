@@ -149,7 +149,7 @@ fn check_head(root: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), Scen
     Ok(())
 }
 
-/// Whether a file that requires this extension can be simulated anyway.
+/// Returns true if a file that requires this extension can be simulated anyway.
 fn harmless(extension: &str) -> bool {
     const KNOWN: [&str; 7] = [
         "KHR_implicit_shapes",

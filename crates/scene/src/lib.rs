@@ -1,9 +1,9 @@
 //! Scenes of bodies in contact: one description, whatever file it comes from.
 //!
-//! A [`Scene`] has bodies with shapes, materials, masses and tracks. Readers take it from Drystone's
-//! own format (TOML, JSON), from glTF 2.0 with physics, and from OpenUSD with UsdPhysics. Writers
-//! bring it back to each of them. SI units, right-handed, +y up. Vectors have as many components as
-//! the scene has dimensions.
+//! A [`Scene`] has bodies with shapes, materials, masses and tracks. Readers take it from
+//! Drystone's own format (TOML, JSON), from glTF 2.0 with physics, and from OpenUSD with
+//! UsdPhysics. Writers bring it back to each of them. SI units, right-handed, +y up. Vectors have
+//! as many components as the scene has dimensions.
 //!
 //! ```
 //! use std::path::Path;

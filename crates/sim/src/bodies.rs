@@ -255,7 +255,7 @@ pub(crate) struct SpinState<const A: usize> {
     pub(crate) followed: Vector<f32, A>,
     /// Rounding error left out of the angular velocity. \[rad/s\]
     pub(crate) remainder: Vector<f32, A>,
-    /// Whether a collision has changed its velocity since its pose last followed.
+    /// True if an impact has changed its velocity since its pose was last updated.
     pub(crate) struck: bool,
 }
 

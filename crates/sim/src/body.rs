@@ -1,6 +1,6 @@
-//! What bodies and their colliders are declared with: [`Motion`], [`Material`], [`Filter`].
+//! Properties that bodies and colliders are declared with: [`Motion`], [`Material`], [`Filter`].
 
-/// What moves a body.
+/// Cause of the motion of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Motion {
     /// Forces and contacts.
@@ -46,7 +46,21 @@ impl Default for Material {
     }
 }
 
-/// How two coefficients combine. When two surfaces differ, the earlier in this list decides.
+impl Material {
+    /// Returns the friction between two surfaces. \[1\]
+    pub fn friction_with(&self, other: &Self) -> f64 {
+        let rule = self.friction_combine.min(other.friction_combine);
+        rule.combine(self.friction, other.friction)
+    }
+
+    /// Returns the restitution between two surfaces. \[1\]
+    pub fn restitution_with(&self, other: &Self) -> f64 {
+        let rule = self.restitution_combine.min(other.restitution_combine);
+        rule.combine(self.restitution, other.restitution)
+    }
+}
+
+/// Rule that combines two coefficients. When two surfaces differ, the earlier in this list decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Combine {
     /// (a + b) / 2.
@@ -62,9 +76,9 @@ pub enum Combine {
 }
 
 impl Combine {
-    /// Combines the coefficients `x` and `y` of two surfaces whose rules are `a` and `b`.
-    pub fn of(a: Self, b: Self, x: f64, y: f64) -> f64 {
-        match a.min(b) {
+    /// Combines the coefficients of two surfaces by this rule.
+    pub fn combine(self, x: f64, y: f64) -> f64 {
+        match self {
             Self::Average => 0.5 * (x + y),
             Self::Minimum => x.min(y),
             Self::Maximum => x.max(y),
@@ -82,12 +96,12 @@ pub struct Filter {
     pub systems: u64,
     /// Systems that the shape collides with.
     pub collides_with: u64,
-    /// Whether the shape collides with shapes that belong to no named system.
+    /// True if the shape collides with shapes that belong to no named system.
     pub collides_with_unnamed: bool,
 }
 
 impl Filter {
-    /// Whether both shapes accept each other.
+    /// Returns true if both shapes accept each other.
     pub fn collides(&self, other: &Self) -> bool {
         self.accepts(other) && other.accepts(self)
     }

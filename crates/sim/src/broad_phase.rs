@@ -110,7 +110,8 @@ impl<const L: usize> BroadPhase<L> {
         self.store(shape, None);
     }
 
-    /// Calls `found` with each shape whose stored box overlaps that of `shape`, which is one of them.
+    /// Calls `found` with each shape whose stored box overlaps that of `shape`, which is one of
+    /// them.
     pub(crate) fn overlapping(&mut self, shape: u32, mut found: impl FnMut(u32)) {
         let Self { tree, boxes, .. } = self;
         tree.visit(&boxes[shape as usize], &mut found);

@@ -5,7 +5,7 @@ use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::{Bodies, Collider, GRAIN, SurfaceMotion, extent, smallest};
-use crate::body::{Combine, Filter, Material, Motion};
+use crate::body::{Filter, Material, Motion};
 use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
 use crate::geometry::{Bounds, Frame, Geometry};
@@ -348,14 +348,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         if owners[0] == owners[1] || !moved || !own.collides(other) {
             return None;
         }
-        let friction = Combine::of(p.friction_combine, q.friction_combine, p.friction, q.friction);
-        let bounce =
-            Combine::of(p.restitution_combine, q.restitution_combine, p.restitution, q.restitution);
         Some(Pair {
             colliders: pair,
             bodies: owners,
-            friction: friction as f32,
-            restitution: bounce as f32,
+            friction: p.friction_with(q) as f32,
+            restitution: p.restitution_with(q) as f32,
             thickness: self.thickness[a].min(self.thickness[b]),
             lever: lever(owners.map(|body| bodies.reach[body as usize].core)),
             corners: pair.iter().any(|&id| G::has_corners(&self.shapes[id as usize]))

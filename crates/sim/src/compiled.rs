@@ -1,8 +1,8 @@
 //! [`Dimension`]: the four kinds of worlds, compiled in this crate.
 //!
-//! A generic method is compiled by the crate that calls it, at the optimization level of that crate: the
-//! debug build of a game would take eight times as long for a step. So the methods with all the work are
-//! called through a trait whose implementations are not generic.
+//! A generic method is compiled by the crate that calls it, at the optimization level of that
+//! crate: the debug build of a game would take eight times as long for a step. So the methods with
+//! all the work are called through a trait whose implementations are not generic.
 
 use crate::bodies::Body;
 use crate::geometry::spheres::Spheres;
@@ -91,19 +91,20 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Adds a body. Mass and inertia come from its shapes unless it brings its own.
     ///
     /// # Errors
-    /// A number of the body is not finite or out of range, a dynamic body has no mass, or no contacts are
-    /// known of a shape. The world is then as it was.
+    /// A number of the body is not finite or out of range, a dynamic body has no mass, or no
+    /// contacts are known of a shape. The world is then as it was.
     pub fn add(&mut self, body: Body<G, L, A>) -> Result<BodyId, InputError> {
         G::add(self, body)
     }
 
-    /// Removes a body with its colliders, and wakes the bodies near it. Returns true if it was there.
+    /// Removes a body with its colliders, and wakes the bodies near it. Returns true if it was
+    /// there.
     pub fn remove(&mut self, id: BodyId) -> bool {
         G::remove(self, id)
     }
 
-    /// Moves the world on by `dt` \[s\]: 1/240 to 1/24 s for motion that people watch. Nothing moves in a
-    /// step of 0 s.
+    /// Moves the world on by `dt` \[s\]: 1/240 to 1/24 s for motion that people watch. Nothing
+    /// moves in a step of 0 s.
     ///
     /// # Errors
     /// The step is negative or not finite, as gravity may be, or a setting is out of its range
@@ -124,8 +125,8 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
         G::checkpoint(self)
     }
 
-    /// Restores a state. All further steps repeat those after the checkpoint bit by bit, with the same
-    /// settings.
+    /// Restores a state. All further steps repeat those after the checkpoint bit by bit, with the
+    /// same settings.
     ///
     /// Bodies that were added since are removed, and bodies that were removed come back with their
     /// identifiers. An identifier of a body that was added since may later name another body.

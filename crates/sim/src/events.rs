@@ -1,4 +1,5 @@
-//! [`Touching`]: the contacts of a step as games and sounds need them, without a copy of the contact system.
+//! [`Touching`]: the contacts of a step as games and sounds need them, without a copy of the
+//! contact system.
 
 use drystone_solver::Vector;
 
@@ -20,21 +21,22 @@ pub struct Touching<const L: usize> {
     pub point: Vector<f32, L>,
     /// Distance between the surfaces at that point, negative where they overlap. \[m\]
     pub gap: f32,
-    /// Sum of the normal impulses of all substeps of the last step, impacts included, if steps record them
-    /// ([`World::record_impulses`]). It is 0 in steps that both bodies sleep through. \[N s\]
+    /// Sum of the normal impulses of all substeps of the last step, impacts included, if steps
+    /// record them ([`World::record_impulses`]). It is 0 in steps that both bodies sleep through.
+    /// \[N s\]
     pub impulse: f32,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// Whether steps record the impulses of contacts for [`World::touching`]. By default they do not: a step
-    /// then takes its islands one after the other through all substeps, which is faster.
+    /// Turns the recording of impulses for [`World::touching`] on or off. It is off by default:
+    /// then a step takes its islands one after the other through all substeps, which is faster.
     pub fn record_impulses(&mut self, recording: bool) {
         self.execution.recording = recording;
         self.scratch.pair_impulses.clear();
     }
 
-    /// Returns the colliders that touched at the end of the last step, or pushed each other in it, sleepers
-    /// included. One entry for each pair of colliders, in the order of their slots.
+    /// Returns the colliders that touched at the end of the last step, or pushed each other in it,
+    /// sleepers included. One entry for each pair of colliders, in the order of their slots.
     pub fn touching(&self) -> impl Iterator<Item = Touching<L>> + '_ {
         self.contacts.pairs.iter().filter_map(|pair| self.touching_of(pair))
     }

@@ -89,8 +89,8 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     /// Returns the kind of a shape of which no contacts are known, if it is one.
     fn unsupported(shape: &Self::Shape) -> Option<&'static str>;
 
-    /// Returns the longest side of a shape's box, or none if the shape is unlimited. It is negative or
-    /// NaN for a shape with a negative or NaN size. \[m\]
+    /// Returns the longest side of a shape's box, or none if the shape is unlimited. It is negative
+    /// or NaN for a shape with a negative or NaN size. \[m\]
     fn extent(shape: &Self::Shape) -> Option<f32>;
 
     /// Prepares a shape for [`collide`](Self::collide).

@@ -46,7 +46,8 @@ pub struct Ledger {
     pub damping: f64,
     /// Work done through contacts by bodies that contacts cannot move, and by surface velocities.
     pub driven: f64,
-    /// Work of impacts with restitution; never positive.
+    /// Work of impacts with restitution. It is counted at the arms of the end of the substep: where
+    /// bodies rotate, it may be positive by a few percent, with the opposite in `integration`.
     pub impacts: f64,
     /// Work of the other normal impulses.
     pub contacts: f64,
@@ -168,7 +169,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         copy(velocities, &mut self.start);
     }
 
-    /// Takes over M and M^-1 with which the substep starts, where they are not those that the last one left.
+    /// Takes over M and M^-1 with which the substep starts, where they are not those that the last
+    /// one left.
     pub(crate) fn turn(&mut self, body: usize, mass: Mass<L, A>, inverse: &InverseMass<f32, L, A>) {
         let velocity = self.start[body].cast();
         let before = std::mem::replace(&mut self.masses[body], mass);
@@ -229,8 +231,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         }
     }
 
-    /// Adds the work of forces, gravity and damping on a body in a substep, and what its rotation has
-    /// left out.
+    /// Adds the work of forces, gravity and damping on a body in a substep, and what its rotation
+    /// has left out.
     fn add_body<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,

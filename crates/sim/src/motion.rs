@@ -452,8 +452,8 @@ impl<P, const L: usize, const A: usize> ExactPose<'_, P, L, A> {
 
 /// Returns the pose of a body that has been moved `by` \[m\] and has the rotation `turn` \[rad\]
 /// left. The part of `turn` along the angular velocity is a free rotation with precession; the rest
-/// is from impacts and forces within the step. It rotates the body, and with it its inertia, at once: a body
-/// that was `struck` keeps its energy then.
+/// is from impacts and forces within the step. It rotates the body, and with it its inertia, at
+/// once: a body that was `struck` keeps its energy then.
 #[inline(never)]
 fn precess_late<G: Geometry<L, A>, const L: usize, const A: usize>(
     pose: &G::Pose,
@@ -484,10 +484,11 @@ fn precess_late<G: Geometry<L, A>, const L: usize, const A: usize>(
     end
 }
 
-/// Returns the angular velocity \[rad/s\] of a body whose frame rotates at once. It keeps the energy of the
-/// body, and the direction of its angular momentum.
+/// Returns the angular velocity \[rad/s\] of a body whose frame rotates at once. It keeps the
+/// energy of the body, and the direction of its angular momentum.
 ///
-/// With the old angular velocity the energy would change, by 10 % after an impact on a slender body.
+/// With the old angular velocity the energy would change, by 10 % after an impact on a slender
+/// body.
 fn turned_at_once<const L: usize, const A: usize>(
     from: &Frame<L>,
     to: &Frame<L>,

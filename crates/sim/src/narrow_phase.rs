@@ -530,7 +530,8 @@ struct Passing<'a, C, P, const L: usize> {
 }
 
 impl<C, P, const L: usize> Passing<'_, C, P, L> {
-    /// Finds the contacts of the core of each shape with the other shape, where they are along the way.
+    /// Finds the contacts of the core of each shape with the other shape, where they are along the
+    /// way.
     fn collide_cores<G: Geometry<L, A, Collider = C, Pose = P>, const A: usize>(
         &self,
         colliders: [u32; 2],

@@ -1,4 +1,4 @@
-//! What a world tells about its bodies in numbers of any dimension.
+//! Masses and near pairs of a world, in numbers of any dimension.
 
 use drystone_solver::Manifold;
 

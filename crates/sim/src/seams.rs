@@ -353,8 +353,8 @@ fn reach_of_sides<const L: usize>(
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
-    /// Returns the relative motion of two bodies until the next search for contacts, as far as the planes that
-    /// hold them let them move. \[m\]
+    /// Returns the relative motion of two bodies until the next search for contacts, as far as the
+    /// planes that hold them let them move. \[m\]
     fn ahead(
         &self,
         corner: &SeamPair<'_, G, L, A>,

@@ -200,7 +200,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if search.due != planned {
             passed = self.plan_searches(search.duration());
         }
-        // Falls grow with the square of the time: in a longer part bodies move more than in proportion.
+        // Falls grow with the square of the time: in a longer part bodies move more than in
+        // proportion.
         let longest = fitting(search.due, passed);
         if search.due > planned && longest < search.due {
             search.due = longest;

@@ -279,8 +279,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Sets the targets of the contacts where the sweep does not: for a tolerance, or for a system that is
-    /// saved here.
+    /// Sets the targets of the contacts where the sweep does not: for a tolerance, or for a system
+    /// that is saved here.
     fn set_targets(&mut self, plan: &PartPlan<L>, substep: u32, turning: bool) {
         let params = &plan.params;
         let saving = self.execution.saving && substep + 1 == params.substeps;
@@ -360,7 +360,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         count
     }
 
-    /// Adds the normal impulses of a substep to those of the part; after the `last` one the impacts, too.
+    /// Adds the normal impulses of a substep to those of the part; after the `last` one the
+    /// impacts, too.
     fn record(&mut self, last: bool) {
         self.unpack();
         let (impulses, system) = (&mut self.scratch.impulses, &self.solver.system);
@@ -383,8 +384,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Updates M^-1 of the bodies that precess to their present poses. Slow rotations do not update it, and an
-    /// impact with that of an earlier pose would create energy.
+    /// Updates M^-1 of the bodies that precess to their present poses. Slow rotations do not update
+    /// it, and an impact with that of an earlier pose would create energy.
     fn update_rotated_masses(&mut self, ledger: bool) {
         let bodies = &mut self.bodies;
         for body in 0..bodies.poses.len() {

@@ -26,7 +26,7 @@ pub(crate) struct BatchRange {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ConstraintKey {
     pub(crate) bodies: [u32; 2],
-    /// Whether each body can be moved. Bodies that cannot may have many manifolds of one color.
+    /// True if each body can be moved. Bodies that cannot may have many manifolds of one color.
     pub(crate) moving: [bool; 2],
     /// Batch of the first body that couples its manifolds.
     pub(crate) batch: u16,

@@ -20,9 +20,9 @@
 //!
 //! The bound is sqrt(G) if the velocities follow from the impulses (d = 0), and at most sqrt(2 G).
 //!
-//! The proof uses of the cones only that they are closed and convex. So the theorem holds for any such
-//! sets: for locks, limits, motors, friction of joints, as for contacts (`tests/suite/theorem.rs`, with
-//! targets on both sides).
+//! The proof uses of the cones only that they are closed and convex. So the theorem holds for any
+//! such sets: for locks, limits, motors, friction of joints, as for contacts
+//! (`tests/suite/theorem.rs`, with targets on both sides).
 //!
 //! # Assumptions
 //!

@@ -221,7 +221,7 @@ const SURE: f64 = 0.9;
 pub struct SolverMemory {
     /// Certified error divided by the size of the last iteration before it, sqrt(|g|^2 / m). \[1\]
     pub ratio: f64,
-    /// Whether the current impulses sufficed for the certificate, without a search along the line.
+    /// True if the current impulses sufficed for the certificate, without a search along the line.
     pub direct: bool,
 }
 

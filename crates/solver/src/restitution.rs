@@ -162,7 +162,7 @@ pub struct ImpactSolver<const L: usize, const A: usize> {
     times: Vec<f64>,
     /// Time of the last impact on each body of the whole system, as a fraction of the step. \[1\]
     struck: Vec<f64>,
-    /// Whether each contact closes.
+    /// True if each contact closes.
     closing: Vec<bool>,
     /// Velocity that forces give each body of the whole system in the step.
     forced: Vec<Velocity<f64, L, A>>,

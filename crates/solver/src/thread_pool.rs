@@ -37,7 +37,7 @@ type Job = *const (dyn Fn(&Worker<'_>) + Sync);
 pub struct ThreadPool {
     common: Arc<Common>,
     helpers: Vec<JoinHandle<()>>,
-    /// Whether no work is worth sharing.
+    /// True if no work is worth sharing.
     rests: AtomicBool,
 }
 
@@ -53,10 +53,10 @@ struct Common {
     busy: AtomicUsize,
     /// Number of arrivals at barriers in the job.
     arrived: AtomicUsize,
-    /// Whether a worker has panicked, so that nobody waits for it any more.
+    /// True if a worker has panicked, so that nobody waits for it any more.
     broken: AtomicBool,
     ended: AtomicBool,
-    /// Whether a job is running.
+    /// True if a job is running.
     taken: AtomicBool,
 }
 

@@ -1,4 +1,5 @@
-//! Steps of a heap of boxes and balls on `wasm32-unknown-unknown`: no clock, no threads, no imports.
+//! Steps of a heap of boxes and balls on `wasm32-unknown-unknown`: no clock, no threads, no
+//! imports.
 
 use drystone::{Body, InputError, Motion, StepSettings, World3};
 use parry3d::shape::SharedShape;

@@ -6,8 +6,8 @@ use parry3d::shape::SupportMap;
 
 use super::form::{Core, Form, Mesh, Place, Point, cross, dot, loose, minus};
 
-/// Whether the path of a point ends on the other side of a surface or leads through a solid. Both
-/// ends are in the frame of the form, each at its own time.
+/// Returns true if the path of a point ends on the other side of a surface or leads through a
+/// solid. Both ends are in the frame of the form, each at its own time.
 pub(super) fn passes(form: &Form, ends: [Point; 2]) -> bool {
     match &form.core {
         Core::Mesh(mesh) => crossings(mesh, ends) % 2 == 1,
@@ -65,7 +65,7 @@ impl SupportMap for Segment {
     }
 }
 
-/// Whether a segment shares a point with a convex form.
+/// Returns true if a segment shares a point with a convex form.
 fn enters(form: &Form, ends: [Point; 2]) -> bool {
     let single = |p: Point| Vector::from(p.map(|x| x as f32));
     let segment = Segment(ends.map(single));

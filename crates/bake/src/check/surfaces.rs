@@ -1,7 +1,8 @@
 //! Findings about how the restitutions of two surfaces combine.
 
 use super::{Finding, Kind};
-use drystone_scene::{Combine, Material, Motion, Scene};
+use crate::convert::material;
+use drystone_scene::{Material, Motion, Scene};
 
 /// Restitution from which on a bounce loses no energy. \[1\]
 const LOSSLESS: f64 = 1.0;
@@ -20,8 +21,7 @@ struct Surface<'a> {
 pub(super) fn bounces(scene: &Scene) -> Vec<Finding> {
     let surfaces = surfaces(scene);
     let together = |a: &Surface<'_>, b: &Surface<'_>| {
-        let (p, q) = (a.material, b.material);
-        Combine::of(p.restitution_combine, q.restitution_combine, p.restitution, q.restitution)
+        material(a.material).restitution_with(&material(b.material))
     };
     let mut findings = Vec::new();
     for (i, a) in surfaces.iter().enumerate() {

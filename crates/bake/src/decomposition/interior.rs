@@ -77,7 +77,7 @@ impl<'s> Interior<'s> {
         out.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
     }
 
-    /// Whether a point is inside the surface.
+    /// Returns true if a point is inside the surface.
     pub(super) fn contains(&self, [x, y, z]: [f64; 3], memory: &mut Vec<(f64, i32)>) -> bool {
         self.crossings(x, z, memory);
         memory.iter().take_while(|crossing| crossing.0 < y).map(|crossing| crossing.1).sum::<i32>()

@@ -88,7 +88,7 @@ impl Hull {
         self.points.iter().map(|p| Vector::from(*p))
     }
 
-    /// Whether all coordinates are finite and all indices are in range.
+    /// Returns true if all coordinates are finite and all indices are in range.
     pub(super) fn is_sound(&self) -> bool {
         let known = |corner: &u32| (*corner as usize) < self.points.len();
         self.triangles.iter().flatten().all(known)
@@ -296,7 +296,7 @@ fn joined(one: &Hull, other: &Hull) -> Option<Hull> {
     Hull::of(&points)
 }
 
-/// Whether two boxes touch or overlap.
+/// Returns true if two boxes touch or overlap.
 fn touch([low, high]: [[f64; 3]; 2], [from, to]: [[f64; 3]; 2]) -> bool {
     const SLACK: f64 = 1e-3;
     (0..3).all(|i| low[i] <= to[i] + SLACK && from[i] <= high[i] + SLACK)

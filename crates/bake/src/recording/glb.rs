@@ -9,7 +9,7 @@ use super::Recording;
 use super::animation::{Target, append_clip, as_body};
 use super::sampling::Sampling;
 use crate::engine::Drystone;
-use drystone_scene::export::{GltfBuffer, Nodes, write_glb};
+use drystone_scene::export::{GltfBuffer, Nodes, add_scene, write_glb};
 use drystone_scene::{Motion, Scene, write_whole};
 
 /// Writes a scene with a mesh per shape and a node per body, and its recording as an animation.
@@ -42,15 +42,7 @@ fn build(scene: &Scene, recording: &Recording, options: &Sampling) -> io::Result
         .map(|(body, node)| Target { node: *node, body, unit: 1.0, local: &as_body })
         .collect();
     append_clip(&mut gltf, "simulation", recording, &targets, options)?;
-    let mut root = json!({});
-    if let Some(name) = &scene.name {
-        root["name"] = json!(name);
-    }
-    if !roots.is_empty() {
-        root["nodes"] = json!(roots);
-    }
-    document["scene"] = json!(0);
-    document["scenes"] = json!([root]);
+    add_scene(&mut document, scene, &roots);
     Ok((document, bytes))
 }
 

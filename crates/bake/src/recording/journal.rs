@@ -136,7 +136,7 @@ pub struct Contents {
     pub steps: Vec<Step>,
     /// Checkpoints in order.
     pub checkpoints: Vec<Mark>,
-    /// Whether the initial state has been read.
+    /// True if the initial state has been read.
     begun: bool,
 }
 
@@ -162,7 +162,7 @@ pub struct Journal {
     path: PathBuf,
     file: File,
     end: u64,
-    /// Whether the file name survives a power failure.
+    /// True if the file name survives a power failure.
     lasting: bool,
 }
 

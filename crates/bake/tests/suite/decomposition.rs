@@ -67,7 +67,7 @@ fn scaled(mesh: &Mesh, scale: f64) -> Mesh {
     (mesh.0.iter().map(|p| p.map(|x| x * scale)).collect(), mesh.1.clone())
 }
 
-/// Whether a point is in a piece.
+/// Returns true if a point is in a piece.
 fn is_inside(found: &Decomposition, at: [f64; 3]) -> bool {
     found.pieces.iter().any(|piece| {
         piece.triangles.iter().all(|corners| {

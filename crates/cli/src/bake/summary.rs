@@ -59,7 +59,7 @@ pub(super) struct Summary {
     energy_risen: Option<Risen>,
     /// Rise that counts as rounding. \[J\]
     energy_tolerance: f64,
-    /// Whether energy was created: by contacts according to the ledger, else by the energy rise.
+    /// True if energy was created: by contacts according to the ledger, else by the energy rise.
     /// Absent without a ledger if kinematic bodies or surface velocities may have added energy.
     energy_created: Option<bool>,
     /// Sums over the energy ledgers of the steps; absent without them.
@@ -79,7 +79,7 @@ pub(super) struct Summary {
     /// Largest displacement of a dynamic body over the last second. \[m\]
     moved: f64,
     moved_body: Option<usize>,
-    /// Whether any shape has friction and bodies are rigid.
+    /// True if any shape has friction and bodies are rigid.
     friction: bool,
     /// Result of the audit: overlaps and passages measured from shapes and poses alone.
     audit: Audit,
@@ -142,7 +142,7 @@ pub(super) struct Head<'a> {
     pub(super) threads: usize,
 }
 
-/// Whether a body or one of its shapes has a surface velocity.
+/// Returns true if a body or one of its shapes has a surface velocity.
 fn runs(body: &Body) -> bool {
     let mut motions = body.shapes.iter().map(|of| of.surface_velocity.as_ref());
     let own = body.surface_velocity.as_ref();
@@ -582,7 +582,7 @@ fn moving_body(moved: Option<(usize, f64)>) -> Option<usize> {
     moved.filter(|(_, distance)| *distance > 0.0).map(|(body, _)| body)
 }
 
-/// Whether bodies are rigid and any shape has friction.
+/// Returns true if bodies are rigid and any shape has friction.
 fn has_friction(scene: &Scene) -> bool {
     let mut shapes = scene.bodies.iter().flat_map(|body| &body.shapes);
     scene.bodies_as == BodiesAs::Rigid && shapes.any(|shape| shape.material.friction > 0.0)

@@ -19,7 +19,7 @@ use serde_json::{Map, Value, json};
 
 use super::buffer::{GltfBuffer, Use, write_glb};
 use super::mesh::hull_triangles;
-use super::nodes::{Nodes, is_centered, place};
+use super::nodes::{Nodes, add_scene, is_centered, place};
 use crate::description::{
     Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, ShapeKind, SurfaceVelocity,
 };
@@ -71,15 +71,7 @@ impl Physics {
             .collect::<Result<_, _>>()?;
         let tables = writer.tables;
         document["extensions"] = tables.extensions();
-        let mut root = json!({});
-        if let Some(name) = &scene.name {
-            root["name"] = json!(name);
-        }
-        if !roots.is_empty() {
-            root["nodes"] = json!(roots);
-        }
-        document["scene"] = json!(0);
-        document["scenes"] = json!([root]);
+        add_scene(&mut document, scene, &roots);
         let own: Value = serde_json::from_str(&own_words(scene)).unwrap_or_default();
         if own != json!({}) {
             document["extras"] = json!({ "drystone": own });

@@ -20,7 +20,7 @@ pub(super) struct Mesh {
     pub(super) positions: Vec<[f32; 3]>,
     /// Unit normals. Without any, faces are shaded flat.
     pub(super) normals: Vec<[f32; 3]>,
-    /// Whether each vertex has the second tone. Without any, all vertices have the first.
+    /// True if each vertex has the second tone. Without any, all vertices have the first.
     pub(super) tones: Vec<bool>,
     pub(super) indices: Vec<u32>,
 }

@@ -10,6 +10,19 @@ use super::mesh::{key_of, mesh_of, scale_of};
 use crate::description::{Body, Motion, Rotation, Scene, Shape};
 use crate::engine::Engine;
 
+/// Makes these nodes the roots of the one scene of a document.
+pub fn add_scene(document: &mut Value, scene: &Scene, roots: &[usize]) {
+    let mut root = json!({});
+    if let Some(name) = &scene.name {
+        root["name"] = json!(name);
+    }
+    if !roots.is_empty() {
+        root["nodes"] = json!(roots);
+    }
+    document["scene"] = json!(0);
+    document["scenes"] = json!([root]);
+}
+
 /// Objects shared by nodes.
 pub struct Nodes<'e> {
     dimension: usize,

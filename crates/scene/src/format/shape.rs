@@ -148,7 +148,7 @@ fn read_hull(table: &Table<'_>, dimension: usize) -> Result<ShapeKind, SceneErro
     Ok(ShapeKind::ConvexHull { points })
 }
 
-/// Whether the points have an extent in every direction that single precision can resolve.
+/// Returns true if the points have an extent in every direction that single precision can resolve.
 ///
 /// In each direction in turn, takes the point farthest from the span of the points taken before.
 /// Its distance from that span must be larger than rounding errors.

@@ -52,7 +52,7 @@ pub(super) struct Table<'a> {
 pub(super) struct Range {
     pub(super) min: f64,
     pub(super) max: f64,
-    /// Whether infinity is accepted as well.
+    /// True if infinity is accepted as well.
     pub(super) infinite: bool,
     pub(super) unit: &'static str,
 }
@@ -356,7 +356,7 @@ impl<'a> Table<'a> {
         item(&part, self.owner)
     }
 
-    /// Whether `key` is one of the keys that this table may contain.
+    /// Returns true if `key` is one of the keys that this table may contain.
     pub(super) fn knows(&self, key: &str) -> bool {
         self.keys.contains(&key)
     }

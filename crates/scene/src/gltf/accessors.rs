@@ -280,7 +280,7 @@ impl<'a> Accessors<'a> {
         self.all.get(index).ok_or_else(|| cursor.error("an accessor of the file is accepted"))
     }
 
-    /// Whether the data of an accessor is known.
+    /// Returns true if the data of an accessor is known.
     pub(super) fn has_data(&self, accessor: &Accessor<'_>) -> bool {
         let known = |view: usize| {
             let buffer = self.views.get(view).and_then(|v| self.buffers.get(v.buffer));

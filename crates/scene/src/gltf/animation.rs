@@ -118,7 +118,7 @@ impl Animation {
         Ok(this)
     }
 
-    /// Whether the animation moves the node itself, not only an ancestor.
+    /// Returns true if the animation moves the node itself, not only an ancestor.
     pub(super) fn moves(&self, node: usize) -> bool {
         self.channels.range((node, Path::Translation)..=(node, Path::Rotation)).next().is_some()
     }

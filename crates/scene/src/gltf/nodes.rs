@@ -18,9 +18,9 @@ pub(super) struct Node<'a> {
     pub(super) world: Affine,
     /// Product of the rotations from the root, not distorted by any scale.
     pub(super) turn: Quat,
-    /// Whether no node from the root to here is scaled.
+    /// True if no node from the root to here is scaled.
     pub(super) rigid: bool,
-    /// Whether the node is part of the scene.
+    /// True if the node is part of the scene.
     pub(super) present: bool,
     pub(super) mesh: Option<usize>,
 }

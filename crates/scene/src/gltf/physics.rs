@@ -617,7 +617,7 @@ fn decomposition(geometry: &Cursor<'_>) -> Result<Option<DecompositionOptions>, 
     }))
 }
 
-/// Whether a member of an object is this text.
+/// Returns true if a member of an object is this text.
 fn is(object: Option<&Cursor<'_>>, key: &str, text: &str) -> Result<bool, SceneError> {
     let member = object.map(|object| object.get(key)).transpose()?.flatten();
     Ok(member.is_some_and(|member| member.value == text))

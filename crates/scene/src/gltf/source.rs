@@ -38,9 +38,9 @@ impl Source {
 pub struct BodyNode {
     /// Index of the node.
     pub node: usize,
-    /// Whether the body can move.
+    /// True if the body can move.
     pub moves: bool,
-    /// Whether an animation of the file moves it.
+    /// True if an animation of the file moves it.
     pub driven: bool,
     /// Number of ancestors of the node.
     pub depth: usize,
@@ -59,7 +59,7 @@ pub struct BodyNode {
 }
 
 impl BodyNode {
-    /// Whether the keys of this node come from the recording.
+    /// Returns true if the keys of this node come from the recording.
     pub fn is_written(&self) -> bool {
         self.moves && !self.driven
     }

@@ -102,7 +102,7 @@ impl Triangles {
     }
 }
 
-/// Whether all points lie in a plane, within 1e-6 of their extent.
+/// Returns true if all points lie in a plane, within 1e-6 of their extent.
 fn flat(points: &[Vec3]) -> bool {
     let farthest = |measure: &dyn Fn(Vec3) -> f64| {
         points.iter().copied().max_by(|a, b| measure(*a).total_cmp(&measure(*b)))

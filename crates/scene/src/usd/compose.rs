@@ -40,7 +40,7 @@ pub(super) struct Node<'a> {
     /// Maps paths of this node to paths of the node above: the first prefix is replaced by the
     /// second.
     map: (String, String),
-    /// Whether paths without that prefix mean the same in the node above.
+    /// True if paths without that prefix mean the same in the node above.
     open: bool,
     time: Time,
     /// Weaker sources, each with the index of its arc in [`ARCS`].

@@ -27,7 +27,7 @@ struct Group<'s> {
     prim: usize,
     includes: &'s [String],
     excludes: &'s [String],
-    /// Whether prims below an included one are members, too.
+    /// True if prims below an included one are members, too.
     expands: bool,
     everything: bool,
     /// Filter in Drystone's own format, if the group was exported from one.
@@ -165,7 +165,7 @@ impl<'s> Rules<'s> {
         class
     }
 
-    /// Whether two classes collide.
+    /// Returns true if two classes collide.
     fn meet(&self, a: &Class, b: &Class) -> bool {
         !a.iter().any(|x| b.iter().any(|y| self.apart.contains(&(*x, *y))))
     }
@@ -178,7 +178,7 @@ impl<'s> Rules<'s> {
         }
     }
 
-    /// Whether the own-format filters still agree with these for every pair of classes.
+    /// Returns true if the own-format filters still agree with these for every pair of classes.
     fn say_the_same(&self, filters: &BTreeMap<&Class, Filter>) -> bool {
         filters.iter().all(|(a, x)| {
             filters.iter().all(|(b, y)| match (self.own(a), self.own(b)) {

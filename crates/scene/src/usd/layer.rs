@@ -14,7 +14,7 @@ pub(super) struct Layer {
     pub(super) prims: usize,
 }
 
-/// Whether an opinion defines a prim, only adds to it, or defines a class.
+/// Kind of an opinion: it defines a prim, only adds to it, or defines a class.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Specifier {
     #[default]

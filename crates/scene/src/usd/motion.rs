@@ -68,13 +68,13 @@ impl Transforms {
         None
     }
 
-    /// Whether an animation of the prim or of an ancestor moves it.
+    /// Returns true if an animation of the prim or of an ancestor moves it.
     pub(super) fn driven(&self, stage: &Stage<'_>, prim: usize) -> bool {
         let moves = |at: &usize| self.own.get(*at).is_some_and(Transform::moves);
         self.chain(stage, prim).iter().any(moves)
     }
 
-    /// Whether the prim has time samples of its own, even if they never move it.
+    /// Returns true if the prim has time samples of its own, even if they never move it.
     pub(super) fn held(&self, prim: usize) -> bool {
         self.own.get(prim).is_some_and(Transform::has_keys)
     }

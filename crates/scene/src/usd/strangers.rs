@@ -66,18 +66,18 @@ const JOINTS: [&str; 6] = [
     "PhysicsSphericalJoint",
 ];
 
-/// Whether a prim is a joint of any schema.
+/// Returns true if a prim is a joint of any schema.
 fn is_joint(prim: &Prim) -> bool {
     prim.kind.ends_with("Joint")
 }
 
-/// Whether a name belongs to UsdPhysics or to the schema of a physics engine.
+/// Returns true if a name belongs to UsdPhysics or to the schema of a physics engine.
 fn is_physical(name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
     ["physics", "physx", "mjc", "newton"].iter().any(|of| lower.starts_with(of))
 }
 
-/// Whether a property tunes the numerics of another engine, rather than describing the physics.
+/// Returns true if a property tunes the numerics of another engine, and does not describe physics.
 fn is_tuning(name: &str) -> bool {
     const OF_BODIES: [&str; 11] = [
         "contactSlopCoefficient",

@@ -158,17 +158,17 @@ impl Transform {
         steps.fold(Pose::REST, |pose, step| pose.after(&step))
     }
 
-    /// Whether any sample differs from the default value.
+    /// Returns true if any sample differs from the default value.
     pub(super) fn moves(&self) -> bool {
         self.ops.iter().any(Op::moves)
     }
 
-    /// Whether any operation has time samples.
+    /// Returns true if any operation has time samples.
     pub(super) fn has_keys(&self) -> bool {
         self.codes().next().is_some()
     }
 
-    /// Whether a track through the keys gives the exact poses between them.
+    /// Returns true if a track through the keys gives the exact poses between them.
     pub(super) fn straight(&self) -> bool {
         let plain = |op: &Op| matches!(op.kind, Kind::Translate | Kind::Orient);
         let mut turned = false;

@@ -340,8 +340,8 @@ enum ContactShape<H, const L: usize> {
     Cuboid(Cuboid<L>),
     /// 3D only.
     Cylinder(Cylinder),
-    /// Shared with checkpoints, and behind a pointer because it is the largest variant: colliders are
-    /// read in random order.
+    /// Shared with checkpoints, and behind a pointer because it is the largest variant: colliders
+    /// are read in random order.
     Hull(Arc<H>),
     /// Its outward normal.
     Halfspace(Vector<f32, L>),

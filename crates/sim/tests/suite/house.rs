@@ -159,7 +159,7 @@ fn type_of(line: &str) -> Option<&str> {
     Some(&name[..name.find(|letter: char| !letter.is_alphanumeric()).unwrap_or(name.len())])
 }
 
-/// Whether a text defines a type.
+/// Returns true if a text defines a type.
 fn defines(text: &str, name: &str) -> bool {
     let ends = |at: &str| !at.starts_with(|letter: char| letter.is_alphanumeric() || letter == '_');
     let kinds = ["struct ", "enum ", "trait ", "type "];
@@ -179,7 +179,7 @@ fn untested(text: &str) -> String {
 struct Import {
     /// Path from the root.
     path: Vec<String>,
-    /// Whether it is a re-export, so that others may import it from there.
+    /// True if it is a re-export, so that others may import it from there.
     handed_on: bool,
 }
 
@@ -199,7 +199,7 @@ fn imports(module: &[String], text: &str, modules: &BTreeSet<&Vec<String>>) -> V
     found
 }
 
-/// Whether a line begins an import of the whole module, not one inside an item.
+/// Returns true if a line begins an import of the whole module, not one inside an item.
 fn starts_import(line: &str) -> bool {
     line.starts_with("use ") || line.starts_with("pub") && line.contains(" use ")
 }

@@ -1,4 +1,5 @@
-//! State that is whole: checkpoints over wakes, additions and removals; identifiers; sleepers and what comes to them.
+//! State that is whole: checkpoints over wakes, additions and removals; identifiers; sleepers and
+//! what comes to them.
 
 use drystone::geometry::{Geometry, Rigid3};
 use drystone::{Body, BodyId, InputError, Motion, StepSettings, Vector, Velocity, World3};
@@ -97,8 +98,8 @@ fn a_checkpoint_after_a_removal_is_restored() {
     assert!(go_on(&mut world, 30) == first);
 }
 
-/// Rollback over spawns and removals: bodies come back with their identifiers, and those added since are gone. Bytes hold
-/// no bodies, and are refused then.
+/// Rollback over spawns and removals: bodies come back with their identifiers, and those added
+/// since are gone. Bytes hold no bodies, and are refused then.
 #[test]
 fn a_restore_brings_bodies_back_and_takes_later_ones_away() {
     for seed in 0..40 {
@@ -171,7 +172,8 @@ fn stale_and_foreign_identifiers_name_nothing() {
     assert_eq!(world.bodies().collect::<Vec<_>>(), [next]);
 }
 
-/// What comes and goes takes no more memory than what is there at once: slots of bodies and shapes are used again.
+/// What comes and goes takes no more memory than what is there at once: slots of bodies and shapes
+/// are used again.
 #[test]
 fn spawning_and_removing_takes_no_memory_in_the_long_run() {
     let mut world = world();
@@ -195,7 +197,8 @@ fn spawning_and_removing_takes_no_memory_in_the_long_run() {
     assert!(sizes[2].1 < 2 * sizes[0].1, "{sizes:?}");
 }
 
-/// A static or kinematic body that appears in a sleeper, or is put there, wakes it; elsewhere it wakes nobody.
+/// A static or kinematic body that appears in a sleeper, or is put there, wakes it; elsewhere it
+/// wakes nobody.
 #[test]
 fn what_appears_in_a_sleeper_wakes_it() {
     for motion in [Motion::Static, Motion::Kinematic] {
@@ -221,7 +224,8 @@ fn what_appears_in_a_sleeper_wakes_it() {
     }
 }
 
-/// A static body has no velocity, whoever asks; put elsewhere it carries what stands there, and nothing where it was.
+/// A static body has no velocity, whoever asks; put elsewhere it carries what stands there, and
+/// nothing where it was.
 #[test]
 fn static_bodies_are_put_and_not_moved() {
     let mut world = world();
@@ -247,7 +251,8 @@ fn static_bodies_are_put_and_not_moved() {
     assert!((at[1] + 0.5).abs() < 0.01 && (at[0] - 3.0).abs() < 0.01, "{at:?}");
 }
 
-/// Waking a body costs its group, not the world: of 4000 sleepers apart each wake takes less than a step takes.
+/// Waking a body costs its group, not the world: of 4000 sleepers apart each wake takes less than a
+/// step takes.
 #[test]
 fn removed_sleepers_wake_their_neighbors_alone() {
     let mut world = world();
@@ -353,8 +358,9 @@ fn bad_values_are_refused_and_change_nothing() {
     });
 }
 
-/// Contacts of a step: a crate at rest is pushed by its weight, asleep it still touches, and every bounce of a ball is
-/// seen with its whole impulse, also where contacts are searched for several times in a step.
+/// Contacts of a step: a crate at rest is pushed by its weight, asleep it still touches, and every
+/// bounce of a ball is seen with its whole impulse, also where contacts are searched for several
+/// times in a step.
 #[test]
 fn touching_bodies_are_reported_with_the_impulse_of_the_whole_step() {
     for gravity in [9.81_f32, 30.0] {

@@ -27,9 +27,9 @@ pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
     /// velocity, and `bodies` names the other body of the manifold in its place.
     pub(super) away: [u16; 2],
     pub(super) islands: [u32; WIDTH],
-    /// Whether each manifold has a single point, at its center.
+    /// True if each manifold has a single point, at its center.
     pub(super) center: bool,
-    /// Whether J has been renewed where bodies rotate, and half of the resulting change of J^T
+    /// True if J has been renewed where bodies rotate, and half of the resulting change of J^T
     /// gamma: the momenta that a gains and b loses before velocities are solved. \[N s, N m s\]
     pub(super) renewed: bool,
     pub(super) lag: [Velocity<V, L, A>; 2],

@@ -16,7 +16,7 @@ pub(crate) struct Targets<'a, V: Lanes, const L: usize, const A: usize> {
     /// Index of the first body.
     first: usize,
     pub(super) displacements: &'a [Velocity<f32, L, A>],
-    /// Whether bodies rotate, so that targets account for the curvature of paths
+    /// True if bodies rotate, so that targets account for the curvature of paths
     /// ([`kinematics`](crate::kinematics)).
     pub(super) turning: bool,
     repair: Repair<V>,
@@ -107,8 +107,9 @@ pub struct Landing<'a, const L: usize, const A: usize> {
 /// Sets the targets of points that have landed in the substep to 0. Their bodies stop there, and do
 /// not enter the next substep at the speed of their approach.
 ///
-/// Some targets stay. Bodies that bounce have their impact in the next substep. J is out of date for
-/// bodies that have rotated far. Points that [`Landing::approach`] cannot have closed are skipped.
+/// Some targets stay. Bodies that bounce have their impact in the next substep. J is out of date
+/// for bodies that have rotated far. Points that [`Landing::approach`] cannot have closed are
+/// skipped.
 #[inline(always)]
 pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     block: &Block<V, L, A>,
@@ -190,7 +191,7 @@ pub struct MovedBodies<'a, const L: usize, const A: usize> {
     pub displacements: &'a [Velocity<f32, L, A>],
     /// M^-1 in the current orientations.
     pub masses: &'a [InverseMass<f32, L, A>],
-    /// Whether each body rotates faster than [`LEAST_SPIN`](crate::kinematics::LEAST_SPIN), or has
+    /// True if each body rotates faster than [`LEAST_SPIN`](crate::kinematics::LEAST_SPIN), or has
     /// done so since gaps were measured.
     pub turned: &'a [bool],
 }

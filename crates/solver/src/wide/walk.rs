@@ -38,7 +38,7 @@ pub(super) struct BlockSweep<'a, V: Lanes, const L: usize, const A: usize> {
     velocities: DisjointSlice<'a, Velocity<f32, L, A>>,
     /// Other data of bodies that visits read.
     also: Option<DisjointSlice<'a, Velocity<f32, L, A>>>,
-    /// Whether to prefetch.
+    /// True if blocks ahead are prefetched.
     large: bool,
     pool: &'a ThreadPool,
 }

@@ -245,9 +245,9 @@ fn a_center_is_anywhere() {
 struct Keeping<'a, const L: usize, const A: usize> {
     system: &'a System<f32, L, A>,
     reuse: Vec<Reuse>,
-    /// Whether the keys are those of the last call.
+    /// True if the keys are those of the last call.
     same: bool,
-    /// Whether the source reports the fixed bodies that have zero velocity.
+    /// True if the source reports the fixed bodies that have zero velocity.
     standing: bool,
     /// Number of lanes that were read.
     taken: AtomicUsize,

@@ -1,10 +1,10 @@
-//! The theorem of the certificate, for impulses in any closed convex sets: contacts are one of them, and
-//! locks, limits, motors, springs, friction and breaking rows others.
+//! The theorem of the certificate, for impulses in any closed convex sets: contacts are one of
+//! them, and locks, limits, motors, springs, friction and breaking rows others.
 //!
-//! Let K_i be closed and convex, s_i(r) = min(r . t-, r . t+) - epsilon |r|^2 / 2, and phi_i(u) the maximum
-//! of s_i(r) - r . u over K_i. P(v) = |v - v*|^2 / 2 + sum phi_i(J_i v) has one minimum v_exact. For any v
-//! and any r in the sets let d = v - v* - M^-1 J^T r and
-//! G = |d|^2 / 2 + sum (phi_i(J_i v) - s_i(r_i) + r_i . J_i v), with |x|^2 = x . M x. Then G >= 0 and
+//! Let K_i be closed and convex, s_i(r) = min(r . t-, r . t+) - epsilon |r|^2 / 2, and phi_i(u) the
+//! maximum of s_i(r) - r . u over K_i. P(v) = |v - v*|^2 / 2 + sum phi_i(J_i v) has one minimum
+//! v_exact. For any v and any r in the sets let d = v - v* - M^-1 J^T r and G = |d|^2 / 2 + sum
+//! (phi_i(J_i v) - s_i(r_i) + r_i . J_i v), with |x|^2 = x . M x. Then G >= 0 and
 //! |v - v_exact| <= |d| / 2 + sqrt(G - |d|^2 / 4).
 //!
 //! Proof: `certificate.rs`; it uses of the cones only that they are closed and convex.
@@ -24,7 +24,8 @@ fn minus(a: Impulse, b: Impulse) -> Impulse {
     std::array::from_fn(|i| a[i] - b[i])
 }
 
-/// The nearest point to `r` on all of these planes a . r = b; none if they have no point or one of them is superfluous.
+/// The nearest point to `r` on all of these planes a . r = b; none if they have no point or one of
+/// them is superfluous.
 fn on_planes(mut r: Impulse, planes: impl Iterator<Item = (Impulse, f64)>) -> Option<Impulse> {
     let mut basis: Vec<Impulse> = Vec::new();
     let mut at = [0.0; N];
@@ -82,7 +83,8 @@ impl Set {
                 let scale = (radius / dot(&r, &r).sqrt()).min(1.0);
                 r.map(|x| x * scale)
             }
-            // The nearest impulse lies on some of the planes: the nearest of all such points that are in the set.
+            // The nearest impulse lies on some of the planes: the nearest of all such points that
+            // are in the set.
             Self::Halfspaces(all) => {
                 let within = |at: &Impulse| all.iter().all(|(a, b)| dot(a, at) <= b + 1e-12);
                 let corners = (0..1 << all.len()).filter_map(|planes: usize| {
@@ -118,8 +120,9 @@ impl Row {
         (0..N).map(by_component).sum::<f64>() - 0.5 * self.compliance * dot(r, r)
     }
 
-    /// The impulse that attains phi(u): for one target it is the nearest one to (t - u) / epsilon, for a slack
-    /// that of the target that is missed. A box, where a slack may be, has independent components.
+    /// The impulse that attains phi(u): for one target it is the nearest one to (t - u) / epsilon,
+    /// for a slack that of the target that is missed. A box, where a slack may be, has independent
+    /// components.
     fn response(&self, u: &Impulse) -> Impulse {
         let missed = |i: usize| {
             let [low, high] = self.targets.map(|target| target[i]);
@@ -196,8 +199,8 @@ impl Problem {
         v.iter().zip(&self.mass).map(|(v, mass)| mass * v * v).sum()
     }
 
-    /// v_exact, by proximal steps on the impulses: each takes the constraint that a row's response to a velocity
-    /// is its impulse, and halves the way there by the stiffness of all.
+    /// v_exact, by proximal steps on the impulses: each takes the constraint that a row's response
+    /// to a velocity is its impulse, and halves the way there by the stiffness of all.
     fn exact(&self) -> Vec<f64> {
         let stiffness: f64 = self
             .rows
@@ -241,8 +244,9 @@ impl Problem {
     }
 }
 
-/// In 300 random problems with cones, boxes (some with slack), balls and polytopes: G is never negative, the bound
-/// is never below the error, it is 0 at the solution, and in some cases it is attained to 1 %.
+/// In 300 random problems with cones, boxes (some with slack), balls and polytopes: G is never
+/// negative, the bound is never below the error, it is 0 at the solution, and in some cases it is
+/// attained to 1 %.
 #[test]
 fn the_bound_holds_for_any_closed_convex_sets() {
     let (mut tightest, mut checked) = (f64::INFINITY, 0);

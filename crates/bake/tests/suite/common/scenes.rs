@@ -25,7 +25,7 @@ pub(crate) struct Trial {
     pub(crate) steps: u32,
     /// Half of the inner size of a closed container around the origin. \[m\]
     pub(crate) container: Option<Vec<f64>>,
-    /// Whether a body of infinite mass moves, which may do any work.
+    /// True if a body of infinite mass moves, which may do any work.
     pub(crate) driven: bool,
     /// Largest extent of a body. \[m\]
     pub(crate) size: f64,

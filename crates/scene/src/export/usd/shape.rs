@@ -11,7 +11,7 @@ use crate::graph::seen_from;
 /// Thickness of 2D shapes. \[m\]
 pub(super) const THICKNESS: f64 = 2.0 * mesh::HALF_DEPTH;
 
-/// What the looks of a shape depend on besides itself.
+/// Properties that the look of a shape depends on besides its form.
 pub(super) struct Look<'a> {
     pub(super) dimension: usize,
     /// Index of the body.

@@ -56,7 +56,7 @@ pub(super) struct Face {
     /// Bend at each edge: tangent of half the angle by which the mesh turns towards the facet's
     /// normal. \[1\]
     bends: [f32; 3],
-    /// Whether an edge or a vertex may admit a normal of its own: in front of the facet, and behind
+    /// True if an edge or a vertex may admit a normal of its own: in front of the facet, and behind
     /// it.
     pub(super) sharp: [bool; 2],
 }

@@ -10,7 +10,7 @@ struct Counter;
 
 thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
-    /// Whether the next allocation prints its backtrace.
+    /// True if the next allocation prints its backtrace.
     static TRAP: Cell<bool> = const { Cell::new(false) };
     /// Largest size of an allocation since the last reset. \[byte\]
     static LARGEST: Cell<usize> = const { Cell::new(0) };

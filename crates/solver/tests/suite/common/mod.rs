@@ -204,7 +204,7 @@ pub(crate) struct Recipe {
     pub(crate) manifolds: usize,
     /// Largest number of points in a manifold; the smallest is 1.
     pub(crate) points: usize,
-    /// Whether some manifolds touch a wall.
+    /// True if some manifolds touch a wall.
     pub(crate) walls: bool,
 }
 
