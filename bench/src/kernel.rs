@@ -140,7 +140,7 @@ fn row<T: Real, const L: usize, const A: usize>(count: usize, points: usize) -> 
             // A single point is at the center.
             if A > 0 && points > 1 {
                 for i in 1..L {
-                    contact.place[i] = number(corner[i - 1]);
+                    contact.offset[i] = number(corner[i - 1]);
                 }
             }
             contact
