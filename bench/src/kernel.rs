@@ -5,8 +5,7 @@ use std::time::Instant;
 
 use drystone_solver::certificate::CertificateScratch;
 use drystone_solver::island::Islands;
-use drystone_solver::lanes::{Lanes, Portable, WIDTH};
-use drystone_solver::wide::Wide;
+use drystone_solver::lanes::{Instructions, KernelLanes, LaneSystem, Lanes, Portable, WIDTH};
 use drystone_solver::{
     Contact, InverseMass, Manifold, Mobility, Real, Repair, SymmetricMatrix, System, Vector,
     Velocity, contact_frame, pgs,
@@ -51,8 +50,8 @@ fn passes() -> [(&'static str, f64); 6] {
     let system = row::<f32, 3, 3>(count, 4);
     let still = vec![Velocity::ZERO; system.velocities.len()];
     let repair = Repair { dt: 2e-3, rate: 0.2, slop: 0.0, push_speed: 1.0, hold: 20.0 };
-    let (mut wide, mut islands, mut scratch) =
-        (Wide::new(), Islands::default(), CertificateScratch::default());
+    let (mut lanes, mut islands, mut scratch) =
+        (LaneSystem::new(), Islands::default(), CertificateScratch::default());
     islands.find(&system);
     scratch.set_masses(&system);
     let mut velocities = system.velocities.clone();
@@ -76,19 +75,19 @@ fn passes() -> [(&'static str, f64); 6] {
                 *least = least.min(taken);
             }
         };
-        time(&mut || wide.pack(&system, &system.masses, 0.1));
-        time(&mut || wide.whole(&mut []).apply_impulses(&mut velocities));
-        time(&mut || wide.set_targets(&still, None, &repair));
-        wide.set_islands(&islands);
-        wide.begin_conjugate();
+        time(&mut || lanes.pack(&system, &system.masses, 0.1));
+        time(&mut || lanes.whole(&mut []).apply_impulses(&mut velocities));
+        time(&mut || lanes.set_targets(&still, None, &repair));
+        lanes.set_islands(&islands);
+        lanes.begin_conjugate();
         // The first iteration has no search direction yet.
-        wide.conjugate(&mut velocities, &[false]);
-        time(&mut || wide.conjugate(&mut velocities, &[false]));
+        lanes.conjugate(&mut velocities, &[false]);
+        time(&mut || lanes.conjugate(&mut velocities, &[false]));
         time(&mut || {
-            black_box(wide.certify::<false, false>(&velocities, &before, &islands, &mut scratch));
+            black_box(lanes.certify::<false, false>(&velocities, &before, &islands, &mut scratch));
         });
         time(&mut || {
-            black_box(wide.certify::<false, true>(&velocities, &before, &islands, &mut scratch));
+            black_box(lanes.certify::<false, true>(&velocities, &before, &islands, &mut scratch));
         });
     }
     out
@@ -161,13 +160,13 @@ fn row<T: Real, const L: usize, const A: usize>(count: usize, points: usize) -> 
 /// Returns the least time of a sweep. \[ns per manifold\]
 fn time<const L: usize, const A: usize>(count: usize, points: usize, friction: bool) -> f64 {
     let system = row::<f32, L, A>(count, points);
-    let mut wide = Wide::new();
-    wide.pack(&system, &system.masses, 0.1);
+    let mut lanes = LaneSystem::new();
+    lanes.pack(&system, &system.masses, 0.1);
     let mut velocities = system.velocities.clone();
     let mut least = f64::INFINITY;
     for _ in 0..VISITS / count {
         velocities.clone_from(&system.velocities);
-        let mut whole = wide.whole(&mut []);
+        let mut whole = lanes.whole(&mut []);
         let start = Instant::now();
         if friction {
             whole.sweep(&mut velocities);
@@ -210,7 +209,7 @@ fn operations<const L: usize, const A: usize>(points: usize, friction: bool) -> 
 /// \[1/ns\]
 fn peak() -> f64 {
     #[cfg(target_arch = "x86_64")]
-    if drystone_solver::lanes::avx2_available() {
+    if Instructions::available().contains(&Instructions::Avx2) {
         return rate::<drystone_solver::lanes::Avx2>();
     }
     rate::<Portable>()

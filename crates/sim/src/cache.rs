@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use drystone_solver::Vector;
-use drystone_solver::wide::{CachedImpulse, Reuse};
+use drystone_solver::lanes::{CachedImpulse, Reuse};
 
 use crate::bodies::SearchMotion;
 use crate::geometry::{Curvature, Frame, MAX_POINTS, ManifoldPoint, NormalCarrier};

@@ -3,8 +3,8 @@
 use drystone_solver::island::{self, Islands};
 use drystone_solver::jam::{self, Jam};
 use drystone_solver::ladder::{IslandSolver, SolveReport};
+use drystone_solver::lanes::LaneSystem;
 use drystone_solver::solution::Goal;
-use drystone_solver::wide::Wide;
 use drystone_solver::{InverseMass, System, Velocity};
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
@@ -171,13 +171,13 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     pub(crate) fn jams(
         &mut self,
         system: &mut System<f32, L, A>,
-        wide: &Wide<L, A>,
+        lanes: &LaneSystem<L, A>,
         sinking: f64,
     ) -> Vec<Jam> {
         if sinking <= MISSED || !self.wait.is_over() {
             return Vec::new();
         }
-        wide.unpack(system);
+        lanes.unpack(system);
         let jams = jam::find(system, &mut self.islands, MISSED, self.wait.searches);
         self.wait.begin(jams.is_empty());
         jams
@@ -193,8 +193,8 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     }
 
     /// Prepares the solver for all substeps of a part of a step. The system has been packed before.
-    pub(crate) fn start(&mut self, system: &System<f32, L, A>, wide: &mut Wide<L, A>) {
-        wide.set_islands(&self.islands);
+    pub(crate) fn start(&mut self, system: &System<f32, L, A>, lanes: &mut LaneSystem<L, A>) {
+        lanes.set_islands(&self.islands);
         self.island_solver.start(system, &self.islands);
     }
 
@@ -203,7 +203,7 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     pub(crate) fn refine(
         &mut self,
         system: &mut System<f32, L, A>,
-        wide: &mut Wide<L, A>,
+        lanes: &mut LaneSystem<L, A>,
         prospective: &[Velocity<f32, L, A>],
         settings: &StepSettings,
         examined: bool,
@@ -212,9 +212,9 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
             Goal { tolerance: f64::from(settings.tolerance), budget: settings.budget as usize };
         let islands = &self.islands;
         if examined {
-            self.island_solver.solve_islands::<true>(system, wide, prospective, islands, &goal)
+            self.island_solver.solve_islands::<true>(system, lanes, prospective, islands, &goal)
         } else {
-            self.island_solver.solve_islands::<false>(system, wide, prospective, islands, &goal)
+            self.island_solver.solve_islands::<false>(system, lanes, prospective, islands, &goal)
         }
     }
 
@@ -222,10 +222,10 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     pub(crate) fn examine(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        wide: &Wide<L, A>,
+        lanes: &LaneSystem<L, A>,
         prospective: &[Velocity<f32, L, A>],
     ) -> SolveReport {
-        self.island_solver.examine(velocities, wide, prospective, &self.islands)
+        self.island_solver.examine(velocities, lanes, prospective, &self.islands)
     }
 }
 

@@ -5,8 +5,8 @@ mod places;
 use std::ops::Range;
 
 use drystone_solver::Vector;
+use drystone_solver::lanes::{CachedImpulse, Reuse};
 use drystone_solver::thread_pool::{ThreadPool, chunks_with_parts};
-use drystone_solver::wide::{CachedImpulse, Reuse};
 
 use crate::bodies::Bodies;
 use crate::cache::{

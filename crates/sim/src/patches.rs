@@ -13,7 +13,7 @@
 //! sideways.
 
 use drystone_solver::Vector;
-use drystone_solver::wide::{FAR, Reuse};
+use drystone_solver::lanes::{FAR, Reuse};
 
 use crate::bodies::Bodies;
 use crate::cache::{self, ManifoldCache, Pair, deepest_first};

@@ -1,7 +1,7 @@
 //! Converts cached manifolds to the rows of the contact system, the input of the solver.
 
 use drystone_solver::lanes::GatherLanes;
-use drystone_solver::wide::{CachedImpulse, FAR, LaneSlots, ManifoldSource, Reuse};
+use drystone_solver::lanes::{CachedImpulse, FAR, LaneSlots, ManifoldSource, Reuse};
 use drystone_solver::{Contact, Manifold, Vector, Velocity, contact_frame};
 
 use crate::cache::{self, CachedManifold, CachedPoint, ManifoldCache};
@@ -130,7 +130,7 @@ impl<const L: usize, const A: usize> CacheSource<'_, L, A> {
 
 #[cfg(test)]
 mod tests {
-    use drystone_solver::wide::Wide;
+    use drystone_solver::lanes::LaneSystem;
     use drystone_solver::{InverseMass, System};
 
     use super::*;
@@ -162,9 +162,9 @@ mod tests {
             together: true,
             in_order: false,
         };
-        let mut wide = Wide::new();
-        wide.pack(&rows, &system.masses, 0.0);
-        wide.unpack(&mut system);
+        let mut lanes = LaneSystem::new();
+        lanes.pack(&rows, &system.masses, 0.0);
+        lanes.unpack(&mut system);
         let (manifold, contacts) = (&system.manifolds[0], &system.contacts);
         let [_, arm] = manifold.arms.map(|arm| manifold.to_frame(arm));
         assert!((arm[0] - 0.25).abs() < 1e-6, "{arm:?}");

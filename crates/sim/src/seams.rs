@@ -15,7 +15,7 @@
 //! So a body does not hit the side of a box that is flush with the floor, but a step that sticks
 //! out stops it.
 
-use drystone_solver::wide::Reuse;
+use drystone_solver::lanes::Reuse;
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::Bodies;

@@ -1,8 +1,8 @@
 //! [`ConstraintSolver`]: the contact solver of a world, and its state from step to step.
 
 use drystone_solver::System;
+use drystone_solver::lanes::LaneSystem;
 use drystone_solver::restitution::ImpactSolver;
-use drystone_solver::wide::Wide;
 
 use crate::bodies::Bodies;
 use crate::certifier::Certifier;
@@ -12,7 +12,7 @@ use crate::surfaces::SurfaceStates;
 /// Contact solver of a world.
 pub(crate) struct ConstraintSolver<const L: usize, const A: usize> {
     /// The contacts, sixteen per block.
-    pub(crate) lanes: Wide<L, A>,
+    pub(crate) lanes: LaneSystem<L, A>,
     pub(crate) certifier: Certifier<L, A>,
     pub(crate) impacts: ImpactSolver<L, A>,
     pub(crate) surfaces: SurfaceStates<L, A>,
@@ -24,7 +24,7 @@ pub(crate) struct ConstraintSolver<const L: usize, const A: usize> {
 impl<const L: usize, const A: usize> Default for ConstraintSolver<L, A> {
     fn default() -> Self {
         Self {
-            lanes: Wide::new(),
+            lanes: LaneSystem::new(),
             certifier: Certifier::default(),
             impacts: ImpactSolver::default(),
             surfaces: SurfaceStates::default(),

@@ -7,9 +7,9 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use drystone_solver::lanes::{Landing, LaneBatch, MovedBodies};
 use drystone_solver::restitution::{self, ImpactSettings};
 use drystone_solver::thread_pool::Divide;
-use drystone_solver::wide::{Landing, MovedBodies, WideBatch};
 
 use crate::bodies::Bodies;
 use crate::cache::Pair;
@@ -49,7 +49,7 @@ const APPROACH: f32 = 3.5;
 
 /// The bodies and contacts of a batch.
 pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    pub(crate) contacts: WideBatch<'a, L, A>,
+    pub(crate) contacts: LaneBatch<'a, L, A>,
     pub(crate) bodies: MovingBodies<'a, G, L, A>,
 }
 
@@ -142,7 +142,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     }
 
     /// Takes each batch through all substeps. Each thread takes a run of batches, unless one thread
-    /// solves all ([`WideBatch::runs`]).
+    /// solves all ([`LaneBatch::runs`]).
     pub(crate) fn run_by_batch(self, params: &SubstepParams<L>, clock: &mut StageTimer) {
         let (pool, runs) = (self.bodies.pool, self.contacts.runs());
         let all = Mutex::new(clock.another());

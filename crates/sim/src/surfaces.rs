@@ -3,7 +3,7 @@
 //!
 //! In a scene without either, the table is empty and costs nothing.
 
-use drystone_solver::wide::Wide;
+use drystone_solver::lanes::LaneSystem;
 use drystone_solver::{Manifold, SurfaceEffects, Vector, Velocity};
 
 use crate::bodies::Bodies;
@@ -81,13 +81,13 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
         pairs: &[Pair],
         manifolds: usize,
         (velocities, dt): (&[Velocity<f32, L, A>], f32),
-        wide: &mut Wide<L, A>,
+        lanes: &mut LaneSystem<L, A>,
     ) {
         self.rows.clear();
         self.done.clear();
         if !colliders.has_surfaces() {
             self.held.clear();
-            wide.take_surfaces(None::<fn(usize, &Manifold<f32, L>) -> SurfaceEffects<f32, L, A>>);
+            lanes.take_surfaces(None::<fn(usize, &Manifold<f32, L>) -> SurfaceEffects<f32, L, A>>);
             return;
         }
         self.rows.resize(manifolds, SurfaceRow::NONE);
@@ -105,7 +105,7 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
             self.rows[pair.records()].fill(SurfaceRow { belts, runs, resistance, torque });
         }
         let rows = &self.rows;
-        wide.take_surfaces(Some(|number: usize, manifold: &Manifold<f32, L>| {
+        lanes.take_surfaces(Some(|number: usize, manifold: &Manifold<f32, L>| {
             let SurfaceRow { belts: [a, b], runs, resistance: [rolling, spinning], torque } =
                 &rows[number];
             let belt = if *runs { belt(manifold, [a, b], velocities, dt) } else { Velocity::ZERO };
@@ -119,13 +119,13 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
         &mut self,
         colliders: &Colliders<G, L, A>,
         pairs: &[Pair],
-        wide: &Wide<L, A>,
+        lanes: &LaneSystem<L, A>,
     ) {
         if !colliders.resist {
             return;
         }
         let mut rows = self.rows.iter_mut();
-        wide.give_surfaces(|manifold, surface| {
+        lanes.give_surfaces(|manifold, surface| {
             if let Some(row) = rows.next() {
                 row.torque = manifold.turning_in_world(surface.torque);
             }
@@ -147,8 +147,8 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
     }
 
     /// Copies the surface effects of the lanes, for a ledger.
-    pub(crate) fn note(&mut self, wide: &Wide<L, A>) {
+    pub(crate) fn note(&mut self, lanes: &LaneSystem<L, A>) {
         self.done.clear();
-        wide.give_surfaces(|_, surface| self.done.push(*surface));
+        lanes.give_surfaces(|_, surface| self.done.push(*surface));
     }
 }

@@ -10,9 +10,9 @@ use std::time::Duration;
 
 use crate::certificate::{Certificate, CertificateScratch};
 use crate::island::Islands;
+use crate::lanes::LaneSystem;
 use crate::part::SubSystem;
 use crate::solution::{Goal, Solution, Status};
-use crate::wide::Wide;
 use crate::{Clock, InverseMass, System, Velocity, newton, nncg, pgs};
 
 /// A method of the ladder.
@@ -290,12 +290,12 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     /// Brings every island within the tolerance: all by [`nncg`] in lanes, then the remaining ones
     /// by Newton's method in `f64`.
     ///
-    /// `wide` holds the contacts; `system.velocities` include its impulses, `prospective` do not.
+    /// `lanes` holds the contacts; `system.velocities` include its impulses, `prospective` do not.
     /// With `RESIDUALS` the report has residuals as well as errors.
     pub fn solve_islands<const RESIDUALS: bool>(
         &mut self,
         system: &mut System<f32, L, A>,
-        wide: &mut Wide<L, A>,
+        lanes: &mut LaneSystem<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         goal: &Goal,
@@ -303,9 +303,9 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         let mut outcome = SolveReport { islands: islands.count, ..SolveReport::default() };
         let beyond = |error: &f64| error.total_cmp(&goal.tolerance).is_gt();
         let velocities = &mut system.velocities;
-        self.in_lanes::<RESIDUALS>(velocities, wide, prospective, islands, goal, &mut outcome);
+        self.in_lanes::<RESIDUALS>(velocities, lanes, prospective, islands, goal, &mut outcome);
         if self.errors.iter().any(beyond) {
-            wide.unpack(system);
+            lanes.unpack(system);
             // Rounding to `f32` afterwards must not take the error beyond the tolerance again.
             let finer = Goal { tolerance: AIM * goal.tolerance, ..*goal };
             for island in 0..islands.count {
@@ -314,9 +314,9 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
                     outcome.newton += 1;
                 }
             }
-            wide.take_impulses(system);
+            lanes.take_impulses(system);
             let velocities = &system.velocities;
-            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, &mut outcome);
+            self.certify::<RESIDUALS>(velocities, lanes, prospective, islands, &mut outcome);
         }
         outcome.failed = self.errors.iter().filter(|error| beyond(error)).count();
         outcome.set_worst(&self.errors, islands);
@@ -327,12 +327,12 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     pub fn examine(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        wide: &Wide<L, A>,
+        lanes: &LaneSystem<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
     ) -> SolveReport {
         let mut outcome = SolveReport { islands: islands.count, ..SolveReport::default() };
-        self.certify_by::<true, true>(velocities, wide, prospective, islands, &mut outcome);
+        self.certify_by::<true, true>(velocities, lanes, prospective, islands, &mut outcome);
         outcome.set_worst(&self.errors, islands);
         outcome
     }
@@ -341,7 +341,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     fn in_lanes<const RESIDUALS: bool>(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
-        wide: &mut Wide<L, A>,
+        lanes: &mut LaneSystem<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         goal: &Goal,
@@ -351,17 +351,17 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         self.done.resize(islands.count, false);
         self.errors.clear();
         self.errors.resize(islands.count, f64::INFINITY);
-        wide.begin_conjugate();
+        lanes.begin_conjugate();
         let (least, most) = (AIM * goal.tolerance, goal.tolerance);
         self.aims.clear();
         self.aims.extend(self.speeds.iter().map(|speed| (OF_SPEED * speed).max(least).min(most)));
         let mut before = Vec::new();
         while self.done.contains(&false) {
             let longest = LONGEST.max(outcome.iterations / 4);
-            let (due, size) = self.iterate(velocities, wide, longest);
+            let (due, size) = self.iterate(velocities, lanes, longest);
             outcome.iterations += due;
             before.clone_from(&self.errors);
-            self.certify::<RESIDUALS>(velocities, wide, prospective, islands, outcome);
+            self.certify::<RESIDUALS>(velocities, lanes, prospective, islands, outcome);
             // The largest ratio of an error to its aim.
             let mut worst = 0.0f64;
             let errors = before.iter().zip(&self.errors).zip(self.aims.iter().zip(&self.limits));
@@ -385,13 +385,13 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     fn iterate(
         &self,
         velocities: &mut [Velocity<f32, L, A>],
-        wide: &mut Wide<L, A>,
+        lanes: &mut LaneSystem<L, A>,
         longest: usize,
     ) -> (usize, f64) {
         let (mut made, mut size_before) = (0usize, 0.0);
         loop {
-            wide.conjugate(velocities, &self.done);
-            let size = self.largest(wide.gradients());
+            lanes.conjugate(velocities, &self.done);
+            let size = self.largest(lanes.gradients());
             made += 1;
             if self.memory.ratio * size <= SURE {
                 return (made, size);
@@ -418,18 +418,18 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     fn certify<const RESIDUALS: bool>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        wide: &Wide<L, A>,
+        lanes: &LaneSystem<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         outcome: &mut SolveReport,
     ) {
         if self.memory.direct {
-            self.certify_by::<RESIDUALS, false>(velocities, wide, prospective, islands, outcome);
+            self.certify_by::<RESIDUALS, false>(velocities, lanes, prospective, islands, outcome);
             if is_within(self.errors.iter().copied(), &self.aims) {
                 return;
             }
         }
-        self.certify_by::<RESIDUALS, true>(velocities, wide, prospective, islands, outcome);
+        self.certify_by::<RESIDUALS, true>(velocities, lanes, prospective, islands, outcome);
         self.memory.direct = is_within(self.scratch.errors_at_hand(), &self.aims);
     }
 
@@ -438,7 +438,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     fn certify_by<const RESIDUALS: bool, const LINE: bool>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        wide: &Wide<L, A>,
+        lanes: &LaneSystem<L, A>,
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         outcome: &mut SolveReport,
@@ -446,7 +446,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         let start = self.clock.now();
         let Self { scratch, errors, .. } = self;
         let certificates =
-            wide.certify::<RESIDUALS, LINE>(velocities, prospective, islands, scratch);
+            lanes.certify::<RESIDUALS, LINE>(velocities, prospective, islands, scratch);
         errors.clear();
         errors.extend(certificates.iter().map(Certificate::error));
         outcome.set_residuals(certificates);

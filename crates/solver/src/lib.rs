@@ -90,12 +90,10 @@
 pub mod apgd;
 #[cfg(feature = "assembled")]
 pub mod assembled;
-mod batch;
 mod body;
 pub mod certificate;
 mod cholesky;
 mod clock;
-pub mod color;
 pub mod cone;
 mod contact;
 pub mod island;
@@ -120,7 +118,6 @@ pub mod symmetric;
 mod system;
 pub mod thread_pool;
 mod vector;
-pub mod wide;
 
 pub use body::{InverseMass, Mass, Velocity};
 pub use clock::Clock;

@@ -103,14 +103,35 @@ fn visit_of<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICTI
     system: &mut System<T, L, A>,
     index: usize,
 ) {
-    let manifold = system.manifolds[index];
-    let masses = system.masses_of(&manifold);
-    let [mut a, mut b] = system.velocities_of(&manifold);
-    let points = &mut system.contacts[manifold.points()];
-    let mobility = Mobility::of(&manifold, &masses);
-    let (parts, center) = ((&manifold, &mobility, &masses), is_center(points));
-    visit::<T, L, A, LAW, FRICTION>(parts, center, points, [&mut a, &mut b], || {});
-    system.set_velocities(&manifold, [a, b]);
+    let System { velocities, masses, manifolds, contacts } = system;
+    let manifold = &manifolds[index];
+    let points = &mut contacts[manifold.points()];
+    let masses = &manifold.bodies.map(|body| masses[body as usize]);
+    let parts = (manifold, &Mobility::of(manifold, masses), masses);
+    let bodies = &mut PairOf { velocities, bodies: manifold.bodies };
+    if is_center(points) {
+        visit::<T, L, A, 0, LAW, FRICTION>(parts, points, bodies);
+    } else {
+        visit::<T, L, A, A, LAW, FRICTION>(parts, points, bodies);
+    }
+}
+
+/// The bodies of a manifold in the velocities of a system.
+struct PairOf<'a, T: Real, const L: usize, const A: usize> {
+    velocities: &'a mut [Velocity<T, L, A>],
+    bodies: [u32; 2],
+}
+
+impl<T: Real, const L: usize, const A: usize> BodyPair<T, L, A> for PairOf<'_, T, L, A> {
+    fn velocities(&self) -> [Velocity<T, L, A>; 2] {
+        self.bodies.map(|body| self.velocities[body as usize])
+    }
+
+    fn set_velocities(&mut self, velocities: [Velocity<T, L, A>; 2]) {
+        for (body, velocity) in self.bodies.into_iter().zip(velocities) {
+            self.velocities[body as usize] = velocity;
+        }
+    }
 }
 
 /// Returns true if the only point of a manifold is at its center. Rotation does not change its
@@ -120,32 +141,22 @@ pub(crate) fn is_center<T: Real, const L: usize>(points: &[Contact<T, L>]) -> bo
     matches!(points, [only] if only.offset == Vector::ZERO)
 }
 
-/// Visits a manifold once: the normals of its points, then `between`, then their friction. `center`
-/// states whether [`is_center`] holds.
-#[inline(always)]
-pub(crate) fn visit<
-    T: Real,
-    const L: usize,
-    const A: usize,
-    const LAW: u8,
-    const FRICTION: bool,
->(
-    parts: Parts<'_, T, L, A>,
-    center: bool,
-    points: &mut [Contact<T, L>],
-    velocities: [&mut Velocity<T, L, A>; 2],
-    between: impl Fn(),
-) {
-    if center {
-        visit_felt::<T, L, A, 0, LAW, FRICTION>(parts, points, velocities, between);
-    } else {
-        visit_felt::<T, L, A, A, LAW, FRICTION>(parts, points, velocities, between);
-    }
+/// The two bodies of a visit.
+pub(crate) trait BodyPair<T: Real, const L: usize, const A: usize> {
+    /// Returns the velocities of a and b, at the start of the visit.
+    fn velocities(&self) -> [Velocity<T, L, A>; 2];
+
+    /// Is called between the normals and the friction.
+    fn between(&self) {}
+
+    /// Sets the velocities, at the end of the visit.
+    fn set_velocities(&mut self, velocities: [Velocity<T, L, A>; 2]);
 }
 
-/// Visits a manifold whose points depend on `B` components of rotation ([`Manifold::twist_felt`]).
+/// Visits a manifold once: the normals of its points, then their friction. The points depend on `B`
+/// components of rotation: 0 if [`is_center`] holds, otherwise `A` ([`Manifold::twist_felt`]).
 #[inline(always)]
-fn visit_felt<
+pub(crate) fn visit<
     T: Real,
     const L: usize,
     const A: usize,
@@ -155,10 +166,10 @@ fn visit_felt<
 >(
     (manifold, mobility, masses): Parts<'_, T, L, A>,
     points: &mut [Contact<T, L>],
-    [a, b]: [&mut Velocity<T, L, A>; 2],
-    between: impl Fn(),
+    bodies: &mut impl BodyPair<T, L, A>,
 ) {
-    let mut twist: Velocity<T, L, B> = manifold.twist_felt(a, b);
+    let [mut a, mut b] = bodies.velocities();
+    let mut twist: Velocity<T, L, B> = manifold.twist_felt(&a, &b);
     let mut wrench = Velocity::ZERO;
     let (normals, all) = (&along_normals::<B>(), &all_axes::<L, B>());
     for contact in points.iter_mut() {
@@ -170,7 +181,7 @@ fn visit_felt<
         twist += response * change[0];
         contact.add_wrench(0..1, change, &mut wrench);
     }
-    between();
+    bodies.between();
     if FRICTION {
         let tangents = &along_tangents::<L, B>();
         mobility.add(normals, &wrench, tangents, &mut twist);
@@ -182,7 +193,8 @@ fn visit_felt<
             contact.add_wrench(1..L, change, &mut wrench);
         }
     }
-    manifold.apply_of(if FRICTION { all } else { normals }, &wrench, masses, a, b);
+    manifold.apply_of(if FRICTION { all } else { normals }, &wrench, masses, &mut a, &mut b);
+    bodies.set_velocities([a, b]);
 }
 
 /// A manifold, its mobility, and the inverse masses of its bodies.

@@ -29,6 +29,7 @@ use crate::{Contact, InverseMass, Manifold, Real, Vector, Velocity};
 /// Motion of the surfaces of a manifold's two bodies, and their resistance to rotation relative to
 /// each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct SurfaceEffects<T: Real, const L: usize, const A: usize> {
     /// Surface velocity of a relative to b, in addition to the motion of the bodies: at the
     /// manifold's center, in its frame. Only the tangential components and rotation about the

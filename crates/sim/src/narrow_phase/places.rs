@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use drystone_solver::wide::CachedImpulse;
+use drystone_solver::lanes::CachedImpulse;
 
 use crate::cache::{
     self, CachedManifold, CachedPoint, ManifoldCache, ManifoldCacheMut, ManifoldCacheView, inherit,

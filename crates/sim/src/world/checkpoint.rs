@@ -7,7 +7,7 @@ use std::fmt::{self, Debug, Display, Formatter};
 use std::sync::{Arc, OnceLock};
 
 use drystone_solver::ladder::SolverMemory;
-use drystone_solver::wide::{CachedImpulse, Reuse};
+use drystone_solver::lanes::{CachedImpulse, Reuse};
 use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};

@@ -7,14 +7,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use drystone_solver::certificate::{Certificate, CertificateScratch, certify};
-use drystone_solver::color::Coloring;
 use drystone_solver::cone::Law;
 use drystone_solver::island::Islands;
-use drystone_solver::lanes::{GatherLanes, Lanes, Portable, WIDTH};
+use drystone_solver::lanes::coloring::Coloring;
+use drystone_solver::lanes::{
+    CachedImpulse, GatherLanes, Instructions, LaneSlots, LaneSystem, ManifoldSource, Reuse, WIDTH,
+};
 use drystone_solver::thread_pool::{Divide, ThreadPool};
-use drystone_solver::wide::{CachedImpulse, LaneSlots, ManifoldSource, Packed, Reuse, Wide};
 use drystone_solver::{
-    Cast, Contact, InverseMass, Manifold, Repair, SymmetricMatrix, System, Vector, Velocity, pgs,
+    Contact, InverseMass, Manifold, Repair, SymmetricMatrix, System, Vector, Velocity, pgs,
 };
 use proptest::prelude::*;
 
@@ -99,12 +100,13 @@ const REPAIR: Repair<f32> =
     Repair { dt: 0.01, rate: 0.2, slop: 0.001, push_speed: 1.0, hold: 20.0 };
 
 /// Returns a system after three substeps in packed form.
-fn packed<V: Lanes, const L: usize, const A: usize>(
+fn packed<const L: usize, const A: usize>(
+    instructions: Instructions,
     system: &System<f32, L, A>,
     displacements: &[Velocity<f32, L, A>],
 ) -> System<f32, L, A> {
     let mut system = system.clone();
-    let mut packed = Packed::<V, L, A>::new();
+    let mut packed = LaneSystem::<L, A>::with(instructions);
     packed.pack(&system, &system.masses, 0.1);
     let v = &mut system.velocities;
     for _ in 0..3 {
@@ -179,16 +181,13 @@ fn lanes_and_scalars<const L: usize, const A: usize>(seed: u64) {
         pgs::relax(&mut scalar);
     }
 
-    let portable = packed::<Portable, L, A>(&system, &displacements);
-    assert_eq!(portable.velocities, scalar.velocities);
-    for (place, &i) in order.iter().enumerate() {
-        let (there, here) = (system.manifolds[i], scalar.manifolds[place]);
-        assert_eq!(portable.contacts[there.points()], scalar.contacts[here.points()]);
-    }
-    #[cfg(target_arch = "x86_64")]
-    if drystone_solver::lanes::avx2_available() {
-        use drystone_solver::lanes::Avx2;
-        assert_eq!(packed::<Avx2, L, A>(&system, &displacements), portable);
+    for instructions in Instructions::available() {
+        let lanes = packed(instructions, &system, &displacements);
+        assert_eq!(lanes.velocities, scalar.velocities);
+        for (place, &i) in order.iter().enumerate() {
+            let (there, here) = (system.manifolds[i], scalar.manifolds[place]);
+            assert_eq!(lanes.contacts[there.points()], scalar.contacts[here.points()]);
+        }
     }
 }
 
@@ -288,7 +287,7 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for Keeping<'_, L, A> {
 /// Steps `system` with the packed system `keeping` and with one packed from scratch, and checks
 /// that the results are equal. Returns the number of lanes that `keeping` read.
 fn step_both<const L: usize, const A: usize>(
-    keeping: &mut Packed<Portable, L, A>,
+    keeping: &mut LaneSystem<L, A>,
     seen: &System<f32, L, A>,
     (reuse, same): (Vec<Reuse>, bool),
     softness: f32,
@@ -296,7 +295,7 @@ fn step_both<const L: usize, const A: usize>(
 ) -> usize {
     let rows = Keeping { system: seen, reuse, same, standing: false, taken: AtomicUsize::new(0) };
     keeping.pack(&rows, &system.masses, softness);
-    let mut anew = Packed::<Portable, L, A>::new();
+    let mut anew = LaneSystem::<L, A>::new();
     anew.pack(&*system, &system.masses, softness);
     let moved =
         |v: &Velocity<f32, L, A>| Velocity { linear: v.linear * 0.01, angular: v.angular * 0.01 };
@@ -321,11 +320,11 @@ fn step_both<const L: usize, const A: usize>(
 
 /// Kept manifolds are not read again, and have the bits of manifolds that are written to the cache
 /// and packed again. They are read again after a change of softness, when one of few manifolds is
-/// removed, and after [`Packed::forget`].
+/// removed, and after [`LaneSystem::forget`].
 fn kept_and_anew<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let mut system: System<f32, L, A> = crowd::<L, A>(random).cast();
-    let mut keeping = Packed::<Portable, L, A>::new();
+    let mut keeping = LaneSystem::<L, A>::new();
     for round in 0..6 {
         let softness = if round < 3 { 0.1 } else { 0.2 };
         let mut seen = system.clone();
@@ -368,7 +367,7 @@ fn come_and_go(members: usize) -> Vec<usize> {
     let mut system = whole.clone();
     // The index in `system` of each manifold of `whole`.
     let mut numbers: Vec<Option<u32>> = (0..whole.manifolds.len() as u32).map(Some).collect();
-    let mut keeping = Packed::<Portable, 3, 3>::new();
+    let mut keeping = LaneSystem::<3, 3>::new();
     keeping.set_pool(Arc::new(ThreadPool::new(members)));
     let mut taken = Vec::new();
     for round in 0..30 {
@@ -429,22 +428,22 @@ fn threads_and_one<const L: usize, const A: usize>(seed: u64) {
     let still = vec![Velocity::ZERO; start.velocities.len()];
     let by = |members: usize| {
         let mut system = start.clone();
-        let mut wide = Wide::new();
-        wide.set_pool(Arc::new(ThreadPool::new(members)));
-        wide.pack(&system, &system.masses, 0.1);
+        let mut lanes = LaneSystem::new();
+        lanes.set_pool(Arc::new(ThreadPool::new(members)));
+        lanes.pack(&system, &system.masses, 0.1);
         for _ in 0..2 {
-            wide.whole(&mut []).apply_impulses(&mut system.velocities);
-            wide.set_targets(&still, None, &REPAIR);
-            let mut whole = wide.whole(&mut []);
+            lanes.whole(&mut []).apply_impulses(&mut system.velocities);
+            lanes.set_targets(&still, None, &REPAIR);
+            let mut whole = lanes.whole(&mut []);
             whole.sweep_normals(&mut system.velocities);
             whole.relax(&mut system.velocities, false, None);
         }
-        wide.set_islands(&all_as_one(&system));
-        wide.begin_conjugate();
+        lanes.set_islands(&all_as_one(&system));
+        lanes.begin_conjugate();
         for _ in 0..3 {
-            wide.conjugate(&mut system.velocities, &[false]);
+            lanes.conjugate(&mut system.velocities, &[false]);
         }
-        wide.unpack(&mut system);
+        lanes.unpack(&mut system);
         system
     };
     let alone = by(1);
@@ -487,15 +486,15 @@ fn gradients_by_island<const L: usize, const A: usize>(seed: u64) {
     let start = crowds::<L, A>(&mut Random(seed));
     let mut islands = Islands::default();
     islands.find(&start);
-    let mut wide = Wide::new();
-    wide.pack(&start, &start.masses, 0.1);
-    wide.set_islands(&islands);
-    wide.set_targets(&vec![Velocity::ZERO; start.velocities.len()], None, &REPAIR);
-    wide.begin_conjugate();
+    let mut lanes = LaneSystem::new();
+    lanes.pack(&start, &start.masses, 0.1);
+    lanes.set_islands(&islands);
+    lanes.set_targets(&vec![Velocity::ZERO; start.velocities.len()], None, &REPAIR);
+    lanes.begin_conjugate();
     let mut system = start.clone();
-    wide.whole(&mut []).apply_impulses(&mut system.velocities);
-    wide.conjugate(&mut system.velocities, &vec![false; islands.count]);
-    wide.unpack(&mut system);
+    lanes.whole(&mut []).apply_impulses(&mut system.velocities);
+    lanes.conjugate(&mut system.velocities, &vec![false; islands.count]);
+    lanes.unpack(&mut system);
     let mut expected = vec![0.0_f64; islands.count];
     for manifold in &system.manifolds {
         let Some(own) = expected.get_mut(islands.of_pair(manifold.bodies) as usize) else {
@@ -511,16 +510,16 @@ fn gradients_by_island<const L: usize, const A: usize>(seed: u64) {
     }
     let moved = expected.iter().filter(|size| **size > 0.0).count();
     assert!(moved >= 40, "{moved} of {}", islands.count);
-    for (&found, &size) in wide.gradients().iter().zip(&expected) {
+    for (&found, &size) in lanes.gradients().iter().zip(&expected) {
         assert!((f64::from(found) - size).abs() <= 1e-5 * size, "{found} and {size}");
     }
     // Islands are done only after they have search directions.
     for iteration in 0..5 {
         let done = |island| iteration > 1 && island % 3 == 0;
         let done: Vec<bool> = (0..islands.count).map(done).collect();
-        wide.conjugate(&mut system.velocities, &done);
+        lanes.conjugate(&mut system.velocities, &done);
     }
-    wide.unpack(&mut system);
+    lanes.unpack(&mut system);
     let energy = |(velocity, mass): (&Velocity<f32, L, A>, &InverseMass<f32, L, A>)| {
         mass.mass().squared(&velocity.cast())
     };
@@ -539,7 +538,7 @@ fn gradients_are_of_islands() {
 fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
     let random = &mut Random(seed);
     let mut system = crowds::<L, A>(random);
-    let mut wide = Wide::new();
+    let mut lanes = LaneSystem::new();
     for round in 0..3 {
         let displacements: Vec<Velocity<f32, L, A>> = (system.velocities.iter())
             .map(|v| Velocity { linear: v.linear * 0.01, angular: v.angular * 0.01 })
@@ -552,15 +551,15 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
             standing: true,
             taken: AtomicUsize::new(0),
         };
-        wide.pack(&rows, &system.masses, 0.1);
-        let mut side_by_side = wide.clone();
-        let mut anew = Wide::new();
+        lanes.pack(&rows, &system.masses, 0.1);
+        let mut side_by_side = lanes.clone();
+        let mut anew = LaneSystem::new();
         anew.pack(&system, &system.masses, 0.1);
         let mut join = [0; 2];
-        let mut by = |wide: &mut Wide<L, A>, divided: bool, members: usize| {
+        let mut by = |lanes: &mut LaneSystem<L, A>, divided: bool, members: usize| {
             let mut after = system.clone();
             let mut traces = vec![CachedImpulse::default(); system.contacts.len()];
-            let whole = wide.whole(&mut traces);
+            let whole = lanes.whole(&mut traces);
             let parts = if divided { whole.count() } else { 1 };
             assert!(!divided || parts > 2, "{parts} batches");
             let (mut v, mut moved) = (&mut after.velocities[..], &displacements[..]);
@@ -589,11 +588,11 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
                     batch.trace(moved, REPAIR.hold);
                 },
             );
-            wide.unpack(&mut after);
+            lanes.unpack(&mut after);
             (after, traces)
         };
         let expected = by(&mut anew, false, 1);
-        assert_eq!(by(&mut wide, true, 1), expected);
+        assert_eq!(by(&mut lanes, true, 1), expected);
         assert_eq!(by(&mut side_by_side, true, 3), expected);
         system = expected.0;
         if round == 1 {
@@ -616,11 +615,12 @@ fn batches_and_everything() {
 
 /// Returns the certificate of all contacts together, once computed in lanes and once contact by
 /// contact.
-fn certified<V: Lanes + Cast<V::Doubles>, const L: usize, const A: usize>(
+fn certified<const L: usize, const A: usize>(
+    instructions: Instructions,
     start: &System<f32, L, A>,
 ) -> [Certificate; 2] {
     let mut system = start.clone();
-    let mut packed = Packed::<V, L, A>::new();
+    let mut packed = LaneSystem::<L, A>::with(instructions);
     packed.pack(&system, &system.masses, 0.1);
     let still = vec![Velocity::ZERO; system.velocities.len()];
     packed.whole(&mut []).apply_impulses(&mut system.velocities);
@@ -679,7 +679,7 @@ fn certificates_agree<const L: usize, const A: usize>(seed: u64) {
         contact.impulse = Vector::ZERO;
     }
     let start: System<f32, L, A> = scene.cast();
-    let [lanes, one] = certified::<Portable, L, A>(&start);
+    let [lanes, one] = certified(Instructions::Portable, &start);
     let numbers = |of: &Certificate| {
         let sums = [of.duality_gap, of.defect, of.mass, of.complementarity];
         [&sums[..], &[of.natural_residual, of.approach_error, of.cone]].concat()
@@ -687,10 +687,8 @@ fn certificates_agree<const L: usize, const A: usize>(seed: u64) {
     for (lanes, one) in numbers(&lanes).into_iter().zip(numbers(&one)) {
         assert!((lanes - one).abs() <= 1e-9 * one.abs() + 1e-15, "seed {seed}: {lanes} and {one}");
     }
-    #[cfg(target_arch = "x86_64")]
-    if drystone_solver::lanes::avx2_available() {
-        use drystone_solver::lanes::Avx2;
-        assert_eq!(certified::<Avx2, L, A>(&start), [lanes, one], "seed {seed}");
+    for instructions in Instructions::available() {
+        assert_eq!(certified(instructions, &start), [lanes, one], "seed {seed}: {instructions:?}");
     }
 }
 
@@ -708,27 +706,27 @@ fn certificates_by_threads<const L: usize, const A: usize>(seed: u64) {
     let mut islands = Islands::default();
     islands.find(&start);
     let of = |members: usize| {
-        let (mut wide, mut system, mut scratch) =
-            (Wide::new(), start.clone(), CertificateScratch::default());
-        wide.set_pool(Arc::new(ThreadPool::new(members)));
-        wide.pack(&start, &start.masses, 0.1);
+        let (mut lanes, mut system, mut scratch) =
+            (LaneSystem::new(), start.clone(), CertificateScratch::default());
+        lanes.set_pool(Arc::new(ThreadPool::new(members)));
+        lanes.pack(&start, &start.masses, 0.1);
         assert!(start.manifolds.len() >= 8 * members * WIDTH, "enough to share");
-        wide.set_islands(&islands);
-        wide.set_targets(&vec![Velocity::ZERO; start.velocities.len()], None, &REPAIR);
-        wide.begin_conjugate();
-        wide.whole(&mut []).apply_impulses(&mut system.velocities);
+        lanes.set_islands(&islands);
+        lanes.set_targets(&vec![Velocity::ZERO; start.velocities.len()], None, &REPAIR);
+        lanes.begin_conjugate();
+        lanes.whole(&mut []).apply_impulses(&mut system.velocities);
         scratch.set_masses(&start);
         let mut all = Vec::new();
         for _ in 0..3 {
-            wide.conjugate(&mut system.velocities, &vec![false; islands.count]);
+            lanes.conjugate(&mut system.velocities, &vec![false; islands.count]);
             let (v, prospective) = (&system.velocities, &start.velocities);
-            all.extend_from_slice(wide.certify::<false, false>(
+            all.extend_from_slice(lanes.certify::<false, false>(
                 v,
                 prospective,
                 &islands,
                 &mut scratch,
             ));
-            all.extend_from_slice(wide.certify::<true, true>(
+            all.extend_from_slice(lanes.certify::<true, true>(
                 v,
                 prospective,
                 &islands,

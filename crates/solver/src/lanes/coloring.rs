@@ -4,8 +4,8 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
-use crate::batch::{BatchRange, ConstraintKey, Partition, Sizes};
-use crate::lanes::{WIDTH, lanes_of};
+use super::partition::{BatchRange, ConstraintKey, Partition, Sizes};
+use super::{WIDTH, lanes_of};
 use crate::thread_pool::{ThreadPool, Worker};
 
 /// State of a manifold relative to the last time that manifolds were packed.
@@ -16,7 +16,7 @@ pub enum Reuse {
     /// The manifold had this index and joined the same bodies.
     Changed(u32),
     /// The manifold had this index and is unchanged, except for gaps and impulses, which are as
-    /// [traced](crate::wide::Batch::trace). It need not be read again.
+    /// [traced](super::LaneBatch::trace). It need not be read again.
     Kept(u32),
 }
 

@@ -1,7 +1,7 @@
 //! Input of a packed system, [`ManifoldSource`], and its output, [`CachedImpulse`].
 
-use crate::color::Reuse;
-use crate::lanes::{GatherLanes, WIDTH};
+use super::coloring::Reuse;
+use super::{GatherLanes, WIDTH};
 use crate::{Contact, Manifold, Real, System, Vector};
 
 /// A source of manifolds and their points, to be packed.

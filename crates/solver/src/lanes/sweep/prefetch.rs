@@ -1,12 +1,13 @@
 //! Software prefetching for sweeps over blocks.
 //!
 //! Consecutive blocks are some pages apart, and hardware prefetching ends at a page.
+#![allow(unsafe_code)]
 
 use std::ops::Range;
 
 use super::BlockSweep;
+use crate::lanes::block::Block;
 use crate::lanes::{Lanes, WIDTH};
-use crate::wide::block::Block;
 use crate::{Manifold, SymmetricMatrix};
 
 /// Number of parts into which a visit divides its prefetches: at its start, and before, between and

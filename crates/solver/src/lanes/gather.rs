@@ -2,7 +2,8 @@
 #![allow(unsafe_code)]
 
 use super::block::Block;
-use crate::lanes::{KernelLanes, Lanes, Row, WIDTH, gather};
+use super::number::gather;
+use super::{KernelLanes, Lanes, Row, WIDTH};
 use crate::thread_pool::DisjointSlice;
 use crate::{Velocity, each_lane};
 

@@ -1,9 +1,9 @@
 //! [`Block`]: sixteen manifolds in lanes.
 
-use super::rows::{LaneSlots, ManifoldSource, open};
-use crate::color::{Coloring, LaneMap};
+use super::coloring::{Coloring, LaneMap};
+use super::source::{LaneSlots, ManifoldSource, open};
+use super::{GatherLanes, KernelLanes, Lanes, WIDTH, lanes_of};
 use crate::island::NONE;
-use crate::lanes::{GatherLanes, KernelLanes, Lanes, WIDTH, lanes_of};
 use crate::pgs::is_center;
 use crate::{Contact, InverseMass, Manifold, Mobility, Vector, Velocity};
 
@@ -15,28 +15,30 @@ const SINGLY: u32 = 5;
 
 /// Up to sixteen manifolds, no two of which move the same body.
 #[derive(Clone, Debug)]
-pub(crate) struct Block<V: Lanes, const L: usize, const A: usize> {
-    /// Lanes in use, as bits.
-    pub(super) used: u16,
-    pub(super) bodies: [[u32; WIDTH]; 2],
-    /// Range of the bodies of its batch, which contains all its `bodies`.
-    pub(super) reach: [u32; 2],
-    /// For each side, the lanes whose body can be moved, as bits.
-    pub(super) moving: [u16; 2],
-    /// For each side, the lanes whose body is in another batch, as bits. Such a body has zero
-    /// velocity, and `bodies` names the other body of the manifold in its place.
-    pub(super) away: [u16; 2],
-    pub(super) islands: [u32; WIDTH],
-    /// True if each manifold has a single point, at its center.
-    pub(super) center: bool,
-    /// True if J has been renewed where bodies rotate, and half of the resulting change of J^T
-    /// gamma: the momenta that a gains and b loses before velocities are solved. \[N s, N m s\]
-    pub(super) renewed: bool,
+#[repr(C)]
+pub(crate) struct Block<V: KernelLanes, const L: usize, const A: usize> {
+    /// Half of the change of J^T gamma from the renewal of J, where bodies rotate: the momenta that a
+    /// gains and b loses before velocities are solved. \[N s, N m s\]
     pub(super) lag: [Velocity<V, L, A>; 2],
     pub(super) masses: [InverseMass<V, L, A>; 2],
     pub(super) mobility: Mobility<V, L, A>,
     /// The `bodies` of this manifold have no meaning, since each lane has its own.
     pub(super) manifold: Manifold<V, L>,
+    pub(super) bodies: [[u32; WIDTH]; 2],
+    /// Range of the bodies of its batch, which contains all its `bodies`.
+    pub(super) reach: [u32; 2],
+    pub(super) islands: [u32; WIDTH],
+    /// Lanes in use, as bits.
+    pub(super) used: u16,
+    /// For each side, the lanes whose body can be moved, as bits.
+    pub(super) moving: [u16; 2],
+    /// For each side, the lanes whose body is in another batch, as bits. Such a body has zero
+    /// velocity, and `bodies` names the other body of the manifold in its place.
+    pub(super) away: [u16; 2],
+    /// True if each manifold has a single point, at its center.
+    pub(super) center: bool,
+    /// True if J has been renewed.
+    pub(super) renewed: bool,
 }
 
 impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {

@@ -1,19 +1,20 @@
-//! [`Packed`]: a contact system packed into lanes.
+//! [`LaneSystem`]: a contact system packed into lanes.
 
 use std::sync::Arc;
 
-use super::batch::{Batch, Passes, View};
+use super::batch::{LaneBatch, View};
 use super::block::{Block, contact_in, set};
+use super::coloring::{Coloring, Placement, Reuse};
 use super::conjugate::Conjugate;
-use super::passes::passes;
-use super::rows::{CachedImpulse, ManifoldSource};
+use super::partition::{BatchRange, Sizes};
+use super::passes::{Instructions, Passes, in_lanes, passes};
+use super::source::{CachedImpulse, ManifoldSource};
+use super::sweep::BlocksMut;
 use super::targets::Targets;
-use super::walk::BlocksMut;
-use crate::batch::{BatchRange, Sizes};
+use super::view::{view_all_mut, view_mut};
+use super::{Lanes, Portable, WIDTH};
 use crate::certificate::{Certificate, CertificateScratch};
-use crate::color::{Coloring, Placement, Reuse};
 use crate::island::Islands;
-use crate::lanes::{Lanes, WIDTH};
 use crate::thread_pool::{DisjointSlice, Divide, ThreadPool, chunks_with_parts};
 use crate::{Contact, InverseMass, Manifold, Repair, SurfaceEffects, System, Velocity};
 
@@ -21,31 +22,41 @@ use crate::{Contact, InverseMass, Manifold, Repair, SurfaceEffects, System, Velo
 /// packed strip by strip, so that the data read for them stays in the level-1 cache.
 const STRIP: usize = 32;
 
-/// A system of `f32` contacts, packed into lanes of type `V`.
+/// A system of `f32` contacts, packed into lanes.
 #[derive(Clone, Debug)]
-pub struct Packed<V: Lanes, const L: usize, const A: usize> {
-    blocks: Vec<Block<V, L, A>>,
-    contacts: Vec<Contact<V, L>>,
+pub struct LaneSystem<const L: usize, const A: usize> {
+    blocks: Vec<Block<Portable, L, A>>,
+    contacts: Vec<Contact<Portable, L>>,
     /// Surface effects of each block; empty if no surface runs or resists rolling.
-    surfaces: Vec<SurfaceEffects<V, L, A>>,
+    surfaces: Vec<SurfaceEffects<Portable, L, A>>,
     coloring: Coloring,
     extents: Vec<BatchRange>,
-    conjugate: Conjugate<V, L, A>,
+    conjugate: Conjugate<L, A>,
     /// Softness of the points; `None` if all manifolds have to be read again.
     softness: Option<f32>,
     pool: Arc<ThreadPool>,
-    passes: &'static dyn Passes<V, L, A>,
+    instructions: Instructions,
+    passes: &'static dyn Passes<L, A>,
 }
 
-impl<V: Lanes, const L: usize, const A: usize> Default for Packed<V, L, A> {
+impl<const L: usize, const A: usize> Default for LaneSystem<L, A> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
-    /// Returns an empty system.
+impl<const L: usize, const A: usize> LaneSystem<L, A> {
+    /// Returns an empty system for the fastest instructions of this machine.
     pub fn new() -> Self {
+        let best = Instructions::available().pop();
+        Self::with(best.unwrap_or(Instructions::Portable))
+    }
+
+    /// Returns an empty system for these instructions.
+    ///
+    /// # Panics
+    /// Passes panic if the machine lacks them.
+    pub fn with(instructions: Instructions) -> Self {
         Self {
             blocks: Vec::new(),
             contacts: Vec::new(),
@@ -55,7 +66,8 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             conjugate: Conjugate::default(),
             softness: None,
             pool: Arc::default(),
-            passes: passes(),
+            instructions,
+            passes: passes(instructions),
         }
     }
 
@@ -79,8 +91,8 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         let Self { blocks, contacts, coloring, extents, pool, .. } = self;
         let sizes = Sizes {
             body: 8 * size_of::<Velocity<f32, L, A>>(),
-            manifold: size_of::<Block<V, L, A>>() / WIDTH,
-            point: size_of::<Contact<V, L>>() / WIDTH,
+            manifold: size_of::<Block<Portable, L, A>>() / WIDTH,
+            point: size_of::<Contact<Portable, L>>() / WIDTH,
         };
         let bodies = (0..masses.len() as u32).map(|body| [moves(body), joins(body)]);
         let reuse = |of| if again { rows.reuse(of) } else { Reuse::New };
@@ -101,14 +113,28 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
             contacts.resize_with(first as usize, Contact::default);
             coloring.extents(extents);
         }
+        in_lanes!(self.instructions, V => {
+            self.take_blocks::<V, R>(rows, masses, placed, reuse);
+        });
+    }
+
+    /// Reads the stale manifolds of all blocks, and computes the effective masses of their points.
+    fn take_blocks<V: Lanes, R: ManifoldSource<L>>(
+        &mut self,
+        rows: &R,
+        masses: &[InverseMass<f32, L, A>],
+        placed: Placement,
+        reuse: impl Fn(u32) -> Reuse + Copy + Sync,
+    ) {
+        let softness = self.softness.unwrap_or_default();
         let whole = self.whole(&mut []);
         let (pool, runs) = (whole.pool, whole.runs());
         pool.for_each(runs > 1, whole.divide(runs), |mut run| {
-            let Batch { coloring, passes, .. } = run;
+            let LaneBatch { coloring, passes, .. } = run;
             // Several batches need no strips, since each fits into the cache.
             let blocks = if run.count() > 1 { 0 } else { run.size() };
             let strips = (blocks / STRIP.max(coloring.colors.len())).max(1);
-            BlocksMut::new(&mut run).each(
+            BlocksMut::<V, L, A>::new(&mut run).each(
                 strips,
                 #[inline(always)]
                 |index, block, points| {
@@ -122,7 +148,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
                         let points = &mut points[..coloring.points[index] as usize];
                         block.seat(members, coloring);
                         block.take(members, coloring, rows, masses, points);
-                        passes.prepare(block, points, softness);
+                        passes.prepare(view_mut(block), view_all_mut(points), softness);
                     }
                 },
             );
@@ -132,12 +158,12 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     /// Returns all bodies and manifolds as one batch. It can be split into batches that are solved
     /// one after the other, each through all substeps ([`ManifoldSource::stands`]).
     ///
-    /// [`Batch::trace`] writes to `traces`, which has one element for each point. Without `trace`,
+    /// [`LaneBatch::trace`] writes to `traces`, which has one element for each point. Without `trace`,
     /// it may be empty.
-    pub fn whole<'a>(&'a mut self, traces: &'a mut [CachedImpulse<L>]) -> Batch<'a, V, L, A> {
+    pub fn whole<'a>(&'a mut self, traces: &'a mut [CachedImpulse<L>]) -> LaneBatch<'a, L, A> {
         let Self { extents, blocks, contacts, surfaces, coloring, pool, passes, .. } = self;
         let (traces, surfaces) = (DisjointSlice::new(0, traces), DisjointSlice::new(0, surfaces));
-        Batch::new(extents, blocks, contacts, (coloring, traces, surfaces), (pool, *passes))
+        LaneBatch::new(extents, blocks, contacts, (coloring, traces, surfaces), (pool, *passes))
     }
 
     /// Sets the surface effects of each manifold. The function gets the index of the manifold, and
@@ -211,12 +237,12 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         self.passes.set_targets(&mut self.whole(&mut []), &targets, velocities);
     }
 
-    fn view(&self) -> View<'_, V, L, A> {
+    fn view(&self) -> View<'_, L, A> {
         let Self { blocks, contacts, coloring, pool, .. } = self;
         View { blocks, contacts, coloring, pool }
     }
 
-    /// Makes [`Packed::conjugate`] start again, without search directions.
+    /// Makes [`LaneSystem::conjugate`] start again, without search directions.
     pub fn begin_conjugate(&mut self) {
         self.conjugate.begin(self.blocks.len(), self.contacts.len());
     }
@@ -255,12 +281,12 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
         )
     }
 
-    /// Makes the next [`Packed::pack`] read all manifolds again.
+    /// Makes the next [`LaneSystem::pack`] read all manifolds again.
     pub fn forget(&mut self) {
         self.softness = None;
     }
 
-    /// Copies the impulses of collisions from the contacts of `system`. The next [`Packed::pack`]
+    /// Copies the impulses of collisions from the contacts of `system`. The next [`LaneSystem::pack`]
     /// reads all manifolds again.
     pub fn take_impacts(&mut self, system: &System<f32, L, A>) {
         self.forget();
@@ -276,7 +302,7 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
     fn copy_in(
         &mut self,
         system: &System<f32, L, A>,
-        copy: impl Fn(&mut Contact<V, L>, usize, &Contact<f32, L>),
+        copy: impl Fn(&mut Contact<Portable, L>, usize, &Contact<f32, L>),
     ) {
         for (manifold, &place) in system.manifolds.iter().zip(&self.coloring.places) {
             let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);
@@ -307,9 +333,9 @@ impl<V: Lanes, const L: usize, const A: usize> Packed<V, L, A> {
 }
 
 /// Returns the block and lane of each manifold, and the manifold without its points.
-fn seats<'a, V: Lanes, const L: usize, const A: usize>(
+fn seats<'a, const L: usize, const A: usize>(
     coloring: &'a Coloring,
-    blocks: &'a [Block<V, L, A>],
+    blocks: &'a [Block<Portable, L, A>],
 ) -> impl Iterator<Item = ([usize; 2], Manifold<f32, L>)> + 'a {
     coloring.places.iter().enumerate().map(|(index, &place)| {
         let (block, lane) = (place as usize / WIDTH, place as usize % WIDTH);

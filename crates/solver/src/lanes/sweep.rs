@@ -10,18 +10,20 @@
 //! threads.
 #![allow(unsafe_code)]
 
-mod ahead;
+mod prefetch;
 
 use std::ops::Range;
 
-use super::batch::{Batch, View};
+use super::batch::{LaneBatch, View};
 use super::block::Block;
-use super::rows::CachedImpulse;
-use crate::color::{BINS, Color, Coloring};
-use crate::lanes::{HALF, KernelLanes, Lanes, WIDTH, halved, halved_mut, scatter};
-use crate::pgs::{Parts, visit};
+use super::coloring::{BINS, Color, Coloring};
+use super::number::{HALF, scatter};
+use super::source::CachedImpulse;
+use super::view::{view, view_all, view_all_mut};
+use super::{KernelLanes, Lanes, Portable, WIDTH};
+use crate::pgs::{self, BodyPair};
 use crate::thread_pool::{DisjointSlice, ThreadPool, Worker};
-use crate::{Contact, SurfaceEffects, Velocity, each_lane};
+use crate::{Contact, InverseMass, SurfaceEffects, Velocity, each_lane};
 
 /// Size of the blocks from which on upcoming data is prefetched: far more than a level-2 cache
 /// holds. For less, prefetching costs more than it saves. \[bytes\]
@@ -66,14 +68,14 @@ pub(super) struct BlockVisit<'a, V: Lanes, const L: usize, const A: usize> {
 
 impl<'g, V: Lanes, const L: usize, const A: usize> BlockSweep<'g, V, L, A> {
     pub(super) fn new(
-        batch: &'g mut Batch<'_, V, L, A>,
+        batch: &'g mut LaneBatch<'_, L, A>,
         velocities: &'g mut [Velocity<f32, L, A>],
     ) -> Self {
-        let Batch { bodies, colors, first_block: first, pool, .. } = batch;
+        let LaneBatch { bodies, colors, first_block: first, pool, .. } = batch;
         assert_eq!(velocities.len(), bodies.len(), "a velocity for each body of the batch");
-        let contacts = DisjointSlice::new(batch.first_point, batch.contacts);
+        let contacts = DisjointSlice::new(batch.first_point, view_all_mut(batch.contacts));
         let velocities = DisjointSlice::new(bodies.start, velocities);
-        let blocks = &*batch.blocks;
+        let blocks = view_all(batch.blocks);
         let large = size_of_val(blocks) > LARGE;
         Self { blocks, first: *first, colors, contacts, velocities, also: None, large, pool }
     }
@@ -165,52 +167,32 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
         unsafe { all.get_mut(self.index..self.index + 1) }
     }
 
-    /// Visits the manifolds of the block once ([`pgs`](crate::pgs)), in half of the lanes if the
-    /// other half is idle. If `lagging`, velocities first get the change of J^T gamma from a
-    /// renewed J.
+    /// Visits the manifolds of the block once ([`pgs`]), in half of the lanes if the other half is
+    /// idle. If `lagging`, velocities first get the change of J^T gamma from a renewed J.
     #[inline(always)]
     pub(super) fn visit<const LAW: u8, const FRICTION: bool>(
         &self,
         points: &mut [Contact<V, L>],
         lagging: bool,
     ) {
-        let Block { manifold, mobility, masses, .. } = self.block;
-        let lag = if lagging && self.block.renewed { Some(&self.block.lag) } else { None };
-        if self.block.used >> HALF != 0 {
-            return self.visit_in::<V, LAW, FRICTION>((manifold, mobility, masses), points, lag);
-        }
-        // SAFETY: types made of lanes have a fixed layout (`repr(C)`).
-        unsafe {
-            let parts = (halved(manifold), halved(mobility), halved(masses));
-            let lag = match lag {
-                Some(lag) => Some(halved(lag)),
-                None => None,
+        let Block { manifold, mobility, masses, lag, .. } = self.block;
+        let lagging = lagging && self.block.renewed;
+        macro_rules! visit_in {
+            ($lanes:ty, $felt:tt) => {
+                pgs::visit::<$lanes, L, A, $felt, LAW, FRICTION>(
+                    (view(manifold), view(mobility), view(masses)),
+                    view_all_mut(points),
+                    &mut Lagging { at: self, lag: lagging.then_some((view(lag), view(masses))) },
+                )
             };
-            self.visit_in::<V::Half, LAW, FRICTION>(parts, halved_mut(points), lag);
         }
-    }
-
-    #[inline(always)]
-    fn visit_in<C: KernelLanes, const LAW: u8, const FRICTION: bool>(
-        &self,
-        parts: Parts<'_, C, L, A>,
-        points: &mut [Contact<C, L>],
-        lag: Option<&[Velocity<C, L, A>; 2]>,
-    ) {
-        let [mut a, mut b] = self.gather();
-        if let Some([to_a, from_b]) = lag {
-            a += parts.2[0].velocity(to_a);
-            b -= parts.2[1].velocity(from_b);
+        let whole = self.block.used >> HALF != 0;
+        match (whole, self.block.center) {
+            (true, true) => visit_in!(V, 0),
+            (true, false) => visit_in!(V, A),
+            (false, true) => visit_in!(V::Half, 0),
+            (false, false) => visit_in!(V::Half, A),
         }
-        visit::<C, L, A, LAW, FRICTION>(
-            parts,
-            self.block.center,
-            points,
-            [&mut a, &mut b],
-            #[inline(always)]
-            || self.between(),
-        );
-        self.scatter([a, b]);
     }
 
     #[inline(always)]
@@ -261,17 +243,47 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
     }
 }
 
+/// The bodies of a block, with the lag of J^T gamma to apply to them before a visit.
+struct Lagging<'a, V: Lanes, C: KernelLanes, const L: usize, const A: usize> {
+    at: &'a BlockVisit<'a, V, L, A>,
+    lag: Option<(&'a [Velocity<C, L, A>; 2], &'a [InverseMass<C, L, A>; 2])>,
+}
+
+impl<V: Lanes, C: KernelLanes, const L: usize, const A: usize> BodyPair<C, L, A>
+    for Lagging<'_, V, C, L, A>
+{
+    #[inline(always)]
+    fn velocities(&self) -> [Velocity<C, L, A>; 2] {
+        let [mut a, mut b] = self.at.gather();
+        if let Some(([to_a, from_b], masses)) = self.lag {
+            a += masses[0].velocity(to_a);
+            b -= masses[1].velocity(from_b);
+        }
+        [a, b]
+    }
+
+    #[inline(always)]
+    fn between(&self) {
+        self.at.between();
+    }
+
+    #[inline(always)]
+    fn set_velocities(&mut self, velocities: [Velocity<C, L, A>; 2]) {
+        self.at.scatter(velocities);
+    }
+}
+
 /// A sweep that only reads a packed system and the velocities of its bodies.
 pub(super) struct ReadSweep<'a, V: Lanes, const L: usize, const A: usize>(BlockSweep<'a, V, L, A>);
 
 impl<'g, V: Lanes, const L: usize, const A: usize> ReadSweep<'g, V, L, A> {
-    pub(super) fn new(all: View<'g, V, L, A>, velocities: &'g [Velocity<f32, L, A>]) -> Self {
+    pub(super) fn new(all: View<'g, L, A>, velocities: &'g [Velocity<f32, L, A>]) -> Self {
         let View { blocks, contacts, coloring, pool } = all;
         Self(BlockSweep {
-            blocks,
+            blocks: view_all(blocks),
             first: 0,
             colors: &coloring.colors,
-            contacts: DisjointSlice::reading(0, contacts),
+            contacts: DisjointSlice::reading(0, view_all(contacts)),
             velocities: DisjointSlice::reading(0, velocities),
             also: None,
             large: size_of_val(blocks) > LARGE,
@@ -336,17 +348,17 @@ pub(super) struct BlocksMut<'a, V: Lanes, const L: usize, const A: usize> {
     blocks: DisjointSlice<'a, Block<V, L, A>>,
     contacts: DisjointSlice<'a, Contact<V, L>>,
     traces: DisjointSlice<'a, CachedImpulse<L>>,
-    surfaces: DisjointSlice<'a, SurfaceEffects<V, L, A>>,
+    surfaces: DisjointSlice<'a, SurfaceEffects<Portable, L, A>>,
     coloring: &'a Coloring,
     colors: &'a [Color],
     pool: &'a ThreadPool,
 }
 
 impl<'a, V: Lanes, const L: usize, const A: usize> BlocksMut<'a, V, L, A> {
-    pub(super) fn new(batch: &'a mut Batch<'_, V, L, A>) -> Self {
-        let Batch { traces, surfaces, coloring, colors, pool, .. } = *batch;
-        let blocks = DisjointSlice::new(batch.first_block, &mut *batch.blocks);
-        let contacts = DisjointSlice::new(batch.first_point, batch.contacts);
+    pub(super) fn new(batch: &'a mut LaneBatch<'_, L, A>) -> Self {
+        let LaneBatch { traces, surfaces, coloring, colors, pool, .. } = *batch;
+        let blocks = DisjointSlice::new(batch.first_block, view_all_mut(batch.blocks));
+        let contacts = DisjointSlice::new(batch.first_point, view_all_mut(batch.contacts));
         Self { blocks, contacts, traces, surfaces, coloring, colors, pool }
     }
 
@@ -402,7 +414,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlocksMut<'a, V, L, A> {
     #[inline(always)]
     pub(super) fn surface(&self, index: usize) -> &SurfaceEffects<V, L, A> {
         // SAFETY: nobody changes surface effects during a pass over the blocks.
-        unsafe { &self.surfaces.get_mut(index..index + 1)[0] }
+        unsafe { view(&self.surfaces.get_mut(index..index + 1)[0]) }
     }
 
     /// Writes the cached impulses of one point of each manifold of a block.

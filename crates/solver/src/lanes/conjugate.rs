@@ -1,21 +1,22 @@
 //! Conjugate gradients ([`nncg`](crate::nncg)) on packed systems, island by island.
 
 use super::block::Block;
+use super::view::view_all;
+use super::{Lanes, Portable, WIDTH};
 use crate::island::{Islands, NONE};
-use crate::lanes::{Lanes, WIDTH};
-use crate::{Vector, Velocity, nncg};
+use crate::{Real, Vector, Velocity, nncg};
 
 /// State of conjugate gradients between iterations.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Conjugate<V: Lanes, const L: usize, const A: usize> {
+pub(super) struct Conjugate<const L: usize, const A: usize> {
     /// For each point, the impulse before the sweep, and the search direction p.
-    pub(super) before: Vec<Vector<V, L>>,
-    pub(super) direction: Vec<Vector<V, L>>,
+    pub(super) before: Vec<Vector<Portable, L>>,
+    pub(super) direction: Vec<Vector<Portable, L>>,
     /// For each body, the velocity before the sweep, and M^-1 J^T p.
     pub(super) velocities: Vec<Velocity<f32, L, A>>,
     pub(super) ways: Vec<Velocity<f32, L, A>>,
-    /// g|^2 of each block. \[J\]
-    pub(super) gradients: Vec<V>,
+    /// |g|^2 of each block. \[J\]
+    pub(super) gradients: Vec<Portable>,
     /// Island of each body.
     pub(super) of_body: Vec<u32>,
     /// For each island, |g|^2 of this iteration and of the last one \[J\], and beta.
@@ -24,7 +25,7 @@ pub(super) struct Conjugate<V: Lanes, const L: usize, const A: usize> {
     pub(super) betas: Vec<f32>,
 }
 
-impl<V: Lanes, const L: usize, const A: usize> Conjugate<V, L, A> {
+impl<const L: usize, const A: usize> Conjugate<L, A> {
     pub(super) fn set_islands(&mut self, islands: &Islands) {
         self.of_body.clone_from(&islands.of_body);
         // The last entry is for manifolds without an island.
@@ -44,7 +45,7 @@ impl<V: Lanes, const L: usize, const A: usize> Conjugate<V, L, A> {
     pub(super) fn begin(&mut self, blocks: usize, points: usize) {
         self.before.resize(points, Vector::ZERO);
         self.direction.resize(points, Vector::ZERO);
-        self.gradients.resize(blocks, V::ZERO);
+        self.gradients.resize(blocks, Portable::ZERO);
         self.velocities.resize(self.of_body.len(), Velocity::ZERO);
         self.ways.resize(self.of_body.len(), Velocity::ZERO);
         self.sizes_before.fill(f32::INFINITY);
@@ -54,14 +55,14 @@ impl<V: Lanes, const L: usize, const A: usize> Conjugate<V, L, A> {
 
     /// Computes beta of each island from the gradients of its blocks, always in the same order.
     #[inline(always)]
-    pub(super) fn find_betas(&mut self, blocks: &[Block<V, L, A>], done: &[bool]) {
+    pub(super) fn find_betas<V: Lanes>(&mut self, blocks: &[Block<Portable, L, A>], done: &[bool]) {
         self.sizes.fill(0.0);
         let last = self.sizes.len() - 1;
         // Consecutive blocks of one island are summed lane by lane.
         let (mut island, mut sum) = (NONE, V::ZERO);
         let of = |island: u32| (island as usize).min(last);
         let total = |of: V| (0..WIDTH).map(|lane| of.get(lane)).sum::<f32>();
-        for (block, size) in blocks.iter().zip(&self.gradients) {
+        for (block, size) in blocks.iter().zip(view_all::<V, _>(&self.gradients)) {
             match block.island() {
                 _ if block.is_done(done) => {}
                 Some(own) if own == island => sum += *size,
