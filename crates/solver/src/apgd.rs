@@ -15,7 +15,7 @@
 //! Reference: Mazhar, Heyn, Negrut and Tasora, Using Nesterov's Method to Accelerate Multibody
 //! Dynamics with Friction and Contact, 2015.
 
-use crate::cone::Law;
+use crate::law::{Cone, Law};
 use crate::solution::{self, Goal, Solution};
 use crate::{Mass, System, Vector, Velocity};
 
@@ -124,7 +124,7 @@ impl<const L: usize, const A: usize> State<L, A> {
             let contact = &system.contacts[index];
             let d = contact.impulse - self.impulses[index];
             if contact.effective_mass > 0.0 {
-                changed += d.dot(Law::of(&system.manifolds[manifold], contact).soften(d));
+                changed += d.dot(Cone::of(&system.manifolds[manifold], contact).soften(d));
                 length += d.dot(d) / contact.effective_mass;
             }
         }
@@ -158,11 +158,9 @@ fn points<const L: usize, const A: usize>(
 fn gradient<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Vec<Vector<f64, L>> {
     let of_contact = |(manifold, index): (usize, usize)| {
         let (manifold, contact) = (&system.manifolds[manifold], &system.contacts[index]);
-        let law = Law::of(manifold, contact);
-        let y = contact.target - contact.relative_velocity(&system.twist_of(manifold));
-        let mut w = law.soften(contact.impulse) - y;
-        w[0] += law.shift(y, contact.impulse);
-        w
+        let law = Cone::of(manifold, contact);
+        let u = contact.relative_velocity(&system.twist_of(manifold));
+        law.shifted(u, contact.impulse).missing(u, contact.impulse) * -1.0
     };
     points(system).map(of_contact).collect()
 }
@@ -179,7 +177,7 @@ fn step<const L: usize, const A: usize>(
             let contact = &mut system.contacts[index];
             if contact.effective_mass > 0.0 {
                 let length = contact.effective_mass / bound;
-                let law = Law::of(manifold, contact);
+                let law = Cone::of(manifold, contact);
                 contact.impulse = law.nearest(from.impulses[index] - gradient[index] * length);
             }
         }

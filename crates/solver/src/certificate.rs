@@ -74,9 +74,9 @@
 //! Reference for the primal and dual of soft contact: Castro, Permenter and Han, An Unconstrained
 //! Convex Formulation of Compliant Contact, 2022.
 
-use crate::cone::Law;
 use crate::island::Islands;
 use crate::lanes::Doubles;
+use crate::law::{Cone, Law};
 use crate::{Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Vector, Velocity};
 
 /// Quality of velocities and impulses, accumulated over some contacts and their bodies.
@@ -260,13 +260,17 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
         };
         for contact in points {
             let contact = contact.part(part);
-            let y = contact.target - contact.relative_velocity(&twist);
-            let law = Law::of(manifold, &contact);
+            let (u, law) = (contact.relative_velocity(&twist), Cone::of(manifold, &contact));
             let inside = law.clamp(contact.impulse);
             if RESIDUALS {
-                terms.add_residuals(&law, &contact, y, inside);
+                terms.add_residuals(&law, &contact, u, inside);
             }
-            let [start, way] = terms.add_line::<LINE>(&law, &contact, y, inside);
+            // The response of a rigid contact is not finite, so its line is the start alone. A
+            // contact that nothing can move contributes nothing.
+            let mass = contact.effective_mass;
+            let soft = law.normal.choose(mass, T::ZERO);
+            let law = law.shifted(u, inside);
+            let [start, way] = terms.add_line::<L, LINE>(&law, [mass, soft], u, inside);
             contact.add_wrench(0..L, start, &mut wrenches[0]);
             if LINE {
                 contact.add_wrench(0..L, way, &mut wrenches[1]);
@@ -279,52 +283,50 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
         terms
     }
 
-    /// Adds the residuals of a contact that misses its target by `y`, with its impulse `r` in the
+    /// Adds the residuals of a contact at the relative velocity `u`, with its impulse `r` in the
     /// cone.
     #[inline(always)]
     fn add_residuals(
         &mut self,
-        law: &Law<T>,
+        law: &Cone<T, L>,
         contact: &Contact<T, L>,
-        y: Vector<T, L>,
+        u: Vector<T, L>,
         r: Vector<T, L>,
     ) {
         let [mass, across] = [contact.effective_mass, contact.tangential_mass];
+        let y = contact.target - u;
         let mut w = law.soften(r) - y;
         let mut stepped = r - w * across;
         stepped[0] = r[0];
         let slip = (law.clamp(stepped) - r).length() / across;
         let natural_residual = absolute((r[0] / mass).min(w[0])).max(across.choose(slip, T::ZERO));
-        w[0] += law.shift(y, r);
+        w[0] += law.shift(u, r);
         self.natural_residual = self.natural_residual.max(mass.choose(natural_residual, T::ZERO));
         self.approach_error = self.approach_error.max(mass.choose(y[0], T::ZERO));
         self.cone = self.cone.max(mass.choose((contact.impulse - r).length() / mass, T::ZERO));
         self.complementarity += mass.choose(absolute(r.dot(w)), T::ZERO);
     }
 
-    /// Adds the terms of G of a contact. Returns the impulse at the start of the line, and its
-    /// change along the line.
+    /// Adds the terms of G of a constraint at the relative velocity `u`, with its impulse `r` in K.
+    /// Returns the impulse at the start of the line, and its change along the line. The constraint
+    /// takes part if its `mass` is positive, and has a line if that of `soft` is.
     #[inline(always)]
-    fn add_line<const LINE: bool>(
+    fn add_line<const N: usize, const LINE: bool>(
         &mut self,
-        law: &Law<T>,
-        contact: &Contact<T, L>,
-        y: Vector<T, L>,
-        r: Vector<T, L>,
-    ) -> [Vector<T, L>; 2] {
-        let mut shifted = y;
-        shifted[0] -= law.shift(y, r);
-        // The response of a rigid contact is not finite, so its line is the start alone. A contact
-        // that nothing can move contributes nothing.
-        let soft = law.normal.choose(contact.effective_mass, T::ZERO);
-        let start = r.only_if(contact.effective_mass);
-        self.line.c += contact.effective_mass.choose(law.loss(shifted, r), T::ZERO);
+        law: &impl Law<T, N>,
+        [mass, soft]: [T; 2],
+        u: Vector<T, N>,
+        r: Vector<T, N>,
+    ) -> [Vector<T, N>; 2] {
+        let start = r.only_if(mass);
+        self.line.c += mass.choose(law.loss(u, r), T::ZERO);
         if !LINE {
             return [start, Vector::ZERO];
         }
-        let way = (law.response(shifted) - r).only_if(soft);
+        let soft = law.is_parabola(u, r).choose(soft, T::ZERO);
+        let way = (law.response(u) - r).only_if(soft);
         let half = T::from_f64(0.5);
-        self.line.b += soft.choose(way.dot(law.soften(r) - shifted), T::ZERO);
+        self.line.b -= soft.choose(way.dot(law.missing(u, r)), T::ZERO);
         self.line.a += soft.choose(half * way.dot(law.soften(way)), T::ZERO);
         [start, way]
     }

@@ -56,6 +56,11 @@ impl BlockMatrix {
         Self { size, order, place, starts, rows: entries, values, scatter: vec![ABSENT; rows] }
     }
 
+    /// Returns the number of rows of a block.
+    pub(crate) fn size(&self) -> usize {
+        self.size
+    }
+
     /// Sets all entries to zero and discards the factors.
     pub(crate) fn clear(&mut self) {
         self.values.fill(0.0);

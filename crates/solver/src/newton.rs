@@ -21,7 +21,7 @@
 //! Todorov 2014 (the same in MuJoCo).
 
 use crate::cholesky::BlockMatrix;
-use crate::cone::Law;
+use crate::law::{Cone, Law, SmoothLaw};
 use crate::solution::{Goal, Solution, Status, Track};
 use crate::{Contact, InverseMass, Manifold, Mass, System, Vector, Velocity, moment, symmetric};
 
@@ -84,7 +84,7 @@ struct PrimalProblem<const L: usize, const A: usize> {
     place: Vec<Option<u32>>,
     /// For each body with locked velocities: the projection onto the free ones.
     free: Vec<Option<Projection>>,
-    rows: Vec<ContactRow<L>>,
+    contacts: Vec<Row<Cone<f64, L>, L>>,
     hessian: BlockMatrix,
 }
 
@@ -103,41 +103,41 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         let free =
             masses.iter().zip(&system.masses).map(|(mass, inverse)| projection(mass, inverse));
         let free = free.collect();
-        let mut rows = Vec::with_capacity(system.contacts.len());
+        let mut contacts = Vec::with_capacity(system.contacts.len());
         for manifold in &system.manifolds {
             for index in manifold.points() {
                 let contact = &system.contacts[index];
                 if contact.effective_mass <= 0.0 {
                     continue;
                 }
-                let law = Law::of(manifold, contact);
+                let law = Cone::of(manifold, contact);
                 if law.normal <= 0.0 {
                     return None;
                 }
-                rows.push(ContactRow::new::<A>(manifold, contact, index, law));
+                contacts.push(Row::of_contact::<A>(manifold, contact, index, law));
             }
         }
-        let pairs = rows.iter().filter_map(|row| {
+        let pairs = contacts.iter().filter_map(|row| {
             let [a, b] = row.bodies.map(|body| place[body]);
             Some([a?, b?])
         });
         let hessian = BlockMatrix::new(L + A, count as usize, pairs);
-        Some(Self { prospective, masses, place, free, rows, hessian })
+        Some(Self { prospective, masses, place, free, contacts, hessian })
     }
 
     /// Updates the shifts of Coulomb's law to the velocities and impulses of the system.
     fn renew_shifts(&mut self, system: &System<f64, L, A>) {
-        for row in &mut self.rows {
-            let y = row.missing(&system.velocities);
-            row.shift = row.law.shift(y, row.law.clamp(system.contacts[row.contact].impulse));
+        for row in &mut self.contacts {
+            let r = row.law.clamp(system.contacts[row.index].impulse);
+            row.law = row.law.shifted(row.velocity(&system.velocities), r);
         }
     }
 
     /// Sets the impulses of the system to the response to its velocities.
     fn answer(&self, system: &mut System<f64, L, A>) {
-        for row in &self.rows {
-            let y = row.shifted(&system.velocities);
-            system.contacts[row.contact].impulse = row.law.response(y);
+        for row in &self.contacts {
+            let u = row.velocity(&system.velocities);
+            system.contacts[row.index].impulse = row.law.response(u);
         }
     }
 
@@ -154,47 +154,12 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
             let free = self.free[body].as_ref();
             self.hessian.add(at, at, |i, j| mass_entry(mass, free, i, j));
         }
-        for manifold in self.rows.chunk_by(|one, next| one.bodies == next.bodies) {
-            let bodies = manifold[0].bodies;
-            let at = bodies.map(|body| self.place[body]);
-            let free = bodies.map(|body| self.free[body].as_ref());
-            let mut blocks = [[[0.0; MOST]; MOST]; PAIRS.len()];
-            let mut forces = [[0.0; MOST]; 2];
-            for row in manifold {
-                let y = row.shifted(velocities);
-                let (r, slope) = (row.law.response(y), row.law.slope(y));
-                for (force, jacobian) in forces.iter_mut().zip(&row.jacobian) {
-                    for k in 0..L {
-                        for i in 0..size {
-                            force[i] += jacobian[k][i] * r[k];
-                        }
-                    }
-                }
-                for (block, (p, q)) in blocks.iter_mut().zip(PAIRS) {
-                    if at[p].is_some() && at[q].is_some() {
-                        add_product(block, &row.jacobian[p], &slope.0, &row.jacobian[q], size);
-                    }
-                }
-            }
-            for ((force, at), free) in forces.iter_mut().zip(at).zip(free) {
-                let Some(at) = at else { continue };
-                if let Some(free) = free {
-                    *force = product(free, &[*force])[0];
-                }
-                let all = &mut step[at as usize * size..][..size];
-                all.iter_mut().zip(&*force).for_each(|(all, own)| *all += own);
-            }
-            for (block, (p, q)) in blocks.iter_mut().zip(PAIRS) {
-                if let (Some(p_at), Some(q_at)) = (at[p], at[q]) {
-                    if let Some(free) = free[q] {
-                        *block = product(free, block);
-                    }
-                    if let Some(free) = free[p] {
-                        *block = transposed(&product(free, &transposed(block)));
-                    }
-                    self.hessian.add(p_at, q_at, |i, j| block[i][j]);
-                }
-            }
+        let Self { contacts, place, free, hessian, .. } = self;
+        for rows in contacts.chunk_by(|one, next| one.bodies == next.bodies) {
+            let bodies = rows[0].bodies;
+            let at = bodies.map(|body| place[body]);
+            let free = bodies.map(|body| free[body].as_ref());
+            PairTerms::of(rows, velocities, at).add_to(hessian, step, at, free);
         }
         if !self.hessian.factor() {
             return false;
@@ -228,12 +193,12 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
             constant += momentum.dot(&(velocities[body] - self.prospective[body]));
             linear += momentum.dot(&direction[body]);
         }
-        let lines: Vec<_> = (self.rows.iter())
-            .map(|row| (row, row.shifted(velocities), row.velocity(direction)))
+        let lines: Vec<_> = (self.contacts.iter())
+            .map(|row| (row.law, row.velocity(velocities), row.velocity(direction)))
             .collect();
         let derivative = |length: f64| {
-            let work = |(row, y, u): &(&ContactRow<L>, Vector<f64, L>, Vector<f64, L>)| {
-                row.law.response(*y - *u * length).dot(*u)
+            let work = |(law, u, way): &(Cone<f64, L>, Vector<f64, L>, Vector<f64, L>)| {
+                law.response(*u + *way * length).dot(*way)
             };
             constant + linear * length - lines.iter().map(work).sum::<f64>()
         };
@@ -262,24 +227,22 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
     }
 }
 
-/// A contact of the problem.
-struct ContactRow<const L: usize> {
-    contact: usize,
+/// A constraint of the problem.
+struct Row<K, const N: usize> {
+    /// Index in the system.
+    index: usize,
     bodies: [usize; 2],
-    law: Law<f64>,
+    law: K,
     /// J_i: contribution of each body's velocities to u, with the sign of the body.
-    jacobian: [[[f64; MOST]; L]; 2],
-    target: Vector<f64, L>,
-    /// Shift of Coulomb's law. \[m/s\]
-    shift: f64,
+    jacobian: [[[f64; MOST]; N]; 2],
 }
 
-impl<const L: usize> ContactRow<L> {
-    fn new<const A: usize>(
+impl<const L: usize> Row<Cone<f64, L>, L> {
+    fn of_contact<const A: usize>(
         manifold: &Manifold<f64, L>,
         contact: &Contact<f64, L>,
         index: usize,
-        law: Law<f64>,
+        law: Cone<f64, L>,
     ) -> Self {
         let side = |sign: f64, anchor: Vector<f64, L>| {
             manifold.frame.map(|axis| {
@@ -289,17 +252,20 @@ impl<const L: usize> ContactRow<L> {
         };
         let [anchor_a, anchor_b] = manifold.anchors(contact.offset);
         Self {
-            contact: index,
+            index,
             bodies: manifold.bodies.map(|body| body as usize),
             law,
             jacobian: [side(1.0, anchor_a), side(-1.0, anchor_b)],
-            target: contact.target,
-            shift: 0.0,
         }
     }
+}
 
+impl<K, const N: usize> Row<K, N> {
     /// Returns J_i v.
-    fn velocity<const A: usize>(&self, velocities: &[Velocity<f64, L, A>]) -> Vector<f64, L> {
+    fn velocity<const L: usize, const A: usize>(
+        &self,
+        velocities: &[Velocity<f64, L, A>],
+    ) -> Vector<f64, N> {
         let v = self.bodies.map(|body| flat(&velocities[body]));
         Vector(std::array::from_fn(|k| {
             let along = |side: usize| {
@@ -308,16 +274,71 @@ impl<const L: usize> ContactRow<L> {
             along(0) + along(1)
         }))
     }
+}
 
-    /// Returns y = t - J_i v.
-    fn missing<const A: usize>(&self, velocities: &[Velocity<f64, L, A>]) -> Vector<f64, L> {
-        self.target - self.velocity(velocities)
+/// Terms of H and of the gradient from the constraints of a pair of bodies.
+struct PairTerms {
+    /// Blocks of H ([`PAIRS`]).
+    blocks: [[[f64; MOST]; MOST]; PAIRS.len()],
+    /// J^T r of each body.
+    forces: [[f64; MOST]; 2],
+}
+
+impl PairTerms {
+    /// Sums the terms of bodies with these rows of blocks.
+    fn of<K: SmoothLaw<N>, const N: usize, const L: usize, const A: usize>(
+        rows: &[Row<K, N>],
+        velocities: &[Velocity<f64, L, A>],
+        at: [Option<u32>; 2],
+    ) -> Self {
+        let mut out = Self { blocks: [[[0.0; MOST]; MOST]; PAIRS.len()], forces: [[0.0; MOST]; 2] };
+        for row in rows {
+            let u = row.velocity(velocities);
+            let (r, slope) = (row.law.response(u), row.law.slope(u));
+            for (force, jacobian) in out.forces.iter_mut().zip(&row.jacobian) {
+                for k in 0..N {
+                    for i in 0..L + A {
+                        force[i] += jacobian[k][i] * r[k];
+                    }
+                }
+            }
+            for (block, (p, q)) in out.blocks.iter_mut().zip(PAIRS) {
+                if at[p].is_some() && at[q].is_some() {
+                    add_product(block, &row.jacobian[p], &slope.0, &row.jacobian[q], L + A);
+                }
+            }
+        }
+        out
     }
 
-    fn shifted<const A: usize>(&self, velocities: &[Velocity<f64, L, A>]) -> Vector<f64, L> {
-        let mut y = self.missing(velocities);
-        y[0] -= self.shift;
-        y
+    /// Adds the terms to H and to the step, as far as velocities are free.
+    fn add_to(
+        self,
+        hessian: &mut BlockMatrix,
+        step: &mut [f64],
+        at: [Option<u32>; 2],
+        free: [Option<&Projection>; 2],
+    ) {
+        let size = hessian.size();
+        for ((mut force, at), free) in self.forces.into_iter().zip(at).zip(free) {
+            let Some(at) = at else { continue };
+            if let Some(free) = free {
+                force = product(free, &[force])[0];
+            }
+            let all = &mut step[at as usize * size..][..size];
+            all.iter_mut().zip(&force).for_each(|(all, own)| *all += own);
+        }
+        for (mut block, (p, q)) in self.blocks.into_iter().zip(PAIRS) {
+            if let (Some(p_at), Some(q_at)) = (at[p], at[q]) {
+                if let Some(free) = free[q] {
+                    block = product(free, &block);
+                }
+                if let Some(free) = free[p] {
+                    block = transposed(&product(free, &transposed(&block)));
+                }
+                hessian.add(p_at, q_at, |i, j| block[i][j]);
+            }
+        }
     }
 }
 

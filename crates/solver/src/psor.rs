@@ -13,7 +13,7 @@
 //! the error faster than later ones. It takes half as many sweeps as PGS
 //! (`tests/suite/methods.rs`).
 
-use crate::cone::Law;
+use crate::law::{Cone, Law};
 use crate::pgs::visit_manifold;
 use crate::solution::{self, Goal, Solution};
 use crate::{System, Vector, certificate};
@@ -69,7 +69,7 @@ fn sweep<const L: usize, const A: usize>(
             let before = contact.impulse;
             if contact.effective_mass > 0.0 {
                 let over = old[point - first] + (before - old[point - first]) * omega;
-                contact.impulse = Law::of(&manifold, contact).clamp(over);
+                contact.impulse = Cone::of(&manifold, contact).clamp(over);
             }
             contact.impulse - before
         });

@@ -6,7 +6,7 @@ use super::problem::{coupled, product, same, transposed};
 use super::{
     Matrix, Problem, ProblemError, friction_jacobian, from_entries, inverse_mass, velocities,
 };
-use crate::cone::Law;
+use crate::law::{Cone, Law};
 use crate::{Scalar, System, Vector};
 
 /// Eigenvalues of a block of M below this fraction of its largest count as zero. \[1\]
@@ -16,7 +16,7 @@ const ZERO: f64 = 1e-12;
 ///
 /// v+ = v* + M^-1 J^T r, u = J v+ - t + E r, K ∋ r ⊥ u + mu |u_t| n ∈ K*,
 ///
-/// the law of [`cone`](crate::cone) at each contact. So u of the [`Problem`] is the velocity of a
+/// where K is the [`Cone`] of each contact. So u of the [`Problem`] is the velocity of a
 /// contact beyond its target, positive along the normal from b to a, and J^T is the H of FCLIB. u
 /// includes the yield E r of soft contacts.
 ///
@@ -70,8 +70,8 @@ impl Assembly {
             for i in manifold.points() {
                 let contact = &system.contacts[i];
                 if contact.effective_mass > T::ZERO {
-                    let law = Law::of(&manifold.cast(), &contact.cast());
-                    assembly.add(i, &law, contact.target.cast(), contact.impulse.cast());
+                    let law = Cone::of(&manifold.cast(), &contact.cast());
+                    assembly.add(i, &law, contact.impulse.cast());
                 }
             }
         }
@@ -80,17 +80,11 @@ impl Assembly {
         Ok(assembly)
     }
 
-    fn add<const L: usize>(
-        &mut self,
-        contact: usize,
-        law: &Law<f64>,
-        target: Vector<f64, L>,
-        impulse: Vector<f64, L>,
-    ) {
+    fn add<const L: usize>(&mut self, contact: usize, law: &Cone<f64, L>, impulse: Vector<f64, L>) {
         self.contacts.push(contact);
         self.friction.push(law.friction);
         for row in 0..self.dimension {
-            self.targets.push(target[row]);
+            self.targets.push(law.target[row]);
             self.guess.push(impulse[row]);
             self.compliance.push(if row == 0 { law.normal } else { law.tangential });
         }
@@ -169,16 +163,17 @@ impl Assembly {
         let mut gap = 0.0;
         for (i, (u, r)) in u.chunks_exact(D).zip(r.chunks_exact(D)).enumerate() {
             let epsilon = &self.compliance[self.dimension * i..];
-            let law = Law {
+            let law = Cone::<f64, D> {
                 friction: self.friction[i],
                 impact: 0.0,
                 normal: epsilon[0],
                 tangential: epsilon[D - 1],
+                target: Vector::ZERO,
+                lowered: 0.0,
             };
-            let r = law.clamp(Vector::<f64, D>(std::array::from_fn(|k| r[k])));
-            let mut y = law.soften(r) - Vector(std::array::from_fn(|k| u[k]));
-            y[0] -= law.shift(y, r);
-            gap += law.loss(y, r);
+            let r = law.clamp(Vector(std::array::from_fn(|k| r[k])));
+            let u = Vector(std::array::from_fn(|k| u[k])) - law.soften(r);
+            gap += law.shifted(u, r).loss(u, r);
         }
         if gap.is_nan() { f64::INFINITY } else { gap }
     }

@@ -16,7 +16,7 @@ use clarabel::solver::{
 use super::outcome::{Limits, Outcome, Progress, Status};
 use super::problem::{largest, norm};
 use super::{Problem, jam};
-use crate::cone;
+use crate::law;
 
 /// Computes the optimum of the convex model, projected onto the cones. The status is `Converged`
 /// only if it solves the [`Problem`] itself; with friction that happens if nothing slides. Uses the
@@ -60,7 +60,7 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
         return progress.infeasible(stress);
     }
     for (r, &mu) in r.chunks_exact_mut(problem.dimension()).zip(problem.friction()) {
-        cone::project(r, mu);
+        law::project(r, mu);
     }
     if r.iter().all(|r| r.is_finite()) {
         progress.record(&r);
@@ -86,7 +86,7 @@ pub fn convex_residual(problem: &Problem, r: &[f64]) -> f64 {
     let mut y = problem.velocities(r);
     for ((y, r), &mu) in y.chunks_exact_mut(d).zip(r.chunks_exact(d)).zip(problem.friction()) {
         (0..d).for_each(|k| y[k] = r[k] - y[k]);
-        cone::project(y, mu);
+        law::project(y, mu);
         (0..d).for_each(|k| y[k] = r[k] - y[k]);
     }
     let size = norm(problem.offset());

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::Problem;
 use super::jam::SelfStress;
-use crate::cone;
+use crate::law;
 pub use crate::solution::Status;
 
 /// Stopping criteria of a method.
@@ -101,7 +101,7 @@ impl<'a> Progress<'a> {
         self.projected.copy_from_slice(r);
         let contacts = self.projected.chunks_exact_mut(self.problem.dimension());
         for (impulse, &friction) in contacts.zip(self.problem.friction()) {
-            cone::project(impulse, friction);
+            law::project(impulse, friction);
         }
         let residual = self.problem.residual(&self.projected);
         let elapsed = self.started.elapsed();

@@ -6,7 +6,7 @@ use faer::sparse::Triplet;
 
 use super::dense::Dense;
 use super::matrices::Matrix;
-use crate::cone;
+use crate::law;
 
 /// A contact problem in matrix form: find impulses r with
 ///
@@ -303,7 +303,7 @@ impl Problem {
             for k in 0..d {
                 y[k] = r[k] - step * y[k];
             }
-            cone::project(y, self.friction[i]);
+            law::project(y, self.friction[i]);
             for k in 0..d {
                 y[k] = r[k] - y[k];
             }

@@ -7,12 +7,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use drystone_solver::certificate::{Certificate, CertificateScratch, certify};
-use drystone_solver::cone::Law;
 use drystone_solver::island::Islands;
 use drystone_solver::lanes::coloring::Coloring;
 use drystone_solver::lanes::{
     CachedImpulse, GatherLanes, Instructions, LaneSlots, LaneSystem, ManifoldSource, Reuse, WIDTH,
 };
+use drystone_solver::law::{Cone, Law};
 use drystone_solver::thread_pool::{Divide, ThreadPool};
 use drystone_solver::{
     Contact, InverseMass, Manifold, Repair, SymmetricMatrix, System, Vector, Velocity, pgs,
@@ -660,12 +660,10 @@ fn losses<const L: usize, const A: usize>(system: &System<f64, L, A>) -> f64 {
     for manifold in &system.manifolds {
         let twist = system.twist_of(manifold);
         for contact in &system.contacts[manifold.points()] {
-            let law = Law::of(manifold, contact);
-            let r = law.clamp(contact.impulse);
-            let mut y = contact.target - contact.relative_velocity(&twist);
-            y[0] -= law.shift(y, r);
+            let law = Cone::of(manifold, contact);
+            let (u, r) = (contact.relative_velocity(&twist), law.clamp(contact.impulse));
             if contact.effective_mass > 0.0 {
-                sum += law.loss(y, r);
+                sum += law.shifted(u, r).loss(u, r);
             }
         }
     }

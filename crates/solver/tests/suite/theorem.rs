@@ -9,6 +9,9 @@
 //!
 //! Proof: `certificate.rs`; it uses of the cones only that they are closed and convex.
 
+use drystone_solver::Vector;
+use drystone_solver::law::{Cone, Interval, Law, SmoothLaw};
+
 use crate::common::Random;
 
 /// Components of an impulse.
@@ -285,4 +288,107 @@ fn the_bound_holds_for_any_closed_convex_sets() {
         }
     }
     assert!(checked > 1000 && tightest < 1.01, "{checked} checked, the tightest {tightest}");
+}
+
+/// The response, the loss and the slope of a law are those of its set and value: phi by its
+/// definition, and the slope by differences.
+fn check_law<const M: usize>(
+    law: &(impl Law<f64, M> + SmoothLaw<M>),
+    row: &Row,
+    u: &Impulse,
+    guess: &Impulse,
+) {
+    let cut = |x: &Impulse| Vector(std::array::from_fn::<f64, M, _>(|i| x[i]));
+    let pad = |x: Vector<f64, M>| std::array::from_fn(|i| if i < M { x[i] } else { 0.0 });
+    let r = law.clamp(cut(guess));
+    let inside = pad(r);
+    assert!(minus(row.set.nearest(inside), inside).iter().all(|x| x.abs() < 1e-12), "{row:?}");
+    let (best, expected) = (pad(law.response(cut(u))), row.response(u));
+    assert!(minus(best, expected).iter().all(|x| x.abs() < 1e-9), "{row:?}: {best:?} {expected:?}");
+    let loss = row.phi(u) - row.value(&inside) + dot(&inside, u);
+    assert!(
+        (law.loss(cut(u), r) - loss).abs() < 1e-9 * (1.0 + loss),
+        "{row:?} {u:?} {r:?}: {loss}"
+    );
+    assert!(law.loss(cut(u), r) >= 0.0 && law.loss(cut(u), law.response(cut(u))) < 1e-12);
+    // s is a parabola on the way to the response, where the law says so.
+    if law.is_parabola(cut(u), r) > 0.0 {
+        let way = law.response(cut(u)) - r;
+        let middle = law.loss(cut(u), r + way * 0.5);
+        let slope = -way.dot(law.missing(cut(u), r));
+        let parabola = law.loss(cut(u), r) + 0.5 * slope + 0.125 * way.dot(law.soften(way));
+        assert!((middle - parabola).abs() < 1e-9 * (1.0 + loss), "{row:?}: {middle} {parabola}");
+    }
+    let (slope, step) = (law.slope(cut(u)), 1e-6);
+    for j in 0..M {
+        let moved = |by: f64| {
+            let mut u = cut(u);
+            u[j] += by;
+            law.response(u)
+        };
+        let (before, after, at) = (moved(-step), moved(step), moved(0.0));
+        for i in 0..M {
+            let [left, right] = [(at[i] - before[i]) / step, (after[i] - at[i]) / step];
+            // At a kink there is no derivative.
+            if (left - right).abs() < 1e-3 {
+                let own = slope.entry(i, j);
+                assert!((own + right).abs() < 1e-3, "{row:?} {u:?}: {own} and {}", -right);
+            }
+        }
+    }
+}
+
+/// The laws of the crate agree with the sets of the theorem, in 2000 cases each.
+#[test]
+fn laws_are_those_of_the_theorem() {
+    let mut random = Random(7);
+    for _ in 0..2000 {
+        let mut vector = |size: f64| std::array::from_fn(|_| random.within(-size, size));
+        let (u, guess, low): (Impulse, Impulse, Impulse) = (vector(2.0), vector(3.0), vector(1.0));
+        let [friction, compliance] = [random.within(0.0, 1.5), random.within(0.1, 1.0)];
+        let contact =
+            Row { jacobian: Vec::new(), set: Set::Cone(friction), targets: [low; 2], compliance };
+        let cone = Cone {
+            friction,
+            impact: 0.0,
+            normal: compliance,
+            tangential: compliance,
+            target: Vector(low),
+            lowered: 0.0,
+        };
+        check_law(&cone, &contact, &u, &guess);
+        let slack = random.within(-0.5, 1.0).max(0.0);
+        let bounds = [-1.0, 1.0].map(|sign| match random.within(-1.0, 2.0) {
+            at if at < 0.0 => sign * f64::INFINITY,
+            at => sign * at,
+        });
+        let targets = [[low[0], 0.0, 0.0], [low[0] + slack, 0.0, 0.0]];
+        let set = Set::Box([bounds, [0.0; 2], [0.0; 2]]);
+        let row = Row { jacobian: Vec::new(), set, targets, compliance };
+        let interval = Interval { targets: [low[0], low[0] + slack], bounds, compliance };
+        check_law(&interval, &row, &[u[0], 0.0, 0.0], &guess);
+    }
+}
+
+/// Visits of Gauss-Seidel to one row end at the response to the velocity that includes it, also
+/// where the row is rigid: a lock reaches its target, a limit is met and no more.
+#[test]
+fn a_visit_solves_its_row() {
+    let mut random = Random(8);
+    for _ in 0..2000 {
+        let [low, start, inverse_mass] =
+            [random.within(-1.0, 1.0), random.within(-3.0, 3.0), random.within(0.2, 2.0)];
+        let slack = random.within(-0.5, 1.0).max(0.0);
+        let compliance = random.within(-0.5, 1.0).max(0.0);
+        let bound = random.within(0.0, 3.0);
+        let row = Interval { targets: [low, low + slack], bounds: [-bound, bound], compliance };
+        let (guess, mass) = (random.within(-bound, bound), 1.0 / (inverse_mass + compliance));
+        let r = row.visit(mass, start + inverse_mass * guess, guess);
+        let again = row.visit(mass, start + inverse_mass * r, r);
+        assert!((r - again).abs() < 1e-12, "one visit is enough: {r}, {again}");
+        let (u, inside) = (start + inverse_mass * r, r.abs() < bound - 1e-12);
+        let missing = row.missing(Vector([u]), Vector([r]))[0];
+        assert!(!inside || missing.abs() < 1e-12, "{row:?}: {r} N s misses {missing} m/s");
+        assert!(inside || missing * r >= -1e-12, "{row:?}: {r} N s pushes on, {missing} m/s");
+    }
 }

@@ -1,23 +1,19 @@
-//! The law of one contact: its impulse as a function of its velocity.
+//! [`Cone`]: the law of a contact with Coulomb friction.
 //!
-//! With compliance R = diag(epsilon, epsilon_T, ...) > 0, the impulse r of a contact is a function
-//! of the velocity missing to its target, y = t - u. It is the r in the friction cone
+//! The impulse r of a contact lies in the friction cone
 //!
-//! K = { r_n >= 0, |r_T| <= mu (r_n + impact) }
+//! K = { r_n >= 0, |r_T| <= mu (r_n + impact) },
 //!
-//! that maximizes r . y - r . R r / 2. The maximum phi(y) is convex in y, and r is its gradient. So
-//! a system of such contacts is the minimum of a convex function of the velocities
-//! ([`newton`](crate::newton)). For any r, [`Law::loss`] measures the deviation from the response
-//! to y. It is never negative; [`certificate`](crate::certificate) rests on it.
-//!
-//! Coulomb's law is this law with y_n lowered by mu |slip| (De Saxce and Feng 1998). Without that
-//! [`Law::shift`] a sliding contact would separate at mu times its slip velocity.
+//! with compliance R = diag(epsilon, epsilon_T, ...) > 0. Coulomb's law is the law of K with the
+//! target of the normal lowered by mu |slip| (De Saxce and Feng 1998). Without that
+//! [shift](Cone::shift) a sliding contact would separate at mu times its slip velocity.
 
+use super::{Law, SmoothLaw};
 use crate::{Contact, Manifold, Real, SymmetricMatrix, Vector};
 
-/// Friction and compliance of a contact.
+/// Friction, compliance and targets of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Law<T: Real> {
+pub struct Cone<T: Real, const L: usize> {
     /// Coefficient mu. \[1\]
     pub friction: T,
     /// Impulse of a collision in this step, which also bears friction. \[N s\]
@@ -26,39 +22,50 @@ pub struct Law<T: Real> {
     pub normal: T,
     /// Tangential compliance epsilon_T. \[1/kg\]
     pub tangential: T,
+    /// Target t of the velocity. \[m/s\]
+    pub target: Vector<T, L>,
+    /// Shift of Coulomb's law, by which the target of the normal is lowered. \[m/s\]
+    pub lowered: T,
 }
 
-impl<T: Real> Law<T> {
-    /// Returns the law of a prepared contact; meaningless where nothing can move.
+impl<T: Real, const L: usize> Cone<T, L> {
+    /// Returns the law of a prepared contact, without a shift; meaningless where nothing can move.
     #[inline(always)]
-    pub fn of<const L: usize>(manifold: &Manifold<T, L>, contact: &Contact<T, L>) -> Self {
+    pub fn of(manifold: &Manifold<T, L>, contact: &Contact<T, L>) -> Self {
         Self {
             friction: manifold.friction,
             impact: contact.impact,
             normal: contact.compliance,
             tangential: contact.tangential_compliance,
+            target: contact.target,
+            lowered: T::ZERO,
         }
     }
 
-    /// Returns the shift of Coulomb's law, by which y_n is lowered: mu times the length of the slip
-    /// u_T - t_T + epsilon_T r_T. \[m/s\]
+    /// Returns the shift of Coulomb's law: mu times the length of the slip u_T - t_T + epsilon_T
+    /// r_T. \[m/s\]
     #[inline(always)]
-    pub fn shift<const L: usize>(&self, y: Vector<T, L>, r: Vector<T, L>) -> T {
-        let slip = r * self.tangential - y;
+    pub fn shift(&self, u: Vector<T, L>, r: Vector<T, L>) -> T {
+        let slip = r * self.tangential - (self.target - u);
         self.friction * tangents(slip).length()
     }
 
-    /// Returns the impulse in response to `y`: argmax over K of r . y - r . R r / 2. \[N s\]
+    /// Returns Coulomb's law for this slip: with the [`shift`](Self::shift) of u and r.
     #[inline(always)]
-    pub fn response<const L: usize>(&self, y: Vector<T, L>) -> Vector<T, L> {
-        let answer = self.respond(y);
-        let mut r = y * answer.part;
-        r[0] = answer.normal;
-        r
+    pub fn shifted(&self, u: Vector<T, L>, r: Vector<T, L>) -> Self {
+        Self { lowered: self.shift(u, r), ..*self }
+    }
+
+    /// Returns t - u, lowered by the shift.
+    #[inline(always)]
+    fn pull(&self, u: Vector<T, L>) -> Vector<T, L> {
+        let mut y = self.target - u;
+        y[0] -= self.lowered;
+        y
     }
 
     #[inline(always)]
-    fn respond<const L: usize>(&self, y: Vector<T, L>) -> Answer<T> {
+    fn respond(&self, y: Vector<T, L>) -> Answer<T> {
         let mu = self.friction;
         let pull = tangents(y).length();
         // Sticking has r_n = y_n / epsilon and r_T = y_T / epsilon_T. The comparison avoids
@@ -77,30 +84,33 @@ impl<T: Real> Law<T> {
         let part = pull.choose(pushed / slip, T::ZERO);
         Answer { normal, part, pull, beyond }
     }
+}
 
-    /// Returns phi(y) + r . R r / 2 - r . y for an r in K: zero exactly if r is the response to y,
-    /// else positive. \[J\]
-    ///
-    /// The form avoids cancellation. With d = response - r it is the sum of d . R d / 2 and
-    /// d . (y - R response). Neither is negative, since the response is optimal in a convex set.
+impl<T: Real, const L: usize> Law<T, L> for Cone<T, L> {
     #[inline(always)]
-    pub fn loss<const L: usize>(&self, y: Vector<T, L>, r: Vector<T, L>) -> T {
-        let best = self.response(y);
-        let d = best - r;
-        T::from_f64(0.5) * d.dot(self.soften(d)) + d.dot(y - self.soften(best)).max(T::ZERO)
+    fn missing(&self, u: Vector<T, L>, r: Vector<T, L>) -> Vector<T, L> {
+        self.pull(u) - self.soften(r)
     }
 
-    /// Returns R r. \[m/s\]
     #[inline(always)]
-    pub fn soften<const L: usize>(&self, r: Vector<T, L>) -> Vector<T, L> {
+    fn soften(&self, r: Vector<T, L>) -> Vector<T, L> {
         let mut out = r * self.tangential;
         out[0] = r[0] * self.normal;
         out
     }
 
-    /// Projects onto K along the tangents, after the normal component. \[N s\]
     #[inline(always)]
-    pub fn clamp<const L: usize>(&self, r: Vector<T, L>) -> Vector<T, L> {
+    fn response(&self, u: Vector<T, L>) -> Vector<T, L> {
+        let y = self.pull(u);
+        let answer = self.respond(y);
+        let mut r = y * answer.part;
+        r[0] = answer.normal;
+        r
+    }
+
+    /// Projects onto K along the tangents, after the normal component.
+    #[inline(always)]
+    fn clamp(&self, r: Vector<T, L>) -> Vector<T, L> {
         let normal = r[0].max(T::ZERO);
         let (radius, length) = (self.friction * (normal + self.impact), tangents(r).length());
         let mut out = r * (length - radius).choose(radius / length, T::ONE);
@@ -109,9 +119,9 @@ impl<T: Real> Law<T> {
     }
 }
 
-impl Law<f64> {
+impl<const L: usize> Cone<f64, L> {
     /// Returns the nearest impulse in K. \[N s\]
-    pub fn nearest<const L: usize>(&self, mut r: Vector<f64, L>) -> Vector<f64, L> {
+    pub fn nearest(&self, mut r: Vector<f64, L>) -> Vector<f64, L> {
         // K is a cone with its apex at r_n = -impact, cut off at r_n = 0.
         let mut onto = r;
         onto[0] += self.impact;
@@ -123,9 +133,11 @@ impl Law<f64> {
         r[0] = 0.0;
         self.clamp(r)
     }
+}
 
-    /// Returns the derivative dr/dy of the response: symmetric, positive semidefinite. \[kg\]
-    pub fn slope<const L: usize>(&self, y: Vector<f64, L>) -> SymmetricMatrix<f64, L> {
+impl<const L: usize> SmoothLaw<L> for Cone<f64, L> {
+    fn slope(&self, u: Vector<f64, L>) -> SymmetricMatrix<f64, L> {
+        let y = self.pull(u);
         let Answer { normal, part, pull, beyond } = self.respond(y);
         let mut slope = SymmetricMatrix::ZERO;
         let radius = self.friction * (normal + self.impact);
@@ -177,7 +189,7 @@ struct Answer<T> {
 
 /// Returns `v` without its normal component.
 #[inline(always)]
-pub(crate) fn tangents<T: Real, const L: usize>(mut v: Vector<T, L>) -> Vector<T, L> {
+fn tangents<T: Real, const L: usize>(mut v: Vector<T, L>) -> Vector<T, L> {
     v[0] = T::ZERO;
     v
 }
