@@ -7,8 +7,8 @@ use drystone_solver::certificate::CertificateScratch;
 use drystone_solver::island::Islands;
 use drystone_solver::lanes::{Instructions, KernelLanes, LaneSystem, Lanes, Portable, WIDTH};
 use drystone_solver::{
-    Contact, InverseMass, Manifold, Mobility, Real, Repair, SymmetricMatrix, System, Vector,
-    Velocity, contact_frame, pgs,
+    ConstraintFrame, Contact, InverseMass, Manifold, Mobility, Real, Repair, SymmetricMatrix,
+    System, Vector, Velocity, contact_frame, pgs,
 };
 
 use crate::counting::Counting;
@@ -126,7 +126,7 @@ fn row<T: Real, const L: usize, const A: usize>(count: usize, points: usize) -> 
     }
     let mut up = Vector::<f64, L>::ZERO;
     up[1] = 1.0;
-    let frame = contact_frame(up).map(|axis| Vector(axis.0.map(number)));
+    let axes = contact_frame(up).map(|axis| Vector(axis.0.map(number)));
     let arm = |side: f64| {
         let mut arm = Vector::ZERO;
         arm[1] = number(0.5 * side);
@@ -148,11 +148,8 @@ fn row<T: Real, const L: usize, const A: usize>(count: usize, points: usize) -> 
     for i in 0..count as u32 {
         let bodies = [i + 1, i];
         let friction = number(0.5);
-        let arms = [arm(-1.0), arm(1.0)];
-        system.add_manifold(
-            Manifold { bodies, frame, arms, friction, ..Manifold::default() },
-            &contacts,
-        );
+        let frame = ConstraintFrame { axes, arms: [arm(-1.0), arm(1.0)] };
+        system.add_manifold(Manifold { bodies, frame, friction, ..Manifold::default() }, &contacts);
     }
     system
 }
@@ -199,7 +196,7 @@ fn operations<const L: usize, const A: usize>(points: usize, friction: bool) -> 
     let manifold = system.manifolds[0];
     let masses = system.masses_of(&manifold);
     let known = Counting::during(|| {
-        black_box(Mobility::of(&manifold, &masses));
+        black_box(Mobility::of(&manifold.frame, &masses));
     });
     let sweep = if friction { pgs::sweep } else { pgs::sweep_normals };
     Counting::during(|| sweep(&mut system)) - known

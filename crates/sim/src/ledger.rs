@@ -283,7 +283,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         after: &Manifold<f32, L>,
         system: &System<f32, L, A>,
     ) -> f64 {
-        if (before.frame, before.arms) == (after.frame, after.arms) {
+        if before.frame == after.frame {
             return 0.0;
         }
         let (mut wrench, mut blow) = (Velocity::ZERO, Velocity::ZERO);
@@ -296,7 +296,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         }
         let [then, now]: [Manifold<f64, L>; 2] = [before.cast(), after.cast()];
         let work = |wrench: &Velocity<f64, L, A>, [a, b]: [Velocity<f64, L, A>; 2]| {
-            let [then, now] = [&then, &now].map(|of| of.momenta(wrench));
+            let [then, now] = [&then, &now].map(|of| of.frame.momenta(wrench));
             a.dot(&(now[0] - then[0])) - b.dot(&(now[1] - then[1]))
         };
         let bodies = after.bodies.map(|body| body as usize);
@@ -334,7 +334,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         let contact = &system.contacts[index];
         let [a, b] = manifold.bodies.map(|body| body as usize);
         let manifold: Manifold<f64, L> = manifold.cast();
-        let (frame, anchors) = (manifold.frame, manifold.anchors(contact.offset.cast()));
+        let (frame, anchors) = (manifold.frame.axes, manifold.frame.anchors(contact.offset.cast()));
         let gamma = contact.impulse.cast::<f64>();
         let relative = |of: [Velocity<f64, L, A>; 2]| of[0].at(anchors[0]) - of[1].at(anchors[1]);
         let u = relative([self.mean[1][a], self.mean[1][b]]);
@@ -385,7 +385,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         surface: &SurfaceEffects<f32, L, A>,
     ) {
         let [a, b] = manifold.bodies.map(|body| body as usize);
-        let torque = manifold.turning_in_world(surface.torque).cast::<f64>();
+        let torque = manifold.frame.turning_in_world(surface.torque).cast::<f64>();
         let turning = self.mean[1][a].angular - self.mean[1][b].angular;
         self.ledger.friction += torque.dot(turning);
         for (body, torque) in [(a, torque), (b, -torque)] {

@@ -2,7 +2,7 @@
 
 use drystone_solver::lanes::GatherLanes;
 use drystone_solver::lanes::{CachedImpulse, FAR, LaneSlots, ManifoldSource, Reuse};
-use drystone_solver::{Contact, Manifold, Vector, Velocity, contact_frame};
+use drystone_solver::{ConstraintFrame, Contact, Manifold, Vector, Velocity, contact_frame};
 
 use crate::cache::{self, CachedManifold, CachedPoint, ManifoldCache};
 use crate::certifier::Stiffness;
@@ -63,9 +63,9 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
         let kept = |lane| matches!(self.records.reuse[seats.manifold(lane)], Reuse::Kept(_));
         let turned = V::gathered(V::each(|lane| f32::from(!kept(lane))));
         let normal = V::gathered_vector(V::each(|lane| &records[lane].normal));
-        manifold.frame = contact_frame(normal);
+        manifold.frame.axes = contact_frame(normal);
         let traced = V::gathered_vector(V::each(|lane| &records[lane].traced));
-        let before = Manifold { frame: contact_frame(traced), ..*manifold };
+        let before = ConstraintFrame { axes: contact_frame(traced), ..manifold.frame };
         manifold.friction = V::gathered(V::each(|lane| records[lane].friction));
         manifold.restitution = V::gathered(V::each(|lane| records[lane].restitution));
         for side in 0..2 {
@@ -85,8 +85,8 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
             contact.impulse = V::gathered_vector(V::each(|lane| &own[lane].1.impulse));
             let mut slip = contact.gap;
             slip[0] = V::ZERO;
-            let slip = manifold.to_frame(before.to_world(slip));
-            let impulse = manifold.to_frame(before.to_world(contact.impulse));
+            let slip = manifold.frame.to_frame(before.to_world(slip));
+            let impulse = manifold.frame.to_frame(before.to_world(contact.impulse));
             for i in 1..L {
                 contact.gap[i] = turned.choose(slip[i], contact.gap[i]);
             }
@@ -103,11 +103,11 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
             [first, ..] => mean + normal * normal.dot(first.offset - mean),
         };
         for contact in points {
-            contact.offset = manifold.to_frame(contact.offset - center);
+            contact.offset = manifold.frame.to_frame(contact.offset - center);
             contact.offset[0] = V::ZERO;
         }
         let apart = V::gathered_vector(V::each(|lane| &records[lane].apart));
-        manifold.arms = [center - apart, center];
+        manifold.frame.arms = [center - apart, center];
     }
 }
 
@@ -166,7 +166,7 @@ mod tests {
         lanes.pack(&rows, &system.masses, 0.0);
         lanes.unpack(&mut system);
         let (manifold, contacts) = (&system.manifolds[0], &system.contacts);
-        let [_, arm] = manifold.arms.map(|arm| manifold.to_frame(arm));
+        let [_, arm] = manifold.frame.arms.map(|arm| manifold.frame.to_frame(arm));
         assert!((arm[0] - 0.25).abs() < 1e-6, "{arm:?}");
         assert!(contacts.iter().all(|contact| contact.offset[0] == 0.0), "{contacts:?}");
         let sum = contacts[0].offset + contacts[1].offset;

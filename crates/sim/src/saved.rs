@@ -59,8 +59,8 @@ impl<const L: usize, const A: usize> SavedSystem<L, A> {
                 let center = self.positions[manifold.bodies[0] as usize];
                 places[i] = Some(SavedContact {
                     bodies: manifold.bodies,
-                    point: numbers(center + manifold.anchors(contact.offset)[0]),
-                    frame: manifold.frame.map(numbers).to_vec(),
+                    point: numbers(center + manifold.frame.anchors(contact.offset)[0]),
+                    frame: manifold.frame.axes.map(numbers).to_vec(),
                     impact: f64::from(contact.impact),
                 });
             }

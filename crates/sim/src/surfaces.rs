@@ -4,7 +4,7 @@
 //! In a scene without either, the table is empty and costs nothing.
 
 use drystone_solver::lanes::LaneSystem;
-use drystone_solver::{Manifold, SurfaceEffects, Vector, Velocity};
+use drystone_solver::{ConstraintFrame, Manifold, SurfaceEffects, Vector, Velocity};
 
 use crate::bodies::Bodies;
 use crate::cache::Pair;
@@ -33,9 +33,10 @@ fn belt<const L: usize, const A: usize>(
     dt: f32,
 ) -> Velocity<f32, L, A> {
     let [a, b] = manifold.bodies.map(|body| velocities[body as usize].linear);
-    let [arm_a, arm_b] = manifold.arms;
+    let ConstraintFrame { axes, arms: [arm_a, arm_b] } = manifold.frame;
     let ahead = (b - a) * (0.5 * dt);
-    SurfaceEffects::belt(&Manifold { arms: [arm_a + ahead, arm_b - ahead], ..*manifold }, belts)
+    let frame = ConstraintFrame { axes, arms: [arm_a + ahead, arm_b - ahead] };
+    SurfaceEffects::belt(&frame, belts)
 }
 
 /// Torque of a pair that is passed on to the next search.
@@ -109,7 +110,7 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
             let SurfaceRow { belts: [a, b], runs, resistance: [rolling, spinning], torque } =
                 &rows[number];
             let belt = if *runs { belt(manifold, [a, b], velocities, dt) } else { Velocity::ZERO };
-            let torque = manifold.turning(*torque);
+            let torque = manifold.frame.turning(*torque);
             SurfaceEffects { belt, rolling: *rolling, spinning: *spinning, torque }
         }));
     }
@@ -127,7 +128,7 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
         let mut rows = self.rows.iter_mut();
         lanes.give_surfaces(|manifold, surface| {
             if let Some(row) = rows.next() {
-                row.torque = manifold.turning_in_world(surface.torque);
+                row.torque = manifold.frame.turning_in_world(surface.torque);
             }
         });
         std::mem::swap(&mut self.held, &mut self.before);

@@ -385,7 +385,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let mut system = self.system();
         for manifold in &system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &self.scratch.displacements[body as usize]);
-            let moved = manifold.twist(a, b);
+            let moved = manifold.frame.twist(a, b);
             for contact in &mut system.contacts[manifold.points()] {
                 contact.gap[0] -= contact.normal_velocity(&moved);
             }

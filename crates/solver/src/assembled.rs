@@ -42,14 +42,17 @@
 //!
 //! ```
 //! use drystone_solver::assembled::{equality, gauss_seidel, rhs, system_matrix};
-//! use drystone_solver::{Contact, InverseMass, Manifold, System, Vector, Velocity, contact_frame};
+//! use drystone_solver::{
+//!     ConstraintFrame, Contact, InverseMass, Manifold, System, Vector, Velocity, contact_frame,
+//! };
 //!
 //! // Two balls of 1 kg meet, each at 1 m/s; the left one is body a, so n points to the left.
 //! let mut system = System::<f64, 2, 0>::new();
 //! let ball = InverseMass { linear: 1.0, ..InverseMass::FIXED };
 //! let moving = |x| Velocity { linear: Vector([x, 0.0]), ..Velocity::ZERO };
 //! let bodies = [system.add_body(moving(1.0), ball), system.add_body(moving(-1.0), ball)];
-//! let frame = contact_frame(Vector([-1.0, 0.0]));
+//! let axes = contact_frame(Vector([-1.0, 0.0]));
+//! let frame = ConstraintFrame { axes, ..ConstraintFrame::default() };
 //! let manifold = Manifold { bodies, frame, ..Manifold::default() };
 //! system.add_manifold(manifold, &[Contact::default()]);
 //!

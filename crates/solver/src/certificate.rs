@@ -231,7 +231,7 @@ pub(crate) struct ManifoldTerms<T: Real, const L: usize, const A: usize> {
     approach_error: T,
     complementarity: T,
     cone: T,
-    /// Momentum that a gains and b loses ([`Manifold::momenta`]): from the impulses at the start of
+    /// Momentum that a gains and b loses ([`ConstraintFrame::momenta`]): from the impulses at the start of
     /// the line, and from their change along the line.
     momenta: [[Velocity<T, L, A>; 2]; 2],
 }
@@ -248,7 +248,7 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
     ) -> Self {
         let manifold = &manifold.part(part);
         let [a, b] = velocities;
-        let twist = manifold.twist(&a.part(part), &b.part(part));
+        let twist = manifold.frame.twist(&a.part(part), &b.part(part));
         let mut wrenches = [Velocity::ZERO; 2];
         let mut terms = Self {
             line: Parabola { a: T::ZERO, b: T::ZERO, c: T::ZERO },
@@ -276,9 +276,9 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
                 contact.add_wrench(0..L, way, &mut wrenches[1]);
             }
         }
-        terms.momenta[0] = manifold.momenta(&wrenches[0]);
+        terms.momenta[0] = manifold.frame.momenta(&wrenches[0]);
         if LINE {
-            terms.momenta[1] = manifold.momenta(&wrenches[1]);
+            terms.momenta[1] = manifold.frame.momenta(&wrenches[1]);
         }
         terms
     }

@@ -202,7 +202,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.prepare_felt::<A, A>(manifold, mobility, softness);
     }
 
-    /// Prepares a point that depends on `B` components of rotation ([`Manifold::twist_felt`]).
+    /// Prepares a point that depends on `B` components of rotation ([`ConstraintFrame::twist_felt`]).
     #[inline(always)]
     pub(crate) fn prepare_felt<const A: usize, const B: usize>(
         &mut self,

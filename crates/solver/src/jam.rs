@@ -244,14 +244,14 @@ impl<const L: usize, const A: usize> Suspect<L, A> {
                     (pressed[i], pressed[j]) = (true, true);
                 }
             }
-            manifold.apply(&wrench, &masses, &mut a, &mut b);
+            manifold.frame.apply(&wrench, &masses, &mut a, &mut b);
             (moved[i], moved[j]) = (a, b);
         }
         // |J^T y|^2 in the metric M^-1, computed as y . J (M^-1 J^T y).
         let mut left = 0.0;
         for manifold in &system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &moved[body as usize]);
-            let twist = manifold.twist(a, b);
+            let twist = manifold.frame.twist(a, b);
             for point in manifold.points() {
                 left += y[point] * system.contacts[point].normal_velocity(&twist);
             }

@@ -20,7 +20,7 @@
 //! algorithm", 1983.
 
 use crate::vector::spin;
-use crate::{Contact, Manifold, Real, Vector, Velocity, moment};
+use crate::{ConstraintFrame, Contact, Manifold, Real, Vector, Velocity, moment};
 
 /// Slower rotations do not update J. \[rad/s\]
 ///
@@ -50,8 +50,7 @@ fn turn<T: Real, const L: usize, const A: usize>(
 
 /// A manifold after a displacement of its bodies.
 pub(crate) struct Moved<T: Real, const L: usize> {
-    pub(crate) frame: [Vector<T, L>; L],
-    pub(crate) arms: [Vector<T, L>; 2],
+    pub(crate) frame: ConstraintFrame<T, L>,
     /// Change of its gap beyond J d. \[m\]
     pub(crate) bend: T,
 }
@@ -72,7 +71,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     #[inline(always)]
     fn cores(&self, [of_a, of_b]: [T; 2]) -> [Vector<T, L>; 2] {
         let normal = self.normal();
-        [self.arms[0] + normal * of_a, self.arms[1] - normal * of_b]
+        [self.frame.arms[0] + normal * of_a, self.frame.arms[1] - normal * of_b]
     }
 
     /// Returns a positive number if the motion of a body requires an update of J. That is a
@@ -88,7 +87,7 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         let least = least * least;
         let half = T::from_f64(0.5);
         let by = |side: usize| {
-            let (arm, core, turn) = (self.arms[side], cores[side], moved[side].angular);
+            let (arm, core, turn) = (self.frame.arms[side], cores[side], moved[side].angular);
             let has_arm = core.dot(core) - arm.dot(arm) * T::from_f64(1e-10);
             has_arm.max(self.normal_share[side] - half).choose(turn.dot(turn), T::ZERO)
         };
@@ -147,22 +146,23 @@ impl<T: Real, const L: usize> Manifold<T, L> {
             let spun = (a.angular * of_b + b.angular * of_a).dot(axis) * twist;
             rotation += axis * (spun - rotation.dot(axis));
         }
-        let mut frame = self.frame;
-        for axis in &mut frame {
+        let mut axes = self.frame.axes;
+        for axis in &mut axes {
             *axis += turn(rotation, *axis);
         }
-        let turned = frame[0] - normal;
+        let turned = axes[0] - normal;
 
-        let apart = self.arms[1] - self.arms[0] + linear;
-        let from_a = apart + cores[0] + changes[0] - frame[0] * radii[0];
-        let from_b = cores[1] + changes[1] + frame[0] * radii[1];
+        let apart = self.frame.arms[1] - self.frame.arms[0] + linear;
+        let from_a = apart + cores[0] + changes[0] - axes[0] * radii[0];
+        let from_b = cores[1] + changes[1] + axes[0] * radii[1];
         let center = from_a * (T::ONE - of_a) + from_b * of_a;
 
-        let first_order = spin(a.angular, self.arms[0]) - spin(b.angular, self.arms[1]);
+        let first_order = spin(a.angular, self.frame.arms[0]) - spin(b.angular, self.frame.arms[1]);
         let bend = turned.dot(normal) * distance
             + turned.dot(parted)
             + normal.dot(changes[0] - changes[1] - first_order);
-        Moved { frame, arms: [center - apart, center], bend }
+        let frame = ConstraintFrame { axes, arms: [center - apart, center] };
+        Moved { frame, bend }
     }
 }
 
@@ -194,12 +194,18 @@ mod tests {
 
     fn manifold(radii: [f64; 2], normal_share: [f64; 2]) -> Manifold<f64, 2> {
         Manifold {
-            frame: [Vector([0.0, 1.0]), Vector([-1.0, 0.0])],
-            arms: [Vector([0.3, -0.5]), Vector([0.1, 0.4])],
+            frame: ConstraintFrame {
+                axes: [Vector([0.0, 1.0]), Vector([-1.0, 0.0])],
+                arms: [Vector([0.3, -0.5]), Vector([0.1, 0.4])],
+            },
             radii,
             normal_share,
             ..Manifold::default()
         }
+    }
+
+    fn with_arms(of: Manifold<f64, 2>, arms: [Vector<f64, 2>; 2]) -> Manifold<f64, 2> {
+        Manifold { frame: ConstraintFrame { arms, ..of.frame }, ..of }
     }
 
     /// Rolls a ball with its center of mass off its center, on a floor without slip. Its center
@@ -208,19 +214,18 @@ mod tests {
     fn what_rolls_stays_on_the_floor() {
         let (radius, beside) = (0.5, Vector([0.2, 0.1]));
         let arm = Vector([0.0, -radius]) - beside;
-        let rolling =
-            Manifold { arms: [arm, Vector([3.0, 0.0])], ..manifold([radius, 0.0], [0.0, 1.0]) };
+        let rolling = with_arms(manifold([radius, 0.0], [0.0, 1.0]), [arm, Vector([3.0, 0.0])]);
         for angle in [0.5, 0.1, 0.05] {
             // x = x_center + R(angle) beside.
             let center = Vector([-radius * angle, 0.0]);
             let linear = center + turn(Vector([angle]), beside);
             let of_a = moved(linear.0, angle);
-            let Moved { frame, arms, bend } =
+            let Moved { frame: ConstraintFrame { axes, arms }, bend } =
                 rolling.moved(0.0, [&of_a, &moved([0.0; 2], 0.0)], 0.0);
-            assert_eq!(frame, rolling.frame);
+            assert_eq!(axes, rolling.frame.axes);
             let below = Vector([0.0, -radius]) - (beside + turn(Vector([angle]), beside));
             assert!((arms[0] - below).length() < 1e-12, "{arms:?}");
-            let by_j = (linear + spin(of_a.angular, arm)).dot(frame[0]);
+            let by_j = (linear + spin(of_a.angular, arm)).dot(axes[0]);
             assert!((by_j + bend).abs() < 1e-4 * angle.powi(4), "{by_j} and {bend}");
         }
     }
@@ -233,18 +238,20 @@ mod tests {
             let radii = if normal_share == [0.0, 0.0] { [0.4, 0.7] } else { [0.0, 0.6] };
             let rows = manifold(radii, normal_share);
             let (gap, a, b) = (0.02, moved([0.03, -0.01], 0.08), moved([-0.02, 0.02], -0.05));
-            let Moved { frame, arms, bend } = rows.moved(gap, [&a, &b], 0.0);
+            let Moved { frame: ConstraintFrame { axes, arms }, bend } =
+                rows.moved(gap, [&a, &b], 0.0);
             let cores = [
-                rows.arms[0] + rows.frame[0] * (radii[0] + normal_share[0] * gap),
-                rows.arms[1] - rows.frame[0] * (radii[1] + (1.0 - normal_share[0]) * gap),
+                rows.frame.arms[0] + rows.frame.axes[0] * (radii[0] + normal_share[0] * gap),
+                rows.frame.arms[1]
+                    - rows.frame.axes[0] * (radii[1] + (1.0 - normal_share[0]) * gap),
             ];
             let turned =
                 [cores[0] + turn(a.angular, cores[0]), cores[1] + turn(b.angular, cores[1])];
-            let apart = rows.arms[1] - rows.arms[0] + a.linear - b.linear;
+            let apart = rows.frame.arms[1] - rows.frame.arms[0] + a.linear - b.linear;
             let between = apart + turned[0] - turned[1];
             let now =
-                if normal_share == [0.0, 0.0] { between.length() } else { between.dot(frame[0]) };
-            let by_j = rows.frame[0].dot(a.at(rows.arms[0]) - b.at(rows.arms[1]));
+                if normal_share == [0.0, 0.0] { between.length() } else { between.dot(axes[0]) };
+            let by_j = rows.frame.axes[0].dot(a.at(rows.frame.arms[0]) - b.at(rows.frame.arms[1]));
             let exact = now - radii[0] - radii[1] - gap;
             assert!(
                 (by_j + bend - exact).abs() < 2e-6,
@@ -252,7 +259,7 @@ mod tests {
                 by_j + bend
             );
             assert!((arms[1] - arms[0] - apart).length() < 1e-12);
-            assert!((frame[0].length() - 1.0).abs() < 1e-12);
+            assert!((axes[0].length() - 1.0).abs() < 1e-12);
         }
     }
 }

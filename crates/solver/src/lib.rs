@@ -25,8 +25,8 @@
 //!
 //! | Equation | In code | Module |
 //! |---|---|---|
-//! | v_n = J_i v | [`Manifold::twist`], [`Contact::normal_velocity`] | manifold, contact |
-//! | v += M^-1 J_i^T p | [`Contact::add_wrench`], [`Manifold::apply`] | contact, manifold |
+//! | v_n = J_i v | [`ConstraintFrame::twist`], [`Contact::normal_velocity`] | constraint, contact |
+//! | v += M^-1 J_i^T p | [`Contact::add_wrench`], [`ConstraintFrame::apply`] | contact, constraint |
 //! | m_eff | [`Mobility::of`], [`Contact::prepare`] | mobility, contact |
 //! | r x n, omega x r | [`moment`], [`spin`] | vector |
 //! | t: overlap and gap | [`System::set_targets`] | system |
@@ -48,7 +48,7 @@
 //!
 //! ```
 //! use drystone_solver::{
-//!     Contact, InverseMass, Manifold, Repair, System, Vector, Velocity, contact_frame, pgs,
+//!     ConstraintFrame, Contact, InverseMass, Manifold, Repair, System, Vector, Velocity, contact_frame, pgs,
 //! };
 //!
 //! let (dt, gravity) = (0.01, -10.0);
@@ -61,9 +61,9 @@
 //!
 //! // The normal points from the second body of each pair up to the first.
 //! for bodies in [[lower, floor], [upper, lower]] {
-//!     let frame = contact_frame(Vector([0.0, 1.0]));
-//!     let manifold =
-//!         Manifold { bodies, frame, friction: 0.5, ..Manifold::default() };
+//!     let axes = contact_frame(Vector([0.0, 1.0]));
+//!     let frame = ConstraintFrame { axes, ..ConstraintFrame::default() };
+//!     let manifold = Manifold { bodies, frame, friction: 0.5, ..Manifold::default() };
 //!     system.add_manifold(manifold, &[Contact::default()]);
 //! }
 //! system.prepare(0.0); // effective masses; rigid
@@ -94,6 +94,7 @@ mod body;
 pub mod certificate;
 mod cholesky;
 mod clock;
+mod constraint;
 mod contact;
 pub mod island;
 pub mod jam;
@@ -121,6 +122,7 @@ mod vector;
 
 pub use body::{InverseMass, Mass, Velocity};
 pub use clock::Clock;
+pub use constraint::ConstraintFrame;
 pub use contact::{Contact, Repair};
 pub use manifold::{Manifold, contact_frame};
 pub use mobility::Mobility;

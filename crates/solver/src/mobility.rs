@@ -2,10 +2,10 @@
 
 use crate::body::{TwistAxes, all_axes};
 use crate::vector::{add_moment, spin};
-use crate::{InverseMass, Manifold, Real, SymmetricMatrix, Vector, Velocity};
+use crate::{ConstraintFrame, InverseMass, Real, SymmetricMatrix, Vector, Velocity};
 
 /// K = J M^-1 J^T at a manifold's center: maps a wrench to the twist that it produces
-/// ([`Manifold::twist`]). Transformed to the offsets of the points it gives their blocks of A.
+/// ([`ConstraintFrame::twist`]). Transformed to the offsets of the points it gives their blocks of A.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Mobility<T: Real, const L: usize, const A: usize> {
@@ -34,20 +34,20 @@ impl<T: Real, const L: usize, const A: usize> Default for CrossBlock<T, L, A> {
 const ROUNDING: f64 = 1e-11;
 
 impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
-    /// Returns the mobility of a manifold between bodies of these inverse masses.
+    /// Returns the mobility of a constraint between bodies of these inverse masses.
     #[inline(always)]
-    pub fn of(manifold: &Manifold<T, L>, masses: &[InverseMass<T, L, A>; 2]) -> Self {
+    pub fn of(frame: &ConstraintFrame<T, L>, masses: &[InverseMass<T, L, A>; 2]) -> Self {
         let mut mobility = Self::default();
-        mobility.set_felt::<A>(manifold, masses);
+        mobility.set_felt::<A>(frame, masses);
         mobility
     }
 
     /// Sets the part of the mobility that points need which depend on `B` components of rotation
-    /// ([`Manifold::twist_felt`]). The other parts do not change.
+    /// ([`ConstraintFrame::twist_felt`]). The other parts do not change.
     #[inline(always)]
     pub(crate) fn set_felt<const B: usize>(
         &mut self,
-        manifold: &Manifold<T, L>,
+        frame: &ConstraintFrame<T, L>,
         masses: &[InverseMass<T, L, A>; 2],
     ) {
         self.linear = SymmetricMatrix::default();
@@ -55,8 +55,8 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
             (self.cross, self.angular) = (CrossBlock::default(), SymmetricMatrix::default());
         }
         let mut turning = T::ZERO;
-        for (mass, arm) in masses.iter().zip(&manifold.arms) {
-            let (tensor, arm) = (manifold.tensor(mass.angular), manifold.to_frame(*arm));
+        for (mass, arm) in masses.iter().zip(&frame.arms) {
+            let (tensor, arm) = (frame.tensor(mass.angular), frame.to_frame(*arm));
             self.add_body::<B>(mass.linear, tensor, arm);
             for k in 0..A {
                 turning += tensor.entry(k, k) * arm.dot(arm);
@@ -113,7 +113,7 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
     }
 
     /// Adds to the components `to` of a twist the response to the components `from` of a wrench.
-    /// Both have `B` angular components ([`Manifold::twist_felt`]).
+    /// Both have `B` angular components ([`ConstraintFrame::twist_felt`]).
     #[inline(always)]
     pub(crate) fn add<const B: usize>(
         &self,

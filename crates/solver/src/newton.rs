@@ -245,12 +245,12 @@ impl<const L: usize> Row<Cone<f64, L>, L> {
         law: Cone<f64, L>,
     ) -> Self {
         let side = |sign: f64, anchor: Vector<f64, L>| {
-            manifold.frame.map(|axis| {
+            manifold.frame.axes.map(|axis| {
                 let push = axis * sign;
                 flat::<L, A>(&Velocity { linear: push, angular: moment(anchor, push) })
             })
         };
-        let [anchor_a, anchor_b] = manifold.anchors(contact.offset);
+        let [anchor_a, anchor_b] = manifold.frame.anchors(contact.offset);
         Self {
             index,
             bodies: manifold.bodies.map(|body| body as usize),

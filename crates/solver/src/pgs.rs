@@ -107,7 +107,7 @@ fn visit_of<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICTI
     let manifold = &manifolds[index];
     let points = &mut contacts[manifold.points()];
     let masses = &manifold.bodies.map(|body| masses[body as usize]);
-    let parts = (manifold, &Mobility::of(manifold, masses), masses);
+    let parts = (manifold, &Mobility::of(&manifold.frame, masses), masses);
     let bodies = &mut PairOf { velocities, bodies: manifold.bodies };
     if is_center(points) {
         visit::<T, L, A, 0, LAW, FRICTION>(parts, points, bodies);
@@ -154,7 +154,7 @@ pub(crate) trait BodyPair<T: Real, const L: usize, const A: usize> {
 }
 
 /// Visits a manifold once: the normals of its points, then their friction. The points depend on `B`
-/// components of rotation: 0 if [`is_center`] holds, otherwise `A` ([`Manifold::twist_felt`]).
+/// components of rotation: 0 if [`is_center`] holds, otherwise `A` ([`ConstraintFrame::twist_felt`]).
 #[inline(always)]
 pub(crate) fn visit<
     T: Real,
@@ -169,7 +169,7 @@ pub(crate) fn visit<
     bodies: &mut impl BodyPair<T, L, A>,
 ) {
     let [mut a, mut b] = bodies.velocities();
-    let mut twist: Velocity<T, L, B> = manifold.twist_felt(&a, &b);
+    let mut twist: Velocity<T, L, B> = manifold.frame.twist_felt(&a, &b);
     let mut wrench = Velocity::ZERO;
     let (normals, all) = (&along_normals::<B>(), &all_axes::<L, B>());
     for contact in points.iter_mut() {
@@ -193,7 +193,7 @@ pub(crate) fn visit<
             contact.add_wrench(1..L, change, &mut wrench);
         }
     }
-    manifold.apply_of(if FRICTION { all } else { normals }, &wrench, masses, &mut a, &mut b);
+    manifold.frame.apply_of(if FRICTION { all } else { normals }, &wrench, masses, &mut a, &mut b);
     bodies.set_velocities([a, b]);
 }
 

@@ -32,7 +32,7 @@ pub fn set_targets<T: Real, const L: usize, const A: usize>(
 ) {
     for manifold in &system.manifolds {
         let [a, b] = manifold.bodies.map(|body| &before[body as usize]);
-        let twist = manifold.twist(a, b);
+        let twist = manifold.frame.twist(a, b);
         for contact in &mut system.contacts[manifold.points()] {
             let approach = -contact.normal_velocity(&twist);
             let repair = contact.target[0];
@@ -295,10 +295,10 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
                 continue;
             }
             let [a, b] = manifold.bodies.map(|body| self.part.velocity(system, body));
-            let twist = manifold.twist(&a, &b);
+            let twist = manifold.frame.twist(&a, &b);
             let (points, known) = (&system.contacts[manifold.points()], self.closing.len());
             let [a, b] = manifold.bodies.map(|body| &self.forced[body as usize]);
-            let forced = manifold.cast::<f64>().twist(a, b);
+            let forced = manifold.cast::<f64>().frame.twist(a, b);
             // Fractions of the step.
             let mut time = 1.0f64;
             let mut fastest = 0.0f64;
@@ -445,7 +445,7 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
         let mut regained = self.regained.iter();
         for manifold in &system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &self.part.start[body as usize]);
-            let (start, end) = (manifold.twist(a, b), system.twist_of(manifold));
+            let (start, end) = (manifold.frame.twist(a, b), system.twist_of(manifold));
             let work = &mut self.work[self.islands.of_pair(manifold.bodies) as usize];
             for (contact, regained) in system.contacts[manifold.points()].iter().zip(&mut regained)
             {
@@ -530,7 +530,7 @@ fn make_rigid<const L: usize, const A: usize>(system: &mut System<f64, L, A>) {
     let Some(manifold) = system.manifolds.last_mut() else { return };
     manifold.friction = 0.0;
     let manifold = *manifold;
-    let mobility = Mobility::of(&manifold, &system.masses_of(&manifold));
+    let mobility = Mobility::of(&manifold.frame, &system.masses_of(&manifold));
     for contact in &mut system.contacts[manifold.points()] {
         contact.impulse = Vector::ZERO;
         contact.prepare(&manifold, &mobility, 0.0);

@@ -24,7 +24,7 @@
 //! certificate is for the problem with that torque.
 
 use crate::lanes::Lanes;
-use crate::{Contact, InverseMass, Manifold, Real, Vector, Velocity};
+use crate::{ConstraintFrame, Contact, InverseMass, Real, Vector, Velocity};
 
 /// Motion of the surfaces of a manifold's two bodies, and their resistance to rotation relative to
 /// each other.
@@ -54,10 +54,13 @@ impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
     pub const NONE: Self =
         Self { belt: Velocity::ZERO, rolling: T::ZERO, spinning: T::ZERO, torque: Vector::ZERO };
 
-    /// Returns the belt of a manifold whose surfaces move at these velocities relative to their
+    /// Returns the belt of a contact frame whose surfaces move at these velocities relative to their
     /// bodies. The velocities are given at the centers of mass, like those of bodies.
-    pub fn belt(manifold: &Manifold<T, L>, [a, b]: [&Velocity<T, L, A>; 2]) -> Velocity<T, L, A> {
-        let mut belt = manifold.twist(a, b);
+    pub fn belt(
+        frame: &ConstraintFrame<T, L>,
+        [a, b]: [&Velocity<T, L, A>; 2],
+    ) -> Velocity<T, L, A> {
+        let mut belt = frame.twist(a, b);
         belt.linear[0] = T::ZERO;
         // Rotation about other axes than the normal would lift the contact; in 2D there is no
         // rotation about the normal.
@@ -89,7 +92,7 @@ impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
     #[inline(always)]
     pub fn resist(
         &mut self,
-        manifold: &Manifold<T, L>,
+        frame: &ConstraintFrame<T, L>,
         masses: &[InverseMass<T, L, A>; 2],
         pressed: T,
         [a, b]: [&mut Velocity<T, L, A>; 2],
@@ -97,8 +100,8 @@ impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
         if A == 0 {
             return;
         }
-        let mut turning = manifold.twist(a, b).angular;
-        let [own, other] = masses.each_ref().map(|mass| manifold.tensor(mass.angular));
+        let mut turning = frame.twist(a, b).angular;
+        let [own, other] = masses.each_ref().map(|mass| frame.tensor(mass.angular));
         let entry = |i, j| own.entry(i, j) + other.entry(i, j);
         let before = self.torque;
         let one = |wanted: T, most: T| wanted.max(-most).min(most);
@@ -127,7 +130,7 @@ impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
                 self.torque[i] = self.torque[i] * scale;
             }
         }
-        manifold.apply(&Self::wrench(self.torque - before), masses, a, b);
+        frame.apply(&Self::wrench(self.torque - before), masses, a, b);
     }
 }
 

@@ -74,17 +74,17 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         }
     }
 
-    /// Returns the relative motion of the bodies of a manifold ([`Manifold::twist`]).
+    /// Returns the relative motion of the bodies of a manifold ([`ConstraintFrame::twist`]).
     #[inline(always)]
     pub fn twist_of(&self, manifold: &Manifold<T, L>) -> Velocity<T, L, A> {
         let [a, b] = self.velocities_of(manifold);
-        manifold.twist(&a, &b)
+        manifold.frame.twist(&a, &b)
     }
 
     /// Sets the effective masses of every contact ([`Contact::prepare`]).
     pub fn prepare(&mut self, softness: T) {
         for manifold in &self.manifolds {
-            let mobility = Mobility::of(manifold, &self.masses_of(manifold));
+            let mobility = Mobility::of(&manifold.frame, &self.masses_of(manifold));
             for contact in &mut self.contacts[manifold.points()] {
                 contact.prepare(manifold, &mobility, softness);
             }
@@ -96,7 +96,7 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
     pub fn set_targets(&mut self, displacements: &[Velocity<T, L, A>], repair: &Repair<T>) {
         for manifold in &self.manifolds {
             let [a, b] = manifold.bodies.map(|body| &displacements[body as usize]);
-            let moved = manifold.twist(a, b);
+            let moved = manifold.frame.twist(a, b);
             for contact in &mut self.contacts[manifold.points()] {
                 contact.set_target(&moved, repair);
             }
@@ -125,7 +125,7 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
             contact.add_wrench(0..L, impulse, &mut wrench);
         }
         let [mut a, mut b] = self.velocities_of(&manifold);
-        manifold.apply(&wrench, &self.masses_of(&manifold), &mut a, &mut b);
+        manifold.frame.apply(&wrench, &self.masses_of(&manifold), &mut a, &mut b);
         self.set_velocities(&manifold, [a, b]);
     }
 }

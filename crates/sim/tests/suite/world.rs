@@ -374,7 +374,7 @@ fn points_of_what_is_small_are_not_reused_for_long() {
         let system = world.system();
         let manifold = &system.manifolds[0];
         for contact in &system.contacts {
-            let point = center + manifold.arms[1] + manifold.to_world(contact.offset);
+            let point = center + manifold.frame.arms[1] + manifold.frame.to_world(contact.offset);
             farthest = farthest.max(point[0]);
         }
     }

@@ -43,8 +43,8 @@ fn rows<T: Scalar, const L: usize, const A: usize>(
         let manifold: Manifold<f64, L> = manifold.cast();
         let [a, b] = manifold.bodies;
         for i in manifold.points() {
-            let [anchor_a, anchor_b] = manifold.anchors(system.contacts[i].offset.cast());
-            for (j, &direction) in manifold.frame[..directions].iter().enumerate() {
+            let [anchor_a, anchor_b] = manifold.frame.anchors(system.contacts[i].offset.cast());
+            for (j, &direction) in manifold.frame.axes[..directions].iter().enumerate() {
                 let row = directions * i + j;
                 block::<L, A>(row, a, 1.0, anchor_a, direction, &mut entries);
                 block::<L, A>(row, b, -1.0, anchor_b, direction, &mut entries);

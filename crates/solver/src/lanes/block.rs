@@ -5,7 +5,7 @@ use super::source::{LaneSlots, ManifoldSource, open};
 use super::{GatherLanes, KernelLanes, Lanes, WIDTH, lanes_of};
 use crate::island::NONE;
 use crate::pgs::is_center;
-use crate::{Contact, InverseMass, Manifold, Mobility, Vector, Velocity};
+use crate::{ConstraintFrame, Contact, InverseMass, Manifold, Mobility, Vector, Velocity};
 
 /// Largest number of points in a block whose lanes are read one by one.
 const FEW: usize = 8;
@@ -176,10 +176,10 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
     }
 
     /// Computes the effective masses of points that feel `B` components of rotation
-    /// ([`Manifold::twist_felt`]).
+    /// ([`ConstraintFrame::twist_felt`]).
     #[inline(always)]
     fn prepare_felt<const B: usize>(&mut self, points: &mut [Contact<V, L>], softness: V) {
-        self.mobility.set_felt::<B>(&self.manifold, &self.masses);
+        self.mobility.set_felt::<B>(&self.manifold.frame, &self.masses);
         for contact in points {
             contact.prepare_felt::<A, B>(&self.manifold, &self.mobility, softness);
         }
@@ -190,8 +190,10 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         let wide = &self.manifold;
         Manifold {
             bodies,
-            frame: std::array::from_fn(|i| get(&wide.frame[i], lane)),
-            arms: std::array::from_fn(|i| get(&wide.arms[i], lane)),
+            frame: ConstraintFrame {
+                axes: std::array::from_fn(|i| get(&wide.frame.axes[i], lane)),
+                arms: std::array::from_fn(|i| get(&wide.frame.arms[i], lane)),
+            },
             friction: wide.friction.get(lane),
             restitution: wide.restitution.get(lane),
             compliance: wide.compliance.get(lane),
@@ -262,10 +264,10 @@ fn set_manifold<V: Lanes, const L: usize>(
     own: &Manifold<f32, L>,
 ) {
     for i in 0..L {
-        set(&mut wide.frame[i], lane, &own.frame[i]);
+        set(&mut wide.frame.axes[i], lane, &own.frame.axes[i]);
     }
     for side in 0..2 {
-        set(&mut wide.arms[side], lane, &own.arms[side]);
+        set(&mut wide.frame.arms[side], lane, &own.frame.arms[side]);
     }
     wide.friction.set(lane, own.friction);
     wide.restitution.set(lane, own.restitution);

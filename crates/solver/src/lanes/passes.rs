@@ -285,7 +285,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
                 }
                 let [mut a, mut b] = at.gather();
                 at.between();
-                at.block.manifold.apply(&wrench, &at.block.masses, &mut a, &mut b);
+                at.block.manifold.frame.apply(&wrench, &at.block.masses, &mut a, &mut b);
                 at.scatter([a, b]);
             },
         );
@@ -390,7 +390,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
                 let wrench = SurfaceEffects::wrench(surface.torque);
                 let [mut a, mut b] = at.gather();
                 at.between();
-                at.block.manifold.apply(&wrench, &at.block.masses, &mut a, &mut b);
+                at.block.manifold.frame.apply(&wrench, &at.block.masses, &mut a, &mut b);
                 at.scatter([a, b]);
             },
         );
@@ -409,7 +409,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
                 at.between();
                 let block = at.block;
                 let surface = &mut view_all_mut::<V, _>(at.of_block(&surfaces))[0];
-                surface.resist(&block.manifold, &block.masses, pressed, [&mut a, &mut b]);
+                surface.resist(&block.manifold.frame, &block.masses, pressed, [&mut a, &mut b]);
                 at.scatter([a, b]);
             },
         );
@@ -447,7 +447,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
             #[inline(always)]
             |block, points| {
                 let [a, b] = block.gather_from(0, velocities);
-                let twist = block.manifold.twist(&a, &b);
+                let twist = block.manifold.frame.twist(&a, &b);
                 let own = points.iter().map(
                     #[inline(always)]
                     |point| point.residual::<A, RIGID>(block.manifold.friction, &twist),
@@ -481,7 +481,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
                 }
                 let manifold = &block.manifold;
                 let [moved_a, moved_b] = block.gather_from(first, displacements);
-                let moved = manifold.twist(&moved_a, &moved_b);
+                let moved = manifold.frame.twist(&moved_a, &moved_b);
                 let points = points[..manifold.count as usize].iter_mut();
                 for (point, contact) in points.enumerate() {
                     let gap = contact.gap + contact.relative_velocity(&moved);

@@ -4,7 +4,7 @@ use super::Lanes;
 use super::block::Block;
 use super::targets::any;
 use crate::kinematics::Moved;
-use crate::{Contact, InverseMass, Manifold, Vector, Velocity};
+use crate::{Contact, InverseMass, Vector, Velocity};
 
 /// J is renewed only where that changes velocities by less than this fraction of the velocity from
 /// rotation. So it is renewed under weights, but not in impacts. \[1\]
@@ -68,9 +68,9 @@ pub(super) fn renew<V: Lanes, const L: usize, const A: usize>(
     }
 }
 
-/// Renews J for points that feel `B` components of rotation ([`Manifold::twist_felt`]).
+/// Renews J for points that feel `B` components of rotation ([`ConstraintFrame::twist_felt`]).
 ///
-/// [`Manifold::twist_felt`]: crate::Manifold
+/// [`ConstraintFrame::twist_felt`]: crate::Manifold
 #[inline(always)]
 fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     block: &mut Block<V, L, A>,
@@ -95,19 +95,18 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     for contact in &*points {
         contact.add_wrench(0..L, contact.impulse, &mut wrench);
     }
-    let mut before: Velocity<V, L, B> = manifold.twist_felt(&a, &b);
+    let mut before: Velocity<V, L, B> = manifold.frame.twist_felt(&a, &b);
     let gap = deepest.gap[0] + deepest.normal_velocity(&before);
     let twist = if B == 0 { V::ZERO } else { V::ONE };
-    let Moved { frame, arms, bend } = manifold.moved(gap, moved, twist);
+    let Moved { frame: next, bend } = manifold.moved(gap, moved, twist);
     // Half of the impulse acts through J before the motion, half through J after it.
     let half = V::from_f64(0.5);
-    let [to_a, from_b] = manifold.momenta(&wrench);
-    let next = Manifold { frame, arms, ..*manifold };
+    let [to_a, from_b]: [Velocity<V, L, A>; 2] = manifold.frame.momenta(&wrench);
     let [to_a_next, from_b_next] = next.momenta(&wrench);
-    let lag = [(to_a_next - to_a) * half, (from_b_next - from_b) * half];
+    let lag: [Velocity<V, L, A>; 2] = [(to_a_next - to_a) * half, (from_b_next - from_b) * half];
     // An impact changes rotation at once, so correcting the lag of its arms would feed back on
     // itself.
-    let turns = turns.min(settles(&arms, &block.masses, &lag, spins));
+    let turns = turns.min(settles(&next.arms, &block.masses, &lag, spins));
     let choose = |new: Vector<V, L>, old: Vector<V, L>| {
         let mut out = old;
         for i in 0..L {
@@ -116,14 +115,14 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
         out
     };
     for i in 0..L {
-        manifold.frame[i] = choose(frame[i], manifold.frame[i]);
+        manifold.frame.axes[i] = choose(next.axes[i], manifold.frame.axes[i]);
     }
     for side in 0..2 {
-        manifold.arms[side] = choose(arms[side], manifold.arms[side]);
+        manifold.frame.arms[side] = choose(next.arms[side], manifold.frame.arms[side]);
     }
     block.lag = lag.map(|own| own * turns.choose(V::ONE, V::ZERO));
     before.linear[0] += bend;
-    let after: Velocity<V, L, B> = manifold.twist_felt(&a, &b);
+    let after: Velocity<V, L, B> = manifold.frame.twist_felt(&a, &b);
     for contact in &mut *points {
         let mut own = *contact;
         own.renew(&before, &after);

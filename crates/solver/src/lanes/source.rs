@@ -112,10 +112,11 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for System<f32, L, A> {
     ) {
         let own = V::each(|lane| &self.manifolds[seats.manifold(lane)]);
         for i in 0..L {
-            manifold.frame[i] = V::gathered_vector(V::each(|lane| &own[lane].frame[i]));
+            manifold.frame.axes[i] = V::gathered_vector(V::each(|lane| &own[lane].frame.axes[i]));
         }
         for side in 0..2 {
-            manifold.arms[side] = V::gathered_vector(V::each(|lane| &own[lane].arms[side]));
+            let arms = V::each(|lane| &own[lane].frame.arms[side]);
+            manifold.frame.arms[side] = V::gathered_vector(arms);
         }
         manifold.friction = V::gathered(V::each(|lane| own[lane].friction));
         manifold.restitution = V::gathered(V::each(|lane| own[lane].restitution));

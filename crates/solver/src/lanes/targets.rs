@@ -58,7 +58,7 @@ impl<V: Lanes, const L: usize, const A: usize> Targets<'_, V, L, A> {
         }
     }
 
-    /// Sets the targets of points that feel `B` components of rotation ([`Manifold::twist_felt`]).
+    /// Sets the targets of points that feel `B` components of rotation ([`ConstraintFrame::twist_felt`]).
     #[inline(always)]
     fn set_felt<const B: usize>(
         &self,
@@ -67,7 +67,7 @@ impl<V: Lanes, const L: usize, const A: usize> Targets<'_, V, L, A> {
         velocities: Option<[Velocity<V, L, A>; 2]>,
     ) {
         let [a, b] = block.gather_from(self.first, self.displacements);
-        let mut moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
+        let mut moved: Velocity<V, L, B> = block.manifold.frame.twist_felt(&a, &b);
         let total = [&a, &b];
         if A > 0
             && let Some([a, b]) = velocities
@@ -130,9 +130,9 @@ pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     }
 }
 
-/// Sets the targets for points that feel `B` components of rotation ([`Manifold::twist_felt`]).
+/// Sets the targets for points that feel `B` components of rotation ([`ConstraintFrame::twist_felt`]).
 ///
-/// [`Manifold::twist_felt`]: crate::Manifold
+/// [`ConstraintFrame::twist_felt`]: crate::Manifold
 #[inline(always)]
 fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     block: &Block<V, L, A>,
@@ -141,7 +141,7 @@ fn land_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     landing: &Landing<'_, L, A>,
 ) {
     let [a, b] = block.gather_from(first, landing.displacements);
-    let moved: Velocity<V, L, B> = block.manifold.twist_felt(&a, &b);
+    let moved: Velocity<V, L, B> = block.manifold.frame.twist_felt(&a, &b);
     let [deepest, ..] = &*points else { return };
     let holds = block.manifold.holds(deepest.gap[0], [&a, &b]);
     let landed = splat::<V>(landing.dt) * V::from_f64(LANDED);

@@ -4,7 +4,8 @@ use crate::common::{Random, Recipe, assert_all_close, assert_close, random_scene
 use drystone_solver::assembled::{Assembly, Limits, Problem, ProblemError, Status, ladder};
 use drystone_solver::certificate::certify;
 use drystone_solver::{
-    Contact, InverseMass, Manifold, SymmetricMatrix, System, Vector, Velocity, contact_frame,
+    ConstraintFrame, Contact, InverseMass, Manifold, SymmetricMatrix, System, Vector, Velocity,
+    contact_frame,
 };
 
 /// Returns soft contacts between random bodies, one of which cannot rotate, and contacts with two
@@ -21,7 +22,7 @@ fn any_system<const L: usize, const A: usize>(seed: u64, friction: bool) -> Syst
     let walls = [scene.wall(), scene.wall()];
     scene.system.velocities[walls[0] as usize].linear = random.vector();
     let below = scene.system.manifolds[0].bodies[0];
-    let normal = if A == 0 { scene.system.manifolds[0].frame[0] } else { random.unit() };
+    let normal = if A == 0 { scene.system.manifolds[0].frame.axes[0] } else { random.unit() };
     scene.push(walls[0], walls[1], normal);
     scene.push(below, walls[0], normal);
     let mut system = scene.system;
@@ -82,7 +83,8 @@ fn matrices_agree<const L: usize, const A: usize>(seed: u64, friction: bool) {
         let [a, b] = system.velocities_of(manifold);
         for contact in &system.contacts[manifold.points()] {
             if contact.effective_mass > 0.0 {
-                let mut w = contact.relative_velocity(&manifold.twist(&a, &b)) - contact.target;
+                let mut w =
+                    contact.relative_velocity(&manifold.frame.twist(&a, &b)) - contact.target;
                 w[0] += contact.compliance * contact.impulse[0];
                 for k in 1..L {
                     w[k] += contact.tangential_compliance * contact.impulse[k];
@@ -152,8 +154,10 @@ fn locked_axes_stay_locked() {
     let floor = system.add_body(Velocity::ZERO, InverseMass::FIXED);
     let manifold = Manifold {
         bodies: [body, floor],
-        frame: contact_frame(n),
-        arms: [Vector([1.0, 0.0, 0.0]), Vector::ZERO],
+        frame: ConstraintFrame {
+            axes: contact_frame(n),
+            arms: [Vector([1.0, 0.0, 0.0]), Vector::ZERO],
+        },
         ..Manifold::default()
     };
     system.add_manifold(manifold, &[Contact::default()]);

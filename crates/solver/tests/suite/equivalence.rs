@@ -204,7 +204,7 @@ fn centers_anywhere<const L: usize, const A: usize>(seed: u64) {
         let mut by: Vector<f64, L> = random.vector() * 0.3;
         by[0] = 0.0;
         alone += usize::from(manifold.count == 1);
-        manifold.arms = manifold.arms.map(|arm| arm + manifold.to_world(by));
+        manifold.frame.arms = manifold.frame.arms.map(|arm| arm + manifold.frame.to_world(by));
         for contact in &mut shifted.contacts[manifold.points()] {
             contact.offset -= by;
         }
@@ -836,11 +836,11 @@ fn mirrored<const L: usize, const A: usize>(system: &System<f64, L, A>) -> Syste
         mass.angular = SymmetricMatrix(rows);
     }
     for manifold in &mut mirror.manifolds {
-        manifold.frame = manifold.frame.map(reflected);
-        manifold.arms = manifold.arms.map(reflected);
+        manifold.frame.axes = manifold.frame.axes.map(reflected);
+        manifold.frame.arms = manifold.frame.arms.map(reflected);
         // The mirror image of a right-handed frame is left-handed. Reversing its last axis makes it
         // right-handed again.
-        manifold.frame[L - 1] = -manifold.frame[L - 1];
+        manifold.frame.axes[L - 1] = -manifold.frame.axes[L - 1];
     }
     for contact in &mut mirror.contacts {
         contact.offset[L - 1] = -contact.offset[L - 1];
@@ -868,9 +868,9 @@ fn exchange<const L: usize, const A: usize>(seed: u64) {
     let mut exchanged = system.clone();
     for manifold in &mut exchanged.manifolds {
         manifold.bodies.reverse();
-        manifold.arms.reverse();
+        manifold.frame.arms.reverse();
         // Rotates by half a turn: about the last tangent in 3D, about the point in 2D.
-        for axis in &mut manifold.frame[..2] {
+        for axis in &mut manifold.frame.axes[..2] {
             *axis = -*axis;
         }
     }

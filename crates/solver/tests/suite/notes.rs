@@ -87,8 +87,8 @@ mod spherical_particles_without_friction {
         scene.system.velocities[0].linear = Vector([7.0, 2.0]);
         scene.system.velocities[1].linear = Vector([5.0, -3.0]);
         let [va, vb] = scene.system.velocities_of(&scene.system.manifolds[0]);
-        let v_n =
-            scene.system.contacts[0].normal_velocity(&scene.system.manifolds[0].twist(&va, &vb));
+        let v_n = scene.system.contacts[0]
+            .normal_velocity(&scene.system.manifolds[0].frame.twist(&va, &vb));
         assert_eq!(v_n, 5.0, "positive: a leaves b upwards");
     }
 
@@ -541,7 +541,8 @@ mod why_does_it_work {
         for manifold in &scene.system.manifolds {
             let [v_a, v_b] = scene.system.velocities_of(manifold);
             for i in manifold.points() {
-                let kernel = scene.system.contacts[i].normal_velocity(&manifold.twist(&v_a, &v_b));
+                let kernel =
+                    scene.system.contacts[i].normal_velocity(&manifold.frame.twist(&v_a, &v_b));
                 assert_close(kernel, v_n[i], 1e-11);
             }
         }
@@ -962,7 +963,7 @@ mod rigid_bodies {
         let masses = scene.system.masses_of(manifold);
         Row {
             n: manifold.normal().0,
-            anchors: manifold.anchors(scene.system.contacts[0].offset).map(|anchor| anchor.0),
+            anchors: manifold.frame.anchors(scene.system.contacts[0].offset).map(|anchor| anchor.0),
             inverse_inertias: masses.map(|mass| mass.angular.0.map(|row| row.0)),
             inverse_masses: masses.map(|mass| mass.linear),
         }
@@ -978,7 +979,7 @@ mod rigid_bodies {
             - dot(n, cross(b.angular.0, anchors[1]));
         assert_close((jacobian(&scene.system) * velocities(&scene.system))[0], v_n, ROUNDING);
         let contact = scene.system.contacts[0];
-        let kernel = contact.normal_velocity(&scene.system.manifolds[0].twist(&a, &b));
+        let kernel = contact.normal_velocity(&scene.system.manifolds[0].frame.twist(&a, &b));
         assert_close(kernel, v_n, ROUNDING);
     }
 
@@ -1064,7 +1065,7 @@ mod rigid_bodies {
                 for j in manifold.points().filter(|&j| j != 0) {
                     for (x, body) in [a, b].into_iter().enumerate() {
                         let mass = &system.masses[body as usize];
-                        let anchors = manifold.anchors(system.contacts[j].offset);
+                        let anchors = manifold.frame.anchors(system.contacts[j].offset);
                         let (s, anchor) = match manifold.bodies.iter().position(|&y| y == body) {
                             Some(0) => (1.0, anchors[0].0),
                             Some(_) => (-1.0, anchors[1].0),
@@ -1081,7 +1082,7 @@ mod rigid_bodies {
             }
             let contact = system.contacts[0];
             let n = system.manifolds[0].normal().0;
-            let [r_a, r_b] = system.manifolds[0].anchors(contact.offset);
+            let [r_a, r_b] = system.manifolds[0].frame.anchors(contact.offset);
             let other = dot(n, dv[0]) - dot(n, dv[1]) + dot(n, cross(dw[0], r_a.0))
                 - dot(n, cross(dw[1], r_b.0));
             let v_n = (jacobian(&system) * velocities(&system))[0];
@@ -1133,10 +1134,10 @@ mod a_bit_about_implementation {
         for manifold in &scene.system.manifolds {
             let [a, b] = manifold.bodies.map(|body| body as usize);
             for contact in &scene.system.contacts[manifold.points()] {
-                let p = manifold.to_world(contact.impulse);
+                let p = manifold.frame.to_world(contact.impulse);
                 linear[a] += p;
                 linear[b] -= p;
-                let [r_a, r_b] = manifold.anchors(contact.offset);
+                let [r_a, r_b] = manifold.frame.anchors(contact.offset);
                 angular[a] += drystone_solver::moment(r_a, p);
                 angular[b] -= drystone_solver::moment(r_b, p);
             }

@@ -72,7 +72,6 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             }
             _ => {
                 fetch(&manifold.frame, 1);
-                fetch(&manifold.arms, 1);
                 fetch(&manifold.friction, 1);
                 fetch(&manifold.count, 1);
             }

@@ -3,7 +3,8 @@
 pub(crate) mod counting;
 
 use drystone_solver::{
-    Contact, InverseMass, Manifold, SymmetricMatrix, System, Vector, Velocity, contact_frame,
+    ConstraintFrame, Contact, InverseMass, Manifold, SymmetricMatrix, System, Vector, Velocity,
+    contact_frame,
 };
 
 /// Runs a generic check for particles and for rigid bodies, in two and in three dimensions.
@@ -136,12 +137,14 @@ impl<const L: usize, const A: usize> Scene<L, A> {
         let center = points[0];
         let manifold = Manifold {
             bodies,
-            frame: contact_frame(normal),
-            arms: bodies.map(|body| center - self.positions[body as usize]),
+            frame: ConstraintFrame {
+                axes: contact_frame(normal),
+                arms: bodies.map(|body| center - self.positions[body as usize]),
+            },
             ..Manifold::default()
         };
         let place = |point: &Vector<f64, L>| {
-            let mut place = manifold.to_frame(*point - center);
+            let mut place = manifold.frame.to_frame(*point - center);
             place[0] = 0.0;
             place
         };
