@@ -152,6 +152,20 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.target[0] = gap[0].choose(gap[0] * (-T::ONE / repair.dt), push);
     }
 
+    /// Returns the bias: the part of the normal target that repairs an overlap, at least 0. It moves
+    /// the bodies in a substep, and the relaxing sweep takes it out of their velocities. \[m/s\]
+    #[inline(always)]
+    pub fn bias(&self) -> T {
+        self.target[0].max(T::ZERO)
+    }
+
+    /// Returns the normal target without the [`bias`](Self::bias), at most 0: the approach that just
+    /// closes a gap. \[m/s\]
+    #[inline(always)]
+    pub fn unbiased_target(&self) -> T {
+        self.target[0].min(T::ZERO)
+    }
+
     /// Returns epsilon / (A_ii + epsilon): 0 is rigid, 1 the limit of softness. \[1\]
     #[inline(always)]
     pub fn softness(&self) -> T {
@@ -237,7 +251,7 @@ impl<T: Real, const L: usize> Contact<T, L> {
     pub(crate) fn excess<const LAW: u8>(&self, v_n: T) -> T {
         let target = self.target[0];
         match LAW {
-            RIGID => v_n - target.min(T::ZERO),
+            RIGID => v_n - self.unbiased_target(),
             RIGID_APART => {
                 v_n - target + (-target).choose(T::ZERO, self.compliance * self.impulse[0])
             }

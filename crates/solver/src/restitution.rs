@@ -304,7 +304,7 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
             let mut fastest = 0.0f64;
             for contact in points {
                 let u = contact.normal_velocity(&twist);
-                let open = contact.target[0].min(T::ZERO);
+                let open = contact.unbiased_target();
                 let closes = u < open;
                 let gained = contact.cast::<f64>().normal_velocity(&forced);
                 if closes {
@@ -399,7 +399,7 @@ impl<const L: usize, const A: usize> ImpactSolver<L, A> {
                 system.contacts[manifold.points()].iter_mut().zip(&mut closing)
             {
                 let u = contact.normal_velocity(&twist) - regained;
-                let open = contact.target[0].min(0.0);
+                let open = contact.unbiased_target();
                 contact.target[0] = target(closes, open, u, manifold.restitution) + regained;
             }
         }

@@ -315,11 +315,29 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
         velocities: &mut Velocities<L, A>,
         targets: Option<&Targets<'_, f32, L, A>>,
     ) {
-        visit_all::<V, L, A, RIGID_APART, false>(batch, velocities, targets);
+        let targets = targets.map(Targets::in_lanes::<V>);
+        let also = targets.as_ref().map(|targets| targets.displacements);
+        BlockSweep::<V, L, A>::new(batch, velocities).and(also).each(
+            #[inline(always)]
+            |mut at| {
+                let points = at.points();
+                if let Some(targets) = &targets {
+                    let moving = if targets.turning { Some(at.gather()) } else { None };
+                    targets.set(at.block, points, moving);
+                }
+                at.visit::<RIGID_APART, false>(points, false);
+            },
+        );
     }
 
     fn sweep(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>) {
-        visit_all::<V, L, A, SOFT, true>(batch, velocities, None);
+        BlockSweep::<V, L, A>::new(batch, velocities).each(
+            #[inline(always)]
+            |mut at| {
+                let points = at.points();
+                at.visit::<SOFT, true>(points, false);
+            },
+        );
     }
 
     fn relax(
@@ -511,26 +529,6 @@ fn worst<V: Lanes, const L: usize, const A: usize>(
         },
     );
     (0..WIDTH).map(|lane| worst.get(lane)).fold(0.0, f32::max)
-}
-
-fn visit_all<V: Lanes, const L: usize, const A: usize, const LAW: u8, const FRICTION: bool>(
-    batch: &mut LaneBatch<'_, L, A>,
-    velocities: &mut Velocities<L, A>,
-    targets: Option<&Targets<'_, f32, L, A>>,
-) {
-    let targets = targets.map(Targets::in_lanes::<V>);
-    let also = targets.as_ref().map(|targets| targets.displacements);
-    BlockSweep::<V, L, A>::new(batch, velocities).and(also).each(
-        #[inline(always)]
-        |mut at| {
-            let points = at.points();
-            if let Some(targets) = &targets {
-                let moving = if targets.turning { Some(at.gather()) } else { None };
-                targets.set(at.block, points, moving);
-            }
-            at.visit::<LAW, FRICTION>(points, false);
-        },
-    );
 }
 
 /// Runs one iteration over the islands that are not `done`.
