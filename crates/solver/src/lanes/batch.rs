@@ -1,15 +1,21 @@
-//! [`LaneBatch`]: a part of a packed system that no manifold couples to the rest.
+//! [`LaneBatch`]: a part of a packed system that no manifold couples to the rest; and the
+//! [`Passes`] over it.
 
+use std::fmt::Debug;
 use std::ops::Range;
 
 use super::Portable;
 use super::block::Block;
 use super::coloring::{Color, Coloring};
+use super::conjugate::Conjugate;
 use super::partition::BatchRange;
-use super::passes::Passes;
+use super::renewal::MovedBodies;
 use super::source::CachedImpulse;
+use super::targets::{Landing, Targets};
+use crate::certificate::{Certificate, CertificateScratch};
+use crate::island::Islands;
 use crate::thread_pool::{DisjointSlice, Divide, ThreadPool};
-use crate::{Contact, SurfaceEffects};
+use crate::{Contact, SurfaceEffects, Velocity};
 
 /// Consecutive bodies that no manifold couples to others, with their manifolds, in their
 /// [`LaneSystem`](super::LaneSystem) system. It can be solved through all substeps before the next batch,
@@ -123,4 +129,83 @@ pub(crate) struct View<'a, const L: usize, const A: usize> {
     pub(super) contacts: &'a [Contact<Portable, L>],
     pub(super) coloring: &'a Coloring,
     pub(super) pool: &'a ThreadPool,
+}
+
+pub(super) type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
+
+/// Passes over blocks, named as the methods of [`LaneBatch`] and [`LaneSystem`](super::LaneSystem).
+pub(crate) trait Passes<const L: usize, const A: usize>: Debug + Sync {
+    fn prepare(
+        &self,
+        block: &mut Block<Portable, L, A>,
+        points: &mut [Contact<Portable, L>],
+        softness: f32,
+    );
+
+    fn apply_impulses(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn set_targets(
+        &self,
+        batch: &mut LaneBatch<'_, L, A>,
+        targets: &Targets<'_, f32, L, A>,
+        velocities: &Velocities<L, A>,
+    );
+
+    fn sweep_normals(
+        &self,
+        batch: &mut LaneBatch<'_, L, A>,
+        velocities: &mut Velocities<L, A>,
+        targets: Option<&Targets<'_, f32, L, A>>,
+    );
+
+    fn sweep(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
+
+    /// `terms` are the length of the substep \[s\] and the softness.
+    fn renew(
+        &self,
+        batch: &mut LaneBatch<'_, L, A>,
+        bodies: MovedBodies<'_, L, A>,
+        terms: [f32; 2],
+    ) -> bool;
+
+    fn relax(
+        &self,
+        batch: &mut LaneBatch<'_, L, A>,
+        velocities: &mut Velocities<L, A>,
+        renewed: bool,
+        landing: Option<Landing<'_, L, A>>,
+    );
+
+    /// `parts` are the target \[1\] and the time \[s\] of [`SurfaceEffects::run`].
+    fn run_belts(&self, batch: &mut LaneBatch<'_, L, A>, parts: [f32; 2]);
+
+    fn apply_resistance(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn resist(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
+
+    fn conjugate(
+        &self,
+        state: &mut Conjugate<L, A>,
+        batch: &mut LaneBatch<'_, L, A>,
+        velocities: &mut Velocities<L, A>,
+        done: &[bool],
+    );
+
+    /// `which` says whether to compute residuals and the line, as in
+    /// [`LaneSystem::certify`](super::LaneSystem::certify).
+    fn certify<'a>(
+        &self,
+        all: View<'_, L, A>,
+        which: [bool; 2],
+        velocities: [&Velocities<L, A>; 2],
+        islands: &Islands,
+        scratch: &'a mut CertificateScratch<L, A>,
+    ) -> &'a [Certificate];
+
+    /// Returns the residual of rigid contacts. \[m/s\]
+    fn residual(&self, all: View<'_, L, A>, velocities: &Velocities<L, A>) -> f32;
+
+    fn overlap(&self, all: View<'_, L, A>) -> f32;
+
+    fn trace(&self, batch: &mut LaneBatch<'_, L, A>, displacements: &Velocities<L, A>, hold: f32);
 }

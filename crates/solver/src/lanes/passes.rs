@@ -4,11 +4,10 @@
 //! with this crate, for all [`Instructions`] and bodies, and called through [`Passes`].
 
 use std::any::Any;
-use std::fmt::Debug;
 use std::marker::PhantomData;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::batch::{LaneBatch, View};
+use super::batch::{LaneBatch, Passes, Velocities, View};
 use super::block::{Block, splat};
 use super::conjugate::{Conjugate, of};
 use super::renewal::{MovedBodies, renew};
@@ -113,85 +112,6 @@ impl<const L: usize, const A: usize> LaneBatch<'_, L, A> {
     pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
         self.passes.trace(self, displacements, hold);
     }
-}
-
-pub(super) type Velocities<const L: usize, const A: usize> = [Velocity<f32, L, A>];
-
-/// Passes over blocks, named as the methods of [`LaneBatch`] and [`LaneSystem`](super::LaneSystem).
-pub(crate) trait Passes<const L: usize, const A: usize>: Debug + Sync {
-    fn prepare(
-        &self,
-        block: &mut Block<Portable, L, A>,
-        points: &mut [Contact<Portable, L>],
-        softness: f32,
-    );
-
-    fn apply_impulses(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
-
-    fn set_targets(
-        &self,
-        batch: &mut LaneBatch<'_, L, A>,
-        targets: &Targets<'_, f32, L, A>,
-        velocities: &Velocities<L, A>,
-    );
-
-    fn sweep_normals(
-        &self,
-        batch: &mut LaneBatch<'_, L, A>,
-        velocities: &mut Velocities<L, A>,
-        targets: Option<&Targets<'_, f32, L, A>>,
-    );
-
-    fn sweep(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
-
-    /// `terms` are the length of the substep \[s\] and the softness.
-    fn renew(
-        &self,
-        batch: &mut LaneBatch<'_, L, A>,
-        bodies: MovedBodies<'_, L, A>,
-        terms: [f32; 2],
-    ) -> bool;
-
-    fn relax(
-        &self,
-        batch: &mut LaneBatch<'_, L, A>,
-        velocities: &mut Velocities<L, A>,
-        renewed: bool,
-        landing: Option<Landing<'_, L, A>>,
-    );
-
-    /// `parts` are the target \[1\] and the time \[s\] of [`SurfaceEffects::run`].
-    fn run_belts(&self, batch: &mut LaneBatch<'_, L, A>, parts: [f32; 2]);
-
-    fn apply_resistance(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
-
-    fn resist(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
-
-    fn conjugate(
-        &self,
-        state: &mut Conjugate<L, A>,
-        batch: &mut LaneBatch<'_, L, A>,
-        velocities: &mut Velocities<L, A>,
-        done: &[bool],
-    );
-
-    /// `which` says whether to compute residuals and the line, as in
-    /// [`LaneSystem::certify`](super::LaneSystem::certify).
-    fn certify<'a>(
-        &self,
-        all: View<'_, L, A>,
-        which: [bool; 2],
-        velocities: [&Velocities<L, A>; 2],
-        islands: &Islands,
-        scratch: &'a mut CertificateScratch<L, A>,
-    ) -> &'a [Certificate];
-
-    /// Returns the residual of rigid contacts. \[m/s\]
-    fn residual(&self, all: View<'_, L, A>, velocities: &Velocities<L, A>) -> f32;
-
-    fn overlap(&self, all: View<'_, L, A>) -> f32;
-
-    fn trace(&self, batch: &mut LaneBatch<'_, L, A>, displacements: &Velocities<L, A>, hold: f32);
 }
 
 /// Instructions with which passes compute. Results do not depend on them.

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use super::batch::{LaneBatch, View};
+use super::batch::{LaneBatch, Passes, View};
 use super::block::{Block, contact_in, set};
 use super::coloring::{Coloring, Placement, Reuse};
 use super::conjugate::Conjugate;
 use super::partition::{BatchRange, Sizes};
-use super::passes::{Instructions, Passes, in_lanes, passes};
+use super::passes::{Instructions, in_lanes, passes};
 use super::source::{CachedImpulse, ManifoldSource};
 use super::sweep::BlocksMut;
 use super::targets::Targets;
