@@ -6,7 +6,7 @@
 //! There is one storage. [`Instructions`] are chosen when a system is made, and passes over it view
 //! its numbers in the registers of these instructions.
 //!
-//! Unsafe code of this crate is confined to the files `number`, `avx2`, `view`, `gather` and `sweep`
+//! Unsafe code of this crate is confined to the files `number`, `avx2`, `view`, `block` and `sweep`
 //! here, and to [`thread_pool`](crate::thread_pool).
 
 #[cfg(target_arch = "x86_64")]
@@ -15,7 +15,6 @@ mod batch;
 mod block;
 pub mod coloring;
 mod conjugate;
-mod gather;
 mod number;
 mod partition;
 mod passes;

@@ -27,7 +27,7 @@
 //! |---|---|---|
 //! | v_n = J_i v | [`ConstraintFrame::twist`], [`Contact::normal_velocity`] | constraint, contact |
 //! | v += M^-1 J_i^T p | [`Contact::add_wrench`], [`ConstraintFrame::apply`] | contact, constraint |
-//! | m_eff | [`Mobility::of`], [`Contact::prepare`] | mobility, contact |
+//! | m_eff | [`Mobility::of`], [`Contact::prepare`] | constraint, contact |
 //! | r x n, omega x r | [`moment`], [`spin`] | vector |
 //! | t: overlap and gap | [`System::set_targets`] | system |
 //! | t: restitution | [`restitution::set_targets`] | [`restitution`] |
@@ -102,8 +102,6 @@ pub mod kinematics;
 pub mod ladder;
 pub mod lanes;
 pub mod law;
-mod manifold;
-mod mobility;
 pub mod newton;
 pub mod nncg;
 mod part;
@@ -122,10 +120,8 @@ mod vector;
 
 pub use body::{InverseMass, Mass, Velocity};
 pub use clock::Clock;
-pub use constraint::ConstraintFrame;
-pub use contact::{Contact, Repair};
-pub use manifold::{Manifold, contact_frame};
-pub use mobility::Mobility;
+pub use constraint::{ConstraintFrame, Mobility, contact_frame};
+pub use contact::{Contact, Manifold, Repair};
 pub use real::{Cast, Real, Scalar};
 pub use surface::SurfaceEffects;
 pub use system::System;
