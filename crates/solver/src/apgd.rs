@@ -12,11 +12,13 @@
 //! as on a device with thousands of lanes. It takes about 1 / sqrt(smallest eigenvalue) iterations,
 //! like [`nncg`](crate::nncg), but without friction its convergence is proven.
 //!
+//! Contacts only: a system with joints is refused.
+//!
 //! Reference: Mazhar, Heyn, Negrut and Tasora, Using Nesterov's Method to Accelerate Multibody
 //! Dynamics with Friction and Contact, 2015.
 
 use crate::law::{Cone, Law};
-use crate::solution::{self, Goal, Solution};
+use crate::solution::{self, Goal, Solution, Status, Track};
 use crate::{Mass, System, Vector, Velocity};
 
 /// Factor by which K is lowered after a step.
@@ -31,6 +33,10 @@ pub fn solve<const L: usize, const A: usize>(
     goal: &Goal,
 ) -> Solution {
     let prospective = system.velocities.clone();
+    if !system.joints.is_empty() {
+        system.apply_impulses();
+        return Track::start(system, &prospective, goal, 0).end(system, Status::BadInput);
+    }
     let mut ahead: Option<State<L, A>> = None;
     let mut momentum = Momentum::default();
     let masses: Vec<_> = system.masses.iter().map(|mass| mass.mass()).collect();

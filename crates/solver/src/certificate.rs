@@ -77,7 +77,9 @@
 use crate::island::Islands;
 use crate::lanes::Doubles;
 use crate::law::{Cone, Law};
-use crate::{Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Vector, Velocity};
+use crate::{
+    Axis, Cast, Contact, InverseMass, Joint, Manifold, Mass, Real, Scalar, System, Vector, Velocity,
+};
 
 /// Quality of velocities and impulses, accumulated over some contacts and their bodies.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -237,6 +239,15 @@ pub(crate) struct ManifoldTerms<T: Real, const L: usize, const A: usize> {
 }
 
 impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
+    const NONE: Self = Self {
+        line: Parabola { a: T::ZERO, b: T::ZERO, c: T::ZERO },
+        natural_residual: T::ZERO,
+        approach_error: T::ZERO,
+        complementarity: T::ZERO,
+        cone: T::ZERO,
+        momenta: [[Velocity::ZERO; 2]; 2],
+    };
+
     /// Evaluates one [`part`](Cast::part) of the points, on bodies that move at `velocities`.
     /// Without `RESIDUALS` it evaluates G alone; without `LINE`, the start of the line alone.
     #[inline(always)]
@@ -250,14 +261,7 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
         let [a, b] = velocities;
         let twist = manifold.frame.twist(&a.part(part), &b.part(part));
         let mut wrenches = [Velocity::ZERO; 2];
-        let mut terms = Self {
-            line: Parabola { a: T::ZERO, b: T::ZERO, c: T::ZERO },
-            natural_residual: T::ZERO,
-            approach_error: T::ZERO,
-            complementarity: T::ZERO,
-            cone: T::ZERO,
-            momenta: [[Velocity::ZERO; 2]; 2],
-        };
+        let mut terms = Self::NONE;
         for contact in points {
             let contact = contact.part(part);
             let (u, law) = (contact.relative_velocity(&twist), Cone::of(manifold, &contact));
@@ -280,6 +284,32 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
         if LINE {
             terms.momenta[1] = manifold.frame.momenta(&wrenches[1]);
         }
+        terms
+    }
+
+    /// Evaluates the rows of a joint of bodies that move at `velocities`, as [`of`](Self::of).
+    pub(crate) fn of_joint(
+        joint: &Joint<T, L>,
+        axes: &[Axis<T, L, A>],
+        [a, b]: &[Velocity<T, L, A>; 2],
+    ) -> Self {
+        let (twist, mut wrenches) = (joint.frame.twist(a, b), [Velocity::ZERO; 2]);
+        let mut terms = Self::NONE;
+        for axis in axes {
+            let (mass, law) = (axis.effective_mass, axis.law);
+            let (u, inside) = (Vector([axis.velocity(&twist)]), axis.inside());
+            let residual = axis.residual::<false>(&twist);
+            terms.natural_residual = terms.natural_residual.max(residual);
+            let out = absolute(axis.impulse - inside[0]) / mass;
+            terms.cone = terms.cone.max(mass.choose(out, T::ZERO));
+            let work = absolute(inside.dot(law.missing(u, inside)));
+            terms.complementarity += mass.choose(work, T::ZERO);
+            let soft = law.compliance.choose(mass, T::ZERO);
+            let [start, way] = terms.add_line::<1, true>(&law, [mass, soft], u, inside);
+            wrenches[0] += axis.direction * start[0];
+            wrenches[1] += axis.direction * way[0];
+        }
+        terms.momenta = wrenches.map(|wrench| joint.frame.momenta(&wrench));
         terms
     }
 
@@ -466,8 +496,10 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         system: &System<T, L, A>,
         prospective: &[Velocity<T, L, A>],
     ) -> Certificate {
-        let (momenta, residuals_of) = self.start(1, system.manifolds.len());
-        for (manifold, residuals) in system.manifolds.iter().zip(residuals_of) {
+        let count = system.manifolds.len() + system.joints.len();
+        let (momenta, residuals_of) = self.start(1, count);
+        let (of_manifolds, of_joints) = residuals_of.split_at_mut(system.manifolds.len());
+        for (manifold, residuals) in system.manifolds.iter().zip(of_manifolds) {
             let points = &system.contacts[manifold.points()];
             let velocities = system.velocities_of(manifold);
             let terms: ManifoldTerms<f64, L, A> =
@@ -477,7 +509,17 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
                 terms.add_momenta::<true>(side, 0, &mut momenta[body as usize]);
             }
         }
-        (0..system.manifolds.len()).for_each(|manifold| self.add::<true, true>(0, manifold));
+        for (joint, residuals) in system.joints.iter().zip(of_joints) {
+            let axes: Vec<_> = system.axes[joint.axes()].iter().map(Axis::cast).collect();
+            let velocities =
+                joint.bodies.map(|body| system.velocities[body as usize].cast::<f64>());
+            let terms = ManifoldTerms::of_joint(&joint.cast(), &axes, &velocities);
+            terms.tell::<true, true>(0, residuals);
+            for (side, body) in joint.bodies.into_iter().enumerate() {
+                terms.add_momenta::<true>(side, 0, &mut momenta[body as usize]);
+            }
+        }
+        (0..count).for_each(|constraint| self.add::<true, true>(0, constraint));
         for bodies in self.bodies(system.masses.len()) {
             bodies.share::<T, true>(&system.velocities, prospective);
         }

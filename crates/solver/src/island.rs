@@ -1,4 +1,4 @@
-//! Islands: sets of movable bodies connected by contacts. Each is an independent problem.
+//! Islands: sets of movable bodies connected by contacts and joints. Each is an independent problem.
 
 use crate::{InverseMass, Real, System};
 
@@ -19,7 +19,7 @@ pub struct Islands {
 impl Islands {
     /// Finds the islands of a system.
     pub fn find<T: Real, const L: usize, const A: usize>(&mut self, system: &System<T, L, A>) {
-        self.join(&system.masses, system.manifolds.iter().map(|manifold| manifold.bodies));
+        self.join(&system.masses, system.pairs());
     }
 
     /// Finds the islands of bodies with these masses, where these pairs touch.

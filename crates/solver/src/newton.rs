@@ -21,7 +21,7 @@
 //! Todorov 2014 (the same in MuJoCo).
 
 use crate::cholesky::BlockMatrix;
-use crate::law::{Cone, Law, SmoothLaw};
+use crate::law::{Cone, Interval, Law, SmoothLaw};
 use crate::solution::{Goal, Solution, Status, Track};
 use crate::{Contact, InverseMass, Manifold, Mass, System, Vector, Velocity, moment, symmetric};
 
@@ -85,6 +85,7 @@ struct PrimalProblem<const L: usize, const A: usize> {
     /// For each body with locked velocities: the projection onto the free ones.
     free: Vec<Option<Projection>>,
     contacts: Vec<Row<Cone<f64, L>, L>>,
+    axes: Vec<Row<Interval<f64>, 1>>,
     hessian: BlockMatrix,
 }
 
@@ -117,12 +118,14 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
                 contacts.push(Row::of_contact::<A>(manifold, contact, index, law));
             }
         }
-        let pairs = contacts.iter().filter_map(|row| {
-            let [a, b] = row.bodies.map(|body| place[body]);
+        let axes = rows_of_joints(system)?;
+        let of_contacts = contacts.iter().map(|row: &Row<_, L>| row.bodies);
+        let pairs = of_contacts.chain(axes.iter().map(|row| row.bodies)).filter_map(|bodies| {
+            let [a, b] = bodies.map(|body| place[body]);
             Some([a?, b?])
         });
         let hessian = BlockMatrix::new(L + A, count as usize, pairs);
-        Some(Self { prospective, masses, place, free, contacts, hessian })
+        Some(Self { prospective, masses, place, free, contacts, axes, hessian })
     }
 
     /// Updates the shifts of Coulomb's law to the velocities and impulses of the system.
@@ -139,6 +142,10 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
             let u = row.velocity(&system.velocities);
             system.contacts[row.index].impulse = row.law.response(u);
         }
+        for row in &self.axes {
+            let u = row.velocity(&system.velocities);
+            system.axes[row.index].impulse = row.law.response(u)[0];
+        }
     }
 
     /// Factors H and sets `step` to -H^-1 gradient. Returns false if H is not positive definite,
@@ -154,12 +161,17 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
             let free = self.free[body].as_ref();
             self.hessian.add(at, at, |i, j| mass_entry(mass, free, i, j));
         }
-        let Self { contacts, place, free, hessian, .. } = self;
-        for rows in contacts.chunk_by(|one, next| one.bodies == next.bodies) {
-            let bodies = rows[0].bodies;
+        let Self { contacts, axes, place, free, hessian, .. } = self;
+        let mut add = |bodies: [usize; 2], terms: &dyn Fn([Option<u32>; 2]) -> PairTerms| {
             let at = bodies.map(|body| place[body]);
             let free = bodies.map(|body| free[body].as_ref());
-            PairTerms::of(rows, velocities, at).add_to(hessian, step, at, free);
+            terms(at).add_to(hessian, step, at, free);
+        };
+        for rows in contacts.chunk_by(|one, next| one.bodies == next.bodies) {
+            add(rows[0].bodies, &|at| PairTerms::of(rows, velocities, at));
+        }
+        for rows in axes.chunk_by(|one, next| one.bodies == next.bodies) {
+            add(rows[0].bodies, &|at| PairTerms::of(rows, velocities, at));
         }
         if !self.hessian.factor() {
             return false;
@@ -193,14 +205,10 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
             constant += momentum.dot(&(velocities[body] - self.prospective[body]));
             linear += momentum.dot(&direction[body]);
         }
-        let lines: Vec<_> = (self.contacts.iter())
-            .map(|row| (row.law, row.velocity(velocities), row.velocity(direction)))
-            .collect();
+        let contacts = lines(&self.contacts, velocities, direction);
+        let axes = lines(&self.axes, velocities, direction);
         let derivative = |length: f64| {
-            let work = |(law, u, way): &(Cone<f64, L>, Vector<f64, L>, Vector<f64, L>)| {
-                law.response(*u + *way * length).dot(*way)
-            };
-            constant + linear * length - lines.iter().map(work).sum::<f64>()
+            constant + linear * length - (work(&contacts, length) + work(&axes, length))
         };
         let start = derivative(0.0);
         let (mut low, mut high) = (0.0, 1.0);
@@ -274,6 +282,58 @@ impl<K, const N: usize> Row<K, N> {
             along(0) + along(1)
         }))
     }
+}
+
+/// A law on a line of velocities: with u at its start, and the change of u along it.
+type LawOnLine<K, const N: usize> = (K, Vector<f64, N>, Vector<f64, N>);
+
+fn lines<K: Law<f64, N>, const N: usize, const L: usize, const A: usize>(
+    rows: &[Row<K, N>],
+    velocities: &[Velocity<f64, L, A>],
+    direction: &[Velocity<f64, L, A>],
+) -> Vec<LawOnLine<K, N>> {
+    let of = |row: &Row<K, N>| (row.law, row.velocity(velocities), row.velocity(direction));
+    rows.iter().map(of).collect()
+}
+
+/// Returns the work of the responses at this length of the line, per length. \[J\]
+fn work<K: Law<f64, N>, const N: usize>(lines: &[LawOnLine<K, N>], length: f64) -> f64 {
+    let of = |(law, u, way): &LawOnLine<K, N>| law.response(*u + *way * length).dot(*way);
+    lines.iter().map(of).sum()
+}
+
+/// Velocity over the bound of a rigid row that gives the row its compliance in H. A bounded row may
+/// be rigid: the certificate holds for it as it is. \[m/s, or rad/s\]
+const YIELD: f64 = 1e-4;
+
+/// Returns the rows of all joints; `None` if one is rigid without a bound.
+fn rows_of_joints<const L: usize, const A: usize>(
+    system: &System<f64, L, A>,
+) -> Option<Vec<Row<Interval<f64>, 1>>> {
+    let mut rows = Vec::with_capacity(system.axes.len());
+    for joint in &system.joints {
+        for index in joint.axes() {
+            let axis = &system.axes[index];
+            if axis.effective_mass <= 0.0 {
+                continue;
+            }
+            let mut law = axis.law;
+            if law.compliance <= 0.0 {
+                law.compliance = YIELD / law.bounds[1].max(-law.bounds[0]);
+                if law.compliance <= 0.0 {
+                    return None;
+                }
+            }
+            let [to_a, from_b] = joint.frame.momenta(&axis.direction);
+            rows.push(Row {
+                index,
+                bodies: joint.bodies.map(|body| body as usize),
+                law,
+                jacobian: [[flat(&to_a)], [flat(&(from_b * -1.0))]],
+            });
+        }
+    }
+    Some(rows)
 }
 
 /// Terms of H and of the gradient from the constraints of a pair of bodies.

@@ -26,7 +26,9 @@ pub fn solve<const L: usize, const A: usize>(
     goal: &Goal,
 ) -> Solution {
     let (mut before, mut moved_before) = (Vec::new(), Vec::new());
+    let mut before_axes: Vec<f64> = Vec::new();
     let mut direction = vec![Vector::ZERO; system.contacts.len()];
+    let mut direction_axes = vec![0.0; system.axes.len()];
     let mut ways = vec![Velocity::ZERO; system.velocities.len()];
     let mut size_before = f64::INFINITY;
     let mut beta = 0.0;
@@ -34,20 +36,31 @@ pub fn solve<const L: usize, const A: usize>(
         for (contact, p) in system.contacts.iter_mut().zip(&direction) {
             contact.impulse += *p * beta;
         }
+        for (axis, p) in system.axes.iter_mut().zip(&direction_axes) {
+            axis.impulse += *p * beta;
+        }
         for (velocity, w) in system.velocities.iter_mut().zip(&ways) {
             *velocity += *w * beta;
         }
         before.clear();
         before.extend(system.contacts.iter().map(|contact| contact.impulse));
+        before_axes.clear();
+        before_axes.extend(system.axes.iter().map(|axis| axis.impulse));
         moved_before.clone_from(&system.velocities);
         sweep(system);
         let changed = system.contacts.iter().zip(&before);
-        beta = beta_of(
-            changed.map(|(contact, before)| size(contact, *before)).sum(),
-            &mut size_before,
-        );
+        let size: f64 = changed.map(|(contact, before)| size(contact, *before)).sum();
+        let changed = system.axes.iter().zip(&before_axes);
+        let size_axes = changed.map(|(axis, before)| match axis.effective_mass {
+            mass if mass > 0.0 => (before - axis.impulse).powi(2) / mass,
+            _ => 0.0,
+        });
+        beta = beta_of(size + size_axes.sum::<f64>(), &mut size_before);
         for ((contact, before), p) in system.contacts.iter().zip(&before).zip(&mut direction) {
             *p = next_direction(contact, *before, *p, beta);
+        }
+        for ((axis, before), p) in system.axes.iter().zip(&before_axes).zip(&mut direction_axes) {
+            *p = if beta > 0.0 { *p * beta - (before - axis.impulse) } else { 0.0 };
         }
         for ((velocity, before), w) in system.velocities.iter().zip(&moved_before).zip(&mut ways) {
             *w = next_way(velocity, before, w, beta);

@@ -14,6 +14,8 @@ pub(crate) struct SubSystem<const L: usize, const A: usize> {
     pub(crate) start: Vec<Velocity<f64, L, A>>,
     /// Indices of its manifolds in the whole system.
     pub(crate) manifolds: Vec<u32>,
+    /// Indices of its joints in the whole system.
+    pub(crate) joints: Vec<u32>,
     /// Indices of its bodies in the whole system.
     pub(crate) bodies: Vec<u32>,
     /// For each body of the whole system, its index in the part or [`NONE`].
@@ -38,6 +40,9 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
         self.system.masses.clear();
         self.system.manifolds.clear();
         self.system.contacts.clear();
+        self.system.joints.clear();
+        self.system.axes.clear();
+        self.joints.clear();
     }
 
     /// Returns true if a manifold of the whole system is in the part.
@@ -74,7 +79,7 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
         self.holds[index] = true;
     }
 
-    /// Copies the manifolds of an island into the part.
+    /// Copies the manifolds and joints of an island into the part.
     pub(crate) fn add_island<T: Scalar>(
         &mut self,
         whole: &System<T, L, A>,
@@ -86,6 +91,22 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
                 self.add(whole, index);
             }
         }
+        for (index, joint) in whole.joints.iter().enumerate() {
+            if islands.of_pair(joint.bodies) == island {
+                self.add_joint(whole, index);
+            }
+        }
+    }
+
+    /// Copies a joint of the whole system into the part.
+    fn add_joint<T: Scalar>(&mut self, whole: &System<T, L, A>, index: usize) {
+        let mut joint = whole.joints[index].cast();
+        joint.bodies = joint.bodies.map(|body| self.admit(whole, body));
+        joint.first = self.system.axes.len() as u32;
+        let axes = &whole.axes[whole.joints[index].axes()];
+        self.system.axes.extend(axes.iter().map(|axis| axis.cast()));
+        self.system.joints.push(joint);
+        self.joints.push(index as u32);
     }
 
     /// Returns the index in the whole system of each contact of the part.
@@ -94,6 +115,11 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
         whole: &System<T, L, A>,
     ) -> impl Iterator<Item = usize> {
         self.manifolds.iter().flat_map(|&index| whole.manifolds[index as usize].points())
+    }
+
+    /// Returns the index in the whole system of each row of a joint of the part.
+    pub(crate) fn axes<T: Scalar>(&self, whole: &System<T, L, A>) -> impl Iterator<Item = usize> {
+        self.joints.iter().flat_map(|&index| whole.joints[index as usize].axes())
     }
 
     fn admit<T: Scalar>(&mut self, whole: &System<T, L, A>, body: u32) -> u32 {

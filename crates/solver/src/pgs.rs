@@ -9,7 +9,7 @@
 use crate::body::{all_axes, along_normals, along_tangents};
 use crate::contact::{RIGID, RIGID_APART, SOFT};
 use crate::solution::{self, Goal, Solution};
-use crate::{Contact, InverseMass, Manifold, Mobility, Real, System, Vector, Velocity};
+use crate::{Contact, InverseMass, Joint, Manifold, Mobility, Real, System, Vector, Velocity};
 
 /// Sweeps until the certificate is good enough.
 ///
@@ -83,12 +83,16 @@ pub fn sweep_coming<T: Real, const L: usize, const A: usize>(system: &mut System
     visit_all::<T, L, A, RIGID_APART, false>(system);
 }
 
-/// Visits the manifold of this index once, towards the targets.
-pub(crate) fn visit_manifold<T: Real, const L: usize, const A: usize>(
+/// Visits the constraint of this index once, towards the targets: a manifold, or a joint after the
+/// manifolds.
+pub(crate) fn visit_constraint<T: Real, const L: usize, const A: usize>(
     system: &mut System<T, L, A>,
     index: usize,
 ) {
-    visit_of::<T, L, A, SOFT, true>(system, index);
+    match index.checked_sub(system.manifolds.len()) {
+        None => visit_of::<T, L, A, SOFT, true>(system, index),
+        Some(joint) => visit_joint::<T, L, A, false>(system, joint),
+    }
 }
 
 fn visit_all<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICTION: bool>(
@@ -97,13 +101,40 @@ fn visit_all<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICT
     for index in 0..system.manifolds.len() {
         visit_of::<T, L, A, LAW, FRICTION>(system, index);
     }
+    for index in 0..system.joints.len() {
+        match LAW {
+            RIGID => visit_joint::<T, L, A, true>(system, index),
+            _ => visit_joint::<T, L, A, false>(system, index),
+        }
+    }
+}
+
+/// Visits the rows of a joint once, one after the other.
+fn visit_joint<T: Real, const L: usize, const A: usize, const RELAX: bool>(
+    system: &mut System<T, L, A>,
+    index: usize,
+) {
+    let System { velocities, masses, joints, axes, .. } = system;
+    let Joint { frame, bodies, .. } = &joints[index];
+    let masses = &bodies.map(|body| masses[body as usize]);
+    let mobility = &Mobility::of(frame, masses);
+    let bodies = &mut PairOf { velocities, bodies: *bodies };
+    let [mut a, mut b] = bodies.velocities();
+    let (mut twist, mut wrench) = (frame.twist(&a, &b), Velocity::ZERO);
+    for axis in &mut axes[joints[index].axes()] {
+        let change = axis.visit::<RELAX>(&twist);
+        twist += mobility.of_wrench(&axis.direction) * change;
+        wrench += axis.direction * change;
+    }
+    frame.apply(&wrench, masses, &mut a, &mut b);
+    bodies.set_velocities([a, b]);
 }
 
 fn visit_of<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICTION: bool>(
     system: &mut System<T, L, A>,
     index: usize,
 ) {
-    let System { velocities, masses, manifolds, contacts } = system;
+    let System { velocities, masses, manifolds, contacts, .. } = system;
     let manifold = &manifolds[index];
     let points = &mut contacts[manifold.points()];
     let masses = &manifold.bodies.map(|body| masses[body as usize]);

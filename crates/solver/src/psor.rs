@@ -14,7 +14,7 @@
 //! (`tests/suite/methods.rs`).
 
 use crate::law::{Cone, Law};
-use crate::pgs::visit_manifold;
+use crate::pgs::visit_constraint;
 use crate::solution::{self, Goal, Solution};
 use crate::{System, Vector, certificate};
 
@@ -60,7 +60,7 @@ fn sweep<const L: usize, const A: usize>(
         let manifold = system.manifolds[index];
         old.clear();
         old.extend(system.contacts[manifold.points()].iter().map(|contact| contact.impulse));
-        visit_manifold(system, index);
+        visit_constraint(system, index);
         if omega == 1.0 {
             continue;
         }

@@ -76,6 +76,7 @@ pub(crate) struct Track<const L: usize, const A: usize> {
     best: Certificate,
     velocities: Vec<Velocity<f64, L, A>>,
     impulses: Vec<Vector<f64, L>>,
+    of_axes: Vec<f64>,
 }
 
 impl<const L: usize, const A: usize> Track<L, A> {
@@ -100,6 +101,7 @@ impl<const L: usize, const A: usize> Track<L, A> {
             best,
             velocities: system.velocities.clone(),
             impulses: impulses(system).collect(),
+            of_axes: system.axes.iter().map(|axis| axis.impulse).collect(),
         }
     }
 
@@ -117,6 +119,8 @@ impl<const L: usize, const A: usize> Track<L, A> {
             self.velocities.clone_from(&system.velocities);
             self.impulses.clear();
             self.impulses.extend(impulses(system));
+            self.of_axes.clear();
+            self.of_axes.extend(system.axes.iter().map(|axis| axis.impulse));
         }
         certificate
     }
@@ -142,6 +146,9 @@ impl<const L: usize, const A: usize> Track<L, A> {
         system.velocities = self.velocities;
         for (contact, impulse) in system.contacts.iter_mut().zip(self.impulses) {
             contact.impulse = impulse;
+        }
+        for (axis, impulse) in system.axes.iter_mut().zip(self.of_axes) {
+            axis.impulse = impulse;
         }
         Solution { status, certificate: self.best, history: self.history }
     }

@@ -3,15 +3,15 @@
 //! Cost of an iteration: two sweeps. Use: where the order of the contacts must not show, as in
 //! symmetric scenes, and for the first sweeps of [`newton`](crate::newton).
 
-use crate::pgs::visit_manifold;
+use crate::pgs::visit_constraint;
 use crate::solution::{self, Goal, Solution};
 use crate::{Real, System};
 
-/// Visits every manifold once in order, then once in reverse.
+/// Visits every constraint once in order, then once in reverse.
 pub fn sweep<T: Real, const L: usize, const A: usize>(system: &mut System<T, L, A>) {
-    let count = system.manifolds.len();
+    let count = system.manifolds.len() + system.joints.len();
     for index in (0..count).chain((0..count).rev()) {
-        visit_manifold(system, index);
+        visit_constraint(system, index);
     }
 }
 

@@ -1,7 +1,9 @@
 //! [`System`]: bodies and contacts of one step, as a plain value.
 
 use crate::contact::{RIGID, SOFT};
-use crate::{Contact, InverseMass, Manifold, Mobility, Real, Repair, Scalar, Vector, Velocity};
+use crate::{
+    Axis, Contact, InverseMass, Joint, Manifold, Mobility, Real, Repair, Scalar, Vector, Velocity,
+};
 
 /// The contact problem of a step:
 ///
@@ -18,6 +20,10 @@ pub struct System<T: Real, const L: usize, const A: usize> {
     pub manifolds: Vec<Manifold<T, L>>,
     /// Points of the manifolds, manifold by manifold.
     pub contacts: Vec<Contact<T, L>>,
+    /// Joints, which a sweep visits after the manifolds.
+    pub joints: Vec<Joint<T, L>>,
+    /// Rows of the joints, joint by joint.
+    pub axes: Vec<Axis<T, L, A>>,
 }
 
 impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
@@ -28,6 +34,8 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
             masses: Vec::new(),
             manifolds: Vec::new(),
             contacts: Vec::new(),
+            joints: Vec::new(),
+            axes: Vec::new(),
         }
     }
 
@@ -48,6 +56,20 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         manifold.count = points.len() as u32;
         self.manifolds.push(manifold);
         self.contacts.extend_from_slice(points);
+    }
+
+    /// Adds a joint with these rows, and sets its `first` and `count`.
+    pub fn add_joint(&mut self, mut joint: Joint<T, L>, axes: &[Axis<T, L, A>]) {
+        joint.first = self.axes.len() as u32;
+        joint.count = axes.len() as u32;
+        self.joints.push(joint);
+        self.axes.extend_from_slice(axes);
+    }
+
+    /// Returns the pair of bodies of each manifold, then of each joint.
+    pub fn pairs(&self) -> impl Iterator<Item = [u32; 2]> + Clone {
+        let manifolds = self.manifolds.iter().map(|manifold| manifold.bodies);
+        manifolds.chain(self.joints.iter().map(|joint| joint.bodies))
     }
 
     /// Returns the inverse masses of the two bodies of a manifold.
@@ -81,12 +103,20 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         manifold.frame.twist(&a, &b)
     }
 
-    /// Sets the effective masses of every contact ([`Contact::prepare`]).
+    /// Sets the effective masses of every contact ([`Contact::prepare`]), and of every row of a joint
+    /// ([`Axis::prepare`]).
     pub fn prepare(&mut self, softness: T) {
         for manifold in &self.manifolds {
             let mobility = Mobility::of(&manifold.frame, &self.masses_of(manifold));
             for contact in &mut self.contacts[manifold.points()] {
                 contact.prepare(manifold, &mobility, softness);
+            }
+        }
+        for joint in &self.joints {
+            let masses = joint.bodies.map(|body| self.masses[body as usize]);
+            let mobility = Mobility::of(&joint.frame, &masses);
+            for axis in &mut self.axes[joint.axes()] {
+                axis.prepare(&mobility);
             }
         }
     }
@@ -107,6 +137,16 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
     pub fn apply_impulses(&mut self) {
         for index in 0..self.manifolds.len() {
             self.change(index, |_, contact| contact.impulse);
+        }
+        for joint in &self.joints {
+            let mut wrench = Velocity::ZERO;
+            for axis in &self.axes[joint.axes()] {
+                wrench += axis.direction * axis.impulse;
+            }
+            let [a, b] = joint.bodies.map(|body| body as usize);
+            let [to_a, from_b] = joint.frame.momenta(&wrench);
+            self.velocities[a] += self.masses[a].velocity(&to_a);
+            self.velocities[b] -= self.masses[b].velocity(&from_b);
         }
     }
 
@@ -138,6 +178,8 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
             masses: self.masses.iter().map(InverseMass::cast).collect(),
             manifolds: self.manifolds.iter().map(Manifold::cast).collect(),
             contacts: self.contacts.iter().map(Contact::cast).collect(),
+            joints: self.joints.iter().map(Joint::cast).collect(),
+            axes: self.axes.iter().map(Axis::cast).collect(),
         }
     }
 
@@ -156,6 +198,17 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
             let twist = self.twist_of(manifold);
             for contact in &self.contacts[manifold.points()] {
                 worst = contact.residual::<A, LAW>(manifold.friction, &twist).max(worst);
+            }
+        }
+        for joint in &self.joints {
+            let [a, b] = joint.bodies.map(|body| self.velocities[body as usize]);
+            let twist = joint.frame.twist(&a, &b);
+            for axis in &self.axes[joint.axes()] {
+                let error = match LAW {
+                    RIGID => axis.residual::<true>(&twist),
+                    _ => axis.residual::<false>(&twist),
+                };
+                worst = error.max(worst);
             }
         }
         worst.to_f64()

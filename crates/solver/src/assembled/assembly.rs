@@ -54,6 +54,9 @@ impl Assembly {
     pub fn of_system<T: Scalar, const L: usize, const A: usize>(
         system: &System<T, L, A>,
     ) -> Result<Self, ProblemError> {
+        if !system.joints.is_empty() {
+            return Err(ProblemError::Joints);
+        }
         let v = velocities(system);
         let mut assembly = Self {
             dimension: L,

@@ -55,6 +55,8 @@ pub enum ProblemError {
     Outside(usize, usize),
     /// A block of the mass matrix is singular: its first row.
     Mass(usize),
+    /// The system has joints, which these matrices do not state.
+    Joints,
 }
 
 impl fmt::Display for ProblemError {
@@ -69,6 +71,7 @@ impl fmt::Display for ProblemError {
                 write!(f, "the friction of contact {i} is {mu}; accepted: 0 or more")
             }
             Self::Outside(i, j) => write!(f, "the matrix has no entry ({i}, {j})"),
+            Self::Joints => write!(f, "the system has joints; accepted: contacts alone"),
             Self::Mass(row) => write!(f, "the mass matrix is singular in the block at row {row}"),
         }
     }

@@ -52,7 +52,7 @@ impl<T: Real> Law<T, 1> for Interval<T> {
 
     #[inline(always)]
     fn soften(&self, r: Vector<T, 1>) -> Vector<T, 1> {
-        r * self.compliance
+        Vector([self.compliance.choose(r[0] * self.compliance, T::ZERO)])
     }
 
     #[inline(always)]
@@ -73,11 +73,12 @@ impl<T: Real> Law<T, 1> for Interval<T> {
     #[inline(always)]
     fn loss(&self, u: Vector<T, 1>, r: Vector<T, 1>) -> T {
         let (half, best) = (T::from_f64(0.5), self.response(u));
+        // A rigid row without a bound has an infinite response, and loses infinitely much.
+        let spring =
+            |r: Vector<T, 1>| self.compliance.choose(half * r.dot(self.soften(r)), T::ZERO);
         let d = best - r;
-        let between = half * d.dot(self.soften(d)) + d.dot(self.missing(u, best)).max(T::ZERO);
-        let gain = |r: Vector<T, 1>| {
-            r.dot(Vector([self.missing_by(u[0], r[0])])) - half * r.dot(self.soften(r))
-        };
+        let between = spring(d) + d.dot(self.missing(u, best)).max(T::ZERO);
+        let gain = |r: Vector<T, 1>| r[0] * self.missing_by(u[0], r[0]) - spring(r);
         (best[0] * r[0]).choose(between, gain(best) - gain(r))
     }
 

@@ -11,6 +11,7 @@ mod certificate;
 mod degenerate;
 mod equivalence;
 mod impact;
+mod joints;
 mod methods;
 #[cfg(feature = "assembled")]
 mod notes;
