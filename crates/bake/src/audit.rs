@@ -220,6 +220,19 @@ impl<'a> Stage<'a> {
         Shot { places, bounds }
     }
 
+    fn places(&self, frame: usize, actors: &[usize]) -> Vec<Place> {
+        actors.iter().map(|&of| self.place(frame, of)).collect()
+    }
+
+    /// Returns the tree over the boxes that hold each of some shapes at both of its poses.
+    fn tree(&self, actors: &[usize], [from, to]: &[Vec<Place>; 2]) -> Bvh {
+        let boxes = actors.iter().zip(from.iter().zip(to)).map(|(&of, (from, to))| {
+            let [from, to] = [from, to].map(|place| self.actors[of].form.bounds(place));
+            from.zip(to).map_or(Aabb::new_invalid(), |(from, to)| from.merged(&to))
+        });
+        Bvh::from_iter(BvhBuildStrategy::Binned, boxes.enumerate())
+    }
+
     fn motion(&self, actor: usize) -> Motion {
         self.scene.bodies[self.actors[actor].body].motion
     }
@@ -343,62 +356,24 @@ impl<'a> Stage<'a> {
             return;
         }
         let stride = (walkers.len() * last).div_ceil(STEPS).max(1);
-        let (boxed, planes): (Vec<usize>, Vec<usize>) =
-            obstacles.into_iter().partition(|&of| self.actors[of].form.reach.is_finite());
-        let moves = boxed.iter().any(|&of| self.motion(of) == Motion::Kinematic);
+        let mut obstacles = Obstacles::new(self, obstacles);
         let mut seen = BTreeSet::new();
-        let places = |frame: usize, of: &[usize]| -> Vec<Place> {
-            of.iter().map(|&of| self.place(frame, of)).collect()
-        };
-        let mut walls = [places(0, &boxed), places(0, &boxed)];
-        let grounds = |frame: usize| places(frame, &planes);
-        let tree = |walls: &[Vec<Place>; 2]| {
-            let swept = boxed.iter().enumerate().map(|(i, &of)| {
-                let [from, to] = [0, 1].map(|end| self.actors[of].form.bounds(&walls[end][i]));
-                (i, from.zip(to).map_or(Aabb::new_invalid(), |(from, to)| from.merged(&to)))
-            });
-            Bvh::from_iter(BvhBuildStrategy::Binned, swept)
-        };
-        let mut around = tree(&walls);
         let mut centers: Vec<Point> =
             walkers.iter().map(|&of| self.place(0, of).position).collect();
-        let mut ground = grounds(0);
         let mut frame = 0;
         while frame < last {
             frame = (frame + stride).min(last);
             audit.followed += 1;
-            if moves {
-                walls = [std::mem::take(&mut walls[1]), places(frame, &boxed)];
-                around = tree(&walls);
-            }
-            let next_ground = grounds(frame);
+            obstacles.advance(frame);
             for (walker, center) in walkers.iter().zip(&mut centers) {
                 let from = std::mem::replace(center, self.place(frame, *walker).position);
-                let way = [from, *center];
-                let low = std::array::from_fn(|i| from[i].min(center[i]));
-                let high = std::array::from_fn(|i| from[i].max(center[i]));
-                let passed = |obstacle: usize, places: [&Place; 2]| {
-                    self.meet(*walker, obstacle)
-                        && passage::passes(&self.actors[obstacle].form, passage::seen(way, places))
-                };
-                let mut through: Vec<usize> = around
-                    .intersect_aabb(&form::loose(low, high))
-                    .map(|i| i as usize)
-                    .filter(|&i| passed(boxed[i], [&walls[0][i], &walls[1][i]]))
-                    .map(|i| boxed[i])
-                    .collect();
-                let below =
-                    (0..planes.len()).filter(|&i| passed(planes[i], [&ground[i], &next_ground[i]]));
-                through.extend(below.map(|i| planes[i]));
-                through.sort_unstable();
-                for obstacle in through {
+                for obstacle in obstacles.passed(*walker, [from, *center]) {
                     let bodies = [*walker, obstacle].map(|of| self.actors[of].body);
                     if seen.insert(bodies) && audit.passed.len() < KEPT {
                         audit.passed.push(Passage { bodies, frame });
                     }
                 }
             }
-            ground = next_ground;
         }
     }
 
@@ -445,5 +420,64 @@ impl<'a> Stage<'a> {
             shapes.any(|of| matches!(of.form.core, Core::Mesh(_)))
         };
         audit.astray = audit.left.iter().copied().filter(|body| has_mesh(*body)).collect();
+    }
+}
+
+/// The static and kinematic shapes in two frames that follow each other.
+struct Obstacles<'a> {
+    stage: &'a Stage<'a>,
+    /// Shapes with boxes, and half-spaces.
+    boxed: Vec<usize>,
+    planes: Vec<usize>,
+    /// True if a shape with a box is kinematic.
+    moves: bool,
+    /// Poses of both kinds of shapes in each of the two frames.
+    walls: [Vec<Place>; 2],
+    grounds: [Vec<Place>; 2],
+    /// Tree over boxes that hold a shape in both frames.
+    around: Bvh,
+}
+
+impl<'a> Obstacles<'a> {
+    /// Collects the obstacles in the first frame.
+    fn new(stage: &'a Stage<'a>, all: Vec<usize>) -> Self {
+        let (boxed, planes): (Vec<usize>, Vec<usize>) =
+            all.into_iter().partition(|&of| stage.actors[of].form.reach.is_finite());
+        let places = |of: &[usize]| [0, 0].map(|frame| stage.places(frame, of));
+        let (walls, grounds) = (places(&boxed), places(&planes));
+        let moves = boxed.iter().any(|&of| stage.motion(of) == Motion::Kinematic);
+        let around = stage.tree(&boxed, &walls);
+        Self { stage, boxed, planes, moves, walls, grounds, around }
+    }
+
+    /// Goes on to a later frame.
+    fn advance(&mut self, frame: usize) {
+        let Self { stage, boxed, planes, walls, grounds, .. } = self;
+        *grounds = [std::mem::take(&mut grounds[1]), stage.places(frame, planes)];
+        if self.moves {
+            *walls = [std::mem::take(&mut walls[1]), stage.places(frame, boxed)];
+            self.around = stage.tree(boxed, walls);
+        }
+    }
+
+    /// Returns the obstacles through which the center of a shape passes on a way between the two
+    /// frames, in order.
+    fn passed(&self, walker: usize, way: [Point; 2]) -> Vec<usize> {
+        let [from, to] = way;
+        let low = std::array::from_fn(|i| from[i].min(to[i]));
+        let high = std::array::from_fn(|i| from[i].max(to[i]));
+        let passes = |obstacle: usize, [before, after]: &[Vec<Place>; 2], i: usize| {
+            let ends = passage::seen(way, [&before[i], &after[i]]);
+            self.stage.meet(walker, obstacle)
+                && passage::passes(&self.stage.actors[obstacle].form, ends)
+        };
+        let around = form::loose(low, high);
+        let near = self.around.intersect_aabb(&around).map(|i| i as usize);
+        let walls = near.filter(|&i| passes(self.boxed[i], &self.walls, i));
+        let grounds = (0..self.planes.len()).filter(|&i| passes(self.planes[i], &self.grounds, i));
+        let mut through: Vec<usize> =
+            walls.map(|i| self.boxed[i]).chain(grounds.map(|i| self.planes[i])).collect();
+        through.sort_unstable();
+        through
     }
 }

@@ -281,6 +281,42 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         }
     }
 
+    /// Returns the pose of a shape relative to its body's center of mass, as of the body's current
+    /// pose.
+    pub(crate) fn current_pose(&self, bodies: &Bodies<G, L, A>, shape: usize) -> G::Pose {
+        let body = self.body[shape] as usize;
+        turn::<G, L, A>(&self.local[shape], &bodies.poses[body], &bodies.frames[body])
+    }
+
+    /// Returns the bounding box of a shape at its body's current pose.
+    pub(crate) fn current_bounds(&self, bodies: &Bodies<G, L, A>, shape: usize) -> Bounds<L> {
+        let (pose, body) = (self.current_pose(bodies, shape), self.body[shape] as usize);
+        bounds::<G, L, A>(G::shape_of(&self.shapes[shape]), &pose, &bodies.frames[body])
+    }
+
+    /// Returns the current boxes of the shapes that the tree does not find at their current poses
+    /// ([`BroadPhase::index`]).
+    pub(crate) fn outside(
+        &self,
+        bodies: &Bodies<G, L, A>,
+        broad_phase: &BroadPhase<L>,
+    ) -> Vec<(u32, Bounds<L>)> {
+        let outside = |shape: usize| {
+            let (body, settled) = (self.body[shape] as usize, broad_phase.is_settled(shape));
+            let is_static = bodies.motion[body] == Some(Motion::Static);
+            if settled && (is_static || bodies.paths[body] < self.room_until[shape]) {
+                return None;
+            }
+            let bounds = self.current_bounds(bodies, shape);
+            let is_found = settled && broad_phase.room(shape, &bounds) >= 0.0;
+            (!is_found).then_some((shape as u32, bounds))
+        };
+        (0..self.slots.len())
+            .filter(|shape| self.slots.is_taken(*shape))
+            .filter_map(outside)
+            .collect()
+    }
+
     /// Updates the poses of the shapes of awake bodies. Enlarges their boxes in the broad phase if
     /// they lack room for the displacement ahead (`travel`) and `reach` \[m\] beyond.
     pub(crate) fn follow(

@@ -9,6 +9,7 @@ mod mesh;
 mod polyhedra;
 #[cfg(test)]
 pub(crate) mod random;
+mod rays;
 mod rigid;
 mod rotation;
 mod rounds;
@@ -21,6 +22,7 @@ use std::fmt::Debug;
 use drystone_solver::{Real, SymmetricMatrix, Vector};
 
 pub use hull::{mass_within, shape as convex_shape};
+pub use rays::{Ray, SurfaceHit};
 pub use rigid::{Pose2, Rigid2, Rigid3};
 pub use spheres::Spheres;
 
@@ -158,6 +160,14 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
         _face: &mut dyn FnMut(Vector<f32, L>),
     ) {
     }
+
+    /// Returns where a ray enters a shape. A triangle mesh has no interior: the ray meets it at its
+    /// first triangle, from either side.
+    fn cast_ray(
+        collider: &Self::Collider,
+        pose: &Self::Pose,
+        ray: &Ray<L>,
+    ) -> Option<SurfaceHit<L>>;
 
     /// Reports each manifold of points at which two shapes overlap or are within the distance of
     /// `ahead`.

@@ -70,7 +70,8 @@
 //! | descriptions of bodies | [`Body`], [`Collider`], [`Inertia`] |
 //! | settings of steps | [`StepSettings`] |
 //! | reports of steps | [`StepReport`], [`Measure`], [`Ledger`] |
-//! | contacts and impulses | [`World::system`] |
+//! | contacts and impulses | [`World::touching`], [`World::system`] |
+//! | rays, points and boxes | [`World::cast_ray`], [`World::colliders_in_box`] |
 
 mod bodies;
 mod body;
@@ -88,6 +89,7 @@ mod motion;
 mod narrow_phase;
 mod nearby;
 mod patches;
+mod queries;
 mod report;
 mod rows;
 mod saved;
@@ -114,6 +116,7 @@ pub use events::Touching;
 pub use ids::{BodyId, ColliderId};
 pub use input::InputError;
 pub use ledger::Ledger;
+pub use queries::RayHit;
 pub use report::{Measure, Nearby, Stage, StepReport};
 pub use saved::SavedSystem;
 #[cfg(feature = "assembled")]

@@ -294,26 +294,68 @@ impl<const L: usize> SeamResolver<L> {
             }
             ahead = Vector::ZERO;
         }
-        let mut most = gap + normal.dot(ahead);
+        let most = gap + normal.dot(ahead);
         if most >= gap.max(0.0) {
             return None;
         }
-        let mut best = None;
-        let mut ask = |axis: Vector<f32, L>, allowed: f32, plane: u32, side: usize| {
-            let Some(way) = corner.along(axis).filter(|way| way.gap >= -allowed) else { return };
-            let then = way.gap.max(0.0) + axis.dot(ahead);
-            // Without a plane that holds them, the bodies must pass along the axis without overlap.
-            if then > most && (plane != END || then >= 0.0) {
-                most = then;
-                best = Some(AxisChange { closing, record: number, plane, side, way });
-            }
+        let near = reach_of_sides(pair, (normal, gap), ahead, planes);
+        let mut search = AxisSearch {
+            corner: &corner,
+            closing,
+            record: number,
+            planes,
+            ahead,
+            most,
+            best: None,
         };
         for plane in planes {
-            ask(plane.axis, plane.allowed, plane.record, plane.side);
+            search.consider(plane.axis, Some(plane), plane.side);
         }
-        // A body on a plane touches the other's side below its edge: by its sag, and by the height
-        // that it still climbs on its way there.
-        let near = reach_of_sides(pair, (normal, gap), ahead, planes);
+        search.consider_sides(normal, (&places, near));
+        search.best
+    }
+}
+
+/// The search for the axis along which two bodies overlap least after their motion.
+struct AxisSearch<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    corner: &'a SeamPair<'a, G, L, A>,
+    closing: Approaching,
+    record: u32,
+    /// Planes that hold one of the bodies.
+    planes: &'a [HoldingPlane<L>],
+    /// Motion of a relative to b until the next search. \[m\]
+    ahead: Vector<f32, L>,
+    /// Largest gap after this motion so far. \[m\]
+    most: f32,
+    best: Option<AxisChange<L>>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> AxisSearch<'_, G, L, A> {
+    /// Considers an axis along which a plane holds the body `side`. Without a plane the bodies must
+    /// pass each other along the axis without overlap.
+    fn consider(&mut self, axis: Vector<f32, L>, held: Option<&HoldingPlane<L>>, side: usize) {
+        let held = held.unwrap_or(&HoldingPlane::NONE);
+        let Some(way) = self.corner.along(axis).filter(|way| way.gap >= -held.allowed) else {
+            return;
+        };
+        let then = way.gap.max(0.0) + axis.dot(self.ahead);
+        if then > self.most && (held.record != END || then >= 0.0) {
+            self.most = then;
+            let (closing, record) = (self.closing, self.record);
+            self.best = Some(AxisChange { closing, record, plane: held.record, side, way });
+        }
+    }
+
+    /// Considers the faces of both bodies whose planes are within `near` \[m\] of the contact,
+    /// except the one with the contact's own normal. A body on a plane touches the other's side
+    /// below its edge: by its sag, and by the height that it still climbs on its way there.
+    fn consider_sides(
+        &mut self,
+        normal: Vector<f32, L>,
+        (places, near): (&[Vector<f32, L>; 2], f32),
+    ) {
+        let SeamPair { shapes, poses, .. } = self.corner;
+        let planes = self.planes;
         for side in 0..2 {
             let mut face = |outward: Vector<f32, L>| {
                 let axis = outward * if side == 0 { -1.0 } else { 1.0 };
@@ -325,15 +367,10 @@ impl<const L: usize> SeamResolver<L> {
                     .iter()
                     .filter(alike)
                     .max_by(|p, q| p.allowed.total_cmp(&q.allowed).then(q.record.cmp(&p.record)));
-                match held {
-                    Some(held) => ask(axis, held.allowed, held.record, held.side),
-                    None => ask(axis, 0.0, END, 1 - side),
-                }
+                self.consider(axis, held, held.map_or(1 - side, |held| held.side));
             };
-            let (shape, pose) = (corner.shapes[side], &corner.poses[side]);
-            G::faces_at(shape, pose, places[side], near, &mut face);
+            G::faces_at(shapes[side], &poses[side], places[side], near, &mut face);
         }
-        best
     }
 }
 

@@ -217,22 +217,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report: &mut StepReport,
     ) {
         let params = &plan.params;
-        if plan.ledger {
-            self.scratch.ledger.start(&self.bodies.velocities);
-        }
-        if plan.collisions.is_some() {
-            self.update_rotated_masses(plan.ledger);
-            self.scratch.force_gains.clone_from(&self.bodies.velocities);
-        }
-        self.context().bodies.predict(params);
-        timer.lap(Stage::Predict);
-        if let Some(collisions) = &plan.collisions {
-            if *renewed {
-                self.unpack();
-            }
-            report.collisions += self.bounce(plan, collisions);
-            timer.lap(Stage::Bounce);
-        }
+        self.accelerate(plan, *renewed, timer, report);
         let turning = self.context().warm_start(substep, *renewed, params);
         self.set_targets(plan, substep, turning);
         timer.lap(Stage::WarmStart);
@@ -276,6 +261,32 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if examined {
             self.find_jams(report);
             timer.lap(Stage::Certify);
+        }
+    }
+
+    /// Changes the velocities by forces and impacts.
+    fn accelerate(
+        &mut self,
+        plan: &PartPlan<L>,
+        renewed: bool,
+        timer: &mut StageTimer,
+        report: &mut StepReport,
+    ) {
+        if plan.ledger {
+            self.scratch.ledger.start(&self.bodies.velocities);
+        }
+        if plan.collisions.is_some() {
+            self.update_rotated_masses(plan.ledger);
+            self.scratch.force_gains.clone_from(&self.bodies.velocities);
+        }
+        self.context().bodies.predict(&plan.params);
+        timer.lap(Stage::Predict);
+        if let Some(collisions) = &plan.collisions {
+            if renewed {
+                self.unpack();
+            }
+            report.collisions += self.bounce(plan, collisions);
+            timer.lap(Stage::Bounce);
         }
     }
 

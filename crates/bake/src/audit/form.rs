@@ -135,6 +135,19 @@ pub(super) struct Mesh {
 }
 
 impl Mesh {
+    /// Converts a mesh to coordinates relative to `center`. Returns `None` if an index of a
+    /// triangle is out of range.
+    fn new(vertices: &[Point], triangles: &[[u32; 3]], center: Point) -> Option<Self> {
+        let points: Vec<Point> = vertices.iter().map(|p| minus(*p, center)).collect();
+        let single = points.iter().map(|p| Vector::from(p.map(|x| x as f32))).collect();
+        let is_sound = |t: &[u32; 3]| t.iter().all(|&i| (i as usize) < points.len());
+        if !triangles.iter().all(is_sound) {
+            return None;
+        }
+        let tree = TriMesh::new(single, triangles.to_vec()).ok()?;
+        Some(Self { points, triangles: triangles.to_vec(), tree })
+    }
+
     pub(super) fn corners(&self, triangle: u32) -> [Point; 3] {
         self.triangles[triangle as usize].map(|i| self.points[i as usize])
     }
@@ -206,15 +219,7 @@ impl Form {
             ShapeKind::Trimesh { vertices, triangles, .. } => {
                 let center = middle(vertices)?;
                 place.position = place.point(center);
-                let points: Vec<Point> = vertices.iter().map(|p| minus(*p, center)).collect();
-                let single = points.iter().map(|p| Vector::from(p.map(|x| x as f32))).collect();
-                let sound = |t: &[u32; 3]| t.iter().all(|&i| (i as usize) < points.len());
-                if !triangles.iter().all(sound) {
-                    return None;
-                }
-                let tree = TriMesh::new(single, triangles.clone()).ok()?;
-                let mesh = Mesh { points, triangles: triangles.clone(), tree };
-                (Core::Mesh(Box::new(mesh)), 0.0)
+                (Core::Mesh(Box::new(Mesh::new(vertices, triangles, center)?)), 0.0)
             }
         };
         let mut form =

@@ -159,13 +159,18 @@ fn substeps(steps: &[Step]) -> [u32; 2] {
     [each().min(), each().max()].map(Option::unwrap_or_default)
 }
 
+/// Audits the motion beside the penetrations that the steps measured.
+fn audit_of(scene: &Scene, bake: &Bake) -> Audit {
+    let known = bake.steps.iter().map(|step| step.measure.deepest_penetration);
+    // The first frame has no contacts yet.
+    let known: Vec<f64> = std::iter::once(0.0).chain(known).collect();
+    audit(scene, &bake.recording, &bake.settings, &known)
+}
+
 impl Summary {
     /// Summarizes a run.
     pub(super) fn new(scene: &Scene, bake: &Bake, masses: &[f64]) -> Self {
-        // The first frame has no contacts yet.
-        let known = bake.steps.iter().map(|step| step.measure.deepest_penetration);
-        let known: Vec<f64> = std::iter::once(0.0).chain(known).collect();
-        let audit = audit(scene, &bake.recording, &bake.settings, &known);
+        let audit = audit_of(scene, bake);
         let count = |motion| scene.bodies.iter().filter(|body| body.motion == motion).count();
         let steps = &bake.steps;
         let last_second = ((1.0 / scene.time_step).round() as usize).clamp(1, steps.len().max(1));

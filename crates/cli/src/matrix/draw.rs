@@ -93,6 +93,17 @@ pub(super) fn svg(picture: &Picture) -> String {
     svg
 }
 
+/// Writes a text of this font size, centered at a point.
+fn label(svg: &mut String, ([x, y], size): (Point, f64), weight: &str, text: &str) {
+    let _ = writeln!(
+        svg,
+        "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"{size:.1}\" font-weight=\"{weight}\" \
+         text-anchor=\"middle\">{}</text>",
+        y + 0.35 * size,
+        escaped(text)
+    );
+}
+
 /// Draws dynamic bodies as discs. Lines lead from the discs of each pair of bodies to the mean of
 /// their contact points. Other bodies are not drawn.
 fn graph(svg: &mut String, picture: &Picture, left: f64) {
@@ -115,15 +126,8 @@ fn graph(svg: &mut String, picture: &Picture, left: f64) {
     };
     let size = (260.0 / (pairs.len() as f64).sqrt().max(1.0)).clamp(5.0, 12.0);
     let mut texts = String::new();
-    let mut write = |[x, y]: Point, weight: &str, text: &str| {
-        let _ = writeln!(
-            texts,
-            "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"{size:.1}\" font-weight=\"{weight}\" \
-             text-anchor=\"middle\">{}</text>",
-            y + 0.35 * size,
-            escaped(text)
-        );
-    };
+    let mut write =
+        |at: Point, weight: &str, text: &str| label(&mut texts, (at, size), weight, text);
     for ([a, b], contacts) in &pairs {
         let part = 1.0 / contacts.len() as f64;
         let points = contacts.iter().filter_map(|&i| picture.contacts.get(i));

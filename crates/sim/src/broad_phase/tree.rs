@@ -8,7 +8,7 @@ use drystone_solver::Vector;
 use drystone_solver::thread_pool::ThreadPool;
 use wide::f32x8;
 
-use crate::geometry::Bounds;
+use crate::geometry::{Bounds, Ray};
 
 /// Number of boxes of a node.
 const WIDTH: usize = 8;
@@ -24,6 +24,9 @@ const LOOSE: usize = 4;
 
 /// Boxes more than this many times as large as the median are separated from the rest. \[1\]
 const LARGE: f32 = 4.0;
+
+/// A ray may miss a box by this fraction of the distance, which allows for rounding. \[1\]
+const LOOSENED: f32 = 1.0 + 1e-5;
 
 /// Grain size for sharing overlaps above the leaves between threads.
 const GRAIN: usize = 1;
@@ -122,6 +125,38 @@ impl<const L: usize> Node<L> {
         };
         (1..L).fold(along(0), |all, i| all & along(i)).to_bitmask() as u8
     }
+
+    /// Returns the distance at which a ray enters each box, or infinity if it does not. \[m\]
+    fn entries(&self, Cast { ray, inverse }: &Cast<'_, L>) -> [f32; WIDTH] {
+        let (mut enter, mut leave) = (f32x8::splat(0.0), f32x8::splat(ray.length));
+        for i in 0..L {
+            let along =
+                |side: f32x8| (side - f32x8::splat(ray.origin[i])) * f32x8::splat(inverse[i]);
+            let (near, far) = if inverse[i] < 0.0 {
+                (self.max[i], self.min[i])
+            } else {
+                (self.min[i], self.max[i])
+            };
+            (enter, leave) = (enter.max(along(near)), leave.min(along(far)));
+        }
+        let crossed = enter.simd_le(leave * f32x8::splat(LOOSENED));
+        crossed.select(enter, f32x8::splat(f32::INFINITY)).to_array()
+    }
+}
+
+/// A ray in the form in which boxes are tested.
+struct Cast<'a, const L: usize> {
+    /// It may be shortened while it is cast.
+    ray: &'a mut Ray<L>,
+    /// Inverse of the components of the direction, clamped to finite numbers.
+    inverse: Vector<f32, L>,
+}
+
+impl<'a, const L: usize> Cast<'a, L> {
+    fn new(ray: &'a mut Ray<L>) -> Self {
+        let inverse = Vector(ray.direction.0.map(|x| (1.0 / x).clamp(f32::MIN, f32::MAX)));
+        Self { ray, inverse }
+    }
 }
 
 /// Returns the positions of the bits that are set.
@@ -207,9 +242,52 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Calls `found` with the number of each box that overlaps this one.
-    pub(super) fn visit(&mut self, bounds: &Bounds<L>, found: &mut impl FnMut(u32)) {
-        self.refit();
+    /// Returns a tree over these boxes.
+    pub(super) fn of(boxes: impl IntoIterator<Item = (u32, Bounds<L>)>) -> Self {
+        let mut out = Self::default();
+        boxes.into_iter().for_each(|(number, bounds)| out.set(number, Some(&bounds)));
+        out.build();
+        out
+    }
+
+    /// True if it has a box of this number.
+    pub(super) fn has(&self, number: u32) -> bool {
+        self.places.get(number as usize).is_some_and(|place| *place != NONE)
+    }
+
+    /// Calls `found` with the number of each box that a ray crosses, the nearest of a node first.
+    /// `found` may shorten the ray. Boxes are those of the last [refit](Self::refit).
+    pub(super) fn cast(&self, ray: &mut Ray<L>, found: &mut impl FnMut(u32, &mut Ray<L>)) {
+        if let Some(top) = self.levels.len().checked_sub(1) {
+            self.cast_node(top, 0, &mut Cast::new(ray), found);
+        }
+    }
+
+    fn cast_node(
+        &self,
+        level: usize,
+        node: usize,
+        cast: &mut Cast<'_, L>,
+        found: &mut impl FnMut(u32, &mut Ray<L>),
+    ) {
+        let mut entries = self.levels[level].nodes[node].entries(cast);
+        loop {
+            let lane = (1..WIDTH).fold(0, |a, b| if entries[b] < entries[a] { b } else { a });
+            let entry = std::mem::replace(&mut entries[lane], f32::INFINITY);
+            if entry == f32::INFINITY || entry > cast.ray.length * LOOSENED {
+                return;
+            }
+            let index = WIDTH * node + lane;
+            match level {
+                0 => found(self.numbers[index], cast.ray),
+                _ => self.cast_node(level - 1, index, cast, found),
+            }
+        }
+    }
+
+    /// Calls `found` with the number of each box that overlaps this one. Boxes are those of the
+    /// last [refit](Self::refit).
+    pub(super) fn visit(&self, bounds: &Bounds<L>, found: &mut impl FnMut(u32)) {
         if let Some(top) = self.levels.len().checked_sub(1) {
             self.visit_node(top, 0, bounds, found);
         }
@@ -338,7 +416,7 @@ impl<const L: usize> Tree<L> {
     }
 
     /// Updates each level where the level below has changed.
-    fn refit(&mut self) {
+    pub(super) fn refit(&mut self) {
         for level in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(level);
             let (below, above) = (&below[level - 1], &mut above[0]);

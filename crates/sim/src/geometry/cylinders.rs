@@ -148,6 +148,11 @@ impl Placed {
         (range[0] < range[1]).then(|| core.at(0.5 * (range[0] + range[1])))
     }
 
+    /// Returns the gap along an axis from a solid to the cylinder. \[m\]
+    fn gap_along(&self, n: V, solid: &impl Solid<3>) -> f32 {
+        n.dot(self.center - solid.support(n)) - self.extent(n)
+    }
+
     fn size(&self) -> f32 {
         self.radius + self.half
     }
@@ -508,32 +513,23 @@ fn over_polygon(
     };
     touch.points.extend(facing.points().map(|(at, name)| dropped(at, name)));
     let Clipper { reference: memory, incident: corners, .. } = clipper;
-    let line = facing.line();
-    let (mut range, mut cuts, mut number) = ([0.0, 1.0], [None; 2], 0);
+    let mut lying = facing.line().map(LyingLine::new);
+    let mut number = 0;
     solid.sides(face, memory, |on_side, outward| {
         // Tilt the plane of the side, so that it clips points before they are projected along
         // `normal`.
         let on_side = on_side + upright * upright.dot(vertex - on_side);
         let outward = outward - upright * (outward.dot(normal) / cosine);
-        if let Some([start, along]) = line {
-            let (height, rise) = (outward.dot(start - on_side), outward.dot(along));
-            let end = usize::from(rise > 0.0);
-            let part = -height / rise;
-            if rise == 0.0 && height > 0.0 {
-                range = [1.0, 0.0];
-            } else if rise > 0.0 && part < range[1] || rise < 0.0 && part > range[0] {
-                (range[end], cuts[end]) = (part, Some(number));
-            }
+        if let Some(line) = &mut lying {
+            line.cut(on_side, outward, number);
         }
         for (which, at) in crossings(&facing, on_side, outward).into_iter().flatten().enumerate() {
             touch.points.push(dropped(at, CROSSING | (2 * number) | which as u32));
         }
         number += 1;
     });
-    if let Some([start, along]) = line.filter(|_| range[0] < range[1]) {
-        for (part, cut) in range.into_iter().zip(cuts) {
-            touch.points.extend(cut.map(|side| dropped(start + along * part, CUT | side)));
-        }
+    for (at, side) in lying.iter().flat_map(LyingLine::cuts) {
+        touch.points.push(dropped(at, CUT | side));
     }
     number = 0;
     solid.sides(face, memory, |on_side, outward| {
@@ -551,6 +547,42 @@ fn over_polygon(
         if facing.holds(on_a) {
             touch.points.push(point(on_a, corner.position, gap, CORNER | corner.feature));
         }
+    }
+}
+
+/// The line on which a cylinder lies, and the part of it over a face.
+struct LyingLine {
+    start: V,
+    /// Vector to the end.
+    along: V,
+    /// Ends of the part, from 0 to 1.
+    range: [f32; 2],
+    /// Sides of the face that cut the line there.
+    sides: [Option<u32>; 2],
+}
+
+impl LyingLine {
+    fn new([start, along]: [V; 2]) -> Self {
+        Self { start, along, range: [0.0, 1.0], sides: [None; 2] }
+    }
+
+    /// Keeps the part behind the plane through a side.
+    fn cut(&mut self, on_side: V, outward: V, side: u32) {
+        let (height, rise) = (outward.dot(self.start - on_side), outward.dot(self.along));
+        let end = usize::from(rise > 0.0);
+        let part = -height / rise;
+        if rise == 0.0 && height > 0.0 {
+            self.range = [1.0, 0.0];
+        } else if rise > 0.0 && part < self.range[1] || rise < 0.0 && part > self.range[0] {
+            (self.range[end], self.sides[end]) = (part, Some(side));
+        }
+    }
+
+    /// Returns the points at which sides cut it, each with its side.
+    fn cuts(&self) -> impl Iterator<Item = (V, u32)> {
+        let is_over = self.range[0] < self.range[1];
+        let ends = self.range.into_iter().zip(self.sides).filter(move |_| is_over);
+        ends.filter_map(|(part, side)| Some((self.start + self.along * part, side?)))
     }
 }
 
@@ -660,10 +692,8 @@ pub(super) fn on_solid(
         touch.reduce();
         return gap;
     }
-    // Gap of the whole shapes along an axis from the solid to the cylinder.
-    let separates = |n: V| n.dot(cylinder.center - solid.support(n)) - cylinder.extent(n);
     let beyond = if supported { gap + PREFERENCE * prediction } else { gap };
-    let caps = [cylinder.axis, -cylinder.axis].map(|n| (separates(n), n));
+    let caps = [cylinder.axis, -cylinder.axis].map(|n| (cylinder.gap_along(n, solid), n));
     let cap = if caps[1].0 > caps[0].0 { caps[1] } else { caps[0] };
     if cap.0 > beyond {
         gap = cap.0;
@@ -680,22 +710,7 @@ pub(super) fn on_solid(
         return gap;
     }
     let beyond = if supported { edge_beyond(gap, prediction) } else { gap };
-    let mut best = (beyond, None);
-    for edge in 0..solid.edges() {
-        let ends = solid.edge(edge);
-        if cylinder.is_beyond(ends, prediction) {
-            continue;
-        }
-        for found in cylinder.ways_to(ends).filter(|found| found.gap <= prediction) {
-            let gap = separates(-found.normal);
-            // Among edges with the same axis, prefer the one that touches.
-            let value = gap - BEHIND * (found.gap - gap).abs();
-            if value > best.0 {
-                best = (value, Some((edge, ends, Nearest { gap, ..found })));
-            }
-        }
-    }
-    if let (_, Some((edge, ends, found))) = best {
+    if let Some((edge, ends, found)) = best_edge(cylinder, solid, prediction, beyond) {
         gap = found.gap;
         touch.points.clear();
         if gap <= prediction {
@@ -707,6 +722,32 @@ pub(super) fn on_solid(
     }
     touch.reduce();
     gap
+}
+
+/// Returns the edge of a solid along whose axis it is farthest from a cylinder, with its ends, if
+/// the gap is more than `beyond` \[m\].
+fn best_edge(
+    cylinder: &Placed,
+    solid: &impl Solid<3>,
+    prediction: f32,
+    beyond: f32,
+) -> Option<(usize, [V; 2], Nearest)> {
+    let mut best = (beyond, None);
+    for edge in 0..solid.edges() {
+        let ends = solid.edge(edge);
+        if cylinder.is_beyond(ends, prediction) {
+            continue;
+        }
+        for found in cylinder.ways_to(ends).filter(|found| found.gap <= prediction) {
+            let gap = cylinder.gap_along(-found.normal, solid);
+            // Among edges with the same axis, prefer the one that touches.
+            let value = gap - BEHIND * (found.gap - gap).abs();
+            if value > best.0 {
+                best = (value, Some((edge, ends, Nearest { gap, ..found })));
+            }
+        }
+    }
+    best.1
 }
 
 /// Fills `touch` with the contact points of a cylinder and an edge along the axis of `found`.
@@ -800,44 +841,16 @@ pub(super) fn between(
     touch: &mut ContactManifold<3>,
 ) -> f32 {
     let apart = a.center - b.center;
-    let separates = |n: V| n.dot(apart) - a.extent(n) - b.extent(n);
     let caps = [a, b].map(|of| {
         let n = of.axis * 1.0f32.copysign(of.axis.dot(apart));
-        (separates(n), n)
+        (gap_between([a, b], n), n)
     });
     let of_b = caps[1].0 > caps[0].0 + PREFERENCE * prediction;
     let cap = caps[usize::from(of_b)];
     if cap.0 > prediction {
         return cap.0;
     }
-    let lines = [b.to_line(a.center, a.axis).normal, -a.to_line(b.center, b.axis).normal];
-    let mut best = (f32::NEG_INFINITY, lines[0]);
-    let mut consider = |n: V| {
-        let own = separates(n);
-        if own > best.0 {
-            best = (own, n);
-        }
-        best
-    };
-    let [_, sides] = lines.map(&mut consider);
-    if sides.0 > prediction {
-        return sides.0;
-    }
-    let mut start = if sides.0 > cap.0 { sides.1 } else { cap.1 };
-    let distance = apart.length();
-    if distance > 0.0 {
-        consider(climb([a, b], apart, apart * (1.0 / distance)));
-    }
-    for _ in 0..2 {
-        // Directions between the deepest point of one cylinder and the surface of the other.
-        let own = b.to_point(a.support(-start), 0.0).normal;
-        let other = -a.to_point(b.support(start), 0.0).normal;
-        for from in [start, own, other] {
-            consider(climb([a, b], apart, from));
-        }
-        start = consider(own).1;
-    }
-    let (mut gap, normal) = consider(start);
+    let (mut gap, normal) = best_axis([a, b], cap, prediction);
     if gap > prediction {
         return gap;
     }
@@ -875,6 +888,46 @@ pub(super) fn between(
         gap
     });
     gap
+}
+
+/// Returns the gap of two cylinders along an axis from b to a. \[m\]
+fn gap_between([a, b]: [&Placed; 2], n: V) -> f32 {
+    n.dot(a.center - b.center) - a.extent(n) - b.extent(n)
+}
+
+/// Returns the largest gap of two cylinders \[m\] along an axis across sides or rims, and that
+/// axis, from b to a. The search ends as soon as a gap between sides is more than `prediction`. It
+/// starts from `cap`, the gap along the best axis of a cylinder, and that axis.
+fn best_axis([a, b]: [&Placed; 2], cap: (f32, V), prediction: f32) -> (f32, V) {
+    let apart = a.center - b.center;
+    let lines = [b.to_line(a.center, a.axis).normal, -a.to_line(b.center, b.axis).normal];
+    let mut best = (f32::NEG_INFINITY, lines[0]);
+    let mut consider = |n: V| {
+        let own = gap_between([a, b], n);
+        if own > best.0 {
+            best = (own, n);
+        }
+        best
+    };
+    let [_, sides] = lines.map(&mut consider);
+    if sides.0 > prediction {
+        return sides;
+    }
+    let mut start = if sides.0 > cap.0 { sides.1 } else { cap.1 };
+    let distance = apart.length();
+    if distance > 0.0 {
+        consider(climb([a, b], apart, apart * (1.0 / distance)));
+    }
+    for _ in 0..2 {
+        // Directions between the deepest point of one cylinder and the surface of the other.
+        let own = b.to_point(a.support(-start), 0.0).normal;
+        let other = -a.to_point(b.support(start), 0.0).normal;
+        for from in [start, own, other] {
+            consider(climb([a, b], apart, from));
+        }
+        start = consider(own).1;
+    }
+    consider(start)
 }
 
 /// Fills `touch` with the ends of the common line of two parallel cylinders that lie on each other.

@@ -17,7 +17,7 @@ use super::solid::{Cuboid, Solid};
 use super::spheres::balls;
 use super::{
     Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint, MassProperties,
-    NormalCarrier, Precession, Reach, Spin, TOGETHER, leading,
+    NormalCarrier, Precession, Ray, Reach, Spin, SurfaceHit, TOGETHER, leading,
 };
 
 /// Largest absolute coordinate and reach of a shape, which stands for infinity. \[m\]
@@ -92,8 +92,8 @@ impl From<Pose2> for parry2d::math::Pose {
 /// Implements the part of [`Geometry`] that is the same for parry2d and parry3d.
 macro_rules! over_parry {
     (
-        $parry:ident, $polyhedra:ident, $meshes:ident, $each:ident, $ask:ident, $hull:ident,
-        $form:ident, $l:literal, $a:literal
+        $parry:ident, $polyhedra:ident, $meshes:ident, $each:ident, $ask:ident, $on_other:ident,
+        $hull:ident, $form:ident, $l:literal, $a:literal
     ) => {
         type Shape = $parry::shape::SharedShape;
         type Collider = Collider<Self::Shape, $hull, $l>;
@@ -267,6 +267,25 @@ macro_rules! over_parry {
                 ContactShape::Hull(solid) => faces_at(&**solid, &frame, point, near, face),
                 _ => {}
             }
+        }
+
+        fn cast_ray(
+            collider: &Self::Collider,
+            pose: &Self::Pose,
+            ray: &Ray<$l>,
+        ) -> Option<SurfaceHit<$l>> {
+            let frame = <Self as Geometry<$l, $a>>::frame(pose);
+            let ray = ray.seen_from(&frame);
+            let hit = match &collider.form {
+                ContactShape::Cuboid(solid) => ray.on_solid(solid),
+                ContactShape::Hull(solid) => ray.on_solid(&**solid),
+                ContactShape::Halfspace(normal) => ray.on_halfspace(*normal),
+                form => match form.round() {
+                    Some(round) => ray.on_capsule(round.ends, round.radius),
+                    None => $on_other(collider, &ray),
+                },
+            };
+            hit.map(|hit| SurfaceHit { normal: frame.direction(hit.normal), ..hit })
         }
 
         fn collide(
@@ -777,10 +796,12 @@ fn closest(
     Some(Crossing { axis: Vector(axis.to_array()), on_a, on_b, feature: 0 })
 }
 
-/// Defines the loop over the convex pieces of two shapes, and the call to parry for a pair of
-/// pieces.
+/// Defines the loop over the convex pieces of two shapes, the call to parry for a pair of pieces,
+/// and the call to parry for a ray.
 macro_rules! pieces {
-    ($each:ident, $ask:ident, $piece:ident, $parry:ident, $hull:ident, $l:literal) => {
+    (
+        $each:ident, $ask:ident, $cast:ident, $piece:ident, $parry:ident, $hull:ident, $l:literal
+    ) => {
         /// Calls `pair` with the convex pieces of two shapes that may be within `prediction` \[m\].
         /// Pieces are the shapes themselves, or each triangle of a mesh that is near the other
         /// shape, with its admissible normals and its number. Returns true if all pieces were
@@ -852,11 +873,44 @@ macro_rules! pieces {
             }
             touch.reduce();
         }
+
+        /// Returns where parry finds that a ray enters a shape, in the frame of the shape.
+        fn $cast(
+            collider: &Collider<$parry::shape::SharedShape, $hull, $l>,
+            ray: &Ray<$l>,
+        ) -> Option<SurfaceHit<$l>> {
+            let cast = $parry::query::Ray::new(ray.origin.0.into(), ray.direction.0.into());
+            let most = ray.length.min(f32::MAX);
+            let hit = collider.shape.cast_local_ray_and_get_normal(&cast, most, true)?;
+            let normal = Vector::<f32, $l>(hit.normal.to_array());
+            // The normal is zero inside, and may be that of the back of a triangle.
+            let faces = normal.dot(ray.direction);
+            if hit.time_of_impact == 0.0 || faces == 0.0 {
+                return Some(SurfaceHit { distance: hit.time_of_impact, ..ray.start() });
+            }
+            let normal = normal * (-faces.signum() / normal.length());
+            Some(SurfaceHit { distance: hit.time_of_impact, normal })
+        }
     };
 }
 
-pieces!(each_piece_2, ask_parry_2, Piece2, parry2d, ConvexPolygon, 2);
-pieces!(each_piece_3, ask_parry_3, Piece3, parry3d, Hull, 3);
+pieces!(each_piece_2, ask_parry_2, cast_parry_2, Piece2, parry2d, ConvexPolygon, 2);
+pieces!(each_piece_3, ask_parry_3, cast_parry_3, Piece3, parry3d, Hull, 3);
+
+/// Returns where a ray enters a cylinder or a shape that is left to parry, in the frame of the
+/// shape.
+fn cast_cylinder_or_parry(
+    collider: &Collider<parry3d::shape::SharedShape, Hull, 3>,
+    ray: &Ray<3>,
+) -> Option<SurfaceHit<3>> {
+    match &collider.form {
+        ContactShape::Cylinder(Cylinder { radius, half_height }) => {
+            let top = Vector([0.0, *half_height, 0.0]);
+            ray.on_tube([-top, top], *radius)
+        }
+        _ => cast_parry_3(collider, ray),
+    }
+}
 
 /// Defines the conversion of a parry shape to its `ContactShape`.
 macro_rules! form {
@@ -951,6 +1005,7 @@ impl Geometry<2, 1> for Rigid2 {
         no_meshes,
         each_piece_2,
         ask_parry_2,
+        cast_parry_2,
         ConvexPolygon,
         form_2,
         2,
@@ -1090,7 +1145,18 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, solids, on_meshes, each_piece_3, ask_parry_3, Hull, form_3, 3, 3);
+    over_parry!(
+        parry3d,
+        solids,
+        on_meshes,
+        each_piece_3,
+        ask_parry_3,
+        cast_cylinder_or_parry,
+        Hull,
+        form_3,
+        3,
+        3
+    );
 }
 
 /// True if a body turns so little in `h` \[s\], and is so compact, that one step in single

@@ -4,7 +4,7 @@ use drystone_solver::{SymmetricMatrix, Vector};
 
 use super::{
     Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint, MassProperties,
-    NormalCarrier, Reach, leading,
+    NormalCarrier, Ray, Reach, SurfaceHit, leading,
 };
 
 /// The geometry of particles: (L, A) = (2, 0) or (3, 0).
@@ -129,6 +129,18 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
 
     fn shape_of(collider: &Self::Collider) -> &Self::Shape {
         collider
+    }
+
+    fn cast_ray(
+        collider: &Self::Collider,
+        pose: &Self::Pose,
+        ray: &Ray<L>,
+    ) -> Option<SurfaceHit<L>> {
+        let own = Ray { origin: ray.origin - *pose, ..*ray };
+        match collider {
+            SphereShape::Sphere { radius } => own.on_ball(Vector::ZERO, *radius),
+            SphereShape::Halfspace { normal } => own.on_halfspace(*normal),
+        }
     }
 
     fn collide(
