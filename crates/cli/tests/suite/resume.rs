@@ -77,7 +77,7 @@ fn a_journal_of_something_else_is_refused() {
     let asked = |code, scene, more: &[&str]| place.fails(code, &bake(scene, more));
     let message = asked(2, "scene.toml", &[]);
     assert!(
-        message.contains("has 40 steps of this bake already; go on with --resume"),
+        message.contains("has 40 steps of this bake already; resume it with --resume"),
         "{message}"
     );
     let message = asked(2, "scene.toml", &["--resume", "--substeps", "9"]);
@@ -113,7 +113,7 @@ fn a_journal_of_something_else_is_refused() {
 
     fs::write(&path, "Dear diary").unwrap();
     for more in [&[][..], &["--resume"]] {
-        assert!(asked(2, "scene.toml", more).contains("no journal"));
+        assert!(asked(2, "scene.toml", more).contains("not a journal"));
     }
     assert_eq!(fs::read(&path).unwrap(), b"Dear diary");
 }
@@ -136,7 +136,7 @@ fn other_bits_are_noticed() {
     let spliced = [&mixed[..head(&mixed)], &journal[head(&journal)..cut]].concat();
     fs::write(place.path("out.glb.journal"), spliced).unwrap();
     let message = place.fails(2, &bake("scene.toml", &["--resume"]));
-    assert!(message.contains("step 1 comes out otherwise now"), "{message}");
+    assert!(message.contains("step 1 differs from the journal"), "{message}");
 }
 
 /// The contact problem of a step in the journal is that of an uninterrupted bake.
