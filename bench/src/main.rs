@@ -57,17 +57,17 @@ pub(crate) struct Options {
     /// Run Drystone alone, and print its time by stage
     #[arg(long, conflicts_with_all = ["quality", "engines"])]
     stages: bool,
-    /// Runs Drystone alone and prints its time per contact and its memory per body in piles of 1000 to
-    /// 64 000 spheres, or in other scenes
+    /// Run Drystone alone, and print its time per contact and its memory per body, in piles of 1000
+    /// to 64 000 spheres or in other scenes
     #[arg(long, conflicts_with_all = ["quality", "engines", "stages"])]
     flat: bool,
-    /// Runs the sweep alone and prints its time beside what the machine could do
+    /// Run the sweep alone, and print its time beside the limits of the machine
     #[arg(long, exclusive = true)]
     kernel: bool,
-    /// Answers for one engine on one scene; how the program starts itself
+    /// Run one engine on one scene, as the program starts itself
     #[arg(long, hide = true, value_enum)]
     child: Option<Kind>,
-    /// Settings of the child
+    /// Set the effort of the child
     #[arg(long, hide = true, default_value = "default")]
     effort: Effort,
 }

@@ -215,7 +215,7 @@ impl Bake {
                 .to_owned();
         }
         let finer = scene.time_step / 4.0;
-        format!("Set time_step to {finer:.1e} s, and see what `drystone check` names")
+        format!("Set time_step to {finer:.1e} s, and run `drystone check`")
     }
 
     /// Returns the dynamic body with the largest displacement over the last `frames` frames, and

@@ -84,7 +84,7 @@ fn a_journal_of_something_else_is_refused() {
     assert!(message.contains("substeps 8, not 9"), "{message}");
     fs::write(place.path("other.toml"), SCENE.replace("1.2", "1.3")).unwrap();
     let message = asked(2, "other.toml", &["--resume"]);
-    assert!(message.contains("of another scene, or of this one before"), "{message}");
+    assert!(message.contains("of another scene, or of an earlier version"), "{message}");
     assert_eq!(fs::read(&path).unwrap(), journal, "nothing was done to it");
 
     // The journal of another scene is replaced if resuming is not requested.
