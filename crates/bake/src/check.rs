@@ -164,7 +164,7 @@ pub fn check_with(
         value: None,
         limit: None,
         what: warning.to_string(),
-        advice: "see whether that is what you mean".to_owned(),
+        advice: "check that this is intended".to_owned(),
     }));
     let excess = |of: &Finding| match (of.value, of.limit) {
         (Some(value), Some(limit)) => (value - limit).abs(),

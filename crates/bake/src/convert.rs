@@ -71,7 +71,7 @@ pub(crate) fn body_of<G: FromScene<L, A>, const L: usize, const A: usize>(
     })
 }
 
-/// Converts what moves a body.
+/// Converts the motion of a body.
 pub fn motion(motion: Motion) -> drystone::Motion {
     match motion {
         Motion::Dynamic => drystone::Motion::Dynamic,

@@ -16,17 +16,19 @@ use crate::print;
 /// Number of findings of each kind that are listed before the rest is counted.
 const LISTED: usize = 10;
 
-/// Find what will hurt in a scene before it does.
+/// Find problems of a scene before it is baked.
 ///
-/// Overlaps, wedged bodies, heavy on light, stacks without friction, what may pass through, sizes,
-/// mirrored and uneven scales, meshes with holes or inside out, meshes that their convex pieces miss, surfaces that never rest, and what the reader left out.
+/// Findings are overlaps, wedged bodies, heavy bodies on light ones, stacks without friction,
+/// bodies that may tunnel, extreme sizes, mirrored and uneven scales, meshes with holes, inside
+/// out or far from their convex pieces, surfaces that bounce without loss, and data that the
+/// reader left out.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// The scene: .toml, .json, .gltf, .glb or .usda
+    /// Scene to check: .toml, .json, .gltf, .glb or .usda
     scene: PathBuf,
 
-    /// For the settings for games, with their fixed work
+    /// Check against the real-time preset, with its fixed work
     #[arg(long)]
     realtime: bool,
 
@@ -38,9 +40,9 @@ pub(crate) struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   drystone check scenes/arch.json
-      nothing found: go ahead and bake
+      prints nothing found: the scene is ready to bake
   drystone check scenes/workshop.gltf --json
-      for other programs: kind, bodies, value, limit, and both in words
+      prints findings for other programs: kind, bodies, value, limit, and both in words
 
 Exit codes: 0 nothing found, 1 something found, 2 wrong input or usage, 4 a file cannot be read.";
 

@@ -21,7 +21,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use failure::Failure;
 
-/// Contact simulation for animation: reads a scene, lets it happen, writes the motion.
+/// Simulate rigid bodies in contact: read a scene, bake its motion, check and verify it.
 #[derive(Parser)]
 #[command(name = "drystone", version, after_help = CODES)]
 struct Arguments {
@@ -40,9 +40,10 @@ enum Command {
     Verify(verify::Arguments),
 }
 
-const CODES: &str = "Exit codes: 0 done, 1 done and the answer is no (bakes differ, a check found something), 2 wrong input or usage, 3 the simulation diverged or \
-                     the problem is not solved, 4 a file cannot be read or written, 130 \
-                     interrupted.";
+const CODES: &str = "\
+Exit codes: 0 done, 1 done and the answer is no (bakes differ, a check found something), 2 wrong
+input or usage, 3 the simulation diverged or the problem is not solved, 4 a file cannot be read or
+written, 130 interrupted.";
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {

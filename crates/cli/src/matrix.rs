@@ -20,19 +20,19 @@ const MOST: usize = 1500;
 
 /// Draw the contact matrix A = J M^-1 J^T of a step beside its contacts.
 ///
-/// A contact is one row and one column. Two contacts have an entry where a body that can be moved
-/// takes part in both; it has the color of that body.
+/// Each contact has one row and one column. The entry of two contacts is not zero if they share a
+/// dynamic body, and has the color of that body.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// The scene: .toml, .json, .gltf, .glb or .usda
+    /// Scene to simulate: .toml, .json, .gltf, .glb or .usda
     scene: PathBuf,
 
-    /// The step whose last substep is drawn, from 1
+    /// Draw the last substep of this step, from 1
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     step: u32,
 
-    /// Where the picture goes: .svg
+    /// Write the picture to this file: .svg
     #[arg(short, long, value_name = "A.svg")]
     output: PathBuf,
 }
@@ -40,9 +40,9 @@ pub(crate) struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   drystone matrix scenes/arch.json --step 60 -o arch.svg
-      a band: each stone touches the next
+      draws a band: each stone touches the next
   drystone matrix scenes/billiards.toml --step 80 -o break.svg
-      the rack as it is hit
+      draws the rack in the break
 
 Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged, 4 a file cannot be read or
 written.";

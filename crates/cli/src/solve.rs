@@ -22,27 +22,28 @@ use run::{Choice, Run};
 
 /// Solve a contact problem or a linear complementarity problem given as matrices.
 ///
-/// PROBLEM is JSON: a contact problem u = W r + q with `dim`, `mu`, `q` and `W`, or `global` with
-/// the bodies' `M`, `H`, `f` and `w`; or a linear complementarity problem with `q` and `M` or
-/// `M_rows`; or what `drystone bake --dump-step` saves, with `M`, `J`, `v_star`, `t`, `mu`, and `eps`
-/// and `gamma_0` if there are any: methods start from that guess. Sparse matrices are given by
-/// columns (`rows`, `cols`, `colptr`, `rowidx`, `values`). FCLIB's .hdf5 files are read by builds
-/// with the feature `fclib`.
+/// PROBLEM is JSON, and one of four kinds. A contact problem u = W r + q has `dim`, `mu`, `q` and
+/// `W`; in global form, the bodies' `M`, `H`, `f` and `w`. A linear complementarity problem has `q`
+/// and `M` or `M_rows`. A problem saved by `drystone bake --dump-step` has `M`, `J`, `v_star`, `t`,
+/// `mu`, and optionally `eps` and the guess `gamma_0`. Sparse matrices are given by columns
+/// (`rows`, `cols`, `colptr`, `rowidx`, `values`). Builds with the feature `fclib` read FCLIB's
+/// .hdf5 files.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// The problem: .json, or .hdf5
+    /// Problem to solve: .json, or .hdf5
     problem: PathBuf,
 
-    /// auto picks by itself; or gauss-seidel, proximal, newton, lemke, enumeration, interior-point
+    /// Solve by this method: auto, gauss-seidel, proximal, newton, lemke, enumeration or
+    /// interior-point; auto chooses by itself
     #[arg(long, value_name = "M", default_value = "auto", value_parser = Choice::from_str)]
     method: Choice,
 
-    /// Residual that is good enough, relative to the problem's own size
+    /// Stop at this residual, relative to the size of the problem
     #[arg(long, value_name = "X", default_value_t = 1e-9, value_parser = within(1e-16..=1.0))]
     tolerance: f64,
 
-    /// The most iterations: sweeps, pivots or Newton steps
+    /// Stop after so many iterations: sweeps, pivots or Newton steps
     #[arg(long, value_name = "N", default_value_t = 100_000)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000_000))]
     budget: u32,
@@ -51,20 +52,20 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "PLOT.svg")]
     history: Option<PathBuf>,
 
-    /// Run every other method as well, and draw them all
+    /// Run all other methods as well, and draw their residuals
     #[arg(long)]
     compare: bool,
 
-    /// Solve so many times from the start, and state the median time
+    /// Repeat the solution so many times, and report the median time
     #[arg(long, value_name = "N", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=10_000))]
     repeat: u32,
 
-    /// Write the solution and how it was found as JSON
+    /// Write the solution, its residuals and its method as JSON
     #[arg(short, long, value_name = "RESULT.json")]
     output: Option<PathBuf>,
 
-    /// No text; warnings and errors remain
+    /// Print no text; warnings and errors remain
     #[arg(short, long)]
     quiet: bool,
 }
@@ -72,12 +73,12 @@ pub(crate) struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   drystone solve stack.json -o result.json
-      the impulses, by whatever method it takes
+      writes the impulses, with the method chosen automatically
   drystone solve capsules.json --compare --history plot.svg
-      all methods on one picture
+      draws the residuals of all methods in one picture
 
-Exit codes: 0 solved, 2 wrong input or usage, 3 not solved (also if it is proven that there is no
-solution; the result is written all the same), 4 a file cannot be read or written.";
+Exit codes: 0 solved, 2 wrong input or usage, 3 not solved (also with a proof that there is no
+solution; the result is written nevertheless), 4 a file cannot be read or written.";
 
 fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| match f64::from_str(text) {
@@ -142,7 +143,9 @@ fn unless_solved(name: &str, run: &Run) -> Result<(), Failure> {
         Status::Converged => Ok(()),
         Status::BadInput => {
             let method = run.choice.name();
-            Err(Failure::Input(format!("{name}: {method} is not for this problem: {reason}")))
+            Err(Failure::Input(format!(
+                "{name}: {method} does not apply to this problem: {reason}"
+            )))
         }
         Status::Infeasible => Err(Failure::Unsolved(format!("{name}: {reason}"))),
         Status::Budget | Status::Stalled => {

@@ -227,13 +227,13 @@ pub enum ShapeKind {
         /// Points. \[m\]
         points: Vec<Vec<f64>>,
     },
-    /// Everything behind a plane through the local origin; not on dynamic bodies.
+    /// Half-space behind a plane through the local origin; not on dynamic bodies.
     Halfspace {
         /// Outward unit normal.
         normal: Vec<f64>,
     },
-    /// Triangles, counter-clockwise seen from outside (3D). On a dynamic body the mesh is closed, and collides as
-    /// convex pieces.
+    /// Triangles, counter-clockwise seen from outside (3D). On a dynamic body the mesh is closed,
+    /// and collides as convex pieces.
     Trimesh {
         /// Points. \[m\]
         vertices: Vec<[f64; 3]>,
@@ -277,10 +277,10 @@ pub struct Material {
     pub restitution: f64,
     /// Rolling resistance: the largest distance by which the normal force may act ahead of the
     /// contact. A rolling ball of radius r decelerates as on an upward slope of this length over r.
-    /// Of two surfaces, the larger value counts. \[m\]
+    /// A contact takes the larger value of its two surfaces. \[m\]
     pub rolling_resistance: f64,
-    /// Resistance to spinning about the normal: the largest moment divided by the normal force. Of
-    /// two surfaces, the larger value counts. \[m\]
+    /// Resistance to spinning about the normal: the largest moment divided by the normal force. A
+    /// contact takes the larger value of its two surfaces. \[m\]
     pub spinning_resistance: f64,
     /// Rule that combines the friction of two surfaces.
     pub friction_combine: Combine,

@@ -65,8 +65,8 @@ pub fn read(file: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
             place: Place::File,
             item: "OpenUSD without physics".into(),
             value: String::new(),
-            accepted: "apply PhysicsCollisionAPI to what collides and PhysicsRigidBodyAPI to what \
-                       moves"
+            accepted: "apply PhysicsCollisionAPI to prims that collide and PhysicsRigidBodyAPI to \
+             prims that move"
                 .into(),
             unreadable: false,
         });

@@ -75,7 +75,7 @@ impl Load {
 
 /// Upper bounds on the compliance of contacts.
 ///
-/// Contacts under an island sink by the setting `sag`, or by a fraction of its thinnest body if
+/// Contacts under an island penetrate by the setting `sag`, or by a fraction of its thinnest body if
 /// that is less. The weight W \[N\] of the island on its n manifolds with fixed bodies gives the
 /// stiffness k = W / (n sag). A spring in implicit form that repairs the fraction c of its depth
 /// per substep h has epsilon = c / (h^2 k).

@@ -69,10 +69,12 @@ impl Display for InputError {
             Self::UnsupportedShape { collider, shape } => write!(
                 f,
                 "collider {collider} is a {shape}, which touches nothing; \
-                 accepted: ball, box, capsule, cylinder, cone, convex hull, half-space, triangle mesh, one per collider"
+                 accepted: ball, box, capsule, cylinder, cone, convex hull, half-space, \
+                 triangle mesh, one per collider"
             ),
             Self::Static => f.write_str(
-                "the body is static and has no velocity; accepted: a dynamic or kinematic body, or set_pose",
+                "the body is static and has no velocity; \
+                 accepted: a dynamic or kinematic body, or set_pose",
             ),
         }
     }

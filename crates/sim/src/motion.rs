@@ -410,7 +410,7 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     });
 }
 
-/// Pose of a body, and what rounding and precession have left out of it.
+/// Pose of a body, and the remainders of rounding and precession.
 struct ExactPose<'a, P, const L: usize, const A: usize> {
     pose: &'a mut P,
     turned: &'a mut SpinState<A>,

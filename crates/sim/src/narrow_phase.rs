@@ -598,7 +598,7 @@ fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
     true
 }
 
-/// Returns a gap, or what is left of a reuse distance, less its rounding error at this distance of
+/// Returns a gap, or the rest of a reuse distance, less its rounding error at this distance of
 /// the bodies. \[m\]
 fn known_to<const L: usize>(gap: f32, apart: Vector<f32, L>) -> f32 {
     gap - ROUNDING * (gap.abs() + apart.length())

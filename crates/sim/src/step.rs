@@ -48,7 +48,7 @@ const IMPACT_SWEEPS: usize = 40;
 const REUSE: f32 = 0.25;
 
 /// In a substep no body falls by more than this fraction of its thickness, as far as the setting
-/// `most_substeps` allows. A soft contact sinks by about this distance for each body above it. At
+/// `most_substeps` allows. A soft contact penetrates by about this distance for each body above it. At
 /// this fraction a tower of twenty bodies stands. \[1\]
 const MOST_FALL: f32 = 1.0 / 1024.0;
 

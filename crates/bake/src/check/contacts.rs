@@ -57,8 +57,9 @@ pub(super) fn overlaps(scene: &Scene, near: &[Nearby]) -> Vec<Finding> {
             length(depth),
             length(OVERLAP)
         ),
-        advice: "they will be pushed apart, which moves what they carry: move or shrink one"
-            .to_owned(),
+        advice:
+            "they will be pushed apart, and move the bodies that they carry: move or shrink one"
+                .to_owned(),
     };
     deepest.into_iter().map(finding).collect()
 }
@@ -78,7 +79,8 @@ pub(super) fn wedged(scene: &Scene, jams: &[Jam]) -> Vec<Finding> {
             value: Some(jam.missing),
             limit: Some(MISSED),
             what: format!(
-                "{} are wedged: no motion opens their contacts, which want {:.2} m/s more",
+                "{} are wedged: no velocities satisfy their contacts, which miss their targets by \
+                 {:.2} m/s",
                 names.join(", "),
                 jam.missing
             ),
@@ -122,7 +124,7 @@ pub(super) fn mass_ratios(
             scene.name_of(lower)
         ),
         advice:
-            "it may sink in: make the heavy one lighter or the light one heavier, or bake with \
+            "it may penetrate: make the heavy one lighter or the light one heavier, or bake with \
                  a tolerance"
                 .to_owned(),
     };
@@ -162,9 +164,9 @@ pub(super) fn frictionless(scene: &Scene, near: &[Nearby], masses: &[f64]) -> Ve
             scene.name_of(load),
             scene.name_of(on)
         ),
-        advice: "the least push makes it slide: give both surfaces friction, and see how the two \
-                 combine"
-            .to_owned(),
+        advice:
+            "any push makes it slide: give both surfaces friction, and check their combine rules"
+                .to_owned(),
     };
     seen.into_iter().map(finding).collect()
 }

@@ -34,21 +34,21 @@ pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
                 let what = format!(
                     "has holes: {open} edges are not between two triangles; accepted: none"
                 );
-                let advice = "it collides from both sides, and holds in what gets in: close it, \
-                              or use its convex hull";
+                let advice = "it collides from both sides, and keeps bodies inside that get in: \
+                 close it, or use its convex hull";
                 found(Kind::OpenMesh, open as f64, 0.0, what, advice);
             } else if open == 0 && turned == 0 && mesh.volume() < 0.0 {
                 let volume = mesh.volume();
                 let what =
                     format!("is inside out: its volume is {volume:.3e} m^3; accepted: above 0");
-                let advice = "it is a room that holds in what is inside; flip its triangles to \
-                              make it a solid that pushes out";
+                let advice =
+                    "it is a room, and keeps bodies inside; flip its triangles to make it a solid";
                 found(Kind::InsideOutMesh, volume, 0.0, what, advice);
             }
             let crossing = mesh.crossings();
             if crossing > 0 {
                 let what = format!(
-                    "passes through itself: {crossing} pairs of triangles cross; accepted: none"
+                    "intersects itself: {crossing} pairs of triangles cross; accepted: none"
                 );
                 found(
                     Kind::CrossingMesh,

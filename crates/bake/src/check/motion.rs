@@ -46,14 +46,14 @@ pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
                 value: Some(travel),
                 limit: Some(limit),
                 what: format!(
-                    "{} may move {} between two searches for contacts (at {speed:.1} m/s, {searches} \
-                     per step); accepted: up to {}, the thickness of {}",
+                    "{} may move {} between two searches for contacts (at {speed:.1} m/s, \
+                     {searches} per step); accepted: up to {}, the thickness of {}",
                     scene.name_of(index),
                     length(travel),
                     length(limit),
                     scene.name_of(other)
                 ),
-                advice: format!("it may pass through: set time_step to {slower:.1e} s or less"),
+                advice: format!("it may tunnel: set time_step to {slower:.1e} s or less"),
             });
         }
     }
@@ -93,8 +93,8 @@ pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
             length(passed(worst)),
             track.times[worst + 1]
         );
-        let advice = "what it touches is thrown, what is in its way is passed: give the keys LINEAR \
-                      interpolation and time between them";
+        let advice = "it throws bodies that it touches, and tunnels through bodies on its way: \
+         give the keys LINEAR interpolation and time between them";
         findings.push(Finding::of_body(index, Kind::Jump, [speed, limit], what, advice));
     }
     findings

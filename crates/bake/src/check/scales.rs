@@ -19,8 +19,8 @@ pub(super) fn scales(read: &Read) -> Vec<Finding> {
         let mirror = scales().map(smallest).fold(f64::INFINITY, f64::min);
         if mirror < 0.0 {
             let what = format!("{name} has a shape of scale {mirror:.4}; accepted: above 0");
-            let advice =
-                "only its size counts, a mesh is mirrored: apply the scale before the export";
+            let advice = "an implicit shape takes its absolute value, a mesh is mirrored: apply \
+             the scale before the export";
             found(Kind::NegativeScale, mirror, 0.0, what, advice);
         }
         let uneven = scales().map(unevenness).fold(1.0, f64::max);
@@ -29,8 +29,8 @@ pub(super) fn scales(read: &Read) -> Vec<Finding> {
                 "{name} has a shape scaled {uneven:.4} times as much along one axis as along \
                  another; accepted: evenly"
             );
-            let advice = "round shapes become hulls, and what turns below it shears: apply the scale \
-                          before the export";
+            let advice = "round shapes become convex hulls, and rotated nodes below it are \
+             sheared: apply the scale before the export";
             found(Kind::UnevenScale, uneven, 1.0, what, advice);
         }
     }

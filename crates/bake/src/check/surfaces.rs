@@ -33,13 +33,13 @@ pub(super) fn bounces(scene: &Scene) -> Vec<Finding> {
                 value: Some(together(a, b)),
                 limit: Some(LOSSLESS),
                 what: format!(
-                    "surfaces as of {} and {} bounce with a restitution of {}; accepted: below {LOSSLESS}",
+                    "the surfaces of {} and {} combine to a restitution of {}; accepted: below \
+                     {LOSSLESS}",
                     scene.name_of(a.body),
                     scene.name_of(b.body),
                     together(a, b)
                 ),
-                advice: "they never come to rest: lower one, or the way in which they combine"
-                    .to_owned(),
+                advice: "they never come to rest: lower one, or change how they combine".to_owned(),
             });
         }
         let own = a.material.restitution;

@@ -73,7 +73,7 @@ impl Header {
     /// Describes the difference from the header of the bake that was `asked` for, if there is one.
     pub fn difference(&self, asked: &Self) -> Option<String> {
         if self.version != asked.version {
-            return Some(format!("it is of version {}, not {}", self.version, asked.version));
+            return Some(format!("it has version {}; accepted: {}", self.version, asked.version));
         }
         if self.settings != asked.settings {
             let [own, other] = [self, asked].map(|of| serde_json::to_value(&of.settings));
@@ -87,7 +87,7 @@ impl Header {
             return Some(format!("it was baked with {}", list.join(", ")));
         }
         (self != asked)
-            .then(|| "it is of another scene, or of this one before it was changed".to_owned())
+            .then(|| "it is of another scene, or of an earlier version of this one".to_owned())
     }
 
     /// Returns the number of floats per frame.
@@ -175,7 +175,7 @@ impl Journal {
     pub fn create(path: &Path, header: &Header) -> io::Result<Self> {
         let mut file = open(path, true)?;
         if read_magic(&mut file)? == Magic::Other {
-            return Err(refusal("the file there is no journal"));
+            return Err(refusal("the file is not a journal"));
         }
         file.set_len(0)?;
         file.seek(SeekFrom::Start(0))?;
@@ -272,7 +272,9 @@ impl Journal {
 /// If the system refuses, the file is no journal, or the journal has no whole header yet.
 pub fn read(path: &Path) -> io::Result<Contents> {
     let found = contents(&mut scene::open(path)?)?;
-    found.map(|(contents, _)| contents).ok_or_else(|| refusal("it is no journal, or an empty one"))
+    found
+        .map(|(contents, _)| contents)
+        .ok_or_else(|| refusal("the file is not a journal, or is empty"))
 }
 
 fn refusal(why: &str) -> io::Error {
@@ -319,7 +321,7 @@ fn contents(file: &mut File) -> io::Result<Option<(Contents, u64)>> {
     let mut reader = Reader { file: BufReader::new(file), at: MAGIC.len() as u64, size };
     match read_magic(&mut reader.file)? {
         Magic::Missing => return Ok(None),
-        Magic::Other => return Err(refusal("the file there is no journal")),
+        Magic::Other => return Err(refusal("the file is not a journal")),
         Magic::Journal => {}
     }
     let Some(first) = reader.next()? else { return Ok(None) };

@@ -64,7 +64,7 @@ fn what_rests_is_clean() {
     assert_eq!((found.frames, found.followed), (64, 99));
 }
 
-/// A cube that sinks through a mesh slowly is found inside by more than 9 cm. It passes through
+/// A cube that moves through a mesh slowly is found inside by more than 9 cm. It passes through
 /// when its center does, and is below everything in the end.
 #[test]
 fn what_sinks_in_slowly_stands_inside_and_then_went_through() {

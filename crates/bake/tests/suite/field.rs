@@ -17,7 +17,8 @@ use drystone_bake::{Simulation, build};
 use drystone_scene::{Read, Scene, ShapeKind};
 
 /// Cases that do not hold yet.
-const AWAITING: &[&str] = &["capsule in real time", "dropped cone", "dropped cone in real time"];
+const AWAITING: &[&str] =
+    &["capsule, real-time preset", "dropped cone", "dropped cone, real-time preset"];
 
 /// Asserts that a `measured` number is at most `bound`, or exceeds it for a case in [`AWAITING`].
 /// NaN and a panic exceed every bound.
@@ -279,7 +280,7 @@ fn box_slides_over_a_seam() {
 /// A rotating tool keeps its kinetic energy within 1 %.
 #[test]
 fn tool_keeps_its_energy() {
-    for (name, preset) in [("tool", Certified), ("tool in real time", Realtime)] {
+    for (name, preset) in [("tool", Certified), ("tool, real-time preset", Realtime)] {
         case(name, 1.0, "%", || {
             let film = Film::of(&scene("05_spin_gains.json"), preset);
             100.0 * film.most(|frame| (film.kinetic[frame] / film.kinetic[0] - 1.0).abs())
@@ -311,7 +312,7 @@ fn infinite_mass_turns_as_a_large_one() {
 /// A ball drifts along its trough by at most 5 mm.
 #[test]
 fn trough_does_not_push_along() {
-    for (name, preset) in [("trough", Certified), ("trough in real time", Realtime)] {
+    for (name, preset) in [("trough", Certified), ("trough, real-time preset", Realtime)] {
         case(name, 5.0, "mm", || {
             let film = Film::of(&scene("07_trough_drift.json"), preset);
             let start = film.position(0, 1)[2];
@@ -351,7 +352,7 @@ fn bricks_stay() {
 /// A cone that stands on a mesh moves by at most 1 mm.
 #[test]
 fn cone_stands_on_a_mesh() {
-    for (name, preset) in [("cone", Certified), ("cone in real time", Realtime)] {
+    for (name, preset) in [("cone", Certified), ("cone, real-time preset", Realtime)] {
         case(name, 1.0, "mm", || Film::of(&scene("11_cone_on_mesh.json"), preset).moved(1..2));
     }
 }
@@ -359,7 +360,9 @@ fn cone_stands_on_a_mesh() {
 /// A cone dropped onto a mesh penetrates it by at most 1 mm.
 #[test]
 fn cone_lands_on_a_mesh() {
-    for (name, preset) in [("dropped cone", Certified), ("dropped cone in real time", Realtime)] {
+    for (name, preset) in
+        [("dropped cone", Certified), ("dropped cone, real-time preset", Realtime)]
+    {
         case(name, 1.0, "mm", || {
             let scene = scene("12_cone_dropped_on_mesh.json");
             let film = Film::of(&scene, preset);
@@ -410,7 +413,7 @@ fn bounce_onto_what_lies_presses_nobody() {
 /// A capsule at a wall moves by at most 1 mm in the last second.
 #[test]
 fn capsule_comes_to_rest_at_a_wall() {
-    for (name, preset) in [("capsule", Certified), ("capsule in real time", Realtime)] {
+    for (name, preset) in [("capsule", Certified), ("capsule, real-time preset", Realtime)] {
         case(name, 1.0, "mm in the last second", || {
             let film = Film::of(&scene("motion/2_capsule_wall.json"), preset);
             let last = film.last();
@@ -538,7 +541,7 @@ fn sticks_lie() {
         let name = format!("{name} in a bake");
         case(&name, 1.0, "% of the energy", || dropped(&file, Certified, [floor, half]));
     }
-    for (name, preset) in [("rod", Certified), ("rod in real time", Realtime)] {
+    for (name, preset) in [("rod", Certified), ("rod, real-time preset", Realtime)] {
         case(name, 1.0, "% of the energy", || {
             dropped("robust/rod_panic.json", preset, [0.0, 5e-5])
         });
@@ -548,7 +551,7 @@ fn sticks_lie() {
 /// A needle as a hull is refused, or the energy of its fall rises by at most 1 %.
 #[test]
 fn needle_is_refused_or_falls() {
-    for (name, preset) in [("needle", Certified), ("needle in real time", Realtime)] {
+    for (name, preset) in [("needle", Certified), ("needle, real-time preset", Realtime)] {
         case(name, 1.0, "% of the energy", || {
             let scene = scene("robust/hull_panic.json");
             match build(&scene, preset.settings(&scene)) {

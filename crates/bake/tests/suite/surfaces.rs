@@ -225,7 +225,7 @@ fn stages_are_told_what_is_not_read() {
         body("c")
     );
     let read = read_as("strange.usda", &text);
-    assert!(warned(&read, &["rope", "not simulated", "DistancePhysicsJoint is no type"]));
+    assert!(warned(&read, &["rope", "not simulated", "DistancePhysicsJoint is not a type"]));
     assert!(warned(&read, &["hinge", "the joint is not simulated"]));
     assert!(warned(&read, &["gear", "not simulated", "PhysxPhysicsGearJoint"]));
     for name in ["physics:dragCoefficient", "physxForce:force", "PhysxForceAPI"] {

@@ -70,11 +70,11 @@ impl Diary {
             }
             None if steps > 0 => {
                 return Err(diary.wrong(&format!(
-                    "has {steps} steps of this bake already; go on with --resume, or delete it"
+                    "has {steps} steps of this bake already; resume it with --resume, or delete it"
                 )));
             }
             Some(why) if arguments.resume => {
-                return Err(diary.wrong(&format!("cannot be gone on with: {why}; delete it")));
+                return Err(diary.wrong(&format!("cannot be resumed: {why}; delete it")));
             }
             // An empty journal, or that of another bake, is replaced.
             _ => {}
@@ -141,8 +141,8 @@ impl Diary {
             return Ok(());
         }
         Err(self.wrong(&format!(
-            "step {step} comes out otherwise now, so another build or machine baked it; go on with \
-             that one, or delete it"
+            "step {step} differs from the journal, so another build or machine baked it; resume \
+             with that one, or delete it"
         )))
     }
 
@@ -165,7 +165,7 @@ impl Diary {
         if !words.iter().any(|word| word == "--resume") {
             words.push("--resume".to_owned());
         }
-        format!("{} has the frames; go on with: drystone {}", self.path.display(), words.join(" "))
+        format!("{} has the frames; resume with: drystone {}", self.path.display(), words.join(" "))
     }
 
     /// Deletes the journal, unless it has more than the `taken` steps of this bake.

@@ -62,8 +62,8 @@ pub(super) fn write(
     let leaning = pairs.filter(|(contact, mu)| contact.impact > 0.0 && **mu > 0.0).count();
     let warning = (leaning > 0).then(|| {
         format!(
-            "{leaning} of the contacts saved in step {step} bounced in that substep: their friction \
-             may lean on the blow, which the matrices leave out"
+            "{leaning} of the contacts saved in step {step} bounced in that substep: their \
+             friction may rest on impulses of the impact, which the matrices leave out"
         )
     });
     Ok((files.to_vec(), warning))

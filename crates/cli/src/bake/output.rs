@@ -51,7 +51,7 @@ impl Outputs {
                 return Err(Failure::Input(format!("{text}; give it another name")));
             }
             if !seen.insert(place(path)) {
-                let text = format!("{}: is given twice as an output", path.display());
+                let text = format!("{}: is given twice as output", path.display());
                 return Err(Failure::Input(format!("{text}; give each its own name")));
             }
         }

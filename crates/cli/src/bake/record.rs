@@ -141,8 +141,8 @@ impl Bake {
         poses.and_then(|()| self.steps.try_reserve_exact(steps)).map_err(|_| {
             let size = numbers as f64 * 4e-9;
             Failure::File(format!(
-                "{steps} steps of {} bodies need {size:.1} GB of memory, which cannot be had; \
-                 simulate less with --duration or --steps",
+                "{steps} steps of {} bodies need {size:.1} GB of memory, which the system \
+                 refuses; simulate less with --duration or --steps",
                 self.recording.bodies
             ))
         })
@@ -210,11 +210,12 @@ impl Bake {
             return format!("{a} and {b} overlap by {depth:.3} mm at the start: move them apart");
         }
         if self.settings.tolerance <= 0.0 {
-            return "Bake without --realtime, or with --tolerance 1mm/s, so that each substep is solved"
+            return "Bake without --realtime, or with --tolerance 1mm/s, so that each substep is \
+             solved"
                 .to_owned();
         }
         let finer = scene.time_step / 4.0;
-        format!("Set time_step to {finer:.1e} s, and see what `drystone check` names")
+        format!("Set time_step to {finer:.1e} s, and run `drystone check`")
     }
 
     /// Returns the dynamic body with the largest displacement over the last `frames` frames, and

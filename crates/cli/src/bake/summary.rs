@@ -345,8 +345,8 @@ impl Summary {
     fn proven(&self) -> String {
         match (&self.certified, self.friction) {
             (Some(of), true) if of.islands > 0 => {
-                "exact: of the velocities that move bodies, before overlap repair is taken out; \
-                 friction for the slip at hand, Coulomb's law itself is not bounded"
+                "bounded: velocities with overlap repair, as bodies move; friction for the slip \
+                 at hand, not Coulomb's law itself"
             }
             _ => "",
         }
@@ -364,8 +364,7 @@ impl Summary {
             1 => "1 frame".to_owned(),
             many => format!("{many} frames"),
         };
-        let found =
-            if of.is_clean() { "" } else { "; bodies are where they cannot be, see the notes" };
+        let found = if of.is_clean() { "" } else { "; bodies overlap or tunneled, see the notes" };
         format!("{overlap} in {frames} measured by shapes alone{found}")
     }
 
@@ -389,18 +388,18 @@ impl Summary {
                 format!("{a} through {b} at {:.3} s", passage.frame as f64 * scene.time_step)
             });
             let through = through.collect::<Vec<_>>().join(", ");
-            lines.push(format!("went through a surface: {through}{}", more(of.passed.len())));
+            lines.push(format!("tunneled through a surface: {through}{}", more(of.passed.len())));
         }
         if !of.inside.is_empty() {
             let inside = of.inside.iter().take(NAMED).map(|of| {
                 format!("{} (accepted: {:.3} mm)", self.overlap(scene, of), of.accepted * 1e3)
             });
             let inside = inside.collect::<Vec<_>>().join(", ");
-            lines.push(format!("stood inside each other: {inside}{}", more(of.inside.len())));
+            lines.push(format!("overlapped too deeply: {inside}{}", more(of.inside.len())));
         }
         if !of.left.is_empty() {
             let named = names(scene, &of.left);
-            lines.push(format!("ended below everything that could carry it: {named}"));
+            lines.push(format!("fell below all surfaces that could carry it: {named}"));
         }
         lines
     }
@@ -424,15 +423,16 @@ impl Summary {
         let place = format!("in step {}{body}", of.worst_step);
         if of.tolerance <= 0.0 {
             return format!(
-                "the last substep of each step within {} of the exact contact solution in half of the \
-                 steps, within {worst} in all (root mean square; {place})",
+                "the last substep of each step within {} of the exact contact solution in half of \
+                 the steps, within {worst} in all (root mean square; {place})",
                 mm(of.median)
             );
         }
         let within = mm(of.tolerance);
         if of.steps < all {
             return format!(
-                "{} of {all} steps within {within} of the exact contact solution; worst {worst} {place}",
+                "{} of {all} steps within {within} of the exact contact solution; worst {worst} \
+                 {place}",
                 of.steps
             );
         }
@@ -443,13 +443,13 @@ impl Summary {
         };
         if !self.audit.is_clean() {
             return format!(
-                "all {all} steps within {within} of the exact solution of the contacts that were found; \
-                 bodies are where they cannot be"
+                "all {all} steps within {within} of the exact solution of the contacts that were \
+                 found; bodies overlap or tunneled"
             );
         }
         format!(
-            "all {all} steps within {within} of the exact contact solution (root mean square; worst \
-             {worst}), deepest overlap {overlap:.3} mm{energy}"
+            "all {all} steps within {within} of the exact contact solution (root mean square; \
+             worst {worst}), deepest overlap {overlap:.3} mm{energy}"
         )
     }
 
@@ -472,7 +472,9 @@ impl Summary {
         let first = *self.jammed.values().min()?;
         let bodies: Vec<usize> = self.jammed.keys().map(|&body| body as usize).collect();
         let named = names(scene, &bodies);
-        Some(format!("jammed from step {first}: {named}; no velocities meet what contacts ask for"))
+        Some(format!(
+            "jammed from step {first}: {named}; no velocities satisfy the targets of their contacts"
+        ))
     }
 
     /// Notes on unexpected results.

@@ -125,7 +125,7 @@ shapes = [{ type = "sphere", radius = 0.2 }]
 "#;
     let place = Place::new(scene);
     let summary = place.succeeds(&["bake", "scene.toml", "--report", "r.json"]);
-    let said = "jammed from step 1: 'left', 'right', 'ball'; no velocities meet";
+    let said = "jammed from step 1: 'left', 'right', 'ball'; no velocities satisfy";
     assert!(summary.contains(said), "{summary}");
     let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
     assert_eq!(report["summary"]["jammed"], serde_json::json!({ "0": 1, "1": 1, "2": 1 }));

@@ -112,6 +112,6 @@ fn a_full_disk_is_named_with_the_way_on() {
     assert!(failed && output.status.code() == Some(4), "{message}");
     let said = "drystone: out.glb.journal: cannot be written: No space left on device";
     assert!(message.starts_with(said), "{message}");
-    assert!(message.contains("go on with: drystone bake scene.toml -o out.glb"), "{message}");
+    assert!(message.contains("resume with: drystone bake scene.toml -o out.glb"), "{message}");
     assert!(message.trim_end().ends_with("--resume"), "{message}");
 }

@@ -77,14 +77,14 @@ fn a_journal_of_something_else_is_refused() {
     let asked = |code, scene, more: &[&str]| place.fails(code, &bake(scene, more));
     let message = asked(2, "scene.toml", &[]);
     assert!(
-        message.contains("has 40 steps of this bake already; go on with --resume"),
+        message.contains("has 40 steps of this bake already; resume it with --resume"),
         "{message}"
     );
     let message = asked(2, "scene.toml", &["--resume", "--substeps", "9"]);
     assert!(message.contains("substeps 8, not 9"), "{message}");
     fs::write(place.path("other.toml"), SCENE.replace("1.2", "1.3")).unwrap();
     let message = asked(2, "other.toml", &["--resume"]);
-    assert!(message.contains("of another scene, or of this one before"), "{message}");
+    assert!(message.contains("of another scene, or of an earlier version"), "{message}");
     assert_eq!(fs::read(&path).unwrap(), journal, "nothing was done to it");
 
     // The journal of another scene is replaced if resuming is not requested.
@@ -113,7 +113,7 @@ fn a_journal_of_something_else_is_refused() {
 
     fs::write(&path, "Dear diary").unwrap();
     for more in [&[][..], &["--resume"]] {
-        assert!(asked(2, "scene.toml", more).contains("no journal"));
+        assert!(asked(2, "scene.toml", more).contains("not a journal"));
     }
     assert_eq!(fs::read(&path).unwrap(), b"Dear diary");
 }
@@ -136,7 +136,7 @@ fn other_bits_are_noticed() {
     let spliced = [&mixed[..head(&mixed)], &journal[head(&journal)..cut]].concat();
     fs::write(place.path("out.glb.journal"), spliced).unwrap();
     let message = place.fails(2, &bake("scene.toml", &["--resume"]));
-    assert!(message.contains("step 1 comes out otherwise now"), "{message}");
+    assert!(message.contains("step 1 differs from the journal"), "{message}");
 }
 
 /// The contact problem of a step in the journal is that of an uninterrupted bake.

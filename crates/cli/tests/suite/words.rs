@@ -51,9 +51,9 @@ track = [{ time = 0.0, position = [0, 1.1, 0] }, { time = 1.0, position = [0, 0.
 #[test]
 fn what_stands_inside_another_is_named_and_nothing_is_certified() {
     let text = summary(PRESSED);
-    let note = text.lines().find(|line| line.contains("stood inside each other")).unwrap();
+    let note = text.lines().find(|line| line.contains("overlapped too deeply")).unwrap();
     assert!(note.contains("'box'") && note.contains("accepted: "), "{text}");
-    assert!(line(&text, "audit").contains("bodies are where they cannot be"), "{text}");
+    assert!(line(&text, "audit").contains("bodies overlap or tunneled"), "{text}");
     assert!(!text.lines().any(|line| line.starts_with("certified")), "{text}");
     let report = report(&Place::new(PRESSED), &[]);
     let inside = &report["summary"]["audit"]["inside"];
@@ -65,7 +65,7 @@ fn quiet_bakes_warn_of_what_the_audit_finds() {
     let place = Place::new(PRESSED);
     let output = place.run(&["bake", "scene.toml", "-o", "out.poses", "-q"]);
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("warning: scene.toml: stood inside each other"), "{said}");
+    assert!(said.contains("warning: scene.toml: overlapped too deeply"), "{said}");
     assert_eq!(output.status.code(), Some(0));
 }
 
@@ -79,7 +79,7 @@ fn example_scenes_are_clean() {
         for preset in [&[][..], &["--realtime"]] {
             let more = ["bake", scene, "-o", "out.poses", "--steps", steps];
             let text = place.succeeds(&[&more[..], preset].concat());
-            assert!(!text.contains("bodies are where they cannot be"), "{name}: {text}");
+            assert!(!text.contains("bodies overlap or tunneled"), "{name}: {text}");
         }
     }
 }

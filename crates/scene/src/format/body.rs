@@ -180,7 +180,7 @@ fn read_inertia(table: &Table<'_>, dimension: usize) -> Result<Option<Vec<f64>>,
     let largest = inertia.iter().copied().fold(0.0, f64::max);
     let sum: f64 = inertia.iter().sum();
     if largest.is_finite() && largest > (sum - largest) * (1.0 + 1e-6) {
-        field.warn("is that of no real body: one moment exceeds the sum of the others");
+        field.warn("is impossible: one moment exceeds the sum of the others");
     }
     Ok(Some(inertia))
 }

@@ -163,10 +163,8 @@ impl<'a> Composer<'a> {
 
     fn ring(&self, layer: usize, target: &Target) -> SceneError {
         let value = Value::Targets(vec![target.clone()]).label();
-        let accepted = format!(
-            "accepted: files and prims that do not lead back to themselves, up to {DEEPEST} deep"
-        );
-        self.files.fault(layer, Fault::new(target.at, "what is referred to", value, accepted))
+        let accepted = format!("accepted: references without cycles, up to {DEEPEST} deep");
+        self.files.fault(layer, Fault::new(target.at, "target of a reference", value, accepted))
     }
 
     /// Counts a node.
@@ -179,9 +177,11 @@ impl<'a> Composer<'a> {
             return Ok(());
         }
         let value = format!("more than {} prims", self.most);
-        let accepted = "accepted: up to 100 for each that is written; references lead in a ring or \
-                        multiply each other";
-        Err(self.files.fault(layer, Fault::new(at, "what the scene consists of", value, accepted)))
+        let accepted = "accepted: up to 100 for each that is written; references form a cycle or \
+         multiply each other";
+        Err(self
+            .files
+            .fault(layer, Fault::new(at, "number of prims in the scene", value, accepted)))
     }
 
     /// Returns the child of a node with all its sources; `None` if no layer mentions it.
@@ -287,8 +287,8 @@ impl<'a> Composer<'a> {
 
     fn absent(&self, layer: usize, target: &Target) -> SceneError {
         let value = format!("<{}>", target.path);
-        let accepted = "accepted: a prim that is there";
-        self.files.fault(layer, Fault::new(target.at, "what is referred to", value, accepted))
+        let accepted = "accepted: an existing prim";
+        self.files.fault(layer, Fault::new(target.at, "target of a reference", value, accepted))
     }
 
     /// Returns the node that an arc leads to; `None` if there is no such prim.
@@ -305,7 +305,7 @@ impl<'a> Composer<'a> {
             return Err(self.ring(site.layer, target));
         }
         let refuse = |value: String, accepted: &str| {
-            let fault = Fault::new(target.at, "what is referred to", value, accepted);
+            let fault = Fault::new(target.at, "target of a reference", value, accepted);
             self.files.fault(site.layer, fault)
         };
         let outside = target.asset.is_some();

@@ -90,7 +90,7 @@ impl<'s> Rules<'s> {
                     Some(other) => pairs.push([index, other]),
                     None => {
                         let what =
-                            format!("its filtered pair <{path}> is not there: it is ignored");
+                            format!("its filtered pair <{path}> does not exist: it is ignored");
                         stage.warn(prim, what, warnings);
                     }
                 }

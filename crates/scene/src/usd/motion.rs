@@ -32,7 +32,12 @@ impl Transforms {
             let numbers = world.map.linear.iter().flatten().chain(&world.map.shift);
             if !numbers.copied().all(|x| x.abs() <= FAR) {
                 let accepted = format!("accepted: coordinates and scales up to {FAR:e}");
-                return Err(stage.wrong(prim, "the place in the stage", String::new(), &accepted));
+                return Err(stage.wrong(
+                    prim,
+                    "the transform in the stage",
+                    String::new(),
+                    &accepted,
+                ));
             }
             transforms.world.push(world);
             transforms.own.push(own);
@@ -150,7 +155,7 @@ pub(super) fn of(
         Motion::Dynamic
     };
     if flag("physics:startsAsleep")? == Some(true) && motion == Motion::Dynamic {
-        let what = "it starts awake: nothing sleeps here, and what rests stays at rest";
+        let what = "it starts awake: startsAsleep has no effect";
         stage.warn(prim, what, warnings);
     }
     // Velocities are given in the space of the prim's parent.

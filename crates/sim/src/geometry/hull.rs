@@ -144,8 +144,8 @@ impl Hull {
 pub(crate) const NO_VOLUME: &str =
     "a hull of these points has no volume; give points that do not lie in one plane";
 /// Error message for hulls that are too thin.
-pub(crate) const TOO_THIN: &str = "a hull of these points is more than 10000 times as long as thick, which single \
-     precision cannot place; check for a point that is far off, or use a box or capsule";
+pub(crate) const TOO_THIN: &str = "a hull of these points is more than 10000 times as long as \
+    thick, too slender for single precision; check for a distant point, or use a box or capsule";
 
 /// A hull thinner than this fraction of its size is refused. \[1\]
 const THINNEST: f32 = 1e-4;

@@ -292,7 +292,7 @@ pub(super) fn polyhedron(
     solids::gather(ahead, &polyhedra::Seen { shape, frame }, tree, gathered)
 }
 
-/// Does for a cylinder what [`polyhedron`] does for a solid. `before` is the feature of a contact
+/// Finds the contacts of a cylinder as [`polyhedron`] does for a solid. `before` is the feature of a contact
 /// point of the step before.
 pub(super) fn cylinder(
     ahead: MeshQuery<'_>,

@@ -535,7 +535,7 @@ fn polygons(
     })
 }
 
-/// Does in 3D what [`polygons`] does in 2D. `posed` returns the pose of b in the frame of a; parry
+/// Finds contacts in 3D as [`polygons`] does in 2D. `posed` returns the pose of b in the frame of a; parry
 /// uses it to propose an axis between solids.
 fn solids(
     query: Query<'_, 3>,

@@ -135,7 +135,7 @@ impl Display for CheckpointError {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         const OTHER: &str = "is a checkpoint of another world";
         match self {
-            Self::Unreadable(why) => write!(f, "is no checkpoint: {why}"),
+            Self::Unreadable(why) => write!(f, "is not a checkpoint: {why}"),
             Self::OtherWorld { what, expected, found } => {
                 write!(f, "{OTHER}: {what} need {expected} numbers, and it has {found}")
             }
@@ -321,19 +321,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("remainders", bodies * L, from.remainders.len()),
             ("spins", bodies * A, from.spins.len()),
             ("velocities", bodies * (L + A), from.velocities.len()),
-            ("pushes", bodies * (L + A), from.pushes.len()),
+            ("contact gains", bodies * (L + A), from.pushes.len()),
             ("forces", bodies * (L + A), from.forces.len()),
             ("masses", bodies * (1 + A * A), from.masses.len()),
-            ("ways", bodies, from.moved_since_rebuild.len()),
-            ("ways of late", bodies * (L + 1), from.since_search.len()),
+            ("distances moved", bodies, from.moved_since_rebuild.len()),
+            ("motions since the search", bodies * (L + 1), from.since_search.len()),
             ("boxes", shapes * 2 * L, from.boxes.len()),
-            ("rooms", from.pairs.len(), from.rooms.len()),
+            ("clearances", from.pairs.len(), from.rooms.len()),
             ("torques", if resist { from.pairs.len() * A } else { 0 }, from.torques.len()),
-            ("records", records, from.records.len()),
+            ("manifolds", records, from.records.len()),
             ("frames", from.records.len() * record_numbers(L), from.frames.len()),
             ("points", points * point_numbers(L), from.points.len()),
             ("features", points, from.features.len()),
-            ("times at rest", bodies, from.still.len()),
+            ("rest times", bodies, from.still.len()),
             ("groups", bodies, from.groups.len()),
             ("pairs asleep", from.pairs.len(), from.asleep.len()),
             ("gravity", L, from.gravity.len()),
@@ -350,16 +350,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("remainders", &from.remainders),
             ("spins", &from.spins),
             ("velocities", &from.velocities),
-            ("pushes", &from.pushes),
+            ("contact gains", &from.pushes),
             ("forces", &from.forces),
             ("masses", &from.masses),
-            ("ways of late", &from.since_search),
+            ("motions since the search", &from.since_search),
             ("boxes", &from.boxes),
-            ("rooms", &from.rooms),
+            ("clearances", &from.rooms),
             ("torques", &from.torques),
             ("frames", &from.frames),
             ("points", &from.points),
-            ("times at rest", &from.still),
+            ("rest times", &from.still),
             ("gravity", &from.gravity),
         ] {
             if numbers.iter().any(|number| !number.is_finite()) {

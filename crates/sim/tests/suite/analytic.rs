@@ -373,8 +373,8 @@ fn struck<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let came = G::frame(&after).position[1] - G::frame(&before).position[1];
     let tau = (came - now.linear[1] * h) / (speed - now.linear[1]);
     let omega = now.angular.length();
-    assert_above(&format!("{L}D: turns after the blow [rad/s]"), omega, 1.0);
-    assert_above(&format!("{L}D: time until the blow [h]"), tau / h, 0.3);
+    assert_above(&format!("{L}D: turns after the impact [rad/s]"), omega, 1.0);
+    assert_above(&format!("{L}D: time until the impact [h]"), tau / h, 0.3);
     let turned = G::turn_between(&before, &after).length();
     assert_within(&format!("{L}D: has turned [rad]"), turned, omega * (h - tau), 0.01);
 }
@@ -562,7 +562,7 @@ fn overlap<G: Rigid<L, A>, const L: usize, const A: usize>(ground: G::Shape, top
     assert_below(&format!("{L}D: overlap that remains [m]"), rest - before, 1e-4);
 }
 
-/// An overlap of 5 mm is repaired to below 0.1 mm in 2 s. The box sinks by at most 0.002 mm per
+/// An overlap of 5 mm is repaired to below 0.1 mm in 2 s. The box moves down by at most 0.002 mm per
 /// step meanwhile, and never rises 1 mm above its resting height.
 #[test]
 fn an_overlap_is_repaired_without_a_jump() {

@@ -13,8 +13,8 @@ fn paces() -> [(&'static str, StepSettings, f32); 4] {
     [
         ("24 steps a second", StepSettings::certified(), 1.0 / 24.0),
         ("120 steps a second", StepSettings::certified(), 1.0 / 120.0),
-        ("24 steps a second, real time", StepSettings::realtime(), 1.0 / 24.0),
-        ("60 steps a second, real time", StepSettings::realtime(), 1.0 / 60.0),
+        ("24 steps a second, real-time preset", StepSettings::realtime(), 1.0 / 24.0),
+        ("60 steps a second, real-time preset", StepSettings::realtime(), 1.0 / 60.0),
     ]
 }
 

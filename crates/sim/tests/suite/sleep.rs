@@ -91,7 +91,7 @@ fn a_blow_wakes_what_it_hits_and_no_other() {
         hit.iter().map(|&id| place(&world, id)).collect::<Vec<_>>()
     };
     let (slept, awake) = (after(0.5), after(0.0));
-    assert!(awake[3][0] > 0.5, "the blow throws the uppermost box: {awake:?}");
+    assert!(awake[3][0] > 0.5, "the impact throws the uppermost box: {awake:?}");
     for (slept, awake) in slept.iter().zip(&awake) {
         assert!((*slept - *awake).length() < 0.02, "{slept:?} and {awake:?}");
     }

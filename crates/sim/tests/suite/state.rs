@@ -172,8 +172,8 @@ fn stale_and_foreign_identifiers_name_nothing() {
     assert_eq!(world.bodies().collect::<Vec<_>>(), [next]);
 }
 
-/// What comes and goes takes no more memory than what is there at once: slots of bodies and shapes
-/// are used again.
+/// Bodies that are added and removed take no more memory than those present at once: slots of
+/// bodies and shapes are reused.
 #[test]
 fn spawning_and_removing_takes_no_memory_in_the_long_run() {
     let mut world = world();
@@ -224,7 +224,7 @@ fn what_appears_in_a_sleeper_wakes_it() {
     }
 }
 
-/// A static body has no velocity, whoever asks; put elsewhere it carries what stands there, and
+/// A static body has no velocity, whoever asks. Moved elsewhere, it carries the bodies there, and
 /// nothing where it was.
 #[test]
 fn static_bodies_are_put_and_not_moved() {

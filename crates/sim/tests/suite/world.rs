@@ -704,7 +704,7 @@ fn masses<G: Round<L, A>, const L: usize, const A: usize>() {
     let heavy = world.add(weighing(dynamic([0.0; L], G::ball(0.5), &hard), 3.0)).unwrap();
     run(&mut world, 0.5);
     // (m - M) / (m + M) and 2 m / (m + M) of the initial speed.
-    let what = format!("({L},{A}): after a blow of 1 kg on 3 kg [m/s]");
+    let what = format!("({L},{A}): after an impact of 1 kg on 3 kg [m/s]");
     assert_within(&what, velocity(&world, light).linear[0], -2.0, 1e-5);
     assert_within(&what, velocity(&world, heavy).linear[0], 2.0, 1e-5);
 }

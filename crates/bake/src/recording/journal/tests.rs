@@ -139,7 +139,7 @@ fn what_is_no_journal_is_left_alone() {
         Journal::resume(&path).map(|_| ()).unwrap_err(),
         Journal::create(&path, &header()).map(|_| ()).unwrap_err(),
     ] {
-        assert!(error.to_string().contains("no journal"), "{error}");
+        assert!(error.to_string().contains("not a journal"), "{error}");
     }
     assert_eq!(fs::read(&path).unwrap(), b"Dear diary");
 }
