@@ -22,7 +22,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use engines::{Effort, Kind};
+use engines::{Effort, EngineKind};
 
 /// Run the same scenes in Drystone and other engines, and print times and overlaps.
 #[derive(Parser)]
@@ -35,7 +35,7 @@ pub(crate) struct Options {
     scenes: Vec<String>,
     /// Run these engines, separated by commas [default: all of this build]
     #[arg(long, value_delimiter = ',', value_enum)]
-    engines: Vec<Kind>,
+    engines: Vec<EngineKind>,
     /// Run each scene so many times in each engine, in turn
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
@@ -66,7 +66,7 @@ pub(crate) struct Options {
     kernel: bool,
     /// Run one engine on one scene, as the program starts itself
     #[arg(long, hide = true, value_enum)]
-    child: Option<Kind>,
+    child: Option<EngineKind>,
     /// Set the effort of the child
     #[arg(long, hide = true, default_value = "default")]
     effort: Effort,
@@ -120,8 +120,8 @@ fn work(options: &Options) -> Result<(), String> {
     if let Some(kind) = options.engines.iter().find(|kind| !kind.is_built()) {
         return Err(format!("{} is not in this build; build with --features peers", kind.name()));
     }
-    let kinds: Vec<Kind> = match options.engines.as_slice() {
-        [] => Kind::ALL.into_iter().filter(|kind| kind.is_built()).collect(),
+    let kinds: Vec<EngineKind> = match options.engines.as_slice() {
+        [] => EngineKind::ALL.into_iter().filter(|kind| kind.is_built()).collect(),
         some => some.to_vec(),
     };
     if options.quality {

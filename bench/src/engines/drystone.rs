@@ -23,7 +23,7 @@ impl Drystone {
         threads: usize,
     ) -> Result<Self, Refusal> {
         // No body sleeps in any engine.
-        let settings = StepSettings { sleep: 0.0, ..settings };
+        let settings = StepSettings { sleep_delay: 0.0, ..settings };
         let mut simulation =
             drystone_bake::build(scene, settings).map_err(|error| match error {
                 BuildError::Shape { body, reason, .. } => Refusal::new(body, reason),
@@ -47,7 +47,7 @@ pub(super) fn settings(effort: Effort) -> StepSettings {
     match effort {
         Effort::Default => StepSettings::realtime(),
         Effort::Substeps(substeps) => {
-            StepSettings { substeps, most_substeps: substeps, ..StepSettings::realtime() }
+            StepSettings { substeps, max_substeps: substeps, ..StepSettings::realtime() }
         }
         Effort::Sag(sag) => StepSettings { sag: 1e-3 * sag, ..StepSettings::certified() },
     }

@@ -4,7 +4,7 @@ use std::array::from_fn;
 
 use drystone::geometry::{Frame, Geometry, MassProperties};
 use drystone::{
-    Body, Collider, Combine, Filter, Inertia, Material, SurfaceMotion, Vector, Velocity,
+    Body, Collider, Combine, Filter, Inertia, Material, SurfaceVelocity, Vector, Velocity,
 };
 use drystone_scene::{self as scene, Motion, Rotation};
 use drystone_solver::SymmetricMatrix;
@@ -119,8 +119,8 @@ pub fn filter(of: scene::Filter) -> Filter {
 
 fn surface_motion<const L: usize, const A: usize>(
     motion: &scene::SurfaceVelocity,
-) -> SurfaceMotion<L, A> {
-    SurfaceMotion {
+) -> SurfaceVelocity<L, A> {
+    SurfaceVelocity {
         linear: Vector(floats(&motion.linear)),
         angular: Vector(floats(&motion.angular)),
         local: motion.local,

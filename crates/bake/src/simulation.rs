@@ -1,7 +1,7 @@
 //! Builds a running world from a scene. Only this module instantiates all four dimensions: rigid
 //! bodies and particles, in 2D and 3D.
 
-use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::geometry::{Geometry, Particles, Rigid2, Rigid3};
 use drystone::{
     BodyId, CheckpointError, Dimension, InputError, Measure, Nearby, StepReport, StepSettings,
     Vector, World,
@@ -92,9 +92,9 @@ pub fn build_with(
 ) -> Result<Box<dyn Simulation>, BuildError> {
     Ok(match (scene.dimension, scene.bodies_as) {
         (2, BodiesAs::Rigid) => Box::new(Run::<Rigid2, 2, 1>::new(scene, settings, known)?),
-        (2, BodiesAs::Particles) => Box::new(Run::<Spheres, 2, 0>::new(scene, settings, known)?),
+        (2, BodiesAs::Particles) => Box::new(Run::<Particles, 2, 0>::new(scene, settings, known)?),
         (_, BodiesAs::Rigid) => Box::new(Run::<Rigid3, 3, 3>::new(scene, settings, known)?),
-        (_, BodiesAs::Particles) => Box::new(Run::<Spheres, 3, 0>::new(scene, settings, known)?),
+        (_, BodiesAs::Particles) => Box::new(Run::<Particles, 3, 0>::new(scene, settings, known)?),
     })
 }
 

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use drystone::StepSettings;
 use drystone_bake::Decompositions;
-use drystone_bake::check::{Finding, Kind, check_with};
+use drystone_bake::check::{Finding, FindingKind, check_with};
 use drystone_scene::Scene;
 use serde_json::{Value, json};
 
@@ -24,7 +24,7 @@ const LISTED: usize = 10;
 /// reader left out.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
+pub(crate) struct CheckArguments {
     /// Scene to check: .toml, .json, .gltf, .glb or .usda
     scene: PathBuf,
 
@@ -47,7 +47,7 @@ Examples:
 Exit codes: 0 nothing found, 1 something found, 2 wrong input or usage, 4 a file cannot be read.";
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+pub(crate) fn run(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
     let read = drystone_bake::read(&arguments.scene)?;
     let preset =
         if arguments.realtime { StepSettings::realtime() } else { StepSettings::certified() };
@@ -81,7 +81,7 @@ fn value(scene: &Scene, finding: &Finding) -> Value {
 
 /// Lists the first findings of each kind, and counts the rest.
 fn text(findings: &[Finding]) -> String {
-    let mut kinds: BTreeMap<Kind, Vec<&Finding>> = BTreeMap::new();
+    let mut kinds: BTreeMap<FindingKind, Vec<&Finding>> = BTreeMap::new();
     for finding in findings {
         kinds.entry(finding.kind).or_default().push(finding);
     }

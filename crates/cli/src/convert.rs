@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use drystone::StepSettings;
 use drystone_bake::Decompositions;
 use drystone_scene::export::gltf::Physics;
-use drystone_scene::export::usd::Stage;
+use drystone_scene::export::usd::StageWriter;
 use drystone_scene::{Scene, to_json, to_toml, write_whole};
 
 use crate::bake::Format;
-use crate::cut::Cut;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
-use crate::files::spare;
+use crate::files::refuse_overwrite;
+use crate::frames::FrameOptions;
 use crate::print;
 use crate::verify::take;
 
@@ -24,7 +24,7 @@ use crate::verify::take;
 /// or as arrays (.npz, .poses).
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
+pub(crate) struct ConvertArguments {
     /// Scene (.toml, .json, .gltf, .glb, .usda) or bake (.npz, .poses, .journal)
     input: PathBuf,
 
@@ -36,7 +36,7 @@ pub(crate) struct Arguments {
     scene: Option<PathBuf>,
 
     #[command(flatten)]
-    cut: Cut,
+    frame_options: FrameOptions,
 }
 
 const EXAMPLES: &str = "\
@@ -56,9 +56,9 @@ Exit codes: 0 done, 2 wrong input or usage, or the format cannot hold the scene,
 read or written.";
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
     let inputs = std::iter::once(&arguments.input).chain(&arguments.scene);
-    spare(&arguments.output, inputs.map(PathBuf::as_path))?;
+    refuse_overwrite(&arguments.output, inputs.map(PathBuf::as_path))?;
     match extension(&arguments.input).as_str() {
         "npz" | "poses" | "journal" => motion(arguments),
         _ => scene(arguments),
@@ -66,8 +66,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     print(&format!("wrote        {}\n", arguments.output.display()))
 }
 
-fn motion(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { input, output, scene, cut } = arguments;
+fn motion(arguments: &ConvertArguments) -> Result<(), Failure> {
+    let ConvertArguments { input, output, scene, frame_options } = arguments;
     let format = Format::of("OUT", output)?;
     let read = scene.as_deref().map(drystone_bake::read).transpose()?;
     let named = take(input, read.as_ref().map(|read| &read.scene))?.ok_or_else(|| {
@@ -86,15 +86,15 @@ fn motion(arguments: &Arguments) -> Result<(), Failure> {
             output.display(),
         )));
     }
-    let film = cut.film(&named.recording, &named.names, &[])?;
-    let warnings = format.write(output, read.as_ref(), &film, &cut.sampling())?;
+    let motion = frame_options.motion(&named.recording, &named.names, &[])?;
+    let warnings = format.write(output, read.as_ref(), &motion, &frame_options.sampling())?;
     warnings.iter().for_each(|warning| warn(input, warning));
     Ok(())
 }
 
-fn scene(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { input, output, cut, .. } = arguments;
-    if cut.is_asked() {
+fn scene(arguments: &ConvertArguments) -> Result<(), Failure> {
+    let ConvertArguments { input, output, frame_options, .. } = arguments;
+    if frame_options.is_asked() {
         let what = "is a scene; accepted with --fps, --frames and --key-tolerance: a bake";
         return Err(Failure::Input(format!("{}: {what}", input.display())));
     }
@@ -110,7 +110,7 @@ fn scene(arguments: &Arguments) -> Result<(), Failure> {
         "json" => text(to_json(&read.scene)),
         "usda" => {
             let wrong = |why: String| Failure::Input(format!("{}: {why}", input.display()));
-            Stage::new(&read.scene, &drystone_bake::Drystone).map_err(wrong)?.write(output)
+            StageWriter::new(&read.scene, &drystone_bake::Drystone).map_err(wrong)?.write(output)
         }
         _ if read.source.is_some() => {
             let what = "is a glTF already; accepted as OUT: .toml, .json, .usda";

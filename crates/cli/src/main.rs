@@ -3,12 +3,12 @@
 mod bake;
 mod check;
 mod convert;
-mod cut;
 mod extension;
 mod failure;
 #[cfg(feature = "fclib")]
 mod fclib;
 mod files;
+mod frames;
 mod matrix;
 mod quantity;
 mod schema;
@@ -24,20 +24,20 @@ use failure::Failure;
 /// Simulate rigid bodies in contact: read a scene, bake its motion, check and verify it.
 #[derive(Parser)]
 #[command(name = "drystone", version, after_help = CODES)]
-struct Arguments {
+struct CommandLine {
     #[command(subcommand)]
     command: Command,
 }
 
 #[derive(Subcommand)]
 enum Command {
-    Bake(bake::Arguments),
-    Check(check::Arguments),
-    Convert(convert::Arguments),
-    Matrix(matrix::Arguments),
-    Schema(schema::Arguments),
-    Solve(solve::Arguments),
-    Verify(verify::Arguments),
+    Bake(bake::BakeArguments),
+    Check(check::CheckArguments),
+    Convert(convert::ConvertArguments),
+    Matrix(matrix::MatrixArguments),
+    Schema(schema::SchemaArguments),
+    Solve(solve::SolveArguments),
+    Verify(verify::VerifyArguments),
 }
 
 const CODES: &str = "\
@@ -46,7 +46,7 @@ input or usage, 3 the simulation diverged or the problem is not solved, 4 a file
 written, 130 interrupted.";
 
 fn main() -> ExitCode {
-    let result = match Arguments::parse().command {
+    let result = match CommandLine::parse().command {
         Command::Bake(arguments) => bake::run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Check(arguments) => check::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments).map(|()| ExitCode::SUCCESS),

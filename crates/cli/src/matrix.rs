@@ -11,7 +11,7 @@ use drystone_scene::{Motion, Scene, write_whole};
 
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
-use crate::files::spare;
+use crate::files::refuse_overwrite;
 use crate::print;
 use draw::{Entry, Picture, Point};
 
@@ -24,7 +24,7 @@ const MOST: usize = 1500;
 /// dynamic body, and has the color of that body.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
+pub(crate) struct MatrixArguments {
     /// Scene to simulate: .toml, .json, .gltf, .glb or .usda
     scene: PathBuf,
 
@@ -48,12 +48,12 @@ Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged, 4 a file 
 written.";
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { scene: file, step, output } = arguments;
+pub(crate) fn run(arguments: &MatrixArguments) -> Result<(), Failure> {
+    let MatrixArguments { scene: file, step, output } = arguments;
     if extension(output) != "svg" {
         return Err(wrong_extension("--output", output, ".svg"));
     }
-    spare(output, [file.as_path()])?;
+    refuse_overwrite(output, [file.as_path()])?;
     let scene = drystone_bake::read(file)?.scene;
     let (saved, poses) = simulate(arguments, &scene)?;
     let count = saved.contacts.len();
@@ -73,7 +73,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Simulates up to the step, and returns its contacts and the poses after it.
-fn simulate(arguments: &Arguments, scene: &Scene) -> Result<(SavedProblem, Vec<f32>), Failure> {
+fn simulate(
+    arguments: &MatrixArguments,
+    scene: &Scene,
+) -> Result<(SavedProblem, Vec<f32>), Failure> {
     let file = arguments.scene.display();
     let settings = drystone_bake::settings(scene, StepSettings::certified())?;
     let mut simulation = build_with(scene, settings, &mut Decompositions::of_user())

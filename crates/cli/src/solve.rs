@@ -15,10 +15,10 @@ use drystone_solver::assembled::{Limits, Outcome, Status};
 use serde_json::Value;
 
 use crate::failure::Failure;
-use crate::files::spare;
+use crate::files::refuse_overwrite;
 use crate::print;
 pub(crate) use plot::escaped;
-use run::{Choice, Run};
+use run::{Choice, MethodRun};
 
 /// Solve a contact problem or a linear complementarity problem given as matrices.
 ///
@@ -30,7 +30,7 @@ use run::{Choice, Run};
 /// .hdf5 files.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
+pub(crate) struct SolveArguments {
     /// Problem to solve: .json, or .hdf5
     problem: PathBuf,
 
@@ -88,7 +88,7 @@ fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + 
 }
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &SolveArguments) -> Result<(), Failure> {
     for (flag, path, accepted) in
         [("--history", &arguments.history, "svg"), ("--output", &arguments.output, "json")]
     {
@@ -99,12 +99,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             return Err(Failure::Input(format!("{path}: {flag} writes .{accepted} files only")));
         }
         if let Some(path) = path {
-            spare(path, [arguments.problem.as_path()])?;
+            refuse_overwrite(path, [arguments.problem.as_path()])?;
         }
     }
     let named = read::read(&arguments.problem)?;
     let limits = Limits { tolerance: arguments.tolerance, budget: arguments.budget as usize };
-    let run = |choice| Run::new(&named, choice, &limits, arguments.repeat);
+    let run = |choice| MethodRun::new(&named, choice, &limits, arguments.repeat);
     let mut runs = vec![run(arguments.method)];
     if arguments.compare {
         let others = Choice::all().filter(|&choice| choice != arguments.method);
@@ -137,7 +137,7 @@ fn write_json(path: &std::path::Path, value: &Value) -> Result<(), Failure> {
 }
 
 /// Returns a failure if the problem is not solved; called after all outputs are written.
-fn unless_solved(name: &str, run: &Run) -> Result<(), Failure> {
+fn unless_solved(name: &str, run: &MethodRun) -> Result<(), Failure> {
     let Outcome { status, reason, residual, .. } = run.solved.outcome;
     match status {
         Status::Converged => Ok(()),
@@ -154,7 +154,7 @@ fn unless_solved(name: &str, run: &Run) -> Result<(), Failure> {
     }
 }
 
-fn text(named: &read::Named, runs: &[Run]) -> String {
+fn text(named: &read::Named, runs: &[MethodRun]) -> String {
     let (problem, run) = (&named.problem, &runs[0]);
     let mut text = String::new();
     let contacts = match problem.contacts() {

@@ -21,7 +21,7 @@ use crate::print;
 /// A .npz file names its bodies. For a .poses file, --scene names them.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
+pub(crate) struct VerifyArguments {
     /// First bake: .npz, .poses, or the .journal of a bake that runs or was interrupted
     a: PathBuf,
 
@@ -45,8 +45,8 @@ Exit codes: 0 the same, 1 different, 2 wrong input or usage, 4 a file cannot be 
 bakes on machines that are far apart.";
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let Arguments { a, b, scene } = arguments;
+pub(crate) fn run(arguments: &VerifyArguments) -> Result<ExitCode, Failure> {
+    let VerifyArguments { a, b, scene } = arguments;
     let shown = format!("{} and {}", a.display(), b.display());
     if bytes(a)? == bytes(b)? {
         print(&format!("same         {shown}, to the last bit\n"))?;

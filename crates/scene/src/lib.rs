@@ -33,7 +33,7 @@
 //! |---|---|
 //! | files | [`read`], [`read_with`] |
 //! | text of our own format | [`format`](mod@format), [`to_toml`], [`to_json`], [`json_schema`] |
-//! | glTF and OpenUSD to be written | [`export::gltf::Physics`], [`export::usd::Stage`] |
+//! | glTF and OpenUSD to be written | [`export::gltf::Physics`], [`export::usd::StageWriter`] |
 //! | meshes that enclose a volume | [`is_solid`], [`DecompositionOptions`] |
 
 // At most one error is made per file, so its size does not matter.

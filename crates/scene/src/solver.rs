@@ -18,7 +18,7 @@ pub(crate) struct StepSettings {
     substeps: u32,
     /// Largest number of substeps per step in a world without `tolerance`. Up to it, a substep is
     /// no longer than the thinnest awake body takes to fall by 1/1024 of its thickness. \[1\]
-    most_substeps: u32,
+    max_substeps: u32,
     /// Number of sweeps over all contacts per substep. \[1\]
     iterations: u32,
     /// Fraction of an overlap that one substep repairs, from 0 to 1. The rate c_d of the notes is
@@ -30,10 +30,10 @@ pub(crate) struct StepSettings {
     /// Overlap that is not repaired. \[m\]
     slop: f32,
     /// Largest speed at which overlap is repaired. \[m/s\]
-    push_speed: f32,
+    max_repair_speed: f32,
     /// Rate at which a sticking contact returns to the point where it stuck, as a fraction of its
     /// slip per second. \[1/s\]
-    hold: f32,
+    stick_rate: f32,
     /// Largest error of the velocities of an island: their distance from the exact solution of its
     /// contacts, root mean square by mass. Stronger methods follow the sweeps of a substep until a
     /// proven bound is below it. With friction the bound holds for the slip at hand. 0 means sweeps
@@ -43,7 +43,7 @@ pub(crate) struct StepSettings {
     /// certificate bounds the error of the velocities, and has the residuals of the contacts.
     certify: bool,
     /// Largest number of iterations of Newton's method, the strongest, on an island. \[1\]
-    budget: u32,
+    newton_iterations: u32,
     /// Largest penetration of a contact that carries the weight of its whole island, or 1/64 of the
     /// thinnest body of the island if that is less. A contact that `softness` leaves softer is made
     /// as stiff as this needs. It has no effect without `tolerance`. \[m\]
@@ -62,7 +62,7 @@ pub(crate) struct StepSettings {
     /// exceeded. \[1\]
     travel_per_search: f32,
     /// Largest number of contact searches per step. \[1\]
-    searches: u32,
+    max_searches: u32,
     /// Largest relative motion of two bodies that reuse their contact points, if it is also below 3
     /// % of the thinner shape. Gaps of reused points are measured again, and impulses act at the
     /// old positions until these have moved by this distance. Points are kept unchanged while
@@ -71,7 +71,7 @@ pub(crate) struct StepSettings {
     reuse_distance: f32,
     /// Time after which an island at rest sleeps. Steps leave it out until something touches or
     /// moves it. 0 means never. \[s\]
-    sleep: f32,
+    sleep_delay: f32,
     /// Whether each step reports the sources and sinks of its energy. The motion does not depend on
     /// it.
     ledger: bool,
@@ -91,24 +91,24 @@ impl Default for StepSettings {
     fn default() -> Self {
         Self {
             substeps: 32,
-            most_substeps: 128,
+            max_substeps: 128,
             iterations: 1,
             repair: 0.2,
             softness: 0.1,
             slop: 0.0,
-            push_speed: 1.0,
-            hold: 20.0,
+            max_repair_speed: 1.0,
+            stick_rate: 20.0,
             tolerance: 0.0,
             certify: false,
-            budget: 40,
+            newton_iterations: 40,
             sag: 1e-4,
             impact_law: ImpactLaw::Reflections,
             restitution_threshold: 0.1,
             prediction_distance: 0.02,
             travel_per_search: 0.1,
-            searches: 32,
+            max_searches: 32,
             reuse_distance: 5e-4,
-            sleep: 0.0,
+            sleep_delay: 0.0,
             ledger: false,
         }
     }

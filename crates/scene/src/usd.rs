@@ -26,9 +26,9 @@ mod parser;
 mod prims;
 mod shapes;
 mod stage;
-mod strangers;
 mod surfaces;
 mod tokens;
+mod unsupported;
 mod value;
 mod xform;
 

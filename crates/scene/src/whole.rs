@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_or_a_panic_leaves_the_file_of_before() {
+    fn an_error_or_a_panic_keeps_the_old_file() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("out.bin");
         fs::write(&path, "before").unwrap();

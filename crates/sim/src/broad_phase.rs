@@ -24,7 +24,7 @@ pub(crate) struct BroadPhase<const L: usize> {
     moved: Vec<u32>,
     moves: Vec<bool>,
     /// True if it started with the boxes of another broad phase, whose pairs may be known.
-    goes_on: bool,
+    is_restored: bool,
     /// Current boxes of the shapes that queries do not find in `tree`; reset by each method that
     /// changes it.
     outside: OnceLock<Tree<L>>,
@@ -74,7 +74,7 @@ impl<const L: usize> BroadPhase<L> {
             boxes: Vec::new(),
             moved: Vec::new(),
             moves: Vec::new(),
-            goes_on: false,
+            is_restored: false,
             outside: OnceLock::new(),
         }
     }
@@ -82,7 +82,7 @@ impl<const L: usize> BroadPhase<L> {
     /// Returns the margin of a shape's stored box around `needed`, the smallest of all sides. \[m\]
     /// It is negative if `needed` is not within the stored box, and negative infinity if `needed`
     /// contains a NaN.
-    pub(crate) fn room(&self, shape: usize, needed: &Bounds<L>) -> f32 {
+    pub(crate) fn margin(&self, shape: usize, needed: &Bounds<L>) -> f32 {
         let stored = &self.boxes[shape];
         let sides =
             (0..L).map(|i| (needed.min[i] - stored.min[i]).min(stored.max[i] - needed.max[i]));
@@ -111,7 +111,7 @@ impl<const L: usize> BroadPhase<L> {
     /// is near no other until the box is finite again.
     pub(crate) fn update(&mut self, shape: u32, needed: &Bounds<L>) {
         self.outside = OnceLock::new();
-        if self.room(shape as usize, needed) >= 0.0 {
+        if self.margin(shape as usize, needed) >= 0.0 {
             return;
         }
         let extent = needed.max - needed.min;
@@ -142,7 +142,7 @@ impl<const L: usize> BroadPhase<L> {
 
     /// Returns a broad phase with boxes that another one has stored; removed shapes have none.
     pub(crate) fn with_boxes(boxes: impl Iterator<Item = Option<Bounds<L>>>) -> Self {
-        let mut out = Self { goes_on: true, ..Self::new() };
+        let mut out = Self { is_restored: true, ..Self::new() };
         for stored in boxes {
             let shape = out.grow();
             out.store(shape, stored.as_ref());
@@ -179,7 +179,7 @@ impl<const L: usize> BroadPhase<L> {
         pairs: &'a mut Vec<Pair>,
         pool: &ThreadPool,
     ) -> Option<impl Iterator<Item = [u32; 2]> + use<'a, L>> {
-        let Self { tree, boxes, moved, moves, goes_on, outside } = self;
+        let Self { tree, boxes, moved, moves, is_restored, outside } = self;
         *outside = OnceLock::new();
         if moved.is_empty() {
             return None;
@@ -192,7 +192,7 @@ impl<const L: usize> BroadPhase<L> {
         moved.drain(..).for_each(|shape| moves[shape as usize] = false);
         let found = tree.overlaps(pool);
         // To a tree that starts with stored boxes, all pairs are new.
-        let known = if std::mem::take(goes_on) { &pairs[..] } else { &[] };
+        let known = if std::mem::take(is_restored) { &pairs[..] } else { &[] };
         let is_new = |pair: &[u32; 2]| {
             known.is_empty() || known.binary_search_by(|of| of.colliders.cmp(pair)).is_err()
         };

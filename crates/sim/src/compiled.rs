@@ -7,7 +7,7 @@
 use drystone_solver::Vector;
 
 use crate::bodies::Body;
-use crate::geometry::spheres::Spheres;
+use crate::geometry::particles::Particles;
 use crate::geometry::{Bounds, Geometry, Rigid2, Rigid3};
 use crate::ids::{BodyId, ColliderId};
 use crate::input::InputError;
@@ -138,8 +138,8 @@ macro_rules! compiled {
 
 compiled!(Rigid2, 2, 1);
 compiled!(Rigid3, 3, 3);
-compiled!(Spheres, 2, 0);
-compiled!(Spheres, 3, 0);
+compiled!(Particles, 2, 0);
+compiled!(Particles, 3, 0);
 
 impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Adds a body. Mass and inertia come from its shapes unless it brings its own.

@@ -7,7 +7,7 @@ use std::fmt::{self, Display, Formatter};
 
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Body, Inertia, SurfaceMotion};
+use crate::bodies::{Body, Inertia, SurfaceVelocity};
 use crate::body::{Material, Motion};
 use crate::geometry::{Bounds, Geometry};
 
@@ -127,9 +127,9 @@ pub(crate) fn check_gravity<const L: usize>(gravity: &Vector<f32, L>) -> Checked
 
 /// Rejects a surface velocity that is too large.
 pub(crate) fn check_surface<const L: usize, const A: usize>(
-    motion: Option<&SurfaceMotion<L, A>>,
+    motion: Option<&SurfaceVelocity<L, A>>,
 ) -> Checked {
-    motion.map_or(Ok(()), |&SurfaceMotion { linear, angular, .. }| {
+    motion.map_or(Ok(()), |&SurfaceVelocity { linear, angular, .. }| {
         check_velocity(&Velocity { linear, angular })
     })
 }

@@ -105,7 +105,7 @@ mod travel;
 mod tuner;
 mod world;
 
-pub use bodies::{Body, Collider, Inertia, SurfaceMotion};
+pub use bodies::{Body, Collider, Inertia, SurfaceVelocity};
 pub use body::{Combine, Filter, Material, Motion};
 pub use compiled::Dimension;
 pub use drystone_solver::jam::Jam;
@@ -140,6 +140,6 @@ pub type World2 = World<geometry::Rigid2, 2, 1>;
 /// Rigid bodies in space.
 pub type World3 = World<geometry::Rigid3, 3, 3>;
 /// Particles in the plane.
-pub type ParticleWorld2 = World<geometry::Spheres, 2, 0>;
+pub type ParticleWorld2 = World<geometry::Particles, 2, 0>;
 /// Particles in space.
-pub type ParticleWorld3 = World<geometry::Spheres, 3, 0>;
+pub type ParticleWorld3 = World<geometry::Particles, 3, 0>;

@@ -15,7 +15,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Returns the pairs of bodies near each other at the last search for contacts, one entry per
     /// manifold. Bodies are slots.
     pub fn nearby(&self) -> Vec<Nearby> {
-        let system = self.searched();
+        let system = self.system_at_search();
         let of = |manifold: &Manifold<f32, L>| {
             let contacts = system.contacts[manifold.points()].iter();
             Nearby {

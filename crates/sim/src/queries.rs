@@ -46,7 +46,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let ray = Ray { origin: point, direction, length: 0.0 };
         let near = self.near(&Bounds { min: point, max: point });
         let holds = |shape: &usize| {
-            !G::is_sheet(&self.colliders.shapes[*shape]) && self.hit(*shape, &ray).is_some()
+            !G::is_open(&self.colliders.shapes[*shape]) && self.hit(*shape, &ray).is_some()
         };
         Ok(near.into_iter().filter(holds).filter_map(|shape| self.collider_at(shape)).collect())
     }

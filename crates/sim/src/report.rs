@@ -23,7 +23,7 @@ pub enum Stage {
     /// v* = v + h M^-1 f.
     Predict,
     /// Impacts with restitution.
-    Bounce,
+    Impact,
     /// Target velocities from gaps, and v += M^-1 J^T gamma with the impulses of the previous
     /// substep.
     WarmStart,
@@ -46,7 +46,7 @@ impl Stage {
         Self::Manifolds,
         Self::Rows,
         Self::Predict,
-        Self::Bounce,
+        Self::Impact,
         Self::WarmStart,
         Self::Solve,
         Self::Certify,
@@ -62,7 +62,7 @@ impl Stage {
             Self::Manifolds => "manifolds",
             Self::Rows => "rows",
             Self::Predict => "predict",
-            Self::Bounce => "bounce",
+            Self::Impact => "impact",
             Self::WarmStart => "warm_start",
             Self::Solve => "solve",
             Self::Certify => "certify",

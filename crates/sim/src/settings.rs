@@ -19,7 +19,7 @@ pub struct StepSettings {
     pub substeps: u32,
     /// Largest number of substeps per step in a world without `tolerance`. Up to it, a substep is
     /// no longer than the thinnest awake body takes to fall by 1/1024 of its thickness. \[1\]
-    pub most_substeps: u32,
+    pub max_substeps: u32,
     /// Number of sweeps over all contacts per substep. \[1\]
     pub iterations: u32,
     /// Fraction of an overlap that one substep repairs, from 0 to 1. The rate c_d of the notes is
@@ -31,10 +31,10 @@ pub struct StepSettings {
     /// Overlap that is not repaired. \[m\]
     pub slop: f32,
     /// Largest speed at which overlap is repaired. \[m/s\]
-    pub push_speed: f32,
+    pub max_repair_speed: f32,
     /// Rate at which a sticking contact returns to the point where it stuck, as a fraction of its
     /// slip per second. \[1/s\]
-    pub hold: f32,
+    pub stick_rate: f32,
     /// Largest error of the velocities of an island: their distance from the exact solution of its
     /// contacts, root mean square by mass. Stronger methods follow the sweeps of a substep until a
     /// proven bound is below it. With friction the bound holds for the slip at hand. 0 means sweeps
@@ -44,7 +44,7 @@ pub struct StepSettings {
     /// certificate bounds the error of the velocities, and has the residuals of the contacts.
     pub certify: bool,
     /// Largest number of iterations of Newton's method, the strongest, on an island. \[1\]
-    pub budget: u32,
+    pub newton_iterations: u32,
     /// Largest penetration of a contact that carries the weight of its whole island, or 1/64 of the
     /// thinnest body of the island if that is less. A contact that `softness` leaves softer is made
     /// as stiff as this needs. It has no effect without `tolerance`. \[m\]
@@ -64,7 +64,7 @@ pub struct StepSettings {
     /// exceeded. \[1\]
     pub travel_per_search: f32,
     /// Largest number of contact searches per step. \[1\]
-    pub searches: u32,
+    pub max_searches: u32,
     /// Largest relative motion of two bodies that reuse their contact points, if it is also below 3
     /// % of the thinner shape. Gaps of reused points are measured again, and impulses act at the
     /// old positions until these have moved by this distance. Points are kept unchanged while
@@ -73,7 +73,7 @@ pub struct StepSettings {
     pub reuse_distance: f32,
     /// Time after which an island at rest sleeps. Steps leave it out until something touches or
     /// moves it. 0 means never. \[s\]
-    pub sleep: f32,
+    pub sleep_delay: f32,
     /// Whether each step reports the sources and sinks of its energy. The motion does not depend on
     /// it.
     pub ledger: bool,
@@ -93,22 +93,22 @@ impl StepSettings {
     /// Name, least and largest value of each setting that is a number.
     pub const RANGES: [(&'static str, f64, f64); 17] = [
         ("substeps", 1.0, 1000.0),
-        ("most_substeps", 1.0, 1000.0),
+        ("max_substeps", 1.0, 1000.0),
         ("iterations", 1.0, 10_000.0),
         ("repair", 0.0, 1.0),
         ("softness", 0.0, 0.999),
         ("slop", 0.0, 1.0),
-        ("push_speed", 0.0, 1e6),
-        ("hold", 0.0, 1e6),
+        ("max_repair_speed", 0.0, 1e6),
+        ("stick_rate", 0.0, 1e6),
         ("tolerance", 0.0, 1e3),
-        ("budget", 1.0, 10_000.0),
+        ("newton_iterations", 1.0, 10_000.0),
         ("sag", 1e-9, 1.0),
         ("restitution_threshold", 0.0, 1e6),
         ("prediction_distance", 0.0, 1e3),
         ("travel_per_search", 0.001, 1e6),
-        ("searches", 1.0, 1000.0),
+        ("max_searches", 1.0, 1000.0),
         ("reuse_distance", 0.0, 1e3),
-        ("sleep", 0.0, 1e6),
+        ("sleep_delay", 0.0, 1e6),
     ];
 
     /// Checks all numbers against their [`RANGES`](Self::RANGES).
@@ -118,22 +118,22 @@ impl StepSettings {
     pub fn check(&self) -> Result<(), InputError> {
         let values = [
             f64::from(self.substeps),
-            f64::from(self.most_substeps),
+            f64::from(self.max_substeps),
             f64::from(self.iterations),
             f64::from(self.repair),
             f64::from(self.softness),
             f64::from(self.slop),
-            f64::from(self.push_speed),
-            f64::from(self.hold),
+            f64::from(self.max_repair_speed),
+            f64::from(self.stick_rate),
             f64::from(self.tolerance),
-            f64::from(self.budget),
+            f64::from(self.newton_iterations),
             f64::from(self.sag),
             f64::from(self.restitution_threshold),
             f64::from(self.prediction_distance),
             f64::from(self.travel_per_search),
-            f64::from(self.searches),
+            f64::from(self.max_searches),
             f64::from(self.reuse_distance),
-            f64::from(self.sleep),
+            f64::from(self.sleep_delay),
         ];
         let all = Self::RANGES.iter().zip(values);
         all.into_iter().try_for_each(|(&(name, least, most), value)| {
@@ -147,24 +147,24 @@ impl StepSettings {
     pub const fn quality() -> Self {
         Self {
             substeps: 32,
-            most_substeps: 128,
+            max_substeps: 128,
             iterations: 1,
             repair: 0.2,
             softness: 0.1,
             slop: 0.0,
-            push_speed: 1.0,
-            hold: 20.0,
+            max_repair_speed: 1.0,
+            stick_rate: 20.0,
             tolerance: 0.0,
             certify: false,
-            budget: 40,
+            newton_iterations: 40,
             sag: 1e-4,
             impact_law: ImpactLaw::Reflections,
             restitution_threshold: 0.1,
             prediction_distance: 0.02,
             travel_per_search: 0.1,
-            searches: 32,
+            max_searches: 32,
             reuse_distance: 5e-4,
-            sleep: 0.0,
+            sleep_delay: 0.0,
             ledger: false,
         }
     }
@@ -176,8 +176,8 @@ impl StepSettings {
             dt: h,
             rate: self.repair,
             slop: self.slop,
-            push_speed: self.push_speed,
-            hold: self.hold,
+            max_repair_speed: self.max_repair_speed,
+            stick_rate: self.stick_rate,
         }
     }
 
@@ -190,12 +190,12 @@ impl StepSettings {
     pub const fn realtime() -> Self {
         Self {
             substeps: 4,
-            push_speed: 3.0,
-            hold: 5.0,
+            max_repair_speed: 3.0,
+            stick_rate: 5.0,
             travel_per_search: 1.0,
-            searches: 4,
+            max_searches: 4,
             reuse_distance: 0.01,
-            sleep: 0.5,
+            sleep_delay: 0.5,
             ..Self::quality()
         }
     }

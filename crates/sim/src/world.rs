@@ -10,7 +10,7 @@ use std::sync::{Arc, OnceLock};
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Clock, InverseMass, System, Vector, Velocity};
 
-use crate::bodies::{Bodies, Body, Inertia, SpinState, SurfaceMotion};
+use crate::bodies::{Bodies, Body, Inertia, SpinState, SurfaceVelocity};
 use crate::body::Motion;
 use crate::broad_phase::BroadPhase;
 use crate::cache::ContactCache;
@@ -138,14 +138,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         put(&mut self.bodies.contact_gains, slot, Velocity::ZERO);
         self.sleep.reset(slot);
         if body.motion != Motion::Dynamic {
-            self.sleep.place(slot);
+            self.sleep.mark_placed(slot);
         }
         let to_center = G::pose(-inertia.center, &[]);
         for collider in body.colliders {
             let local = G::compose(&to_center, &collider.pose);
             self.colliders.add(slot, collider, local, &self.bodies, &mut self.broad_phase);
         }
-        self.colliders.run(slot, body.surface_velocity, to_center);
+        self.colliders.set_surface_velocity(slot, body.surface_velocity, to_center);
         Ok(BodyId::new(&self.bodies.slots, slot, self.id))
     }
 
@@ -253,7 +253,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Returns true if a body sleeps. A body falls asleep after its whole island has held still for
-    /// a while ([`StepSettings::sleep`]). Steps leave it out until something touches or moves it.
+    /// a while ([`StepSettings::sleep_delay`]). Steps leave it out until something touches or moves
+    /// it.
     pub fn is_sleeping(&self, id: BodyId) -> bool {
         self.index(id).is_some_and(|index| self.sleep.is_sleeping(index))
     }
@@ -277,7 +278,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let slot = self.moving(id)?;
         input::check_velocity(&velocity)?;
         self.wake_slot(slot);
-        self.bodies.turns[slot] = SpinState::default();
+        self.bodies.spin_states[slot] = SpinState::default();
         self.bodies.velocities[slot] = velocity;
         Ok(())
     }
@@ -313,9 +314,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.wake_neighbors(slot);
         self.bodies.set_origin(slot, pose);
         let Self { bodies, colliders, broad_phase, .. } = self;
-        colliders.place_body(slot, bodies, broad_phase);
+        colliders.update_body(slot, bodies, broad_phase);
         if bodies.motion[slot] != Some(Motion::Dynamic) {
-            self.sleep.place(slot);
+            self.sleep.mark_placed(slot);
         }
         Ok(())
     }
@@ -328,14 +329,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     pub fn set_surface_velocity(
         &mut self,
         id: BodyId,
-        motion: Option<SurfaceMotion<L, A>>,
+        motion: Option<SurfaceVelocity<L, A>>,
     ) -> Result<(), InputError> {
         let slot = self.known(id)?;
         input::check_surface(motion.as_ref())?;
         self.definitions = OnceLock::new();
         self.wake_neighbors(slot);
         let to_center = G::pose(-self.bodies.inertia[slot].center, &[]);
-        self.colliders.run(slot, motion, to_center);
+        self.colliders.set_surface_velocity(slot, motion, to_center);
         Ok(())
     }
 
@@ -381,7 +382,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Returns [`World::system`] with the gaps measured by the last contact search.
-    pub(crate) fn searched(&self) -> System<f32, L, A> {
+    pub(crate) fn system_at_search(&self) -> System<f32, L, A> {
         let mut system = self.system();
         for manifold in &system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &self.scratch.displacements[body as usize]);
@@ -460,11 +461,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         out.potential_energy = self.bodies.potential_energy(self.gravity);
         out.deepest_penetration = f64::from(self.solver.lanes.overlap());
-        for pair in self.contacts.pairs.iter().filter(|pair| pair.rests) {
-            let resting = self.sleep.records.view();
-            for record in resting.of(pair.records()) {
-                for trace in resting.traces_of(record) {
-                    out.deepest_penetration = out.deepest_penetration.max(f64::from(-trace.gap[0]));
+        for pair in self.contacts.pairs.iter().filter(|pair| pair.is_sleeping) {
+            let sleeping = self.sleep.cache.view();
+            for manifold in sleeping.of(pair.manifolds()) {
+                for cached in sleeping.impulses_of(manifold) {
+                    out.deepest_penetration =
+                        out.deepest_penetration.max(f64::from(-cached.gap[0]));
                 }
             }
         }

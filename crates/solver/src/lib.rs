@@ -67,7 +67,7 @@
 //!     system.add_manifold(manifold, &[Contact::default()]);
 //! }
 //! system.prepare(0.0); // effective masses; rigid
-//! let repair = Repair { dt, rate: 0.2, slop: 0.005, push_speed: 1.0, hold: 0.0 };
+//! let repair = Repair { dt, rate: 0.2, slop: 0.005, max_repair_speed: 1.0, stick_rate: 0.0 };
 //! system.set_targets(&[Velocity::ZERO; 3], &repair);
 //!
 //! let mut sweeps = 0;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use drystone_solver::jam::Jam;
 
-use super::{Finding, Kind, dot, length, up};
+use super::{Finding, FindingKind, dot, length, up};
 use drystone::{Nearby, StepSettings};
 use drystone_scene::{BodiesAs, Scene};
 
@@ -30,7 +30,7 @@ pub(super) fn at_the_start(settings: &StepSettings) -> StepSettings {
     StepSettings {
         substeps: 1,
         iterations: 1,
-        searches: 1,
+        max_searches: 1,
         tolerance: 0.0,
         certify: false,
         ledger: false,
@@ -46,7 +46,7 @@ pub(super) fn overlaps(scene: &Scene, near: &[Nearby]) -> Vec<Finding> {
         *depth = depth.max(-pair.gap);
     }
     let finding = |([a, b], depth): ([usize; 2], f64)| Finding {
-        kind: Kind::Overlap,
+        kind: FindingKind::Overlap,
         bodies: vec![a, b],
         value: Some(depth),
         limit: Some(OVERLAP),
@@ -74,7 +74,7 @@ pub(super) fn wedged(scene: &Scene, jams: &[Jam]) -> Vec<Finding> {
         let bodies: Vec<usize> = jam.bodies.iter().map(|&body| body as usize).collect();
         let names: Vec<_> = bodies.iter().map(|&body| scene.name_of(body)).collect();
         Finding {
-            kind: Kind::Wedged,
+            kind: FindingKind::Wedged,
             bodies,
             value: Some(jam.missing),
             limit: Some(MISSED),
@@ -114,7 +114,7 @@ pub(super) fn mass_ratios(
         }
     }
     let finding = |([upper, lower], ratio): ([usize; 2], f64)| Finding {
-        kind: Kind::MassRatio,
+        kind: FindingKind::MassRatio,
         bodies: vec![upper, lower],
         value: Some(ratio),
         limit: Some(limit),
@@ -154,7 +154,7 @@ pub(super) fn frictionless(scene: &Scene, near: &[Nearby], masses: &[f64]) -> Ve
         }
     }
     let finding = |([body, on], (load, friction)): ([usize; 2], (usize, f64))| Finding {
-        kind: Kind::Frictionless,
+        kind: FindingKind::Frictionless,
         bodies: vec![body, on, load],
         value: Some(friction),
         limit: Some(0.0),

@@ -1,7 +1,7 @@
 //! Findings about speed: bodies that move farther than they are thick.
 
 use super::sizes::{extents, thickness};
-use super::{Finding, Kind, dot, length, up};
+use super::{Finding, FindingKind, dot, length, up};
 use drystone::StepSettings;
 use drystone_scene::{Body, Motion, Scene};
 
@@ -36,12 +36,12 @@ pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
             }
         };
         let speed = norm(&body.linear_velocity) + norm(&body.angular_velocity) * reach(body) + fall;
-        let searches = f64::from(settings.searches.max(1));
+        let searches = f64::from(settings.max_searches.max(1));
         let travel = speed * scene.time_step / searches;
         if travel > limit {
             let slower = scene.time_step * limit / travel;
             findings.push(Finding {
-                kind: Kind::TooFast,
+                kind: FindingKind::TooFast,
                 bodies: if other == index { vec![index] } else { vec![index, other] },
                 value: Some(travel),
                 limit: Some(limit),
@@ -95,7 +95,7 @@ pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
         );
         let advice = "it throws bodies that it touches, and tunnels through bodies on its way: \
          give the keys LINEAR interpolation and time between them";
-        findings.push(Finding::of_body(index, Kind::Jump, [speed, limit], what, advice));
+        findings.push(Finding::of_body(index, FindingKind::Jump, [speed, limit], what, advice));
     }
     findings
 }

@@ -11,7 +11,7 @@ use super::sampling::{Track, sample_rate, sample_times, tracks};
 use super::{Recording, Sampling};
 use crate::engine::Drystone;
 use drystone_scene::Scene;
-use drystone_scene::export::usd::{Prim, Prims, rounded, tuple, write_stage};
+use drystone_scene::export::usd::{PrimWriter, Prims, rounded, tuple, write_stage};
 
 /// Writes a scene as a stage with the schemas of UsdPhysics: an `Xform` per body, moved by time
 /// samples, with its shapes below it. Time code 0 is the initial state.
@@ -33,7 +33,7 @@ pub fn write(
     let rate = rounded(sample_rate(recording, options));
     let codes: Vec<f64> = times.iter().map(|time| rounded(time * rate)).collect();
     let prims = Prims::new(scene, &Drystone);
-    let bodies: Vec<Prim> = (0..scene.bodies.len())
+    let bodies: Vec<PrimWriter> = (0..scene.bodies.len())
         .into_par_iter()
         .map(|index| {
             let pose = |time| pose_at(recording, index, time);
@@ -52,7 +52,7 @@ pub fn write(
 }
 
 /// Sets the pose of a prim from its recording: time samples, or a single value if it is constant.
-fn move_prim(prim: &mut Prim, codes: &[f64], positions: &Track<3>, rotations: &Track<4>) {
+fn move_prim(prim: &mut PrimWriter, codes: &[f64], positions: &Track<3>, rotations: &Track<4>) {
     // OpenUSD computes the angle from w alone. In single precision, w is 1 up to a milliradian.
     let turned = |q: [f32; 4]| {
         let [x, y, z, w] = normalized(q.map(f64::from)).map(|x| (x * 1e12).round() / 1e12);
@@ -64,7 +64,7 @@ fn move_prim(prim: &mut Prim, codes: &[f64], positions: &Track<3>, rotations: &T
 
 /// Gives an attribute the samples of a track, or its constant value.
 fn follow<const N: usize>(
-    prim: &mut Prim,
+    prim: &mut PrimWriter,
     attribute: &str,
     codes: &[f64],
     track: &Track<N>,

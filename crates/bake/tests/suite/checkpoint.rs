@@ -71,7 +71,7 @@ fn goes_on(name: &str, preset: &StepSettings) {
 /// Certified worlds repeat 12 steps after each checkpoint, with the same bits and reports, on one
 /// and two threads.
 #[test]
-fn a_certified_world_goes_on_with_the_same_bits() {
+fn a_restored_certified_world_moves_with_the_same_bits() {
     for name in ["arch.json", "billiards.toml", "wall_2d.json", "workshop.gltf"] {
         goes_on(name, &StepSettings::certified());
     }
@@ -82,7 +82,7 @@ fn a_certified_world_goes_on_with_the_same_bits() {
 /// Worlds of the real-time and quality presets repeat 12 steps after each checkpoint, with the same
 /// bits and reports, on one and two threads.
 #[test]
-fn a_world_of_fixed_work_goes_on_with_the_same_bits() {
+fn a_restored_world_of_fixed_work_moves_with_the_same_bits() {
     for name in ["dominoes.json", "wall_2d.json", "particles.json", "stones.json"] {
         goes_on(name, &StepSettings { certify: true, ..StepSettings::realtime() });
     }
@@ -92,8 +92,8 @@ fn a_world_of_fixed_work_goes_on_with_the_same_bits() {
 /// A scene at rest, restored to an earlier checkpoint, repeats 100 steps bit by bit. Contacts of
 /// the later state, which are still in the lanes, are not reused.
 #[test]
-fn what_rests_goes_on_with_the_same_bits() {
-    let realtime = StepSettings { sleep: 0.0, ..StepSettings::realtime() };
+fn a_restored_world_at_rest_keeps_the_same_bits() {
+    let realtime = StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() };
     for preset in [realtime, StepSettings::certified()] {
         let scene = read("arch.json");
         let mut simulation = start(&scene, &preset);

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use drystone::StepSettings;
-use drystone_bake::check::{Kind, check};
+use drystone_bake::check::{FindingKind, check};
 use drystone_bake::recording::Recording;
 use drystone_bake::{Simulation, build};
 use drystone_scene::{Read, Scene, ShapeKind};
@@ -405,7 +405,7 @@ fn squeezed(file: &str) -> f64 {
 /// A heavy ball that bounces onto a lying ball presses it by at most 3 mm, and a capsule by at most
 /// 5 mm.
 #[test]
-fn bounce_onto_what_lies_presses_nobody() {
+fn bounce_onto_a_resting_body_presses_no_body() {
     case("squeeze", 3.0, "mm", || squeezed("motion/1_squeeze_e005_ratio1.json"));
     case("squeezed capsule", 5.0, "mm", || squeezed("motion/1_squeeze_capsule_129mm.json"));
 }
@@ -447,7 +447,7 @@ fn hulls_collide_as_boxes() {
 /// A toppling box is at the exact angle after 0.8 s. The error is at most 0.007 rad with 60 steps
 /// per second, and 0.001 rad with 960.
 #[test]
-fn box_topples_in_real_time() {
+fn box_topples_with_the_realtime_preset() {
     for (name, rate, bound) in [("topple at 1/60", 60u32, 0.007), ("topple at 1/960", 960, 0.001)] {
         case(name, bound, "rad", || {
             let mut scene = scene("motion/3_topple_realtime.json");
@@ -498,7 +498,7 @@ fn hull_has_its_mass() {
 
 /// A far body that touches nothing changes no bit of the motion of four others.
 #[test]
-fn what_touches_nothing_changes_no_bit() {
+fn bodies_that_touch_nothing_change_no_bit() {
     case("far body", 0.0, "numbers that differ", || {
         let [with, without] = ["motion/5_far_with.json", "motion/5_far_without.json"]
             .map(|file| Film::of(&scene(file), Certified).recording);
@@ -601,7 +601,7 @@ fn check_answers_within_a_second() {
         worked(|| {
             let read = read("robust/ws_s10.gltf");
             let findings = check(&read, &Certified.settings(&read.scene)).unwrap();
-            assert!(findings.iter().any(|of| of.kind == Kind::Wedged), "no jam is named");
+            assert!(findings.iter().any(|of| of.kind == FindingKind::Wedged), "no jam is named");
         })
     });
     case("first step of a tall box", 1.0, "s", || {
@@ -636,7 +636,7 @@ fn every_file_has_a_case() {
 
 /// The helpers of this file give known rotations, angles and volumes within 1e-12.
 #[test]
-fn angles_and_volumes_are_what_they_are() {
+fn angles_and_volumes_have_known_values() {
     let quarter = libm::sqrt(0.5);
     let about_z = [0.0, 0.0, quarter, quarter];
     let turned = turn(about_z, [1.0, 0.0, 0.0]);

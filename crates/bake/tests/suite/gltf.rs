@@ -183,7 +183,7 @@ fn shapes_and_their_defaults() {
 
 /// Wrong shapes and geometries are refused with the JSON pointer and the value at fault.
 #[test]
-fn shapes_that_are_wrong() {
+fn invalid_shapes() {
     let node = json!([{ "extensions": physics(json!({ "collider": collider() })) }]);
     let at = "/extensions/KHR_implicit_shapes/shapes/0";
     let cases = [
@@ -499,7 +499,7 @@ fn matrices() {
 /// Cycles, nodes with two parents, missing nodes and wrong transforms are refused at their pointer.
 /// A chain of 100 000 nodes is read.
 #[test]
-fn trees_that_are_wrong() {
+fn invalid_trees() {
     let cases = [
         (json!([{ "children": [1] }, { "children": [0] }]), "/nodes/0/children"),
         (json!([{ "children": [0] }]), "/nodes/0/children/0"),
@@ -522,7 +522,7 @@ fn trees_that_are_wrong() {
 /// Buffers, views, accessors and indices that do not fit together are refused at their pointer,
 /// also where a sum of offsets overflows.
 #[test]
-fn data_that_is_wrong() {
+fn invalid_data() {
     let good = tetrahedron();
     let nodes =
         json!([{ "extensions": physics(json!({ "collider": { "geometry": { "mesh": 0 } } })) }]);

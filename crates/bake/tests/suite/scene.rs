@@ -420,7 +420,7 @@ fn warnings(text: &str) -> Vec<String> {
 
 /// Keys that have no effect and implausible values give a warning.
 #[test]
-fn what_does_not_act_is_said() {
+fn values_without_effect_give_warnings() {
     let expected = ["1:10: joints are not supported yet: the scene runs without them"];
     assert_eq!(warnings("joints = [1]\nevents = []"), expected);
     let still = ball("motion = \"static\"\nlinear_velocity = [0, 1, 0]");
@@ -494,9 +494,9 @@ fn a_scene_has_its_own_settings() {
     let settings = drystone_bake::settings(&scene, StepSettings::realtime()).unwrap();
     let impact_law = ImpactLaw::Poisson;
     // The stated number of substeps is also the largest one, even for small bodies.
-    let [substeps, most_substeps] = [7, 7];
+    let [substeps, max_substeps] = [7, 7];
     let realtime = StepSettings::realtime();
-    assert_eq!(settings, StepSettings { substeps, most_substeps, impact_law, ..realtime });
+    assert_eq!(settings, StepSettings { substeps, max_substeps, impact_law, ..realtime });
 }
 
 /// Infinite masses are read from TOML and JSON, and any extras are accepted.

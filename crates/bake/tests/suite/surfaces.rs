@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use drystone::StepSettings;
 use drystone_bake::build;
 use drystone_scene::export::gltf::Physics;
-use drystone_scene::export::usd::Stage;
+use drystone_scene::export::usd::StageWriter;
 use drystone_scene::{Read, Scene};
 
 fn presets() -> [StepSettings; 3] {
@@ -132,7 +132,7 @@ fn surfaces_and_damping_come_back_from_all_formats() {
     assert!(read.warnings.is_empty(), "{:?}", read.warnings);
     let folder = tempfile::tempdir().unwrap();
     let stage = folder.path().join("scene.usda");
-    Stage::new(&read.scene, &drystone_bake::Drystone).unwrap().write(&stage).unwrap();
+    StageWriter::new(&read.scene, &drystone_bake::Drystone).unwrap().write(&stage).unwrap();
     let masses = build(&read.scene, StepSettings::quality()).unwrap().masses();
     let gltf = folder.path().join("scene.gltf");
     Physics::new(&read.scene, &masses, &drystone_bake::Drystone)
@@ -160,7 +160,7 @@ fn warned(read: &Read, parts: &[&str]) -> bool {
 /// Surface velocities, damping and disabled gravity in PhysX's schemas are read, in centimeters and
 /// with z up. Attributes that are not read give a warning.
 #[test]
-fn stages_run_in_the_words_of_physx() {
+fn surfaces_of_physx_schemas_are_read() {
     let text = r#"#usda 1.0
 ( defaultPrim = "World" metersPerUnit = 0.01 upAxis = "Z" )
 def Xform "World" {
@@ -202,7 +202,7 @@ def Xform "World" {
 /// Each attribute or schema that is not read gives one warning with its number of prims. Joints of
 /// any type name give one, too.
 #[test]
-fn stages_are_told_what_is_not_read() {
+fn unread_data_of_stages_gives_warnings() {
     let body = |name: &str| {
         format!(
             r#"
@@ -240,7 +240,7 @@ fn stages_are_told_what_is_not_read() {
 /// Each unknown property or extension of a glTF file gives one warning with its number of
 /// occurrences. Known extensions of physics that are not simulated are named.
 #[test]
-fn gltf_is_told_what_is_not_read() {
+fn unread_data_of_gltf_gives_warnings() {
     let node = r#"{ "extensions": {
         "KHR_physics_rigid_bodies": {
             "motion": { "mass": 1, "linearDamping": 0.5, "extensions": { "EXT_wind": {} } },

@@ -10,7 +10,7 @@ use crate::common::counting::largest;
 use drystone::StepSettings;
 use drystone_bake::recording::{self, Recording, Sampling};
 use drystone_bake::{Drystone, build, read};
-use drystone_scene::export::usd::Stage;
+use drystone_scene::export::usd::StageWriter;
 use drystone_scene::{Body, Combine, Motion, Read, Rotation, Scene, SceneError, ShapeKind, usd};
 
 /// Head of a stage in meters with +y up.
@@ -127,7 +127,7 @@ fn gravity_is_that_of_the_earth_unless_the_scene_says_so() {
 /// The flags of a body make it dynamic, kinematic or static. Starting asleep and disabled colliders
 /// give a warning.
 #[test]
-fn bodies_move_as_their_flags_say() {
+fn flags_set_the_motion_of_bodies() {
     let motion = |attributes: &str| body(&ball(attributes)).motion;
     assert_eq!(motion(""), Motion::Dynamic);
     assert_eq!(motion("bool physics:kinematicEnabled = 1"), Motion::Kinematic);
@@ -276,7 +276,7 @@ const MESH: &str = "point3f[] points = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 
 /// A mesh becomes the shape that its approximation names: mesh, hull, box or sphere. An unknown
 /// approximation gives a warning.
 #[test]
-fn meshes_collide_as_their_approximation_says() {
+fn the_approximation_sets_the_collider_of_a_mesh() {
     let mesh = |approximation: &str, dynamic: bool| {
         let bodies = if dynamic { "\"PhysicsRigidBodyAPI\", " } else { "" };
         let (scene, told) = prims(&format!(
@@ -502,7 +502,7 @@ fn animations_move_kinematic_bodies() {
 /// A single time sample is a constant, as many programs write it for bodies at rest. A kinematic
 /// body follows it from any start and has no velocity of its own.
 #[test]
-fn one_sample_stands_still() {
+fn a_single_sample_is_a_constant_pose() {
     const ORDER: &str = "uniform token[] xformOpOrder = [\"xformOp:translate\"]";
     let sample = "double3 xformOp:translate.timeSamples = { 10: (1, 2, 3) }\n";
     let default = "double3 xformOp:translate = (4, 5, 6)\n";
@@ -619,7 +619,7 @@ fn layers_are_composed() {
 /// Joints, articulations and instances are not simulated and give a warning each; a stage without
 /// physics is refused.
 #[test]
-fn what_is_not_simulated_is_told() {
+fn data_that_is_not_simulated_gives_warnings() {
     let (scene, told) = prims(&format!(
         "{}def PhysicsRevoluteJoint \"Hinge\" {{\n rel physics:body0 = </Ball>\n}}\n\
          def Xform \"Robot\" (prepend apiSchemas = [\"PhysicsArticulationRootAPI\"]) {{\n}}\n\
@@ -692,7 +692,7 @@ fn errors_name_place_value_and_what_is_accepted() {
 /// Files that are no text stage, are incomplete or nest deeper than 64 levels are refused with a
 /// message of one line.
 #[test]
-fn files_that_are_no_stage_are_refused() {
+fn files_that_are_not_stages_are_refused() {
     let ball = ball("");
     for (text, expected) in [
         (String::new(), "the first line is not '#usda 1.0'"),
@@ -726,7 +726,7 @@ fn files_that_are_no_stage_are_refused() {
 /// References out of the folder, cycles, exponential growth and chains of more than 64 references
 /// are refused.
 #[test]
-fn what_leads_in_rings_or_out_of_the_folder_is_refused() {
+fn cyclic_references_and_paths_out_of_the_folder_are_refused() {
     let one = |metadata: &str| format!("{HEAD}def \"A\" ({metadata}) {{\n}}\n{}", ball(""));
     let refused_one = |metadata: &str| refused(&[("scene.usda", &one(metadata))]);
     for path in ["../out.usda", "/etc/passwd", "http://x/y.usda", "C:\\\\a.usda"] {
@@ -781,7 +781,7 @@ fn steps(scene: &Scene) -> Vec<u64> {
 fn back(scene: &Scene) -> Read {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("there.usda");
-    Stage::new(scene, &drystone_bake::Drystone).unwrap().write(&path).unwrap();
+    StageWriter::new(scene, &drystone_bake::Drystone).unwrap().write(&path).unwrap();
     usd::read(&path, &Drystone).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -817,7 +817,8 @@ fn example_scenes_come_back_with_the_same_bits() {
         let scene = read(&path).unwrap().scene;
         if scene.dimension == 2 {
             assert!(
-                Stage::new(&scene, &drystone_bake::Drystone).is_err_and(|why| why.contains("2D"))
+                StageWriter::new(&scene, &drystone_bake::Drystone)
+                    .is_err_and(|why| why.contains("2D"))
             );
             continue;
         }
@@ -832,7 +833,7 @@ fn example_scenes_come_back_with_the_same_bits() {
 
 /// Every property of a scene survives writing and reading as a stage, without warnings.
 #[test]
-fn all_that_a_scene_says_comes_back() {
+fn all_data_of_a_scene_comes_back() {
     let scene = r#"
 name = "all \"of\" it"
 gravity = [0.1, -1.62, 0.3]
@@ -904,10 +905,10 @@ shapes = []
 
 /// 2D scenes and moving half-spaces are not written as a stage but refused.
 #[test]
-fn what_a_stage_cannot_say_is_refused() {
+fn scenes_that_a_stage_cannot_hold_are_refused() {
     let refused = |text: &str| {
         let scene = drystone_bake::read_toml(Path::new("x.toml"), text).unwrap().scene;
-        Stage::new(&scene, &drystone_bake::Drystone).err().unwrap()
+        StageWriter::new(&scene, &drystone_bake::Drystone).err().unwrap()
     };
     assert!(refused("dimension = 2").contains("is a scene in 2D"));
     let moving =

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::cut::Cut;
+use crate::frames::FrameOptions;
 use crate::quantity::{real, speed};
 
 pub(super) const MAX_STEPS: u32 = 10_000_000;
@@ -15,7 +15,7 @@ pub(super) const MAX_STEPS: u32 = 10_000_000;
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 #[command(group(clap::ArgGroup::new("result").required(true).multiple(true)))]
-pub(crate) struct Arguments {
+pub(crate) struct BakeArguments {
     /// Scene to simulate: .toml, .json, .gltf, .glb or .usda
     pub(super) scene: PathBuf,
 
@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
     pub(super) output: Vec<PathBuf>,
 
     #[command(flatten)]
-    pub(super) cut: Cut,
+    pub(super) frame_options: FrameOptions,
 
     /// Simulate so many seconds [default: as the scene says, or 10]
     #[arg(long, value_name = "S", value_parser = real(0.0..=1e7), conflicts_with = "steps")]
@@ -86,8 +86,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", group = "result", requires = "dump_step")]
     pub(super) dump: Vec<PathBuf>,
 
-    /// Resume an interrupted bake from OUT.journal beside the first output, which a bake keeps until
-    /// its files are written. The files equal those of an uninterrupted bake in every byte.
+    /// Resume an interrupted bake from OUT.journal beside the first output, which a bake keeps
+    /// until its files are written. The files equal those of an uninterrupted bake in every byte.
     /// Without a journal the bake starts at the beginning. A journal of another scene, of other
     /// settings or of another version is refused
     #[arg(long)]

@@ -7,7 +7,7 @@ use drystone_scene::{Scene, write_whole};
 use drystone_solver::assembled::Matrix;
 use serde_json::{Value, json};
 
-use super::arguments::Arguments;
+use super::arguments::BakeArguments;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 
@@ -22,7 +22,7 @@ pub(super) fn step(step: Option<u32>, steps: u32) -> Result<Option<u32>, Failure
 }
 
 /// Returns the files of the contact problem: those requested, or one beside the first output.
-pub(super) fn files(arguments: &Arguments) -> Result<Vec<PathBuf>, Failure> {
+pub(super) fn files(arguments: &BakeArguments) -> Result<Vec<PathBuf>, Failure> {
     let Some(step) = arguments.dump_step else { return Ok(Vec::new()) };
     for path in &arguments.dump {
         match extension(path).as_str() {

@@ -12,7 +12,7 @@ use drystone_bake::recording::journal::Step;
 use drystone_scene::{Motion, Scene};
 use indicatif::ProgressBar;
 
-use super::diary::{Diary, Kept};
+use super::journal::{BakeJournal, Kept};
 use crate::failure::Failure;
 
 /// Speed of a body beyond which the simulation counts as diverged. \[m/s\]
@@ -62,28 +62,28 @@ impl Bake {
         simulation: &mut dyn Simulation,
         scene: &Scene,
         length: Length,
-        diary: &mut Diary,
+        journal: &mut BakeJournal,
         bar: &ProgressBar,
     ) -> Result<Self, Failure> {
         let mut bake = Self::new(simulation, scene, length.steps)?;
-        let taken = match diary.kept() {
-            Some(kept) => bake.go_on(simulation, length, diary, kept)?,
+        let taken = match journal.kept() {
+            Some(kept) => bake.resume(simulation, length, journal, kept)?,
             None => {
-                diary.begin(&bake.recording.poses)?;
+                journal.begin(&bake.recording.poses)?;
                 0
             }
         };
         for step in taken + 1..=length.steps {
             bar.set_position(step as u64 - 1);
             if INTERRUPTED.load(Ordering::SeqCst) {
-                return Err(diary.interrupted(bake.steps.len(), length.steps));
+                return Err(journal.interrupted(bake.steps.len(), length.steps));
             }
             simulation.save_systems(length.dump_step == Some(step));
             if step <= bake.steps.len() {
                 simulation.step(scene.time_step)?;
-                diary.compare(step, &bake.steps[step - 1], simulation.state_hash())?;
+                journal.compare(step, &bake.steps[step - 1], simulation.state_hash())?;
             } else {
-                bake.step(simulation, scene, diary)?;
+                bake.step(simulation, scene, journal)?;
             }
             if length.dump_step == Some(step) {
                 bake.saved = simulation.saved().transpose().map_err(|error| {
@@ -115,11 +115,11 @@ impl Bake {
     /// Takes over the frames of the journal, and returns the number of steps after which the
     /// simulation continues. It repeats the steps since the checkpoint, so that a different build
     /// or machine is noticed.
-    fn go_on(
+    fn resume(
         &mut self,
         simulation: &mut dyn Simulation,
         length: Length,
-        diary: &mut Diary,
+        journal: &mut BakeJournal,
         mut kept: Kept,
     ) -> Result<usize, Failure> {
         kept.steps.truncate(length.steps);
@@ -132,7 +132,7 @@ impl Bake {
             return Ok(taken);
         }
         let before = taken.min(dump.unwrap_or(usize::MAX));
-        diary.restore(simulation, before)
+        journal.restore(simulation, before)
     }
 
     fn reserve(&mut self, steps: usize) -> Result<(), Failure> {
@@ -152,7 +152,7 @@ impl Bake {
         &mut self,
         simulation: &mut dyn Simulation,
         scene: &Scene,
-        diary: &mut Diary,
+        journal: &mut BakeJournal,
     ) -> Result<(), Failure> {
         let clock = Instant::now();
         let report = simulation.step(scene.time_step)?;
@@ -165,7 +165,7 @@ impl Bake {
             self.steps.push(step);
             return Err(self.divergence(scene, &measure));
         }
-        diary.write(&step, &self.recording.poses[frame..], simulation)?;
+        journal.write(&step, &self.recording.poses[frame..], simulation)?;
         self.steps.push(step);
         Ok(())
     }

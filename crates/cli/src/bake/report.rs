@@ -14,7 +14,7 @@ use super::summary::Summary;
 use crate::failure::Failure;
 
 /// Input of a report.
-pub(super) struct Run<'a> {
+pub(super) struct ReportInput<'a> {
     pub(super) scene: &'a Path,
     pub(super) settings: &'a StepSettings,
     pub(super) threads: usize,
@@ -64,7 +64,7 @@ struct StepNumbers {
 }
 
 /// Writes a report as JSON.
-pub(super) fn write(path: &Path, run: &Run<'_>) -> Result<(), Failure> {
+pub(super) fn write(path: &Path, run: &ReportInput<'_>) -> Result<(), Failure> {
     let report = Report {
         scene: run.scene.display().to_string(),
         version: env!("CARGO_PKG_VERSION"),

@@ -126,8 +126,8 @@ struct Certified {
     worst_body: Option<u32>,
     /// Maximum over the steps, in the last substep of each: residual of Coulomb's law, approach
     /// speed beyond a target, and cone violation. \[m/s\]
-    natural: f64,
-    sinking: f64,
+    natural_residual: f64,
+    approach_error: f64,
     cone: f64,
     /// NNCG iterations, summed over all substeps.
     iterations: usize,
@@ -185,9 +185,9 @@ impl Summary {
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
         let kinematic = count(Motion::Kinematic);
         let running = scene.bodies.iter().filter(|body| runs(body)).count();
-        let ledger = books(bake);
+        let ledger = energy_summary(bake);
         let energy_created = match &ledger {
-            Some(books) => Some(books.created > energy_tolerance),
+            Some(sums) => Some(sums.created > energy_tolerance),
             None => (kinematic == 0 && running == 0).then_some(energy_rise > energy_tolerance),
         };
         let mut times: Vec<f64> = steps.iter().map(|step| step.time.as_secs_f64() * 1e3).collect();
@@ -240,7 +240,7 @@ impl Summary {
             ("penetration", self.penetration()),
             ("energy", self.energy()),
             (self.title(), self.certified(scene)),
-            ("", self.proven()),
+            ("", self.bound_limits()),
             ("audit", self.audited(scene)),
             ("residual", self.residual()),
             ("motion", self.motion(scene)),
@@ -249,7 +249,7 @@ impl Summary {
                 let _ = writeln!(out, "{title:<12} {line}");
             }
         }
-        for line in self.odd(scene) {
+        for line in self.notes(scene) {
             let _ = writeln!(out, "{:<12} {line}", "note");
         }
         out
@@ -322,11 +322,11 @@ impl Summary {
             (None, _) if self.kinematic == 0 => "; running surfaces may add to it".to_owned(),
             (None, _) => "; kinematic bodies and running surfaces may add to it".to_owned(),
             (Some(false), _) => format!("; none was created (tolerance {tolerance})"),
-            (Some(true), Some(books)) => format!(
+            (Some(true), Some(sums)) => format!(
                 "; contacts created {}, most of it, {}, in step {} (tolerance {tolerance})",
-                joule(books.created),
-                joule(books.worst),
-                books.worst_step
+                joule(sums.created),
+                joule(sums.worst),
+                sums.worst_step
             ),
             (Some(true), None) => {
                 format!("; {rise} above the start at its highest (tolerance {tolerance})")
@@ -342,7 +342,7 @@ impl Summary {
     }
 
     /// States what the certified error refers to, and what it does not bound.
-    fn proven(&self) -> String {
+    fn bound_limits(&self) -> String {
         match (&self.certified, self.friction) {
             (Some(of), true) if of.islands > 0 => {
                 "bounded: velocities with overlap repair, as bodies move; friction for the slip \
@@ -382,23 +382,23 @@ impl Summary {
             if rest > 0 { format!(", and {rest} more") } else { String::new() }
         };
         let mut lines = Vec::new();
-        if !of.passed.is_empty() {
-            let through = of.passed.iter().take(NAMED).map(|passage| {
+        if !of.passages.is_empty() {
+            let through = of.passages.iter().take(NAMED).map(|passage| {
                 let [a, b] = passage.bodies.map(|body| scene.name_of(body));
                 format!("{a} through {b} at {:.3} s", passage.frame as f64 * scene.time_step)
             });
             let through = through.collect::<Vec<_>>().join(", ");
-            lines.push(format!("tunneled through a surface: {through}{}", more(of.passed.len())));
+            lines.push(format!("tunneled through a surface: {through}{}", more(of.passages.len())));
         }
-        if !of.inside.is_empty() {
-            let inside = of.inside.iter().take(NAMED).map(|of| {
+        if !of.overlaps.is_empty() {
+            let inside = of.overlaps.iter().take(NAMED).map(|of| {
                 format!("{} (accepted: {:.3} mm)", self.overlap(scene, of), of.accepted * 1e3)
             });
             let inside = inside.collect::<Vec<_>>().join(", ");
-            lines.push(format!("overlapped too deeply: {inside}{}", more(of.inside.len())));
+            lines.push(format!("overlapped too deeply: {inside}{}", more(of.overlaps.len())));
         }
-        if !of.left.is_empty() {
-            let named = names(scene, &of.left);
+        if !of.fallen.is_empty() {
+            let named = names(scene, &of.fallen);
             lines.push(format!("fell below all surfaces that could carry it: {named}"));
         }
         lines
@@ -478,10 +478,10 @@ impl Summary {
     }
 
     /// Notes on unexpected results.
-    fn odd(&self, scene: &Scene) -> Vec<String> {
+    fn notes(&self, scene: &Scene) -> Vec<String> {
         let mut lines = Vec::new();
         if self.energy_created == Some(true) {
-            let created = self.ledger.as_ref().map_or(self.energy_rise, |books| books.created);
+            let created = self.ledger.as_ref().map_or(self.energy_rise, |sums| sums.created);
             let who = self.energy_risen.as_ref().map_or_else(String::new, |of| {
                 format!(
                     ", from step {} ({:.3} s); {} gained most, {}",
@@ -513,7 +513,7 @@ impl Summary {
     }
 }
 
-fn books(bake: &Bake) -> Option<EnergySummary> {
+fn energy_summary(bake: &Bake) -> Option<EnergySummary> {
     let ledgers = bake.steps.iter().map(|step| step.report.energy);
     let ledgers: Vec<_> = ledgers.collect::<Option<_>>()?;
     let mut total = Ledger::default();
@@ -566,8 +566,8 @@ fn certified(bake: &Bake) -> Option<Certified> {
         islands: outcomes.iter().map(|(_, of)| of.islands).sum(),
         worst: worst.error,
         median: errors.get(errors.len() / 2).copied().unwrap_or(0.0),
-        natural: residual(0),
-        sinking: residual(1),
+        natural_residual: residual(0),
+        approach_error: residual(1),
         cone: residual(2),
         worst_step: step + 1,
         worst_body: worst.worst,

@@ -5,11 +5,11 @@ use drystone_solver::assembled::ladder::Attempt;
 use serde_json::{Value, json};
 
 use super::read::Named;
-use super::run::Run;
+use super::run::MethodRun;
 
 /// Returns the solution, its certificate and the history of the solve. Infinite numbers become
 /// null.
-pub(super) fn json(named: &Named, run: &Run) -> Value {
+pub(super) fn json(named: &Named, run: &MethodRun) -> Value {
     let problem = &named.problem;
     let outcome = &run.solved.outcome;
     let impulses = if problem.dimension() == 1 { "z" } else { "r" };
@@ -44,7 +44,7 @@ pub(super) fn json(named: &Named, run: &Run) -> Value {
 }
 
 /// Formats the certificate in a line.
-pub(super) fn in_words(named: &Named, run: &Run) -> String {
+pub(super) fn in_words(named: &Named, run: &MethodRun) -> String {
     let certificate = certificate(named, run);
     let number = |key: &str| certificate[key].as_f64().unwrap_or(f64::INFINITY);
     let gap = match certificate.get("gap") {
@@ -62,7 +62,7 @@ pub(super) fn in_words(named: &Named, run: &Run) -> String {
 
 /// Returns the certificate, which anyone can check: how far the impulses violate the contact laws,
 /// or why no solution exists.
-fn certificate(named: &Named, run: &Run) -> Value {
+fn certificate(named: &Named, run: &MethodRun) -> Value {
     let problem = &named.problem;
     let outcome = &run.solved.outcome;
     let (r, d) = (&outcome.impulses, problem.dimension());

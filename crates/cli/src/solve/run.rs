@@ -53,14 +53,14 @@ impl FromStr for Choice {
 }
 
 /// Solution of the problem by one choice.
-pub(super) struct Run {
+pub(super) struct MethodRun {
     pub(super) choice: Choice,
     pub(super) solved: Solved,
     /// Time of the solve; the median if it was repeated.
     pub(super) time: Duration,
 }
 
-impl Run {
+impl MethodRun {
     pub(super) fn new(named: &Named, choice: Choice, limits: &Limits, repeat: u32) -> Self {
         let mut times = Vec::new();
         loop {

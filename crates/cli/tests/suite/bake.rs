@@ -280,7 +280,7 @@ fn flags_come_before_the_scene_and_the_scene_before_presets() {
 }
 
 #[test]
-fn islands_sleep_in_real_time_unless_told_not_to() {
+fn islands_sleep_with_the_realtime_preset_unless_turned_off() {
     // Without rolling resistance the ball rolls on.
     let resisting = SCENE.replace("radius = 0.2 }]", "radius = 0.2 }]\nrolling_resistance = 0.005");
     let place = Place::new(&resisting);
@@ -341,7 +341,7 @@ fn ends(glb: &[u8]) -> [f64; 2] {
 
 /// Frames selected in a bake equal those selected from its arrays afterwards.
 #[test]
-fn some_frames_are_those_of_the_whole() {
+fn selected_frames_equal_those_of_the_whole_bake() {
     let place = Place::new(SCENE);
     place.succeeds(&["bake", "scene.toml", "-o", "all.npz", "-o", "all.poses", "-q"]);
     let read = |name: &str| fs::read(place.path(name)).unwrap();
@@ -396,7 +396,7 @@ fn some_frames_are_those_of_the_whole() {
 }
 
 #[test]
-fn frames_that_there_are_not_are_refused_before_the_simulation() {
+fn missing_frames_are_refused_before_the_simulation() {
     let place = Place::new(&SCENE.replace("duration = 2", "duration = 10000"));
     let refused =
         |more: &[&str]| place.fails(2, &[&["bake", "scene.toml", "-o", "a.glb"], more].concat());
@@ -453,7 +453,7 @@ fn wrong_usage_is_refused_before_the_simulation() {
 /// Endless files and pipes without a writer are refused.
 #[cfg(unix)]
 #[test]
-fn what_is_no_regular_file_is_not_read() {
+fn only_regular_files_are_read() {
     let place = Place::new(SCENE);
     let refused = |arguments: &[&str]| {
         let start = Instant::now();
@@ -489,7 +489,7 @@ fn divergence_names_step_and_body() {
 }
 
 #[test]
-fn warnings_are_said_once_and_do_not_stop() {
+fn warnings_are_printed_once_and_stop_nothing() {
     let place = Place::new(&SCENE.replace("motion = \"static\"", "motion = \"static\"\nmass = 1"));
     let output = place.run(&["bake", "scene.toml", "-o", "out.poses"]);
     let message = String::from_utf8(output.stderr).unwrap();
@@ -498,7 +498,7 @@ fn warnings_are_said_once_and_do_not_stop() {
 }
 
 #[test]
-fn help_names_scenes_that_there_are() {
+fn help_names_existing_scenes() {
     let help = Place::new("").succeeds(&["bake", "--help"]);
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let scenes: Vec<_> =

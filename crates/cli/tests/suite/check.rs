@@ -134,7 +134,7 @@ fn a_stack_on_ice_is_found() {
 }
 
 #[test]
-fn what_may_pass_through_is_found() {
+fn bodies_that_may_tunnel_are_found() {
     let ball = |speed: f64| {
         format!(
             "gravity = [0, 0, 0]\n[[bodies]]\nname = \"ball\"\nlinear_velocity = [{speed}, 0, 0]\n\
@@ -281,7 +281,7 @@ fn surfaces_that_never_rest_or_never_bounce_are_found() {
 }
 
 #[test]
-fn what_the_reader_leaves_out_is_found() {
+fn data_that_the_reader_leaves_out_is_found() {
     let scene = SCENE.replace("motion = \"static\"", "motion = \"static\"\nmass = 1");
     assert_eq!(one(&scene).0, "left_out");
     let message = Place::new("").fails(4, &["check", "gone.toml"]);

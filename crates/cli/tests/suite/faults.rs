@@ -61,7 +61,7 @@ const BAKE: [&str; 12] = [
 const OUTPUTS: [&str; 2] = ["out.glb", "out.npz"];
 
 #[test]
-fn each_call_that_fails_leaves_the_last_bake_and_a_way_on() {
+fn a_failed_call_keeps_the_last_bake_and_can_be_resumed() {
     let place = Place::new(SCENE);
     place.succeeds(&BAKE);
     let expected = OUTPUTS.map(|name| fs::read(place.path(name)).unwrap());
@@ -105,7 +105,7 @@ fn each_call_that_fails_leaves_the_last_bake_and_a_way_on() {
 
 /// The message names the full file, and the command that resumes the bake.
 #[test]
-fn a_full_disk_is_named_with_the_way_on() {
+fn a_full_disk_is_reported_with_the_command_to_resume() {
     let place = Place::new(SCENE);
     let Some((output, failed)) = failing(&place, &BAKE, Some("write"), 4) else { return };
     let message = String::from_utf8(output.stderr).unwrap();

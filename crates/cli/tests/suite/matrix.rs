@@ -37,7 +37,7 @@ fn a_row_of_particles_has_three_diagonals() {
 }
 
 #[test]
-fn what_makes_no_picture_is_refused() {
+fn scenes_without_a_picture_are_refused() {
     let place = Place::new("");
     let message = place.fails(2, &["matrix", "scene.toml", "-o", "a.svg"]);
     assert!(message.contains("contacts"), "{message}");

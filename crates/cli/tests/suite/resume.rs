@@ -47,7 +47,7 @@ fn outputs(place: &Place) -> Vec<Vec<u8>> {
 /// files as an uninterrupted one.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_bake_that_goes_on_gives_the_same_bytes() {
+fn a_resumed_bake_gives_the_same_bytes() {
     for (scene, more) in [
         ("arch.json", &["--checkpoint", "0"][..]),
         ("wall_2d.json", &["--checkpoint", "0", "--realtime"]),
@@ -69,7 +69,7 @@ fn a_bake_that_goes_on_gives_the_same_bytes() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_journal_of_something_else_is_refused() {
+fn a_journal_of_another_bake_is_refused() {
     let place = Place::new(SCENE);
     let Some((journal, expected)) = journal_and_outputs(&place, "scene.toml", &[]) else { return };
     let path = place.path("out.glb.journal");
@@ -122,7 +122,7 @@ fn a_journal_of_something_else_is_refused() {
 /// checkpoint.
 #[cfg(target_os = "linux")]
 #[test]
-fn other_bits_are_noticed() {
+fn different_bits_are_detected() {
     let place = Place::new(SCENE);
     let Some((journal, _)) = journal_and_outputs(&place, "scene.toml", &[]) else { return };
     let other = SCENE.replace("1.2", "1.3");
@@ -154,7 +154,7 @@ fn a_step_before_the_end_is_saved_too() {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_bake_says_how_to_go_on() {
+fn an_interrupted_bake_prints_the_command_to_resume() {
     use std::process::{Command, Stdio};
     use std::thread::sleep;
 

@@ -128,7 +128,7 @@ fn friction_from_matrices_and_from_bodies() {
 }
 
 #[test]
-fn what_has_no_solution_is_said_to_have_none() {
+fn problems_without_a_solution_are_reported() {
     let place = Place::new();
     place.write("jam.json", &json!({ "M_rows": [[1, -1], [-1, 1]], "q": [-1, -1] }));
     let (text, error) = place.ends(3, &["jam.json", "-o", "result.json"]);

@@ -59,7 +59,7 @@ impl Physics {
             looks,
             scene,
             engine,
-            tables: Tables::default(),
+            tables: UniqueLists::default(),
             meshes: HashMap::new(),
         };
         let bodies = scene.bodies.iter().enumerate();
@@ -107,20 +107,20 @@ impl Physics {
 
 /// Lists shared by bodies, each item once.
 #[derive(Default)]
-struct Tables {
-    shapes: Table,
-    materials: Table,
-    filters: Table,
+struct UniqueLists {
+    shapes: UniqueList,
+    materials: UniqueList,
+    filters: UniqueList,
 }
 
 #[derive(Default)]
-struct Table {
+struct UniqueList {
     items: Vec<Value>,
     /// Index of each item, by its text.
     places: HashMap<String, usize>,
 }
 
-impl Table {
+impl UniqueList {
     fn place(&mut self, item: Value) -> usize {
         *self.places.entry(item.to_string()).or_insert_with(|| {
             self.items.push(item);
@@ -129,7 +129,7 @@ impl Table {
     }
 }
 
-impl Tables {
+impl UniqueLists {
     fn extensions(self) -> Value {
         let mut bodies = Map::new();
         for (key, table) in
@@ -154,7 +154,7 @@ struct Writer<'a> {
     looks: Nodes<'a>,
     scene: &'a Scene,
     engine: &'a dyn Engine,
-    tables: Tables,
+    tables: UniqueLists,
     /// Collision meshes, by their triangles.
     meshes: HashMap<String, usize>,
 }

@@ -17,7 +17,7 @@ const WIDTH: usize = 8;
 const NONE: u32 = u32::MAX;
 
 /// The tree is rebuilt when its leaves have grown by this factor on average. \[1\]
-const WORN: f64 = 1.4;
+const DEGRADED: f64 = 1.4;
 
 /// The tree is also rebuilt when more than one in this many boxes has been added or removed.
 const LOOSE: usize = 4;
@@ -41,13 +41,13 @@ pub(super) struct Tree<const L: usize> {
     before: Vec<Node<L>>,
     /// The number of each box in the leaves, and the position of each number.
     numbers: Vec<u32>,
-    places: Vec<u32>,
+    positions: Vec<u32>,
     /// Number of boxes added or removed since the tree was built.
     loose: usize,
     /// Inverse of the extent of each leaf when the tree was built. \[1/m\]
     built: Vec<f32>,
     /// Sum of the growth factors of all leaves since then. \[1\]
-    wear: f64,
+    degradation: f64,
     /// Overlapping nodes that are still to be tested, in a level and in the one below.
     ahead: [Vec<Both>; 2],
     /// Pairs found by each thread, as sortable numbers.
@@ -171,24 +171,24 @@ fn lanes(mut bits: u8) -> impl Iterator<Item = usize> {
 impl<const L: usize> Tree<L> {
     /// Sets the box of a number; `None` removes it.
     pub(super) fn set(&mut self, number: u32, to: Option<&Bounds<L>>) {
-        if self.places.len() <= number as usize {
-            self.places.resize(number as usize + 1, NONE);
+        if self.positions.len() <= number as usize {
+            self.positions.resize(number as usize + 1, NONE);
         }
-        let place = self.places[number as usize];
+        let position = self.positions[number as usize];
         match to {
-            Some(to) if place == NONE => {
+            Some(to) if position == NONE => {
                 self.push(number, [&Bounds::EMPTY, to], true);
                 self.loose += 1;
             }
-            _ if place == NONE => {}
+            _ if position == NONE => {}
             to => {
-                let (leaf, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+                let (leaf, lane) = (position as usize / WIDTH, position as usize % WIDTH);
                 self.levels[0].nodes[leaf].set(lane, to.unwrap_or(&Bounds::EMPTY));
                 self.levels[0].changed[leaf] |= 1 << lane;
                 if to.is_none() {
                     self.loose += 1;
-                    self.places[number as usize] = NONE;
-                    self.numbers[place as usize] = NONE;
+                    self.positions[number as usize] = NONE;
+                    self.numbers[position as usize] = NONE;
                 }
             }
         }
@@ -196,8 +196,8 @@ impl<const L: usize> Tree<L> {
 
     /// Appends a box, with its state at the last query and now.
     fn push(&mut self, number: u32, [before, now]: [&Bounds<L>; 2], changed: bool) {
-        let mut place = self.numbers.len();
-        self.places[number as usize] = place as u32;
+        let mut position = self.numbers.len();
+        self.positions[number as usize] = position as u32;
         self.numbers.push(number);
         // It gets a position in each level, up to one with a single node.
         for level in 0.. {
@@ -208,7 +208,7 @@ impl<const L: usize> Tree<L> {
                 }
             }
             let Level { nodes, changed: marks } = &mut self.levels[level];
-            let (node, lane) = (place / WIDTH, place % WIDTH);
+            let (node, lane) = (position / WIDTH, position % WIDTH);
             if node == nodes.len() {
                 nodes.push(Node::EMPTY);
                 marks.push(0);
@@ -222,7 +222,7 @@ impl<const L: usize> Tree<L> {
             if nodes.len() == 1 {
                 break;
             }
-            place = node;
+            position = node;
         }
     }
 
@@ -252,7 +252,7 @@ impl<const L: usize> Tree<L> {
 
     /// True if it has a box of this number.
     pub(super) fn has(&self, number: u32) -> bool {
-        self.places.get(number as usize).is_some_and(|place| *place != NONE)
+        self.positions.get(number as usize).is_some_and(|position| *position != NONE)
     }
 
     /// Calls `found` with the number of each box that a ray crosses, the nearest of a node first.
@@ -313,7 +313,9 @@ impl<const L: usize> Tree<L> {
     /// lower number is in the upper half; the pairs are sorted.
     pub(super) fn overlaps(&mut self, pool: &ThreadPool) -> &[u64] {
         self.refit();
-        if self.wear > WORN * self.built.len() as f64 || LOOSE * self.loose > self.numbers.len() {
+        if self.degradation > DEGRADED * self.built.len() as f64
+            || LOOSE * self.loose > self.numbers.len()
+        {
             self.build();
         }
         let level = self.descend();
@@ -348,7 +350,9 @@ impl<const L: usize> Tree<L> {
         }
         for level in (2..=top).rev() {
             below.clear();
-            ahead.iter().for_each(|&both| self.meet(level, both, |next| below.push(next)));
+            ahead
+                .iter()
+                .for_each(|&both| self.overlap_children(level, both, |next| below.push(next)));
             std::mem::swap(&mut ahead, &mut below);
         }
         self.ahead = [ahead, below];
@@ -360,13 +364,13 @@ impl<const L: usize> Tree<L> {
     fn search(&self, level: usize, both: Both, found: &mut Vec<u64>) {
         match level {
             0 => self.compare(both, found),
-            _ => self.meet(level, both, |leaves| self.compare(leaves, found)),
+            _ => self.overlap_children(level, both, |leaves| self.compare(leaves, found)),
         }
     }
 
     /// Reports the pairs of overlapping nodes below two nodes.
     #[inline(always)]
-    fn meet(&self, level: usize, [a, b]: Both, mut report: impl FnMut(Both)) {
+    fn overlap_children(&self, level: usize, [a, b]: Both, mut report: impl FnMut(Both)) {
         self.cross(level, [a, b], |lane, with| {
             lanes(with).for_each(|other| report([a * WIDTH + lane, b * WIDTH + other]));
         });
@@ -426,7 +430,7 @@ impl<const L: usize> Tree<L> {
                 let bounds = node.bounds();
                 if let (1, Some(built)) = (level, self.built.get(index)) {
                     let grown = extent(&bounds) - extent(&above.nodes[parent].get(lane));
-                    self.wear += f64::from(grown * built);
+                    self.degradation += f64::from(grown * built);
                 }
                 above.nodes[parent].set(lane, &bounds);
                 above.changed[parent] |= 1 << lane;
@@ -441,8 +445,9 @@ impl<const L: usize> Tree<L> {
         let before = std::mem::take(&mut self.before);
         self.numbers.clear();
         for Entry { number, changed, .. } in order {
-            let place = self.places[number as usize] as usize;
-            let [before, now] = [&before, &leaves].map(|of| of[place / WIDTH].get(place % WIDTH));
+            let position = self.positions[number as usize] as usize;
+            let [before, now] =
+                [&before, &leaves].map(|of| of[position / WIDTH].get(position % WIDTH));
             self.push(number, [&before, &now], changed);
         }
         for level in 1..self.levels.len() {
@@ -452,7 +457,7 @@ impl<const L: usize> Tree<L> {
         self.built.clear();
         self.built
             .extend(leaves.iter().map(|leaf| 1.0 / extent(&leaf.bounds()).max(f32::MIN_POSITIVE)));
-        self.wear = self.built.len() as f64;
+        self.degradation = self.built.len() as f64;
         self.loose = 0;
     }
 

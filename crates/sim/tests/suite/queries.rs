@@ -1,6 +1,6 @@
 //! Queries against signed distances, evaluated for every collider in double precision.
 
-use drystone::geometry::{Bounds, Geometry, Rigid2, Rigid3, Spheres};
+use drystone::geometry::{Bounds, Geometry, Particles, Rigid2, Rigid3};
 use drystone::{
     Body, BodyId, Collider, ColliderId, Dimension, InputError, Motion, RayHit, StepSettings,
     Vector, World, World3,
@@ -77,7 +77,7 @@ fn rigid<G: Rigid<L, A>, const L: usize, const A: usize>(form: &Form<L>) -> G::S
 }
 
 /// Particles are balls of the capsules' radii and the boxes' first sides.
-fn particle<G: Round<L, A>, const L: usize, const A: usize>(form: &Form<L>) -> G::Shape {
+fn particle<G: RoundShapes<L, A>, const L: usize, const A: usize>(form: &Form<L>) -> G::Shape {
     match form {
         Form::Ball(radius) | Form::Capsule(_, radius) => G::ball(*radius),
         Form::Box(half) => G::ball(half[0]),
@@ -356,8 +356,8 @@ fn crowd<G: Dimension<L, A>, const L: usize, const A: usize>(shape: fn(&Form<L>)
 fn queries_find_what_distances_say() {
     crowd::<Rigid2, 2, 1>(rigid::<Rigid2, 2, 1>);
     crowd::<Rigid3, 3, 3>(rigid::<Rigid3, 3, 3>);
-    crowd::<Spheres, 2, 0>(particle::<Spheres, 2, 0>);
-    crowd::<Spheres, 3, 0>(particle::<Spheres, 3, 0>);
+    crowd::<Particles, 2, 0>(particle::<Particles, 2, 0>);
+    crowd::<Particles, 3, 0>(particle::<Particles, 3, 0>);
 }
 
 /// Casts a ray at one static shape at the origin.

@@ -85,7 +85,7 @@ fn a_torn_record_is_cut_off() {
 
 /// A flipped bit ends the journal before its record, or makes it unreadable.
 #[test]
-fn a_turned_bit_is_noticed() {
+fn a_flipped_bit_is_detected() {
     let (_folder, path, ends) = whole();
     let (bytes, good) = (fs::read(&path).unwrap(), read(&path).unwrap());
     for place in 0..bytes.len() {
@@ -129,7 +129,7 @@ fn one_writes_and_others_read() {
 }
 
 #[test]
-fn what_is_no_journal_is_left_alone() {
+fn files_that_are_not_journals_are_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("letters.journal");
     assert!(Journal::resume(&path).unwrap().is_none());

@@ -13,7 +13,7 @@ const WHOLE: f64 = 1e-6;
 
 /// Options that select the frames and keys to write.
 #[derive(clap::Args)]
-pub(crate) struct Cut {
+pub(crate) struct FrameOptions {
     /// Write so many frames per second to .glb and .usda; the time step stays the scene's [default:
     /// one per step]
     #[arg(long, value_name = "N", value_parser = real(0.001..=100_000.0))]
@@ -33,7 +33,7 @@ pub(crate) struct Cut {
 }
 
 /// A motion to write.
-pub(crate) struct Film<'a> {
+pub(crate) struct OutputMotion<'a> {
     pub(crate) recording: Cow<'a, Recording>,
     /// Name of each body.
     pub(crate) names: &'a [String],
@@ -41,7 +41,7 @@ pub(crate) struct Film<'a> {
     pub(crate) contacts: &'a [u32],
 }
 
-impl Cut {
+impl FrameOptions {
     /// Whether any of the options is given.
     pub(crate) fn is_asked(&self) -> bool {
         self.fps.is_some() || self.frames.is_some() || self.key_tolerance.is_some()
@@ -77,21 +77,21 @@ impl Cut {
     }
 
     /// Returns the requested part of a bake.
-    pub(crate) fn film<'a>(
+    pub(crate) fn motion<'a>(
         &self,
         recording: &'a Recording,
         names: &'a [String],
         contacts: &'a [u32],
-    ) -> Result<Film<'a>, Failure> {
+    ) -> Result<OutputMotion<'a>, Failure> {
         let start = recording.start;
-        let whole = Film { recording: Cow::Borrowed(recording), names, contacts };
+        let whole = OutputMotion { recording: Cow::Borrowed(recording), names, contacts };
         let (Some(more), Some(_)) = (recording.frames().checked_sub(1), &self.frames) else {
             return Ok(whole);
         };
         let steps = self.steps(start..=start + more, recording.frame_time)?;
         let places = steps.start() - start..=steps.end() - start;
         let contacts = contacts.get(places).unwrap_or_default();
-        Ok(Film { recording: Cow::Owned(recording.piece(steps)), contacts, ..whole })
+        Ok(OutputMotion { recording: Cow::Owned(recording.piece(steps)), contacts, ..whole })
     }
 }
 

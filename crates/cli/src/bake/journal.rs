@@ -9,7 +9,7 @@ use std::{env, fs};
 use drystone_bake::Simulation;
 use drystone_bake::recording::journal::{Header, Journal, Mark, Step};
 
-use super::arguments::Arguments;
+use super::arguments::BakeArguments;
 use crate::failure::Failure;
 
 /// Content of a journal when its bake is resumed.
@@ -19,7 +19,7 @@ pub(super) struct Kept {
 }
 
 /// The journal of this bake.
-pub(super) struct Diary {
+pub(super) struct BakeJournal {
     path: PathBuf,
     header: Header,
     /// `None` until the journal is begun.
@@ -35,18 +35,18 @@ pub(super) struct Diary {
     sizes: [u64; 2],
 }
 
-impl Diary {
+impl BakeJournal {
     /// Looks for a journal beside the first output. Resumes it if that is requested. Otherwise
     /// refuses to discard the steps of a journal of this bake.
     pub(super) fn open(
-        arguments: &Arguments,
+        arguments: &BakeArguments,
         beside: &Path,
         header: Header,
     ) -> Result<Self, Failure> {
         let mut path = OsString::from(beside);
         path.push(".journal");
         let every = Duration::from_secs_f64(arguments.checkpoint);
-        let mut diary = Self {
+        let mut journal = Self {
             path: path.into(),
             header,
             journal: None,
@@ -57,29 +57,30 @@ impl Diary {
             last: Instant::now(),
             sizes: [0; 2],
         };
-        let found = Journal::resume(&diary.path).map_err(|error| diary.refused(&error))?;
-        let Some((journal, contents)) = found else { return Ok(diary) };
-        let (difference, steps) = (contents.header.difference(&diary.header), contents.steps.len());
+        let found = Journal::resume(&journal.path).map_err(|error| journal.refused(&error))?;
+        let Some((found_journal, contents)) = found else { return Ok(journal) };
+        let (difference, steps) =
+            (contents.header.difference(&journal.header), contents.steps.len());
         match difference {
             None if arguments.resume => {
-                diary.found = steps;
-                diary.marks = contents.checkpoints;
+                journal.found = steps;
+                journal.marks = contents.checkpoints;
                 let poses = contents.recording.poses;
-                diary.kept = Some(Kept { steps: contents.steps, poses });
-                diary.journal = Some(journal);
+                journal.kept = Some(Kept { steps: contents.steps, poses });
+                journal.journal = Some(found_journal);
             }
             None if steps > 0 => {
-                return Err(diary.wrong(&format!(
+                return Err(journal.wrong(&format!(
                     "has {steps} steps of this bake already; resume it with --resume, or delete it"
                 )));
             }
             Some(why) if arguments.resume => {
-                return Err(diary.wrong(&format!("cannot be resumed: {why}; delete it")));
+                return Err(journal.wrong(&format!("cannot be resumed: {why}; delete it")));
             }
             // An empty journal, or that of another bake, is replaced.
             _ => {}
         }
-        Ok(diary)
+        Ok(journal)
     }
 
     /// Takes the content of the resumed journal; `None` from the second call on.
@@ -117,7 +118,11 @@ impl Diary {
             self.sizes = [state.len() as u64, journal.size()];
         }
         written.map_err(|error| {
-            Failure::File(format!("{}; {}", cannot_write(&self.path, &error), self.way_on()))
+            Failure::File(format!(
+                "{}; {}",
+                cannot_write(&self.path, &error),
+                self.resume_command()
+            ))
         })
     }
 
@@ -152,14 +157,16 @@ impl Diary {
         match synced {
             Err(error) => self.refused(&error),
             Ok(()) => {
-                let way_on = self.way_on();
-                Failure::Interrupted(format!("interrupted after step {taken} of {all}; {way_on}"))
+                let resume_command = self.resume_command();
+                Failure::Interrupted(format!(
+                    "interrupted after step {taken} of {all}; {resume_command}"
+                ))
             }
         }
     }
 
     /// Describes how to resume this bake.
-    pub(super) fn way_on(&self) -> String {
+    pub(super) fn resume_command(&self) -> String {
         let mut words: Vec<String> =
             env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy())).collect();
         if !words.iter().any(|word| word == "--resume") {

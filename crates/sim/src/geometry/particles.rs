@@ -9,7 +9,7 @@ use super::{
 
 /// The geometry of particles: (L, A) = (2, 0) or (3, 0).
 #[derive(Clone, Copy, Debug)]
-pub struct Spheres;
+pub struct Particles;
 
 /// The shape of a particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,10 +29,10 @@ pub enum SphereShape<const L: usize> {
 /// Half extent and reach of a half-space, which stands for infinity. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
 
-impl<const L: usize> Geometry<L, 0> for Spheres {
+impl<const L: usize> Geometry<L, 0> for Particles {
     type Pose = Vector<f32, L>;
     type Shape = SphereShape<L>;
-    type Collider = SphereShape<L>;
+    type Prepared = SphereShape<L>;
     type Scratch = ContactManifold<L>;
 
     fn pose(position: Vector<f32, L>, _rotation: &[f32]) -> Self::Pose {
@@ -110,29 +110,29 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         }
     }
 
-    fn collider(shape: Self::Shape) -> Self::Collider {
+    fn prepare(shape: Self::Shape) -> Self::Prepared {
         shape
     }
 
-    fn nothing() -> Self::Collider {
+    fn placeholder() -> Self::Prepared {
         SphereShape::Sphere { radius: 0.0 }
     }
 
-    fn is_sheet(_: &Self::Collider) -> bool {
+    fn is_open(_: &Self::Prepared) -> bool {
         false
     }
 
-    fn rolls(_: &Self::Collider) -> bool {
+    fn is_curved(_: &Self::Prepared) -> bool {
         // Particles do not rotate.
         false
     }
 
-    fn shape_of(collider: &Self::Collider) -> &Self::Shape {
+    fn shape_of(collider: &Self::Prepared) -> &Self::Shape {
         collider
     }
 
     fn cast_ray(
-        collider: &Self::Collider,
+        collider: &Self::Prepared,
         pose: &Self::Pose,
         ray: &Ray<L>,
     ) -> Option<SurfaceHit<L>> {
@@ -144,8 +144,8 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
     }
 
     fn collide(
-        a: (&Self::Collider, &Self::Pose),
-        b: (&Self::Collider, &Self::Pose),
+        a: (&Self::Prepared, &Self::Pose),
+        b: (&Self::Prepared, &Self::Pose),
         ahead: impl Into<LookAhead<L>>,
         _: Option<u64>,
         touch: &mut ContactManifold<L>,
