@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use drystone_solver::certificate::CertificateScratch;
 use drystone_solver::island::Islands;
-use drystone_solver::lanes::{Instructions, KernelLanes, LaneSystem, Lanes, Portable, WIDTH};
+use drystone_solver::lanes::{Instructions, LaneSystem, Lanes, Portable, WIDTH};
 use drystone_solver::{
     ConstraintFrame, Contact, InverseMass, Manifold, Mobility, Real, Repair, SymmetricMatrix,
     System, Vector, Velocity, contact_frame, pgs,

@@ -459,10 +459,10 @@ impl<'a> Obstacles<'a> {
         }
     }
 
-    /// Returns the obstacles through which the center of a shape passes on a way between the two
+    /// Returns the obstacles through which the center of a shape passes on a path between the two
     /// frames, in order.
     fn passed(&self, walker: usize, path: [Vec3; 2]) -> Vec<usize> {
-        let [from, to] = way;
+        let [from, to] = path;
         let low = std::array::from_fn(|i| from[i].min(to[i]));
         let high = std::array::from_fn(|i| from[i].max(to[i]));
         let passes = |obstacle: usize, [before, after]: &[Vec<ShapePose>; 2], i: usize| {
