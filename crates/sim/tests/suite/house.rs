@@ -29,8 +29,8 @@ fn modules_depend_in_one_direction() {
     assert!(arrows > 300, "{arrows} imports were found");
 }
 
-/// Scenes depend on no crate of ours and not on parry. Worlds have six direct dependencies, and one
-/// that is optional.
+/// Scenes depend on no crate of ours and not on parry. The solver has three dependencies, all
+/// optional; worlds have six, and one that is optional. The command line knows no shapes.
 #[test]
 fn crates_depend_on_no_more_than_they_say() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -45,6 +45,50 @@ fn crates_depend_on_no_more_than_they_say() {
     assert!(!dependencies("scene").iter().any(ours));
     let all = ["drystone-solver", "libm", "parry2d", "parry3d", "robust", "serde", "wide"];
     assert_eq!(dependencies("sim"), all);
+    assert_eq!(dependencies("solver"), ["clarabel", "faer", "serde"]);
+    assert!(!dependencies("cli").iter().any(|name| name.starts_with("parry")));
+}
+
+/// Sines come from `libm`, since those of a platform differ in the last bit. Nothing is fused. No
+/// stage of a step has a map whose order is that of hashes; shapes look edges up in some.
+#[test]
+fn no_bit_depends_on_the_platform() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let platform = ["sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "mul_add"];
+    let platform = platform.map(|name| format!(".{name}("));
+    let mut lines = 0;
+    for name in ["solver", "sim", "scene", "bake"] {
+        for (module, text) in modules(&root.join(name).join("src"), &[]) {
+            let stages =
+                name == "solver" || name == "sim" && module.first() != Some(&"geometry".into());
+            let text = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+            for line in text.lines().filter(|line| !line.trim_start().starts_with("//")) {
+                // These are the numbers that a rotation consists of.
+                let own = line.replace("rotation.cos()", "").replace("rotation.sin()", "");
+                let platform = platform.iter().any(|call| own.contains(call));
+                let hashed = stages && (own.contains("HashMap") || own.contains("HashSet"));
+                assert!(!platform && !hashed, "{name}::{}: {line}", module.join("::"));
+                lines += 1;
+            }
+        }
+    }
+    assert!(lines > 30_000, "{lines} lines were read");
+}
+
+/// Lanes and threads alone have `unsafe` code.
+#[test]
+fn unsafe_code_is_in_six_files() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let allowed = |name: &str| -> Vec<String> {
+        let texts = modules(&root.join(name).join("src"), &[]);
+        let allows = texts.iter().filter(|(_, text)| text.contains("allow(unsafe_code)"));
+        allows.map(|(module, _)| module.join("::")).collect()
+    };
+    let lanes = ["avx2", "block", "number", "sweep", "view"].map(|name| format!("lanes::{name}"));
+    assert_eq!(allowed("solver"), [&lanes[..], &["thread_pool".to_owned()]].concat());
+    for name in ["sim", "scene", "bake", "cli"] {
+        assert_eq!(allowed(name), [""; 0], "{name}");
+    }
 }
 
 /// A cycle of imports is found; imports in comments and tests do not count.
