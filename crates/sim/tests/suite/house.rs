@@ -91,6 +91,67 @@ fn unsafe_code_is_in_six_files() {
     }
 }
 
+/// No function has more than 60 lines, except in readers of scenes and in the kernels of lanes.
+#[test]
+fn functions_fit_on_a_page() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut count = 0;
+    for name in ["solver", "sim", "bake", "cli"] {
+        for (module, text) in modules(&root.join(name).join("src"), &[]) {
+            let own = text.split("\n#[cfg(test)]\nmod ").next().unwrap_or_default();
+            let lines: Vec<&str> = own.lines().collect();
+            for (first, line) in lines.iter().enumerate().filter(|(_, line)| is_function(line)) {
+                let ends = |line: &&str| line.ends_with(['{', '}', ';']);
+                let head = lines[first..].iter().position(ends).expect("the end of a signature");
+                if !lines[first + head].ends_with('{') {
+                    continue;
+                }
+                let end = format!("{}}}", &line[..line.len() - line.trim_start().len()]);
+                let length = lines[first..].iter().position(|line| *line == end).expect("an end");
+                count += 1;
+                let is_kernel = module.first().is_some_and(|own| own == "lanes");
+                assert!(length < 60 || is_kernel, "{name} {}: {line}", module.join("::"));
+            }
+        }
+    }
+    assert!(count > 1500, "{count} functions were found");
+}
+
+fn is_function(line: &str) -> bool {
+    let words = line.trim_start().split(' ');
+    let mut words = words.skip_while(|word| {
+        word.starts_with("pub") || ["const", "unsafe", "super)", "crate)"].contains(word)
+    });
+    words.next() == Some("fn")
+}
+
+/// A world has at most twelve fields.
+#[test]
+fn a_world_has_few_fields() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/world.rs");
+    let text = fs::read_to_string(path).expect("the source of worlds");
+    let (_, rest) = text.split_once("pub struct World<").expect("a world");
+    let (fields, _) = rest.split_once("\n}").expect("its end");
+    let is_field = |line: &&str| !line.trim_start().starts_with("//") && line.contains(": ");
+    let count = fields.lines().skip(1).filter(is_field).count();
+    assert!((5..=12).contains(&count), "{count} fields");
+}
+
+/// The figure of a step in ARCHITECTURE.md has the stages of reports, in their order.
+#[test]
+fn the_figure_of_a_step_has_all_stages() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../ARCHITECTURE.md");
+    let text = fs::read_to_string(path).expect("the architecture");
+    let (_, rest) = text.split_once("## A step").expect("a section");
+    let (figure, _) = rest.split_once("poses move by").expect("a figure");
+    let names = drystone::Stage::ALL.map(drystone::Stage::name);
+    let words = figure.lines().filter_map(|line| {
+        let mut words = line.split([' ', '|', '+', '-', '>']).filter(|word| !word.is_empty());
+        words.next().filter(|word| names.contains(word))
+    });
+    assert_eq!(words.collect::<Vec<_>>(), names);
+}
+
 /// A cycle of imports is found; imports in comments and tests do not count.
 #[test]
 fn a_circle_is_found() {
