@@ -40,7 +40,7 @@ pub struct StepSettings {
     /// proven bound is below it. With friction the bound holds for the slip at hand. 0 means sweeps
     /// alone. \[m/s\]
     pub tolerance: f32,
-    /// Whether each step ends with a certificate of its last substep, even without a `tolerance`. A
+    /// True if each step ends with a certificate of its last substep, even without a `tolerance`. A
     /// certificate bounds the error of the velocities, and has the residuals of the contacts.
     pub certify: bool,
     /// Largest number of iterations of Newton's method, the strongest, on an island. \[1\]
@@ -65,8 +65,8 @@ pub struct StepSettings {
     pub travel_per_search: f32,
     /// Largest number of contact searches per step. \[1\]
     pub max_searches: u32,
-    /// Largest relative motion of two bodies that reuse their contact points, if it is also below 3
-    /// % of the thinner shape. Gaps of reused points are measured again, and impulses act at the
+    /// Largest relative motion of two bodies that reuse their contact points, if it is also below
+    /// 1/32 of the thinner shape. Gaps of reused points are measured again, and impulses act at the
     /// old positions until these have moved by this distance. Points are kept unchanged while
     /// neither body moves by a quarter of it, or by 1 % of its size. In steps with several searches
     /// the distance is at least a quarter of `prediction_distance`. \[m\]
@@ -74,7 +74,7 @@ pub struct StepSettings {
     /// Time after which an island at rest sleeps. Steps leave it out until something touches or
     /// moves it. 0 means never. \[s\]
     pub sleep_delay: f32,
-    /// Whether each step reports the sources and sinks of its energy. The motion does not depend on
+    /// True if each step reports the sources and sinks of its energy. The motion does not depend on
     /// it.
     pub ledger: bool,
 }

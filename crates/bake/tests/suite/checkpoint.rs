@@ -121,7 +121,7 @@ fn a_checkpoint_of_another_world_is_refused() {
     let before = one.checkpoint();
     let error = one.restore(&other.checkpoint()).unwrap_err();
     assert!(error.to_string().contains("of another world: poses need"), "{error}");
-    assert!(one.restore(&[]).unwrap_err().to_string().contains("is no checkpoint"));
+    assert!(one.restore(&[]).unwrap_err().to_string().contains("is not a checkpoint"));
     for cut in (0..before.len()).step_by(97) {
         assert!(one.restore(&before[..cut]).is_err(), "{cut} bytes");
     }

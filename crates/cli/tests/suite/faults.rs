@@ -93,10 +93,7 @@ fn a_failed_call_keeps_the_last_bake_and_can_be_resumed() {
         let again = place.run(&[&BAKE[..], &["--resume"]].concat());
         assert!(again.status.success(), "call {at}: {again:?}");
         for (name, whole) in OUTPUTS.iter().zip(&expected) {
-            assert!(
-                fs::read(place.path(name)).unwrap() == *whole,
-                "call {at}: {name} gone on with"
-            );
+            assert!(fs::read(place.path(name)).unwrap() == *whole, "call {at}: {name} is resumed");
         }
     }
     println!("{failures} calls failed, one after the other");
