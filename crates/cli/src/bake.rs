@@ -22,6 +22,7 @@ use crate::failure::Failure;
 use crate::print;
 pub(crate) use arguments::BakeArguments;
 use arguments::MAX_STEPS;
+use dump::{Dump, Part};
 use journal::BakeJournal;
 pub(crate) use output::Format;
 use output::Outputs;
@@ -156,16 +157,21 @@ fn write(
 ) -> Result<String, Failure> {
     let (mut files, warnings) = outputs.write(read, bake, &arguments.frame_options)?;
     print_warnings(arguments, warnings.iter());
+    let header = Header::new(&read.scene, &bake.settings);
     if let Some(saved) = &bake.saved {
+        let part = if arguments.dump_impacts { Part::Impacts } else { Part::Contacts };
         let step = arguments.dump_step.unwrap_or_default();
-        let (dumps, warning) = dump::write(outputs.dumps(), &read.scene, step, saved)?;
+        let dump = Dump { scene: &read.scene, header: &header, step, part, saved };
+        let (dumps, warning) = dump.write(outputs.dumps())?;
         print_warnings(arguments, warning.iter());
         files.extend(dumps);
     }
     if let Some(path) = &arguments.report {
-        let settings = &bake.settings;
         let scene = &arguments.scene;
-        report::write(path, &report::ReportInput { scene, settings, threads, bake, summary })?;
+        report::write(
+            path,
+            &report::ReportInput { scene, header: &header, threads, bake, summary },
+        )?;
         files.push(path.clone());
     }
     Ok(files.iter().map(|path| format!("wrote        {}\n", output::describe(path))).collect())

@@ -7,7 +7,6 @@ use std::process::ExitCode;
 use drystone::StepSettings;
 use drystone_bake::Decompositions;
 use drystone_bake::check::{Finding, FindingKind, check_with};
-use drystone_scene::Scene;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
@@ -56,7 +55,8 @@ pub(crate) fn run(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
     let findings = check_with(&read, &settings, &mut Decompositions::of_user())
         .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     if arguments.json {
-        let list: Vec<_> = findings.iter().map(|finding| value(&read.scene, finding)).collect();
+        let names = read.scene.names();
+        let list: Vec<_> = findings.iter().map(|finding| value(&names, finding)).collect();
         let version = env!("CARGO_PKG_VERSION");
         let whole = json!({ "scene": file.to_string(), "version": version, "findings": list });
         print(&format!("{whole:#}\n"))?;
@@ -73,9 +73,9 @@ pub(crate) fn run(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
 }
 
 /// Returns a finding as JSON with the names of its bodies.
-fn value(scene: &Scene, finding: &Finding) -> Value {
+fn value(names: &[String], finding: &Finding) -> Value {
     let mut value = json!(finding);
-    value["names"] = finding.bodies.iter().map(|&body| scene.name_of(body)).collect();
+    value["names"] = finding.bodies.iter().filter_map(|&body| names.get(body)).cloned().collect();
     value
 }
 

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use drystone_scene::write_whole;
-use drystone_solver::assembled::{Limits, Outcome, Status};
+use drystone_solver::assembled::{Limits, Outcome, Problem, Status};
 use serde_json::Value;
 
 use crate::failure::Failure;
@@ -19,6 +19,9 @@ use crate::files::refuse_overwrite;
 use crate::print;
 pub(crate) use plot::escaped;
 use run::{Choice, MethodRun};
+
+/// Largest number of unknowns whose matrix is printed.
+const SHOWN: usize = 6;
 
 /// Solve a contact problem or a linear complementarity problem given as matrices.
 ///
@@ -104,7 +107,10 @@ pub(crate) fn run(arguments: &SolveArguments) -> Result<(), Failure> {
     }
     let named = read::read(&arguments.problem)?;
     let limits = Limits { tolerance: arguments.tolerance, budget: arguments.budget as usize };
-    let run = |choice| MethodRun::new(&named, choice, &limits, arguments.repeat);
+    let run = |choice| {
+        let run = MethodRun::new(&named, choice, &limits, arguments.repeat);
+        if arguments.history.is_some() { run.with_history(&named, &limits) } else { run }
+    };
     let mut runs = vec![run(arguments.method)];
     if arguments.compare {
         let others = Choice::all().filter(|&choice| choice != arguments.method);
@@ -154,6 +160,46 @@ fn unless_solved(name: &str, run: &MethodRun) -> Result<(), Failure> {
     }
 }
 
+/// Formats W, q, the impulses and u = W r + q of a small problem.
+fn numbers(problem: &Problem, r: &[f64]) -> String {
+    let (n, matrix) = (problem.unknowns(), problem.matrix());
+    let row = |i: usize| -> Vec<f64> {
+        (0..n).map(|j| matrix.get(i, j).copied().unwrap_or(0.0)).collect()
+    };
+    let mut lines: Vec<(&str, Vec<f64>)> = (0..n).map(|i| ("", row(i))).collect();
+    if let Some((name, _)) = lines.first_mut() {
+        *name = "W";
+    }
+    lines.push(("q", problem.offset().to_vec()));
+    lines.push((if problem.dimension() == 1 { "z" } else { "r" }, r.to_vec()));
+    lines.push(("u", problem.velocities(r)));
+    let mut text = String::new();
+    for (name, values) in lines {
+        let values = values.iter().map(|&x| format!("{:>9}", short(x, 5))).collect::<Vec<_>>();
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{name:12} {}", values.join(" "));
+    }
+    text
+}
+
+/// Formats a number with so many significant digits, without zeros at the end. Numbers that are too
+/// large or too small for that have an exponent; rounding errors are 0.
+pub(crate) fn short(x: f64, digits: i32) -> String {
+    if x.abs() < 5e-13 {
+        return "0".to_owned();
+    }
+    let before = x.abs().log10().floor() as i32 + 1;
+    if !(-2..=5).contains(&before) {
+        return format!("{x:.*e}", digits as usize - 1);
+    }
+    let text = format!("{x:.*}", (digits - before).max(0) as usize);
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
 fn text(named: &read::Named, runs: &[MethodRun]) -> String {
     let (problem, run) = (&named.problem, &runs[0]);
     let mut text = String::new();
@@ -174,6 +220,9 @@ fn text(named: &read::Named, runs: &[MethodRun]) -> String {
     let _ = writeln!(text, "certificate  {}", result::in_words(named, run));
     let _ = writeln!(text, "iterations   {iterations}");
     let _ = writeln!(text, "time         {:.2} ms", run.milliseconds());
+    if problem.unknowns() <= SHOWN {
+        text += &numbers(problem, &run.solved.outcome.impulses);
+    }
     if let Some(stress) = &run.solved.outcome.certificate {
         let jammed = stress.weights.iter().filter(|&&y| y > 0.0).count();
         let _ =

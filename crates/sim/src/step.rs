@@ -121,6 +121,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let mut report = StepReport::default();
         self.wake_if_changed();
         self.scratch.pair_impulses.clear();
+        self.execution.saved = None;
         let mut search = self.first_search(dt);
         report.substeps = search.substeps;
         loop {
@@ -129,7 +130,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             timer.lap(Stage::Manifolds);
             let plan = self.build_rows(&search, same);
             timer.lap(Stage::Rows);
+            let earlier = self.execution.saved.take();
             self.take_substeps(&plan, &mut timer, &mut report);
+            self.execution.keep_impacts(earlier);
             self.integrate_poses(&plan, &mut report);
             timer.lap(Stage::Advance);
             if !self.next_search(&mut search) {

@@ -64,8 +64,18 @@ pub(crate) struct Execution<const L: usize, const A: usize> {
     pub(crate) saving: bool,
     /// True if steps record the impulses of their contacts.
     pub(crate) recording: bool,
-    /// Saved contact system of the last substep.
+    /// Saved contact system, as [`World::saved`] returns it.
     pub(crate) saved: Option<SavedSystem<L, A>>,
+}
+
+impl<const L: usize, const A: usize> Execution<L, A> {
+    /// Keeps the system of an earlier part of the step if contacts bounced there and not since.
+    pub(crate) fn keep_impacts(&mut self, earlier: Option<SavedSystem<L, A>>) {
+        let bounced = self.saved.as_ref().is_some_and(SavedSystem::has_impacts);
+        if let Some(earlier) = earlier.filter(|earlier| !bounced && earlier.has_impacts()) {
+            self.saved = Some(earlier);
+        }
+    }
 }
 
 impl<const L: usize, const A: usize> Default for Execution<L, A> {
@@ -415,7 +425,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Returns the contact system of the last substep before solving, if it was saved
-    /// ([`World::save_systems`]).
+    /// ([`World::save_systems`]). If contacts bounced in the step, the substep is the last one
+    /// before the next contact search.
     pub fn saved(&self) -> Option<&SavedSystem<L, A>> {
         self.execution.saved.as_ref()
     }

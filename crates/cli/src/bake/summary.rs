@@ -135,6 +135,25 @@ struct Certified {
     newton: usize,
 }
 
+impl Certified {
+    /// States the median and the worst bound. A rigid contact that misses its target has none.
+    fn spread(&self, place: &str) -> String {
+        let mm = |speed: f64| format!("within {:.3} mm/s", speed * 1e3);
+        let (half, all) = (mm(self.median), mm(self.worst));
+        match (self.median.is_finite(), self.worst.is_finite()) {
+            (true, true) => format!(
+                "{half} of the exact contact solution in half of the steps, {all} in all (root \
+                 mean square; {place})"
+            ),
+            (true, false) => format!(
+                "{half} of the exact contact solution in half of the steps (root mean square); \
+                 without a bound {place}"
+            ),
+            (false, _) => format!("without a bound in half of the steps, as {place}"),
+        }
+    }
+}
+
 /// Further input of the text.
 pub(super) struct Head<'a> {
     pub(super) file: &'a Path,
@@ -167,6 +186,13 @@ fn audit_of(scene: &Scene, bake: &Bake) -> Audit {
     audit(scene, &bake.recording, &bake.settings, &known)
 }
 
+/// Returns the times of the steps, the shortest first. \[ms\]
+fn times(steps: &[Step]) -> Vec<f64> {
+    let mut times: Vec<f64> = steps.iter().map(|step| step.time.as_secs_f64() * 1e3).collect();
+    times.sort_unstable_by(f64::total_cmp);
+    times
+}
+
 impl Summary {
     /// Summarizes a run.
     pub(super) fn new(scene: &Scene, bake: &Bake, masses: &[f64]) -> Self {
@@ -190,8 +216,7 @@ impl Summary {
             Some(sums) => Some(sums.created > energy_tolerance),
             None => (kinematic == 0 && running == 0).then_some(energy_rise > energy_tolerance),
         };
-        let mut times: Vec<f64> = steps.iter().map(|step| step.time.as_secs_f64() * 1e3).collect();
-        times.sort_unstable_by(f64::total_cmp);
+        let times = times(steps);
         Self {
             dynamic: count(Motion::Dynamic),
             r#static: count(Motion::Static),
@@ -271,8 +296,8 @@ impl Summary {
     fn length(&self, scene: &Scene, head: &Head<'_>) -> String {
         let iterations = head.settings.iterations;
         let substeps = match self.substeps {
-            [fewest, most] if fewest < most => format!("{fewest} to {most}"),
-            [_, most] => most.to_string(),
+            [fewest, most] if fewest < most => format!("{fewest} to {most} substeps"),
+            [_, most] => counted(most as usize, "substep"),
         };
         let tolerance = head.settings.tolerance * 1e3;
         let work = match (tolerance > 0.0, iterations) {
@@ -280,21 +305,20 @@ impl Summary {
             (false, 1) => "1 sweep each".to_owned(),
             (false, _) => format!("{iterations} sweeps each"),
         };
-        let steps = (self.simulated / scene.time_step).round();
+        let steps = counted((self.simulated / scene.time_step).round() as usize, "step");
         format!(
-            "{steps} steps of {:.4} ms, {:.3} s in all; {substeps} substeps, {work}",
+            "{steps} of {:.4} ms, {:.3} s in all; {substeps}, {work}",
             scene.time_step * 1e3,
             self.simulated,
         )
     }
 
     fn time(&self, head: &Head<'_>) -> String {
-        let threads = if head.threads == 1 { "thread" } else { "threads" };
         format!(
-            "{:.3} ms per step (median), {:.2} s for all, on {} {threads}",
+            "{:.3} ms per step (median), {:.2} s for all, on {}",
             self.step_ms_median,
             self.total_ms / 1e3,
-            head.threads,
+            counted(head.threads, "thread"),
         )
     }
 
@@ -311,7 +335,16 @@ impl Summary {
     fn penetration(&self) -> String {
         let mm = |depth: f64| format!("{:.3} mm", depth * 1e3);
         let (most, settled) = (mm(self.deepest_penetration), mm(self.settled_penetration));
-        format!("{most} at the deepest, {settled} in the last second")
+        format!("{most} at the deepest, {settled} in the last {}", self.last())
+    }
+
+    /// Names the last second, or the whole run if that is shorter.
+    fn last(&self) -> String {
+        if self.simulated < 0.9995 {
+            format!("{:.3} s", self.simulated)
+        } else {
+            "second".to_owned()
+        }
     }
 
     fn energy(&self) -> String {
@@ -360,10 +393,7 @@ impl Summary {
             None => "no overlap".to_owned(),
             Some(deepest) => format!("deepest overlap {}", self.overlap(scene, deepest)),
         };
-        let frames = match of.frames {
-            1 => "1 frame".to_owned(),
-            many => format!("{many} frames"),
-        };
+        let frames = counted(of.frames, "frame");
         let found = if of.is_clean() { "" } else { "; bodies overlap or tunneled, see the notes" };
         format!("{overlap} in {frames} measured by shapes alone{found}")
     }
@@ -416,23 +446,22 @@ impl Summary {
         }
         let mm = |speed: f64| format!("{:.3} mm/s", speed * 1e3);
         let all = (self.simulated / scene.time_step).round() as usize;
-        let worst = mm(of.worst);
+        let worst = if of.worst.is_finite() {
+            format!("worst {}", mm(of.worst))
+        } else {
+            "no bound".to_owned()
+        };
         let body = of
             .worst_body
             .map_or_else(String::new, |body| format!(", around {}", scene.name_of(body as usize)));
         let place = format!("in step {}{body}", of.worst_step);
         if of.tolerance <= 0.0 {
-            return format!(
-                "the last substep of each step within {} of the exact contact solution in half of \
-                 the steps, within {worst} in all (root mean square; {place})",
-                mm(of.median)
-            );
+            return format!("the last substep of each step {}", of.spread(&place));
         }
         let within = mm(of.tolerance);
         if of.steps < all {
             return format!(
-                "{} of {all} steps within {within} of the exact contact solution; worst {worst} \
-                 {place}",
+                "{} of {all} steps within {within} of the exact contact solution; {worst} {place}",
                 of.steps
             );
         }
@@ -449,7 +478,7 @@ impl Summary {
         }
         format!(
             "all {all} steps within {within} of the exact contact solution (root mean square; \
-             worst {worst}), deepest overlap {overlap:.3} mm{energy}"
+             {worst}), deepest overlap {overlap:.3} mm{energy}"
         )
     }
 
@@ -505,8 +534,9 @@ impl Summary {
         if let Some(body) = self.moved_body.filter(|_| self.moved > AT_REST) {
             let far = self.moved * 1e3;
             lines.push(format!(
-                "not at rest: {} moved {far:.1} mm in the last second",
-                scene.name_of(body)
+                "not at rest: {} moved {far:.1} mm in the last {}",
+                scene.name_of(body),
+                self.last()
             ));
         }
         lines
@@ -530,6 +560,11 @@ fn energy_summary(bake: &Bake) -> Option<EnergySummary> {
         worst_step: step + 1,
         worst,
     })
+}
+
+/// Formats a number of things, of which `one` names one.
+fn counted(count: usize, one: &str) -> String {
+    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
 }
 
 /// Names the first few bodies and counts the rest.

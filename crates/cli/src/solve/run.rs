@@ -74,6 +74,27 @@ impl MethodRun {
         }
     }
 
+    /// Adds the residuals of the interior-point method between its start and its end, from runs
+    /// that end earlier: each of its iterations leads on from the last, whatever the budget.
+    pub(super) fn with_history(mut self, named: &Named, limits: &Limits) -> Self {
+        if self.choice == Choice::Only(MatrixMethod::InteriorPoint) {
+            let history = &mut self.solved.outcome.history;
+            let end = history.len().min(1);
+            let between = (1..self.solved.outcome.iterations).filter_map(|budget| {
+                let earlier = self.choice.solve(named, &Limits { budget, ..*limits }).outcome;
+                earlier.history.last().copied().filter(|sample| sample.iteration == budget)
+            });
+            history.splice(end..end, between.collect::<Vec<_>>());
+            // A run of fewer iterations takes no longer, unless another program held it up.
+            let mut longer = Duration::MAX;
+            for sample in history.iter_mut().rev() {
+                sample.elapsed = sample.elapsed.min(longer);
+                longer = sample.elapsed;
+            }
+        }
+        self
+    }
+
     pub(super) fn milliseconds(&self) -> f64 {
         self.time.as_secs_f64() * 1e3
     }
