@@ -12,9 +12,9 @@ use serde::Serialize;
 
 pub use decompositions::decompositions;
 
+use crate::any_world::build_with;
 use crate::decomposition::Decompositions;
 use crate::error::BuildError;
-use crate::simulation::build_with;
 use drystone::StepSettings;
 use drystone_scene::{Read, Scene};
 
@@ -140,9 +140,9 @@ pub fn check_with(
     known: &mut Decompositions,
 ) -> Result<Vec<Finding>, BuildError> {
     let scene = &read.scene;
-    let mut simulation = build_with(scene, contacts::at_the_start(settings), known)?;
-    simulation.step(contacts::INSTANT)?;
-    let (near, masses) = (simulation.nearby(), simulation.masses());
+    let mut world = build_with(scene, contacts::at_the_start(settings), known)?;
+    world.step(contacts::INSTANT)?;
+    let (near, masses) = (world.nearby(), world.masses());
     // Only steps with certificates look for jams.
     let certifying = StepSettings { certify: true, ..settings.clone() };
     let wedged = build_with(scene, certifying, known)?.step(scene.time_step)?.jams;

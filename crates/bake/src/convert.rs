@@ -117,7 +117,8 @@ pub fn filter(of: scene::Filter) -> Filter {
     Filter { systems, collides_with, collides_with_unnamed }
 }
 
-fn surface_motion<const L: usize, const A: usize>(
+/// Converts the velocity of a surface.
+pub(crate) fn surface_motion<const L: usize, const A: usize>(
     motion: &scene::SurfaceVelocity,
 ) -> SurfaceVelocity<L, A> {
     SurfaceVelocity {

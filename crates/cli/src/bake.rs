@@ -15,7 +15,7 @@ use std::{fmt, thread};
 use drystone::StepSettings;
 use drystone_bake::check::{decompositions, jumps};
 use drystone_bake::recording::journal::Header;
-use drystone_bake::{Decompositions, Simulation};
+use drystone_bake::{AnyWorld, Decompositions};
 use drystone_scene::{Read, Scene};
 
 use crate::failure::Failure;
@@ -40,25 +40,25 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     print_warnings(arguments, jumps(&read.scene).into_iter().map(|of| of.what));
     outputs.check_folders()?;
     listen();
-    let mut simulation = prepare(arguments, &read.scene)?;
+    let mut world = prepare(arguments, &read.scene)?;
     let threads = threads(arguments);
-    simulation.set_threads(threads);
+    world.set_threads(threads);
     // Stages are always timed, since a bake that is resumed may ask for a report only then.
-    simulation.time_stages(true);
+    world.time_stages(true);
     let steps = steps(arguments, &read.scene)?;
     arguments.frame_options.steps(0..=steps as usize, read.scene.time_step)?;
     let dump_step = dump::step(arguments.dump_step, steps)?;
     let bar = progress(arguments, steps);
-    let header = Header::new(&read.scene, simulation.settings());
+    let header = Header::new(&read.scene, world.settings());
     let mut journal = BakeJournal::open(arguments, outputs.first(arguments), header)?;
     let length = Length { steps: steps as usize, dump_step: dump_step.map(|step| step as usize) };
-    let baked = Bake::run(simulation.as_mut(), &read.scene, length, &mut journal, &bar);
+    let baked = Bake::run(&mut world, &read.scene, length, &mut journal, &bar);
     if let Err(Failure::Diverged(_)) = baked {
         journal.discard(usize::MAX);
         return baked.map(|_| ());
     }
     let bake = baked?;
-    let summary = Summary::new(&read.scene, &bake, &simulation.masses());
+    let summary = Summary::new(&read.scene, &bake, &world.masses());
     let files = match write(arguments, &outputs, &read, &bake, &summary, threads) {
         Err(Failure::File(what)) => {
             return Err(Failure::File(format!("{what}; {}", journal.resume_command())));
@@ -67,8 +67,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     };
     journal.discard(bake.steps.len());
     if !arguments.quiet {
-        let head =
-            summary::Head { file: &arguments.scene, settings: simulation.settings(), threads };
+        let head = summary::Head { file: &arguments.scene, settings: world.settings(), threads };
         return print(&format!("{}{files}", summary.text(&read.scene, &head)));
     }
     // Even a quiet bake reports the faults that the audit found.
@@ -85,19 +84,19 @@ fn print_warnings(arguments: &BakeArguments, warnings: impl Iterator<Item = impl
     }
 }
 
-fn prepare(arguments: &BakeArguments, scene: &Scene) -> Result<Box<dyn Simulation>, Failure> {
+fn prepare(arguments: &BakeArguments, scene: &Scene) -> Result<AnyWorld, Failure> {
     let in_file = |error: &dyn fmt::Display| {
         Failure::Input(format!("{}: {error}", arguments.scene.display()))
     };
     let mut known = Decompositions::of_user();
-    let simulation = drystone_bake::build_with(scene, settings(arguments, scene)?, &mut known)
+    let world = drystone_bake::build_with(scene, settings(arguments, scene)?, &mut known)
         .map_err(|error| in_file(&error))?;
     if !arguments.quiet {
         for finding in decompositions(scene, &mut known) {
             eprintln!("drystone: note: {}", finding.what);
         }
     }
-    Ok(simulation)
+    Ok(world)
 }
 
 fn settings(arguments: &BakeArguments, scene: &Scene) -> Result<StepSettings, Failure> {

@@ -84,16 +84,16 @@ fn simulate(
 ) -> Result<(SavedProblem, Vec<f32>), Failure> {
     let file = arguments.scene.display();
     let settings = drystone_bake::settings(scene, StepSettings::certified())?;
-    let mut simulation = build_with(scene, settings, &mut Decompositions::of_user())
+    let mut world = build_with(scene, settings, &mut Decompositions::of_user())
         .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     for step in 1..=arguments.step {
-        simulation.save_systems(step == arguments.step);
-        simulation.step(scene.time_step)?;
+        world.save_systems(step == arguments.step);
+        world.step(scene.time_step)?;
     }
-    let saved = simulation.saved().transpose();
+    let saved = world.saved().transpose();
     let saved = saved.map_err(|error| Failure::Diverged(format!("{file}: {error}")))?;
     let mut poses = Vec::new();
-    simulation.write_poses(&mut poses);
+    world.write_poses(&mut poses);
     let none = || Failure::Input(format!("{file}: step {} has no contacts", arguments.step));
     Ok((saved.ok_or_else(none)?, poses))
 }

@@ -31,6 +31,39 @@ const MOST_THREADS: usize = 4;
 
 /// Bodies and their contacts in the dimension of `G`.
 ///
+/// [`World::pose`] and [`World::velocity`] return the state of a body, [`World::write_poses`] the
+/// poses of all. [`World::move_to`] moves kinematic bodies. A force of [`World::add_force`] acts
+/// for one step.
+///
+/// # Method
+///
+/// Each substep of length h computes the impulses γ of all contacts together:
+///
+/// ```text
+/// v*  =  v + h (g + M⁻¹ f)                     forces                            Stage::Predict
+/// 0 ≤ γ  ⊥  A γ + ε γ − b ≥ 0                  contacts push or separate         Stage::Solve
+///     A = J M⁻¹ Jᵀ,   b = t − J v*
+///     |γ_t| ≤ μ γ_n                            friction at each point
+/// v⁺  =  v* + M⁻¹ Jᵀ γ                         velocities                        Stage::Solve
+/// x⁺  =  x + h v⁺                              positions                         Stage::Advance
+/// ```
+///
+/// J v are the velocities at the contacts. The targets t come from bounces, the repair of overlaps,
+/// and gaps that may close. ε is the compliance. The crate [`drystone_solver`] solves this problem;
+/// it knows no shapes and no time.
+///
+/// With a [`tolerance`](StepSettings::tolerance), each substep is solved until
+///
+/// ```text
+/// √(G / m) ≤ tolerance,   (v − v_exact)ᵀ M (v − v_exact) ≤ G
+/// ```
+///
+/// for each island, with its mass m. G is computed from v and γ alone.
+/// [`drystone_solver::certificate`] proves this bound, and one for v that do not follow from γ.
+/// With friction, v_exact is the exact solution for the current slips.
+///
+/// # State
+///
 /// Checkpoints hold the state of `bodies`, `colliders`, `broad_phase`, `contacts`, `sleep` and
 /// `solver`.
 pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -113,9 +146,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Sets the number of threads, at most four per processor. Uses fewer if the system grants
-    /// fewer. Results do not depend on it.
+    /// fewer, and one without the feature `threads`. Results do not depend on it.
     pub fn set_threads(&mut self, threads: usize) {
-        let most = MOST_THREADS * std::thread::available_parallelism().map_or(1, usize::from);
+        let most = MOST_THREADS * ThreadPool::processors();
         let threads = threads.clamp(1, most);
         if threads != self.execution.pool.threads() {
             self.execution.pool = Arc::new(ThreadPool::new(threads));

@@ -99,13 +99,13 @@ impl Header {
 /// A completed step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Step {
-    /// Wall time of [`Simulation::step`](crate::Simulation::step) alone.
+    /// Wall time of [`AnyWorld::step`](crate::AnyWorld::step) alone.
     pub time: Duration,
     /// Report of the step.
     pub report: StepReport,
     /// Measurements after the step.
     pub measure: Measure,
-    /// [`Simulation::state_hash`](crate::Simulation::state_hash) after the step.
+    /// [`AnyWorld::state_hash`](crate::AnyWorld::state_hash) after the step.
     pub state: u64,
 }
 

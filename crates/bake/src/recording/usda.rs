@@ -4,8 +4,7 @@
 use std::io;
 use std::path::Path;
 
-use rayon::prelude::*;
-
+use super::parallel::each_of;
 use super::pose::{dot, lerp, normalized, pose_at, slerp};
 use super::sampling::{Track, sample_rate, sample_times, tracks};
 use super::{Recording, Sampling};
@@ -33,18 +32,15 @@ pub fn write(
     let rate = rounded(sample_rate(recording, options));
     let codes: Vec<f64> = times.iter().map(|time| rounded(time * rate)).collect();
     let prims = Prims::new(scene, &Drystone);
-    let bodies: Vec<PrimWriter> = (0..scene.bodies.len())
-        .into_par_iter()
-        .map(|index| {
-            let pose = |time| pose_at(recording, index, time);
-            let mut prim = prims.body(index);
-            if !times.is_empty() {
-                let (positions, rotations) = tracks(&times, pose, mixed, options, index)?;
-                move_prim(&mut prim, &codes, &positions, &rotations);
-            }
-            Ok(prim)
-        })
-        .collect::<io::Result<_>>()?;
+    let bodies: Vec<PrimWriter> = each_of(scene.bodies.len(), |index| {
+        let pose = |time| pose_at(recording, index, time);
+        let mut prim = prims.body(index);
+        if !times.is_empty() {
+            let (positions, rotations) = tracks(&times, pose, mixed, options, index)?;
+            move_prim(&mut prim, &codes, &positions, &rotations);
+        }
+        Ok(prim)
+    })?;
     let mut world = prims.world();
     world.children.extend(bodies);
     let ends = [codes.first(), codes.last()].map(|code| code.copied().unwrap_or(0.0));

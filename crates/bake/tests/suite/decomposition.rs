@@ -260,13 +260,13 @@ fn a_body_weighs_what_its_mesh_does() {
     };
     assert!((volume / (TAU * TAU / 2.0 * 0.09) - 1.0).abs() < 0.02);
     let of = meshed(&ring, Motion::Dynamic, [0.0; 3]);
-    let simulation = build(&scene(vec![of]), StepSettings::certified()).unwrap();
-    assert!((simulation.masses()[0] / (1000.0 * volume.abs()) - 1.0).abs() < 1e-5);
+    let world = build(&scene(vec![of]), StepSettings::certified()).unwrap();
+    assert!((world.masses()[0] / (1000.0 * volume.abs()) - 1.0).abs() < 1e-5);
 }
 
-fn height(simulation: &dyn drystone_bake::Simulation, body: usize) -> f32 {
+fn height(world: &drystone_bake::AnyWorld, body: usize) -> f32 {
     let mut poses = Vec::new();
-    simulation.write_poses(&mut poses);
+    world.write_poses(&mut poses);
     poses[7 * body + 1]
 }
 
@@ -280,21 +280,21 @@ fn hollows_hold_bodies_and_holes_let_them_through() {
     let floor =
         body("motion = \"static\"\nshapes = [{ type = \"halfspace\", normal = [0, 1, 0] }]");
     let ring = meshed(&torus(1.0, 0.3, 24, 12), Motion::Dynamic, [0.0, 1.5, 0.0]);
-    let mut simulation =
+    let mut world =
         build(&scene(vec![floor.clone(), rod, ring]), StepSettings::realtime()).unwrap();
     for _ in 0..90 {
-        simulation.step(1.0 / 60.0).unwrap();
+        world.step(1.0 / 60.0).unwrap();
     }
-    let end = height(&*simulation, 2);
+    let end = height(&world, 2);
     assert!((end - 0.3).abs() < 0.03, "the ring lies at {end} m");
 
     let cup = meshed(&cup(), Motion::Dynamic, [0.0; 3]);
     let marble = body("position = [0, 0.03, 0]\nshapes = [{ type = \"sphere\", radius = 0.01 }]");
-    let mut simulation = build(&scene(vec![floor, cup, marble]), StepSettings::realtime()).unwrap();
+    let mut world = build(&scene(vec![floor, cup, marble]), StepSettings::realtime()).unwrap();
     for _ in 0..60 {
-        simulation.step(1.0 / 60.0).unwrap();
+        world.step(1.0 / 60.0).unwrap();
     }
-    let [cup, marble] = [1, 2].map(|body| height(&*simulation, body));
+    let [cup, marble] = [1, 2].map(|body| height(&world, body));
     assert!(cup.abs() < 1e-3 && (marble - 0.013).abs() < 2e-3, "cup {cup} m, marble {marble} m");
 }
 

@@ -13,7 +13,7 @@ use std::time::Instant;
 use drystone::StepSettings;
 use drystone_bake::check::{FindingKind, check};
 use drystone_bake::recording::Recording;
-use drystone_bake::{Simulation, build};
+use drystone_bake::{AnyWorld, build};
 use drystone_scene::{Read, Scene, ShapeKind};
 
 /// Cases that do not hold yet.
@@ -74,7 +74,7 @@ impl Preset {
         drystone_bake::settings(scene, preset).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    fn build(self, scene: &Scene) -> Box<dyn Simulation> {
+    fn build(self, scene: &Scene) -> AnyWorld {
         build(scene, self.settings(scene)).unwrap_or_else(|error| panic!("{error}"))
     }
 }
@@ -143,7 +143,7 @@ impl Film {
     }
 
     fn for_steps(scene: &Scene, preset: Preset, steps: u32) -> Self {
-        let mut simulation = preset.build(scene);
+        let mut world = preset.build(scene);
         let mut recording = Recording {
             dimension: scene.dimension,
             bodies: scene.bodies.len(),
@@ -152,13 +152,13 @@ impl Film {
             poses: Vec::new(),
         };
         let (mut energies, mut kinetic) = (Vec::new(), Vec::new());
-        simulation.write_poses(&mut recording.poses);
+        world.write_poses(&mut recording.poses);
         for step in 0..=steps {
             if step > 0 {
-                simulation.step(scene.time_step).unwrap();
-                simulation.write_poses(&mut recording.poses);
+                world.step(scene.time_step).unwrap();
+                world.write_poses(&mut recording.poses);
             }
-            let measure = simulation.measure();
+            let measure = world.measure();
             assert!(measure.finite, "not finite after {step} steps");
             energies.push(measure.kinetic_energy + measure.potential_energy);
             kinetic.push(measure.kinetic_energy);
@@ -606,8 +606,8 @@ fn check_answers_within_a_second() {
     });
     case("first step of a tall box", 1.0, "s", || {
         let scene = scene("robust/ws_s10.gltf");
-        let mut simulation = Certified.build(&scene);
-        worked(|| drop(simulation.step(scene.time_step).unwrap()))
+        let mut world = Certified.build(&scene);
+        worked(|| drop(world.step(scene.time_step).unwrap()))
     });
 }
 

@@ -144,9 +144,9 @@ fn surfaces_and_damping_come_back_from_all_formats() {
         assert!(back.warnings.is_empty(), "{:?}", back.warnings);
         assert_eq!(single(&read.scene), single(&back.scene), "{}", file.display());
         let hash = |scene: &Scene| {
-            let mut simulation = build(scene, StepSettings::quality()).unwrap();
-            (0..30).for_each(|_| drop(simulation.step(1.0 / 60.0).unwrap()));
-            simulation.state_hash()
+            let mut world = build(scene, StepSettings::quality()).unwrap();
+            (0..30).for_each(|_| drop(world.step(1.0 / 60.0).unwrap()));
+            world.state_hash()
         };
         assert_eq!(hash(&read.scene), hash(&back.scene), "{}", file.display());
     }

@@ -769,10 +769,10 @@ fn cyclic_references_and_paths_out_of_the_folder_are_refused() {
 /// Returns the state hashes after each of the first ten steps.
 fn steps(scene: &Scene) -> Vec<u64> {
     let settings = drystone_bake::settings(scene, StepSettings::realtime()).unwrap();
-    let mut simulation = build(scene, settings).unwrap();
+    let mut world = build(scene, settings).unwrap();
     let step = |_| {
-        simulation.step(scene.time_step).unwrap();
-        simulation.state_hash()
+        world.step(scene.time_step).unwrap();
+        world.state_hash()
     };
     (0..10).map(step).collect()
 }

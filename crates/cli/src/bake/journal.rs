@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{env, fs};
 
-use drystone_bake::Simulation;
 use drystone_bake::recording::journal::{Header, Journal, Mark, Step};
+use drystone_bake::{AnyCheckpoint, AnyWorld};
 
 use super::arguments::BakeArguments;
 use crate::failure::Failure;
@@ -104,7 +104,7 @@ impl BakeJournal {
         &mut self,
         step: &Step,
         poses: &[f32],
-        simulation: &dyn Simulation,
+        world: &AnyWorld,
     ) -> Result<(), Failure> {
         let Some(journal) = &mut self.journal else { return Ok(()) };
         let mut written = journal.frame(Some(step), poses);
@@ -112,7 +112,7 @@ impl BakeJournal {
         let [checkpoint, size] = self.sizes;
         let due = self.last.elapsed() >= self.every && journal.size() >= size + checkpoint;
         if written.is_ok() && due {
-            let state = simulation.checkpoint();
+            let state = world.checkpoint().to_bytes();
             written = journal.checkpoint(&state);
             self.last = Instant::now();
             self.sizes = [state.len() as u64, journal.size()];
@@ -130,13 +130,14 @@ impl BakeJournal {
     /// the number of steps taken until there.
     pub(super) fn restore(
         &mut self,
-        simulation: &mut dyn Simulation,
+        world: &mut AnyWorld,
         before: usize,
     ) -> Result<usize, Failure> {
         let mark = self.marks.iter().rev().find(|mark| mark.step < before);
         let (Some(&mark), Some(journal)) = (mark, &mut self.journal) else { return Ok(0) };
         let state = journal.state_at(mark).map_err(|error| self.refused(&error))?;
-        simulation.restore(&state).map_err(|error| self.wrong(&error.to_string()))?;
+        let restored = AnyCheckpoint::from_bytes(&state).and_then(|state| world.restore(&state));
+        restored.map_err(|error| self.wrong(&error.to_string()))?;
         Ok(mark.step)
     }
 

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use drystone::{Measure, SavedProblem, StepSettings};
-use drystone_bake::Simulation;
+use drystone_bake::AnyWorld;
 use drystone_bake::audit::audit;
 use drystone_bake::recording::Recording;
 use drystone_bake::recording::journal::Step;
@@ -59,15 +59,15 @@ pub(super) struct Length {
 impl Bake {
     /// Takes the steps that are not in the journal yet.
     pub(super) fn run(
-        simulation: &mut dyn Simulation,
+        world: &mut AnyWorld,
         scene: &Scene,
         length: Length,
         journal: &mut BakeJournal,
         bar: &ProgressBar,
     ) -> Result<Self, Failure> {
-        let mut bake = Self::new(simulation, scene, length.steps)?;
+        let mut bake = Self::new(world, scene, length.steps)?;
         let taken = match journal.kept() {
-            Some(kept) => bake.resume(simulation, length, journal, kept)?,
+            Some(kept) => bake.resume(world, length, journal, kept)?,
             None => {
                 journal.begin(&bake.recording.poses)?;
                 0
@@ -78,15 +78,15 @@ impl Bake {
             if INTERRUPTED.load(Ordering::SeqCst) {
                 return Err(journal.interrupted(bake.steps.len(), length.steps));
             }
-            simulation.save_systems(length.dump_step == Some(step));
+            world.save_systems(length.dump_step == Some(step));
             if step <= bake.steps.len() {
-                simulation.step(scene.time_step)?;
-                journal.compare(step, &bake.steps[step - 1], simulation.state_hash())?;
+                world.step(scene.time_step)?;
+                journal.compare(step, &bake.steps[step - 1], world.state_hash())?;
             } else {
-                bake.step(simulation, scene, journal)?;
+                bake.step(world, scene, journal)?;
             }
             if length.dump_step == Some(step) {
-                bake.saved = simulation.saved().transpose().map_err(|error| {
+                bake.saved = world.saved().transpose().map_err(|error| {
                     Failure::Diverged(format!("the contacts of step {step}: {error}"))
                 })?;
             }
@@ -96,7 +96,7 @@ impl Bake {
     }
 
     /// Records the initial state and reserves memory for the steps.
-    fn new(simulation: &dyn Simulation, scene: &Scene, steps: usize) -> Result<Self, Failure> {
+    fn new(world: &AnyWorld, scene: &Scene, steps: usize) -> Result<Self, Failure> {
         let recording = Recording {
             dimension: scene.dimension,
             bodies: scene.bodies.len(),
@@ -104,11 +104,11 @@ impl Bake {
             start: 0,
             poses: Vec::new(),
         };
-        let settings = simulation.settings().clone();
-        let start = simulation.measure();
+        let settings = world.settings().clone();
+        let start = world.measure();
         let mut bake = Self { recording, settings, start, steps: Vec::new(), saved: None };
         bake.reserve(steps)?;
-        simulation.write_poses(&mut bake.recording.poses);
+        world.write_poses(&mut bake.recording.poses);
         Ok(bake)
     }
 
@@ -117,7 +117,7 @@ impl Bake {
     /// or machine is noticed.
     fn resume(
         &mut self,
-        simulation: &mut dyn Simulation,
+        world: &mut AnyWorld,
         length: Length,
         journal: &mut BakeJournal,
         mut kept: Kept,
@@ -132,7 +132,7 @@ impl Bake {
             return Ok(taken);
         }
         let before = taken.min(dump.unwrap_or(usize::MAX));
-        journal.restore(simulation, before)
+        journal.restore(world, before)
     }
 
     fn reserve(&mut self, steps: usize) -> Result<(), Failure> {
@@ -150,22 +150,22 @@ impl Bake {
 
     fn step(
         &mut self,
-        simulation: &mut dyn Simulation,
+        world: &mut AnyWorld,
         scene: &Scene,
         journal: &mut BakeJournal,
     ) -> Result<(), Failure> {
         let clock = Instant::now();
-        let report = simulation.step(scene.time_step)?;
+        let report = world.step(scene.time_step)?;
         let time = clock.elapsed();
-        let measure = simulation.measure();
+        let measure = world.measure();
         let frame = self.recording.poses.len();
-        simulation.write_poses(&mut self.recording.poses);
-        let step = Step { time, report, measure, state: simulation.state_hash() };
+        world.write_poses(&mut self.recording.poses);
+        let step = Step { time, report, measure, state: world.state_hash() };
         if !(measure.finite && measure.fastest <= TOO_FAST) {
             self.steps.push(step);
             return Err(self.divergence(scene, &measure));
         }
-        journal.write(&step, &self.recording.poses[frame..], simulation)?;
+        journal.write(&step, &self.recording.poses[frame..], world)?;
         self.steps.push(step);
         Ok(())
     }

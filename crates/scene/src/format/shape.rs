@@ -152,7 +152,7 @@ fn read_hull(table: &TableCursor<'_>, dimension: usize) -> Result<ShapeKind, Sce
 ///
 /// In each direction in turn, takes the point farthest from the span of the points taken before.
 /// Its distance from that span must be larger than rounding errors.
-fn spans_space(points: &[Vec<f64>]) -> bool {
+pub fn spans_space(points: &[Vec<f64>]) -> bool {
     let Some(origin) = points.first() else {
         return false;
     };
