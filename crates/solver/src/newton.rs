@@ -198,7 +198,7 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
             .collect();
         let derivative = |length: f64| {
             let work = |(law, u, way): &(Cone<f64, L>, Vector<f64, L>, Vector<f64, L>)| {
-                law.response(*u + *way * length).dot(*way)
+                law.response_along(*u, *way, length).dot(*way)
             };
             constant + linear * length - lines.iter().map(work).sum::<f64>()
         };

@@ -857,8 +857,7 @@ angular_velocity = [3.3, 2.2, 1.1]
 friction_combine = "minimum"
 restitution_combine = "multiply"
 shapes = [
-  { type = "capsule", radius = 0.1, half_height = 0.3, position = [0.1, 0.2, 0.3], rotation = [0, \
-   0.6, 0, 0.8] },
+  { type = "capsule", radius = 0.1, half_height = 0.3, position = [0.1, 0.2, 0.3], rotation = [0, 0.6, 0, 0.8] },
   { type = "cylinder", radius = 0.2, half_height = 0.1, friction = 0.123 },
   { type = "box", half_extents = [0.1, 0.2, 0.3], rotation = [0, 0.6, 0, 0.8] },
   { type = "convex_hull", points = [[0, 0, 0], [1.1, 0, 0], [0, 1.1, 0], [0, 0, 1.1]] },

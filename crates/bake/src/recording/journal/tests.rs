@@ -154,5 +154,5 @@ fn a_difference_is_named() {
     other.settings.substeps = 9;
     assert_eq!(own.difference(&other).unwrap(), "it was baked with substeps 8, not 9");
     other.version = "0.2.0".to_owned();
-    assert_eq!(own.difference(&other).unwrap(), "it is of version 0.1.0, not 0.2.0");
+    assert_eq!(own.difference(&other).unwrap(), "it has version 0.1.0; accepted: 0.2.0");
 }
