@@ -108,7 +108,7 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         }
     }
 
-    /// Returns the relative motion of the bodies of a manifold ([`ConstraintFrame::twist`]).
+    /// Returns the relative motion of the bodies of a manifold ([`ConstraintFrame::twist`](crate::ConstraintFrame::twist)).
     #[inline(always)]
     pub fn twist_of(&self, manifold: &Manifold<T, L>) -> Velocity<T, L, A> {
         let [a, b] = self.velocities_of(manifold);

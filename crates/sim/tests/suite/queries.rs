@@ -200,7 +200,7 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> Crowd<G, L, A> {
     /// Compares a ray from a random point, in every other case towards a body.
     fn check_ray(&mut self, number: usize) {
         let (origin, mut way) = (self.random.vector(6.0), self.random.vector::<L>(1.0));
-        if number % 2 == 0 {
+        if number.is_multiple_of(2) {
             let part = self.random.between(0.0, self.parts.len() as f32) as usize;
             let target = G::frame(&self.world.pose(self.parts[part].body).unwrap()).position;
             way = std::array::from_fn(|i| target[i] - origin[i] + 0.1 * way[i]);
