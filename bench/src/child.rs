@@ -9,31 +9,31 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use serde::{Deserialize, Serialize};
 
 use crate::case::Case;
-use crate::engines::{Effort, Kind, build};
+use crate::engines::{Effort, EngineKind, build};
 use crate::judge::Judge;
 use crate::run::run;
 
 /// Answer of a child to the request of a round.
 #[derive(Serialize, Deserialize)]
 pub(crate) enum Answer {
-    Ran(Round),
+    Ran(RunResult),
     Refused(String),
 }
 
 /// Result of a round.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Round {
+pub(crate) struct RunResult {
     /// Time of each step. \[ms\]
     pub(crate) times: Vec<f64>,
     /// Hash of the final poses ([`crate::run::Run::fingerprint`]).
     pub(crate) end: u64,
-    /// Verdict on the run; only in the first round.
-    pub(crate) verdict: Option<Verdict>,
+    /// Judgement on the run; only in the first round.
+    pub(crate) judgement: Option<Judgement>,
 }
 
 /// Quality of a run.
 #[derive(Clone, Serialize, Deserialize)]
-pub(crate) struct Verdict {
+pub(crate) struct Judgement {
     /// Deepest overlap in the last quarter; `None` if a pose was not finite. \[m\]
     pub(crate) depth: Option<f64>,
     /// Fraction of the bodies that stand where they started. \[1\]
@@ -46,7 +46,12 @@ pub(crate) struct Verdict {
 ///
 /// # Errors
 /// The answers cannot be written.
-pub(crate) fn answer(case: &Case, kind: Kind, effort: Effort, threads: usize) -> io::Result<()> {
+pub(crate) fn answer(
+    case: &Case,
+    kind: EngineKind,
+    effort: Effort,
+    threads: usize,
+) -> io::Result<()> {
     let mut first = true;
     for question in io::stdin().lock().lines() {
         question?;
@@ -63,19 +68,19 @@ pub(crate) fn answer(case: &Case, kind: Kind, effort: Effort, threads: usize) ->
 
 fn round(
     case: &Case,
-    kind: Kind,
+    kind: EngineKind,
     effort: Effort,
     threads: usize,
     first: bool,
-) -> Result<Round, String> {
+) -> Result<RunResult, String> {
     let mut engine =
         build(kind, &case.scene, effort, threads).map_err(|refusal| refusal.to_string())?;
     let run = run(case, &mut *engine, threads, |_, _| {}).map_err(|refusal| refusal.to_string())?;
-    let verdict = if first {
+    let judgement = if first {
         let judge = Judge::new(&case.scene)?;
         let depths: Option<Vec<f64>> =
             run.samples.iter().map(|poses| judge.deepest(poses)).collect();
-        Some(Verdict {
+        Some(Judgement {
             depth: depths.map(|depths| depths.into_iter().fold(0.0, f64::max)),
             standing: judge.standing(&run.end, case.stand_tolerance),
             stands: case.stand_tolerance.is_some() || judge.starts_at_rest(),
@@ -83,7 +88,7 @@ fn round(
     } else {
         None
     };
-    Ok(Round { end: run.fingerprint(), times: run.times, verdict })
+    Ok(RunResult { end: run.fingerprint(), times: run.times, judgement })
 }
 
 /// A process that runs one scene in one engine.
@@ -100,7 +105,7 @@ impl Engine {
     /// The process cannot be started.
     pub(crate) fn start(
         case: &Case,
-        kind: Kind,
+        kind: EngineKind,
         effort: Effort,
         threads: usize,
     ) -> io::Result<Self> {
@@ -121,7 +126,7 @@ impl Engine {
     ///
     /// # Errors
     /// The engine refused the scene, or the process ended.
-    pub(crate) fn round(&mut self) -> Result<Round, String> {
+    pub(crate) fn round(&mut self) -> Result<RunResult, String> {
         match self.ask() {
             Ok(Some(Answer::Ran(round))) => Ok(round),
             Ok(Some(Answer::Refused(why))) => Err(why),

@@ -4,32 +4,32 @@ use std::path::Path;
 
 use crate::Options;
 use crate::case::Case;
-use crate::child::{Engine, Verdict};
-use crate::engines::{Effort, Kind};
+use crate::child::{Engine, Judgement};
+use crate::engines::{Effort, EngineKind};
 use crate::frontier::{self, Frontier};
 use crate::run::{mean, per_step, settled};
 use crate::table::{Table, number};
 
 /// Measurements of an engine on a scene.
 struct Measured {
-    kind: Kind,
+    kind: EngineKind,
     effort: Effort,
     /// Time of each step of each round. \[ms\]
     rounds: Vec<Vec<f64>>,
-    verdict: Verdict,
+    judgement: Judgement,
 }
 
 impl Measured {
     fn standing(&self) -> String {
-        match self.verdict.stands {
-            true => format!("{:.0} %", 100.0 * self.verdict.standing),
+        match self.judgement.stands {
+            true => format!("{:.0} %", 100.0 * self.judgement.standing),
             false => "-".to_string(),
         }
     }
 
     /// Formats the deepest overlap. \[mm\]
     fn overlap(&self) -> String {
-        self.verdict.depth.map_or("not finite".to_string(), |depth| number(1e3 * depth))
+        self.judgement.depth.map_or("not finite".to_string(), |depth| number(1e3 * depth))
     }
 }
 
@@ -37,12 +37,12 @@ impl Measured {
 /// failed, and why.
 fn measure(
     case: &Case,
-    asked: &[(Kind, Effort)],
+    asked: &[(EngineKind, Effort)],
     options: &Options,
     left_out: &mut Vec<String>,
 ) -> Vec<Measured> {
     let mut running = Vec::new();
-    let mut leave_out = |kind: Kind, effort: Effort, why: &str| {
+    let mut leave_out = |kind: EngineKind, effort: Effort, why: &str| {
         let effort = match effort {
             Effort::Default => String::new(),
             effort => format!(" ({effort})"),
@@ -65,7 +65,7 @@ fn measure(
         running.retain_mut(|(engine, kind, effort, rounds, verdicts)| match engine.round() {
             Ok(round) => {
                 rounds.push(round.times);
-                verdicts.push((round.end, round.verdict));
+                verdicts.push((round.end, round.judgement));
                 true
             }
             Err(why) => {
@@ -79,15 +79,15 @@ fn measure(
         if verdicts.iter().any(|(end, _)| *end != verdicts[0].0) {
             eprintln!("{}: {} ended differently in different rounds", case.name, kind.name());
         }
-        if let Some(verdict) = verdicts.into_iter().find_map(|(_, verdict)| verdict) {
-            measured.push(Measured { kind, effort, rounds, verdict });
+        if let Some(judgement) = verdicts.into_iter().find_map(|(_, judgement)| judgement) {
+            measured.push(Measured { kind, effort, rounds, judgement });
         }
     }
     measured
 }
 
 /// Prints time and quality of every engine on every scene.
-pub(crate) fn table(cases: &[Case], kinds: &[Kind], options: &Options) {
+pub(crate) fn table(cases: &[Case], kinds: &[EngineKind], options: &Options) {
     let asked: Vec<_> = kinds.iter().map(|&kind| (kind, Effort::Default)).collect();
     let mut left_out = Vec::new();
     let mut table = Table::new(&[
@@ -146,11 +146,11 @@ pub(crate) fn table(cases: &[Case], kinds: &[Kind], options: &Options) {
 /// The picture cannot be written.
 pub(crate) fn quality(
     cases: &[Case],
-    kinds: &[Kind],
+    kinds: &[EngineKind],
     options: &Options,
     svg: Option<&Path>,
 ) -> Result<(), String> {
-    let asked: Vec<(Kind, Effort)> = kinds
+    let asked: Vec<(EngineKind, Effort)> = kinds
         .iter()
         .flat_map(|&kind| kind.efforts().into_iter().map(move |effort| (kind, effort)))
         .collect();
@@ -181,8 +181,8 @@ pub(crate) fn quality(
                 engine.overlap(),
                 engine.standing(),
             ]);
-            if let Some(depth) = engine.verdict.depth {
-                let fallen = engine.verdict.stands && engine.verdict.standing < 1.0;
+            if let Some(depth) = engine.judgement.depth {
+                let fallen = engine.judgement.stands && engine.judgement.standing < 1.0;
                 let name = engine.effort.to_string();
                 frontier.add(engine.kind, name, [settled_time, 1e3 * depth], fallen);
             }
@@ -208,7 +208,7 @@ pub(crate) fn quality(
     Ok(())
 }
 
-fn caption(kinds: &[Kind], options: &Options) {
+fn caption(kinds: &[EngineKind], options: &Options) {
     let engines: Vec<_> =
         kinds.iter().map(|kind| format!("{} ({})", kind.name(), kind.version())).collect();
     println!("Engines: {}.", engines.join(", "));
@@ -220,12 +220,12 @@ fn caption(kinds: &[Kind], options: &Options) {
     );
 }
 
-fn notes(left_out: &[String], kinds: &[Kind]) {
+fn notes(left_out: &[String], kinds: &[EngineKind]) {
     for line in left_out {
         println!("{line}");
     }
     let missing: Vec<_> =
-        Kind::ALL.into_iter().filter(|kind| !kind.is_built()).map(Kind::name).collect();
+        EngineKind::ALL.into_iter().filter(|kind| !kind.is_built()).map(EngineKind::name).collect();
     if !missing.is_empty() && kinds.iter().all(|kind| kind.is_built()) {
         println!("Not in this build: {}; build with --features peers.", missing.join(", "));
     }

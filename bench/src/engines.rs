@@ -90,7 +90,7 @@ impl Refusal {
 
 /// The engines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Kind {
+pub(crate) enum EngineKind {
     Drystone,
     Rapier2d,
     Rapier3d,
@@ -99,7 +99,7 @@ pub(crate) enum Kind {
     Jolt,
 }
 
-impl Kind {
+impl EngineKind {
     /// All engines, in the order of the table.
     pub(crate) const ALL: [Self; 6] =
         [Self::Drystone, Self::Rapier2d, Self::Rapier3d, Self::Box2d, Self::Box3d, Self::Jolt];
@@ -214,27 +214,29 @@ fn soft_step(effort: Effort) -> Option<(u32, f32)> {
 /// # Errors
 /// The engine does not support something in the scene.
 pub(crate) fn build(
-    kind: Kind,
+    kind: EngineKind,
     scene: &Scene,
     effort: Effort,
     threads: usize,
 ) -> Result<Box<dyn Engine>, Refusal> {
-    if matches!(effort, Effort::Sag(_)) && kind != Kind::Drystone {
+    if matches!(effort, Effort::Sag(_)) && kind != EngineKind::Drystone {
         return Err(Refusal::new(kind.name(), "has no certified settings"));
     }
-    if kind != Kind::Drystone {
+    if kind != EngineKind::Drystone {
         accept(scene)?;
     }
     match kind {
-        Kind::Drystone => Ok(Box::new(Drystone::new(scene, drystone::settings(effort), threads)?)),
-        Kind::Rapier2d => rapier::flat(scene, effort, threads),
-        Kind::Rapier3d => rapier::space(scene, effort, threads),
+        EngineKind::Drystone => {
+            Ok(Box::new(Drystone::new(scene, drystone::settings(effort), threads)?))
+        }
+        EngineKind::Rapier2d => rapier::flat(scene, effort, threads),
+        EngineKind::Rapier3d => rapier::space(scene, effort, threads),
         #[cfg(feature = "box2d")]
-        Kind::Box2d => Ok(follow(box2d::Box2d::new(scene, effort, threads)?, scene)),
+        EngineKind::Box2d => Ok(follow(box2d::Box2d::new(scene, effort, threads)?, scene)),
         #[cfg(feature = "box3d")]
-        Kind::Box3d => Ok(follow(box3d::Box3d::new(scene, effort, threads)?, scene)),
+        EngineKind::Box3d => Ok(follow(box3d::Box3d::new(scene, effort, threads)?, scene)),
         #[cfg(feature = "jolt")]
-        Kind::Jolt => Ok(follow(jolt::Jolt::new(scene, effort, threads)?, scene)),
+        EngineKind::Jolt => Ok(follow(jolt::Jolt::new(scene, effort, threads)?, scene)),
         #[allow(unreachable_patterns)]
         _ => {
             Err(Refusal::new(kind.name(), "is not part of this build; build with --features peers"))
@@ -357,10 +359,10 @@ mod tests {
     const DT: f32 = 1.0 / 60.0;
 
     /// Returns the poses after one second in every engine of this build.
-    fn after_a_second(text: &str, change: fn(&mut Scene)) -> Vec<(Kind, Vec<f32>)> {
+    fn after_a_second(text: &str, change: fn(&mut Scene)) -> Vec<(EngineKind, Vec<f32>)> {
         let mut scene = read_json(Path::new("test.json"), text).unwrap().scene;
         change(&mut scene);
-        let kinds = Kind::ALL.into_iter();
+        let kinds = EngineKind::ALL.into_iter();
         let kinds = kinds.filter(|kind| kind.is_built() && kind.has_dimension(scene.dimension));
         kinds
             .map(|kind| {
@@ -373,7 +375,7 @@ mod tests {
             .collect()
     }
 
-    fn assert_near(kind: Kind, found: &[f32], expected: &[f32], tolerance: f32) {
+    fn assert_near(kind: EngineKind, found: &[f32], expected: &[f32], tolerance: f32) {
         let near = found.iter().zip(expected).all(|(x, y)| (x - y).abs() <= tolerance);
         assert!(near && found.len() == expected.len(), "{kind:?}: {found:?}, not {expected:?}");
     }

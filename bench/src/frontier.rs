@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::engines::Kind;
+use crate::engines::EngineKind;
 use crate::table::{Table, number};
 
 const WIDTH: f64 = 720.0;
@@ -13,7 +13,7 @@ const RIGHT: f64 = 560.0;
 const TOP: f64 = 40.0;
 const BOTTOM: f64 = 340.0;
 /// Colors that remain distinct with color blindness (Okabe and Ito 2008), in the order of
-/// [`Kind::ALL`].
+/// [`EngineKind::ALL`].
 const COLORS: [&str; 6] = ["#d55e00", "#0072b2", "#0072b2", "#009e73", "#009e73", "#cc79a7"];
 /// Lower limit of plotted values, since the axes are logarithmic.
 const LEAST: f64 = 1e-4;
@@ -23,11 +23,11 @@ const BOUNDS: [f64; 7] = [10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01];
 /// Time and overlap of all settings on a scene.
 pub(crate) struct Frontier {
     scene: String,
-    points: Vec<Point>,
+    points: Vec<FrontierPoint>,
 }
 
-struct Point {
-    kind: Kind,
+struct FrontierPoint {
+    kind: EngineKind,
     setting: String,
     /// Time per step \[ms\] and overlap \[mm\].
     at: [f64; 2],
@@ -41,8 +41,8 @@ impl Frontier {
     }
 
     /// Adds a setting of an engine with its time per step \[ms\] and its overlap \[mm\].
-    pub(crate) fn add(&mut self, kind: Kind, setting: String, at: [f64; 2], fallen: bool) {
-        self.points.push(Point { kind, setting, at: at.map(|x| x.max(LEAST)), fallen });
+    pub(crate) fn add(&mut self, kind: EngineKind, setting: String, at: [f64; 2], fallen: bool) {
+        self.points.push(FrontierPoint { kind, setting, at: at.map(|x| x.max(LEAST)), fallen });
     }
 
     /// Returns a ratio of times for each bound. It divides the time of Drystone's cheapest setting
@@ -50,8 +50,8 @@ impl Frontier {
     fn ratios(&self) -> impl Iterator<Item = String> + '_ {
         BOUNDS.into_iter().map(|bound| {
             let cheapest = |own: bool| {
-                let reach = |p: &&Point| !p.fallen && p.at[1] <= bound;
-                let points = self.points.iter().filter(|p| (p.kind == Kind::Drystone) == own);
+                let reach = |p: &&FrontierPoint| !p.fallen && p.at[1] <= bound;
+                let points = self.points.iter().filter(|p| (p.kind == EngineKind::Drystone) == own);
                 points.filter(reach).map(|p| p.at[0]).reduce(f64::min)
             };
             match [cheapest(true), cheapest(false)] {
@@ -112,8 +112,9 @@ impl Frontier {
             top + BOTTOM + 36.0
         );
         let mut rows = 0;
-        for (kind, color) in Kind::ALL.into_iter().zip(COLORS) {
-            let points: Vec<&Point> = self.points.iter().filter(|p| p.kind == kind).collect();
+        for (kind, color) in EngineKind::ALL.into_iter().zip(COLORS) {
+            let points: Vec<&FrontierPoint> =
+                self.points.iter().filter(|p| p.kind == kind).collect();
             if points.is_empty() {
                 continue;
             }

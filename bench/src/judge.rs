@@ -12,8 +12,8 @@ pub(crate) struct Judge<'a> {
 }
 
 enum Pieces {
-    Flat(Vec<flat::Piece>),
-    Space(Vec<space::Piece>),
+    Flat(Vec<flat::JudgedShape>),
+    Space(Vec<space::JudgedShape>),
 }
 
 impl<'a> Judge<'a> {
@@ -117,21 +117,21 @@ macro_rules! judge {
             use crate::shapes::$shapes::{pose, shape};
 
             /// A shape of a body.
-            pub(super) struct Piece {
+            pub(super) struct JudgedShape {
                 pub(super) body: usize,
                 local: Pose,
                 shape: SharedShape,
                 boundless: bool,
             }
 
-            impl Piece {
+            impl JudgedShape {
                 /// Returns half of the smallest extent of the bounding box. \[m\]
                 pub(super) fn half_size(&self) -> f64 {
                     self.shape.compute_local_aabb().half_extents().min_element()
                 }
             }
 
-            pub(super) fn pieces(scene: &Scene) -> Result<Vec<Piece>, String> {
+            pub(super) fn pieces(scene: &Scene) -> Result<Vec<JudgedShape>, String> {
                 let mut pieces = Vec::new();
                 for (body, of) in scene.bodies.iter().enumerate() {
                     for (number, part) in of.shapes.iter().enumerate() {
@@ -139,7 +139,7 @@ macro_rules! judge {
                             .map_err(|why| format!("body {body}, shape {number}: {why}"))?;
                         let local = pose(&part.position, &part.rotation);
                         let boundless = matches!(part.kind, ShapeKind::Halfspace { .. });
-                        pieces.push(Piece { body, local, shape, boundless });
+                        pieces.push(JudgedShape { body, local, shape, boundless });
                     }
                 }
                 Ok(pieces)
@@ -147,7 +147,7 @@ macro_rules! judge {
 
             pub(super) fn near(
                 scene: &Scene,
-                pieces: &[Piece],
+                pieces: &[JudgedShape],
                 poses: &[f32],
                 reach: f64,
                 found: &mut impl FnMut([usize; 2], f64),

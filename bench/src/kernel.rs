@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use drystone_solver::certificate::CertificateScratch;
 use drystone_solver::island::Islands;
-use drystone_solver::lanes::{Instructions, KernelLanes, LaneSystem, Lanes, Portable, WIDTH};
+use drystone_solver::lanes::{Instructions, LaneSystem, Lanes, Portable, WIDTH};
 use drystone_solver::{
     ConstraintFrame, Contact, InverseMass, Manifold, Mobility, Real, Repair, SymmetricMatrix,
     System, Vector, Velocity, contact_frame, pgs,
@@ -49,7 +49,7 @@ fn passes() -> [(&'static str, f64); 6] {
     let count = COUNTS[0];
     let system = row::<f32, 3, 3>(count, 4);
     let still = vec![Velocity::ZERO; system.velocities.len()];
-    let repair = Repair { dt: 2e-3, rate: 0.2, slop: 0.0, push_speed: 1.0, hold: 20.0 };
+    let repair = Repair { dt: 2e-3, rate: 0.2, slop: 0.0, max_repair_speed: 1.0, stick_rate: 20.0 };
     let (mut lanes, mut islands, mut scratch) =
         (LaneSystem::new(), Islands::default(), CertificateScratch::default());
     islands.find(&system);

@@ -8,7 +8,7 @@ use parry3d_f64::shape::SharedShape as Exact;
 use crate::case::Case;
 
 /// Shape of a body.
-enum Form {
+enum MadeShape {
     /// Half extents. \[m\]
     Box([f32; 3]),
     /// Radius. \[m\]
@@ -19,7 +19,7 @@ enum Form {
 
 /// A body, dynamic unless `fixed`.
 struct Body {
-    form: Form,
+    form: MadeShape,
     position: [f32; 3],
     /// Unit quaternion x, y, z, w.
     rotation: [f32; 4],
@@ -29,22 +29,22 @@ struct Body {
 }
 
 impl Body {
-    fn new(form: Form, position: [f32; 3]) -> Self {
+    fn new(form: MadeShape, position: [f32; 3]) -> Self {
         let rotation = [0.0, 0.0, 0.0, 1.0];
         Self { form, position, rotation, velocity: [0.0; 3], density: 1000.0, fixed: false }
     }
 
     fn fixed(half: [f32; 3], position: [f32; 3]) -> Self {
-        Self { fixed: true, ..Self::new(Form::Box(half), position) }
+        Self { fixed: true, ..Self::new(MadeShape::Box(half), position) }
     }
 
     /// Returns the body for a scene of `dimension`; in 2D without z components.
     fn described(&self, dimension: usize, friction: f64) -> drystone_scene::Body {
         let axes = |of: &[f32; 3]| of[..dimension].iter().map(|&x| x.into()).collect::<Vec<f64>>();
         let kind = match &self.form {
-            Form::Box(half) => ShapeKind::Box { half_extents: axes(half) },
-            &Form::Sphere(radius) => ShapeKind::Sphere { radius: radius.into() },
-            Form::Hull(points) => {
+            MadeShape::Box(half) => ShapeKind::Box { half_extents: axes(half) },
+            &MadeShape::Sphere(radius) => ShapeKind::Sphere { radius: radius.into() },
+            MadeShape::Hull(points) => {
                 ShapeKind::ConvexHull { points: points.iter().map(axes).collect() }
             }
         };
@@ -134,7 +134,7 @@ fn ground() -> Body {
 }
 
 fn unit_box(position: [f32; 3]) -> Body {
-    Body::new(Form::Box([0.5; 3]), position)
+    Body::new(MadeShape::Box([0.5; 3]), position)
 }
 
 fn stack(count: usize) -> Vec<Body> {
@@ -177,10 +177,10 @@ fn dominoes(count: usize) -> Vec<Body> {
     let middle = count as f32 * PITCH / 2.0;
     let mut bodies = vec![Body::fixed([middle + 10.0, 1.0, 5.0], [middle, -1.0, 0.0])];
     for i in 0..count {
-        let form = Form::Box([0.05, 0.25, 0.125]);
+        let form = MadeShape::Box([0.05, 0.25, 0.125]);
         bodies.push(Body::new(form, [i as f32 * PITCH, 0.25, 0.0]));
     }
-    let striker = Body::new(Form::Sphere(0.15), [-0.6, 0.35, 0.0]);
+    let striker = Body::new(MadeShape::Sphere(0.15), [-0.6, 0.35, 0.0]);
     bodies.push(Body { velocity: [2.0, 0.0, 0.0], density: 2000.0, ..striker });
     bodies
 }
@@ -192,7 +192,7 @@ fn pile(
     side: usize,
     pitch: f32,
     seed: u64,
-    make: fn(&mut Random) -> (Form, [f32; 4]),
+    make: fn(&mut Random) -> (MadeShape, [f32; 4]),
 ) -> Vec<Body> {
     let mut random = Random::new(seed);
     let width = side as f32 * pitch;
@@ -239,17 +239,17 @@ fn disks(count: usize, width: usize, pitch: f32) -> Vec<Body> {
     bodies
 }
 
-fn sphere(random: &mut Random) -> (Form, [f32; 4]) {
-    (Form::Sphere(random.within(0.22, 0.28)), [0.0, 0.0, 0.0, 1.0])
+fn sphere(random: &mut Random) -> (MadeShape, [f32; 4]) {
+    (MadeShape::Sphere(random.within(0.22, 0.28)), [0.0, 0.0, 0.0, 1.0])
 }
 
-fn tumbled_box(random: &mut Random) -> (Form, [f32; 4]) {
+fn tumbled_box(random: &mut Random) -> (MadeShape, [f32; 4]) {
     let half = std::array::from_fn(|_| random.within(0.18, 0.26));
-    (Form::Box(half), random.direction())
+    (MadeShape::Box(half), random.direction())
 }
 
 /// Makes the hull of 12 to 20 points near an ellipsoid of radius 0.3.
-fn tumbled_hull(random: &mut Random) -> (Form, [f32; 4]) {
+fn tumbled_hull(random: &mut Random) -> (MadeShape, [f32; 4]) {
     const RADIUS: f32 = 0.3;
     let least = 0.35 * 4.0 / 3.0 * PI * f64::from(0.8 * RADIUS).powi(3);
     let count = 12 + (random.next() * 9.0) as usize;
@@ -271,13 +271,13 @@ fn tumbled_hull(random: &mut Random) -> (Form, [f32; 4]) {
 
 /// Makes the hull of points, moved so that its center of mass is its origin. Also returns the
 /// original center of mass and the volume.
-fn centered(points: &[[f64; 3]]) -> (Form, [f32; 3], f64) {
+fn centered(points: &[[f64; 3]]) -> (MadeShape, [f32; 3], f64) {
     let vectors: Vec<_> = points.iter().map(|&p| p.into()).collect();
     let hull = Exact::convex_hull(&vectors).expect("a solid hull");
     let solid = hull.mass_properties(1.0);
     let center = solid.local_com.to_array();
     let around = |p: &[f64; 3]| std::array::from_fn(|i| (p[i] - center[i]) as f32);
-    (Form::Hull(points.iter().map(around).collect()), center.map(|x| x as f32), solid.mass())
+    (MadeShape::Hull(points.iter().map(around).collect()), center.map(|x| x as f32), solid.mass())
 }
 
 /// Random numbers by xorshift with a multiplied output.

@@ -22,52 +22,52 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use engines::{Effort, Kind};
+use engines::{Effort, EngineKind};
 
-/// Runs the same scenes through Drystone and other engines and prints times and what came of it.
+/// Run the same scenes in Drystone and other engines, and print times and overlaps.
 #[derive(Parser)]
 #[command(version)]
 pub(crate) struct Options {
-    /// Scene files, or folders of them; the scenes made in code if absent
+    /// Run these scene files, or all in these folders [default: the scenes made in code]
     paths: Vec<PathBuf>,
-    /// Of these scenes only those of these names, with commas between
+    /// Run only the scenes with these names, separated by commas
     #[arg(long, value_delimiter = ',')]
     scenes: Vec<String>,
-    /// Engines, with commas between; all of this build if absent
+    /// Run these engines, separated by commas [default: all of this build]
     #[arg(long, value_delimiter = ',', value_enum)]
-    engines: Vec<Kind>,
-    /// Times each engine runs each scene, in turn
+    engines: Vec<EngineKind>,
+    /// Run each scene so many times in each engine, in turn
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
-    /// Steps of each scene instead of its own
+    /// Take so many steps in each scene, instead of its own number
     #[arg(long, value_parser = clap::value_parser!(u32).range(4..))]
     steps: Option<u32>,
-    /// Threads of each engine; with more than one, times are of the clock
+    /// Use so many threads in each engine; with more than one, times are of the clock
     #[arg(long, default_value = "1", value_parser = threads)]
     threads: usize,
-    /// Prints markdown
+    /// Print markdown
     #[arg(long)]
     markdown: bool,
-    /// Runs every engine at several settings and prints time and overlap of each
+    /// Run every engine at several settings, and print time and overlap of each
     #[arg(long)]
     quality: bool,
-    /// Draws the times and overlaps of --quality
+    /// Draw the times and overlaps of --quality
     #[arg(long, value_name = "FILE", requires = "quality")]
     svg: Option<PathBuf>,
-    /// Runs Drystone alone and prints its time by stage
+    /// Run Drystone alone, and print its time by stage
     #[arg(long, conflicts_with_all = ["quality", "engines"])]
     stages: bool,
-    /// Runs Drystone alone and prints its time per contact and its memory per body in piles of 1000 to
-    /// 64 000 spheres, or in other scenes
+    /// Run Drystone alone, and print its time per contact and its memory per body, in piles of 1000
+    /// to 64 000 spheres or in other scenes
     #[arg(long, conflicts_with_all = ["quality", "engines", "stages"])]
     flat: bool,
-    /// Runs the sweep alone and prints its time beside what the machine could do
+    /// Run the sweep alone, and print its time beside the limits of the machine
     #[arg(long, exclusive = true)]
     kernel: bool,
-    /// Answers for one engine on one scene; how the program starts itself
+    /// Run one engine on one scene, as the program starts itself
     #[arg(long, hide = true, value_enum)]
-    child: Option<Kind>,
-    /// Settings of the child
+    child: Option<EngineKind>,
+    /// Set the effort of the child
     #[arg(long, hide = true, default_value = "default")]
     effort: Effort,
 }
@@ -120,8 +120,8 @@ fn work(options: &Options) -> Result<(), String> {
     if let Some(kind) = options.engines.iter().find(|kind| !kind.is_built()) {
         return Err(format!("{} is not in this build; build with --features peers", kind.name()));
     }
-    let kinds: Vec<Kind> = match options.engines.as_slice() {
-        [] => Kind::ALL.into_iter().filter(|kind| kind.is_built()).collect(),
+    let kinds: Vec<EngineKind> = match options.engines.as_slice() {
+        [] => EngineKind::ALL.into_iter().filter(|kind| kind.is_built()).collect(),
         some => some.to_vec(),
     };
     if options.quality {

@@ -1,14 +1,14 @@
 //! A scene in Drystone.
 
 use ::drystone::{StepReport, StepSettings};
-use drystone_bake::{BuildError, Simulation};
+use drystone_bake::{AnyWorld, BuildError};
 use drystone_scene::Scene;
 
 use super::{Effort, Engine, Refusal};
 
 /// A scene in Drystone.
 pub(crate) struct Drystone {
-    simulation: Box<dyn Simulation>,
+    world: AnyWorld,
     pub(crate) report: StepReport,
 }
 
@@ -23,20 +23,19 @@ impl Drystone {
         threads: usize,
     ) -> Result<Self, Refusal> {
         // No body sleeps in any engine.
-        let settings = StepSettings { sleep: 0.0, ..settings };
-        let mut simulation =
-            drystone_bake::build(scene, settings).map_err(|error| match error {
-                BuildError::Shape { body, reason, .. } => Refusal::new(body, reason),
-                BuildError::Body { body, error } => Refusal::new(body, error.to_string()),
-                BuildError::Step(error) => Refusal::new("settings", error.to_string()),
-            })?;
-        simulation.set_threads(threads);
-        Ok(Self { simulation, report: StepReport::default() })
+        let settings = StepSettings { sleep_delay: 0.0, ..settings };
+        let mut world = drystone_bake::build(scene, settings).map_err(|error| match error {
+            BuildError::Shape { body, reason, .. } => Refusal::new(body, reason),
+            BuildError::Body { body, error } => Refusal::new(body, error.to_string()),
+            BuildError::Step(error) => Refusal::new("settings", error.to_string()),
+        })?;
+        world.set_threads(threads);
+        Ok(Self { world, report: StepReport::default() })
     }
 
     /// Makes the reports contain the time of each stage.
     pub(crate) fn timed(mut self) -> Self {
-        self.simulation.time_stages(true);
+        self.world.time_stages(true);
         self
     }
 }
@@ -47,7 +46,7 @@ pub(super) fn settings(effort: Effort) -> StepSettings {
     match effort {
         Effort::Default => StepSettings::realtime(),
         Effort::Substeps(substeps) => {
-            StepSettings { substeps, most_substeps: substeps, ..StepSettings::realtime() }
+            StepSettings { substeps, max_substeps: substeps, ..StepSettings::realtime() }
         }
         Effort::Sag(sag) => StepSettings { sag: 1e-3 * sag, ..StepSettings::certified() },
     }
@@ -55,14 +54,12 @@ pub(super) fn settings(effort: Effort) -> StepSettings {
 
 impl Engine for Drystone {
     fn step(&mut self, dt: f32) -> Result<(), Refusal> {
-        self.report = self
-            .simulation
-            .step(dt.into())
-            .map_err(|error| Refusal::new("step", error.to_string()))?;
+        self.report =
+            self.world.step(dt.into()).map_err(|error| Refusal::new("step", error.to_string()))?;
         Ok(())
     }
 
     fn write_poses(&self, out: &mut Vec<f32>) {
-        self.simulation.write_poses(out);
+        self.world.write_poses(out);
     }
 }

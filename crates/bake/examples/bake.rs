@@ -19,15 +19,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("beware: {}; {}", finding.what, finding.advice);
     }
 
-    let mut simulation = drystone_bake::build(scene, settings)?;
+    let mut world = drystone_bake::build(scene, settings)?;
     let mut recording = Recording::of(scene);
-    simulation.write_poses(&mut recording.poses);
+    world.write_poses(&mut recording.poses);
     let (mut error, mut deepest) = (0.0f64, 0.0f64);
     for _ in 0..scene.steps.unwrap_or(600) {
-        let report = simulation.step(scene.time_step).unwrap();
+        let report = world.step(scene.time_step).unwrap();
         error = error.max(report.certified.map_or(0.0, |of| of.error));
-        deepest = deepest.max(simulation.measure().deepest_penetration);
-        simulation.write_poses(&mut recording.poses);
+        deepest = deepest.max(world.measure().deepest_penetration);
+        world.write_poses(&mut recording.poses);
     }
     println!("{} frames of {} bodies", recording.frames(), recording.bodies);
     println!("within {:.3} mm/s, deepest overlap {:.3} mm", error * 1e3, deepest * 1e3);

@@ -7,8 +7,8 @@
 //! whether the center of a convex shape passed through a surface between two frames. It finds
 //! bodies that ended below everything that could have carried them.
 
-mod form;
 mod passage;
+mod shape;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -20,12 +20,12 @@ use crate::recording::Recording;
 use crate::recording::pose::frame_pose;
 use drystone::StepSettings;
 use drystone_scene::{Motion, Scene};
-use form::{Core, Form, Place, Point, dot, minus, norm, overlap};
+use shape::{CoreShape, ShapePose, SupportShape, Vec3, dot, minus, norm, overlap};
 
 /// Maximum number of frames in which overlaps are measured.
 const FRAMES: usize = 64;
 /// Maximum number of shape pairs measured, summed over these frames.
-const PAIRS: usize = 1 << 17;
+const MOST_PAIRS: usize = 1 << 17;
 /// Maximum number of center paths that are followed; each leads from one frame to the next.
 const STEPS: usize = 1 << 22;
 /// Accepted overlap as a fraction of the thinner shape's least width. \[1\]
@@ -49,14 +49,14 @@ pub struct Audit {
     /// Deepest overlap in any measured frame.
     pub deepest: Option<Overlap>,
     /// Pairs of bodies that overlap by more than is accepted, deepest first.
-    pub inside: Vec<Overlap>,
+    pub overlaps: Vec<Overlap>,
     /// Bodies that passed through a surface of another body, in the order of their frames.
-    pub passed: Vec<Passage>,
+    pub passages: Vec<Passage>,
     /// Dynamic bodies that ended entirely below everything that could have carried them.
-    pub left: Vec<usize>,
-    /// Bodies of `left` that have a mesh. The audit does not follow meshes, so these bodies may
+    pub fallen: Vec<usize>,
+    /// Bodies of `fallen` that have a mesh. The audit does not follow meshes, so these bodies may
     /// have passed through something.
-    pub astray: Vec<usize>,
+    pub unfollowed: Vec<usize>,
 }
 
 /// Overlap of two bodies.
@@ -82,10 +82,10 @@ pub struct Passage {
 }
 
 impl Audit {
-    /// True if no fault was found that contacts should have prevented. Bodies of `left` that were
+    /// True if no fault was found that contacts should have prevented. Bodies of `fallen` that were
     /// followed and passed through nothing fell off an edge, which is no fault.
     pub fn is_clean(&self) -> bool {
-        self.inside.is_empty() && self.passed.is_empty() && self.astray.is_empty()
+        self.overlaps.is_empty() && self.passages.is_empty() && self.unfollowed.is_empty()
     }
 }
 
@@ -113,7 +113,7 @@ pub fn audit(
 ) -> Audit {
     let mut audit = Audit::default();
     let Some(last) = recording.frames().checked_sub(1) else { return audit };
-    let stage = Stage::new(scene, recording);
+    let stage = AuditScene::new(scene, recording);
     stage.measure(last, (settings, known), &mut audit);
     stage.follow(last, &mut audit);
     stage.left(last, &mut audit);
@@ -129,7 +129,7 @@ pub fn gained_most(
     masses: &[f64],
     [from, to]: [usize; 2],
 ) -> Option<(usize, f64)> {
-    let stage = Stage::new(scene, recording);
+    let stage = AuditScene::new(scene, recording);
     let dynamic = |body: &usize| scene.bodies[*body].motion == Motion::Dynamic;
     let gain = |body: usize| {
         let reach = stage.reach(body);
@@ -144,39 +144,39 @@ pub fn gained_most(
 struct Actor {
     body: usize,
     shape: usize,
-    form: Form,
+    form: SupportShape,
 }
 
-struct Stage<'a> {
+struct AuditScene<'a> {
     scene: &'a Scene,
     recording: &'a Recording,
     actors: Vec<Actor>,
 }
 
 /// World poses and bounding boxes of all shapes in a frame.
-struct Shot {
-    places: Vec<Place>,
+struct FrameState {
+    poses: Vec<ShapePose>,
     bounds: Vec<Option<Aabb>>,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> AuditScene<'a> {
     fn new(scene: &'a Scene, recording: &'a Recording) -> Self {
         let mut actors = Vec::new();
         for (body, of) in scene.bodies.iter().enumerate() {
             for (shape, of) in of.shapes.iter().enumerate() {
-                let form = Form::new(of, scene.dimension);
+                let form = SupportShape::new(of, scene.dimension);
                 actors.extend(form.map(|form| Actor { body, shape, form }));
             }
         }
         Self { scene, recording, actors }
     }
 
-    fn body(&self, frame: usize, body: usize) -> Place {
+    fn body(&self, frame: usize, body: usize) -> ShapePose {
         let pose = frame_pose(self.recording, frame, body);
-        Place::new(pose.position, pose.rotation)
+        ShapePose::new(pose.position, pose.rotation)
     }
 
-    fn place(&self, frame: usize, actor: usize) -> Place {
+    fn pose(&self, frame: usize, actor: usize) -> ShapePose {
         let actor = &self.actors[actor];
         actor.form.placed(&self.body(frame, actor.body))
     }
@@ -185,7 +185,7 @@ impl<'a> Stage<'a> {
     fn reach(&self, body: usize) -> f64 {
         let own = self.actors.iter().filter(|actor| actor.body == body);
         let far = own.map(|actor| {
-            norm(actor.form.placed(&Place::new([0.0; 3], [0.0, 0.0, 0.0, 1.0])).position)
+            norm(actor.form.placed(&ShapePose::new([0.0; 3], [0.0, 0.0, 0.0, 1.0])).position)
                 + actor.form.reach
         });
         far.fold(0.0, f64::max)
@@ -213,11 +213,24 @@ impl<'a> Stage<'a> {
         0.5 * speed * speed + 0.2 * spin * spin + height
     }
 
-    fn shot(&self, frame: usize) -> Shot {
-        let places: Vec<_> = (0..self.actors.len()).map(|of| self.place(frame, of)).collect();
-        let both = self.actors.iter().zip(&places);
-        let bounds = both.map(|(actor, place)| actor.form.bounds(place)).collect();
-        Shot { places, bounds }
+    fn state(&self, frame: usize) -> FrameState {
+        let poses: Vec<_> = (0..self.actors.len()).map(|of| self.pose(frame, of)).collect();
+        let both = self.actors.iter().zip(&poses);
+        let bounds = both.map(|(actor, pose)| actor.form.bounds(pose)).collect();
+        FrameState { poses, bounds }
+    }
+
+    fn poses(&self, frame: usize, actors: &[usize]) -> Vec<ShapePose> {
+        actors.iter().map(|&of| self.pose(frame, of)).collect()
+    }
+
+    /// Returns the tree over the boxes that hold each of some shapes at both of its poses.
+    fn tree(&self, actors: &[usize], [from, to]: &[Vec<ShapePose>; 2]) -> Bvh {
+        let boxes = actors.iter().zip(from.iter().zip(to)).map(|(&of, (from, to))| {
+            let [from, to] = [from, to].map(|pose| self.actors[of].form.bounds(pose));
+            from.zip(to).map_or(Aabb::new_invalid(), |(from, to)| from.merged(&to))
+        });
+        Bvh::from_iter(BvhBuildStrategy::Binned, boxes.enumerate())
     }
 
     fn motion(&self, actor: usize) -> Motion {
@@ -235,17 +248,17 @@ impl<'a> Stage<'a> {
 
     /// Returns up to `most` pairs of shapes whose bounding boxes overlap. A half-space pairs with
     /// every bounded shape.
-    fn pairs(&self, shot: &Shot, most: usize) -> Vec<[usize; 2]> {
+    fn pairs(&self, state: &FrameState, most: usize) -> Vec<[usize; 2]> {
         let count = self.actors.len();
         // The tree wants consecutive indices; half-spaces have no box.
         let (boxed, boxes): (Vec<usize>, Vec<Aabb>) =
-            shot.bounds.iter().enumerate().filter_map(|(i, of)| Some((i, (*of)?))).unzip();
+            state.bounds.iter().enumerate().filter_map(|(i, of)| Some((i, (*of)?))).unzip();
         let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
         let mut pairs = Vec::new();
         for a in 0..count {
-            let Some(around) = &shot.bounds[a] else {
+            let Some(around) = &state.bounds[a] else {
                 let others = (0..count).filter(|&b| self.meet(a, b));
-                let others = others.filter(|&b| shot.bounds[b].is_some());
+                let others = others.filter(|&b| state.bounds[b].is_some());
                 let room = most - pairs.len();
                 pairs.extend(others.map(|b| [a, b]).take(room));
                 continue;
@@ -269,18 +282,18 @@ impl<'a> Stage<'a> {
         let mut worst: BTreeMap<[usize; 2], Overlap> = BTreeMap::new();
         let mut intervals = (FRAMES - 1).min(last);
         let mut sample = 0;
-        while sample <= intervals && audit.pairs < PAIRS {
+        while sample <= intervals && audit.pairs < MOST_PAIRS {
             let frame = (sample * last).checked_div(intervals).unwrap_or(0);
-            let shot = self.shot(frame);
-            let pairs = self.pairs(&shot, PAIRS - audit.pairs);
+            let state = self.state(frame);
+            let pairs = self.pairs(&state, MOST_PAIRS - audit.pairs);
             if sample == 0 {
-                let affordable = PAIRS / pairs.len().max(1);
+                let affordable = MOST_PAIRS / pairs.len().max(1);
                 intervals = intervals.min(affordable.saturating_sub(1).max(1)).min(last);
             }
             audit.frames += 1;
             audit.pairs += pairs.len();
             for [a, b] in pairs {
-                let [x, y] = [a, b].map(|of| (&self.actors[of].form, &shot.places[of]));
+                let [x, y] = [a, b].map(|of| (&self.actors[of].form, &state.poses[of]));
                 let Some(depth) = overlap(x, y) else { continue };
                 let bodies = [a, b].map(|of| self.actors[of].body);
                 let soft = if settings.tolerance > 0.0 { None } else { known.get(frame) };
@@ -309,7 +322,7 @@ impl<'a> Stage<'a> {
         let mut inside: Vec<_> = worst.into_values().collect();
         inside.sort_by(|a, b| b.depth.total_cmp(&a.depth));
         inside.truncate(KEPT);
-        audit.inside = inside;
+        audit.overlaps = inside;
     }
 
     /// Returns the accepted overlap of two shapes in a frame, without that of the start. \[m\]
@@ -320,15 +333,15 @@ impl<'a> Stage<'a> {
         let before = frame.saturating_sub(1);
         // Displacement since the frame before, and a bound on the displacement by rotation.
         let moved = |of: usize| {
-            let [from, to] = [before, frame].map(|frame| self.place(frame, of));
+            let [from, to] = [before, frame].map(|frame| self.pose(frame, of));
             let turned: f64 = (0..3).map(|i| norm(minus(to.axes[i], from.axes[i]))).sum();
             let reach = self.actors[of].form.reach;
             let arm = if reach.is_finite() { reach * turned } else { 0.0 };
             (minus(to.position, from.position), arm)
         };
         let [(x, turn_x), (y, turn_y)] = pair.map(moved);
-        let way = norm(minus(x, y)) + turn_x + turn_y;
-        part + SAGS * f64::from(settings.sag) + way / f64::from(settings.substeps.max(1))
+        let path = norm(minus(x, y)) + turn_x + turn_y;
+        part + SAGS * f64::from(settings.sag) + path / f64::from(settings.substeps.max(1))
     }
 
     /// Follows the centers of dynamic convex shapes from frame to frame, and finds passages through
@@ -337,75 +350,36 @@ impl<'a> Stage<'a> {
         let all = 0..self.actors.len();
         let (walkers, obstacles): (Vec<usize>, Vec<usize>) =
             all.partition(|&of| self.motion(of) == Motion::Dynamic);
-        let convex = |of: &usize| !matches!(self.actors[*of].form.core, Core::Mesh(_));
+        let convex = |of: &usize| !matches!(self.actors[*of].form.core, CoreShape::Mesh(_));
         let walkers: Vec<usize> = walkers.into_iter().filter(convex).collect();
         if walkers.is_empty() || obstacles.is_empty() || last == 0 {
             return;
         }
         let stride = (walkers.len() * last).div_ceil(STEPS).max(1);
-        let (boxed, planes): (Vec<usize>, Vec<usize>) =
-            obstacles.into_iter().partition(|&of| self.actors[of].form.reach.is_finite());
-        let moves = boxed.iter().any(|&of| self.motion(of) == Motion::Kinematic);
+        let mut obstacles = Obstacles::new(self, obstacles);
         let mut seen = BTreeSet::new();
-        let places = |frame: usize, of: &[usize]| -> Vec<Place> {
-            of.iter().map(|&of| self.place(frame, of)).collect()
-        };
-        let mut walls = [places(0, &boxed), places(0, &boxed)];
-        let grounds = |frame: usize| places(frame, &planes);
-        let tree = |walls: &[Vec<Place>; 2]| {
-            let swept = boxed.iter().enumerate().map(|(i, &of)| {
-                let [from, to] = [0, 1].map(|end| self.actors[of].form.bounds(&walls[end][i]));
-                (i, from.zip(to).map_or(Aabb::new_invalid(), |(from, to)| from.merged(&to)))
-            });
-            Bvh::from_iter(BvhBuildStrategy::Binned, swept)
-        };
-        let mut around = tree(&walls);
-        let mut centers: Vec<Point> =
-            walkers.iter().map(|&of| self.place(0, of).position).collect();
-        let mut ground = grounds(0);
+        let mut centers: Vec<Vec3> = walkers.iter().map(|&of| self.pose(0, of).position).collect();
         let mut frame = 0;
         while frame < last {
             frame = (frame + stride).min(last);
             audit.followed += 1;
-            if moves {
-                walls = [std::mem::take(&mut walls[1]), places(frame, &boxed)];
-                around = tree(&walls);
-            }
-            let next_ground = grounds(frame);
+            obstacles.advance(frame);
             for (walker, center) in walkers.iter().zip(&mut centers) {
-                let from = std::mem::replace(center, self.place(frame, *walker).position);
-                let way = [from, *center];
-                let low = std::array::from_fn(|i| from[i].min(center[i]));
-                let high = std::array::from_fn(|i| from[i].max(center[i]));
-                let passed = |obstacle: usize, places: [&Place; 2]| {
-                    self.meet(*walker, obstacle)
-                        && passage::passes(&self.actors[obstacle].form, passage::seen(way, places))
-                };
-                let mut through: Vec<usize> = around
-                    .intersect_aabb(&form::loose(low, high))
-                    .map(|i| i as usize)
-                    .filter(|&i| passed(boxed[i], [&walls[0][i], &walls[1][i]]))
-                    .map(|i| boxed[i])
-                    .collect();
-                let below =
-                    (0..planes.len()).filter(|&i| passed(planes[i], [&ground[i], &next_ground[i]]));
-                through.extend(below.map(|i| planes[i]));
-                through.sort_unstable();
-                for obstacle in through {
+                let from = std::mem::replace(center, self.pose(frame, *walker).position);
+                for obstacle in obstacles.passed(*walker, [from, *center]) {
                     let bodies = [*walker, obstacle].map(|of| self.actors[of].body);
-                    if seen.insert(bodies) && audit.passed.len() < KEPT {
-                        audit.passed.push(Passage { bodies, frame });
+                    if seen.insert(bodies) && audit.passages.len() < KEPT {
+                        audit.passages.push(Passage { bodies, frame });
                     }
                 }
             }
-            ground = next_ground;
         }
     }
 
     /// Finds dynamic bodies that end entirely below all static and kinematic shapes, by more than
     /// their own height.
     fn left(&self, last: usize, audit: &mut Audit) {
-        let gravity: Point =
+        let gravity: Vec3 =
             std::array::from_fn(|i| self.scene.gravity.get(i).copied().unwrap_or(0.0));
         let strength = norm(gravity);
         if strength <= 0.0 {
@@ -414,10 +388,10 @@ impl<'a> Stage<'a> {
         let up = gravity.map(|g| -g / strength);
         // Lowest and highest coordinate along `up`.
         let ends = |of: usize, frame: usize| {
-            let place = self.place(frame, of);
+            let pose = self.pose(frame, of);
             let form = &self.actors[of].form;
-            let reach = |sign: f64| form.support(place.local_direction(up.map(|x| x * sign)));
-            let center = dot(place.position, up);
+            let reach = |sign: f64| form.support(pose.local_direction(up.map(|x| x * sign)));
+            let center = dot(pose.position, up);
             [center - reach(-1.0), center + reach(1.0)]
         };
         let all = || 0..self.actors.len();
@@ -439,11 +413,70 @@ impl<'a> Stage<'a> {
             shapes.map(|of| ends(of, 0)[1]).fold(f64::NEG_INFINITY, f64::max) >= floor
         };
         let left = highest.into_iter().filter(|(body, ends)| below(*ends) && began(*body));
-        audit.left = left.map(|(body, _)| body).collect();
+        audit.fallen = left.map(|(body, _)| body).collect();
         let has_mesh = |body: usize| {
             let mut shapes = self.actors.iter().filter(|of| of.body == body);
-            shapes.any(|of| matches!(of.form.core, Core::Mesh(_)))
+            shapes.any(|of| matches!(of.form.core, CoreShape::Mesh(_)))
         };
-        audit.astray = audit.left.iter().copied().filter(|body| has_mesh(*body)).collect();
+        audit.unfollowed = audit.fallen.iter().copied().filter(|body| has_mesh(*body)).collect();
+    }
+}
+
+/// The static and kinematic shapes in two frames that follow each other.
+struct Obstacles<'a> {
+    stage: &'a AuditScene<'a>,
+    /// Shapes with boxes, and half-spaces.
+    boxed: Vec<usize>,
+    planes: Vec<usize>,
+    /// True if a shape with a box is kinematic.
+    moves: bool,
+    /// Poses of both kinds of shapes in each of the two frames.
+    walls: [Vec<ShapePose>; 2],
+    grounds: [Vec<ShapePose>; 2],
+    /// Tree over boxes that hold a shape in both frames.
+    around: Bvh,
+}
+
+impl<'a> Obstacles<'a> {
+    /// Collects the obstacles in the first frame.
+    fn new(stage: &'a AuditScene<'a>, all: Vec<usize>) -> Self {
+        let (boxed, planes): (Vec<usize>, Vec<usize>) =
+            all.into_iter().partition(|&of| stage.actors[of].form.reach.is_finite());
+        let poses = |of: &[usize]| [0, 0].map(|frame| stage.poses(frame, of));
+        let (walls, grounds) = (poses(&boxed), poses(&planes));
+        let moves = boxed.iter().any(|&of| stage.motion(of) == Motion::Kinematic);
+        let around = stage.tree(&boxed, &walls);
+        Self { stage, boxed, planes, moves, walls, grounds, around }
+    }
+
+    /// Goes on to a later frame.
+    fn advance(&mut self, frame: usize) {
+        let Self { stage, boxed, planes, walls, grounds, .. } = self;
+        *grounds = [std::mem::take(&mut grounds[1]), stage.poses(frame, planes)];
+        if self.moves {
+            *walls = [std::mem::take(&mut walls[1]), stage.poses(frame, boxed)];
+            self.around = stage.tree(boxed, walls);
+        }
+    }
+
+    /// Returns the obstacles through which the center of a shape passes on a path between the two
+    /// frames, in order.
+    fn passed(&self, walker: usize, path: [Vec3; 2]) -> Vec<usize> {
+        let [from, to] = path;
+        let low = std::array::from_fn(|i| from[i].min(to[i]));
+        let high = std::array::from_fn(|i| from[i].max(to[i]));
+        let passes = |obstacle: usize, [before, after]: &[Vec<ShapePose>; 2], i: usize| {
+            let ends = passage::seen(path, [&before[i], &after[i]]);
+            self.stage.meet(walker, obstacle)
+                && passage::passes(&self.stage.actors[obstacle].form, ends)
+        };
+        let around = shape::loose(low, high);
+        let near = self.around.intersect_aabb(&around).map(|i| i as usize);
+        let walls = near.filter(|&i| passes(self.boxed[i], &self.walls, i));
+        let grounds = (0..self.planes.len()).filter(|&i| passes(self.planes[i], &self.grounds, i));
+        let mut through: Vec<usize> =
+            walls.map(|i| self.boxed[i]).chain(grounds.map(|i| self.planes[i])).collect();
+        through.sort_unstable();
+        through
     }
 }

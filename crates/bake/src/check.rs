@@ -12,16 +12,16 @@ use serde::Serialize;
 
 pub use decompositions::decompositions;
 
+use crate::any_world::build_with;
 use crate::decomposition::Decompositions;
 use crate::error::BuildError;
-use crate::simulation::build_with;
 use drystone::StepSettings;
 use drystone_scene::{Read, Scene};
 
 /// Subject of a finding. Findings are listed in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum FindingKind {
     /// Two bodies overlap at the start: the depth. \[m\]
     Overlap,
     /// Contacts that no motion can open: the missing separation speed. \[m/s\]
@@ -62,7 +62,7 @@ pub enum Kind {
     LeftOut,
 }
 
-impl Kind {
+impl FindingKind {
     /// All kinds, in their order.
     pub const ALL: [Self; 18] = [
         Self::Overlap,
@@ -90,13 +90,14 @@ impl Kind {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// Subject of the finding.
-    pub kind: Kind,
+    pub kind: FindingKind,
     /// Indices of the bodies in the scene.
     pub bodies: Vec<usize>,
     /// Value found, in the unit of its kind; `None` if there is nothing to measure.
     pub value: Option<f64>,
-    /// Accepted limit: an upper bound, or a lower bound for [`Kind::TooSmall`],
-    /// [`Kind::Frictionless`], [`Kind::NegativeScale`] and [`Kind::InsideOutMesh`].
+    /// Accepted limit: an upper bound, or a lower bound for [`FindingKind::TooSmall`],
+    /// [`FindingKind::Frictionless`], [`FindingKind::NegativeScale`] and
+    /// [`FindingKind::InsideOutMesh`].
     pub limit: Option<f64>,
     /// Sentence with names, value and limit.
     pub what: String,
@@ -108,7 +109,7 @@ impl Finding {
     /// Makes a finding about one body, with the value found and its limit.
     fn of_body(
         body: usize,
-        kind: Kind,
+        kind: FindingKind,
         [value, limit]: [f64; 2],
         what: String,
         advice: &str,
@@ -139,9 +140,9 @@ pub fn check_with(
     known: &mut Decompositions,
 ) -> Result<Vec<Finding>, BuildError> {
     let scene = &read.scene;
-    let mut simulation = build_with(scene, contacts::at_the_start(settings), known)?;
-    simulation.step(contacts::INSTANT)?;
-    let (near, masses) = (simulation.nearby(), simulation.masses());
+    let mut world = build_with(scene, contacts::at_the_start(settings), known)?;
+    world.step(contacts::INSTANT)?;
+    let (near, masses) = (world.nearby(), world.masses());
     // Only steps with certificates look for jams.
     let certifying = StepSettings { certify: true, ..settings.clone() };
     let wedged = build_with(scene, certifying, known)?.step(scene.time_step)?.jams;
@@ -159,12 +160,12 @@ pub fn check_with(
     findings.extend(decompositions(scene, known).into_iter().filter(missed));
     findings.extend(surfaces::bounces(scene));
     findings.extend(read.warnings.iter().map(|warning| Finding {
-        kind: Kind::LeftOut,
+        kind: FindingKind::LeftOut,
         bodies: Vec::new(),
         value: None,
         limit: None,
         what: warning.to_string(),
-        advice: "see whether that is what you mean".to_owned(),
+        advice: "check that this is intended".to_owned(),
     }));
     let excess = |of: &Finding| match (of.value, of.limit) {
         (Some(value), Some(limit)) => (value - limit).abs(),

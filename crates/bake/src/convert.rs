@@ -4,7 +4,7 @@ use std::array::from_fn;
 
 use drystone::geometry::{Frame, Geometry, MassProperties};
 use drystone::{
-    Body, Collider, Combine, Filter, Inertia, Material, SurfaceMotion, Vector, Velocity,
+    Body, Collider, Combine, Filter, Inertia, Material, SurfaceVelocity, Vector, Velocity,
 };
 use drystone_scene::{self as scene, Motion, Rotation};
 use drystone_solver::SymmetricMatrix;
@@ -71,7 +71,7 @@ pub(crate) fn body_of<G: FromScene<L, A>, const L: usize, const A: usize>(
     })
 }
 
-/// Converts what moves a body.
+/// Converts the motion of a body.
 pub fn motion(motion: Motion) -> drystone::Motion {
     match motion {
         Motion::Dynamic => drystone::Motion::Dynamic,
@@ -117,10 +117,11 @@ pub fn filter(of: scene::Filter) -> Filter {
     Filter { systems, collides_with, collides_with_unnamed }
 }
 
-fn surface_motion<const L: usize, const A: usize>(
+/// Converts the velocity of a surface.
+pub(crate) fn surface_motion<const L: usize, const A: usize>(
     motion: &scene::SurfaceVelocity,
-) -> SurfaceMotion<L, A> {
-    SurfaceMotion {
+) -> SurfaceVelocity<L, A> {
+    SurfaceVelocity {
         linear: Vector(floats(&motion.linear)),
         angular: Vector(floats(&motion.angular)),
         local: motion.local,

@@ -29,7 +29,7 @@ const ALGORITHM: u32 = 1;
 
 /// A convex piece of a mesh, in the frame of the mesh.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Piece {
+pub struct ConvexPiece {
     /// Vertices. \[m\]
     pub points: Vec<[f64; 3]>,
     /// Triangles of its surface, counter-clockwise seen from outside.
@@ -57,7 +57,7 @@ pub struct Deviation {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decomposition {
     /// Convex pieces; they touch, and may overlap.
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<ConvexPiece>,
     /// Deviation of the pieces from the mesh.
     pub deviation: Deviation,
     /// Center of the bounding box of the mesh. \[m\]
@@ -134,7 +134,7 @@ impl Unit {
     /// Scales and moves the pieces to the size and center of a mesh.
     fn at(self: Arc<Self>, center: [f64; 3], size: f64) -> Decomposition {
         let place = |p: &[f32; 3]| std::array::from_fn(|i| center[i] + size * f64::from(p[i]));
-        let piece = |hull: &pieces::Hull| Piece {
+        let piece = |hull: &pieces::Hull| ConvexPiece {
             points: hull.points.iter().map(place).collect(),
             triangles: hull.triangles.clone(),
         };

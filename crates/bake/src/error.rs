@@ -12,7 +12,7 @@ pub enum BuildError {
         body: String,
         /// Index of the shape.
         shape: usize,
-        /// The problem, and what is accepted.
+        /// The problem, and the accepted values.
         reason: &'static str,
     },
     /// The world refuses a body.
@@ -20,7 +20,7 @@ pub enum BuildError {
     Body {
         /// Name of the body, or its index.
         body: String,
-        /// The problem, and what is accepted.
+        /// The problem, and the accepted values.
         error: InputError,
     },
     /// The world refuses a step.

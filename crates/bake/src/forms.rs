@@ -3,8 +3,8 @@
 use std::array::from_fn;
 
 use drystone::Dimension;
-use drystone::geometry::spheres::SphereShape;
-use drystone::geometry::{Geometry, MassProperties, Rigid2, Rigid3, Spheres, mass_within};
+use drystone::geometry::particles::SphereShape;
+use drystone::geometry::{Geometry, MassProperties, Particles, Rigid2, Rigid3, mass_within};
 use drystone_scene::{Rotation, Shape, ShapeKind, Solid, Weight};
 use drystone_solver::Vector;
 
@@ -125,7 +125,7 @@ impl FromScene<3, 3> for Rigid3 {
         let single: Vec<_> = vertices.iter().map(|p| floats::<3>(p).map(f64::from)).collect();
         let found = known.of(&single, triangles, &decomposition.unwrap_or_default());
         let found = found.map_err(|_| OPEN)?;
-        let hull = |piece: &crate::decomposition::Piece| {
+        let hull = |piece: &crate::decomposition::ConvexPiece| {
             let from = |p: &[f64; 3]| from_fn::<f32, 3, _>(|i| (p[i] - found.center[i]) as f32);
             let points: Vec<V> = piece.points.iter().map(|p| V::from(from(p))).collect();
             parry3d::shape::SharedShape::convex_hull(&points)
@@ -139,7 +139,7 @@ impl FromScene<3, 3> for Rigid3 {
     }
 }
 
-impl<const L: usize> FromScene<L, 0> for Spheres
+impl<const L: usize> FromScene<L, 0> for Particles
 where
     Self: Dimension<L, 0> + Geometry<L, 0, Shape = SphereShape<L>>,
 {

@@ -7,6 +7,7 @@ pub mod gltf;
 pub mod journal;
 #[cfg(feature = "npz")]
 pub mod npz;
+mod parallel;
 pub mod pose;
 pub mod poses;
 pub mod sampling;

@@ -10,7 +10,7 @@ use drystone_scene::{Place, Scene, SceneError, SettingFault};
 const IMPACT_LAWS: [&str; 3] = ["newton", "poisson", "reflections"];
 
 /// Returns `base` with the settings of `table` in place of its own. A table with `substeps` but
-/// without `most_substeps` sets both to that number.
+/// without `max_substeps` sets both to that number.
 pub(crate) fn merge(
     table: &Map<String, Value>,
     base: StepSettings,
@@ -19,8 +19,8 @@ pub(crate) fn merge(
     for (key, value) in table {
         merged = set(merged, key, value)?;
     }
-    if table.contains_key("substeps") && !table.contains_key("most_substeps") {
-        merged.most_substeps = merged.substeps;
+    if table.contains_key("substeps") && !table.contains_key("max_substeps") {
+        merged.max_substeps = merged.substeps;
     }
     Ok(merged)
 }

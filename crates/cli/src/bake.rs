@@ -1,8 +1,8 @@
 //! `drystone bake`: reads a scene, simulates it and writes its motion.
 
 mod arguments;
-mod diary;
 mod dump;
+mod journal;
 mod output;
 mod record;
 mod report;
@@ -15,14 +15,15 @@ use std::{fmt, thread};
 use drystone::StepSettings;
 use drystone_bake::check::{decompositions, jumps};
 use drystone_bake::recording::journal::Header;
-use drystone_bake::{Decompositions, Simulation};
+use drystone_bake::{AnyWorld, Decompositions};
 use drystone_scene::{Read, Scene};
 
 use crate::failure::Failure;
 use crate::print;
-pub(crate) use arguments::Arguments;
+pub(crate) use arguments::BakeArguments;
 use arguments::MAX_STEPS;
-use diary::Diary;
+use dump::{Dump, Part};
+use journal::BakeJournal;
 pub(crate) use output::Format;
 use output::Outputs;
 use record::{Bake, Length, listen};
@@ -32,42 +33,41 @@ use summary::Summary;
 const DURATION: f64 = 10.0;
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let outputs = Outputs::new(arguments)?;
     let read = drystone_bake::read(&arguments.scene)?;
     print_warnings(arguments, read.warnings.iter());
     print_warnings(arguments, jumps(&read.scene).into_iter().map(|of| of.what));
     outputs.check_folders()?;
     listen();
-    let mut simulation = prepare(arguments, &read.scene)?;
+    let mut world = prepare(arguments, &read.scene)?;
     let threads = threads(arguments);
-    simulation.set_threads(threads);
+    world.set_threads(threads);
     // Stages are always timed, since a bake that is resumed may ask for a report only then.
-    simulation.time_stages(true);
+    world.time_stages(true);
     let steps = steps(arguments, &read.scene)?;
-    arguments.cut.steps(0..=steps as usize, read.scene.time_step)?;
+    arguments.frame_options.steps(0..=steps as usize, read.scene.time_step)?;
     let dump_step = dump::step(arguments.dump_step, steps)?;
     let bar = progress(arguments, steps);
-    let header = Header::new(&read.scene, simulation.settings());
-    let mut diary = Diary::open(arguments, outputs.first(arguments), header)?;
+    let header = Header::new(&read.scene, world.settings());
+    let mut journal = BakeJournal::open(arguments, outputs.first(arguments), header)?;
     let length = Length { steps: steps as usize, dump_step: dump_step.map(|step| step as usize) };
-    let baked = Bake::run(simulation.as_mut(), &read.scene, length, &mut diary, &bar);
+    let baked = Bake::run(&mut world, &read.scene, length, &mut journal, &bar);
     if let Err(Failure::Diverged(_)) = baked {
-        diary.discard(usize::MAX);
+        journal.discard(usize::MAX);
         return baked.map(|_| ());
     }
     let bake = baked?;
-    let summary = Summary::new(&read.scene, &bake, &simulation.masses());
+    let summary = Summary::new(&read.scene, &bake, &world.masses());
     let files = match write(arguments, &outputs, &read, &bake, &summary, threads) {
         Err(Failure::File(what)) => {
-            return Err(Failure::File(format!("{what}; {}", diary.way_on())));
+            return Err(Failure::File(format!("{what}; {}", journal.resume_command())));
         }
         files => files?,
     };
-    diary.discard(bake.steps.len());
+    journal.discard(bake.steps.len());
     if !arguments.quiet {
-        let head =
-            summary::Head { file: &arguments.scene, settings: simulation.settings(), threads };
+        let head = summary::Head { file: &arguments.scene, settings: world.settings(), threads };
         return print(&format!("{}{files}", summary.text(&read.scene, &head)));
     }
     // Even a quiet bake reports the faults that the audit found.
@@ -75,7 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print_warnings(arguments: &Arguments, warnings: impl Iterator<Item = impl fmt::Display>) {
+fn print_warnings(arguments: &BakeArguments, warnings: impl Iterator<Item = impl fmt::Display>) {
     let mut said = BTreeSet::new();
     for warning in warnings.map(|warning| warning.to_string()) {
         if said.insert(warning.clone()) {
@@ -84,22 +84,22 @@ fn print_warnings(arguments: &Arguments, warnings: impl Iterator<Item = impl fmt
     }
 }
 
-fn prepare(arguments: &Arguments, scene: &Scene) -> Result<Box<dyn Simulation>, Failure> {
+fn prepare(arguments: &BakeArguments, scene: &Scene) -> Result<AnyWorld, Failure> {
     let in_file = |error: &dyn fmt::Display| {
         Failure::Input(format!("{}: {error}", arguments.scene.display()))
     };
     let mut known = Decompositions::of_user();
-    let simulation = drystone_bake::build_with(scene, settings(arguments, scene)?, &mut known)
+    let world = drystone_bake::build_with(scene, settings(arguments, scene)?, &mut known)
         .map_err(|error| in_file(&error))?;
     if !arguments.quiet {
         for finding in decompositions(scene, &mut known) {
             eprintln!("drystone: note: {}", finding.what);
         }
     }
-    Ok(simulation)
+    Ok(world)
 }
 
-fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failure> {
+fn settings(arguments: &BakeArguments, scene: &Scene) -> Result<StepSettings, Failure> {
     let preset = match (arguments.realtime, arguments.tolerance) {
         (true, _) => StepSettings { certify: true, ..StepSettings::realtime() },
         (false, Some(0.0)) => StepSettings { certify: true, ..StepSettings::quality() },
@@ -107,21 +107,21 @@ fn settings(arguments: &Arguments, scene: &Scene) -> Result<StepSettings, Failur
     };
     let mut settings = drystone_bake::settings(scene, preset)?;
     if let Some(substeps) = arguments.substeps {
-        (settings.substeps, settings.most_substeps) = (substeps, substeps);
+        (settings.substeps, settings.max_substeps) = (substeps, substeps);
     }
     settings.iterations = arguments.iterations.unwrap_or(settings.iterations);
-    settings.sleep = arguments.sleep.map_or(settings.sleep, |seconds| seconds as f32);
+    settings.sleep_delay = arguments.sleep.map_or(settings.sleep_delay, |seconds| seconds as f32);
     settings.tolerance = arguments.tolerance.unwrap_or(settings.tolerance);
     settings.ledger |= arguments.ledger;
     Ok(settings)
 }
 
-fn threads(arguments: &Arguments) -> usize {
+fn threads(arguments: &BakeArguments) -> usize {
     let all = || thread::available_parallelism().map_or(1, NonZero::get);
     arguments.threads.map_or_else(all, |threads| threads as usize)
 }
 
-fn steps(arguments: &Arguments, scene: &Scene) -> Result<u32, Failure> {
+fn steps(arguments: &BakeArguments, scene: &Scene) -> Result<u32, Failure> {
     // Without the margin, rounding of the quotient would add a step to whole durations.
     let of = |seconds: f64| (seconds / scene.time_step * (1.0 - 1e-9)).ceil();
     let Some(seconds) = arguments.duration else {
@@ -136,7 +136,7 @@ fn steps(arguments: &Arguments, scene: &Scene) -> Result<u32, Failure> {
     Ok(of(seconds) as u32)
 }
 
-fn progress(arguments: &Arguments, steps: u32) -> indicatif::ProgressBar {
+fn progress(arguments: &BakeArguments, steps: u32) -> indicatif::ProgressBar {
     if arguments.quiet {
         return indicatif::ProgressBar::hidden();
     }
@@ -147,25 +147,30 @@ fn progress(arguments: &Arguments, steps: u32) -> indicatif::ProgressBar {
 }
 
 fn write(
-    arguments: &Arguments,
+    arguments: &BakeArguments,
     outputs: &Outputs,
     read: &Read,
     bake: &Bake,
     summary: &Summary,
     threads: usize,
 ) -> Result<String, Failure> {
-    let (mut files, warnings) = outputs.write(read, bake, &arguments.cut)?;
+    let (mut files, warnings) = outputs.write(read, bake, &arguments.frame_options)?;
     print_warnings(arguments, warnings.iter());
+    let header = Header::new(&read.scene, &bake.settings);
     if let Some(saved) = &bake.saved {
+        let part = if arguments.dump_impacts { Part::Impacts } else { Part::Contacts };
         let step = arguments.dump_step.unwrap_or_default();
-        let (dumps, warning) = dump::write(outputs.dumps(), &read.scene, step, saved)?;
+        let dump = Dump { scene: &read.scene, header: &header, step, part, saved };
+        let (dumps, warning) = dump.write(outputs.dumps())?;
         print_warnings(arguments, warning.iter());
         files.extend(dumps);
     }
     if let Some(path) = &arguments.report {
-        let settings = &bake.settings;
         let scene = &arguments.scene;
-        report::write(path, &report::Run { scene, settings, threads, bake, summary })?;
+        report::write(
+            path,
+            &report::ReportInput { scene, header: &header, threads, bake, summary },
+        )?;
         files.push(path.clone());
     }
     Ok(files.iter().map(|path| format!("wrote        {}\n", output::describe(path))).collect())

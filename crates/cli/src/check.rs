@@ -6,8 +6,7 @@ use std::process::ExitCode;
 
 use drystone::StepSettings;
 use drystone_bake::Decompositions;
-use drystone_bake::check::{Finding, Kind, check_with};
-use drystone_scene::Scene;
+use drystone_bake::check::{Finding, FindingKind, check_with};
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
@@ -16,17 +15,19 @@ use crate::print;
 /// Number of findings of each kind that are listed before the rest is counted.
 const LISTED: usize = 10;
 
-/// Find what will hurt in a scene before it does.
+/// Find problems of a scene before it is baked.
 ///
-/// Overlaps, wedged bodies, heavy on light, stacks without friction, what may pass through, sizes,
-/// mirrored and uneven scales, meshes with holes or inside out, meshes that their convex pieces miss, surfaces that never rest, and what the reader left out.
+/// Findings are overlaps, wedged bodies, heavy bodies on light ones, stacks without friction,
+/// bodies that may tunnel, extreme sizes, mirrored and uneven scales, meshes with holes, inside
+/// out or far from their convex pieces, surfaces that bounce without loss, and data that the
+/// reader left out.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
-    /// The scene: .toml, .json, .gltf, .glb or .usda
+pub(crate) struct CheckArguments {
+    /// Scene to check: .toml, .json, .gltf, .glb or .usda
     scene: PathBuf,
 
-    /// For the settings for games, with their fixed work
+    /// Check against the real-time preset, with its fixed work
     #[arg(long)]
     realtime: bool,
 
@@ -38,14 +39,14 @@ pub(crate) struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   drystone check scenes/arch.json
-      nothing found: go ahead and bake
+      prints nothing found: the scene is ready to bake
   drystone check scenes/workshop.gltf --json
-      for other programs: kind, bodies, value, limit, and both in words
+      prints findings for other programs: kind, bodies, value, limit, and both in words
 
 Exit codes: 0 nothing found, 1 something found, 2 wrong input or usage, 4 a file cannot be read.";
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+pub(crate) fn run(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
     let read = drystone_bake::read(&arguments.scene)?;
     let preset =
         if arguments.realtime { StepSettings::realtime() } else { StepSettings::certified() };
@@ -54,7 +55,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let findings = check_with(&read, &settings, &mut Decompositions::of_user())
         .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     if arguments.json {
-        let list: Vec<_> = findings.iter().map(|finding| value(&read.scene, finding)).collect();
+        let names = read.scene.names();
+        let list: Vec<_> = findings.iter().map(|finding| value(&names, finding)).collect();
         let version = env!("CARGO_PKG_VERSION");
         let whole = json!({ "scene": file.to_string(), "version": version, "findings": list });
         print(&format!("{whole:#}\n"))?;
@@ -71,15 +73,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 }
 
 /// Returns a finding as JSON with the names of its bodies.
-fn value(scene: &Scene, finding: &Finding) -> Value {
+fn value(names: &[String], finding: &Finding) -> Value {
     let mut value = json!(finding);
-    value["names"] = finding.bodies.iter().map(|&body| scene.name_of(body)).collect();
+    value["names"] = finding.bodies.iter().filter_map(|&body| names.get(body)).cloned().collect();
     value
 }
 
 /// Lists the first findings of each kind, and counts the rest.
 fn text(findings: &[Finding]) -> String {
-    let mut kinds: BTreeMap<Kind, Vec<&Finding>> = BTreeMap::new();
+    let mut kinds: BTreeMap<FindingKind, Vec<&Finding>> = BTreeMap::new();
     for finding in findings {
         kinds.entry(finding.kind).or_default().push(finding);
     }

@@ -5,59 +5,60 @@ use std::path::{Path, PathBuf};
 use drystone::StepSettings;
 use drystone_bake::Decompositions;
 use drystone_scene::export::gltf::Physics;
-use drystone_scene::export::usd::Stage;
+use drystone_scene::export::usd::StageWriter;
 use drystone_scene::{Scene, to_json, to_toml, write_whole};
 
 use crate::bake::Format;
-use crate::cut::Cut;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
-use crate::files::spare;
+use crate::files::refuse_overwrite;
+use crate::frames::FrameOptions;
 use crate::print;
 use crate::verify::take;
 
 /// Write a scene or a bake in another format.
 ///
-/// A scene of any format becomes one of Drystone's own (.toml, .json), a glTF with physics (.gltf, .glb) or
-/// OpenUSD with UsdPhysics (.usda); these come back as the same bodies. A bake (.npz, .poses), or one that is
-/// under way (.journal), becomes an animation (.glb, .usda) or arrays (.npz, .poses).
+/// Scenes of any format are written in Drystone's own (.toml, .json), as glTF with physics (.gltf,
+/// .glb) or as OpenUSD with UsdPhysics (.usda). Each of these is read back as the same bodies.
+/// Bakes (.npz, .poses), also unfinished ones (.journal), are written as an animation (.glb, .usda)
+/// or as arrays (.npz, .poses).
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
-    /// A scene: .toml, .json, .gltf, .glb, .usda; or a bake: .npz, .poses, .journal
+pub(crate) struct ConvertArguments {
+    /// Scene (.toml, .json, .gltf, .glb, .usda) or bake (.npz, .poses, .journal)
     input: PathBuf,
 
-    /// The same in another format, by extension
+    /// File to write; its extension sets the format
     output: PathBuf,
 
-    /// The scene of the bake: for .glb and .usda, and for what .poses does not tell
+    /// Take shapes and names from this scene of the bake: for .glb, .usda and from .poses
     #[arg(long)]
     scene: Option<PathBuf>,
 
     #[command(flatten)]
-    cut: Cut,
+    frame_options: FrameOptions,
 }
 
 const EXAMPLES: &str = "\
 Examples:
   drystone convert scenes/arch.json arch.glb
-      the arch with its physics as a glTF
+      writes the arch with its physics as a glTF
   drystone convert scenes/workshop.gltf workshop.toml
-      bodies, shapes and surfaces of a glTF, to be edited by hand; what does not collide is left out
+      writes bodies, shapes and surfaces of a glTF for editing by hand; leaves out the rest
   drystone convert scenes/arch.json arch.usda
-      the arch as OpenUSD with UsdPhysics, to be opened in Houdini or Omniverse
+      writes the arch as OpenUSD with UsdPhysics, for Houdini or Omniverse
   drystone convert stones.glb.journal preview.glb --scene scenes/stones.json
-      the frames so far of a bake that is under way
+      writes the frames so far of an unfinished bake
   drystone convert stones.npz shot.glb --scene scenes/stones.json --fps 24 --frames 24..96
-      some frames of a bake, at 24 per second; those of 24 to 96
+      writes frames 24 to 96 of a bake, at 24 per second
 
-Exit codes: 0 done, 2 wrong input or usage, or the other format cannot say it, 4 a file cannot be read
-or written.";
+Exit codes: 0 done, 2 wrong input or usage, or the format cannot hold the scene, 4 a file cannot be
+read or written.";
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
     let inputs = std::iter::once(&arguments.input).chain(&arguments.scene);
-    spare(&arguments.output, inputs.map(PathBuf::as_path))?;
+    refuse_overwrite(&arguments.output, inputs.map(PathBuf::as_path))?;
     match extension(&arguments.input).as_str() {
         "npz" | "poses" | "journal" => motion(arguments),
         _ => scene(arguments),
@@ -65,12 +66,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     print(&format!("wrote        {}\n", arguments.output.display()))
 }
 
-fn motion(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { input, output, scene, cut } = arguments;
+fn motion(arguments: &ConvertArguments) -> Result<(), Failure> {
+    let ConvertArguments { input, output, scene, frame_options } = arguments;
     let format = Format::of("OUT", output)?;
     let read = scene.as_deref().map(drystone_bake::read).transpose()?;
     let named = take(input, read.as_ref().map(|read| &read.scene))?.ok_or_else(|| {
-        let what = "does not tell whose poses it has; give their scene with --scene";
+        let what = "does not name its bodies; give their scene with --scene";
         Failure::Input(format!("{}: {what}", input.display()))
     })?;
     if matches!(format, Format::Glb | Format::Usda)
@@ -78,21 +79,22 @@ fn motion(arguments: &Arguments) -> Result<(), Failure> {
     {
         let name = named.names.get(body).map_or("", String::as_str);
         return Err(Failure::Input(format!(
-            "{}: frame {frame}: the pose of '{name}' has a number that is not finite; accepted for {}: \
+            "{}: frame {frame}: the pose of '{name}' has a number that is not finite; accepted \
+             for {}: \
              finite poses",
             input.display(),
             output.display(),
         )));
     }
-    let film = cut.film(&named.recording, &named.names, &[])?;
-    let warnings = format.write(output, read.as_ref(), &film, &cut.sampling())?;
+    let motion = frame_options.motion(&named.recording, &named.names, &[])?;
+    let warnings = format.write(output, read.as_ref(), &motion, &frame_options.sampling())?;
     warnings.iter().for_each(|warning| warn(input, warning));
     Ok(())
 }
 
-fn scene(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { input, output, cut, .. } = arguments;
-    if cut.is_asked() {
+fn scene(arguments: &ConvertArguments) -> Result<(), Failure> {
+    let ConvertArguments { input, output, frame_options, .. } = arguments;
+    if frame_options.is_asked() {
         let what = "is a scene; accepted with --fps, --frames and --key-tolerance: a bake";
         return Err(Failure::Input(format!("{}: {what}", input.display())));
     }
@@ -108,7 +110,7 @@ fn scene(arguments: &Arguments) -> Result<(), Failure> {
         "json" => text(to_json(&read.scene)),
         "usda" => {
             let wrong = |why: String| Failure::Input(format!("{}: {why}", input.display()));
-            Stage::new(&read.scene, &drystone_bake::Drystone).map_err(wrong)?.write(output)
+            StageWriter::new(&read.scene, &drystone_bake::Drystone).map_err(wrong)?.write(output)
         }
         _ if read.source.is_some() => {
             let what = "is a glTF already; accepted as OUT: .toml, .json, .usda";

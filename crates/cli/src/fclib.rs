@@ -50,7 +50,7 @@ pub(crate) fn read(path: &Path) -> Result<Problem, SceneError> {
         };
         Problem::from_bodies(d, friction, bodies)
     };
-    problem.map_err(|error| file.unfit(group, &error))
+    problem.map_err(|error| file.invalid_problem(group, &error))
 }
 
 fn refused(path: &Path, place: &str, value: String, accepted: &str) -> SceneError {
@@ -74,7 +74,7 @@ impl Source<'_> {
         refused(self.path, place, error.to_string(), "a problem of fclib_local or fclib_global")
     }
 
-    fn unfit(&self, place: &str, error: &ProblemError) -> SceneError {
+    fn invalid_problem(&self, place: &str, error: &ProblemError) -> SceneError {
         refused(self.path, place, error.to_string(), "matrices that fit together")
     }
 
@@ -116,7 +116,7 @@ impl Source<'_> {
         let entry =
             |((major, minor), x)| if storage == -2 { (major, minor, x) } else { (minor, major, x) };
         let entries: Vec<_> = pairs.map(entry).collect();
-        from_entries(rows, columns, &entries).map_err(|error| self.unfit(place, &error))
+        from_entries(rows, columns, &entries).map_err(|error| self.invalid_problem(place, &error))
     }
 }
 

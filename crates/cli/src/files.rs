@@ -21,7 +21,7 @@ pub(crate) fn folder(path: &Path) -> &Path {
 
 /// Refuses an output that is one of the inputs. Overwriting it would lose what the other format
 /// leaves out, such as comments.
-pub(crate) fn spare<'a>(
+pub(crate) fn refuse_overwrite<'a>(
     output: &Path,
     inputs: impl IntoIterator<Item = &'a Path>,
 ) -> Result<(), Failure> {

@@ -3,12 +3,12 @@
 mod bake;
 mod check;
 mod convert;
-mod cut;
 mod extension;
 mod failure;
 #[cfg(feature = "fclib")]
 mod fclib;
 mod files;
+mod frames;
 mod matrix;
 mod quantity;
 mod schema;
@@ -21,31 +21,32 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use failure::Failure;
 
-/// Contact simulation for animation: reads a scene, lets it happen, writes the motion.
+/// Simulate rigid bodies in contact: read a scene, bake its motion, check and verify it.
 #[derive(Parser)]
 #[command(name = "drystone", version, after_help = CODES)]
-struct Arguments {
+struct CommandLine {
     #[command(subcommand)]
     command: Command,
 }
 
 #[derive(Subcommand)]
 enum Command {
-    Bake(bake::Arguments),
-    Check(check::Arguments),
-    Convert(convert::Arguments),
-    Matrix(matrix::Arguments),
-    Schema(schema::Arguments),
-    Solve(solve::Arguments),
-    Verify(verify::Arguments),
+    Bake(bake::BakeArguments),
+    Check(check::CheckArguments),
+    Convert(convert::ConvertArguments),
+    Matrix(matrix::MatrixArguments),
+    Schema(schema::SchemaArguments),
+    Solve(solve::SolveArguments),
+    Verify(verify::VerifyArguments),
 }
 
-const CODES: &str = "Exit codes: 0 done, 1 done and the answer is no (bakes differ, a check found something), 2 wrong input or usage, 3 the simulation diverged or \
-                     the problem is not solved, 4 a file cannot be read or written, 130 \
-                     interrupted.";
+const CODES: &str = "\
+Exit codes: 0 done, 1 done and the answer is no (bakes differ, a check found something), 2 wrong
+input or usage, 3 the simulation diverged or the problem is not solved, 4 a file cannot be read or
+written, 130 interrupted.";
 
 fn main() -> ExitCode {
-    let result = match Arguments::parse().command {
+    let result = match CommandLine::parse().command {
         Command::Bake(arguments) => bake::run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Check(arguments) => check::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments).map(|()| ExitCode::SUCCESS),

@@ -5,34 +5,38 @@ mod draw;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use drystone::{SavedProblem, StepSettings};
+use drystone::{SavedContact, SavedProblem, StepSettings};
 use drystone_bake::{Decompositions, build_with};
 use drystone_scene::{Motion, Scene, write_whole};
+use drystone_solver::assembled::Problem;
 
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
-use crate::files::spare;
+use crate::files::refuse_overwrite;
 use crate::print;
-use draw::{Entry, Picture, Point};
+use draw::{Entry, Picture, Point, Row};
 
 /// Maximum number of contacts in a picture.
 const MOST: usize = 1500;
 
 /// Draw the contact matrix A = J M^-1 J^T of a step beside its contacts.
 ///
-/// A contact is one row and one column. Two contacts have an entry where a body that can be moved
-/// takes part in both; it has the color of that body.
+/// Each contact has one row and one column. The entry of two contacts is not zero if they share a
+/// dynamic body, and has the color of that body. Up to 16 contacts are shown with their normals, the
+/// entries of A between normals [1/kg], and b = t - J v* [m/s]. If a contact bounced in the step, b
+/// is that of the impacts.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
-    /// The scene: .toml, .json, .gltf, .glb or .usda
+pub(crate) struct MatrixArguments {
+    /// Scene to simulate: .toml, .json, .gltf, .glb or .usda
     scene: PathBuf,
 
-    /// The step whose last substep is drawn, from 1
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    /// Draw the last substep of this step, from 1
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     step: u32,
 
-    /// Where the picture goes: .svg
+    /// Write the picture to this file: .svg
     #[arg(short, long, value_name = "A.svg")]
     output: PathBuf,
 }
@@ -40,32 +44,33 @@ pub(crate) struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   drystone matrix scenes/arch.json --step 60 -o arch.svg
-      a band: each stone touches the next
+      draws a band: each stone touches the next
   drystone matrix scenes/billiards.toml --step 80 -o break.svg
-      the rack as it is hit
+      draws the rack in the break
 
 Exit codes: 0 done, 2 wrong input or usage, 3 the simulation diverged, 4 a file cannot be read or
 written.";
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { scene: file, step, output } = arguments;
+pub(crate) fn run(arguments: &MatrixArguments) -> Result<(), Failure> {
+    let MatrixArguments { scene: file, step, output } = arguments;
     if extension(output) != "svg" {
         return Err(wrong_extension("--output", output, ".svg"));
     }
-    spare(output, [file.as_path()])?;
+    refuse_overwrite(output, [file.as_path()])?;
     let scene = drystone_bake::read(file)?.scene;
     let (saved, poses) = simulate(arguments, &scene)?;
     let count = saved.contacts.len();
     if !(1..=MOST).contains(&count) {
         return Err(Failure::Input(format!(
-            "{}: step {step} has {count} contacts; accepted: 1 to {MOST}; choose another --step or a \
-             smaller scene",
+            "{}: step {step} has {count} contacts; accepted: 1 to {MOST}; choose another --step or \
+             a smaller scene",
             file.display()
         )));
     }
     let name = scene.name.as_deref().unwrap_or("scene");
-    let title = format!("{name}, step {step}: {count} contacts");
+    let contacts = if count == 1 { "contact" } else { "contacts" };
+    let title = format!("{name}, step {step}: {count} {contacts}");
     let svg = draw::svg(&picture(title, &scene, &saved, &poses)?);
     write_whole(output, |out| out.write_all(svg.as_bytes()))
         .map_err(|error| Failure::cannot_write(output, &error))?;
@@ -73,19 +78,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Simulates up to the step, and returns its contacts and the poses after it.
-fn simulate(arguments: &Arguments, scene: &Scene) -> Result<(SavedProblem, Vec<f32>), Failure> {
+fn simulate(
+    arguments: &MatrixArguments,
+    scene: &Scene,
+) -> Result<(SavedProblem, Vec<f32>), Failure> {
     let file = arguments.scene.display();
     let settings = drystone_bake::settings(scene, StepSettings::certified())?;
-    let mut simulation = build_with(scene, settings, &mut Decompositions::of_user())
+    let mut world = build_with(scene, settings, &mut Decompositions::of_user())
         .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
     for step in 1..=arguments.step {
-        simulation.save_systems(step == arguments.step);
-        simulation.step(scene.time_step)?;
+        world.save_systems(step == arguments.step);
+        world.step(scene.time_step)?;
     }
-    let saved = simulation.saved().transpose();
+    let saved = world.saved().transpose();
     let saved = saved.map_err(|error| Failure::Diverged(format!("{file}: {error}")))?;
     let mut poses = Vec::new();
-    simulation.write_poses(&mut poses);
+    world.write_poses(&mut poses);
     let none = || Failure::Input(format!("{file}: step {} has no contacts", arguments.step));
     Ok((saved.ok_or_else(none)?, poses))
 }
@@ -97,11 +105,41 @@ fn picture(
     poses: &[f32],
 ) -> Result<Picture, Failure> {
     let wrong = |error| Failure::Diverged(format!("the contact matrix: {error}"));
-    let problem = saved.assembly.problem_in_space().map_err(wrong)?;
-    let (matrix, d) = (problem.matrix(), problem.dimension());
+    let bounced = saved.contacts.iter().any(|contact| contact.impact > 0.0);
+    let mut assembly = if bounced { saved.impacts.clone() } else { saved.assembly.clone() };
+    // A is the matrix of rigid contacts.
+    assembly.compliance.fill(0.0);
+    let problem = assembly.problem_in_space().map_err(wrong)?;
+    let names = scene.names();
     let moves = |body: u32| {
         scene.bodies.get(body as usize).is_some_and(|body| body.motion == Motion::Dynamic)
     };
+    let view = View::of(saved);
+    let row = |(contact, q): (&SavedContact, &f64)| Row {
+        bodies: contact.bodies,
+        point: view.flat(&contact.point),
+        normal: contact.frame.first().map_or([0.0; 2], |normal| view.flat(normal)),
+        b: -q,
+    };
+    let offsets = problem.offset().iter().step_by(problem.dimension());
+    let stride = if scene.dimension == 3 { 7 } else { 3 };
+    let bodies = names.into_iter().enumerate().zip(poses.chunks(stride));
+    Ok(Picture {
+        title,
+        entries: entries(&problem, saved, moves),
+        contacts: saved.contacts.iter().zip(offsets).map(row).collect(),
+        bodies: bodies
+            .map(|((body, name), pose)| {
+                let place: Vec<f64> = pose.iter().map(|x| f64::from(*x)).collect();
+                (name, moves(body as u32).then(|| view.flat(&place)))
+            })
+            .collect(),
+    })
+}
+
+/// Returns the nonzero blocks of A, each with its entry between normals.
+fn entries(problem: &Problem, saved: &SavedProblem, moves: impl Fn(u32) -> bool) -> Vec<Entry> {
+    let (matrix, d) = (problem.matrix(), problem.dimension());
     let shared = |i: usize, j: usize| -> Vec<u32> {
         let (a, b) = (saved.contacts[i].bodies, saved.contacts[j].bodies);
         a.into_iter().filter(|body| b.contains(body) && moves(*body)).collect()
@@ -113,48 +151,42 @@ fn picture(
             entries.filter(|(_, x)| **x != 0.0).map(move |(column, _)| [row / d, column / d])
         })
         .collect();
-    let entries = blocks.into_iter().map(|[row, column]| {
+    let entry = |[row, column]: [usize; 2]| {
         let body = match shared(row, column).as_slice() {
             [body] => Some(*body),
             _ => None,
         };
-        Entry { row, column, body }
-    });
-    let flat = view(saved);
-    let stride = if scene.dimension == 3 { 7 } else { 3 };
-    let bodies = (0..scene.bodies.len()).zip(poses.chunks(stride));
-    Ok(Picture {
-        title,
-        entries: entries.collect(),
-        contacts: saved
-            .contacts
-            .iter()
-            .map(|contact| (contact.bodies, flat(&contact.point)))
-            .collect(),
-        bodies: bodies
-            .map(|(body, pose)| {
-                let place: Vec<f64> = pose.iter().map(|x| f64::from(*x)).collect();
-                (scene.name_of(body), moves(body as u32).then(|| flat(&place)))
-            })
-            .collect(),
-    })
+        let value = matrix.get(d * row, d * column).copied().unwrap_or(0.0);
+        Entry { row, column, value, body }
+    };
+    blocks.into_iter().map(entry).collect()
 }
 
-/// Returns the projection from space to the picture: from the front, the side or above, along the
-/// axis in which the contacts spread least.
-fn view(saved: &SavedProblem) -> impl Fn(&[f64]) -> Point {
-    let spread = |axis: usize| {
-        let along = saved.contacts.iter().filter_map(|contact| contact.point.get(axis));
-        let bounds = |(low, high): (f64, f64), x: &f64| (low.min(*x), high.max(*x));
-        let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), bounds);
-        high - low
-    };
-    let deep = [2, 0, 1].into_iter().min_by(|&a, &b| spread(a).total_cmp(&spread(b)));
-    // Axis and sign of the horizontal and the vertical direction.
-    let axes = match deep {
-        Some(0) => [(2, -1.0), (1, 1.0)],
-        Some(1) => [(0, 1.0), (2, -1.0)],
-        _ => [(0, 1.0), (1, 1.0)],
-    };
-    move |point| axes.map(|(axis, sign)| sign * point.get(axis).copied().unwrap_or(0.0))
+/// Projection from space to the picture: from the front, the side or above, along the axis in which
+/// the contacts spread least.
+struct View {
+    /// Axis and sign of the horizontal and the vertical direction.
+    axes: [(usize, f64); 2],
+}
+
+impl View {
+    fn of(saved: &SavedProblem) -> Self {
+        let spread = |axis: usize| {
+            let along = saved.contacts.iter().filter_map(|contact| contact.point.get(axis));
+            let bounds = |(low, high): (f64, f64), x: &f64| (low.min(*x), high.max(*x));
+            let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), bounds);
+            high - low
+        };
+        let deep = [2, 0, 1].into_iter().min_by(|&a, &b| spread(a).total_cmp(&spread(b)));
+        let axes = match deep {
+            Some(0) => [(2, -1.0), (1, 1.0)],
+            Some(1) => [(0, 1.0), (2, -1.0)],
+            _ => [(0, 1.0), (1, 1.0)],
+        };
+        Self { axes }
+    }
+
+    fn flat(&self, point: &[f64]) -> Point {
+        self.axes.map(|(axis, sign)| sign * point.get(axis).copied().unwrap_or(0.0))
+    }
 }

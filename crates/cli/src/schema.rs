@@ -5,7 +5,7 @@ use crate::print;
 
 /// Print the JSON Schema of scene files, for editors and other programs.
 #[derive(clap::Args)]
-pub(crate) struct Arguments {}
+pub(crate) struct SchemaArguments {}
 
 /// Runs the command.
 pub(crate) fn run() -> Result<(), Failure> {

@@ -11,38 +11,42 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use drystone_scene::write_whole;
-use drystone_solver::assembled::{Limits, Outcome, Status};
+use drystone_solver::assembled::{Limits, Outcome, Problem, Status};
 use serde_json::Value;
 
 use crate::failure::Failure;
-use crate::files::spare;
+use crate::files::refuse_overwrite;
 use crate::print;
 pub(crate) use plot::escaped;
-use run::{Choice, Run};
+use run::{Choice, MethodRun};
+
+/// Largest number of unknowns whose matrix is printed.
+const SHOWN: usize = 6;
 
 /// Solve a contact problem or a linear complementarity problem given as matrices.
 ///
-/// PROBLEM is JSON: a contact problem u = W r + q with `dim`, `mu`, `q` and `W`, or `global` with
-/// the bodies' `M`, `H`, `f` and `w`; or a linear complementarity problem with `q` and `M` or
-/// `M_rows`; or what `drystone bake --dump-step` saves, with `M`, `J`, `v_star`, `t`, `mu`, and `eps`
-/// and `gamma_0` if there are any: methods start from that guess. Sparse matrices are given by
-/// columns (`rows`, `cols`, `colptr`, `rowidx`, `values`). FCLIB's .hdf5 files are read by builds
-/// with the feature `fclib`.
+/// PROBLEM is JSON, and one of four kinds. A contact problem u = W r + q has `dim`, `mu`, `q` and
+/// `W`; in global form, the bodies' `M`, `H`, `f` and `w`. A linear complementarity problem has `q`
+/// and `M` or `M_rows`. A problem saved by `drystone bake --dump-step` has `M`, `J`, `v_star`, `t`,
+/// `mu`, and optionally `eps` and the guess `gamma_0`. Sparse matrices are given by columns
+/// (`rows`, `cols`, `colptr`, `rowidx`, `values`). Builds with the feature `fclib` read FCLIB's
+/// .hdf5 files.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
-    /// The problem: .json, or .hdf5
+pub(crate) struct SolveArguments {
+    /// Problem to solve: .json, or .hdf5
     problem: PathBuf,
 
-    /// auto picks by itself; or gauss-seidel, proximal, newton, lemke, enumeration, interior-point
+    /// Solve by this method: auto, gauss-seidel, proximal, newton, lemke, enumeration or
+    /// interior-point; auto chooses by itself
     #[arg(long, value_name = "M", default_value = "auto", value_parser = Choice::from_str)]
     method: Choice,
 
-    /// Residual that is good enough, relative to the problem's own size
+    /// Stop at this residual, relative to the size of the problem
     #[arg(long, value_name = "X", default_value_t = 1e-9, value_parser = within(1e-16..=1.0))]
     tolerance: f64,
 
-    /// The most iterations: sweeps, pivots or Newton steps
+    /// Stop after so many iterations: sweeps, pivots or Newton steps
     #[arg(long, value_name = "N", default_value_t = 100_000)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000_000))]
     budget: u32,
@@ -51,20 +55,20 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "PLOT.svg")]
     history: Option<PathBuf>,
 
-    /// Run every other method as well, and draw them all
+    /// Run all other methods as well, and draw their residuals
     #[arg(long)]
     compare: bool,
 
-    /// Solve so many times from the start, and state the median time
+    /// Repeat the solution so many times, and report the median time
     #[arg(long, value_name = "N", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=10_000))]
     repeat: u32,
 
-    /// Write the solution and how it was found as JSON
+    /// Write the solution, its residuals and its method as JSON
     #[arg(short, long, value_name = "RESULT.json")]
     output: Option<PathBuf>,
 
-    /// No text; warnings and errors remain
+    /// Print no text; warnings and errors remain
     #[arg(short, long)]
     quiet: bool,
 }
@@ -72,12 +76,12 @@ pub(crate) struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   drystone solve stack.json -o result.json
-      the impulses, by whatever method it takes
+      writes the impulses, with the method chosen automatically
   drystone solve capsules.json --compare --history plot.svg
-      all methods on one picture
+      draws the residuals of all methods in one picture
 
-Exit codes: 0 solved, 2 wrong input or usage, 3 not solved (also if it is proven that there is no
-solution; the result is written all the same), 4 a file cannot be read or written.";
+Exit codes: 0 solved, 2 wrong input or usage, 3 not solved (also with a proof that there is no
+solution; the result is written nevertheless), 4 a file cannot be read or written.";
 
 fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| match f64::from_str(text) {
@@ -87,7 +91,7 @@ fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + 
 }
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &SolveArguments) -> Result<(), Failure> {
     for (flag, path, accepted) in
         [("--history", &arguments.history, "svg"), ("--output", &arguments.output, "json")]
     {
@@ -98,12 +102,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             return Err(Failure::Input(format!("{path}: {flag} writes .{accepted} files only")));
         }
         if let Some(path) = path {
-            spare(path, [arguments.problem.as_path()])?;
+            refuse_overwrite(path, [arguments.problem.as_path()])?;
         }
     }
     let named = read::read(&arguments.problem)?;
     let limits = Limits { tolerance: arguments.tolerance, budget: arguments.budget as usize };
-    let run = |choice| Run::new(&named, choice, &limits, arguments.repeat);
+    let run = |choice| {
+        let run = MethodRun::new(&named, choice, &limits, arguments.repeat);
+        if arguments.history.is_some() { run.with_history(&named, &limits) } else { run }
+    };
     let mut runs = vec![run(arguments.method)];
     if arguments.compare {
         let others = Choice::all().filter(|&choice| choice != arguments.method);
@@ -136,13 +143,15 @@ fn write_json(path: &std::path::Path, value: &Value) -> Result<(), Failure> {
 }
 
 /// Returns a failure if the problem is not solved; called after all outputs are written.
-fn unless_solved(name: &str, run: &Run) -> Result<(), Failure> {
+fn unless_solved(name: &str, run: &MethodRun) -> Result<(), Failure> {
     let Outcome { status, reason, residual, .. } = run.solved.outcome;
     match status {
         Status::Converged => Ok(()),
         Status::BadInput => {
             let method = run.choice.name();
-            Err(Failure::Input(format!("{name}: {method} is not for this problem: {reason}")))
+            Err(Failure::Input(format!(
+                "{name}: {method} does not apply to this problem: {reason}"
+            )))
         }
         Status::Infeasible => Err(Failure::Unsolved(format!("{name}: {reason}"))),
         Status::Budget | Status::Stalled => {
@@ -151,7 +160,47 @@ fn unless_solved(name: &str, run: &Run) -> Result<(), Failure> {
     }
 }
 
-fn text(named: &read::Named, runs: &[Run]) -> String {
+/// Formats W, q, the impulses and u = W r + q of a small problem.
+fn numbers(problem: &Problem, r: &[f64]) -> String {
+    let (n, matrix) = (problem.unknowns(), problem.matrix());
+    let row = |i: usize| -> Vec<f64> {
+        (0..n).map(|j| matrix.get(i, j).copied().unwrap_or(0.0)).collect()
+    };
+    let mut lines: Vec<(&str, Vec<f64>)> = (0..n).map(|i| ("", row(i))).collect();
+    if let Some((name, _)) = lines.first_mut() {
+        *name = "W";
+    }
+    lines.push(("q", problem.offset().to_vec()));
+    lines.push((if problem.dimension() == 1 { "z" } else { "r" }, r.to_vec()));
+    lines.push(("u", problem.velocities(r)));
+    let mut text = String::new();
+    for (name, values) in lines {
+        let values = values.iter().map(|&x| format!("{:>9}", short(x, 5))).collect::<Vec<_>>();
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{name:12} {}", values.join(" "));
+    }
+    text
+}
+
+/// Formats a number with so many significant digits, without zeros at the end. Numbers that are too
+/// large or too small for that have an exponent; rounding errors are 0.
+pub(crate) fn short(x: f64, digits: i32) -> String {
+    if x.abs() < 5e-13 {
+        return "0".to_owned();
+    }
+    let before = x.abs().log10().floor() as i32 + 1;
+    if !(-2..=5).contains(&before) {
+        return format!("{x:.*e}", digits as usize - 1);
+    }
+    let text = format!("{x:.*}", (digits - before).max(0) as usize);
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+fn text(named: &read::Named, runs: &[MethodRun]) -> String {
     let (problem, run) = (&named.problem, &runs[0]);
     let mut text = String::new();
     let contacts = match problem.contacts() {
@@ -171,6 +220,9 @@ fn text(named: &read::Named, runs: &[Run]) -> String {
     let _ = writeln!(text, "certificate  {}", result::in_words(named, run));
     let _ = writeln!(text, "iterations   {iterations}");
     let _ = writeln!(text, "time         {:.2} ms", run.milliseconds());
+    if problem.unknowns() <= SHOWN {
+        text += &numbers(problem, &run.solved.outcome.impulses);
+    }
     if let Some(stress) = &run.solved.outcome.certificate {
         let jammed = stress.weights.iter().filter(|&&y| y > 0.0).count();
         let _ =

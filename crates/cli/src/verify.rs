@@ -17,18 +17,18 @@ use crate::print;
 
 /// Compare two bakes to the last bit.
 ///
-/// Says the first frame and body that differ, by how much, and where they differ most. A .npz names
-/// its bodies; a .poses file does not: --scene does.
+/// The answer has the first frame and body that differ, the difference, and the largest difference.
+/// A .npz file names its bodies. For a .poses file, --scene names them.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Arguments {
-    /// A bake: .npz, .poses, or the .journal of one that is under way
+pub(crate) struct VerifyArguments {
+    /// First bake: .npz, .poses, or the .journal of a bake that runs or was interrupted
     a: PathBuf,
 
-    /// Another bake of the same scene
+    /// Second bake, of the same scene
     b: PathBuf,
 
-    /// The scene that was baked, for the names of its bodies
+    /// Take the names of bodies from this scene
     #[arg(long)]
     scene: Option<PathBuf>,
 }
@@ -36,17 +36,17 @@ pub(crate) struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   drystone verify a.npz b.npz
-      whether two bakes are the same; if not, which body moved first, and when
+      compares two bakes; if they differ, names the first body and frame that do
   drystone verify a.poses b.poses --scene scenes/arch.json
-      the same for raw poses
+      compares raw poses
 
 Exit codes: 0 the same, 1 different, 2 wrong input or usage, 4 a file cannot be read. The report of
 `drystone bake --report` has a hash of all poses and velocities after each step, `state`, to compare
 bakes on machines that are far apart.";
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let Arguments { a, b, scene } = arguments;
+pub(crate) fn run(arguments: &VerifyArguments) -> Result<ExitCode, Failure> {
+    let VerifyArguments { a, b, scene } = arguments;
     let shown = format!("{} and {}", a.display(), b.display());
     if bytes(a)? == bytes(b)? {
         print(&format!("same         {shown}, to the last bit\n"))?;
@@ -58,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     };
     let difference = match (take(a, scene.as_ref())?, take(b, scene.as_ref())?) {
         (Some(one), Some(other)) => described(&one, &other),
-        _ => "where        give their scene with --scene to learn it\n".to_owned(),
+        _ => "where        unknown; give their scene with --scene\n".to_owned(),
     };
     print(&format!("different    {shown}\n{difference}"))?;
     Ok(ExitCode::from(1))
@@ -122,7 +122,7 @@ pub(crate) fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, 
     let recording = poses::read(path, scene.dimension, bodies, scene.time_step);
     let recording = recording.map_err(|error| {
         Failure::Input(format!(
-            "{}: is no bake of this scene, which has {bodies} bodies in {}D: {error}",
+            "{}: is not a bake of this scene, which has {bodies} bodies in {}D: {error}",
             path.display(),
             scene.dimension
         ))

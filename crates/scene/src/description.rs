@@ -85,6 +85,36 @@ pub struct Body {
     pub track: Track,
 }
 
+impl Body {
+    /// Describes a body at rest at `position` \[m\], not rotated, with one shape. The position has
+    /// as many components as the scene has dimensions.
+    pub fn new<const D: usize>(motion: Motion, position: [f64; D], kind: ShapeKind) -> Self {
+        Self {
+            name: None,
+            motion,
+            position: position.to_vec(),
+            rotation: Rotation::identity(D),
+            linear_velocity: vec![0.0; D],
+            angular_velocity: vec![0.0; if D == 3 { 3 } else { 1 }],
+            mass: Mass::default(),
+            gravity_factor: 1.0,
+            linear_damping: 0.0,
+            angular_damping: 0.0,
+            surface_velocity: None,
+            shapes: vec![Shape::new(kind, D)],
+            track: Track::default(),
+        }
+    }
+
+    /// Describes a particle at rest at `position` \[m\]: a dynamic sphere of `radius` \[m\] without
+    /// friction.
+    pub fn particle<const D: usize>(position: [f64; D], radius: f64) -> Self {
+        let mut body = Self::new(Motion::Dynamic, position, ShapeKind::Sphere { radius });
+        body.shapes.iter_mut().for_each(|shape| shape.material.friction = 0.0);
+        body
+    }
+}
+
 /// Cause of the motion of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -194,6 +224,20 @@ pub struct Shape {
     pub filter: Filter,
 }
 
+impl Shape {
+    /// Describes a shape at the origin of its body, not rotated, with the default material.
+    pub fn new(kind: ShapeKind, dimension: usize) -> Self {
+        Self {
+            kind,
+            position: vec![0.0; dimension],
+            rotation: Rotation::identity(dimension),
+            material: Material::default(),
+            surface_velocity: None,
+            filter: Filter::default(),
+        }
+    }
+}
+
 /// The form of a shape.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
@@ -227,13 +271,13 @@ pub enum ShapeKind {
         /// Points. \[m\]
         points: Vec<Vec<f64>>,
     },
-    /// Everything behind a plane through the local origin; not on dynamic bodies.
+    /// Half-space behind a plane through the local origin; not on dynamic bodies.
     Halfspace {
         /// Outward unit normal.
         normal: Vec<f64>,
     },
-    /// Triangles, counter-clockwise seen from outside (3D). On a dynamic body the mesh is closed, and collides as
-    /// convex pieces.
+    /// Triangles, counter-clockwise seen from outside (3D). On a dynamic body the mesh is closed,
+    /// and collides as convex pieces.
     Trimesh {
         /// Points. \[m\]
         vertices: Vec<[f64; 3]>,
@@ -277,10 +321,10 @@ pub struct Material {
     pub restitution: f64,
     /// Rolling resistance: the largest distance by which the normal force may act ahead of the
     /// contact. A rolling ball of radius r decelerates as on an upward slope of this length over r.
-    /// Of two surfaces, the larger value counts. \[m\]
+    /// A contact takes the larger value of its two surfaces. \[m\]
     pub rolling_resistance: f64,
-    /// Resistance to spinning about the normal: the largest moment divided by the normal force. Of
-    /// two surfaces, the larger value counts. \[m\]
+    /// Resistance to spinning about the normal: the largest moment divided by the normal force. A
+    /// contact takes the larger value of its two surfaces. \[m\]
     pub spinning_resistance: f64,
     /// Rule that combines the friction of two surfaces.
     pub friction_combine: Combine,

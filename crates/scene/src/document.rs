@@ -25,7 +25,7 @@ pub(super) struct SceneDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 2, max = 3))]
     pub(super) gravity: Option<Vec<f64>>,
-    /// Length of a step [s]; 1/60 if absent.
+    /// Time step [s]; 1/60 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-6, max = 1.0))]
     pub(super) time_step: Option<f64>,
@@ -39,7 +39,7 @@ pub(super) struct SceneDocument {
     /// Kind of the bodies; "rigid" if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) bodies_as: Option<BodiesAs>,
-    /// Step settings in place of the defaults.
+    /// Settings of a step in place of the defaults.
     #[serde(skip_serializing_if = "Map::is_empty")]
     #[schemars(default)]
     #[schemars(with = "crate::solver::StepSettings")]
@@ -79,21 +79,21 @@ pub(super) struct MaterialDocument {
 #[derive(Serialize, JsonSchema, Default)]
 #[schemars(rename = "Surface")]
 pub(super) struct SurfaceDocument {
-    /// Coulomb coefficient; 0.5 if absent, 0 in a scene of particles.
+    /// Coulomb friction coefficient [1]; 0.5 if absent, 0 in a scene of particles.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub(super) friction: Option<f64>,
-    /// Restitution; 0 if absent.
+    /// Coefficient of restitution [1], 0 to 1; 0 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(super) restitution: Option<f64>,
-    /// How far ahead of a contact the supporting force may act [m]: it slows what rolls; 0 if absent. Of two surfaces
-    /// the larger counts.
+    /// Rolling resistance [m]: the largest distance by which the normal force may act ahead of the
+    /// contact; 0 if absent. A contact takes the larger value of its two surfaces.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub(super) rolling_resistance: Option<f64>,
-    /// The largest moment against spinning about the normal, over the normal force [m]; 0 if absent. Of two
-    /// surfaces the larger counts.
+    /// Spinning resistance [m]: the largest moment about the normal, divided by the normal force; 0
+    /// if absent. A contact takes the larger value of its two surfaces.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub(super) spinning_resistance: Option<f64>,
@@ -130,7 +130,7 @@ pub(super) struct BodyDocument {
     /// Angular velocity [rad/s], in 3D about world axes, in 2D a number; 0 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) angular_velocity: Option<SpinDocument>,
-    /// Part of gravity that acts on it; 1 if absent.
+    /// Factor of the gravity that acts on it [1]; 1 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) gravity_factor: Option<f64>,
     /// Rate at which its velocity decays [1/s]; 0 if absent.
@@ -141,7 +141,8 @@ pub(super) struct BodyDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub(super) angular_damping: Option<f64>,
-    /// Velocity of its surface, as of a belt, in the body's frame and about its origin; 0 if absent.
+    /// Velocity of its surface, such as of a conveyor belt, in the body's frame and about its
+    /// origin; 0 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) surface_velocity: Option<SurfaceVelocityDocument>,
     /// Density [kg/m^3], in 2D [kg/m^2]; 1000 if there is no mass either.
@@ -221,8 +222,8 @@ pub(super) struct SurfaceMotionDocument {
     /// [rad/s], in 2D a number; 0 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) angular: Option<SpinDocument>,
-    /// Whether its axes are those of the body or shape, and turn with it; else those of the world. true if
-    /// absent.
+    /// Whether its axes are those of the body or shape, and turn with it, or those of the world;
+    /// true if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) local: Option<bool>,
 }
@@ -236,7 +237,7 @@ pub(super) enum InertiaDocument {
     Principal(Vec<Unbounded>),
 }
 
-/// A number that may be infinite, which JSON cannot say.
+/// A number that may be infinite, which JSON has no number for.
 #[derive(JsonSchema)]
 #[schemars(untagged)]
 #[allow(dead_code, reason = "the schema shows both forms; writing chooses by value")]
@@ -308,7 +309,8 @@ pub(super) struct ShapeDocument {
     pub(super) rotation: Option<RotationDocument>,
     #[serde(flatten)]
     pub(super) surface: SurfaceDocument,
-    /// Velocity of its surface, in the frame of the shape and about its origin, instead of that of the body.
+    /// Velocity of its surface, in the frame of the shape and about its origin, instead of that of
+    /// the body.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) surface_velocity: Option<SurfaceVelocityDocument>,
     /// Collision filter, instead of that of the body.

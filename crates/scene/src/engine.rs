@@ -1,4 +1,4 @@
-//! [`Engine`]: what readers and writers ask of the engine that simulates a scene.
+//! [`Engine`]: services that readers and writers need of the engine that simulates a scene.
 
 use serde_json::{Map, Value};
 

@@ -13,11 +13,11 @@
 )]
 
 pub(crate) mod body;
+pub(super) mod cursor;
 mod setup;
 pub(super) mod shape;
 pub(crate) mod surface;
 mod tree;
-pub(super) mod walk;
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
@@ -26,16 +26,16 @@ use std::path::Path;
 use serde_json::Value;
 
 use self::body::read_body;
+use self::cursor::{FieldCursor, Range, ReadContext, TableCursor};
 use self::setup::Setup;
-use self::surface::{Surface, Systems, read_surface};
-use self::tree::{Node, Text, Tree};
-use self::walk::{Field, Range, Table, Walk};
+use self::surface::{SurfaceFields, Systems, read_surface};
+use self::tree::{Text, Tree, TreeNode};
 use super::description::{BodiesAs, Body, Motion, Scene, ShapeKind};
 use super::engine::{Engine, NoEngine, SettingFault};
 use super::error::SceneError;
 use super::read::Read;
 
-pub use self::walk::nearest_known;
+pub use self::cursor::nearest_known;
 
 pub(super) const SCENE_KEYS: &[&str] = &[
     "name",
@@ -99,16 +99,16 @@ pub fn read_json_with(file: &Path, text: &str, engine: &dyn Engine) -> Result<Re
 
 fn read_tree(
     text: Text<'_>,
-    tree: &Node<'_>,
+    tree: &TreeNode<'_>,
     json: bool,
     engine: &dyn Engine,
 ) -> Result<Read, SceneError> {
-    let walk = Walk { text, json, warnings: RefCell::default() };
+    let walk = ReadContext { text, json, warnings: RefCell::default() };
     let scene = read_scene(&walk.root(tree, &""), engine)?;
     Ok(Read { scene, warnings: walk.warnings.into_inner(), source: None })
 }
 
-fn read_scene(field: &Field<'_>, engine: &dyn Engine) -> Result<Scene, SceneError> {
+fn read_scene(field: &FieldCursor<'_>, engine: &dyn Engine) -> Result<Scene, SceneError> {
     let table = field.table(SCENE_KEYS, &"")?;
     let dimension = match table.get("dimension") {
         None => 3,
@@ -142,7 +142,7 @@ fn read_scene(field: &Field<'_>, engine: &dyn Engine) -> Result<Scene, SceneErro
     })
 }
 
-fn warn_of_unsupported(table: &Table<'_>) {
+fn warn_of_unsupported(table: &TableCursor<'_>) {
     for key in ["joints", "events"] {
         if let Some(field) = table.get(key).filter(|field| !field.is_empty()) {
             field.warn("are not supported yet: the scene runs without them");
@@ -150,7 +150,7 @@ fn warn_of_unsupported(table: &Table<'_>) {
     }
 }
 
-fn read_steps(table: &Table<'_>, time_step: f64) -> Result<Option<u32>, SceneError> {
+fn read_steps(table: &TableCursor<'_>, time_step: f64) -> Result<Option<u32>, SceneError> {
     let Some(duration) = table.get("duration") else {
         return table.get("steps").map(|steps| steps.whole(MAX_STEPS)).transpose();
     };
@@ -165,7 +165,7 @@ fn read_steps(table: &Table<'_>, time_step: f64) -> Result<Option<u32>, SceneErr
 }
 
 fn read_bodies(
-    table: &Table<'_>,
+    table: &TableCursor<'_>,
     dimension: usize,
     bodies_as: BodiesAs,
 ) -> Result<Vec<Body>, SceneError> {
@@ -195,11 +195,11 @@ fn read_bodies(
     Ok(bodies)
 }
 
-fn read_materials(table: &Table<'_>) -> Result<BTreeMap<String, Surface>, SceneError> {
+fn read_materials(table: &TableCursor<'_>) -> Result<BTreeMap<String, SurfaceFields>, SceneError> {
     let Some(field) = table.get("materials") else {
         return Ok(BTreeMap::new());
     };
-    let read = |(name, field): (&str, Field<'_>)| {
+    let read = |(name, field): (&str, FieldCursor<'_>)| {
         let owner = format!("material '{name}'");
         let surface = read_surface(&field.table(surface::MATERIAL_KEYS, &owner)?)?;
         Ok((name.to_owned(), surface))
@@ -209,7 +209,7 @@ fn read_materials(table: &Table<'_>) -> Result<BTreeMap<String, Surface>, SceneE
 
 /// Checks that a dynamic body is a single sphere about its position that has neither friction nor
 /// angular velocity. The shapes of other bodies must be spheres and half-spaces.
-fn check_particle(field: &Field<'_>, index: usize, body: &Body) -> Result<(), SceneError> {
+fn check_particle(field: &FieldCursor<'_>, index: usize, body: &Body) -> Result<(), SceneError> {
     let owner = body::body_name(index, body.name.as_deref());
     let refuse = |what: &str, value: String, accepted: &str| {
         let item = format!("{what} of {owner}");
@@ -254,7 +254,7 @@ fn type_of(kind: &ShapeKind) -> String {
 }
 
 fn read_solver(
-    field: &Field<'_>,
+    field: &FieldCursor<'_>,
     engine: &dyn Engine,
 ) -> Result<serde_json::Map<String, Value>, SceneError> {
     let mut solver = serde_json::Map::new();
@@ -274,7 +274,7 @@ fn read_solver(
     }
 }
 
-fn refuse_setting(field: &Field<'_>, fault: SettingFault) -> SceneError {
+fn refuse_setting(field: &FieldCursor<'_>, fault: SettingFault) -> SceneError {
     let entry = field.named().ok().and_then(|mut entries| entries.find(|(k, _)| *k == fault.key));
     match entry {
         Some((_, entry)) => SceneError {

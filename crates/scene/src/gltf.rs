@@ -34,7 +34,7 @@ use self::accessors::Accessors;
 use self::animation::Animation;
 use self::json::Cursor;
 use self::meshes::Meshes;
-use self::physics::Builder;
+use self::physics::GltfBodies;
 use self::tables::Dialect;
 use super::description::Scene;
 use super::engine::Engine;
@@ -90,8 +90,13 @@ pub fn read(file: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
         });
     }
     let tables = tables::read(&root, dialect, meshes.len(), &mut warnings)?;
-    let builder =
-        Builder { nodes: &nodes, meshes: &meshes, tables: &tables, animation: &animation, dialect };
+    let builder = GltfBodies {
+        nodes: &nodes,
+        meshes: &meshes,
+        tables: &tables,
+        animation: &animation,
+        dialect,
+    };
     let (bodies, body_nodes) = builder.bodies(&mut warnings)?;
     if bodies.is_empty() {
         warnings.push(Warning {
@@ -100,7 +105,7 @@ pub fn read(file: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
                 .into(),
         });
     }
-    tables::count_strangers(&mut warnings);
+    tables::count_unknown(&mut warnings);
     let scene = Scene { name: scene_name(&root)?, bodies, ..own(&root, engine)? };
     let source = Source { document, buffers, folder, bodies: body_nodes };
     Ok(Read { scene, warnings, source: Some(source) })

@@ -1,14 +1,9 @@
 //! Scenes of bodies in contact: one description, whatever file it comes from.
 //!
-//! A [`Scene`] has bodies with shapes, materials, masses and tracks. Readers take it from
-//! Drystone's own format (TOML, JSON), from glTF 2.0 with physics, and from OpenUSD with
-//! UsdPhysics. Writers bring it back to each of them. SI units, right-handed, +y up. Vectors have
-//! as many components as the scene has dimensions.
-//!
 //! ```
 //! use std::path::Path;
 //!
-//! use drystone_scene::{ShapeKind, format::read_toml, to_json};
+//! use drystone_scene::{Body, Motion, ShapeKind, format::read_toml, to_json};
 //!
 //! let text = r#"
 //! [[bodies]]
@@ -16,25 +11,21 @@
 //! position = [0, 2, 0]
 //! shapes = [{ type = "sphere", radius = 0.5 }]
 //! "#;
-//! let read = read_toml(Path::new("ball.toml"), text)?;
-//! assert!(read.warnings.is_empty());
-//! assert_eq!(read.scene.bodies[0].shapes[0].kind, ShapeKind::Sphere { radius: 0.5 });
-//! assert!(to_json(&read.scene).contains("\"ball\""));
+//! let mut scene = read_toml(Path::new("ball.toml"), text)?.scene;
+//! let ground = ShapeKind::Halfspace { normal: vec![0.0, 1.0, 0.0] };
+//! scene.bodies.push(Body::new(Motion::Static, [0.0; 3], ground));
+//! assert!(to_json(&scene).contains("halfspace"));
 //! # Ok::<(), drystone_scene::SceneError>(())
 //! ```
 //!
+//! [`read`] takes a [`Scene`] from Drystone's own format (TOML, JSON), glTF 2.0 with physics, or
+//! OpenUSD with UsdPhysics. [`to_toml`], [`to_json`] and [`export`] write it. SI units,
+//! right-handed, +y up. Vectors have as many components as the scene has dimensions.
+//!
 //! Files are not trusted. A wrong value is refused with file, place, item, value and accepted range
-//! ([`SceneError`]); input without effect is named ([`Warning`]).
-//!
-//! This crate knows no engine. Settings of the table `solver`, masses of compound shapes and convex
-//! hulls are those of an [`Engine`]; `drystone-bake` has that of Drystone.
-//!
-//! | For | Look at |
-//! |---|---|
-//! | files | [`read`], [`read_with`] |
-//! | text of our own format | [`format`](mod@format), [`to_toml`], [`to_json`], [`json_schema`] |
-//! | glTF and OpenUSD to be written | [`export::gltf::Physics`], [`export::usd::Stage`] |
-//! | meshes that enclose a volume | [`is_solid`], [`DecompositionOptions`] |
+//! ([`SceneError`]); input without effect is named ([`Warning`]). This crate knows no engine: what
+//! depends on one, as settings and hulls, is asked of an [`Engine`], such as that of
+//! `drystone-bake`. [`json_schema`] describes the own format.
 
 // At most one error is made per file, so its size does not matter.
 #![allow(clippy::result_large_err)]
@@ -65,6 +56,7 @@ pub use description::{
 pub use engine::{Engine, Hull, NoEngine, SettingFault, Solid, Weight};
 pub use error::{Place, SceneError, Warning};
 pub use file::open;
+pub use format::shape::spans_space;
 pub use read::Read;
 pub use schema::json_schema;
 pub use solid_mesh::{DecompositionOptions, NotSolid, is_solid};

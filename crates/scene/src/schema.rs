@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn null_is_no_value() {
+    fn null_is_not_a_value() {
         assert!(!json_schema().to_string().contains("\"null\""));
     }
 
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_required_that_has_a_default() {
+    fn keys_with_defaults_are_optional() {
         let schema = json_schema();
         assert_eq!(schema.get("required"), None);
         assert_eq!(schema["$defs"]["Body"].get("required"), None);

@@ -46,7 +46,7 @@ impl DecompositionOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotSolid {
     /// A coordinate is NaN or infinite, or a triangle has an index out of range.
-    #[error("a coordinate is not finite, or an index is that of no vertex")]
+    #[error("a coordinate is not finite, or an index has no vertex")]
     Invalid,
     /// The mesh has holes.
     #[error("the mesh is open: {edges} edges have no second triangle")]
@@ -55,7 +55,7 @@ pub enum NotSolid {
         edges: usize,
     },
     /// Neighboring triangles face opposite sides.
-    #[error("the mesh looks both ways: at {edges} edges two neighbors face opposite sides")]
+    #[error("the mesh is not oriented: at {edges} edges two neighbors face opposite sides")]
     Turned {
         /// Number of such edges.
         edges: usize,

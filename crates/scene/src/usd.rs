@@ -26,9 +26,9 @@ mod parser;
 mod prims;
 mod shapes;
 mod stage;
-mod strangers;
 mod surfaces;
 mod tokens;
+mod unsupported;
 mod value;
 mod xform;
 
@@ -65,8 +65,8 @@ pub fn read(file: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
             place: Place::File,
             item: "OpenUSD without physics".into(),
             value: String::new(),
-            accepted: "apply PhysicsCollisionAPI to what collides and PhysicsRigidBodyAPI to what \
-                       moves"
+            accepted: "apply PhysicsCollisionAPI to prims that collide and PhysicsRigidBodyAPI to \
+             prims that move"
                 .into(),
             unreadable: false,
         });

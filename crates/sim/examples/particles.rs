@@ -1,7 +1,7 @@
 //! Lets three hundred particles fall into a funnel:
 //! `cargo run --release -p drystone --example particles`
 
-use drystone::geometry::spheres::SphereShape;
+use drystone::geometry::particles::SphereShape;
 use drystone::{Body, Motion, ParticleWorld2, StepSettings, Vector};
 
 fn main() {

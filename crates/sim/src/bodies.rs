@@ -23,7 +23,7 @@ pub struct Body<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Decay rates d of its linear and angular velocity: dv/dt = -d v. \[1/s\]
     pub damping: [f32; 2],
     /// Surface velocity, in its frame. Colliders may have one of their own.
-    pub surface_velocity: Option<SurfaceMotion<L, A>>,
+    pub surface_velocity: Option<SurfaceVelocity<L, A>>,
     /// Its shapes.
     pub colliders: Vec<Collider<G, L, A>>,
     /// Any number chosen by the caller, returned by [`World::user_data`](crate::World::user_data).
@@ -59,7 +59,7 @@ pub struct Collider<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Surface properties.
     pub material: Material,
     /// Surface velocity, in the frame of the shape. If absent, that of the body applies.
-    pub surface_velocity: Option<SurfaceMotion<L, A>>,
+    pub surface_velocity: Option<SurfaceVelocity<L, A>>,
     /// Selection of the colliders that it can touch.
     pub filter: Filter,
     /// Any number chosen by the caller, returned by
@@ -88,7 +88,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Collider<G, L, A> {
 /// Contacts see only its tangential part: friction drives the other body towards it. It neither
 /// lifts nor presses, and has no effect without friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfaceMotion<const L: usize, const A: usize> {
+pub struct SurfaceVelocity<const L: usize, const A: usize> {
     /// Linear velocity. \[m/s\]
     pub linear: Vector<f32, L>,
     /// Angular velocity. \[rad/s\]
@@ -98,7 +98,7 @@ pub struct SurfaceMotion<const L: usize, const A: usize> {
     pub local: bool,
 }
 
-impl<const L: usize, const A: usize> SurfaceMotion<L, A> {
+impl<const L: usize, const A: usize> SurfaceVelocity<L, A> {
     /// Creates a belt with this velocity \[m/s\] in the frame of its body.
     pub fn linear(linear: Vector<f32, L>) -> Self {
         Self { linear, angular: Vector::ZERO, local: true }
@@ -256,7 +256,7 @@ pub(crate) struct SpinState<const A: usize> {
     /// Rounding error left out of the angular velocity. \[rad/s\]
     pub(crate) remainder: Vector<f32, A>,
     /// True if an impact has changed its velocity since its pose was last updated.
-    pub(crate) struck: bool,
+    pub(crate) had_impact: bool,
 }
 
 /// State and properties of all bodies.
@@ -276,10 +276,10 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) poses: Vec<G::Pose>,
     pub(crate) frames: Vec<Frame<L>>,
     /// Rounding errors left out of the positions. \[m\]
-    pub(crate) remainders: Vec<Vector<f32, L>>,
+    pub(crate) position_remainders: Vec<Vector<f32, L>>,
     /// Upper bound of the path length of its surfaces since it was added, summed over the steps
     /// ([`Reach::core`]). \[m\]
-    pub(crate) paths: Vec<f64>,
+    pub(crate) path_lengths: Vec<f64>,
     pub(crate) since_search: Vec<SearchMotion<L>>,
     /// Part of this path since its contacts and M^-1 were last rebuilt. \[m\]
     pub(crate) moved_since_rebuild: Vec<f32>,
@@ -287,7 +287,7 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) needs_rebuild: Vec<bool>,
     pub(crate) inertia: Vec<Inertia<L, A>>,
     pub(crate) precession: Vec<Precession>,
-    pub(crate) turns: Vec<SpinState<A>>,
+    pub(crate) spin_states: Vec<SpinState<A>>,
     /// True if it has rotated since the last contact search
     /// ([`kinematics`](drystone_solver::kinematics)).
     pub(crate) turned: Vec<bool>,
@@ -326,16 +326,16 @@ impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
     }
 
     /// Returns the acceleration of gravity of a body. \[m/s^2\]
-    pub(crate) fn pull(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
+    pub(crate) fn gravity_on(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
         gravity * self.gravity_factor[body]
     }
 }
 
 /// Constant properties and mutable state of bodies, for substeps.
 pub(crate) struct BodiesInMotion<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    pub(crate) given: BodyParams<'a, L, A>,
+    pub(crate) properties: BodyParams<'a, L, A>,
     pub(crate) poses: &'a mut [G::Pose],
-    pub(crate) turns: &'a mut [SpinState<A>],
+    pub(crate) spin_states: &'a mut [SpinState<A>],
     pub(crate) turned: &'a mut [bool],
     pub(crate) velocities: &'a mut [Velocity<f32, L, A>],
     pub(crate) inverse_masses: &'a mut [InverseMass<f32, L, A>],
@@ -406,14 +406,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             contact_gains: Vec::new(),
             poses: Vec::new(),
             frames: Vec::new(),
-            remainders: Vec::new(),
-            paths: Vec::new(),
+            position_remainders: Vec::new(),
+            path_lengths: Vec::new(),
             since_search: Vec::new(),
             moved_since_rebuild: Vec::new(),
             needs_rebuild: Vec::new(),
             inertia: Vec::new(),
             precession: Vec::new(),
-            turns: Vec::new(),
+            spin_states: Vec::new(),
             turned: Vec::new(),
             gravity_factor: Vec::new(),
             damping: Vec::new(),
@@ -438,14 +438,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         put(&mut self.user_data, slot, body.user_data);
         put(&mut self.poses, slot, pose);
         put(&mut self.frames, slot, G::frame(&pose));
-        put(&mut self.remainders, slot, Vector::ZERO);
-        put(&mut self.paths, slot, 0.0);
+        put(&mut self.position_remainders, slot, Vector::ZERO);
+        put(&mut self.path_lengths, slot, 0.0);
         put(&mut self.since_search, slot, SearchMotion::NOWHERE);
         put(&mut self.moved_since_rebuild, slot, f32::MAX);
         put(&mut self.needs_rebuild, slot, true);
         put(&mut self.inertia, slot, inertia);
         put(&mut self.precession, slot, precession);
-        put(&mut self.turns, slot, SpinState::default());
+        put(&mut self.spin_states, slot, SpinState::default());
         put(&mut self.turned, slot, false);
         put(&mut self.gravity_factor, slot, body.gravity_factor);
         put(&mut self.reach, slot, reach);
@@ -475,15 +475,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     pub(crate) fn set_origin(&mut self, body: usize, origin: &G::Pose) {
         let pose = G::compose(origin, &G::pose(self.inertia[body].center, &[]));
         let (before, frame) = (self.frames[body], G::frame(&pose));
-        let way = frame.position - before.position;
+        let travel = frame.position - before.position;
         let turned = 2.0 * self.reach[body].core;
         let turned = if turned.is_finite() { turned } else { f32::MAX };
         self.poses[body] = pose;
         self.frames[body] = frame;
-        self.remainders[body] = Vector::ZERO;
-        self.turns[body] = SpinState::default();
-        self.paths[body] += f64::from(way.length() + turned);
-        self.since_search[body].linear += way;
+        self.position_remainders[body] = Vector::ZERO;
+        self.spin_states[body] = SpinState::default();
+        self.path_lengths[body] += f64::from(travel.length() + turned);
+        self.since_search[body].linear += travel;
         self.since_search[body].turned += turned;
         self.moved_since_rebuild[body] = f32::MAX;
     }
@@ -563,12 +563,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     /// Returns the constant properties and the mutable state of the bodies.
     pub(crate) fn in_motion(&mut self) -> BodiesInMotion<'_, G, L, A> {
         let Self { motion, gravity_factor, damping, forces, inertia, precession, reach, .. } = self;
-        let given =
+        let properties =
             BodyParams { motion, gravity_factor, damping, forces, inertia, precession, reach };
         BodiesInMotion {
-            given,
+            properties,
             poses: &mut self.poses,
-            turns: &mut self.turns,
+            spin_states: &mut self.spin_states,
             turned: &mut self.turned,
             velocities: &mut self.velocities,
             inverse_masses: &mut self.inverse_masses,
@@ -576,7 +576,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
     }
 
-    fn given(&self) -> BodyParams<'_, L, A> {
+    fn properties(&self) -> BodyParams<'_, L, A> {
         let Self { motion, gravity_factor, damping, forces, inertia, precession, reach, .. } = self;
         BodyParams { motion, gravity_factor, damping, forces, inertia, precession, reach }
     }
@@ -592,15 +592,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     }
 
     pub(crate) fn is_dynamic(&self, body: usize) -> bool {
-        self.given().is_dynamic(body)
+        self.properties().is_dynamic(body)
     }
 
     /// Returns x_a - x_b, including the rounding errors left out of the positions. Far from the
     /// origin an `f32` position is coarser than the gaps of contacts. \[m\]
-    pub(crate) fn apart(&self, [a, b]: [u32; 2]) -> Vector<f32, L> {
+    pub(crate) fn relative_position(&self, [a, b]: [u32; 2]) -> Vector<f32, L> {
         let (a, b) = (a as usize, b as usize);
         (self.frames[a].position - self.frames[b].position)
-            + (self.remainders[a] - self.remainders[b])
+            + (self.position_remainders[a] - self.position_remainders[b])
     }
 
     /// Returns M of a body at its current pose. It is zero if the body is not dynamic, and zero
@@ -630,19 +630,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     /// Returns the force and torque on a body. \[N, N m\]
     pub(crate) fn force(&self, body: usize) -> Velocity<f32, L, A> {
-        self.given().force(body)
+        self.properties().force(body)
     }
 
     /// Returns the acceleration of gravity of a body. \[m/s^2\]
-    pub(crate) fn pull(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
-        self.given().pull(body, gravity)
+    pub(crate) fn gravity_on(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
+        self.properties().gravity_on(body, gravity)
     }
 
     /// Returns m |g| of a dynamic body, or 0 if its mass is infinite. \[N\]
     pub(crate) fn weight(&self, body: usize, gravity: Vector<f32, L>) -> f32 {
         let mass = self.inertia[body].mass;
         if self.is_dynamic(body) && mass.is_finite() {
-            mass * self.pull(body, gravity).length()
+            mass * self.gravity_on(body, gravity).length()
         } else {
             0.0
         }
@@ -655,7 +655,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             if !self.is_dynamic(body) || !mass.is_finite() {
                 return 0.0;
             }
-            let fall = self.pull(body, gravity).cast::<f64>().dot(frame.position.cast());
+            let fall = self.gravity_on(body, gravity).cast::<f64>().dot(frame.position.cast());
             -f64::from(mass) * fall
         };
         self.frames.iter().enumerate().map(of).sum()

@@ -22,10 +22,10 @@ pub struct Material {
     pub restitution: f64,
     /// Rolling resistance: the largest distance by which the normal force may act ahead of the
     /// contact. A rolling ball of radius r decelerates as on an upward slope of this length over r.
-    /// Of two surfaces, the larger value counts. \[m\]
+    /// A contact takes the larger value of its two surfaces. \[m\]
     pub rolling_resistance: f64,
-    /// Resistance to spinning about the normal: the largest moment divided by the normal force. Of
-    /// two surfaces, the larger value counts. \[m\]
+    /// Resistance to spinning about the normal: the largest moment divided by the normal force. A
+    /// contact takes the larger value of its two surfaces. \[m\]
     pub spinning_resistance: f64,
     /// Rule that combines the friction of two surfaces.
     pub friction_combine: Combine,

@@ -2,12 +2,14 @@
 
 mod tree;
 
+use std::sync::OnceLock;
+
 use drystone_solver::Vector;
 use drystone_solver::thread_pool::ThreadPool;
 use tree::Tree;
 
 use crate::cache::Pair;
-use crate::geometry::Bounds;
+use crate::geometry::{Bounds, Ray};
 
 /// Margin of stored boxes as a fraction of their size: a shape has to leave its box before the tree
 /// changes. \[1\]
@@ -22,7 +24,47 @@ pub(crate) struct BroadPhase<const L: usize> {
     moved: Vec<u32>,
     moves: Vec<bool>,
     /// True if it started with the boxes of another broad phase, whose pairs may be known.
-    goes_on: bool,
+    is_restored: bool,
+    /// Current boxes of the shapes that queries do not find in `tree`; reset by each method that
+    /// changes it.
+    outside: OnceLock<Tree<L>>,
+}
+
+/// The current boxes of all shapes, for queries. A box may be larger than its shape needs.
+pub(crate) struct BoxIndex<'a, const L: usize> {
+    tree: &'a Tree<L>,
+    outside: &'a Tree<L>,
+}
+
+impl<const L: usize> BoxIndex<'_, L> {
+    /// Calls `found` with each shape whose box overlaps this one, none if it has a NaN.
+    pub(crate) fn visit(&self, bounds: &Bounds<L>, mut found: impl FnMut(u32)) {
+        let Some(bounds) = clamped(bounds) else { return };
+        self.outside.visit(&bounds, &mut found);
+        self.tree.visit(&bounds, &mut |shape| {
+            if !self.outside.has(shape) {
+                found(shape);
+            }
+        });
+    }
+
+    /// Calls `found` with each shape whose box a ray crosses. `found` may shorten the ray.
+    pub(crate) fn cast(&self, ray: &mut Ray<L>, mut found: impl FnMut(u32, &mut Ray<L>)) {
+        self.outside.cast(ray, &mut found);
+        self.tree.cast(ray, &mut |shape, ray| {
+            if !self.outside.has(shape) {
+                found(shape, ray);
+            }
+        });
+    }
+}
+
+/// Returns a box with infinite sides clamped to the largest number, since the tree uses infinity
+/// for empty boxes; none if a side is NaN.
+fn clamped<const L: usize>(bounds: &Bounds<L>) -> Option<Bounds<L>> {
+    let has_nan = bounds.min.0.iter().chain(&bounds.max.0).any(|x| x.is_nan());
+    let within = |side: Vector<f32, L>| Vector(side.0.map(|x| x.clamp(f32::MIN, f32::MAX)));
+    (!has_nan).then(|| Bounds { min: within(bounds.min), max: within(bounds.max) })
 }
 
 impl<const L: usize> BroadPhase<L> {
@@ -32,14 +74,15 @@ impl<const L: usize> BroadPhase<L> {
             boxes: Vec::new(),
             moved: Vec::new(),
             moves: Vec::new(),
-            goes_on: false,
+            is_restored: false,
+            outside: OnceLock::new(),
         }
     }
 
     /// Returns the margin of a shape's stored box around `needed`, the smallest of all sides. \[m\]
     /// It is negative if `needed` is not within the stored box, and negative infinity if `needed`
     /// contains a NaN.
-    pub(crate) fn room(&self, shape: usize, needed: &Bounds<L>) -> f32 {
+    pub(crate) fn margin(&self, shape: usize, needed: &Bounds<L>) -> f32 {
         let stored = &self.boxes[shape];
         let sides =
             (0..L).map(|i| (needed.min[i] - stored.min[i]).min(stored.max[i] - needed.max[i]));
@@ -65,21 +108,31 @@ impl<const L: usize> BroadPhase<L> {
     }
 
     /// Enlarges the box of a shape if `needed` is not within it. A shape whose box contains a NaN
-    /// is near no other until the box is finite again. Infinite boxes are clamped to the largest
-    /// number, since the tree uses infinity for empty boxes.
+    /// is near no other until the box is finite again.
     pub(crate) fn update(&mut self, shape: u32, needed: &Bounds<L>) {
-        if self.room(shape as usize, needed) >= 0.0 {
+        self.outside = OnceLock::new();
+        if self.margin(shape as usize, needed) >= 0.0 {
             return;
         }
         let extent = needed.max - needed.min;
         let margin = extent * MARGIN;
         let stored = Bounds { min: needed.min - margin, max: needed.max + margin };
-        let sides = stored.min.0.iter().chain(&stored.max.0);
-        if sides.clone().any(|x| x.is_nan()) {
-            return self.remove(shape);
-        }
-        let within = |side: Vector<f32, L>| Vector(side.0.map(|x| x.clamp(f32::MIN, f32::MAX)));
-        self.store(shape, Some(&Bounds { min: within(stored.min), max: within(stored.max) }));
+        self.store(shape, clamped(&stored).as_ref());
+    }
+
+    /// True if the tree finds the stored box of a shape: the box has not changed since the last
+    /// query for pairs.
+    pub(crate) fn is_settled(&self, shape: usize) -> bool {
+        !self.moves[shape]
+    }
+
+    /// Returns the boxes of all shapes for queries. `outside` returns the current boxes of those
+    /// that are not settled or not within their stored boxes. It is called once after each change.
+    pub(crate) fn index(&self, outside: impl FnOnce() -> Vec<(u32, Bounds<L>)>) -> BoxIndex<'_, L> {
+        let boxes = || outside().into_iter();
+        let tree =
+            || Tree::of(boxes().filter_map(|(shape, bounds)| Some((shape, clamped(&bounds)?))));
+        BoxIndex { tree: &self.tree, outside: self.outside.get_or_init(tree) }
     }
 
     /// Returns the stored boxes of all shapes.
@@ -89,7 +142,7 @@ impl<const L: usize> BroadPhase<L> {
 
     /// Returns a broad phase with boxes that another one has stored; removed shapes have none.
     pub(crate) fn with_boxes(boxes: impl Iterator<Item = Option<Bounds<L>>>) -> Self {
-        let mut out = Self { goes_on: true, ..Self::new() };
+        let mut out = Self { is_restored: true, ..Self::new() };
         for stored in boxes {
             let shape = out.grow();
             out.store(shape, stored.as_ref());
@@ -98,6 +151,7 @@ impl<const L: usize> BroadPhase<L> {
     }
 
     fn store(&mut self, shape: u32, stored: Option<&Bounds<L>>) {
+        self.outside = OnceLock::new();
         self.tree.set(shape, stored);
         self.boxes[shape as usize] = stored.copied().unwrap_or(Bounds::EMPTY);
         if !std::mem::replace(&mut self.moves[shape as usize], true) {
@@ -114,6 +168,7 @@ impl<const L: usize> BroadPhase<L> {
     /// them.
     pub(crate) fn overlapping(&mut self, shape: u32, mut found: impl FnMut(u32)) {
         let Self { tree, boxes, .. } = self;
+        tree.refit();
         tree.visit(&boxes[shape as usize], &mut found);
     }
 
@@ -124,7 +179,8 @@ impl<const L: usize> BroadPhase<L> {
         pairs: &'a mut Vec<Pair>,
         pool: &ThreadPool,
     ) -> Option<impl Iterator<Item = [u32; 2]> + use<'a, L>> {
-        let Self { tree, boxes, moved, moves, goes_on } = self;
+        let Self { tree, boxes, moved, moves, is_restored, outside } = self;
+        *outside = OnceLock::new();
         if moved.is_empty() {
             return None;
         }
@@ -136,7 +192,7 @@ impl<const L: usize> BroadPhase<L> {
         moved.drain(..).for_each(|shape| moves[shape as usize] = false);
         let found = tree.overlaps(pool);
         // To a tree that starts with stored boxes, all pairs are new.
-        let known = if std::mem::take(goes_on) { &pairs[..] } else { &[] };
+        let known = if std::mem::take(is_restored) { &pairs[..] } else { &[] };
         let is_new = |pair: &[u32; 2]| {
             known.is_empty() || known.binary_search_by(|of| of.colliders.cmp(pair)).is_err()
         };

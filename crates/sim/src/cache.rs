@@ -10,7 +10,7 @@ use crate::bodies::SearchMotion;
 use crate::geometry::{Curvature, Frame, MAX_POINTS, ManifoldPoint, NormalCarrier};
 
 /// Factor of a pair's room for each step. It accounts for displacements that are too small to
-/// change the room in `f32`. \[1\]
+/// change the clearance in `f32`. \[1\]
 const ROUNDED: f32 = 1.0 - 2.0 * f32::EPSILON;
 
 /// Contacts of a world between two steps.
@@ -19,7 +19,7 @@ pub(crate) struct ContactCache<const L: usize> {
     /// Pairs of shapes whose boxes overlap, sorted.
     pub(crate) pairs: Vec<Pair>,
     /// Manifolds of the awake pairs.
-    pub(crate) records: ManifoldCache<L>,
+    pub(crate) cache: ManifoldCache<L>,
     /// Reuse distance of the last search. \[m\]
     pub(crate) last_reuse: f32,
 }
@@ -35,21 +35,21 @@ pub(crate) struct Pair {
     /// Smallest extent of the thinner shape. \[m\]
     pub(crate) thickness: f32,
     /// True if one shape may roll: then earlier contact points do not determine the current ones.
-    pub(crate) rolls: bool,
+    pub(crate) is_curved: bool,
     /// True if one shape may have no interior, so that a body which has passed through it is not
     /// pushed back.
-    pub(crate) sheet: bool,
+    pub(crate) is_open: bool,
     /// True if the shapes may touch at a corner: one has edges, and both have a farthest point in
     /// each direction.
-    pub(crate) corners: bool,
+    pub(crate) may_meet_at_corners: bool,
     /// True if it sleeps: neither body moves or can be moved.
-    pub(crate) rests: bool,
+    pub(crate) is_sleeping: bool,
     /// Lever of rotations ([`SearchMotion`](crate::bodies::SearchMotion)). A rotation that moves
     /// the surface of one body by 1 moves the points of a relative to b by at most this. \[1\]
-    pub(crate) lever: f32,
+    pub(crate) rotation_lever: f32,
     /// Without manifolds: lower bound of the distance of its shapes. With manifolds: relative
     /// motion after which its points are recomputed. \[m\]
-    pub(crate) room: f32,
+    pub(crate) clearance: f32,
     /// First manifold and number of manifolds: in the cache of awake pairs, or in that of sleeping
     /// pairs.
     pub(crate) first: u32,
@@ -57,7 +57,7 @@ pub(crate) struct Pair {
 }
 
 impl Pair {
-    pub(crate) fn records(&self) -> Range<usize> {
+    pub(crate) fn manifolds(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
 
@@ -66,13 +66,13 @@ impl Pair {
         if self.count > 0 { 0.0 } else { self.left(since_search) }
     }
 
-    /// Returns the room that is left after the motion `since_search` of its bodies. \[m\]
+    /// Returns the clearance that is left after the motion `since_search` of its bodies. \[m\]
     #[inline(always)]
     pub(crate) fn left<const L: usize>(&self, since_search: &[SearchMotion<L>]) -> f32 {
         let [a, b] = self.bodies.map(|body| &since_search[body as usize]);
-        let lever = if self.count > 0 { self.lever } else { 1.0 };
-        let gone = (a.linear - b.linear).length() + (a.turned + b.turned) * lever;
-        self.room * ROUNDED - gone
+        let rotation_lever = if self.count > 0 { self.rotation_lever } else { 1.0 };
+        let gone = (a.linear - b.linear).length() + (a.turned + b.turned) * rotation_lever;
+        self.clearance * ROUNDED - gone
     }
 }
 
@@ -85,12 +85,12 @@ impl Pair {
         friction: 0.0,
         restitution: 0.0,
         thickness: 1.0,
-        rolls: false,
-        sheet: false,
-        corners: false,
-        rests: false,
-        lever: 1.0,
-        room: 0.0,
+        is_curved: false,
+        is_open: false,
+        may_meet_at_corners: false,
+        is_sleeping: false,
+        rotation_lever: 1.0,
+        clearance: 0.0,
         first: 0,
         count: 0,
     };
@@ -119,7 +119,7 @@ pub(crate) struct ManifoldCache<const L: usize> {
     pub(crate) manifolds: Vec<CachedManifold<L>>,
     pub(crate) points: Vec<CachedPoint<L>>,
     /// Impulse, gap and slip of each point.
-    pub(crate) traces: Vec<CachedImpulse<L>>,
+    pub(crate) impulses: Vec<CachedImpulse<L>>,
     /// Reuse of each manifold. A manifold is kept if neither body has moved far enough for a
     /// rebuild ([`Bodies::needs_rebuild`](crate::bodies::Bodies::needs_rebuild)).
     pub(crate) reuse: Vec<Reuse>,
@@ -139,10 +139,10 @@ pub(crate) struct CachedManifold<const L: usize> {
     /// Contact normal in world axes, from b towards a, as of the last update of the push points.
     pub(crate) normal: Vector<f32, L>,
     /// Normal of the frame in which the impulses and slips are given: that of the previous step.
-    pub(crate) traced: Vector<f32, L>,
+    pub(crate) impulse_normal: Vector<f32, L>,
     /// Vector from the center of mass of b to that of a, as of the last update of the push
     /// points. \[m\]
-    pub(crate) apart: Vector<f32, L>,
+    pub(crate) center_offset: Vector<f32, L>,
     /// Normal in the frame of the body that [carries](Self::carrier) it, and frame of a relative to
     /// b. Both are as of the search that found the points. Not used for shapes that roll.
     pub(crate) local_normal: Vector<f32, L>,
@@ -162,7 +162,7 @@ pub(crate) struct CachedPoint<const L: usize> {
     /// Position on the surface of b, in the frame of b. \[m\]
     pub(crate) on_b: Vector<f32, L>,
     /// Point at which the impulse acts on both bodies, so that the pair keeps its angular momentum
-    /// ([`NormalCarrier::place`]). World axes, from the center of mass of b. \[m\]
+    /// ([`NormalCarrier::push_point`]). World axes, from the center of mass of b. \[m\]
     pub(crate) push_point: Vector<f32, L>,
     pub(crate) feature: u64,
 }
@@ -171,25 +171,25 @@ impl<const L: usize> ManifoldCache<L> {
     pub(crate) fn clear(&mut self) {
         self.manifolds.clear();
         self.points.clear();
-        self.traces.clear();
+        self.impulses.clear();
         self.reuse.clear();
     }
 
     /// Returns the bodies of each manifold.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = [u32; 2]> + Clone {
-        self.manifolds.iter().map(|record| record.bodies)
+        self.manifolds.iter().map(|manifold| manifold.bodies)
     }
 
     /// Returns a view of all manifolds.
     pub(crate) fn view(&self) -> ManifoldCacheView<'_, L> {
-        let Self { manifolds, points, traces, .. } = self;
-        ManifoldCacheView { manifolds, points, traces, before: [0; 2] }
+        let Self { manifolds, points, impulses, .. } = self;
+        ManifoldCacheView { manifolds, points, impulses, before: [0; 2] }
     }
 
     /// Returns a mutable view of all manifolds.
     pub(crate) fn view_mut(&mut self) -> ManifoldCacheMut<'_, L> {
-        let Self { manifolds, points, traces, reuse } = self;
-        ManifoldCacheMut { manifolds, points, traces, reuse, before: [0; 2] }
+        let Self { manifolds, points, impulses, reuse } = self;
+        ManifoldCacheMut { manifolds, points, impulses, reuse, before: [0; 2] }
     }
 
     /// Appends a manifold with `count` points, which the caller sets.
@@ -199,21 +199,21 @@ impl<const L: usize> ManifoldCache<L> {
     ) -> (&mut CachedManifold<L>, &mut [CachedPoint<L>], &mut [CachedImpulse<L>]) {
         let first = self.points.len();
         self.points.resize(first + count, CachedPoint::OPEN);
-        self.traces.resize(first + count, CachedImpulse::default());
-        let record =
+        self.impulses.resize(first + count, CachedImpulse::default());
+        let manifold =
             CachedManifold { first: first as u32, count: count as u32, ..CachedManifold::NONE };
         self.reuse.push(Reuse::New);
-        let record = self.manifolds.push_mut(record);
-        (record, &mut self.points[first..], &mut self.traces[first..])
+        let manifold = self.manifolds.push_mut(manifold);
+        (manifold, &mut self.points[first..], &mut self.impulses[first..])
     }
 
     /// Appends the manifolds `numbers` of another cache.
     pub(crate) fn extend(&mut self, from: ManifoldCacheView<'_, L>, numbers: Range<usize>) {
-        for record in from.of(numbers) {
+        for manifold in from.of(numbers) {
             let first = self.points.len() as u32;
-            self.points.extend_from_slice(from.points_of(record));
-            self.traces.extend_from_slice(from.traces_of(record));
-            self.manifolds.push(CachedManifold { first, ..*record });
+            self.points.extend_from_slice(from.points_of(manifold));
+            self.impulses.extend_from_slice(from.impulses_of(manifold));
+            self.manifolds.push(CachedManifold { first, ..*manifold });
         }
         self.reuse.resize(self.manifolds.len(), Reuse::New);
     }
@@ -222,10 +222,10 @@ impl<const L: usize> ManifoldCache<L> {
     /// solver must have updated their impulses.
     pub(crate) fn take_pair(&mut self, pair: &mut Pair, from: &Self) {
         let first = self.manifolds.len();
-        self.extend(from.view(), pair.records());
+        self.extend(from.view(), pair.manifolds());
         pair.first = first as u32;
-        for record in &mut self.manifolds[first..] {
-            record.traced = record.normal;
+        for manifold in &mut self.manifolds[first..] {
+            manifold.impulse_normal = manifold.normal;
         }
     }
 }
@@ -235,7 +235,7 @@ impl<const L: usize> ManifoldCache<L> {
 pub(crate) struct ManifoldCacheView<'a, const L: usize> {
     manifolds: &'a [CachedManifold<L>],
     points: &'a [CachedPoint<L>],
-    traces: &'a [CachedImpulse<L>],
+    impulses: &'a [CachedImpulse<L>],
     /// Number of manifolds and number of points before the range.
     before: [usize; 2],
 }
@@ -245,7 +245,7 @@ pub(crate) struct ManifoldCacheView<'a, const L: usize> {
 pub(crate) struct ManifoldCacheMut<'a, const L: usize> {
     manifolds: &'a mut [CachedManifold<L>],
     points: &'a mut [CachedPoint<L>],
-    traces: &'a mut [CachedImpulse<L>],
+    impulses: &'a mut [CachedImpulse<L>],
     reuse: &'a mut [Reuse],
     before: [usize; 2],
 }
@@ -262,20 +262,20 @@ impl<'a, const L: usize> ManifoldCacheView<'a, L> {
     }
 
     /// Returns the points of a manifold of the range.
-    pub(crate) fn points_of(self, record: &CachedManifold<L>) -> &'a [CachedPoint<L>] {
-        &self.points[after(record.points(), self.before[1])]
+    pub(crate) fn points_of(self, manifold: &CachedManifold<L>) -> &'a [CachedPoint<L>] {
+        &self.points[after(manifold.points(), self.before[1])]
     }
 
     /// Returns the impulses, gaps and slips of the points of a manifold.
-    pub(crate) fn traces_of(self, record: &CachedManifold<L>) -> &'a [CachedImpulse<L>] {
-        &self.traces[after(record.points(), self.before[1])]
+    pub(crate) fn impulses_of(self, manifold: &CachedManifold<L>) -> &'a [CachedImpulse<L>] {
+        &self.impulses[after(manifold.points(), self.before[1])]
     }
 }
 
 impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
     pub(crate) fn view(&self) -> ManifoldCacheView<'_, L> {
-        let Self { manifolds, points, traces, before, .. } = self;
-        ManifoldCacheView { manifolds, points, traces, before: *before }
+        let Self { manifolds, points, impulses, before, .. } = self;
+        ManifoldCacheView { manifolds, points, impulses, before: *before }
     }
 
     /// Splits off the manifolds with these indices and returns them. `self` keeps those after them.
@@ -295,78 +295,78 @@ impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
         Self {
             manifolds: self.manifolds.split_off_mut(..manifolds).unwrap_or_default(),
             points: self.points.split_off_mut(..points).unwrap_or_default(),
-            traces: self.traces.split_off_mut(..points).unwrap_or_default(),
+            impulses: self.impulses.split_off_mut(..points).unwrap_or_default(),
             reuse: self.reuse.split_off_mut(..manifolds).unwrap_or_default(),
             before: std::mem::replace(&mut self.before, to),
         }
     }
 
-    /// Marks manifolds as kept if the solver has updated them (`traced`); otherwise their marks
-    /// stay. Returns the marks.
-    pub(crate) fn keep(&mut self, numbers: Range<usize>, traced: bool) -> &mut [Reuse] {
+    /// Marks manifolds as kept if the solver has updated them (`impulses_updated`); otherwise their
+    /// marks stay. Returns the marks.
+    pub(crate) fn keep(&mut self, numbers: Range<usize>, impulses_updated: bool) -> &mut [Reuse] {
         let reuse = &mut self.reuse[after(numbers.clone(), self.before[0])];
-        if traced {
+        if impulses_updated {
             reuse.iter_mut().zip(numbers).for_each(|(reuse, own)| *reuse = Reuse::Kept(own as u32));
         }
         reuse
     }
 
     /// Marks manifolds as changed, in the same way.
-    pub(crate) fn change(&mut self, numbers: Range<usize>, traced: bool) {
-        let reuse = self.keep(numbers, traced);
+    pub(crate) fn change(&mut self, numbers: Range<usize>, impulses_updated: bool) {
+        let reuse = self.keep(numbers, impulses_updated);
         reuse.iter_mut().for_each(|reuse| *reuse = reuse.changed());
     }
 
     /// Returns a manifold, its points and their impulses, to be overwritten.
-    pub(crate) fn place(
+    pub(crate) fn slot_mut(
         &mut self,
         number: usize,
     ) -> (&mut CachedManifold<L>, &mut [CachedPoint<L>], &mut [CachedImpulse<L>]) {
-        let record = &mut self.manifolds[number - self.before[0]];
-        let points = after(record.points(), self.before[1]);
-        (record, &mut self.points[points.clone()], &mut self.traces[points])
+        let manifold = &mut self.manifolds[number - self.before[0]];
+        let points = after(manifold.points(), self.before[1]);
+        (manifold, &mut self.points[points.clone()], &mut self.impulses[points])
     }
 
     /// Recomputes the gaps of manifolds whose bodies are at these frames.
     ///
     /// Push points stay while the bodies have not rotated and no push point has moved relative to a
     /// body by more than `most` \[m\]. So a tower that leans because it sags remains standing.
-    /// `traced` is true if the solver has updated the manifolds since their gaps were last
-    /// computed.
+    /// `impulses_updated` is true if the solver has updated the manifolds since their gaps were
+    /// last computed.
     pub(crate) fn measure(
         &mut self,
         numbers: Range<usize>,
         [a, b]: [&Frame<L>; 2],
         (most, turned): (f32, bool),
-        traced: bool,
+        impulses_updated: bool,
     ) {
         let own = after(numbers.clone(), self.before[0]);
-        self.change(numbers, traced);
-        for record in &mut self.manifolds[own] {
-            let normal = record.carrier(a, b).direction(record.local_normal);
-            let points = after(record.points(), self.before[1]);
-            let (points, traces) = (&mut self.points[points.clone()], &mut self.traces[points]);
-            let passed = a.position - record.apart;
+        self.change(numbers, impulses_updated);
+        for manifold in &mut self.manifolds[own] {
+            let normal = manifold.carrier(a, b).direction(manifold.local_normal);
+            let points = after(manifold.points(), self.before[1]);
+            let (points, impulses) = (&mut self.points[points.clone()], &mut self.impulses[points]);
+            let passed = a.position - manifold.center_offset;
             let mut moved = 0.0f32;
-            for (point, trace) in points.iter().zip(&mut *traces) {
-                trace.gap[0] = normal.dot(a.point(point.on_a) - b.point(point.on_b));
-                let places = [a.point(point.on_a), b.point(point.on_b)];
-                let from_b = record.surfaces.normal.place(places) - point.push_point;
+            for (point, cached) in points.iter().zip(&mut *impulses) {
+                cached.gap[0] = normal.dot(a.point(point.on_a) - b.point(point.on_b));
+                let positions = [a.point(point.on_a), b.point(point.on_b)];
+                let from_b = manifold.surfaces.normal.push_point(positions) - point.push_point;
                 let from_a = from_b - passed;
                 moved = moved.max(from_b.dot(from_b)).max(from_a.dot(from_a));
             }
-            if traced {
-                record.traced = record.normal;
+            if impulses_updated {
+                manifold.impulse_normal = manifold.normal;
             }
             if !turned && moved <= most * most {
                 continue;
             }
-            deepest_first(points, traces);
+            deepest_first(points, impulses);
             for point in points {
-                let places = [a.point(point.on_a), b.point(point.on_b)];
-                point.push_point = record.surfaces.normal.place(places);
+                let positions = [a.point(point.on_a), b.point(point.on_b)];
+                point.push_point = manifold.surfaces.normal.push_point(positions);
             }
-            (record.normal, record.apart) = (normal, a.position);
+            (manifold.normal, manifold.center_offset) = (normal, a.position);
         }
     }
 }
@@ -382,8 +382,8 @@ impl<const L: usize> CachedManifold<L> {
         first: 0,
         count: 0,
         normal: Vector::ZERO,
-        traced: Vector::ZERO,
-        apart: Vector::ZERO,
+        impulse_normal: Vector::ZERO,
+        center_offset: Vector::ZERO,
         local_normal: Vector::ZERO,
         found_at: Frame::IDENTITY,
         reach: 0.0,
@@ -411,15 +411,16 @@ pub(crate) const fn open<const L: usize>(gap: f32) -> CachedImpulse<L> {
 #[inline]
 pub(crate) fn deepest_first<const L: usize>(
     points: &mut [CachedPoint<L>],
-    traces: &mut [CachedImpulse<L>],
+    impulses: &mut [CachedImpulse<L>],
 ) {
-    if traces.len() < 2 {
+    if impulses.len() < 2 {
         return;
     }
-    let gap = |of: usize| traces[of].gap[0];
-    let deepest = (1..traces.len()).fold(0, |most, of| if gap(of) < gap(most) { of } else { most });
+    let gap = |of: usize| impulses[of].gap[0];
+    let deepest =
+        (1..impulses.len()).fold(0, |most, of| if gap(of) < gap(most) { of } else { most });
     points.swap(0, deepest);
-    traces.swap(0, deepest);
+    impulses.swap(0, deepest);
 }
 
 /// Returns the largest distance of points from the center of mass of a. \[m\]
@@ -431,15 +432,15 @@ pub(crate) fn reach<const L: usize>(points: &[CachedPoint<L>]) -> f32 {
 /// the point with the same feature, or else of a point within `match_distance` \[m\] on a.
 pub(crate) fn inherit<const L: usize>(
     points: &[CachedPoint<L>],
-    traces: &mut [CachedImpulse<L>],
-    (old, old_traces): (&[CachedPoint<L>], &[CachedImpulse<L>]),
+    impulses: &mut [CachedImpulse<L>],
+    (old, old_impulses): (&[CachedPoint<L>], &[CachedImpulse<L>]),
     match_distance: f32,
 ) {
     let mut taken = [false; MAX_POINTS];
     let mut matched = [false; MAX_POINTS];
     let squared = match_distance * match_distance;
     for by_feature in [true, false] {
-        for ((point, trace), done) in points.iter().zip(&mut *traces).zip(&mut matched) {
+        for ((point, cached), done) in points.iter().zip(&mut *impulses).zip(&mut matched) {
             if *done {
                 continue;
             }
@@ -455,9 +456,9 @@ pub(crate) fn inherit<const L: usize>(
             if let Some(i) = found {
                 taken[i] = true;
                 *done = true;
-                let gap = trace.gap[0];
-                *trace = old_traces[i];
-                trace.gap[0] = gap;
+                let gap = cached.gap[0];
+                *cached = old_impulses[i];
+                cached.gap[0] = gap;
             }
         }
     }
@@ -477,7 +478,7 @@ impl<const L: usize> CachedPoint<L> {
         Self {
             on_a: a.local_point(touch.on_a),
             on_b: b.local_point(touch.on_b),
-            push_point: normal.place([touch.on_a, touch.on_b]),
+            push_point: normal.push_point([touch.on_a, touch.on_b]),
             feature: touch.feature,
         }
     }
@@ -491,55 +492,56 @@ mod tests {
     /// The deepest point comes first, together with its data. Of equal points the first one stays
     /// first.
     #[test]
-    fn the_deepest_comes_first() {
+    fn the_deepest_point_comes_first() {
         for (gaps, first) in [([0.1, -0.2, 0.3], 1), ([0.0, 0.0, 0.0], 0), ([0.2, 0.1, -0.1], 2)] {
             let mut points =
                 [0, 1, 2].map(|feature| CachedPoint::<2> { feature, ..CachedPoint::OPEN });
-            let mut traces = gaps.map(open::<2>);
-            deepest_first(&mut points, &mut traces);
+            let mut impulses = gaps.map(open::<2>);
+            deepest_first(&mut points, &mut impulses);
             assert_eq!(points[0].feature, first, "{gaps:?}");
-            for (point, trace) in points.iter().zip(&traces) {
-                assert_eq!(trace.gap[0], gaps[point.feature as usize], "{gaps:?}");
+            for (point, cached) in points.iter().zip(&impulses) {
+                assert_eq!(cached.gap[0], gaps[point.feature as usize], "{gaps:?}");
             }
         }
     }
 
     /// Two clouds of points translate and rotate. Their distance is never less than the remaining
-    /// room.
+    /// clearance.
     #[test]
-    fn what_is_left_is_there() {
+    fn remaining_clearance_bounds_the_distance() {
         let mut random = Random(3);
         let mut crowd = || -> Vec<Vector<f32, 2>> {
             (0..20).map(|_| Vector([random.number(), random.number()])).collect()
         };
         let crowds = [crowd(), crowd()];
         let cores = crowds.each_ref().map(|of| of.iter().map(|p| p.length()).fold(0.0, f32::max));
-        let (mut places, mut angles) = ([Vector([0.0, 0.0]), Vector([5.0, 0.0])], [0.0f32; 2]);
-        let apart = |places: &[Vector<f32, 2>; 2], angles: &[f32; 2]| {
+        let (mut positions, mut angles) = ([Vector([0.0, 0.0]), Vector([5.0, 0.0])], [0.0f32; 2]);
+        let apart = |positions: &[Vector<f32, 2>; 2], angles: &[f32; 2]| {
             let [a, b] = [0, 1].map(|i| {
                 let (sin, cos) = angles[i].sin_cos();
                 let axes = [Vector([cos, sin]), Vector([-sin, cos])];
-                let frame = Frame { position: places[i], axes };
+                let frame = Frame { position: positions[i], axes };
                 crowds[i].iter().map(|p| frame.point(*p)).collect::<Vec<_>>()
             });
             let all = a.iter().flat_map(|p| b.iter().map(|q| (*p - *q).length()));
             all.fold(f32::INFINITY, f32::min)
         };
-        let mut pair = Pair { bodies: [0, 1], room: apart(&places, &angles), ..Pair::APART };
+        let mut pair =
+            Pair { bodies: [0, 1], clearance: apart(&positions, &angles), ..Pair::APART };
         let mut steps = 0;
-        while pair.room > 0.0 {
+        while pair.clearance > 0.0 {
             let mut since_search = [SearchMotion::NOWHERE; 2];
             for i in 0..2 {
                 let towards = if i == 0 { 0.02 } else { -0.02 };
                 since_search[i].linear = Vector([towards + 0.05, 0.05 * random.number()]);
                 let turn = 0.05 * random.number();
                 since_search[i].turned = turn.abs() * cores[i];
-                places[i] += since_search[i].linear;
+                positions[i] += since_search[i].linear;
                 angles[i] += turn;
             }
-            pair.room = pair.left(&since_search);
-            let distance = apart(&places, &angles);
-            assert!(pair.room <= distance + 1e-5, "{} m left of {distance} m", pair.room);
+            pair.clearance = pair.left(&since_search);
+            let distance = apart(&positions, &angles);
+            assert!(pair.clearance <= distance + 1e-5, "{} m left of {distance} m", pair.clearance);
             steps += 1;
         }
         // They move together much faster than they approach.
@@ -548,12 +550,12 @@ mod tests {
 
     /// A displacement below the rounding error is subtracted, too.
     #[test]
-    fn what_creeps_comes() {
-        let mut pair = Pair { bodies: [0, 1], room: 1.0, ..Pair::APART };
+    fn slow_motion_uses_up_clearance() {
+        let mut pair = Pair { bodies: [0, 1], clearance: 1.0, ..Pair::APART };
         let creeping = SearchMotion { linear: Vector([1e-8, 0.0]), turned: 0.0 };
         for _ in 0..100_000 {
-            pair.room = pair.left(&[creeping, SearchMotion::NOWHERE]);
+            pair.clearance = pair.left(&[creeping, SearchMotion::NOWHERE]);
         }
-        assert!(pair.room < 1.0 - 1e-3 && pair.room > 0.9, "{}", pair.room);
+        assert!(pair.clearance < 1.0 - 1e-3 && pair.clearance > 0.9, "{}", pair.clearance);
     }
 }

@@ -26,20 +26,20 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
     loads: Vec<Load>,
     /// Compliances of [`Stiffness`].
     compliances: Vec<[f32; 2]>,
-    pub(crate) wait: Wait,
+    pub(crate) jam_schedule: JamSchedule,
 }
 
 /// Schedule of the searches for jams: the interval doubles each time that there are none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
-pub(crate) struct Wait {
+pub(crate) struct JamSchedule {
     left: u32,
     whole: u32,
     /// Number of searches so far. Each begins with another island.
     searches: usize,
 }
 
-impl Wait {
+impl JamSchedule {
     /// Returns true if the interval is over. Counts a step.
     fn is_over(&mut self) -> bool {
         let over = self.left == 0;
@@ -75,8 +75,8 @@ impl Load {
 
 /// Upper bounds on the compliance of contacts.
 ///
-/// Contacts under an island sink by the setting `sag`, or by a fraction of its thinnest body if
-/// that is less. The weight W \[N\] of the island on its n manifolds with fixed bodies gives the
+/// Contacts under an island penetrate by the setting `sag`, or by a fraction of its thinnest body
+/// if that is less. The weight W \[N\] of the island on its n manifolds with fixed bodies gives the
 /// stiffness k = W / (n sag). A spring in implicit form that repairs the fraction c of its depth
 /// per substep h has epsilon = c / (h^2 k).
 #[derive(Clone, Copy, Default)]
@@ -166,20 +166,20 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     }
 
     /// Returns the contacts whose targets no velocities can meet. After a search that finds none,
-    /// it skips some steps. `sinking` is the largest speed by which a contact missed its
+    /// it skips some steps. `approach_error` is the largest speed by which a contact missed its
     /// target. \[m/s\]
     pub(crate) fn jams(
         &mut self,
         system: &mut System<f32, L, A>,
         lanes: &LaneSystem<L, A>,
-        sinking: f64,
+        approach_error: f64,
     ) -> Vec<Jam> {
-        if sinking <= MISSED || !self.wait.is_over() {
+        if approach_error <= MISSED || !self.jam_schedule.is_over() {
             return Vec::new();
         }
         lanes.unpack(system);
-        let jams = jam::find(system, &mut self.islands, MISSED, self.wait.searches);
-        self.wait.begin(jams.is_empty());
+        let jams = jam::find(system, &mut self.islands, MISSED, self.jam_schedule.searches);
+        self.jam_schedule.begin(jams.is_empty());
         jams
     }
 
@@ -198,20 +198,22 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         self.island_solver.start(system, &self.islands);
     }
 
-    /// Solves a substep to the tolerance, from the impulses of the previous substep. If `examined`,
-    /// the report includes all residuals.
+    /// Solves a substep to the tolerance, from the impulses of the previous substep. If
+    /// `with_residuals`, the report includes all residuals.
     pub(crate) fn refine(
         &mut self,
         system: &mut System<f32, L, A>,
         lanes: &mut LaneSystem<L, A>,
         prospective: &[Velocity<f32, L, A>],
         settings: &StepSettings,
-        examined: bool,
+        with_residuals: bool,
     ) -> SolveReport {
-        let goal =
-            Goal { tolerance: f64::from(settings.tolerance), budget: settings.budget as usize };
+        let goal = Goal {
+            tolerance: f64::from(settings.tolerance),
+            budget: settings.newton_iterations as usize,
+        };
         let islands = &self.islands;
-        if examined {
+        if with_residuals {
             self.island_solver.solve_islands::<true>(system, lanes, prospective, islands, &goal)
         } else {
             self.island_solver.solve_islands::<false>(system, lanes, prospective, islands, &goal)
@@ -219,7 +221,7 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     }
 
     /// Returns the certificate of a substep, with its present velocities and impulses.
-    pub(crate) fn examine(
+    pub(crate) fn certify_sweeps(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
         lanes: &LaneSystem<L, A>,
@@ -236,21 +238,21 @@ mod tests {
     /// Searches follow after 1, 2, 4 steps and so on, up to the longest interval. While there are
     /// jams, each step has a search.
     #[test]
-    fn searches_in_vain_become_rare() {
-        let mut wait = Wait::default();
+    fn searches_without_jams_become_rare() {
+        let mut jam_schedule = JamSchedule::default();
         let mut searches = Vec::new();
         for step in 0..400 {
-            if wait.is_over() {
+            if jam_schedule.is_over() {
                 searches.push(step);
-                wait.begin(true);
+                jam_schedule.begin(true);
             }
         }
         assert_eq!(searches[..8], [0, 2, 5, 10, 19, 36, 69, 134]);
-        let mut wait = Wait::default();
-        wait.begin(true);
-        wait.begin(true);
-        assert_eq!([0; 4].map(|_| wait.is_over()), [false, false, true, true]);
-        wait.begin(false);
-        assert_eq!([0; 2].map(|_| wait.is_over()), [true, true]);
+        let mut jam_schedule = JamSchedule::default();
+        jam_schedule.begin(true);
+        jam_schedule.begin(true);
+        assert_eq!([0; 4].map(|_| jam_schedule.is_over()), [false, false, true, true]);
+        jam_schedule.begin(false);
+        assert_eq!([0; 2].map(|_| jam_schedule.is_over()), [true, true]);
     }
 }

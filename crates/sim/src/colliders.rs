@@ -4,7 +4,7 @@
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Bodies, Collider, GRAIN, SurfaceMotion, extent, smallest};
+use crate::bodies::{Bodies, Collider, GRAIN, SurfaceVelocity, extent, smallest};
 use crate::body::{Filter, Material, Motion};
 use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
@@ -30,7 +30,7 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     next: Vec<u32>,
     pub(crate) user_data: Vec<u128>,
     pub(crate) body: Vec<u32>,
-    pub(crate) shapes: Vec<G::Collider>,
+    pub(crate) shapes: Vec<G::Prepared>,
     /// Smallest extent of each solid; infinite for shapes without volume. \[m\]
     thickness: Vec<f32>,
     /// True if any body has ever had several shapes.
@@ -47,23 +47,23 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     unused: Vec<u32>,
     surface: Vec<u32>,
     /// True if any shape has ever had a restitution.
-    pub(crate) bounce: bool,
+    pub(crate) has_restitution: bool,
     /// True if any shape has ever had a rolling or spinning resistance.
-    pub(crate) resist: bool,
+    pub(crate) has_resistance: bool,
     /// Surface velocities. The array may be shorter; further shapes have none.
     belts: Vec<Option<Belt<G, L, A>>>,
     /// By chunk: shapes that have left their boxes in the broad phase, and the boxes that they
     /// need.
     outgrown: Vec<Vec<(u32, Bounds<L>)>>,
-    /// A shape has room in its box while the sum of its body's path, its displacement ahead and the
-    /// search distance is less than this. \[m\]
-    room_until: Vec<f64>,
+    /// A shape has a margin in its box while the sum of its body's path, its displacement ahead and
+    /// the search distance is less than this. \[m\]
+    margin_until: Vec<f64>,
 }
 
 /// Surface velocity of a shape.
 #[derive(Clone)]
 struct Belt<G: Geometry<L, A>, const L: usize, const A: usize> {
-    motion: SurfaceMotion<L, A>,
+    motion: SurfaceVelocity<L, A>,
     /// Frame in which it is given, relative to the body's center of mass.
     frame: G::Pose,
     /// True if it belongs to the shape, not to the body.
@@ -88,11 +88,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             uses: Vec::new(),
             unused: Vec::new(),
             surface: Vec::new(),
-            bounce: false,
-            resist: false,
+            has_restitution: false,
+            has_resistance: false,
             belts: Vec::new(),
             outgrown: Vec::new(),
-            room_until: Vec::new(),
+            margin_until: Vec::new(),
         }
     }
 
@@ -112,21 +112,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         self.first.resize(self.first.len().max(body + 1), NONE);
         self.compounds |= self.first[body] != NONE;
         let next = std::mem::replace(&mut self.first[body], slot as u32);
-        self.bounce |= collider.material.restitution > 0.0;
+        self.has_restitution |= collider.material.restitution > 0.0;
         let resistance =
             [collider.material.rolling_resistance, collider.material.spinning_resistance];
-        self.resist |= A > 0 && resistance.iter().any(|of| *of > 0.0);
+        self.has_resistance |= A > 0 && resistance.iter().any(|of| *of > 0.0);
         let surface = self.intern((collider.material, collider.filter));
         let thickness = smallest(&extent::<G, L, A>(&collider.shape, None));
         put(&mut self.next, slot, next);
         put(&mut self.user_data, slot, collider.user_data);
         put(&mut self.body, slot, body as u32);
         put(&mut self.thickness, slot, thickness);
-        put(&mut self.shapes, slot, G::collider(collider.shape));
+        put(&mut self.shapes, slot, G::prepare(collider.shape));
         put(&mut self.local, slot, local);
         put(&mut self.poses, slot, turned);
         put(&mut self.surface, slot, surface);
-        put(&mut self.room_until, slot, 0.0);
+        put(&mut self.margin_until, slot, 0.0);
         let belt = collider.surface_velocity;
         self.set_belt(slot, belt.map(|motion| Belt { motion, frame: local, own: true }));
     }
@@ -155,7 +155,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
 
     /// Sets the surface velocity of a body whose origin is at `frame` relative to its center of
     /// mass. Shapes with a surface velocity of their own keep it.
-    pub(crate) fn run(&mut self, body: usize, motion: Option<SurfaceMotion<L, A>>, frame: G::Pose) {
+    pub(crate) fn set_surface_velocity(
+        &mut self,
+        body: usize,
+        motion: Option<SurfaceVelocity<L, A>>,
+        frame: G::Pose,
+    ) {
         let mut collider = self.first_of(body);
         while collider != NONE {
             let id = collider as usize;
@@ -188,7 +193,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
 
     /// Returns true if any surface may have a surface velocity or resist rolling or spinning.
     pub(crate) fn has_surfaces(&self) -> bool {
-        self.resist || !self.belts.is_empty()
+        self.has_resistance || !self.belts.is_empty()
     }
 
     /// Returns the surface velocity of a shape, at the center of mass of its body. World axes.
@@ -201,7 +206,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
 
     /// Returns the rolling and spinning resistance of a pair: the larger of the two shapes. \[m\]
     pub(crate) fn resistance(&self, pair: [u32; 2]) -> [f32; 2] {
-        if !self.resist {
+        if !self.has_resistance {
             return [0.0; 2];
         }
         let [p, q] = pair.map(|id| &self.surfaces[self.surface[id as usize] as usize].0);
@@ -232,7 +237,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             let slot = collider as usize;
             self.slots.vacate(slot);
             self.vacated.push(collider);
-            self.shapes[slot] = G::nothing();
+            self.shapes[slot] = G::placeholder();
             self.set_belt(slot, None);
             let surface = self.surface[slot];
             self.uses[surface as usize] -= 1;
@@ -254,8 +259,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
 
     /// Updates the poses of all shapes, those of sleeping bodies included, from the poses of their
     /// bodies.
-    pub(crate) fn place(&mut self, bodies: &Bodies<G, L, A>) {
-        self.room_until.fill(0.0);
+    pub(crate) fn update_poses(&mut self, bodies: &Bodies<G, L, A>) {
+        self.margin_until.fill(0.0);
         let parts = self.poses.iter_mut().zip(&self.local).zip(&self.body);
         for ((turned, local), &body) in parts {
             let body = body as usize;
@@ -264,7 +269,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
     }
 
     /// Updates the poses and boxes of the shapes of a body.
-    pub(crate) fn place_body(
+    pub(crate) fn update_body(
         &mut self,
         body: usize,
         bodies: &Bodies<G, L, A>,
@@ -275,14 +280,50 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         for collider in own {
             let at = collider as usize;
             self.poses[at] = turn::<G, L, A>(&self.local[at], pose, frame);
-            self.room_until[at] = 0.0;
+            self.margin_until[at] = 0.0;
             let shape = G::shape_of(&self.shapes[at]);
             broad_phase.update(collider, &bounds::<G, L, A>(shape, &self.poses[at], frame));
         }
     }
 
+    /// Returns the pose of a shape relative to its body's center of mass, as of the body's current
+    /// pose.
+    pub(crate) fn current_pose(&self, bodies: &Bodies<G, L, A>, shape: usize) -> G::Pose {
+        let body = self.body[shape] as usize;
+        turn::<G, L, A>(&self.local[shape], &bodies.poses[body], &bodies.frames[body])
+    }
+
+    /// Returns the bounding box of a shape at its body's current pose.
+    pub(crate) fn current_bounds(&self, bodies: &Bodies<G, L, A>, shape: usize) -> Bounds<L> {
+        let (pose, body) = (self.current_pose(bodies, shape), self.body[shape] as usize);
+        bounds::<G, L, A>(G::shape_of(&self.shapes[shape]), &pose, &bodies.frames[body])
+    }
+
+    /// Returns the current boxes of the shapes that the tree does not find at their current poses
+    /// ([`BroadPhase::index`]).
+    pub(crate) fn outside(
+        &self,
+        bodies: &Bodies<G, L, A>,
+        broad_phase: &BroadPhase<L>,
+    ) -> Vec<(u32, Bounds<L>)> {
+        let outside = |shape: usize| {
+            let (body, settled) = (self.body[shape] as usize, broad_phase.is_settled(shape));
+            let is_static = bodies.motion[body] == Some(Motion::Static);
+            if settled && (is_static || bodies.path_lengths[body] < self.margin_until[shape]) {
+                return None;
+            }
+            let bounds = self.current_bounds(bodies, shape);
+            let is_found = settled && broad_phase.margin(shape, &bounds) >= 0.0;
+            (!is_found).then_some((shape as u32, bounds))
+        };
+        (0..self.slots.len())
+            .filter(|shape| self.slots.is_taken(*shape))
+            .filter_map(outside)
+            .collect()
+    }
+
     /// Updates the poses of the shapes of awake bodies. Enlarges their boxes in the broad phase if
-    /// they lack room for the displacement ahead (`travel`) and `reach` \[m\] beyond.
+    /// they lack a margin for the displacement ahead (`travel`) and `reach` \[m\] beyond.
     pub(crate) fn follow(
         &mut self,
         broad_phase: &mut BroadPhase<L>,
@@ -292,14 +333,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
         reach: f32,
         pool: &ThreadPool,
     ) {
-        let Self { slots, body, shapes, thickness, local, poses, outgrown, room_until, .. } = self;
+        let Self { slots, body, shapes, thickness, local, poses, outgrown, margin_until, .. } =
+            self;
         let (useful, share) = pool.share(body.len(), GRAIN);
         outgrown.resize_with(body.len().div_ceil(share), Vec::new);
-        let rooms = outgrown.iter_mut().zip(room_until.chunks_mut(share));
-        let parts = poses.chunks_mut(share).zip(rooms).enumerate();
-        pool.for_each(useful, parts, |(part, (poses, (outgrown, room_until)))| {
+        let clearances = outgrown.iter_mut().zip(margin_until.chunks_mut(share));
+        let parts = poses.chunks_mut(share).zip(clearances).enumerate();
+        pool.for_each(useful, parts, |(part, (poses, (outgrown, margin_until)))| {
             outgrown.clear();
-            for (id, (turned, room_until)) in (share * part..).zip(poses.iter_mut().zip(room_until))
+            for (id, (turned, margin_until)) in
+                (share * part..).zip(poses.iter_mut().zip(margin_until))
             {
                 let body = body[id] as usize;
                 let moves = bodies.motion[body] != Some(Motion::Static);
@@ -309,13 +352,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
                 let (frame, ahead) = (&bodies.frames[body], travel[body].linear);
                 let reach = reach + travel[body].swing(thickness[id]);
                 *turned = turn::<G, L, A>(&local[id], &bodies.poses[body], frame);
-                if bodies.paths[body] + f64::from(ahead.length() + reach) < *room_until {
+                if bodies.path_lengths[body] + f64::from(ahead.length() + reach) < *margin_until {
                     continue;
                 }
                 let bounds = bounds::<G, L, A>(G::shape_of(&shapes[id]), turned, frame);
                 let far = bounds.min.length() + bounds.max.length();
-                let room = broad_phase.room(id, &bounds) - ROUNDING * far;
-                *room_until = bodies.paths[body] + f64::from(room);
+                let margin = broad_phase.margin(id, &bounds) - ROUNDING * far;
+                *margin_until = bodies.path_lengths[body] + f64::from(margin);
                 let swept = |Bounds { mut min, mut max }: Bounds<L>| {
                     for i in 0..L {
                         min[i] += ahead[i].min(0.0);
@@ -326,11 +369,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
                 let reach = Vector([reach; L]);
                 let grown = Bounds { min: bounds.min - reach, max: bounds.max + reach };
                 let needed = swept(grown);
-                if broad_phase.room(id, &needed) < 0.0 {
+                if broad_phase.margin(id, &needed) < 0.0 {
                     // Adds the displacement once more. So a shape that keeps its velocity needs no
                     // update in the next step.
                     outgrown.push((id as u32, swept(needed)));
-                    *room_until = 0.0;
+                    *margin_until = 0.0;
                 }
             }
         });
@@ -354,13 +397,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             friction: p.friction_with(q) as f32,
             restitution: p.restitution_with(q) as f32,
             thickness: self.thickness[a].min(self.thickness[b]),
-            lever: lever(owners.map(|body| bodies.reach[body as usize].core)),
-            corners: pair.iter().any(|&id| G::has_corners(&self.shapes[id as usize]))
-                && pair.iter().all(|&id| G::has_ends(&self.shapes[id as usize])),
-            sheet: pair.iter().any(|&id| G::is_sheet(&self.shapes[id as usize])),
-            rolls: pair.iter().any(|&id| G::rolls(&self.shapes[id as usize])),
-            rests: false,
-            room: 0.0,
+            rotation_lever: rotation_lever(owners.map(|body| bodies.reach[body as usize].core)),
+            may_meet_at_corners: pair.iter().any(|&id| G::has_edges(&self.shapes[id as usize]))
+                && pair.iter().all(|&id| G::has_support(&self.shapes[id as usize])),
+            is_open: pair.iter().any(|&id| G::is_open(&self.shapes[id as usize])),
+            is_curved: pair.iter().any(|&id| G::is_curved(&self.shapes[id as usize])),
+            is_sleeping: false,
+            clearance: 0.0,
             first: 0,
             count: 0,
         })
@@ -393,10 +436,10 @@ fn bounds<G: Geometry<L, A>, const L: usize, const A: usize>(
     Bounds { min: min + frame.position, max: max + frame.position }
 }
 
-/// Returns [`Pair::lever`]. When b rotates, the points of a near it are farther out than its own by
-/// up to the size of a. That size counts twice: for the path to the center of a, and for the
-/// rotation of a relative to b. The rest allows for a gap. The result is finite even for b that
+/// Returns [`Pair::rotation_lever`]. When b rotates, the points of a near it are farther out than
+/// its own by up to the size of a. That size counts twice: for the path to the center of a, and for
+/// the rotation of a relative to b. The rest allows for a gap. The result is finite even for b that
 /// cannot rotate a surface: infinity times zero would be NaN.
-pub(crate) fn lever([reach_a, reach_b]: [f32; 2]) -> f32 {
+pub(crate) fn rotation_lever([reach_a, reach_b]: [f32; 2]) -> f32 {
     if reach_b > 0.0 { (2.0 * reach_a + 1.5 * reach_b) / reach_b } else { f32::MAX }
 }

@@ -4,11 +4,14 @@
 //! crate: the debug build of a game would take eight times as long for a step. So the methods with
 //! all the work are called through a trait whose implementations are not generic.
 
+use drystone_solver::Vector;
+
 use crate::bodies::Body;
-use crate::geometry::spheres::Spheres;
-use crate::geometry::{Geometry, Rigid2, Rigid3};
-use crate::ids::BodyId;
+use crate::geometry::particles::Particles;
+use crate::geometry::{Bounds, Geometry, Rigid2, Rigid3};
+use crate::ids::{BodyId, ColliderId};
 use crate::input::InputError;
+use crate::queries::RayHit;
 use crate::report::{Measure, StepReport};
 use crate::world::{Checkpoint, CheckpointError, World};
 
@@ -37,6 +40,30 @@ pub trait Dimension<const L: usize, const A: usize>: Geometry<L, A> {
     /// [`World::restore`].
     #[doc(hidden)]
     fn restore(world: &mut World<Self, L, A>, from: &Checkpoint) -> Result<(), CheckpointError>;
+
+    /// [`World::colliders_in_box`].
+    #[doc(hidden)]
+    fn colliders_in_box(
+        world: &World<Self, L, A>,
+        bounds: &Bounds<L>,
+    ) -> Result<Vec<ColliderId>, InputError>;
+
+    /// [`World::colliders_at`].
+    #[doc(hidden)]
+    fn colliders_at(
+        world: &World<Self, L, A>,
+        point: Vector<f32, L>,
+    ) -> Result<Vec<ColliderId>, InputError>;
+
+    /// [`World::cast_ray_where`].
+    #[doc(hidden)]
+    fn cast_ray_where(
+        world: &World<Self, L, A>,
+        origin: Vector<f32, L>,
+        direction: Vector<f32, L>,
+        max_distance: f32,
+        accepts: &dyn Fn(ColliderId) -> bool,
+    ) -> Result<Option<RayHit<L>>, InputError>;
 }
 
 /// Implements [`Dimension`] for one kind of world.
@@ -78,14 +105,41 @@ macro_rules! compiled {
             ) -> Result<(), CheckpointError> {
                 world.load_state(from)
             }
+
+            #[inline(never)]
+            fn colliders_in_box(
+                world: &World<Self, $l, $a>,
+                bounds: &Bounds<$l>,
+            ) -> Result<Vec<ColliderId>, InputError> {
+                world.find_in_box(bounds)
+            }
+
+            #[inline(never)]
+            fn colliders_at(
+                world: &World<Self, $l, $a>,
+                point: Vector<f32, $l>,
+            ) -> Result<Vec<ColliderId>, InputError> {
+                world.find_at(point)
+            }
+
+            #[inline(never)]
+            fn cast_ray_where(
+                world: &World<Self, $l, $a>,
+                origin: Vector<f32, $l>,
+                direction: Vector<f32, $l>,
+                max_distance: f32,
+                accepts: &dyn Fn(ColliderId) -> bool,
+            ) -> Result<Option<RayHit<$l>>, InputError> {
+                world.first_hit(origin, direction, max_distance, accepts)
+            }
         }
     };
 }
 
 compiled!(Rigid2, 2, 1);
 compiled!(Rigid3, 3, 3);
-compiled!(Spheres, 2, 0);
-compiled!(Spheres, 3, 0);
+compiled!(Particles, 2, 0);
+compiled!(Particles, 3, 0);
 
 impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Adds a body. Mass and inertia come from its shapes unless it brings its own.
@@ -135,5 +189,69 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// It is of another world. This one is then as it was.
     pub fn restore(&mut self, from: &Checkpoint) -> Result<(), CheckpointError> {
         G::restore(self, from)
+    }
+    /// Returns the colliders whose bounding boxes overlap a box, in the order of their slots,
+    /// sleeping bodies included.
+    ///
+    /// # Errors
+    /// A corner of the box is NaN.
+    pub fn colliders_in_box(&self, bounds: &Bounds<L>) -> Result<Vec<ColliderId>, InputError> {
+        G::colliders_in_box(self, bounds)
+    }
+
+    /// Returns the colliders that contain a point \[m\], in the order of their slots. A triangle
+    /// mesh contains none.
+    ///
+    /// # Errors
+    /// The point is out of its range.
+    pub fn colliders_at(
+        &self,
+        point: impl Into<Vector<f32, L>>,
+    ) -> Result<Vec<ColliderId>, InputError> {
+        G::colliders_at(self, point.into())
+    }
+
+    /// Returns the first collider on a ray: the nearest point in a collider at most `max_distance`
+    /// \[m\] from `origin` \[m\] along `direction`, whose length does not count.
+    ///
+    /// A ray that begins in a collider hits it at distance 0. Triangle meshes have no interior, and
+    /// are hit from both sides. Half-spaces end 100 km from their position.
+    ///
+    /// ```
+    /// use drystone::{Body, Motion, StepSettings, World3};
+    /// use parry3d::shape::SharedShape;
+    ///
+    /// let mut world = World3::new(StepSettings::realtime());
+    /// let ball = Body::new(Motion::Dynamic, [0.0, 5.0, 0.0], SharedShape::ball(0.5));
+    /// let ball = world.add(ball).unwrap();
+    /// let hit = world.cast_ray([0.0; 3], [0.0, 2.0, 0.0], f32::INFINITY).unwrap().unwrap();
+    /// assert_eq!((hit.body, hit.distance), (ball, 4.5));
+    /// ```
+    ///
+    /// # Errors
+    /// The origin is out of its range, the direction is zero, the distance is negative, or a number
+    /// is NaN.
+    pub fn cast_ray(
+        &self,
+        origin: impl Into<Vector<f32, L>>,
+        direction: impl Into<Vector<f32, L>>,
+        max_distance: f32,
+    ) -> Result<Option<RayHit<L>>, InputError> {
+        self.cast_ray_where(origin, direction, max_distance, |_| true)
+    }
+
+    /// Returns the first hit of a ray ([`World::cast_ray`]) among the colliders for which `accepts`
+    /// returns true. The others do not stop the ray.
+    ///
+    /// # Errors
+    /// Those of [`World::cast_ray`].
+    pub fn cast_ray_where(
+        &self,
+        origin: impl Into<Vector<f32, L>>,
+        direction: impl Into<Vector<f32, L>>,
+        max_distance: f32,
+        accepts: impl Fn(ColliderId) -> bool,
+    ) -> Result<Option<RayHit<L>>, InputError> {
+        G::cast_ray_where(self, origin.into(), direction.into(), max_distance, &accepts)
     }
 }

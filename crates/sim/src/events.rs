@@ -42,17 +42,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     fn touching_of(&self, pair: &Pair) -> Option<Touching<L>> {
-        let records = if pair.rests { &self.sleep.records } else { &self.contacts.records };
-        let view = records.view();
+        let cache = if pair.is_sleeping { &self.sleep.cache } else { &self.contacts.cache };
+        let view = cache.view();
         let [a, b] = pair.bodies.map(|body| &self.bodies.frames[body as usize]);
         let (mut deepest, mut is_pressed) = (None, false);
-        for record in view.of(pair.records()) {
-            for (point, trace) in view.points_of(record).iter().zip(view.traces_of(record)) {
-                is_pressed |= trace.impulse[0] > 0.0;
-                let gap = trace.gap[0];
+        for manifold in view.of(pair.manifolds()) {
+            for (point, cached) in view.points_of(manifold).iter().zip(view.impulses_of(manifold)) {
+                is_pressed |= cached.impulse[0] > 0.0;
+                let gap = cached.gap[0];
                 if deepest.is_none_or(|(_, _, least)| gap < least) {
                     let point = (a.point(point.on_a) + b.point(point.on_b)) * 0.5;
-                    deepest = Some((record.normal, point, gap));
+                    deepest = Some((manifold.normal, point, gap));
                 }
             }
         }

@@ -6,23 +6,27 @@ mod convex;
 mod cylinders;
 mod hull;
 mod mesh;
+pub mod particles;
 mod polyhedra;
 #[cfg(test)]
 pub(crate) mod random;
+mod rays;
 mod rigid;
 mod rotation;
 mod rounds;
 mod separation;
 mod solid;
-pub mod spheres;
 
 use std::fmt::Debug;
 
 use drystone_solver::{Real, SymmetricMatrix, Vector};
 
 pub use hull::{mass_within, shape as convex_shape};
+pub use particles::Particles;
+pub use rays::{Ray, SurfaceHit};
 pub use rigid::{Pose2, Rigid2, Rigid3};
-pub use spheres::Spheres;
+
+type Vec3 = Vector<f32, 3>;
 
 /// A geometry with `L` linear and `A` angular degrees of freedom per body.
 pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'static {
@@ -31,7 +35,7 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     /// A convex shape, a half-space or a triangle mesh.
     type Shape: Clone + Send + Sync;
     /// A shape with the data that contact detection needs.
-    type Collider: Clone + Send + Sync;
+    type Prepared: Clone + Send + Sync;
     /// Scratch memory that [`collide`](Self::collide) reuses.
     type Scratch: Default + Send + Sync;
 
@@ -53,7 +57,7 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     /// Angular momentum and energy are conserved at any angle. The angular velocity changes in 3D
     /// only.
     fn precess(
-        spins: &[Spin<'_, Self::Pose, A>; TOGETHER],
+        spins: &[Spin<'_, Self::Pose, A>; PRECESS_LANES],
         count: usize,
         h: f32,
         mut end: impl FnMut(usize, Self::Pose, [Vector<f32, A>; 2]),
@@ -94,47 +98,47 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     fn extent(shape: &Self::Shape) -> Option<f32>;
 
     /// Prepares a shape for [`collide`](Self::collide).
-    fn collider(shape: Self::Shape) -> Self::Collider;
+    fn prepare(shape: Self::Shape) -> Self::Prepared;
 
     /// Returns a ball of no size, which fills the slot of a removed shape.
-    fn nothing() -> Self::Collider;
+    fn placeholder() -> Self::Prepared;
 
     /// Returns the shape that a collider was made from.
-    fn shape_of(collider: &Self::Collider) -> &Self::Shape;
+    fn shape_of(collider: &Self::Prepared) -> &Self::Shape;
 
     /// True if the shape may have no interior, so that a body which has passed through it is not
     /// pushed back.
-    fn is_sheet(collider: &Self::Collider) -> bool;
+    fn is_open(collider: &Self::Prepared) -> bool;
 
     /// True if the shape is curved: other points of it touch as it rolls.
-    fn rolls(collider: &Self::Collider) -> bool;
+    fn is_curved(collider: &Self::Prepared) -> bool;
 
-    /// True if the shape has a farthest point in each direction ([`farthest`](Self::farthest)).
-    fn has_ends(_: &Self::Collider) -> bool {
+    /// True if the shape has a farthest point in each direction ([`support`](Self::support)).
+    fn has_support(_: &Self::Prepared) -> bool {
         false
     }
 
     /// True if the shape has edges that another shape may touch from the side.
-    fn has_corners(_: &Self::Collider) -> bool {
+    fn has_edges(_: &Self::Prepared) -> bool {
         false
     }
 
     /// Returns the radius by which the surface is rounded about its core, where it faces along
     /// `axis`. \[m\] It is 0 at flat faces and corners.
-    fn roundness(_: &Self::Collider, _: &Self::Pose, _axis: Vector<f32, L>) -> f32 {
+    fn rounding_radius(_: &Self::Prepared, _: &Self::Pose, _axis: Vector<f32, L>) -> f32 {
         0.0
     }
 
     /// True if a point is inside a box or a hull, or outside by no more than `near`. \[m\] False
     /// for all other shapes.
-    fn holds(_: &Self::Collider, _: &Self::Pose, _point: Vector<f32, L>, _near: f32) -> bool {
+    fn contains(_: &Self::Prepared, _: &Self::Pose, _point: Vector<f32, L>, _near: f32) -> bool {
         false
     }
 
     /// Returns the farthest point of a shape along a direction. Returns `None` for unbounded
     /// shapes, and for meshes, whose neighboring triangles are flush by their own topology.
-    fn farthest(
-        _: &Self::Collider,
+    fn support(
+        _: &Self::Prepared,
         _: &Self::Pose,
         _direction: Vector<f32, L>,
     ) -> Option<Vector<f32, L>> {
@@ -144,14 +148,14 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     /// Returns the center and the collider of a ball inside a convex shape. However fast the shape
     /// rotates, it always covers this ball. Returns `None` for balls, unbounded shapes and shapes
     /// without interior.
-    fn core(_: &Self::Collider) -> Option<(Vector<f32, L>, Self::Collider)> {
+    fn inner_ball(_: &Self::Prepared) -> Option<(Vector<f32, L>, Self::Prepared)> {
         None
     }
 
     /// Calls `face` with the outward normal of each flat face whose plane is within `near` \[m\] of
     /// a point.
     fn faces_at(
-        _: &Self::Collider,
+        _: &Self::Prepared,
         _: &Self::Pose,
         _point: Vector<f32, L>,
         _near: f32,
@@ -159,14 +163,22 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     ) {
     }
 
+    /// Returns where a ray enters a shape. A triangle mesh has no interior: the ray meets it at its
+    /// first triangle, from either side.
+    fn cast_ray(
+        collider: &Self::Prepared,
+        pose: &Self::Pose,
+        ray: &Ray<L>,
+    ) -> Option<SurfaceHit<L>>;
+
     /// Reports each manifold of points at which two shapes overlap or are within the distance of
     /// `ahead`.
     ///
     /// Returns a lower bound of the gap. \[m\] `before` is the feature of a contact point of the
     /// step before, whose features are tested first.
     fn collide(
-        a: (&Self::Collider, &Self::Pose),
-        b: (&Self::Collider, &Self::Pose),
+        a: (&Self::Prepared, &Self::Pose),
+        b: (&Self::Prepared, &Self::Pose),
         ahead: impl Into<LookAhead<L>>,
         before: Option<u64>,
         scratch: &mut Self::Scratch,
@@ -241,7 +253,7 @@ impl Precession {
 }
 
 /// Number of bodies that [`Geometry::precess`] rotates at once.
-pub const TOGETHER: usize = 8;
+pub const PRECESS_LANES: usize = 8;
 
 /// Returns how many numbers [`Geometry::write`] appends in `dimension` dimensions.
 pub const fn pose_numbers(dimension: usize) -> usize {
@@ -497,7 +509,10 @@ impl NormalCarrier {
     /// Returns the point at which impulses act on both bodies, given the contact point on the
     /// surface of each. It is on the surface that moves with the contact points
     /// ([`drystone_solver::kinematics`]), and midway between edges.
-    pub(crate) fn place<const L: usize>(self, [on_a, on_b]: [Vector<f32, L>; 2]) -> Vector<f32, L> {
+    pub(crate) fn push_point<const L: usize>(
+        self,
+        [on_a, on_b]: [Vector<f32, L>; 2],
+    ) -> Vector<f32, L> {
         match self {
             Self::FaceOfA => on_b,
             Self::FaceOfB | Self::Centers => on_a,
@@ -530,7 +545,7 @@ pub struct ManifoldPoint<const L: usize> {
 
 impl<const L: usize> ContactManifold<L> {
     /// Transforms the manifold from the coordinates of `frame` to those in which `frame` is given.
-    fn place(&mut self, frame: &Frame<L>) {
+    fn transform(&mut self, frame: &Frame<L>) {
         self.normal = frame.direction(self.normal);
         for point in &mut self.points {
             point.on_a = frame.point(point.on_a);

@@ -7,9 +7,9 @@ use std::fmt::{self, Display, Formatter};
 
 use drystone_solver::{Vector, Velocity};
 
-use crate::bodies::{Body, Inertia, SurfaceMotion};
+use crate::bodies::{Body, Inertia, SurfaceVelocity};
 use crate::body::{Material, Motion};
-use crate::geometry::Geometry;
+use crate::geometry::{Bounds, Geometry};
 
 /// Largest distance of a position from the origin along an axis, and largest extent of a
 /// shape. \[m\]
@@ -69,10 +69,12 @@ impl Display for InputError {
             Self::UnsupportedShape { collider, shape } => write!(
                 f,
                 "collider {collider} is a {shape}, which touches nothing; \
-                 accepted: ball, box, capsule, cylinder, cone, convex hull, half-space, triangle mesh, one per collider"
+                 accepted: ball, box, capsule, cylinder, cone, convex hull, half-space, \
+                 triangle mesh, one per collider"
             ),
             Self::Static => f.write_str(
-                "the body is static and has no velocity; accepted: a dynamic or kinematic body, or set_pose",
+                "the body is static and has no velocity; \
+                 accepted: a dynamic or kinematic body, or set_pose",
             ),
         }
     }
@@ -125,9 +127,9 @@ pub(crate) fn check_gravity<const L: usize>(gravity: &Vector<f32, L>) -> Checked
 
 /// Rejects a surface velocity that is too large.
 pub(crate) fn check_surface<const L: usize, const A: usize>(
-    motion: Option<&SurfaceMotion<L, A>>,
+    motion: Option<&SurfaceVelocity<L, A>>,
 ) -> Checked {
-    motion.map_or(Ok(()), |&SurfaceMotion { linear, angular, .. }| {
+    motion.map_or(Ok(()), |&SurfaceVelocity { linear, angular, .. }| {
         check_velocity(&Velocity { linear, angular })
     })
 }
@@ -141,6 +143,32 @@ pub(crate) fn check_pose<G: Geometry<L, A>, const L: usize, const A: usize>(
     frame.axes.iter().try_for_each(|axis| {
         within("the length of the rotation", f64::from(axis.dot(*axis)).sqrt(), [0.99, 1.01])
     })
+}
+
+/// Rejects a point that is too far from the origin.
+pub(crate) fn check_point<const L: usize>(point: &Vector<f32, L>) -> Checked {
+    all_within("the point [m]", point, FAR)
+}
+
+/// Rejects a box with a NaN.
+pub(crate) fn check_box<const L: usize>(bounds: &Bounds<L>) -> Checked {
+    all_within("a corner of the box [m]", &bounds.min, f64::INFINITY)?;
+    all_within("a corner of the box [m]", &bounds.max, f64::INFINITY)
+}
+
+/// Rejects a ray from too far away, without a direction or of a negative length. Returns the length
+/// of the direction.
+pub(crate) fn check_ray<const L: usize>(
+    origin: &Vector<f32, L>,
+    direction: &Vector<f32, L>,
+    max_distance: f32,
+) -> Result<f64, InputError> {
+    all_within("the origin of the ray [m]", origin, FAR)?;
+    let direction: Vector<f64, L> = direction.cast();
+    let length = direction.length();
+    within("the length of the direction", length, [1.0 / HEAVY, HEAVY])?;
+    within("the largest distance [m]", f64::from(max_distance), [0.0, f64::INFINITY])?;
+    Ok(length)
 }
 
 fn check_inertia<const L: usize, const A: usize>(inertia: &Inertia<L, A>) -> Checked {

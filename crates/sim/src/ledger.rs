@@ -134,7 +134,7 @@ pub(crate) struct LedgerBuilder<const L: usize, const A: usize> {
     /// Velocities at the start of the substep.
     start: Velocities<f32, L, A>,
     /// Velocities before and after impacts; empty if nothing bounces.
-    struck: [Velocities<f32, L, A>; 2],
+    impact_velocities: [Velocities<f32, L, A>; 2],
     /// Velocities before and after the motion of the bodies.
     moved: [Velocities<f32, L, A>; 2],
     /// Mean velocities on which gravity and forces do work, and those on which contacts do.
@@ -161,7 +161,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         self.opening = [self.kinetic_energy(&system.velocities), bodies.potential_energy(gravity)];
         self.impacts.clear();
         self.impacts.resize(system.contacts.len(), 0.0);
-        self.struck.iter_mut().for_each(Vec::clear);
+        self.impact_velocities.iter_mut().for_each(Vec::clear);
     }
 
     /// Records the velocities at the start of a substep.
@@ -171,7 +171,12 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
 
     /// Takes over M and M^-1 with which the substep starts, where they are not those that the last
     /// one left.
-    pub(crate) fn turn(&mut self, body: usize, mass: Mass<L, A>, inverse: &InverseMass<f32, L, A>) {
+    pub(crate) fn update_mass(
+        &mut self,
+        body: usize,
+        mass: Mass<L, A>,
+        inverse: &InverseMass<f32, L, A>,
+    ) {
         let velocity = self.start[body].cast();
         let before = std::mem::replace(&mut self.masses[body], mass);
         self.ledger.integration += 0.5 * (mass.squared(&velocity) - before.squared(&velocity));
@@ -179,12 +184,12 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
     }
 
     /// Records the velocities before impacts (`when` = 0) or after them (1).
-    pub(crate) fn strike(&mut self, when: usize, velocities: &[Velocity<f32, L, A>]) {
-        copy(velocities, &mut self.struck[when]);
+    pub(crate) fn record_impacts(&mut self, when: usize, velocities: &[Velocity<f32, L, A>]) {
+        copy(velocities, &mut self.impact_velocities[when]);
     }
 
     /// Records velocities, impulses and manifolds after the solve, before the bodies move.
-    pub(crate) fn depart(&mut self, system: &System<f32, L, A>) {
+    pub(crate) fn record_solution(&mut self, system: &System<f32, L, A>) {
         copy(&system.velocities, &mut self.moved[0]);
         self.pressed.clear();
         self.pressed.extend(system.contacts.iter().map(|contact| contact.impulse));
@@ -192,7 +197,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
     }
 
     /// Records the velocities after the bodies have moved.
-    pub(crate) fn arrive(&mut self, velocities: &[Velocity<f32, L, A>]) {
+    pub(crate) fn record_motion(&mut self, velocities: &[Velocity<f32, L, A>]) {
         copy(velocities, &mut self.moved[1]);
     }
 
@@ -219,7 +224,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
             let pulls = manifold.bodies.map(|body| {
                 let at = body as usize;
                 let moves = self.masses[at].linear > 0.0;
-                if moves { bodies.pull(at, gravity).cast() } else { Vector::ZERO }
+                if moves { bodies.gravity_on(at, gravity).cast() } else { Vector::ZERO }
             });
             let lift = h * manifold.normal().cast::<f64>().dot(pulls[0] - pulls[1]);
             for index in manifold.points() {
@@ -249,10 +254,10 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
             angular: inverse.angular.cast() * push.angular,
         };
         self.ledger.forces += h * mean.dot(&mass.momentum(&pushed));
-        let pull = bodies.pull(body, gravity).cast::<f64>();
+        let pull = bodies.gravity_on(body, gravity).cast::<f64>();
         self.ledger.gravity += h * mass.linear * mean.linear.dot(pull);
         let change = Velocity {
-            linear: pushed.linear.cast() + bodies.pull(body, gravity),
+            linear: pushed.linear.cast() + bodies.gravity_on(body, gravity),
             angular: pushed.angular.cast(),
         };
         let change = change * substep;
@@ -286,13 +291,13 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         if before.frame == after.frame {
             return 0.0;
         }
-        let (mut wrench, mut blow) = (Velocity::ZERO, Velocity::ZERO);
+        let (mut wrench, mut impact_change) = (Velocity::ZERO, Velocity::ZERO);
         for index in after.points() {
             let contact: Contact<f64, L> = system.contacts[index].cast();
             contact.add_wrench(0..L, self.pressed[index].cast(), &mut wrench);
             let mut impact = Vector::ZERO;
             impact[0] = contact.impact - f64::from(self.impacts[index]);
-            contact.add_wrench(0..1, impact, &mut blow);
+            contact.add_wrench(0..1, impact, &mut impact_change);
         }
         let [then, now]: [Manifold<f64, L>; 2] = [before.cast(), after.cast()];
         let work = |wrench: &Velocity<f64, L, A>, [a, b]: [Velocity<f64, L, A>; 2]| {
@@ -301,11 +306,13 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         };
         let bodies = after.bodies.map(|body| body as usize);
         let mut changed = 0.5 * work(&wrench, bodies.map(|body| self.mean[1][body]));
-        if !self.struck[0].is_empty() {
+        if !self.impact_velocities[0].is_empty() {
             let mean = |body: usize| {
-                (self.struck[0][body].cast::<f64>() + self.struck[1][body].cast()) * 0.5
+                (self.impact_velocities[0][body].cast::<f64>()
+                    + self.impact_velocities[1][body].cast())
+                    * 0.5
             };
-            changed += work(&blow, bodies.map(mean));
+            changed += work(&impact_change, bodies.map(mean));
         }
         changed
     }
@@ -314,11 +321,12 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
     fn take_means(&mut self, end: &[Velocity<f32, L, A>]) {
         self.mean.iter_mut().for_each(Vec::clear);
         for (body, (start, end)) in self.start.iter().zip(end).enumerate() {
-            let bounced = !self.struck[0].is_empty();
-            let blow = if bounced { difference(&self.struck, body) } else { Velocity::ZERO };
+            let bounced = !self.impact_velocities[0].is_empty();
+            let impact_change =
+                if bounced { difference(&self.impact_velocities, body) } else { Velocity::ZERO };
             let sum = start.cast::<f64>() + end.cast();
-            self.mean[0].push((sum - blow) * 0.5);
-            self.mean[1].push((sum + blow) * 0.5);
+            self.mean[0].push((sum - impact_change) * 0.5);
+            self.mean[1].push((sum + impact_change) * 0.5);
         }
     }
 
@@ -367,7 +375,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         let impact = f64::from(contact.impact - self.impacts[index]);
         if impact > 0.0 {
             self.impacts[index] = contact.impact;
-            let [before, after] = [&self.struck[0], &self.struck[1]]
+            let [before, after] = [&self.impact_velocities[0], &self.impact_velocities[1]]
                 .map(|of| frame[0].dot(relative([of[a].cast(), of[b].cast()])));
             push += frame[0] * impact;
             self.ledger.impacts += impact * 0.5 * (before + after);

@@ -8,7 +8,7 @@ use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Repair, SymmetricMatrix, Vector, Velocity};
 
 use crate::bodies::{Bodies, BodyParams, GRAIN, Inertia, SearchMotion, SpinState, damped};
-use crate::geometry::{Frame, Geometry, Precession, Spin, TOGETHER};
+use crate::geometry::{Frame, Geometry, PRECESS_LANES, Precession, Spin};
 
 /// Number of bodies per chunk. In each chunk, the precessing bodies are collected before they are
 /// rotated.
@@ -47,14 +47,14 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     /// Displacements since the part began.
     pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
     /// M^-1 J^T gamma of the last warm start.
-    pub(crate) pushes: &'a mut [Velocity<f32, L, A>],
+    pub(crate) contact_gains: &'a mut [Velocity<f32, L, A>],
     pub(crate) poses: &'a mut [G::Pose],
-    pub(crate) turns: &'a mut [SpinState<A>],
+    pub(crate) spin_states: &'a mut [SpinState<A>],
     pub(crate) turned: &'a mut [bool],
     /// M^-1.
     pub(crate) masses: &'a mut [InverseMass<f32, L, A>],
     /// Properties of all bodies.
-    pub(crate) given: BodyParams<'a, L, A>,
+    pub(crate) properties: BodyParams<'a, L, A>,
     pub(crate) pool: &'a ThreadPool,
 }
 
@@ -72,12 +72,12 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             velocities: own.velocities,
             prospective,
             displacements,
-            pushes: own.contact_gains,
+            contact_gains: own.contact_gains,
             poses: own.poses,
-            turns: own.turns,
+            spin_states: own.spin_states,
             turned: own.turned,
             masses: own.inverse_masses,
-            given: own.given,
+            properties: own.properties,
             pool,
         }
     }
@@ -87,18 +87,18 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         let (velocities, later_velocities) = self.velocities.split_at_mut(count);
         let (prospective, later_prospective) = self.prospective.split_at_mut(count);
         let (displacements, later_displacements) = self.displacements.split_at_mut(count);
-        let (pushes, later_pushes) = self.pushes.split_at_mut(count);
+        let (contact_gains, later_gains) = self.contact_gains.split_at_mut(count);
         let (poses, later_poses) = self.poses.split_at_mut(count);
-        let (turns, later_turns) = self.turns.split_at_mut(count);
+        let (spin_states, later_spin_states) = self.spin_states.split_at_mut(count);
         let (turned, later_turned) = self.turned.split_at_mut(count);
         let (masses, later_masses) = self.masses.split_at_mut(count);
         let first = Self {
             velocities,
             prospective,
             displacements,
-            pushes,
+            contact_gains,
             poses,
-            turns,
+            spin_states,
             turned,
             masses,
             ..self
@@ -108,9 +108,9 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             velocities: later_velocities,
             prospective: later_prospective,
             displacements: later_displacements,
-            pushes: later_pushes,
+            contact_gains: later_gains,
             poses: later_poses,
-            turns: later_turns,
+            spin_states: later_spin_states,
             turned: later_turned,
             masses: later_masses,
             ..self
@@ -127,34 +127,39 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// then follows its parabola exactly, and contacts see its true position.
     pub(crate) fn predict(&mut self, params: &SubstepParams<L>) {
         let SubstepParams { gravity, h, .. } = *params;
-        let (first, given) = (self.first, self.given);
+        let (first, properties) = (self.first, self.properties);
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
         let parts = parts.zip(self.displacements.chunks_mut(share).zip(self.masses.chunks(share)));
-        self.pool.for_each(useful, parts.enumerate(), |(part, ((velocities, push), others))| {
-            let numbers = first + share * part..;
-            let own = velocities.iter_mut().zip(push).zip(others.0.iter_mut().zip(others.1));
-            for (body, ((velocity, push), (moved, mass))) in numbers.zip(own) {
-                *push = *velocity - *push;
-                if !given.is_dynamic(body) {
-                    continue;
+        self.pool.for_each(
+            useful,
+            parts.enumerate(),
+            |(part, ((velocities, contact_gain), others))| {
+                let numbers = first + share * part..;
+                let own =
+                    velocities.iter_mut().zip(contact_gain).zip(others.0.iter_mut().zip(others.1));
+                for (body, ((velocity, contact_gain), (moved, mass))) in numbers.zip(own) {
+                    *contact_gain = *velocity - *contact_gain;
+                    if !properties.is_dynamic(body) {
+                        continue;
+                    }
+                    let force = properties.force(body);
+                    let mut gain = Velocity::ZERO;
+                    if mass.linear > 0.0 {
+                        let fall = properties.gravity_on(body, gravity);
+                        gain.linear = (fall + force.linear * mass.linear) * h;
+                    }
+                    if force.angular != Vector::ZERO {
+                        gain.angular = (mass.angular * force.angular) * h;
+                    }
+                    if let Some(damping) = properties.damping.get(body) {
+                        gain += damped(*damping, velocity, &gain, h);
+                    }
+                    *velocity += gain;
+                    *moved -= gain * (0.5 * h);
                 }
-                let force = given.force(body);
-                let mut gain = Velocity::ZERO;
-                if mass.linear > 0.0 {
-                    let fall = given.pull(body, gravity);
-                    gain.linear = (fall + force.linear * mass.linear) * h;
-                }
-                if force.angular != Vector::ZERO {
-                    gain.angular = (mass.angular * force.angular) * h;
-                }
-                if let Some(damping) = given.damping.get(body) {
-                    gain += damped(*damping, velocity, &gain, h);
-                }
-                *velocity += gain;
-                *moved -= gain * (0.5 * h);
-            }
-        });
+            },
+        );
     }
 
     /// Computes v = v* + M^-1 J^T gamma of the previous substep, which `predict` has stored in
@@ -162,14 +167,14 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     ///
     /// While nothing rotates, J and M are constant, so the contribution of contacts need not be
     /// recomputed.
-    pub(crate) fn push(&mut self) {
+    pub(crate) fn reapply_gains(&mut self) {
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let parts = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
-        self.pool.for_each(useful, parts, |(velocities, push)| {
-            for (velocity, push) in velocities.iter_mut().zip(push) {
+        self.pool.for_each(useful, parts, |(velocities, contact_gain)| {
+            for (velocity, contact_gain) in velocities.iter_mut().zip(contact_gain) {
                 let prospective = *velocity;
-                *velocity += *push;
-                *push = prospective;
+                *velocity += *contact_gain;
+                *contact_gain = prospective;
             }
         });
     }
@@ -179,27 +184,33 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// rolling and rocking bodies move with second-order accuracy in h, too. An impact has no
     /// constant part. Returns true if any body rotates
     /// ([`kinematics`](drystone_solver::kinematics)).
-    pub(crate) fn lead(&mut self, params: &SubstepParams<L>) -> bool {
+    pub(crate) fn offset_displacements(&mut self, params: &SubstepParams<L>) -> bool {
         let h = params.h;
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let moved = self.velocities.chunks(share).zip(self.prospective.chunks(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
         let turning = AtomicBool::new(false);
-        self.pool.for_each(useful, moved.zip(self.pushes.chunks_mut(share)), |(moved, pushes)| {
-            let ((velocities, prospective), displacements) = moved;
-            let moved = velocities.iter().zip(prospective).zip(displacements);
-            let mut any = false;
-            for (((velocity, prospective), displacement), push) in moved.zip(pushes) {
-                let now = *velocity - *prospective;
-                let before = std::mem::replace(push, now);
-                displacement.linear -= common(now.linear, before.linear) * (0.5 * h);
-                displacement.angular -= common(now.angular, before.angular) * (0.5 * h);
-                any |= turns(velocity.angular);
-            }
-            if any {
-                turning.store(true, Ordering::Relaxed);
-            }
-        });
+        self.pool.for_each(
+            useful,
+            moved.zip(self.contact_gains.chunks_mut(share)),
+            |(moved, contact_gains)| {
+                let ((velocities, prospective), displacements) = moved;
+                let moved = velocities.iter().zip(prospective).zip(displacements);
+                let mut any = false;
+                for (((velocity, prospective), displacement), contact_gain) in
+                    moved.zip(contact_gains)
+                {
+                    let now = *velocity - *prospective;
+                    let before = std::mem::replace(contact_gain, now);
+                    displacement.linear -= common(now.linear, before.linear) * (0.5 * h);
+                    displacement.angular -= common(now.angular, before.angular) * (0.5 * h);
+                    any |= needs_renewal(velocity.angular);
+                }
+                if any {
+                    turning.store(true, Ordering::Relaxed);
+                }
+            },
+        );
         turning.into_inner()
     }
 
@@ -207,17 +218,17 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// conserves the angular momentum and, to second order in h, the energy. The other bodies
     /// rotate at the end of the part.
     pub(crate) fn advance(&mut self, params: &SubstepParams<L>) -> Advanced {
-        let (given, h) = (self.given, params.h);
+        let (properties, h) = (self.properties, params.h);
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let moved = self.velocities.chunks_mut(share).zip(self.prospective.chunks_mut(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
-        let placed = self.poses.chunks_mut(share).zip(self.turns.chunks_mut(share));
+        let placed = self.poses.chunks_mut(share).zip(self.spin_states.chunks_mut(share));
         let placed = placed.zip(self.turned.chunks_mut(share).zip(self.masses.chunks_mut(share)));
         let firsts = (self.first..).step_by(share);
         let (any, fastest) = (AtomicBool::new(false), AtomicU32::new(0));
         self.pool.for_each(useful, firsts.zip(moved.zip(placed)), |(first, (moved, placed))| {
             let ((velocities, prospective), displacements) = moved;
-            let ((poses, turns), (turned, masses)) = placed;
+            let ((poses, spin_states), (turned, masses)) = placed;
             let mut squared = 0.0_f32;
             for start in (0..velocities.len()).step_by(CHUNK) {
                 let own = start..velocities.len().min(start + CHUNK);
@@ -227,10 +238,10 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
                     prospective: &mut prospective[own.clone()],
                     displacements: &mut displacements[own.clone()],
                     poses: &mut poses[own.clone()],
-                    turns: &mut turns[own.clone()],
+                    spin_states: &mut spin_states[own.clone()],
                     turned: &mut turned[own.clone()],
                     masses: &mut masses[own],
-                    given,
+                    properties,
                 };
                 let (mut precessing, mut count) = ([0; CHUNK], 0);
                 let advanced = bodies.advance(h, &mut precessing, &mut count);
@@ -269,11 +280,11 @@ struct Chunk<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     prospective: &'a mut [Velocity<f32, L, A>],
     displacements: &'a mut [Velocity<f32, L, A>],
     poses: &'a mut [G::Pose],
-    turns: &'a mut [SpinState<A>],
+    spin_states: &'a mut [SpinState<A>],
     turned: &'a mut [bool],
     masses: &'a mut [InverseMass<f32, L, A>],
     /// Properties of all bodies.
-    given: BodyParams<'a, L, A>,
+    properties: BodyParams<'a, L, A>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
@@ -281,17 +292,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
     /// `precessing`. Returns the square of the largest speed in [`Advanced::fastest`].
     fn advance(&mut self, h: f32, precessing: &mut [u16; CHUNK], count: &mut usize) -> Advanced {
         let moved = self.displacements.iter_mut().zip(&*self.velocities);
-        let spins = self.turns.iter_mut().zip(&mut *self.turned);
-        let kinds = self.given.precession[self.first..].iter().zip(&self.given.reach[self.first..]);
+        let spins = self.spin_states.iter_mut().zip(&mut *self.turned);
+        let kinds = self.properties.precession[self.first..]
+            .iter()
+            .zip(&self.properties.reach[self.first..]);
         let mut advanced = Advanced { turned: false, fastest: 0.0 };
         for (body, ((moved, spin), (kind, reach))) in (0..).zip(moved.zip(spins).zip(kinds)) {
             let ((displacement, velocity), (spin, turned)) = (moved, spin);
             let step = *velocity * h;
             *displacement += step;
             let turn = step.angular;
-            let turns = turns(velocity.angular);
-            *turned |= turns;
-            advanced.turned |= turns;
+            let is_turning = needs_renewal(velocity.angular);
+            *turned |= is_turning;
+            advanced.turned |= is_turning;
             let spinning = velocity.angular.dot(velocity.angular);
             // The reach of a half-space is infinite.
             let swing = if spinning > 0.0 { spinning * (reach.core * reach.core) } else { 0.0 };
@@ -309,18 +322,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
 
     /// Rotates these bodies freely for `h` \[s\].
     fn precess(&mut self, h: f32, precessing: &[u16]) {
-        for group in precessing.chunks(TOGETHER) {
+        for group in precessing.chunks(PRECESS_LANES) {
             // The last body fills the empty lanes.
             let own = |index: usize| usize::from(group[index.min(group.len() - 1)]);
-            let spins: [_; TOGETHER] = std::array::from_fn(|index| {
+            let spins: [_; PRECESS_LANES] = std::array::from_fn(|index| {
                 let own = own(index);
-                let inertia = &self.given.inertia[self.first + own];
+                let inertia = &self.properties.inertia[self.first + own];
                 Spin {
                     pose: self.poses[own],
                     moments: [&inertia.moments, &inertia.inverse_moments],
-                    precession: self.given.precession[self.first + own],
+                    precession: self.properties.precession[self.first + own],
                     omega: self.velocities[own].angular,
-                    remainder: self.turns[own].remainder,
+                    remainder: self.spin_states[own].remainder,
                 }
             });
             G::precess(&spins, group.len(), h, |index, pose, [omega, remainder]| {
@@ -328,11 +341,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
                 // Precession does not count as an effect of contacts.
                 self.prospective[own].angular += omega - self.velocities[own].angular;
                 self.velocities[own].angular = omega;
-                self.turns[own].remainder = remainder;
+                self.spin_states[own].remainder = remainder;
                 self.poses[own] = pose;
                 let turn = omega * h;
                 if turn.dot(turn) > kinematics::FAST_TURN * kinematics::FAST_TURN {
-                    let moments = self.given.inertia[self.first + own].inverse_moments;
+                    let moments = self.properties.inertia[self.first + own].inverse_moments;
                     self.masses[own].angular = G::frame(&pose).tensor(moments);
                 }
             });
@@ -341,7 +354,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
 }
 
 /// Returns true if J must be updated for this angular velocity. \[rad/s\]
-fn turns<const A: usize>(omega: Vector<f32, A>) -> bool {
+fn needs_renewal<const A: usize>(omega: Vector<f32, A>) -> bool {
     omega.dot(omega) > kinematics::LEAST_SPIN * kinematics::LEAST_SPIN
 }
 
@@ -352,7 +365,7 @@ fn common<const N: usize>(of: Vector<f32, N>, with: Vector<f32, N>) -> Vector<f3
 }
 
 /// Moves the poses by the displacements that `advance` has summed up.
-pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
+pub(crate) fn integrate_poses<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &mut Bodies<G, L, A>,
     pool: &ThreadPool,
     displacements: &[Velocity<f32, L, A>],
@@ -360,10 +373,10 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     let Bodies {
         velocities,
         poses,
-        turns,
+        spin_states,
         frames,
-        remainders,
-        paths,
+        position_remainders,
+        path_lengths,
         since_search,
         moved_since_rebuild,
         reach,
@@ -372,10 +385,10 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
         ..
     } = bodies;
     let (useful, share) = pool.share(displacements.len(), GRAIN);
-    let placed = poses.chunks_mut(share).zip(turns.chunks_mut(share));
-    let exact = frames.chunks_mut(share).zip(remainders.chunks_mut(share));
+    let placed = poses.chunks_mut(share).zip(spin_states.chunks_mut(share));
+    let exact = frames.chunks_mut(share).zip(position_remainders.chunks_mut(share));
     let sizes = reach.chunks(share).zip(precession.chunks(share)).zip(inertia.chunks(share));
-    let went = paths
+    let went = path_lengths
         .chunks_mut(share)
         .zip(since_search.chunks_mut(share))
         .zip(moved_since_rebuild.chunks_mut(share))
@@ -385,13 +398,13 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
     pool.for_each(useful, parts, |((displacements, velocities), ((placed, exact), went))| {
         let placed = placed.0.iter_mut().zip(placed.1);
         let exact = exact.0.iter_mut().zip(exact.1);
-        let (((paths, since_search), moved_since_rebuild), ((reach, kinds), inertia)) = went;
+        let (((path_lengths, since_search), moved_since_rebuild), ((reach, kinds), inertia)) = went;
         let own = reach.iter().zip(kinds).zip(inertia);
-        let went = paths.iter_mut().zip(since_search).zip(moved_since_rebuild).zip(own);
+        let went = path_lengths.iter_mut().zip(since_search).zip(moved_since_rebuild).zip(own);
         for (
             (displacement, velocity),
             (
-                ((pose, turned), (frame, remainder)),
+                ((pose, spin_state), (frame, remainder)),
                 (((path, since_search), moved_since_rebuild), ((reach, kind), inertia)),
             ),
         ) in displacements.iter().zip(velocities).zip(placed.zip(exact).zip(went))
@@ -400,20 +413,20 @@ pub(crate) fn arrive<G: Geometry<L, A>, const L: usize, const A: usize>(
                 *since_search = SearchMotion::NOWHERE;
                 continue;
             }
-            let exact = ExactPose { pose, turned, frame, remainder };
+            let exact = ExactPose { pose, spin_state, frame, remainder };
             let far = exact.integrate::<G>(displacement, velocity, (kind, inertia));
             *since_search = SearchMotion { linear: displacement.linear, turned: far * reach.core };
-            let way = since_search.linear.length() + since_search.turned;
-            *path += f64::from(way);
-            *moved_since_rebuild += way;
+            let travel = since_search.linear.length() + since_search.turned;
+            *path += f64::from(travel);
+            *moved_since_rebuild += travel;
         }
     });
 }
 
-/// Pose of a body, and what rounding and precession have left out of it.
+/// Pose of a body, and the position_remainders of rounding and precession.
 struct ExactPose<'a, P, const L: usize, const A: usize> {
     pose: &'a mut P,
-    turned: &'a mut SpinState<A>,
+    spin_state: &'a mut SpinState<A>,
     frame: &'a mut Frame<L>,
     remainder: &'a mut Vector<f32, L>,
 }
@@ -426,15 +439,15 @@ impl<P, const L: usize, const A: usize> ExactPose<'_, P, L, A> {
         velocity: &mut Velocity<f32, L, A>,
         (kind, inertia): (&Precession, &Inertia<L, A>),
     ) -> f32 {
-        let Self { pose, turned, frame, remainder } = self;
+        let Self { pose, spin_state, frame, remainder } = self;
         let by = displacement.linear + *remainder;
         // Displacements include corrections for impacts within a substep.
-        let turn = displacement.angular - std::mem::replace(&mut turned.followed, Vector::ZERO);
-        let struck = std::mem::take(&mut turned.struck);
+        let turn = displacement.angular - std::mem::replace(&mut spin_state.followed, Vector::ZERO);
+        let had_impact = std::mem::take(&mut spin_state.had_impact);
         let before = *frame;
         if kind.rate > 0.0 && turn.dot(turn) > LEAST_TURN * LEAST_TURN {
-            let spin = (&mut velocity.angular, turned, kind);
-            *pose = precess_late::<G, L, A>(pose, by, turn, struck, spin, inertia);
+            let spin = (&mut velocity.angular, spin_state, kind);
+            *pose = precess_late::<G, L, A>(pose, by, turn, had_impact, spin, inertia);
         } else {
             *pose = G::advance(pose, by, turn);
         }
@@ -453,21 +466,21 @@ impl<P, const L: usize, const A: usize> ExactPose<'_, P, L, A> {
 /// Returns the pose of a body that has been moved `by` \[m\] and has the rotation `turn` \[rad\]
 /// left. The part of `turn` along the angular velocity is a free rotation with precession; the rest
 /// is from impacts and forces within the step. It rotates the body, and with it its inertia, at
-/// once: a body that was `struck` keeps its energy then.
+/// once: a body that `had_impact` keeps its energy then.
 #[inline(never)]
 fn precess_late<G: Geometry<L, A>, const L: usize, const A: usize>(
     pose: &G::Pose,
     by: Vector<f32, L>,
     turn: Vector<f32, A>,
-    struck: bool,
-    (omega, turned, precession): (&mut Vector<f32, A>, &mut SpinState<A>, &Precession),
+    had_impact: bool,
+    (omega, spin_state, precession): (&mut Vector<f32, A>, &mut SpinState<A>, &Precession),
     inertia: &Inertia<L, A>,
 ) -> G::Pose {
     let squared = omega.dot(*omega);
     let time = if squared > 0.0 { (turn.dot(*omega) / squared).max(0.0) } else { 0.0 };
     let rest = turn - *omega * time;
     let mut end = G::advance(pose, by, rest);
-    if struck {
+    if had_impact {
         *omega = turned_at_once(&G::frame(pose), &G::frame(&end), *omega, inertia);
     }
     let Inertia { moments, inverse_moments, .. } = inertia;
@@ -476,10 +489,10 @@ fn precess_late<G: Geometry<L, A>, const L: usize, const A: usize>(
         moments: [moments, inverse_moments],
         precession: *precession,
         omega: *omega,
-        remainder: turned.remainder,
+        remainder: spin_state.remainder,
     };
-    G::precess(&[spin; TOGETHER], 1, time, |_, pose, [own, remainder]| {
-        (end, *omega, turned.remainder) = (pose, own, remainder);
+    G::precess(&[spin; PRECESS_LANES], 1, time, |_, pose, [own, remainder]| {
+        (end, *omega, spin_state.remainder) = (pose, own, remainder);
     });
     end
 }

@@ -1,6 +1,6 @@
 //! Narrow phase: contact manifolds from pairs of near shapes.
 
-mod places;
+mod writer;
 
 use std::ops::Range;
 
@@ -14,13 +14,13 @@ use crate::cache::{
 };
 use crate::colliders::Colliders;
 use crate::geometry::{ContactManifold, Frame, Geometry, LookAhead};
-use crate::narrow_phase::places::ManifoldWriter;
+use crate::narrow_phase::writer::ManifoldWriter;
 use crate::seams::{self, AHEAD, Approaching, STILL};
 use crate::travel::{MotionView, TravelBound};
 
 /// Input of the narrow phase.
 pub(crate) struct NarrowPhaseInput<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    pub(crate) shapes: &'a [G::Collider],
+    pub(crate) shapes: &'a [G::Prepared],
     /// Poses of the shapes, rotated with their bodies, relative to the centers of mass of the
     /// bodies.
     pub(crate) poses: &'a [G::Pose],
@@ -30,10 +30,10 @@ pub(crate) struct NarrowPhaseInput<'a, G: Geometry<L, A>, const L: usize, const 
     /// Motion of the bodies until the next contact search.
     pub(crate) moving: MotionView<'a, L, A>,
     /// True if the solver has updated the cached impulses since the manifolds were found. If false,
-    /// the impulses are still in the frames of the `traced` normals of their manifolds.
-    pub(crate) traced: bool,
+    /// the impulses are still in the frames of the `impulse_normal` of each manifold.
+    pub(crate) impulses_updated: bool,
     /// Cached manifolds of sleeping pairs.
-    pub(crate) resting: &'a ManifoldCache<L>,
+    pub(crate) sleeping: &'a ManifoldCache<L>,
     /// By body: true if it moves or can be moved.
     pub(crate) active: &'a [bool],
     pub(crate) prediction_distance: f32,
@@ -44,8 +44,8 @@ pub(crate) struct NarrowPhaseInput<'a, G: Geometry<L, A>, const L: usize, const 
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, L, A> {
     /// Returns the normal in whose frame the cached impulses of a manifold are given.
-    fn seen_from(&self, record: &CachedManifold<L>) -> Vector<f32, L> {
-        if self.traced { record.normal } else { record.traced }
+    fn seen_from(&self, manifold: &CachedManifold<L>) -> Vector<f32, L> {
+        if self.impulses_updated { manifold.normal } else { manifold.impulse_normal }
     }
 
     /// Returns the frames of two bodies relative to the center of mass of b, which keeps precision
@@ -56,7 +56,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, 
     }
 
     /// Returns the relative motion up to which the contact points of a pair are reused. \[m\]
-    fn lasting(&self, pair: &Pair) -> f32 {
+    fn reuse_limit(&self, pair: &Pair) -> f32 {
         self.reuse_distance.min(OFF * pair.thickness)
     }
 
@@ -66,13 +66,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, 
     fn ahead(&self, pair: &Pair) -> Option<LookAhead<L>> {
         let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
         // Limits the prediction, so that no feature is found through a thin body.
-        let fall = if pair.sheet { self.fall } else { 0.0 };
+        let fall = if pair.is_open { self.fall } else { 0.0 };
         let near = self.prediction_distance.min(THIN * pair.thickness + fall)
             + a.neighbor_push.max(b.neighbor_push);
-        let room = if pair.count == 0 { pair.room - near } else { f32::NEG_INFINITY };
-        let [_, turning] = self.moving.passed(self.travel, pair, || room)?;
+        let clearance = if pair.count == 0 { pair.clearance - near } else { f32::NEG_INFINITY };
+        let [_, turning] = self.moving.relative_travel(self.travel, pair, || clearance)?;
         let motion = a.linear - b.linear;
-        (turning >= room).then_some(LookAhead { prediction: near + turning, motion, turning })
+        (turning >= clearance).then_some(LookAhead { prediction: near + turning, motion, turning })
     }
 
     /// Calls `found` with the manifolds of a pair whose bodies approach by more than the gap, if
@@ -85,18 +85,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, 
         numbers: Range<usize>,
         mut found: impl FnMut(u32),
     ) {
-        if !pair.corners {
+        if !pair.may_meet_at_corners {
             return;
         }
         let [a, b] = pair.bodies.map(|body| &self.travel[body as usize]);
         let (ahead, turning) = (a.linear - b.linear, a.angular + b.angular);
-        for (record, number) in view.of(numbers).iter().zip(0..) {
-            let gap = view.traces_of(record)[0].gap[0];
-            let comes = AHEAD * (turning - record.normal.dot(ahead));
+        for (manifold, number) in view.of(numbers).iter().zip(0..) {
+            let gap = view.impulses_of(manifold)[0].gap[0];
+            let comes = AHEAD * (turning - manifold.normal.dot(ahead));
             let least =
                 if gap > 0.0 { gap + NOWHERE * pair.thickness } else { STILL * pair.thickness };
-            if (comes > least || record.undecided)
-                && !is_broad(view.points_of(record), record.normal, BROAD * pair.thickness)
+            if (comes > least || manifold.undecided)
+                && !is_broad(view.points_of(manifold), manifold.normal, BROAD * pair.thickness)
             {
                 found(number);
             }
@@ -136,7 +136,7 @@ fn frames<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &Bodies<G, L, A>,
     [a, b]: [u32; 2],
 ) -> (Frame<L>, Frame<L>) {
-    let (apart, frames) = (bodies.apart([a, b]), &bodies.frames);
+    let (apart, frames) = (bodies.relative_position([a, b]), &bodies.frames);
     let a = Frame { position: apart, ..frames[a as usize] };
     (a, Frame { position: Vector::ZERO, ..frames[b as usize] })
 }
@@ -163,11 +163,11 @@ const GRAIN: usize = 16;
 /// Scratch memory and results of one worker for its pairs.
 pub(crate) struct PairWorker<G: Geometry<L, A>, const L: usize, const A: usize> {
     scratch: G::Scratch,
-    core: Option<ShapeCore<G, L, A>>,
+    core: Option<InnerBall<G, L, A>>,
     /// Range of its pairs' manifolds in the cache of the step before.
     known: Range<usize>,
     /// Newly found manifolds.
-    records: ManifoldCache<L>,
+    cache: ManifoldCache<L>,
     /// The manifolds of all its pairs, in their order.
     runs: Vec<CacheRun>,
     /// Number of manifolds and points in `runs`.
@@ -177,14 +177,14 @@ pub(crate) struct PairWorker<G: Geometry<L, A>, const L: usize, const A: usize> 
     closing: Vec<Approaching>,
 }
 
-/// A ball inside a shape ([`Geometry::core`]), for shapes that approach by more than the thickness
-/// of a pair. A slender body rotates so far in the substep after an impact that the contacts of its
-/// corners let it through. The ball cannot rotate out of the way.
-struct ShapeCore<G: Geometry<L, A>, const L: usize, const A: usize> {
+/// A ball inside a shape ([`Geometry::inner_ball`]), for shapes that approach by more than the
+/// thickness of a pair. A slender body rotates so far in the substep after an impact that the
+/// contacts of its corners let it through. The ball cannot rotate out of the way.
+struct InnerBall<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Number of the shape.
     shape: u32,
     center: Vector<f32, L>,
-    ball: G::Collider,
+    ball: G::Prepared,
 }
 
 /// A contact of a core counts if the cosine between its normal and that of the shape's contact is
@@ -213,17 +213,17 @@ impl CacheRun {
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for PairWorker<G, L, A> {
     fn default() -> Self {
-        let (scratch, records) = (G::Scratch::default(), ManifoldCache::default());
+        let (scratch, cache) = (G::Scratch::default(), ManifoldCache::default());
         let (runs, closing) = (Vec::new(), Vec::new());
-        Self { scratch, core: None, known: 0..0, records, runs, counts: [0; 2], closing }
+        Self { scratch, core: None, known: 0..0, cache, runs, counts: [0; 2], closing }
     }
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
-    /// Measures the room of a pair that has just come near, up to `prediction` \[m\]. Its bounding
-    /// boxes do not tell: the box of a half-space or of an oblique wall also contains distant
-    /// points.
-    pub(crate) fn measure_room(
+    /// Measures the clearance of a pair that has just come near, up to `prediction` \[m\]. Its
+    /// bounding boxes do not tell: the box of a half-space or of an oblique wall also contains
+    /// distant points.
+    pub(crate) fn measure_clearance(
         &mut self,
         colliders: &Colliders<G, L, A>,
         bodies: &Bodies<G, L, A>,
@@ -237,45 +237,47 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
         let shape_b = (&colliders.shapes[b_shape], &colliders.poses[b_shape]);
         let gap =
             G::collide(shape_a, shape_b, prediction, None, &mut self.scratch, &mut |_: &_| ());
-        pair.room = 0.0;
+        pair.clearance = 0.0;
         // `Pair::left` will subtract all motion since the last search, but this gap was measured
         // after it.
-        pair.room = known_to(gap, a.position) - pair.left(&bodies.since_search);
+        pair.clearance = known_to(gap, a.position) - pair.left(&bodies.since_search);
     }
 
     /// Finds the manifolds of these pairs and sets the range of each pair. `own` holds those of the
     /// step before.
     fn find(
         &mut self,
-        around: &NarrowPhaseInput<'_, G, L, A>,
+        input: &NarrowPhaseInput<'_, G, L, A>,
         pairs: &mut [Pair],
         mut own: ManifoldCacheMut<'_, L>,
     ) {
-        let Self { scratch, core, records, runs, counts, closing, .. } = self;
-        records.clear();
+        let Self { scratch, core, cache, runs, counts, closing, .. } = self;
+        cache.clear();
         runs.clear();
         closing.clear();
         *counts = [0; 2];
         for (pair, number) in pairs.iter_mut().zip(0..) {
-            let (rested, known) = (pair.rests, pair.records());
-            let first = records.manifolds.len();
+            let (was_sleeping, known) = (pair.is_sleeping, pair.manifolds());
+            let first = cache.manifolds.len();
             let needs_rebuild =
-                || pair.bodies.iter().any(|&body| around.bodies.needs_rebuild[body as usize]);
-            let kept =
-                !(rested || known.is_empty() || around.reuse_distance == 0.0 || needs_rebuild());
+                || pair.bodies.iter().any(|&body| input.bodies.needs_rebuild[body as usize]);
+            let kept = !(was_sleeping
+                || known.is_empty()
+                || input.reuse_distance == 0.0
+                || needs_rebuild());
             if kept {
-                own.keep(known.clone(), around.traced);
+                own.keep(known.clone(), input.impulses_updated);
                 // The motion of its bodies is not tracked while its manifolds are kept.
-                pair.room = 0.0;
+                pair.clearance = 0.0;
             }
-            let old = kept || collide(around, pair, &mut own, (scratch, core), records);
-            if pair.rests {
+            let old = kept || collide(input, pair, &mut own, (scratch, core), cache);
+            if pair.is_sleeping {
                 continue;
             }
-            let manifolds = if old { known } else { first..records.manifolds.len() };
-            let found = if old { own.view() } else { records.view() };
-            around.closing(pair, found, manifolds.clone(), |record| {
-                closing.push(Approaching { pair: number, record });
+            let manifolds = if old { known } else { first..cache.manifolds.len() };
+            let found = if old { own.view() } else { cache.view() };
+            input.closing(pair, found, manifolds.clone(), |manifold| {
+                closing.push(Approaching { pair: number, manifold });
             });
             pair.first = counts[0] as u32;
             counts[0] += manifolds.len();
@@ -288,7 +290,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
             }
         }
         let old = own.view();
-        let points = |run: &CacheRun| run.points(if run.old { old } else { records.view() }).len();
+        let points = |run: &CacheRun| run.points(if run.old { old } else { cache.view() }).len();
         counts[1] = runs.iter().map(points).sum();
     }
 
@@ -297,26 +299,29 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> PairWorker<G, L, A> {
         &self,
         old: &ManifoldCache<L>,
         (mut manifolds, mut reuse): (&mut [CachedManifold<L>], &mut [Reuse]),
-        (points, traces): (&mut [CachedPoint<L>], &mut [CachedImpulse<L>]),
+        (points, impulses): (&mut [CachedPoint<L>], &mut [CachedImpulse<L>]),
         offset: usize,
     ) {
         let mut first = 0;
         for run in &self.runs {
-            let from = if run.old { old } else { &self.records };
+            let from = if run.old { old } else { &self.cache };
             let (own, range) = (run.manifolds.clone(), run.points(from.view()));
             let to = first..first + range.len();
             points[to.clone()].copy_from_slice(&from.points[range.clone()]);
-            traces[to.clone()].copy_from_slice(&from.traces[range.clone()]);
+            impulses[to.clone()].copy_from_slice(&from.impulses[range.clone()]);
             let moved = ((offset + first) as u32).wrapping_sub(range.start as u32);
             let into = reuse.split_off_mut(..own.len()).unwrap_or_default();
             into.copy_from_slice(&from.reuse[own.clone()]);
-            let records = manifolds.split_off_mut(..own.len()).unwrap_or_default();
-            for ((into, reuse), record) in records.iter_mut().zip(into).zip(&from.manifolds[own]) {
+            let cache = manifolds.split_off_mut(..own.len()).unwrap_or_default();
+            for ((into, reuse), manifold) in cache.iter_mut().zip(into).zip(&from.manifolds[own]) {
                 // The impulses of kept manifolds are given in the frame of their present normal.
                 let kept = matches!(reuse, Reuse::Kept(_));
-                let traced = if kept { record.normal } else { record.traced };
-                *into =
-                    CachedManifold { traced, first: record.first.wrapping_add(moved), ..*record };
+                let impulse_normal = if kept { manifold.normal } else { manifold.impulse_normal };
+                *into = CachedManifold {
+                    impulse_normal,
+                    first: manifold.first.wrapping_add(moved),
+                    ..*manifold
+                };
             }
             first = to.end;
         }
@@ -341,13 +346,13 @@ pub(crate) fn closing<G: Geometry<L, A>, const L: usize, const A: usize>(
 /// pairs, whatever the number of threads. Sleeping pairs keep their manifolds.
 ///
 /// `old` holds the manifolds of the step before; some of them are updated in place. Returns true if
-/// the set of manifolds has changed: then `records` holds the new set.
+/// the set of manifolds has changed: then `cache` holds the new set.
 pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
-    around: &NarrowPhaseInput<'_, G, L, A>,
+    input: &NarrowPhaseInput<'_, G, L, A>,
     pairs: &mut [Pair],
     workers: &mut Vec<PairWorker<G, L, A>>,
     pool: &ThreadPool,
-    (old, records): (&mut ManifoldCache<L>, &mut ManifoldCache<L>),
+    (old, cache): (&mut ManifoldCache<L>, &mut ManifoldCache<L>),
 ) -> bool {
     let (useful, share) = pool.share(pairs.len(), GRAIN);
     let chunks = pairs.len().div_ceil(share);
@@ -359,7 +364,7 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     // chunk's starts.
     let mut end = old.manifolds.len();
     for (pairs, worker) in pairs.chunks(share).zip(&mut *workers).rev() {
-        let first = pairs.iter().find(|pair| !pair.rests && pair.count > 0);
+        let first = pairs.iter().find(|pair| !pair.is_sleeping && pair.count > 0);
         let start = first.map_or(end, |pair| pair.first as usize);
         worker.known = start..std::mem::replace(&mut end, start);
     }
@@ -368,14 +373,14 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
         let own = later.split_off(worker.known.clone());
         (pairs, worker, own)
     });
-    pool.for_each(useful, parts, |(pairs, worker, own)| worker.find(around, pairs, own));
+    pool.for_each(useful, parts, |(pairs, worker, own)| worker.find(input, pairs, own));
     let mut first = 0;
     let parts = pairs.chunks_mut(share).zip(workers.iter()).map(|(pairs, worker)| {
         first += worker.counts[0];
         (pairs, first - worker.counts[0])
     });
     pool.for_each(useful, parts.filter(|(_, first)| *first > 0), |(pairs, first)| {
-        for pair in pairs.iter_mut().filter(|pair| !pair.rests) {
+        for pair in pairs.iter_mut().filter(|pair| !pair.is_sleeping) {
             pair.first += first as u32;
         }
     });
@@ -388,10 +393,10 @@ pub(crate) fn manifolds<G: Geometry<L, A>, const L: usize, const A: usize>(
     if let [worker] = workers
         && worker.runs.iter().all(|run| !run.old)
     {
-        std::mem::swap(records, &mut worker.records);
+        std::mem::swap(cache, &mut worker.cache);
         return true;
     }
-    join(old, workers, pool, useful, records);
+    join(old, workers, pool, useful, cache);
     true
 }
 
@@ -401,24 +406,24 @@ fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
     workers: &[PairWorker<G, L, A>],
     pool: &ThreadPool,
     useful: bool,
-    records: &mut ManifoldCache<L>,
+    cache: &mut ManifoldCache<L>,
 ) {
     let [manifolds, points] = [0, 1].map(|i| workers.iter().map(|of| of.counts[i]).sum());
-    records.manifolds.resize(manifolds, CachedManifold::NONE);
-    records.reuse.resize(manifolds, Reuse::New);
-    records.points.resize(points, CachedPoint::default());
-    records.traces.resize(points, CachedImpulse::default());
+    cache.manifolds.resize(manifolds, CachedManifold::NONE);
+    cache.reuse.resize(manifolds, Reuse::New);
+    cache.points.resize(points, CachedPoint::default());
+    cache.impulses.resize(points, CachedImpulse::default());
     let [manifolds, points] =
         [0, 1].map(|i| move |of: &PairWorker<G, L, A>| -> usize { of.counts[i] });
     let mut first = 0;
-    let own = chunks_with_parts(workers, 1, &mut records.manifolds, manifolds)
-        .zip(chunks_with_parts(workers, 1, &mut records.reuse, manifolds))
-        .zip(chunks_with_parts(workers, 1, &mut records.points, points))
-        .zip(chunks_with_parts(workers, 1, &mut records.traces, points))
-        .map(|(((manifolds, reuse), points), traces)| {
+    let own = chunks_with_parts(workers, 1, &mut cache.manifolds, manifolds)
+        .zip(chunks_with_parts(workers, 1, &mut cache.reuse, manifolds))
+        .zip(chunks_with_parts(workers, 1, &mut cache.points, points))
+        .zip(chunks_with_parts(workers, 1, &mut cache.impulses, points))
+        .map(|(((manifolds, reuse), points), impulses)| {
             first += points.1.len();
             let offset = first - points.1.len();
-            (&manifolds.0[0], (manifolds.1, reuse.1), (points.1, traces.1), offset)
+            (&manifolds.0[0], (manifolds.1, reuse.1), (points.1, impulses.1), offset)
         });
     pool.for_each(useful, own, |(worker, manifolds, points, offset)| {
         worker.copy(old, manifolds, points, offset);
@@ -426,62 +431,63 @@ fn join<G: Geometry<L, A>, const L: usize, const A: usize>(
 }
 
 /// Finds the manifolds of a pair. Returns true if all of them are updated in place; otherwise they
-/// are appended to `records`.
+/// are appended to `cache`.
 fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
-    around: &NarrowPhaseInput<'_, G, L, A>,
+    input: &NarrowPhaseInput<'_, G, L, A>,
     pair: &mut Pair,
     own: &mut ManifoldCacheMut<'_, L>,
-    (scratch, core): (&mut G::Scratch, &mut Option<ShapeCore<G, L, A>>),
-    records: &mut ManifoldCache<L>,
+    (scratch, core): (&mut G::Scratch, &mut Option<InnerBall<G, L, A>>),
+    cache: &mut ManifoldCache<L>,
 ) -> bool {
-    if pair.rests && !pair.bodies.iter().any(|&body| around.active[body as usize]) {
+    if pair.is_sleeping && !pair.bodies.iter().any(|&body| input.active[body as usize]) {
         return false;
     }
-    let rested = std::mem::replace(&mut pair.rests, false);
-    if rested {
-        pair.room = 0.0;
+    let was_sleeping = std::mem::replace(&mut pair.is_sleeping, false);
+    if was_sleeping {
+        pair.clearance = 0.0;
     }
-    pair.room = pair.left(around.moving.since_search);
+    pair.clearance = pair.left(input.moving.since_search);
     let known = pair.count > 0;
-    let ahead = if known { None } else { around.ahead(pair) };
+    let ahead = if known { None } else { input.ahead(pair) };
     if !known && ahead.is_none() {
         return false;
     }
-    let (a, b) = &around.frames(pair.bodies);
-    if known && reuse(around, pair, (a, b), own, records, rested) {
-        return !rested;
+    let (a, b) = &input.frames(pair.bodies);
+    if known && reuse(input, pair, (a, b), own, cache, was_sleeping) {
+        return !was_sleeping;
     }
     // A pair with cached manifolds has not been tested for its gap.
-    let Some(ahead) = ahead.or_else(|| around.ahead(pair)) else { return false };
+    let Some(ahead) = ahead.or_else(|| input.ahead(pair)) else { return false };
     let [a_shape, b_shape] = pair.colliders;
-    let pose_a = G::advance(&around.poses[a_shape as usize], a.position, Vector::ZERO);
-    let old = if rested { around.resting.view() } else { own.view() };
-    let before = old.of(pair.records()).first().map(|record| old.points_of(record)[0].feature);
-    let mut places =
-        ManifoldWriter::new(own, pair.records(), rested.then_some(around.resting), records);
+    let pose_a = G::advance(&input.poses[a_shape as usize], a.position, Vector::ZERO);
+    let old = if was_sleeping { input.sleeping.view() } else { own.view() };
+    let before =
+        old.of(pair.manifolds()).first().map(|manifold| old.points_of(manifold)[0].feature);
+    let mut writer =
+        ManifoldWriter::new(own, pair.manifolds(), was_sleeping.then_some(input.sleeping), cache);
     let of = &*pair;
     let mut keep = |touch: &ContactManifold<L>, part: u32| {
-        around.store(of, (touch, part), (a, b), &mut places);
+        input.store(of, (touch, part), (a, b), &mut writer);
     };
-    let shape_a = (&around.shapes[a_shape as usize], &pose_a);
-    let shape_b = (&around.shapes[b_shape as usize], &around.poses[b_shape as usize]);
+    let shape_a = (&input.shapes[a_shape as usize], &pose_a);
+    let shape_b = (&input.shapes[b_shape as usize], &input.poses[b_shape as usize]);
     // Normal along which a body may pass through the thinner shape.
-    let mut passed = None;
+    let mut tunneling_normal = None;
     let approach = |normal: Vector<f32, L>| -normal.dot(ahead.motion);
     let mut all = |touch: &ContactManifold<L>| {
         if approach(touch.normal) > pair.thickness {
-            passed = Some(touch.normal);
+            tunneling_normal = Some(touch.normal);
         }
         keep(touch, touch.part);
     };
     let gap = G::collide(shape_a, shape_b, ahead, before, scratch, &mut all);
-    if let Some(normal) = passed {
-        let passing = Passing { shapes: [shape_a, shape_b], normal, ahead, before };
-        passing.collide_cores::<G, A>(pair.colliders, scratch, core, &mut keep);
+    if let Some(normal) = tunneling_normal {
+        let tunneling = Tunneling { shapes: [shape_a, shape_b], normal, ahead, before };
+        tunneling.collide_cores::<G, A>(pair.colliders, scratch, core, &mut keep);
     }
-    let (count, again) = places.finish(around.traced);
+    let (count, again) = writer.finish(input.impulses_updated);
     pair.count = count;
-    pair.room = known_to(if count > 0 { around.lasting(pair) } else { gap }, a.position);
+    pair.clearance = known_to(if count > 0 { input.reuse_limit(pair) } else { gap }, a.position);
     again
 }
 
@@ -496,32 +502,32 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, 
         writer: &mut ManifoldWriter<'_, '_, L>,
     ) {
         let before = writer.before(part);
-        let traced = before.map_or(touch.normal, |before| self.seen_from(before));
+        let impulse_normal = before.map_or(touch.normal, |before| self.seen_from(before));
         let fresh = before.is_none_or(seams::is_turned);
-        let (record, points) = writer.next(touch, part, a, b);
-        *record = CachedManifold {
+        let (manifold, points) = writer.next(touch, part, a, b);
+        *manifold = CachedManifold {
             bodies: pair.bodies,
             friction: pair.friction,
             restitution: pair.restitution,
             part,
             surfaces: touch.surfaces,
             normal: touch.normal,
-            traced,
-            apart: a.position,
+            impulse_normal,
+            center_offset: a.position,
             undecided: fresh,
             found_at: Frame::IDENTITY,
-            ..*record
+            ..*manifold
         };
-        if !pair.rolls {
-            record.local_normal = record.carrier(a, b).local_direction(touch.normal);
-            record.found_at = a.seen_from(b);
-            record.reach = cache::reach(points);
+        if !pair.is_curved {
+            manifold.local_normal = manifold.carrier(a, b).local_direction(touch.normal);
+            manifold.found_at = a.seen_from(b);
+            manifold.reach = cache::reach(points);
         }
     }
 }
 
 /// Two shapes of which one may pass through the other in the step.
-struct Passing<'a, C, P, const L: usize> {
+struct Tunneling<'a, C, P, const L: usize> {
     shapes: [(&'a C, &'a P); 2],
     /// Direction in which it passes.
     normal: Vector<f32, L>,
@@ -529,28 +535,31 @@ struct Passing<'a, C, P, const L: usize> {
     before: Option<u64>,
 }
 
-impl<C, P, const L: usize> Passing<'_, C, P, L> {
+impl<C, P, const L: usize> Tunneling<'_, C, P, L> {
     /// Finds the contacts of the core of each shape with the other shape, where they are along the
     /// way.
-    fn collide_cores<G: Geometry<L, A, Collider = C, Pose = P>, const A: usize>(
+    fn collide_cores<G: Geometry<L, A, Prepared = C, Pose = P>, const A: usize>(
         &self,
         colliders: [u32; 2],
         scratch: &mut G::Scratch,
-        core: &mut Option<ShapeCore<G, L, A>>,
+        core: &mut Option<InnerBall<G, L, A>>,
         keep: &mut impl FnMut(&ContactManifold<L>, u32),
     ) {
         for side in 0..2 {
             let (shape, pose) = self.shapes[side];
             let number = colliders[side];
             if core.as_ref().is_none_or(|of| of.shape != number) {
-                *core =
-                    G::core(shape).map(|(center, ball)| ShapeCore { shape: number, center, ball });
+                *core = G::inner_ball(shape).map(|(center, ball)| InnerBall {
+                    shape: number,
+                    center,
+                    ball,
+                });
             }
-            let Some(ShapeCore { center, ball, .. }) = &*core else { continue };
+            let Some(InnerBall { center, ball, .. }) = &*core else { continue };
             let pose = G::pose(G::frame(pose).point(*center), &[]);
             let mut pair = self.shapes;
             pair[side] = (ball, &pose);
-            let mut passing = |touch: &ContactManifold<L>| {
+            let mut tunneling = |touch: &ContactManifold<L>| {
                 let gaps = touch.points.iter().map(|point| point.gap);
                 let gap = gaps.fold(f32::INFINITY, f32::min);
                 let approach = -touch.normal.dot(self.ahead.motion);
@@ -558,47 +567,47 @@ impl<C, P, const L: usize> Passing<'_, C, P, L> {
                     keep(touch, touch.part ^ CORES[side]);
                 }
             };
-            G::collide(pair[0], pair[1], self.ahead, self.before, scratch, &mut passing);
+            G::collide(pair[0], pair[1], self.ahead, self.before, scratch, &mut tunneling);
         }
     }
 }
 
 /// Updates the gaps of a pair's cached manifolds if their points are still valid. Returns whether
-/// they are. The manifolds of a pair that was asleep are appended to `records`.
+/// they are. The manifolds of a pair that was asleep are appended to `cache`.
 #[inline(always)]
 fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
-    around: &NarrowPhaseInput<'_, G, L, A>,
+    input: &NarrowPhaseInput<'_, G, L, A>,
     pair: &mut Pair,
     (a, b): (&Frame<L>, &Frame<L>),
     own: &mut ManifoldCacheMut<'_, L>,
-    records: &mut ManifoldCache<L>,
-    rested: bool,
+    cache: &mut ManifoldCache<L>,
+    was_sleeping: bool,
 ) -> bool {
-    let most = around.lasting(pair);
-    if pair.rolls || most <= 0.0 {
+    let most = input.reuse_limit(pair);
+    if pair.is_curved || most <= 0.0 {
         return false;
     }
-    if pair.room <= 0.0 {
-        let old = if rested { around.resting.view() } else { own.view() };
-        let left = most - moved(&old.of(pair.records())[0], &a.seen_from(b));
+    if pair.clearance <= 0.0 {
+        let old = if was_sleeping { input.sleeping.view() } else { own.view() };
+        let left = most - moved(&old.of(pair.manifolds())[0], &a.seen_from(b));
         if left <= 0.0 {
             return false;
         }
-        pair.room = known_to(left, a.position);
+        pair.clearance = known_to(left, a.position);
     }
-    let turned = pair.bodies.iter().any(|&body| around.bodies.turned[body as usize]);
-    if rested {
-        records.take_pair(pair, around.resting);
-        let mut woken = records.view_mut();
-        // They were not in the step before, and `take_pair` has already set their `traced` normals.
-        woken.measure(pair.records(), [a, b], (most, turned), false);
+    let turned = pair.bodies.iter().any(|&body| input.bodies.turned[body as usize]);
+    if was_sleeping {
+        cache.take_pair(pair, input.sleeping);
+        let mut woken = cache.view_mut();
+        // They were not in the step before, and `take_pair` has already set their `impulse_normal`.
+        woken.measure(pair.manifolds(), [a, b], (most, turned), false);
     } else {
-        own.measure(pair.records(), [a, b], (most, turned), around.traced);
+        own.measure(pair.manifolds(), [a, b], (most, turned), input.impulses_updated);
     }
     true
 }
 
-/// Returns a gap, or what is left of a reuse distance, less its rounding error at this distance of
+/// Returns a gap, or the rest of a reuse distance, less its rounding error at this distance of
 /// the bodies. \[m\]
 fn known_to<const L: usize>(gap: f32, apart: Vector<f32, L>) -> f32 {
     gap - ROUNDING * (gap.abs() + apart.length())
@@ -606,53 +615,67 @@ fn known_to<const L: usize>(gap: f32, apart: Vector<f32, L>) -> f32 {
 
 /// Returns how far a has moved relative to b, in the frame of b, since the contact points were
 /// found. \[m\]
-fn moved<const L: usize>(record: &CachedManifold<L>, seen: &Frame<L>) -> f32 {
-    let moved = (seen.position - record.found_at.position).length();
+fn moved<const L: usize>(manifold: &CachedManifold<L>, seen: &Frame<L>) -> f32 {
+    let moved = (seen.position - manifold.found_at.position).length();
     let mut turned = 0.0f32;
-    for (now, then) in seen.axes.iter().zip(&record.found_at.axes) {
+    for (now, then) in seen.axes.iter().zip(&manifold.found_at.axes) {
         turned = turned.max((*now - *then).length());
     }
-    moved + turned * record.reach
+    moved + turned * manifold.reach
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::bodies::SearchMotion;
-    use crate::colliders::lever;
+    use crate::colliders::rotation_lever;
     use crate::geometry::random::Random;
 
-    /// Particles, which do not rotate, use up their room by translation alone.
+    /// Particles, which do not rotate, use up their clearance by translation alone.
     #[test]
-    fn what_does_not_turn_has_room() {
-        let pair = Pair { lever: lever([0.0; 2]), room: 1.0, count: 1, ..Pair::APART };
+    fn particles_use_up_clearance_by_translation_alone() {
+        let pair = Pair {
+            rotation_lever: rotation_lever([0.0; 2]),
+            clearance: 1.0,
+            count: 1,
+            ..Pair::APART
+        };
         let since_search = SearchMotion { linear: Vector([0.25, 0.0]), ..SearchMotion::NOWHERE };
         let left = pair.left(&[since_search, SearchMotion::NOWHERE]);
         assert!((left - 0.75).abs() < 1e-6, "{left} m");
     }
 
-    /// While a pair has room, the motion of a in the frame of b is less than the reuse distance.
+    /// While a pair has clearance, the motion of a in the frame of b is less than the reuse
+    /// distance.
     #[test]
-    fn points_last_while_there_is_room() {
+    fn points_are_reused_while_clearance_is_left() {
         let (mut random, most, mut worst) = (Random(8), 0.01, 0.0f32);
         for _ in 0..300 {
             let reach = [0, 1].map(|_| 0.55 + 0.45 * random.number());
             // They touch, or nearly do.
-            let mut places = [Vector([0.0, 0.0]), Vector([reach[0] + 1.4 * reach[1], 0.0])];
+            let mut positions = [Vector([0.0, 0.0]), Vector([reach[0] + 1.4 * reach[1], 0.0])];
             let mut angles = [3.0 * random.number(), 3.0 * random.number()];
-            let frames = |places: &[Vector<f32, 2>; 2], angles: &[f32; 2]| {
+            let frames = |positions: &[Vector<f32, 2>; 2], angles: &[f32; 2]| {
                 [0, 1].map(|i| {
                     let (sin, cos) = angles[i].sin_cos();
-                    Frame { position: places[i], axes: [Vector([cos, sin]), Vector([-sin, cos])] }
+                    Frame {
+                        position: positions[i],
+                        axes: [Vector([cos, sin]), Vector([-sin, cos])],
+                    }
                 })
             };
-            let [a, b] = frames(&places, &angles);
+            let [a, b] = frames(&positions, &angles);
             let found = CachedManifold {
                 found_at: a.seen_from(&b),
                 reach: reach[0],
                 ..CachedManifold::NONE
             };
-            let mut pair = Pair { lever: lever(reach), room: most, count: 1, ..Pair::APART };
+            let mut pair = Pair {
+                rotation_lever: rotation_lever(reach),
+                clearance: most,
+                count: 1,
+                ..Pair::APART
+            };
             let (drift, turns) = (random.number(), [random.number(), random.number()]);
             loop {
                 let mut since_search = [SearchMotion::NOWHERE; 2];
@@ -660,16 +683,16 @@ mod tests {
                     since_search[i].linear = Vector([0.1, 1e-3 * drift * i as f32]);
                     let turn = 1e-3 * turns[i];
                     since_search[i].turned = turn.abs() * reach[i];
-                    places[i] += since_search[i].linear;
+                    positions[i] += since_search[i].linear;
                     angles[i] += turn;
                 }
-                pair.room = pair.left(&since_search);
-                if pair.room <= 0.0 {
+                pair.clearance = pair.left(&since_search);
+                if pair.clearance <= 0.0 {
                     break;
                 }
-                let [a, b] = frames(&places, &angles);
+                let [a, b] = frames(&positions, &angles);
                 let moved = moved(&found, &a.seen_from(&b));
-                assert!(moved <= most + 2e-5, "{moved} m, with {} m left", pair.room);
+                assert!(moved <= most + 2e-5, "{moved} m, with {} m left", pair.clearance);
                 worst = worst.max(moved);
             }
         }

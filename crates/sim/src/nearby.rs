@@ -1,9 +1,9 @@
-//! Masses and near pairs of a world, in numbers of any dimension.
+//! Masses, near pairs and contact points of a world, in numbers of any dimension.
 
 use drystone_solver::Manifold;
 
 use crate::geometry::Geometry;
-use crate::report::Nearby;
+use crate::report::{ContactPoints, Nearby};
 use crate::world::World;
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
@@ -15,7 +15,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Returns the pairs of bodies near each other at the last search for contacts, one entry per
     /// manifold. Bodies are slots.
     pub fn nearby(&self) -> Vec<Nearby> {
-        let system = self.searched();
+        let system = self.system_at_search();
         let of = |manifold: &Manifold<f32, L>| {
             let contacts = system.contacts[manifold.points()].iter();
             Nearby {
@@ -28,5 +28,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         };
         system.manifolds.iter().map(of).collect()
+    }
+    /// Returns the contact points of the last substep after solving, at the poses after the step.
+    /// Those of pairs that sleep are left out.
+    pub fn contact_points(&self) -> ContactPoints {
+        let system = self.system();
+        let mut out = ContactPoints::default();
+        for manifold in &system.manifolds {
+            let center = self.bodies.frames[manifold.bodies[0] as usize].position;
+            for contact in &system.contacts[manifold.points()] {
+                let arm = manifold.frame.arms[0] + manifold.frame.to_world(contact.offset);
+                out.bodies.push(manifold.bodies);
+                out.points.extend((center + arm).0);
+                out.frames.extend(manifold.frame.axes.iter().flat_map(|axis| axis.0));
+                out.impulses.extend(contact.impulse.0);
+                out.gaps.push(contact.gap[0]);
+                out.friction.push(manifold.friction);
+            }
+        }
+        out
     }
 }

@@ -41,21 +41,21 @@ const WIDE: f32 = 0.05;
 #[derive(Default)]
 pub(crate) struct Patches<const L: usize> {
     /// Manifolds of compounds in this step, and those of bodies that have moved.
-    all: Vec<Part>,
-    parts: Vec<Part>,
+    all: Vec<PatchPart>,
+    parts: Vec<PatchPart>,
     /// Manifolds to be opened.
     none: Vec<u32>,
-    /// Points in a plane: all, and those that are kept. Their features are indices into `places`.
+    /// Points in a plane: all, and those that are kept. Their features are indices into `origins`.
     plane: Vec<ManifoldPoint<L>>,
     touch: ContactManifold<L>,
-    places: Vec<[usize; 2]>,
+    origins: Vec<[usize; 2]>,
 }
 
 /// A manifold of two bodies of which one has several shapes.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Part {
+struct PatchPart {
     bodies: [u32; 2],
-    record: u32,
+    manifold: u32,
     pair: u32,
     /// True if its surfaces have no surface velocity and no rolling resistance.
     plain: bool,
@@ -68,12 +68,16 @@ pub(crate) struct Shapes<'a, G: Geometry<L, A>, const L: usize, const A: usize> 
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Shapes<'_, G, L, A> {
-    /// True if a shape of a pair contains `place`, from the center of mass of b, or is within
+    /// True if a shape of a pair contains `position`, from the center of mass of b, or is within
     /// `near` of it. \[m\]
-    fn hold(&self, pair: &Pair, side: usize, place: Vector<f32, L>, near: f32) -> bool {
+    fn contains(&self, pair: &Pair, side: usize, position: Vector<f32, L>, near: f32) -> bool {
         let shape = pair.colliders[side] as usize;
-        let place = if side == 0 { place - self.bodies.apart(pair.bodies) } else { place };
-        G::holds(&self.colliders.shapes[shape], &self.colliders.poses[shape], place, near)
+        let position = if side == 0 {
+            position - self.bodies.relative_position(pair.bodies)
+        } else {
+            position
+        };
+        G::contains(&self.colliders.shapes[shape], &self.colliders.poses[shape], position, near)
     }
 }
 
@@ -83,34 +87,36 @@ impl<const L: usize> Patches<L> {
         &mut self,
         pairs: &[Pair],
         shapes: &Shapes<'_, G, L, A>,
-        records: &mut ManifoldCache<L>,
+        cache: &mut ManifoldCache<L>,
     ) {
-        let Self { all, parts: stirred, none, .. } = self;
+        let Self { all, parts: changed, none, .. } = self;
         all.clear();
-        stirred.clear();
+        changed.clear();
         if !shapes.colliders.has_compounds() {
             return;
         }
         let is_part = |body: &u32| shapes.colliders.is_compound(*body);
         for (pair, number) in pairs.iter().zip(0..) {
             let bodies = pair.bodies;
-            if pair.count > 0 && !pair.rests && bodies.iter().any(is_part) {
+            if pair.count > 0 && !pair.is_sleeping && bodies.iter().any(is_part) {
                 let plain = shapes.colliders.is_plain(pair.colliders);
-                let part = |of: usize| Part { bodies, record: of as u32, pair: number, plain };
-                all.extend(pair.records().map(part));
+                let part =
+                    |of: usize| PatchPart { bodies, manifold: of as u32, pair: number, plain };
+                all.extend(pair.manifolds().map(part));
             }
         }
         all.sort_unstable();
         for parts in all.chunk_by(|a, b| a.bodies == b.bodies) {
-            let kept = |part: &Part| matches!(records.reuse[part.record as usize], Reuse::Kept(_));
+            let kept =
+                |part: &PatchPart| matches!(cache.reuse[part.manifold as usize], Reuse::Kept(_));
             if parts.len() > 1 && !parts.iter().all(kept) {
-                stirred.extend_from_slice(parts);
+                changed.extend_from_slice(parts);
                 none.clear();
-                covered((parts, pairs), shapes, records, none);
-                for &record in &*none {
-                    let own = records.manifolds[record as usize].points();
-                    records.traces[own].fill(cache::open(FAR));
-                    let reuse = &mut records.reuse[record as usize];
+                covered((parts, pairs), shapes, cache, none);
+                for &manifold in &*none {
+                    let own = cache.manifolds[manifold as usize].points();
+                    cache.impulses[own].fill(cache::open(FAR));
+                    let reuse = &mut cache.reuse[manifold as usize];
                     *reuse = reuse.changed();
                 }
             }
@@ -118,52 +124,53 @@ impl<const L: usize> Patches<L> {
     }
 
     /// Opens the points that the changed patches do not need.
-    pub(crate) fn join(&mut self, records: &mut ManifoldCache<L>) {
-        let stirred = std::mem::take(&mut self.parts);
-        for parts in stirred.chunk_by(|a, b| a.bodies == b.bodies) {
-            self.join_all(parts, records);
+    pub(crate) fn join(&mut self, cache: &mut ManifoldCache<L>) {
+        let changed = std::mem::take(&mut self.parts);
+        for parts in changed.chunk_by(|a, b| a.bodies == b.bodies) {
+            self.join_all(parts, cache);
         }
-        self.parts = stirred;
+        self.parts = changed;
     }
 
     /// Opens the inner points of each plane in which two bodies touch.
-    fn join_all(&mut self, parts: &[Part], records: &mut ManifoldCache<L>) {
+    fn join_all(&mut self, parts: &[PatchPart], cache: &mut ManifoldCache<L>) {
         for (at, first) in parts.iter().enumerate() {
-            let record = records.manifolds[first.record as usize];
-            let is_alike = |part: &&Part| {
-                let other = &records.manifolds[part.record as usize];
+            let manifold = cache.manifolds[first.manifold as usize];
+            let is_alike = |part: &&PatchPart| {
+                let other = &cache.manifolds[part.manifold as usize];
                 part.plain
-                    && other.normal.dot(record.normal) > SAME
-                    && other.friction == record.friction
-                    && other.restitution == record.restitution
+                    && other.normal.dot(manifold.normal) > SAME
+                    && other.friction == manifold.friction
+                    && other.restitution == manifold.restitution
             };
             // Skip it if it was joined with an earlier one.
             if !first.plain || parts[..at].iter().any(|part| is_alike(&part)) {
                 continue;
             }
-            self.places.clear();
+            self.origins.clear();
             self.touch.points.clear();
-            self.touch.normal = record.normal;
-            let view = records.view();
+            self.touch.normal = manifold.normal;
+            let view = cache.view();
             for part in parts[at..].iter().filter(is_alike) {
-                let own = &records.manifolds[part.record as usize];
-                let points = view.points_of(own).iter().zip(view.traces_of(own)).enumerate();
-                for (point, (place, trace)) in points.filter(|(_, (_, of))| of.gap[0] < FAR) {
+                let own = &cache.manifolds[part.manifold as usize];
+                let points = view.points_of(own).iter().zip(view.impulses_of(own)).enumerate();
+                for (point, (cached_point, cached)) in points.filter(|(_, (_, of))| of.gap[0] < FAR)
+                {
                     self.touch.points.push(ManifoldPoint {
-                        on_a: place.push_point,
-                        on_b: place.push_point,
-                        gap: trace.gap[0],
-                        feature: self.places.len() as u64,
+                        on_a: cached_point.push_point,
+                        on_b: cached_point.push_point,
+                        gap: cached.gap[0],
+                        feature: self.origins.len() as u64,
                     });
-                    self.places.push([part.record as usize, point]);
+                    self.origins.push([part.manifold as usize, point]);
                 }
             }
-            self.open_inner(records);
+            self.open_inner(cache);
         }
     }
 
     /// Opens the points of a plane that lie within others, if these determine their depths.
-    fn open_inner(&mut self, records: &mut ManifoldCache<L>) {
+    fn open_inner(&mut self, cache: &mut ManifoldCache<L>) {
         let all = self.touch.points.len();
         if all <= if L == 2 { 2 } else { MAX_POINTS } {
             return;
@@ -172,20 +179,20 @@ impl<const L: usize> Patches<L> {
         self.plane.extend_from_slice(&self.touch.points);
         self.touch.reduce();
         let Some(depth) = Depth::of(&self.touch.points, self.touch.normal) else { return };
-        if !self.plane.iter().all(|point| depth.tells(point)) {
+        if !self.plane.iter().all(|point| depth.determines(point)) {
             return;
         }
-        for (number, &[record, point]) in self.places.iter().enumerate() {
+        for (number, &[manifold, point]) in self.origins.iter().enumerate() {
             if self.touch.points.iter().any(|of| of.feature == number as u64) {
                 continue;
             }
-            let own = records.manifolds[record].points();
-            records.traces[own.start + point] = cache::open(FAR);
-            records.reuse[record] = records.reuse[record].changed();
+            let own = cache.manifolds[manifold].points();
+            cache.impulses[own.start + point] = cache::open(FAR);
+            cache.reuse[manifold] = cache.reuse[manifold].changed();
         }
-        for &[record, _] in &self.places {
-            let own = records.manifolds[record].points();
-            deepest_first(&mut records.points[own.clone()], &mut records.traces[own]);
+        for &[manifold, _] in &self.origins {
+            let own = cache.manifolds[manifold].points();
+            deepest_first(&mut cache.points[own.clone()], &mut cache.impulses[own]);
         }
     }
 }
@@ -193,31 +200,32 @@ impl<const L: usize> Patches<L> {
 /// Appends to `none` the manifolds all of whose points are on a side that another part of the same
 /// body covers.
 fn covered<G: Geometry<L, A>, const L: usize, const A: usize>(
-    (parts, pairs): (&[Part], &[Pair]),
+    (parts, pairs): (&[PatchPart], &[Pair]),
     shapes: &Shapes<'_, G, L, A>,
-    records: &ManifoldCache<L>,
+    cache: &ManifoldCache<L>,
     none: &mut Vec<u32>,
 ) {
-    let normal = |part: &Part| records.manifolds[part.record as usize].normal;
+    let normal = |part: &PatchPart| cache.manifolds[part.manifold as usize].normal;
     let first = normal(&parts[0]);
     if parts.iter().all(|part| normal(part).dot(first) > SAME) {
         return;
     }
-    let is_covered = |part: &Part, side: usize, place: Vector<f32, L>| {
+    let is_covered = |part: &PatchPart, side: usize, position: Vector<f32, L>| {
         let own = &pairs[part.pair as usize];
         let near = FLUSH * own.thickness;
         let outward = normal(part) * if side == 0 { -1.0 } else { 1.0 };
-        let place = place + outward * (AHEAD * near);
+        let position = position + outward * (AHEAD * near);
         parts.iter().any(|other| {
             let other = &pairs[other.pair as usize];
-            other.colliders[side] != own.colliders[side] && shapes.hold(other, side, place, near)
+            other.colliders[side] != own.colliders[side]
+                && shapes.contains(other, side, position, near)
         })
     };
-    let is_none = |part: &&Part| {
-        let points = records.view().points_of(&records.manifolds[part.record as usize]);
+    let is_none = |part: &&PatchPart| {
+        let points = cache.view().points_of(&cache.manifolds[part.manifold as usize]);
         (0..2).any(|side| points.iter().all(|point| is_covered(part, side, point.push_point)))
     };
-    none.extend(parts.iter().filter(is_none).map(|part| part.record));
+    none.extend(parts.iter().filter(is_none).map(|part| part.manifold));
 }
 
 /// The gap between two planes: a linear function of the position.
@@ -258,7 +266,7 @@ impl<const L: usize> Depth<L> {
     }
 
     /// True if the gap of a point agrees with the function.
-    fn tells(&self, point: &ManifoldPoint<L>) -> bool {
+    fn determines(&self, point: &ManifoldPoint<L>) -> bool {
         let gap = self.gap + self.slope.dot(point.on_a - self.from);
         (point.gap - gap).abs() <= self.tolerance
     }

@@ -23,7 +23,7 @@ pub enum Stage {
     /// v* = v + h M^-1 f.
     Predict,
     /// Impacts with restitution.
-    Bounce,
+    Impact,
     /// Target velocities from gaps, and v += M^-1 J^T gamma with the impulses of the previous
     /// substep.
     WarmStart,
@@ -46,7 +46,7 @@ impl Stage {
         Self::Manifolds,
         Self::Rows,
         Self::Predict,
-        Self::Bounce,
+        Self::Impact,
         Self::WarmStart,
         Self::Solve,
         Self::Certify,
@@ -62,7 +62,7 @@ impl Stage {
             Self::Manifolds => "manifolds",
             Self::Rows => "rows",
             Self::Predict => "predict",
-            Self::Bounce => "bounce",
+            Self::Impact => "impact",
             Self::WarmStart => "warm_start",
             Self::Solve => "solve",
             Self::Certify => "certify",
@@ -155,6 +155,26 @@ pub struct Nearby {
     pub gap: f64,
     /// Coulomb friction coefficient of the pair. \[1\]
     pub friction: f64,
+}
+
+/// Contact points of the last substep, one entry per point
+/// ([`World::contact_points`](crate::World::contact_points)).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ContactPoints {
+    /// Bodies a and b, as slots.
+    pub bodies: Vec<[u32; 2]>,
+    /// World positions: two or three numbers each. \[m\]
+    pub points: Vec<f32>,
+    /// Contact frames: the unit normal from b towards a, then the tangents. Four or nine numbers
+    /// each.
+    pub frames: Vec<f32>,
+    /// Impulses of the last substep along the axes of the frame, without those of impacts. Two or
+    /// three numbers each. \[N s\]
+    pub impulses: Vec<f32>,
+    /// Distances between the surfaces, negative where they overlap. \[m\]
+    pub gaps: Vec<f32>,
+    /// Coulomb friction coefficients. \[1\]
+    pub friction: Vec<f32>,
 }
 
 /// Timer that charges time to stages.

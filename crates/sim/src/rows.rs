@@ -13,13 +13,13 @@ const SHARES: [f32; MAX_POINTS + 1] = [0.0, 1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0
 
 /// The cached manifolds of a step as a source of solver manifolds.
 pub(crate) struct CacheSource<'a, const L: usize, const A: usize> {
-    pub(crate) records: &'a ManifoldCache<L>,
+    pub(crate) cache: &'a ManifoldCache<L>,
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) stiffness: Stiffness<'a>,
     /// True if these are the manifolds of the step before, with as many points.
     pub(crate) same: bool,
     /// True if all bodies take their substeps together.
-    pub(crate) together: bool,
+    pub(crate) whole_system: bool,
     /// True if the manifolds must be in order, so that sums over them do not depend on contacts
     /// that have come and gone.
     pub(crate) in_order: bool,
@@ -27,12 +27,12 @@ pub(crate) struct CacheSource<'a, const L: usize, const A: usize> {
 
 impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A> {
     fn count(&self) -> usize {
-        self.records.manifolds.len()
+        self.cache.manifolds.len()
     }
 
     fn key(&self, manifold: u32) -> ([u32; 2], u32) {
-        let record = &self.records.manifolds[manifold as usize];
-        (record.bodies, record.count)
+        let cached = &self.cache.manifolds[manifold as usize];
+        (cached.bodies, cached.count)
     }
 
     fn same_keys(&self) -> bool {
@@ -41,15 +41,15 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
 
     #[inline(always)]
     fn reuse(&self, manifold: u32) -> Reuse {
-        let reuse = self.records.reuse[manifold as usize];
-        let bodies = || self.records.manifolds[manifold as usize].bodies;
+        let reuse = self.cache.reuse[manifold as usize];
+        let bodies = || self.cache.manifolds[manifold as usize].bodies;
         let moved = self.in_order && !self.same;
         let anew = moved || self.stiffness.changes() && self.stiffness.is_new(bodies());
         if anew { reuse.changed() } else { reuse }
     }
 
     fn stands(&self, body: u32) -> bool {
-        !self.together && self.velocities[body as usize] == Velocity::ZERO
+        !self.whole_system && self.velocities[body as usize] == Velocity::ZERO
     }
 
     #[inline(always)]
@@ -59,26 +59,26 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
         manifold: &mut Manifold<V, L>,
         points: &mut [Contact<V, L>],
     ) {
-        let records = V::each(|lane| &self.records.manifolds[seats.manifold(lane)]);
-        let kept = |lane| matches!(self.records.reuse[seats.manifold(lane)], Reuse::Kept(_));
+        let cache = V::each(|lane| &self.cache.manifolds[seats.manifold(lane)]);
+        let kept = |lane| matches!(self.cache.reuse[seats.manifold(lane)], Reuse::Kept(_));
         let turned = V::gathered(V::each(|lane| f32::from(!kept(lane))));
-        let normal = V::gathered_vector(V::each(|lane| &records[lane].normal));
+        let normal = V::gathered_vector(V::each(|lane| &cache[lane].normal));
         manifold.frame.axes = contact_frame(normal);
-        let traced = V::gathered_vector(V::each(|lane| &records[lane].traced));
-        let before = ConstraintFrame { axes: contact_frame(traced), ..manifold.frame };
-        manifold.friction = V::gathered(V::each(|lane| records[lane].friction));
-        manifold.restitution = V::gathered(V::each(|lane| records[lane].restitution));
+        let impulse_normal = V::gathered_vector(V::each(|lane| &cache[lane].impulse_normal));
+        let before = ConstraintFrame { axes: contact_frame(impulse_normal), ..manifold.frame };
+        manifold.friction = V::gathered(V::each(|lane| cache[lane].friction));
+        manifold.restitution = V::gathered(V::each(|lane| cache[lane].restitution));
         for side in 0..2 {
-            let surfaces = |lane: usize| records[lane].surfaces;
+            let surfaces = |lane: usize| cache[lane].surfaces;
             manifold.radii[side] = V::gathered(V::each(|lane| surfaces(lane).radii[side]));
             let normal_share = |lane| surfaces(lane).normal.shares()[side];
             manifold.normal_share[side] = V::gathered(V::each(normal_share));
         }
-        let compliance = |lane| self.stiffness.compliance(records[lane].bodies);
+        let compliance = |lane| self.stiffness.compliance(cache[lane].bodies);
         manifold.compliance = V::gathered(V::each(compliance));
         let mut sum = Vector::ZERO;
         for (index, contact) in points.iter_mut().enumerate() {
-            let own = V::each(|lane| self.point(records[lane], index));
+            let own = V::each(|lane| self.point(cache[lane], index));
             contact.offset = V::gathered_vector(V::each(|lane| &own[lane].0.push_point));
             sum += contact.offset;
             contact.gap = V::gathered_vector(V::each(|lane| &own[lane].1.gap));
@@ -97,7 +97,7 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
         }
         // The center is in the plane of the first point, which is the deepest: open points exert no
         // force.
-        let mean = sum * V::gathered(V::each(|lane| SHARES[records[lane].count as usize]));
+        let mean = sum * V::gathered(V::each(|lane| SHARES[cache[lane].count as usize]));
         let center = match points {
             [] => mean,
             [first, ..] => mean + normal * normal.dot(first.offset - mean),
@@ -106,8 +106,8 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
             contact.offset = manifold.frame.to_frame(contact.offset - center);
             contact.offset[0] = V::ZERO;
         }
-        let apart = V::gathered_vector(V::each(|lane| &records[lane].apart));
-        manifold.frame.arms = [center - apart, center];
+        let center_offset = V::gathered_vector(V::each(|lane| &cache[lane].center_offset));
+        manifold.frame.arms = [center - center_offset, center];
     }
 }
 
@@ -116,12 +116,12 @@ impl<const L: usize, const A: usize> CacheSource<'_, L, A> {
     #[inline(always)]
     fn point(
         &self,
-        record: &CachedManifold<L>,
+        cached: &CachedManifold<L>,
         index: usize,
     ) -> (&CachedPoint<L>, &CachedImpulse<L>) {
-        if index < record.count as usize {
-            let at = record.first as usize + index;
-            (&self.records.points[at], &self.records.traces[at])
+        if index < cached.count as usize {
+            let at = cached.first as usize + index;
+            (&self.cache.points[at], &self.cache.impulses[at])
         } else {
             const { (&CachedPoint::OPEN, &cache::open(FAR)) }
         }
@@ -141,13 +141,13 @@ mod tests {
     /// that is open by half a meter has no effect above that plane.
     #[test]
     fn points_lie_in_the_plane_of_the_deepest() {
-        let mut records: ManifoldCache<3> = ManifoldCache::default();
-        let (record, points, traces) = records.add(2);
+        let mut cache: ManifoldCache<3> = ManifoldCache::default();
+        let (cached, points, impulses) = cache.add(2);
         let slanted = Vector([0.6, 0.8, 0.0]);
-        (record.bodies, record.normal, record.traced) = ([0, 1], slanted, slanted);
+        (cached.bodies, cached.normal, cached.impulse_normal) = ([0, 1], slanted, slanted);
         for (at, height) in [0.25, 0.5].into_iter().enumerate() {
             points[at].push_point = slanted * height + Vector([-0.8, 0.6, 0.0]) * height;
-            traces[at].gap[0] = 2.0 * height - 0.5;
+            impulses[at].gap[0] = 2.0 * height - 0.5;
         }
         let moves = InverseMass { linear: 1.0, ..InverseMass::FIXED };
         let mut system: System<f32, 3, 3> = System::new();
@@ -155,11 +155,11 @@ mod tests {
         system.velocities = vec![Velocity::ZERO; 2];
         let mut certifier: Certifier<3, 3> = Certifier::default();
         let rows = CacheSource {
-            records: &records,
+            cache: &cache,
             velocities: &system.velocities,
             stiffness: certifier.no_stiffness(),
             same: false,
-            together: true,
+            whole_system: true,
             in_order: false,
         };
         let mut lanes = LaneSystem::new();
@@ -177,19 +177,19 @@ mod tests {
     /// A kept manifold is gathered again if its stiffness has changed. It is also gathered again if
     /// manifolds must be in order and some have come or gone.
     #[test]
-    fn what_is_kept_is_as_stiff_and_in_order() {
-        let mut records: ManifoldCache<3> = ManifoldCache::default();
-        records.add(1).0.bodies = [0, 1];
-        records.reuse[0] = Reuse::Kept(0);
+    fn kept_manifolds_keep_their_stiffness_and_order() {
+        let mut cache: ManifoldCache<3> = ManifoldCache::default();
+        cache.add(1).0.bodies = [0, 1];
+        cache.reuse[0] = Reuse::Kept(0);
         let moves = InverseMass { linear: 1.0, ..InverseMass::FIXED };
         let mut certifier: Certifier<3, 3> = Certifier::default();
-        certifier.find_islands(&[InverseMass::FIXED, moves], records.pairs());
+        certifier.find_islands(&[InverseMass::FIXED, moves], cache.pairs());
         let settings = StepSettings::certified();
         let mut reuse = |h, [same, in_order]: [bool; 2]| {
-            let stiffness = certifier.stiffness(records.pairs(), |_| [10.0, 1.0], &settings, h);
-            let (records, velocities): (_, &[Velocity<f32, 3, 3>]) = (&records, &[]);
+            let stiffness = certifier.stiffness(cache.pairs(), |_| [10.0, 1.0], &settings, h);
+            let (cache, velocities): (_, &[Velocity<f32, 3, 3>]) = (&cache, &[]);
             let rows =
-                CacheSource { records, velocities, stiffness, same, together: true, in_order };
+                CacheSource { cache, velocities, stiffness, same, whole_system: true, in_order };
             rows.reuse(0)
         };
         let found = [

@@ -1,5 +1,7 @@
 //! The contact problem of a substep, saved before it is solved.
 
+#[cfg(feature = "assembled")]
+use drystone_solver::assembled::{Assembly, ProblemError};
 use drystone_solver::{System, Vector};
 
 /// Input of the solver in a substep.
@@ -19,7 +21,13 @@ pub struct SavedSystem<const L: usize, const A: usize> {
 #[derive(Clone, Debug)]
 pub struct SavedProblem {
     /// M, J, v*, t, epsilon, mu and gamma_0.
-    pub assembly: drystone_solver::assembled::Assembly,
+    pub assembly: Assembly,
+    /// The impacts since the last contact search, as the notes' equation (2): A gamma = b with
+    /// b = t - J v*, for rigid contacts without friction.
+    ///
+    /// v* is the velocity v^- without the impulses of these impacts, and with all forces. A contact
+    /// that closed has t = -c_r J v*, or 0 if it separates. A gap keeps its target.
+    pub impacts: Assembly,
     /// The contacts of the assembly, in its order.
     pub contacts: Vec<SavedContact>,
     /// Number of velocity components of a body: linear and angular.
@@ -38,9 +46,18 @@ pub struct SavedContact {
     pub point: Vec<f64>,
     /// The contact frame: the unit normal from b to a, then the tangents.
     pub frame: Vec<Vec<f64>>,
-    /// Impulse of an impact in this substep. It counts as normal impulse for friction, and the
-    /// matrices do not contain it. \[N s\]
+    /// c_r, 0 to 1. \[1\]
+    pub restitution: f64,
+    /// Impulse of the impacts since the last contact search. It counts as normal impulse for
+    /// friction. v* contains it; the matrices do not. \[N s\]
     pub impact: f64,
+}
+
+impl<const L: usize, const A: usize> SavedSystem<L, A> {
+    /// Returns true if a contact bounced since the last contact search.
+    pub(crate) fn has_impacts(&self) -> bool {
+        self.system.contacts.iter().any(|contact| contact.impact > 0.0)
+    }
 }
 
 #[cfg(feature = "assembled")]
@@ -49,8 +66,9 @@ impl<const L: usize, const A: usize> SavedSystem<L, A> {
     ///
     /// # Errors
     /// Fails if a number is not finite.
-    pub fn problem(&self) -> Result<SavedProblem, drystone_solver::assembled::ProblemError> {
-        let assembly = drystone_solver::assembled::Assembly::of_system(&self.system)?;
+    pub fn problem(&self) -> Result<SavedProblem, ProblemError> {
+        let assembly = Assembly::of_system(&self.system)?;
+        let impacts = Assembly::of_system(&self.impacts())?;
         let numbers = |v: Vector<f32, L>| v.0.map(f64::from).to_vec();
         let mut places = vec![None; self.system.contacts.len()];
         for manifold in &self.system.manifolds {
@@ -61,11 +79,37 @@ impl<const L: usize, const A: usize> SavedSystem<L, A> {
                     bodies: manifold.bodies,
                     point: numbers(center + manifold.frame.anchors(contact.offset)[0]),
                     frame: manifold.frame.axes.map(numbers).to_vec(),
+                    restitution: f64::from(manifold.restitution),
                     impact: f64::from(contact.impact),
                 });
             }
         }
         let contacts = assembly.contacts.iter().filter_map(|&i| places[i].take()).collect();
-        Ok(SavedProblem { assembly, contacts, width: L + A, substep: f64::from(self.substep) })
+        let substep = f64::from(self.substep);
+        Ok(SavedProblem { assembly, impacts, contacts, width: L + A, substep })
+    }
+
+    /// Returns the system before the impacts, with their targets ([`SavedProblem::impacts`]).
+    fn impacts(&self) -> System<f64, L, A> {
+        let mut system: System<f64, L, A> = self.system.cast();
+        for contact in &mut system.contacts {
+            contact.impulse = Vector::ZERO;
+            contact.impulse[0] = -contact.impact;
+            (contact.compliance, contact.tangential_compliance) = (0.0, 0.0);
+        }
+        system.apply_impulses();
+        for index in 0..system.manifolds.len() {
+            system.manifolds[index].friction = 0.0;
+            let manifold = system.manifolds[index];
+            let twist = system.twist_of(&manifold);
+            for contact in &mut system.contacts[manifold.points()] {
+                let (u, open) = (contact.normal_velocity(&twist), contact.target[0].min(0.0));
+                let closes = contact.impact > 0.0 || u < open;
+                let bounce = (-manifold.restitution * u).max(0.0);
+                (contact.impulse, contact.target) = (Vector::ZERO, Vector::ZERO);
+                contact.target[0] = if closes { bounce } else { open };
+            }
+        }
+        system
     }
 }

@@ -60,12 +60,12 @@ const NOWHERE: f32 = 1e9;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Approaching {
     pub(crate) pair: u32,
-    pub(crate) record: u32,
+    pub(crate) manifold: u32,
 }
 
-/// Input of [`SeamResolver::settle`].
+/// Input of [`SeamResolver::resolve`].
 pub(crate) struct SeamInput<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    pub(crate) shapes: &'a [G::Collider],
+    pub(crate) shapes: &'a [G::Prepared],
     /// Poses of the shapes, rotated with their bodies, relative to the centers of mass of the
     /// bodies.
     pub(crate) poses: &'a [G::Pose],
@@ -75,19 +75,19 @@ pub(crate) struct SeamInput<'a, G: Geometry<L, A>, const L: usize, const A: usiz
     pub(crate) dt: f32,
 }
 
-/// Scratch memory of [`settle`](Self::settle).
+/// Scratch memory of [`resolve`](Self::resolve).
 #[derive(Default)]
 pub(crate) struct SeamResolver<const L: usize> {
     /// By body: its first manifold, as twice the index, plus 1 if the body is b.
     first: Vec<u32>,
     /// By manifold and side: the next manifold of the same body.
     next: Vec<u32>,
-    turns: Vec<AxisChange<L>>,
+    changes: Vec<AxisChange<L>>,
 }
 
 /// True if a manifold got another axis than the one it was found with.
-pub(crate) fn is_turned<const L: usize>(record: &CachedManifold<L>) -> bool {
-    record.found_at.position[0] == NOWHERE
+pub(crate) fn is_turned<const L: usize>(manifold: &CachedManifold<L>) -> bool {
+    manifold.found_at.position[0] == NOWHERE
 }
 
 /// End of a list of manifolds.
@@ -97,13 +97,13 @@ const END: u32 = u32::MAX;
 #[derive(Clone, Copy)]
 struct AxisChange<const L: usize> {
     closing: Approaching,
-    record: u32,
+    manifold: u32,
     /// Manifold of the plane that allows it; [`END`] if there is none.
     plane: u32,
     /// The body whose contact points are kept, a (0) or b (1): the one that a plane holds, or else
     /// the one that passes the other's face.
     side: usize,
-    way: SeparatingAxis<L>,
+    separating: SeparatingAxis<L>,
 }
 
 /// An axis that holds two bodies apart.
@@ -120,7 +120,7 @@ struct SeparatingAxis<const L: usize> {
 /// A contact that holds one of two bodies above a plane.
 #[derive(Clone, Copy)]
 struct HoldingPlane<const L: usize> {
-    record: u32,
+    manifold: u32,
     /// The body that is held, a (0) or b (1).
     side: usize,
     /// Unit normal from b to a, whichever of them is held.
@@ -139,12 +139,12 @@ impl<const L: usize> HoldingPlane<L> {
     }
 
     const NONE: Self =
-        Self { record: END, side: 0, axis: Vector::ZERO, allowed: 0.0, holder: 0, gap: 0.0 };
+        Self { manifold: END, side: 0, axis: Vector::ZERO, allowed: 0.0, holder: 0, gap: 0.0 };
 }
 
 /// Shapes, poses and frames of a pair, relative to the center of mass of b.
 struct SeamPair<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    shapes: [&'a G::Collider; 2],
+    shapes: [&'a G::Prepared; 2],
     poses: [G::Pose; 2],
     frames: [Frame<L>; 2],
 }
@@ -154,7 +154,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamPair<'_, G, L, A> {
     /// meshes.
     fn along(&self, axis: Vector<f32, L>) -> Option<SeparatingAxis<L>> {
         let farthest = |side: usize, direction: Vector<f32, L>| {
-            let far = G::farthest(self.shapes[side], &self.poses[side], direction)?;
+            let far = G::support(self.shapes[side], &self.poses[side], direction)?;
             Some(direction.dot(far))
         };
         let height = farthest(1, axis)?;
@@ -163,41 +163,41 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamPair<'_, G, L, A> {
 
     /// Returns the radii by which both are rounded about their cores where they face each other.
     /// \[m\]
-    fn roundness(&self, normal: Vector<f32, L>) -> [f32; 2] {
-        [0, 1].map(|side| G::roundness(self.shapes[side], &self.poses[side], normal))
+    fn rounding_radius(&self, normal: Vector<f32, L>) -> [f32; 2] {
+        [0, 1].map(|side| G::rounding_radius(self.shapes[side], &self.poses[side], normal))
     }
 }
 
 impl<const L: usize> SeamResolver<L> {
     /// Changes manifolds to the axes along which their bodies are held apart. Each is decided by
     /// the manifolds as they were found, so the order does not matter.
-    pub(crate) fn settle<G: Geometry<L, A>, const A: usize>(
+    pub(crate) fn resolve<G: Geometry<L, A>, const A: usize>(
         &mut self,
-        meeting: &SeamInput<'_, G, L, A>,
+        input: &SeamInput<'_, G, L, A>,
         closing: impl Iterator<Item = Approaching>,
         pairs: &mut [Pair],
-        records: &mut ManifoldCache<L>,
+        cache: &mut ManifoldCache<L>,
     ) {
-        self.turns.clear();
+        self.changes.clear();
         let mut linked = false;
         for closing in closing {
             if !std::mem::replace(&mut linked, true) {
-                self.link(meeting.bodies, records);
+                self.link(input.bodies, cache);
             }
             let pair = &pairs[closing.pair as usize];
-            let record = pair.first + closing.record;
-            let turn = self.decide(meeting, (pair, closing), record, records);
-            let Some(turn) = turn else { continue };
+            let manifold = pair.first + closing.manifold;
+            let change = self.decide(input, (pair, closing), manifold, cache);
+            let Some(change) = change else { continue };
             // Two manifolds must not give way to each other.
-            let mutual = self.turns.binary_search_by_key(&turn.plane, |other| other.record);
-            if !mutual.is_ok_and(|at| self.turns[at].plane == record) {
-                self.turns.push(turn);
+            let mutual = self.changes.binary_search_by_key(&change.plane, |other| other.manifold);
+            if !mutual.is_ok_and(|at| self.changes[at].plane == manifold) {
+                self.changes.push(change);
             }
         }
-        records.manifolds.iter_mut().for_each(|record| record.undecided = false);
-        for turn in &self.turns {
-            let pair = &mut pairs[turn.closing.pair as usize];
-            meeting.turn(pair, turn, records);
+        cache.manifolds.iter_mut().for_each(|manifold| manifold.undecided = false);
+        for change in &self.changes {
+            let pair = &mut pairs[change.closing.pair as usize];
+            input.change_axis(pair, change, cache);
         }
     }
 
@@ -205,14 +205,14 @@ impl<const L: usize> SeamResolver<L> {
     fn link<G: Geometry<L, A>, const A: usize>(
         &mut self,
         bodies: &Bodies<G, L, A>,
-        records: &ManifoldCache<L>,
+        cache: &ManifoldCache<L>,
     ) {
         self.first.clear();
         self.first.resize(bodies.poses.len(), END);
         self.next.clear();
-        self.next.resize(2 * records.manifolds.len(), END);
-        for (number, record) in records.manifolds.iter().enumerate().rev() {
-            for (side, &body) in record.bodies.iter().enumerate() {
+        self.next.resize(2 * cache.manifolds.len(), END);
+        for (number, manifold) in cache.manifolds.iter().enumerate().rev() {
+            for (side, &body) in manifold.bodies.iter().enumerate() {
                 if bodies.is_dynamic(body as usize) {
                     let own = 2 * number + side;
                     self.next[own] = std::mem::replace(&mut self.first[body as usize], own as u32);
@@ -229,34 +229,34 @@ impl<const L: usize> SeamResolver<L> {
     }
 
     /// Returns the planes above which contacts hold a body of a manifold, and their number. A plane
-    /// counts if the other body does not stick out of it at the contact, which is at `places` on
+    /// counts if the other body does not stick out of it at the contact, which is at `positions` on
     /// both bodies.
     fn planes<G: Geometry<L, A>, const A: usize>(
         &self,
         bodies: &Bodies<G, L, A>,
-        (pair, record): (&Pair, &CachedManifold<L>),
-        (number, places): (u32, &[Vector<f32, L>; 2]),
-        records: &ManifoldCache<L>,
+        (pair, manifold): (&Pair, &CachedManifold<L>),
+        (number, positions): (u32, &[Vector<f32, L>; 2]),
+        cache: &ManifoldCache<L>,
     ) -> ([HoldingPlane<L>; PLANES], usize) {
-        let (view, mut planes, mut count) = (records.view(), [HoldingPlane::NONE; PLANES], 0);
+        let (view, mut planes, mut count) = (cache.view(), [HoldingPlane::NONE; PLANES], 0);
         for side in 0..2 {
-            let others = self.of(record.bodies[side]).filter(|(other, _)| *other != number);
+            let others = self.of(manifold.bodies[side]).filter(|(other, _)| *other != number);
             for (other, is_b) in others.take(PLANES) {
-                let holding = &records.manifolds[other as usize];
+                let holding = &cache.manifolds[other as usize];
                 let outward = holding.normal * if is_b { -1.0 } else { 1.0 };
                 let axis = outward * if side == 0 { 1.0 } else { -1.0 };
-                if axis.dot(record.normal) > SAME || count == PLANES {
+                if axis.dot(manifold.normal) > SAME || count == PLANES {
                     continue;
                 }
-                let gap = view.traces_of(holding)[0].gap[0];
-                let place = view.points_of(holding)[0].push_point
-                    + bodies.apart([holding.bodies[1], record.bodies[1]]);
+                let gap = view.impulses_of(holding)[0].gap[0];
+                let position = view.points_of(holding)[0].push_point
+                    + bodies.relative_position([holding.bodies[1], manifold.bodies[1]]);
                 let sag = (-gap).max(0.0);
                 let allowed = (SAGS * sag + FLUSH * pair.thickness).min(MOST_SAG * pair.thickness);
-                if outward.dot(places[1 - side] - place) <= allowed {
+                if outward.dot(positions[1 - side] - position) <= allowed {
                     let holder = holding.bodies[usize::from(!is_b)];
                     planes[count] =
-                        HoldingPlane { record: other, side, axis, allowed, holder, gap };
+                        HoldingPlane { manifold: other, side, axis, allowed, holder, gap };
                     count += 1;
                 }
             }
@@ -267,53 +267,98 @@ impl<const L: usize> SeamResolver<L> {
     /// Returns the new axis of a manifold, if it gets one.
     fn decide<G: Geometry<L, A>, const A: usize>(
         &self,
-        meeting: &SeamInput<'_, G, L, A>,
+        input: &SeamInput<'_, G, L, A>,
         (pair, closing): (&Pair, Approaching),
         number: u32,
-        records: &ManifoldCache<L>,
+        cache: &ManifoldCache<L>,
     ) -> Option<AxisChange<L>> {
-        let view = records.view();
-        let record = &records.manifolds[number as usize];
-        let corner = meeting.corner(pair);
-        let (normal, gap) = (record.normal, view.traces_of(record)[0].gap[0]);
-        let point = &view.points_of(record)[0];
-        let places = [corner.frames[0].point(point.on_a), corner.frames[1].point(point.on_b)];
+        let view = cache.view();
+        let manifold = &cache.manifolds[number as usize];
+        let corner = input.corner(pair);
+        let (normal, gap) = (manifold.normal, view.impulses_of(manifold)[0].gap[0]);
+        let point = &view.points_of(manifold)[0];
+        let positions = [corner.frames[0].point(point.on_a), corner.frames[1].point(point.on_b)];
         let (planes, count) =
-            self.planes(meeting.bodies, (pair, record), (number, &places), records);
+            self.planes(input.bodies, (pair, manifold), (number, &positions), cache);
         let planes = &planes[..count];
         // A contact that touches, with no plane that holds its bodies, is not at the side of a
         // neighbor. Nearly all contacts of a heap end here.
         if gap <= 0.0 && planes.is_empty() {
             return None;
         }
-        let mut ahead = meeting.ahead(&corner, record, &places, planes);
+        let mut ahead = input.ahead(&corner, manifold, &positions, planes);
         // Bodies that touch and hardly move keep their axis; otherwise resting bodies jitter.
         if gap <= 0.0 && normal.dot(ahead).abs() <= STILL * pair.thickness {
-            if !record.undecided {
+            if !manifold.undecided {
                 return None;
             }
             ahead = Vector::ZERO;
         }
-        let mut most = gap + normal.dot(ahead);
+        let most = gap + normal.dot(ahead);
         if most >= gap.max(0.0) {
             return None;
         }
-        let mut best = None;
-        let mut ask = |axis: Vector<f32, L>, allowed: f32, plane: u32, side: usize| {
-            let Some(way) = corner.along(axis).filter(|way| way.gap >= -allowed) else { return };
-            let then = way.gap.max(0.0) + axis.dot(ahead);
-            // Without a plane that holds them, the bodies must pass along the axis without overlap.
-            if then > most && (plane != END || then >= 0.0) {
-                most = then;
-                best = Some(AxisChange { closing, record: number, plane, side, way });
-            }
+        let near = reach_of_sides(pair, (normal, gap), ahead, planes);
+        let mut search = AxisSearch {
+            corner: &corner,
+            closing,
+            manifold: number,
+            planes,
+            ahead,
+            most,
+            best: None,
         };
         for plane in planes {
-            ask(plane.axis, plane.allowed, plane.record, plane.side);
+            search.consider(plane.axis, Some(plane), plane.side);
         }
-        // A body on a plane touches the other's side below its edge: by its sag, and by the height
-        // that it still climbs on its way there.
-        let near = reach_of_sides(pair, (normal, gap), ahead, planes);
+        search.consider_sides(normal, (&positions, near));
+        search.best
+    }
+}
+
+/// The search for the axis along which two bodies overlap least after their motion.
+struct AxisSearch<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    corner: &'a SeamPair<'a, G, L, A>,
+    closing: Approaching,
+    manifold: u32,
+    /// Planes that hold one of the bodies.
+    planes: &'a [HoldingPlane<L>],
+    /// Motion of a relative to b until the next search. \[m\]
+    ahead: Vector<f32, L>,
+    /// Largest gap after this motion so far. \[m\]
+    most: f32,
+    best: Option<AxisChange<L>>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> AxisSearch<'_, G, L, A> {
+    /// Considers an axis along which a plane holds the body `side`. Without a plane the bodies must
+    /// pass each other along the axis without overlap.
+    fn consider(&mut self, axis: Vector<f32, L>, held: Option<&HoldingPlane<L>>, side: usize) {
+        let held = held.unwrap_or(&HoldingPlane::NONE);
+        let Some(separating) =
+            self.corner.along(axis).filter(|separating| separating.gap >= -held.allowed)
+        else {
+            return;
+        };
+        let then = separating.gap.max(0.0) + axis.dot(self.ahead);
+        if then > self.most && (held.manifold != END || then >= 0.0) {
+            self.most = then;
+            let (closing, manifold) = (self.closing, self.manifold);
+            self.best =
+                Some(AxisChange { closing, manifold, plane: held.manifold, side, separating });
+        }
+    }
+
+    /// Considers the faces of both bodies whose planes are within `near` \[m\] of the contact,
+    /// except the one with the contact's own normal. A body on a plane touches the other's side
+    /// below its edge: by its sag, and by the height that it still climbs on its way there.
+    fn consider_sides(
+        &mut self,
+        normal: Vector<f32, L>,
+        (positions, near): (&[Vector<f32, L>; 2], f32),
+    ) {
+        let SeamPair { shapes, poses, .. } = self.corner;
+        let planes = self.planes;
         for side in 0..2 {
             let mut face = |outward: Vector<f32, L>| {
                 let axis = outward * if side == 0 { -1.0 } else { 1.0 };
@@ -321,19 +366,13 @@ impl<const L: usize> SeamResolver<L> {
                     return;
                 }
                 let alike = |plane: &&HoldingPlane<L>| plane.axis.dot(axis) >= ACROSS;
-                let held = planes
-                    .iter()
-                    .filter(alike)
-                    .max_by(|p, q| p.allowed.total_cmp(&q.allowed).then(q.record.cmp(&p.record)));
-                match held {
-                    Some(held) => ask(axis, held.allowed, held.record, held.side),
-                    None => ask(axis, 0.0, END, 1 - side),
-                }
+                let held = planes.iter().filter(alike).max_by(|p, q| {
+                    p.allowed.total_cmp(&q.allowed).then(q.manifold.cmp(&p.manifold))
+                });
+                self.consider(axis, held, held.map_or(1 - side, |held| held.side));
             };
-            let (shape, pose) = (corner.shapes[side], &corner.poses[side]);
-            G::faces_at(shape, pose, places[side], near, &mut face);
+            G::faces_at(shapes[side], &poses[side], positions[side], near, &mut face);
         }
-        best
     }
 }
 
@@ -358,19 +397,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
     fn ahead(
         &self,
         corner: &SeamPair<'_, G, L, A>,
-        record: &CachedManifold<L>,
-        places: &[Vector<f32, L>; 2],
+        manifold: &CachedManifold<L>,
+        positions: &[Vector<f32, L>; 2],
         planes: &[HoldingPlane<L>],
     ) -> Vector<f32, L> {
-        let normal = record.normal;
-        let velocity = |body: u32, place: Vector<f32, L>| {
-            let center = self.bodies.apart([body, record.bodies[1]]);
-            self.velocities[body as usize].at(place - center)
+        let normal = manifold.normal;
+        let velocity = |body: u32, position: Vector<f32, L>| {
+            let center = self.bodies.relative_position([body, manifold.bodies[1]]);
+            self.velocities[body as usize].at(position - center)
         };
         // A round body moves as its core does, however it rotates.
-        let round = corner.roundness(normal);
-        let cores = [places[0] + normal * round[0], places[1] - normal * round[1]];
-        let mut velocities = [0, 1].map(|side| velocity(record.bodies[side], cores[side]));
+        let round = corner.rounding_radius(normal);
+        let cores = [positions[0] + normal * round[0], positions[1] - normal * round[1]];
+        let mut velocities = [0, 1].map(|side| velocity(manifold.bodies[side], cores[side]));
         for plane in planes {
             // The holder lets the body approach by no more than this gap.
             let outward = plane.outward();
@@ -387,7 +426,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
     fn corner(&self, pair: &Pair) -> SeamPair<'_, G, L, A> {
         let [a, b] = pair.bodies.map(|body| body as usize);
         let [shape_a, shape_b] = pair.colliders.map(|shape| shape as usize);
-        let apart = self.bodies.apart(pair.bodies);
+        let apart = self.bodies.relative_position(pair.bodies);
         let frames = &self.bodies.frames;
         SeamPair {
             shapes: [&self.shapes[shape_a], &self.shapes[shape_b]],
@@ -401,40 +440,40 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
 
     /// Changes the axis of a manifold. Its points stay where they are on one of the bodies. On a
     /// round body they move to the nearest points along the new axis.
-    fn turn(&self, pair: &mut Pair, turn: &AxisChange<L>, records: &mut ManifoldCache<L>) {
-        let SeparatingAxis { axis, gap, height } = turn.way;
-        let reuse = &mut records.reuse[turn.record as usize];
+    fn change_axis(&self, pair: &mut Pair, change: &AxisChange<L>, cache: &mut ManifoldCache<L>) {
+        let SeparatingAxis { axis, gap, height } = change.separating;
+        let reuse = &mut cache.reuse[change.manifold as usize];
         let kept = matches!(reuse, Reuse::Kept(_));
         *reuse = reuse.changed();
-        let mut all = records.view_mut();
-        let (record, points, traces) = all.place(turn.record as usize);
+        let mut all = cache.view_mut();
+        let (manifold, points, impulses) = all.slot_mut(change.manifold as usize);
         if kept {
-            record.traced = record.normal;
+            manifold.impulse_normal = manifold.normal;
         }
         let corner = self.corner(pair);
         let [a, b] = &corner.frames;
-        let of_a = turn.side == 0;
-        let around = corner.roundness(record.normal)[turn.side];
-        let moved = (record.normal - axis) * if of_a { around } else { -around };
-        for (point, trace) in points.iter_mut().zip(&mut *traces) {
+        let of_a = change.side == 0;
+        let around = corner.rounding_radius(manifold.normal)[change.side];
+        let moved = (manifold.normal - axis) * if of_a { around } else { -around };
+        for (point, cached) in points.iter_mut().zip(&mut *impulses) {
             let own = if of_a { a.point(point.on_a) } else { b.point(point.on_b) } + moved;
             let along = axis.dot(own);
             let gap = if of_a { along - height } else { gap + height - along };
             let [on_a, on_b] = if of_a { [own, own - axis * gap] } else { [own + axis * gap, own] };
             (point.on_a, point.on_b) = (a.local_point(on_a), b.local_point(on_b));
             point.push_point = if of_a { on_a } else { on_b };
-            trace.gap[0] = gap;
+            cached.gap[0] = gap;
         }
-        deepest_first(points, traces);
-        record.normal = axis;
+        deepest_first(points, impulses);
+        manifold.normal = axis;
         // The body with the plane carries the normal.
-        record.surfaces = if of_a {
+        manifold.surfaces = if of_a {
             Curvature { radii: [around, 0.0], normal: NormalCarrier::FaceOfB }
         } else {
             Curvature { radii: [0.0, around], normal: NormalCarrier::FaceOfA }
         };
-        record.local_normal = record.carrier(a, b).local_direction(axis);
-        record.found_at.position = Vector([NOWHERE; L]);
-        pair.room = 0.0;
+        manifold.local_normal = manifold.carrier(a, b).local_direction(axis);
+        manifold.found_at.position = Vector([NOWHERE; L]);
+        pair.clearance = 0.0;
     }
 }

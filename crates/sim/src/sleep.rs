@@ -32,7 +32,7 @@ pub(crate) struct Sleep<const L: usize> {
     /// touch sleeping bodies.
     pub(crate) placed: Vec<u32>,
     /// Manifolds of the sleeping pairs.
-    pub(crate) records: ManifoldCache<L>,
+    pub(crate) cache: ManifoldCache<L>,
     islands: Islands,
     /// By island: true if all of it holds still; and its last body that has fallen asleep.
     ready: Vec<bool>,
@@ -45,10 +45,10 @@ impl<const L: usize> Sleep<L> {
         still: Vec<f32>,
         group: Vec<u32>,
         placed: Vec<u32>,
-        records: ManifoldCache<L>,
+        cache: ManifoldCache<L>,
     ) -> Self {
         let (awake, next) = (vec![0; group.len()], vec![NONE; group.len()]);
-        let mut resumed = Self { still, group: awake, next, placed, records, ..Self::default() };
+        let mut resumed = Self { still, group: awake, next, placed, cache, ..Self::default() };
         let groups = group.iter().copied().max().unwrap_or(0) as usize;
         let mut members = vec![NONE; groups + 1];
         for (body, &group) in group.iter().enumerate().filter(|(_, group)| **group != 0) {
@@ -80,7 +80,7 @@ impl<const L: usize> Sleep<L> {
     }
 
     /// Records that a static or kinematic body was added or moved.
-    pub(crate) fn place(&mut self, body: usize) {
+    pub(crate) fn mark_placed(&mut self, body: usize) {
         if !self.placed.contains(&(body as u32)) {
             self.placed.push(body as u32);
         }
@@ -129,25 +129,25 @@ impl<const L: usize> Sleep<L> {
 
     /// Puts pairs to sleep if neither body is active, and moves their manifolds to the cache of
     /// sleeping pairs.
-    pub(crate) fn rest_pairs(
+    pub(crate) fn put_to_sleep(
         &mut self,
         pairs: &mut [Pair],
-        records: &ManifoldCache<L>,
+        cache: &ManifoldCache<L>,
         active: impl Fn(u32) -> bool,
     ) {
         // Pairs that woke have left unused entries. The cache is compacted when these are more than
         // half of it.
-        let kept: u32 = pairs.iter().filter(|pair| pair.rests).map(|pair| pair.count).sum();
-        if self.records.manifolds.len() > 2 * kept as usize {
-            let old = std::mem::take(&mut self.records);
-            for pair in pairs.iter_mut().filter(|pair| pair.rests) {
-                self.records.take_pair(pair, &old);
+        let kept: u32 = pairs.iter().filter(|pair| pair.is_sleeping).map(|pair| pair.count).sum();
+        if self.cache.manifolds.len() > 2 * kept as usize {
+            let old = std::mem::take(&mut self.cache);
+            for pair in pairs.iter_mut().filter(|pair| pair.is_sleeping) {
+                self.cache.take_pair(pair, &old);
             }
         }
-        for pair in pairs.iter_mut().filter(|pair| !pair.rests) {
+        for pair in pairs.iter_mut().filter(|pair| !pair.is_sleeping) {
             if !pair.bodies.into_iter().any(&active) {
-                self.records.take_pair(pair, records);
-                pair.rests = true;
+                self.cache.take_pair(pair, cache);
+                pair.is_sleeping = true;
             }
         }
     }

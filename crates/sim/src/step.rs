@@ -48,8 +48,8 @@ const IMPACT_SWEEPS: usize = 40;
 const REUSE: f32 = 0.25;
 
 /// In a substep no body falls by more than this fraction of its thickness, as far as the setting
-/// `most_substeps` allows. A soft contact sinks by about this distance for each body above it. At
-/// this fraction a tower of twenty bodies stands. \[1\]
+/// `max_substeps` allows. A soft contact penetrates by about this distance for each body above it.
+/// At this fraction a tower of twenty bodies stands. \[1\]
 const MOST_FALL: f32 = 1.0 / 1024.0;
 
 /// A contact search and its part of the step.
@@ -82,9 +82,9 @@ impl Search {
 }
 
 /// Returns the number of substeps until the next search. In `substeps` substeps, near bodies move
-/// `passed` times as far relative to each other as one search allows.
-fn substeps_until_search(substeps: u32, passed: f32) -> u32 {
-    ((substeps as f32 / passed) as u32).max(1)
+/// `travel_ratio` times as far relative to each other as one search allows.
+fn substeps_until_search(substeps: u32, travel_ratio: f32) -> u32 {
+    ((substeps as f32 / travel_ratio) as u32).max(1)
 }
 
 /// Sums the impulses of pairs over the parts of a step.
@@ -121,6 +121,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let mut report = StepReport::default();
         self.wake_if_changed();
         self.scratch.pair_impulses.clear();
+        self.execution.saved = None;
         let mut search = self.first_search(dt);
         report.substeps = search.substeps;
         loop {
@@ -129,7 +130,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             timer.lap(Stage::Manifolds);
             let plan = self.build_rows(&search, same);
             timer.lap(Stage::Rows);
+            let earlier = self.execution.saved.take();
             self.take_substeps(&plan, &mut timer, &mut report);
+            self.execution.keep_impacts(earlier);
             self.integrate_poses(&plan, &mut report);
             timer.lap(Stage::Advance);
             if !self.next_search(&mut search) {
@@ -143,8 +146,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report.asleep = self.sleep.count();
         report.not_finite = self.bodies.not_finite();
         report.pairs = self.contacts.pairs.len();
-        report.manifolds = self.contacts.records.manifolds.len();
-        report.contacts = self.contacts.records.points.len();
+        report.manifolds = self.contacts.cache.manifolds.len();
+        report.contacts = self.contacts.cache.points.len();
         let time = self.execution.clock.since(start);
         self.execution.tuner.stop(time, report.sweeps, report.contacts);
         Ok(report)
@@ -154,7 +157,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn wake_if_changed(&mut self) {
         let is_other = self.gravity != self.sleep.last_gravity;
         self.sleep.last_gravity = self.gravity;
-        if self.sleep.count() > 0 && (self.settings.sleep <= 0.0 || is_other) {
+        if self.sleep.count() > 0 && (self.settings.sleep_delay <= 0.0 || is_other) {
             for body in 0..self.bodies.poses.len() {
                 self.wake_slot(body);
             }
@@ -164,14 +167,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Begins the first search of a step. It is for all substeps, or for as many as the motion of
     /// the bodies allows.
     fn first_search(&mut self, dt: f32) -> Search {
-        let most = self.settings.searches;
-        let passed = self.plan_searches(dt);
+        let most = self.settings.max_searches;
+        let travel_ratio = self.plan_searches(dt);
         // Each search is for at least one substep.
         let asked = self.settings.substeps.max(self.substeps_of_thinnest(dt));
-        let substeps = asked.max(passed.ceil().min(most as f32) as u32);
+        let substeps = asked.max(travel_ratio.ceil().min(most as f32) as u32);
         let h = dt / substeps as f32;
         let mut search = Search { h, substeps, due: substeps, left: substeps, number: 0, most };
-        self.fit(&mut search, passed);
+        self.fit(&mut search, travel_ratio);
         search
     }
 
@@ -182,27 +185,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         search.number += 1;
         search.due = search.due.min(search.left);
-        let passed = self.plan_searches(search.duration());
-        self.fit(search, passed);
+        let travel_ratio = self.plan_searches(search.duration());
+        self.fit(search, travel_ratio);
         true
     }
 
     /// Sets the number of substeps of a search to that which the motion of the bodies allows.
-    /// `passed` is their relative motion in the substeps that are due, as returned by
+    /// `travel_ratio` is their relative motion in the substeps that are due, as returned by
     /// `plan_searches`.
-    fn fit(&mut self, search: &mut Search, passed: f32) {
+    fn fit(&mut self, search: &mut Search, travel_ratio: f32) {
         let Search { left, due: planned, most, number, .. } = *search;
-        let fitting = |due, passed| {
-            substeps_until_search(due, passed).max(left.div_ceil(most - number)).min(left)
+        let fitting = |due, travel_ratio| {
+            substeps_until_search(due, travel_ratio).max(left.div_ceil(most - number)).min(left)
         };
-        let mut passed = passed;
-        search.due = fitting(planned, passed);
+        let mut travel_ratio = travel_ratio;
+        search.due = fitting(planned, travel_ratio);
         if search.due != planned {
-            passed = self.plan_searches(search.duration());
+            travel_ratio = self.plan_searches(search.duration());
         }
         // Falls grow with the square of the time: in a longer part bodies move more than in
         // proportion.
-        let longest = fitting(search.due, passed);
+        let longest = fitting(search.due, travel_ratio);
         if search.due > planned && longest < search.due {
             search.due = longest;
             self.plan_searches(search.duration());
@@ -219,15 +222,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let moving = moving(&self.bodies, dt);
         let margin = self.settings.prediction_distance;
         let masses = &self.bodies.inverse_masses;
-        let worst = self.scratch.travel.pass(
+        let worst = self.scratch.travel.find_pushes(
             moving,
             masses,
             &self.contacts.pairs,
             [fall, margin],
             &self.execution.pool,
         );
-        let passed = worst / self.settings.travel_per_search;
-        if passed.is_finite() { passed } else { 0.0 }
+        let travel_ratio = worst / self.settings.travel_per_search;
+        if travel_ratio.is_finite() { travel_ratio } else { 0.0 }
     }
 
     /// Returns the number of substeps required by the thinnest awake body ([`MOST_FALL`]).
@@ -242,7 +245,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             return 1;
         }
         let longest = (2.0 * MOST_FALL * thinnest / gravity).sqrt();
-        let fitting = (dt / longest).ceil().min(settings.most_substeps as f32) as u32;
+        let fitting = (dt / longest).ceil().min(settings.max_substeps as f32) as u32;
         fitting.max(1)
     }
 
@@ -275,13 +278,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.scratch.workers.push(PairWorker::default());
         }
         for pair in fresh.iter_mut() {
-            let passed = moving.passed(travel, pair, || 0.0).unwrap_or_default();
-            let passed = passed[0] + passed[1] + fall;
+            let relative = moving.relative_travel(travel, pair, || 0.0).unwrap_or_default();
+            let relative = relative[0] + relative[1] + fall;
             // The pair would determine how often contacts are searched, if it were as near as its
             // boxes. So the distance of its shapes is measured.
-            if passed > settings.travel_per_search * pair.thickness {
-                let prediction = passed + 2.0 * settings.prediction_distance;
-                self.scratch.workers[0].measure_room(colliders, bodies, pair, prediction);
+            if relative > settings.travel_per_search * pair.thickness {
+                let prediction = relative + 2.0 * settings.prediction_distance;
+                self.scratch.workers[0].measure_clearance(colliders, bodies, pair, prediction);
             }
         }
         cache::merge(&mut self.contacts.pairs, fresh);
@@ -304,36 +307,36 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 .pairs
                 .iter_mut()
                 .filter(|pair| pair.count > 0)
-                .for_each(|pair| pair.room = 0.0);
+                .for_each(|pair| pair.clearance = 0.0);
         }
-        std::mem::swap(&mut self.contacts.records, &mut self.scratch.old_records);
+        std::mem::swap(&mut self.contacts.cache, &mut self.scratch.old_cache);
         self.update_active();
         if self.sleep.count() > 0 {
             let active = |body: u32| self.scratch.active[body as usize];
-            self.sleep.rest_pairs(&mut self.contacts.pairs, &self.scratch.old_records, active);
+            self.sleep.put_to_sleep(&mut self.contacts.pairs, &self.scratch.old_cache, active);
         }
-        let (mut traced, mut same) = (true, true);
+        let (mut impulses_updated, mut same) = (true, true);
         loop {
-            if self.collide(traced, reuse, dt) {
+            if self.collide(impulses_updated, reuse, dt) {
                 same = false;
             } else {
-                std::mem::swap(&mut self.contacts.records, &mut self.scratch.old_records);
+                std::mem::swap(&mut self.contacts.cache, &mut self.scratch.old_cache);
             }
-            traced = false;
+            impulses_updated = false;
             // A sleeping body that is touched wakes, and may wake the bodies that it touches.
             if !self.wake_touched() {
                 self.sleep.placed.clear();
                 self.find_patches();
-                self.settle_seams(dt);
+                self.resolve_seams(dt);
                 // A solve to a tolerance distributes the load correctly, so it needs no reduced
                 // patches.
                 if self.settings.tolerance == 0.0 {
-                    self.scratch.patches.join(&mut self.contacts.records);
+                    self.scratch.patches.join(&mut self.contacts.cache);
                 }
                 return same;
             }
             self.update_active();
-            std::mem::swap(&mut self.contacts.records, &mut self.scratch.old_records);
+            std::mem::swap(&mut self.contacts.cache, &mut self.scratch.old_cache);
         }
     }
 
@@ -359,43 +362,44 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if self.sleep.count() == 0 {
             return any;
         }
-        for record in 0..self.contacts.records.manifolds.len() {
-            for body in self.contacts.records.manifolds[record].bodies {
+        for manifold in 0..self.contacts.cache.manifolds.len() {
+            for body in self.contacts.cache.manifolds[manifold].bodies {
                 any |= self.sleep.is_sleeping(body as usize) && self.wake_slot(body as usize);
             }
         }
         any
     }
 
-    /// Runs the narrow phase on the old manifolds. `traced` is true if the solver has updated their
-    /// impulses since they were found. Returns true if the manifolds differ from before.
-    fn collide(&mut self, traced: bool, reuse_distance: f32, dt: f32) -> bool {
+    /// Runs the narrow phase on the old manifolds. `impulses_updated` is true if the solver has
+    /// updated their impulses since they were found. Returns true if the manifolds differ from
+    /// before.
+    fn collide(&mut self, impulses_updated: bool, reuse_distance: f32, dt: f32) -> bool {
         let around = NarrowPhaseInput::<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
             bodies: &self.bodies,
             travel: &self.scratch.travel.own,
             moving: moving(&self.bodies, dt),
-            traced,
-            resting: &self.sleep.records,
+            impulses_updated,
+            sleeping: &self.sleep.cache,
             active: &self.scratch.active,
             prediction_distance: self.settings.prediction_distance,
             fall: self.gravity.length() * dt * dt,
             reuse_distance,
         };
-        let records = (&mut self.scratch.old_records, &mut self.contacts.records);
+        let cache = (&mut self.scratch.old_cache, &mut self.contacts.cache);
         manifolds(
             &around,
             &mut self.contacts.pairs,
             &mut self.scratch.workers,
             &self.execution.pool,
-            records,
+            cache,
         )
     }
 
     /// Rotates the normals of manifolds at seams and corners to the axes along which the bodies are
     /// held apart.
-    fn settle_seams(&mut self, dt: f32) {
+    fn resolve_seams(&mut self, dt: f32) {
         let meeting = SeamInput::<G, L, A> {
             shapes: &self.colliders.shapes,
             poses: &self.colliders.poses,
@@ -405,11 +409,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
         let closing =
             closing(&self.scratch.workers, self.contacts.pairs.len(), &self.execution.pool);
-        self.scratch.seams.settle(
+        self.scratch.seams.resolve(
             &meeting,
             closing,
             &mut self.contacts.pairs,
-            &mut self.contacts.records,
+            &mut self.contacts.cache,
         );
     }
 
@@ -417,7 +421,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// covers.
     fn find_patches(&mut self) {
         let shapes = Shapes { colliders: &self.colliders, bodies: &self.bodies };
-        self.scratch.patches.find(&self.contacts.pairs, &shapes, &mut self.contacts.records);
+        self.scratch.patches.find(&self.contacts.pairs, &shapes, &mut self.contacts.cache);
     }
 
     /// Returns the plan for the substeps of a part.
@@ -425,10 +429,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let Search { h, due: substeps, left, .. } = *search;
         let settings = &self.settings;
         let solving = settings.tolerance > 0.0;
-        let examined = (left == 0 && settings.certify).then_some(substeps - 1);
+        let certified_substep = (left == 0 && settings.certify).then_some(substeps - 1);
         let mut pairs = self.contacts.pairs.iter();
-        let bounces = |pair: &Pair| pair.restitution > 0.0 && pair.count > 0 && !pair.rests;
-        let bouncing = self.colliders.bounce && pairs.any(bounces);
+        let bounces = |pair: &Pair| pair.restitution > 0.0 && pair.count > 0 && !pair.is_sleeping;
+        let bouncing = self.colliders.has_restitution && pairs.any(bounces);
         let params = SubstepParams {
             h,
             substeps,
@@ -440,7 +444,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         PartPlan {
             params,
             solving,
-            examined,
+            certified_substep,
             ledger: settings.ledger,
             collisions: bouncing.then_some(ImpactSettings {
                 law: settings.impact_law,
@@ -449,8 +453,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 rounds: IMPACT_ROUNDS,
                 sweeps: IMPACT_SWEEPS,
             }),
-            together: solving
-                || examined.is_some()
+            whole_system: solving
+                || certified_substep.is_some()
                 || settings.ledger
                 || bouncing
                 || self.execution.saving
@@ -470,23 +474,23 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         // The first substep overwrites these: it computes J^T gamma from the contacts.
         prospective.resize(all, Velocity::ZERO);
         let ConstraintSolver { lanes, certifier, surfaces, .. } = &mut self.solver;
-        let (records, bodies) = (&self.contacts.records, &self.bodies);
-        let certifying = plan.solving || plan.examined.is_some();
+        let (cache, bodies) = (&self.contacts.cache, &self.bodies);
+        let certifying = plan.solving || plan.certified_substep.is_some();
         if certifying {
-            certifier.find_islands(&bodies.inverse_masses, records.pairs());
+            certifier.find_islands(&bodies.inverse_masses, cache.pairs());
         }
         let stiffness = if plan.solving {
             let of = |body| [bodies.weight(body, self.gravity), bodies.thickness[body]];
-            certifier.stiffness(records.pairs(), of, &self.settings, plan.params.h)
+            certifier.stiffness(cache.pairs(), of, &self.settings, plan.params.h)
         } else {
             certifier.no_stiffness()
         };
-        let (velocities, together) = (&bodies.velocities, plan.together);
+        let (velocities, whole_system) = (&bodies.velocities, plan.whole_system);
         let in_order = plan.solving || self.settings.certify;
-        let rows = CacheSource { records, velocities, stiffness, same, together, in_order };
+        let rows = CacheSource { cache, velocities, stiffness, same, whole_system, in_order };
         lanes.pack(&rows, &bodies.inverse_masses, self.settings.softness);
         let (of, moving) = ((&self.colliders, bodies), (bodies.velocities.as_slice(), dt));
-        surfaces.give(of, &self.contacts.pairs, records.manifolds.len(), moving, lanes);
+        surfaces.give(of, &self.contacts.pairs, cache.manifolds.len(), moving, lanes);
         let (ledger, gravity) = (&mut self.scratch.ledger, self.gravity);
         self.solver.with_system(&mut self.bodies, |solver, bodies| {
             let ConstraintSolver { lanes, certifier, system, .. } = solver;
@@ -508,7 +512,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if plan.ledger {
             self.scratch.ledger.stop(&self.bodies.velocities);
         }
-        motion::arrive(&mut self.bodies, &self.execution.pool, &self.scratch.displacements);
+        motion::integrate_poses(
+            &mut self.bodies,
+            &self.execution.pool,
+            &self.scratch.displacements,
+        );
         if plan.ledger {
             let (bodies, gravity) = (&self.bodies, self.gravity);
             let ledger = self.scratch.ledger.close(bodies, gravity, &bodies.velocities);
@@ -524,15 +532,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Puts islands to sleep that have held still long enough.
     fn fall_asleep(&mut self, dt: f32) {
-        let delay = self.settings.sleep;
+        let delay = self.settings.sleep_delay;
         if delay <= 0.0 {
             return;
         }
-        let (surfaces, touching) = (&self.solver.surfaces, self.contacts.records.pairs());
+        let (surfaces, touching) = (&self.solver.surfaces, self.contacts.cache.pairs());
         let runs = |manifold: usize| surfaces.runs(manifold);
         if self.sleep.fall_asleep(&mut self.bodies, (touching, runs), dt, delay) {
             self.update_inverse_masses();
-            self.colliders.place(&self.bodies);
+            self.colliders.update_poses(&self.bodies);
         }
     }
 }
@@ -543,9 +551,9 @@ mod tests {
 
     /// The interval has as many substeps as the relative motion allows, and at least one.
     #[test]
-    fn searches_are_as_far_apart_as_they_may_be() {
-        let of = |passed: [f32; 5], substeps| {
-            passed.map(|passed| substeps_until_search(substeps, passed))
+    fn searches_are_as_rare_as_travel_bounds_allow() {
+        let of = |travel_ratio: [f32; 5], substeps| {
+            travel_ratio.map(|travel_ratio| substeps_until_search(substeps, travel_ratio))
         };
         assert_eq!(of([1.0, 2.0, 3.1, 4.1, 99.0], 8), [8, 4, 2, 1, 1]);
         // Bodies that have slowed down need fewer searches.

@@ -13,7 +13,7 @@ use crate::travel::TravelBounds;
 /// Buffers of a step. No later step reads them.
 pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) fresh_pairs: Vec<Pair>,
-    pub(crate) old_records: ManifoldCache<L>,
+    pub(crate) old_cache: ManifoldCache<L>,
     /// By body: true if it may touch something new.
     pub(crate) active: Vec<bool>,
     pub(crate) travel: TravelBounds<L>,
@@ -37,7 +37,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
     fn default() -> Self {
         Self {
             fresh_pairs: Vec::new(),
-            old_records: ManifoldCache::default(),
+            old_cache: ManifoldCache::default(),
             active: Vec::new(),
             travel: TravelBounds::default(),
             workers: Vec::new(),

@@ -28,19 +28,19 @@ pub(crate) struct PartPlan<const L: usize> {
     /// True if each substep is solved to the tolerance.
     pub(crate) solving: bool,
     /// Index of the substep that gets a certificate with all residuals.
-    pub(crate) examined: Option<u32>,
+    pub(crate) certified_substep: Option<u32>,
     /// True if each substep accounts for its energy.
     pub(crate) ledger: bool,
     /// Parameters of impacts, if any contact may bounce.
     pub(crate) collisions: Option<ImpactSettings<f32>>,
     /// True if all bodies go through one substep together before the next begins. If false, each
     /// batch goes through all substeps by itself.
-    pub(crate) together: bool,
+    pub(crate) whole_system: bool,
 }
 
 /// Number of substeps after which M^-1 J^T gamma is recomputed from the contacts
-/// ([`MovingBodies::push`]). In between it comes from the previous substep, and its rounding errors
-/// add up.
+/// ([`MovingBodies::reapply_gains`]). In between it comes from the previous substep, and its
+/// rounding errors add up.
 const REFRESH_INTERVAL: u32 = 4;
 
 /// Factor of [`Advanced::fastest`] that bounds the approach speed of two surfaces: 2^(3/2), plus a
@@ -72,9 +72,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             self.bodies.prospective.copy_from_slice(self.bodies.velocities);
             self.contacts.apply_impulses(self.bodies.velocities);
         } else {
-            self.bodies.push();
+            self.bodies.reapply_gains();
         }
-        self.bodies.lead(params)
+        self.bodies.offset_displacements(params)
     }
 
     /// Sweeps over the normals towards the targets. `turning` is true if any body rotates.
@@ -90,7 +90,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     /// Adds the velocities of belts to targets that have just been set.
     pub(crate) fn run_belts(&mut self, params: &SubstepParams<L>, substep: u32) {
         if self.contacts.has_surfaces() {
-            self.contacts.run_belts(params.h * substep as f32, params.repair.hold);
+            self.contacts.run_belts(params.h * substep as f32, params.repair.stick_rate);
         }
     }
 
@@ -114,11 +114,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     }
 
     /// Writes the data that contacts pass to the next step to the cache.
-    pub(crate) fn trace(&mut self, params: &SubstepParams<L>) {
+    pub(crate) fn store_impulses(&mut self, params: &SubstepParams<L>) {
         if self.contacts.has_surfaces() {
             self.contacts.carry_belts(params.h * params.substeps as f32);
         }
-        self.contacts.trace(self.bodies.displacements, params.repair.hold);
+        self.contacts.trace(self.bodies.displacements, params.repair.stick_rate);
     }
 
     /// Takes the batch through all substeps.
@@ -137,7 +137,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             self.relax(renewed, fastest, params);
             clock.lap(Stage::Relax);
         }
-        self.trace(params);
+        self.store_impulses(params);
         clock.lap(Stage::Remember);
     }
 
@@ -179,12 +179,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report: &mut StepReport,
     ) {
         let params = &plan.params;
-        if plan.together {
+        if plan.whole_system {
             let mut renewed = false;
             for substep in 0..params.substeps {
                 self.substep(plan, substep, &mut renewed, timer, report);
             }
-            self.context().trace(params);
+            self.context().store_impulses(params);
             self.record_pairs();
             timer.lap(Stage::Remember);
         } else {
@@ -199,7 +199,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Returns all bodies and their contacts as one context.
     fn context(&mut self) -> SubstepContext<'_, G, L, A> {
         let StepScratch { prospective, displacements, .. } = &mut self.scratch;
-        let contacts = self.solver.lanes.whole(&mut self.contacts.records.traces);
+        let contacts = self.solver.lanes.whole(&mut self.contacts.cache.impulses);
         let pool = &self.execution.pool;
         let bodies = MovingBodies::new(&mut self.bodies, prospective, displacements, pool);
         SubstepContext { contacts, bodies }
@@ -217,45 +217,30 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report: &mut StepReport,
     ) {
         let params = &plan.params;
-        if plan.ledger {
-            self.scratch.ledger.start(&self.bodies.velocities);
-        }
-        if plan.collisions.is_some() {
-            self.update_rotated_masses(plan.ledger);
-            self.scratch.force_gains.clone_from(&self.bodies.velocities);
-        }
-        self.context().bodies.predict(params);
-        timer.lap(Stage::Predict);
-        if let Some(collisions) = &plan.collisions {
-            if *renewed {
-                self.unpack();
-            }
-            report.collisions += self.bounce(plan, collisions);
-            timer.lap(Stage::Bounce);
-        }
+        self.accelerate(plan, *renewed, timer, report);
         let turning = self.context().warm_start(substep, *renewed, params);
         self.set_targets(plan, substep, turning);
         timer.lap(Stage::WarmStart);
-        let examined = plan.examined == Some(substep);
+        let with_residuals = plan.certified_substep == Some(substep);
         if plan.solving {
-            self.refine(examined, timer, report);
+            self.refine(with_residuals, timer, report);
         } else {
             self.context().solve(params, substep, turning);
             timer.lap(Stage::Solve);
         }
-        if examined && !plan.solving {
-            self.examine(timer, report);
+        if with_residuals && !plan.solving {
+            self.certify_sweeps(timer, report);
         }
         if plan.ledger {
-            self.account(|ledger, solver, _| ledger.depart(&solver.system));
+            self.account(|ledger, solver, _| ledger.record_solution(&solver.system));
         }
         let Advanced { turned, fastest } = self.context().bodies.advance(params);
         timer.lap(Stage::Advance);
         if plan.ledger {
-            self.scratch.ledger.arrive(&self.bodies.velocities);
+            self.scratch.ledger.record_motion(&self.bodies.velocities);
         }
         *renewed = turned && self.context().renew(params);
-        if turned && (plan.solving || plan.examined.is_some()) {
+        if turned && (plan.solving || plan.certified_substep.is_some()) {
             self.solver.with_system(&mut self.bodies, |solver, _| {
                 solver.certifier.island_solver.follow(&solver.system);
             });
@@ -273,9 +258,35 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.record(substep + 1 == params.substeps);
         }
         timer.lap(Stage::Relax);
-        if examined {
+        if with_residuals {
             self.find_jams(report);
             timer.lap(Stage::Certify);
+        }
+    }
+
+    /// Changes the velocities by forces and impacts.
+    fn accelerate(
+        &mut self,
+        plan: &PartPlan<L>,
+        renewed: bool,
+        timer: &mut StageTimer,
+        report: &mut StepReport,
+    ) {
+        if plan.ledger {
+            self.scratch.ledger.start(&self.bodies.velocities);
+        }
+        if plan.collisions.is_some() {
+            self.update_rotated_masses(plan.ledger);
+            self.scratch.force_gains.clone_from(&self.bodies.velocities);
+        }
+        self.context().bodies.predict(&plan.params);
+        timer.lap(Stage::Predict);
+        if let Some(collisions) = &plan.collisions {
+            if renewed {
+                self.unpack();
+            }
+            report.collisions += self.resolve_impacts(plan, collisions);
+            timer.lap(Stage::Impact);
         }
     }
 
@@ -294,31 +305,31 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Solves the contacts to the tolerance; with all residuals if `examined`.
-    fn refine(&mut self, examined: bool, timer: &mut StageTimer, report: &mut StepReport) {
+    /// Solves the contacts to the tolerance; with all residuals if `with_residuals`.
+    fn refine(&mut self, with_residuals: bool, timer: &mut StageTimer, report: &mut StepReport) {
         let (settings, prospective) = (&self.settings, &self.scratch.prospective);
         let outcome = self.solver.with_system(&mut self.bodies, |solver, _| {
             let ConstraintSolver { lanes, certifier, system, .. } = solver;
-            certifier.refine(system, lanes, prospective, settings, examined)
+            certifier.refine(system, lanes, prospective, settings, with_residuals)
         });
         report.sweeps += outcome.iterations;
         report.join(&outcome, timer);
     }
 
     /// Certifies the velocities as the sweeps left them.
-    fn examine(&mut self, timer: &mut StageTimer, report: &mut StepReport) {
+    fn certify_sweeps(&mut self, timer: &mut StageTimer, report: &mut StepReport) {
         let ConstraintSolver { lanes, certifier, .. } = &mut self.solver;
         let prospective = &self.scratch.prospective;
-        let outcome = certifier.examine(&self.bodies.velocities, lanes, prospective);
+        let outcome = certifier.certify_sweeps(&self.bodies.velocities, lanes, prospective);
         report.join(&outcome, timer);
     }
 
     /// Looks for contacts that are jammed, if the certificate of the substep gives a reason.
     fn find_jams(&mut self, report: &mut StepReport) {
-        let sinking = report.certified.map_or(0.0, |of| of.residuals[1]);
+        let approach_error = report.certified.map_or(0.0, |of| of.residuals[1]);
         report.jams = self.solver.with_system(&mut self.bodies, |solver, _| {
             let ConstraintSolver { lanes, certifier, system, .. } = solver;
-            certifier.jams(system, lanes, sinking)
+            certifier.jams(system, lanes, approach_error)
         });
     }
 
@@ -333,7 +344,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Resolves the impacts at the start of a substep. Returns their number.
-    fn bounce(&mut self, plan: &PartPlan<L>, collisions: &ImpactSettings<f32>) -> usize {
+    fn resolve_impacts(&mut self, plan: &PartPlan<L>, collisions: &ImpactSettings<f32>) -> usize {
         let StepScratch { ledger, displacements, force_gains, .. } = &mut self.scratch;
         for (gain, velocity) in force_gains.iter_mut().zip(&self.bodies.velocities) {
             *gain = *velocity - *gain;
@@ -341,20 +352,20 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let count = self.solver.with_system(&mut self.bodies, |solver, _| {
             let ConstraintSolver { lanes, impacts, system, .. } = solver;
             if plan.ledger {
-                ledger.strike(0, &system.velocities);
+                ledger.record_impacts(0, &system.velocities);
             }
             system.set_targets(displacements, &plan.params.repair);
             let count =
                 restitution::collide(system, displacements, force_gains, collisions, impacts);
             lanes.take_impacts(system);
             if plan.ledger {
-                ledger.strike(1, &system.velocities);
+                ledger.record_impacts(1, &system.velocities);
             }
             count
         });
         if count > 0 {
-            for (body, spin) in self.bodies.turns.iter_mut().enumerate() {
-                spin.struck |= self.solver.impacts.is_struck(body);
+            for (body, spin) in self.bodies.spin_states.iter_mut().enumerate() {
+                spin.had_impact |= self.solver.impacts.is_struck(body);
             }
         }
         count
@@ -377,8 +388,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn record_pairs(&mut self) {
         let StepScratch { impulses, pair_impulses, .. } = &mut self.scratch;
         if !impulses.is_empty() {
-            let touching = self.contacts.pairs.iter().filter(|pair| !pair.rests && pair.count > 0);
-            let sum = |pair: &Pair| impulses[pair.records()].iter().sum();
+            let touching =
+                self.contacts.pairs.iter().filter(|pair| !pair.is_sleeping && pair.count > 0);
+            let sum = |pair: &Pair| impulses[pair.manifolds()].iter().sum();
             pair_impulses.extend(touching.map(|pair| (pair.colliders, sum(pair))));
             impulses.clear();
         }
@@ -394,7 +406,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 bodies.inverse_masses[body].angular = G::frame(&bodies.poses[body]).tensor(moments);
                 if ledger {
                     let (mass, inverse) = (bodies.mass(body), &bodies.inverse_masses[body]);
-                    self.scratch.ledger.turn(body, mass, inverse);
+                    self.scratch.ledger.update_mass(body, mass, inverse);
                 }
             }
         }

@@ -93,7 +93,7 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
         }
         self.rows.resize(manifolds, SurfaceRow::NONE);
         let mut held = self.held.iter().peekable();
-        for pair in pairs.iter().filter(|pair| !pair.rests && pair.count > 0) {
+        for pair in pairs.iter().filter(|pair| !pair.is_sleeping && pair.count > 0) {
             while held.next_if(|of| of.colliders < pair.colliders).is_some() {}
             let belts = pair.colliders.map(|id| colliders.belt(bodies, id as usize));
             let resistance = colliders.resistance(pair.colliders);
@@ -103,7 +103,7 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
             }
             let torque = held.next_if(|of| of.colliders == pair.colliders);
             let torque = torque.map_or(Vector::ZERO, |of| of.torque * (1.0 / pair.count as f32));
-            self.rows[pair.records()].fill(SurfaceRow { belts, runs, resistance, torque });
+            self.rows[pair.manifolds()].fill(SurfaceRow { belts, runs, resistance, torque });
         }
         let rows = &self.rows;
         lanes.take_surfaces(Some(|number: usize, manifold: &Manifold<f32, L>| {
@@ -122,7 +122,7 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
         pairs: &[Pair],
         lanes: &LaneSystem<L, A>,
     ) {
-        if !colliders.resist {
+        if !colliders.has_resistance {
             return;
         }
         let mut rows = self.rows.iter_mut();
@@ -136,10 +136,10 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
         let mut before = self.before.iter().peekable();
         for pair in pairs.iter().filter(|pair| pair.count > 0) {
             while before.next_if(|of| of.colliders < pair.colliders).is_some() {}
-            let torque = if pair.rests {
+            let torque = if pair.is_sleeping {
                 before.next_if(|of| of.colliders == pair.colliders).map(|of| of.torque)
             } else {
-                let rows = &self.rows[pair.records()];
+                let rows = &self.rows[pair.manifolds()];
                 let sum = rows.iter().fold(Vector::ZERO, |sum, row| sum + row.torque);
                 rows.first().is_some_and(|row| row.resistance != [0.0; 2]).then_some(sum)
             };

@@ -54,27 +54,27 @@ pub(crate) struct MotionView<'a, const L: usize, const A: usize> {
 
 impl<const L: usize, const A: usize> MotionView<'_, L, A> {
     /// Returns bounds on the relative motion of two bodies: of their centers, and of their surfaces
-    /// by rotation. \[m\] Returns `None` if the sum is less than their `room` \[m\], which is
+    /// by rotation. \[m\] Returns `None` if the sum is less than their `clearance` \[m\], which is
     /// evaluated only for large rotations.
     #[inline(always)]
-    pub(crate) fn passed(
+    pub(crate) fn relative_travel(
         &self,
         own: &[TravelBound<L>],
         pair: &Pair,
-        room: impl Fn() -> f32,
+        clearance: impl Fn() -> f32,
     ) -> Option<[f32; 2]> {
         let [a, b] = pair.bodies.map(|body| &own[body as usize]);
-        let passed = [(a.linear - b.linear).length(), a.angular + b.angular];
-        if passed[1] <= TURNS * pair.thickness {
-            return Some(passed);
+        let travel = [(a.linear - b.linear).length(), a.angular + b.angular];
+        if travel[1] <= TURNS * pair.thickness {
+            return Some(travel);
         }
-        (passed[0] + passed[1] >= room()).then(|| self.together(pair.bodies, passed))
+        (travel[0] + travel[1] >= clearance()).then(|| self.in_rotating_frame(pair.bodies, travel))
     }
 
     /// Returns these bounds as seen from one of the rotating bodies, if they are smaller. Bodies in
     /// a drum rotate with it.
     #[inline(never)]
-    fn together(&self, bodies: [u32; 2], passed: [f32; 2]) -> [f32; 2] {
+    fn in_rotating_frame(&self, bodies: [u32; 2], travel: [f32; 2]) -> [f32; 2] {
         let [a, b] = bodies.map(|body| body as usize);
         let (own, other) = (&self.velocities[a], &self.velocities[b]);
         let apart = self.frames[a].position - self.frames[b].position;
@@ -85,7 +85,7 @@ impl<const L: usize, const A: usize> MotionView<'_, L, A> {
             .map(|seen| seen.map(|speed| speed * self.dt))
             .into_iter()
             .fold(
-                passed,
+                travel,
                 |least, seen| if seen[0] + seen[1] < least[0] + least[1] { seen } else { least },
             )
     }
@@ -97,7 +97,7 @@ pub(crate) struct TravelBounds<const L: usize> {
     /// By body.
     pub(crate) own: Vec<TravelBound<L>>,
     /// Results of each thread.
-    passed: Vec<ThreadTravel>,
+    travel: Vec<ThreadTravel>,
 }
 
 /// Relative motion of the pairs of one thread.
@@ -129,10 +129,10 @@ impl<const L: usize> TravelBounds<L> {
     /// pushes of neighbors. Returns the largest relative motion as a fraction of the thinner shape.
     /// \[1\]
     ///
-    /// Bodies are near if their room is less than their relative motion plus `fall` and `margin`
-    /// \[m\]. A fixed body gets no push, so a body that moves along a floor does not affect others
-    /// on it.
-    pub(crate) fn pass<const A: usize>(
+    /// Bodies are near if their clearance is less than their relative motion plus `fall` and
+    /// `margin` \[m\]. A fixed body gets no push, so a body that moves along a floor does not
+    /// affect others on it.
+    pub(crate) fn find_pushes<const A: usize>(
         &mut self,
         moving: MotionView<'_, L, A>,
         masses: &[InverseMass<f32, L, A>],
@@ -140,32 +140,34 @@ impl<const L: usize> TravelBounds<L> {
         [fall, margin]: [f32; 2],
         pool: &ThreadPool,
     ) -> f32 {
-        let Self { own, passed } = self;
+        let Self { own, travel } = self;
         let (useful, share) = pool.share(pairs.len(), PAIR_GRAIN);
-        passed.resize_with(pairs.len().div_ceil(share), ThreadTravel::default);
-        pool.for_each(useful, pairs.chunks(share).zip(&mut *passed), |(pairs, passed)| {
-            passed.neighbor_pushes.clear();
-            passed.neighbor_pushes.resize(own.len(), 0.0);
-            let (neighbor_pushes, mut worst) = (&mut passed.neighbor_pushes[..], 0.0f32);
-            for pair in pairs.iter().filter(|pair| !pair.rests) {
+        travel.resize_with(pairs.len().div_ceil(share), ThreadTravel::default);
+        pool.for_each(useful, pairs.chunks(share).zip(&mut *travel), |(pairs, travel)| {
+            travel.neighbor_pushes.clear();
+            travel.neighbor_pushes.resize(own.len(), 0.0);
+            let (neighbor_pushes, mut worst) = (&mut travel.neighbor_pushes[..], 0.0f32);
+            for pair in pairs.iter().filter(|pair| !pair.is_sleeping) {
                 let [a, b] = pair.bodies;
                 let (a, b) = (a as usize, b as usize);
-                let room = pair.gap(moving.since_search) - fall - margin;
-                let Some([apart, turning]) = moving.passed(own, pair, || room) else { continue };
-                if apart + turning < room {
+                let clearance = pair.gap(moving.since_search) - fall - margin;
+                let Some([apart, turning]) = moving.relative_travel(own, pair, || clearance) else {
+                    continue;
+                };
+                if apart + turning < clearance {
                     continue;
                 }
                 neighbor_pushes[a] = neighbor_pushes[a].max(apart);
                 neighbor_pushes[b] = neighbor_pushes[b].max(apart);
                 worst = worst.max((apart + turning + fall) / pair.thickness);
             }
-            passed.worst = worst;
+            travel.worst = worst;
         });
         let (_, share) = pool.share(own.len(), GRAIN);
         pool.for_each(useful, own.chunks_mut(share).enumerate(), |(part, own)| {
-            for passed in &*passed {
+            for travel in &*travel {
                 let neighbor_pushes =
-                    passed.neighbor_pushes[share * part..].iter().zip(&masses[share * part..]);
+                    travel.neighbor_pushes[share * part..].iter().zip(&masses[share * part..]);
                 for (own, (neighbor_push, mass)) in own.iter_mut().zip(neighbor_pushes) {
                     if *mass != InverseMass::FIXED {
                         own.neighbor_push = own.neighbor_push.max(*neighbor_push);
@@ -173,7 +175,7 @@ impl<const L: usize> TravelBounds<L> {
                 }
             }
         });
-        passed.iter().fold(0.0, |worst, passed| worst.max(passed.worst))
+        travel.iter().fold(0.0, |worst, travel| worst.max(travel.worst))
     }
 }
 
@@ -210,7 +212,7 @@ mod tests {
     /// With any number of threads, pushes and the worst pair are equal to those computed pair by
     /// pair. There are enough pairs for threads to share.
     #[test]
-    fn what_pairs_pass_by_any_number_of_threads() {
+    fn travel_bounds_do_not_depend_on_the_threads() {
         let mut random = Random(5);
         let bodies = 900;
         let swarm = Swarm::of(bodies, &mut random);
@@ -222,8 +224,8 @@ mod tests {
         let mut alone = TravelBounds::default();
         alone.find(moving, &ThreadPool::new(1));
         let (mut neighbor_pushes, mut worst) = (vec![0.0f32; bodies], 0.0f32);
-        for pair in pairs.iter().filter(|pair| !pair.rests) {
-            let [apart, turning] = moving.passed(&alone.own, pair, || 0.0).unwrap();
+        for pair in pairs.iter().filter(|pair| !pair.is_sleeping) {
+            let [apart, turning] = moving.relative_travel(&alone.own, pair, || 0.0).unwrap();
             for body in pair.bodies.map(|body| body as usize) {
                 neighbor_pushes[body] = neighbor_pushes[body].max(apart);
             }
@@ -235,7 +237,7 @@ mod tests {
             // The results of the first run must not affect the second.
             for moving in [swarm.moving(0.3), moving] {
                 travels.find(moving, &pool);
-                let found = travels.pass(moving, &masses, &pairs, [fall, 0.0], &pool);
+                let found = travels.find_pushes(moving, &masses, &pairs, [fall, 0.0], &pool);
                 if moving.dt == 0.1 {
                     assert_eq!(found, worst, "{members} members");
                     let own: Vec<f32> = travels.own.iter().map(|own| own.neighbor_push).collect();
@@ -248,7 +250,7 @@ mod tests {
     /// No point that belongs to both bodies, as a contact point, moves by more than the bound,
     /// however they rotate.
     #[test]
-    fn no_point_passes_more() {
+    fn no_point_moves_beyond_its_travel_bound() {
         let mut random = Random(9);
         let (dt, mut least) = (0.1, f32::INFINITY);
         for _ in 0..2000 {
@@ -263,12 +265,13 @@ mod tests {
             let mut travels = TravelBounds::default();
             travels.find(moving, &ThreadPool::new(1));
             let pair = pair([0, 1], false);
-            let said: f32 = moving.passed(&travels.own, &pair, || 0.0).unwrap().iter().sum();
+            let said: f32 =
+                moving.relative_travel(&travels.own, &pair, || 0.0).unwrap().iter().sum();
             let [a, b] = [0, 1]
                 .map(|body| swarm.velocities[body].at(place - swarm.frames[body].position) * dt);
-            let passed = (a - b).length();
-            assert!(passed <= said + 1e-6, "{passed} m, {said} m said");
-            least = least.min(said / passed);
+            let travel = (a - b).length();
+            assert!(travel <= said + 1e-6, "{travel} m, {said} m said");
+            least = least.min(said / travel);
         }
         assert!(least < 1.2, "far too much is said: {least} times at least");
     }
@@ -276,7 +279,7 @@ mod tests {
     /// A body in a drum rotates with it: it has no motion relative to the wall, however far the
     /// wall is from the axis.
     #[test]
-    fn what_turns_as_one_passes_nothing() {
+    fn common_rotation_is_no_relative_motion() {
         let mut random = Random(4);
         let mut swarm = Swarm::of(2, &mut random);
         let (spin, place) = (random.vector(), random.vector() * 10.0);
@@ -289,16 +292,16 @@ mod tests {
             (swarm.moving(0.1), ThreadPool::new(1), TravelBounds::default());
         travels.find(moving, &pool);
         let mut pairs = [pair([0, 1], false)];
-        let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &pool);
+        let found = travels.find_pushes(moving, &free(2), &pairs, [0.0; 2], &pool);
         assert!(found < 1e-4 && travels.own[0].neighbor_push < 1e-5, "{found}, {:?}", travels.own);
         // Now a third of the drum's rotation is relative, and distant bodies do not count.
         swarm.velocities[0].angular = spin * (2.0 / 3.0);
         let moving = swarm.moving(0.1);
-        let found = travels.pass(moving, &free(2), &pairs, [0.0; 2], &pool);
+        let found = travels.find_pushes(moving, &free(2), &pairs, [0.0; 2], &pool);
         let turned = spin.length() / 3.0 * swarm.reach[0].core * 0.1;
         assert!((found * pairs[0].thickness - turned).abs() < 1e-5, "{found}");
-        pairs[0].room = 100.0;
-        assert_eq!(travels.pass(moving, &free(2), &pairs, [0.0; 2], &pool), 0.0);
+        pairs[0].clearance = 100.0;
+        assert_eq!(travels.find_pushes(moving, &free(2), &pairs, [0.0; 2], &pool), 0.0);
     }
 
     /// Returns the inverse masses of bodies that can be moved.
@@ -306,7 +309,7 @@ mod tests {
         vec![InverseMass { linear: 1.0, ..InverseMass::FIXED }; bodies]
     }
 
-    fn pair(bodies: [u32; 2], rests: bool) -> Pair {
-        Pair { bodies, rests, thickness: 0.2 + 1e-3 * bodies[0] as f32, ..Pair::APART }
+    fn pair(bodies: [u32; 2], is_sleeping: bool) -> Pair {
+        Pair { bodies, is_sleeping, thickness: 0.2 + 1e-3 * bodies[0] as f32, ..Pair::APART }
     }
 }

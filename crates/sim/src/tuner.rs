@@ -69,10 +69,10 @@ impl ThreadTuner {
 
     /// Ends a step that did `sweeps` sweeps over `contacts` contacts in some `time`.
     pub(crate) fn stop(&mut self, time: Duration, sweeps: usize, contacts: usize) {
-        self.took(time.as_secs_f64() / sweeps.max(1) as f64, contacts);
+        self.record_time(time.as_secs_f64() / sweeps.max(1) as f64, contacts);
     }
 
-    fn took(&mut self, time: f64, contacts: usize) {
+    fn record_time(&mut self, time: f64, contacts: usize) {
         let tried = self.is_tried();
         if let Some(own) = self.times.get_mut(self.steps as usize) {
             *own = time;
@@ -115,10 +115,10 @@ mod tests {
     /// not. Interruptions of single steps do not matter, but interruptions of most steps with all
     /// threads do.
     #[test]
-    fn alone_where_that_is_faster() {
+    fn one_thread_runs_where_it_is_faster() {
         let mut tuner = ThreadTuner::default();
         let [soon, late] = PERIODS;
-        (0..FIRST).for_each(|_| tuner.took(9.0, 1000));
+        (0..FIRST).for_each(|_| tuner.record_time(9.0, 1000));
         let trials = [
             ([1.0, 1.1], 2 * soon),
             ([1.0, 0.8], soon),
@@ -134,12 +134,12 @@ mod tests {
                 assert_eq!(tuner.is_tried(), step < TRIAL, "step {step} of trial {trial}");
                 assert!(step < TRIAL || own == expected, "step {step} of trial {trial}");
                 let interrupted = if step % 5 == 0 { 9.0 } else { 0.0 };
-                tuner.took(if own { alone } else { together } + interrupted, 1000);
+                tuner.record_time(if own { alone } else { together } + interrupted, 1000);
             }
         }
         for step in 0..TRIAL {
             let is_busy = step % 2 == 0 && step > 2;
-            tuner.took(if is_busy { 3.0 } else { 1.0 }, 1000);
+            tuner.record_time(if is_busy { 3.0 } else { 1.0 }, 1000);
         }
         assert!(tuner.is_alone());
     }
@@ -147,27 +147,27 @@ mod tests {
     /// A trial starts early if there are more than twice as many contacts as at the last one, or
     /// less than half as many. It does not start before the last one has ended.
     #[test]
-    fn other_work_is_tried_again() {
+    fn other_work_starts_another_trial() {
         let mut tuner = ThreadTuner::default();
-        (0..FIRST + TRIAL).for_each(|_| tuner.took(1.0, 1000));
+        (0..FIRST + TRIAL).for_each(|_| tuner.record_time(1.0, 1000));
         for contacts in [2000, 500, 1000] {
             assert!(!tuner.is_tried());
-            tuner.took(1.0, contacts);
+            tuner.record_time(1.0, contacts);
             assert!(!tuner.is_tried(), "{contacts}");
         }
         for contacts in [2001, 1000, 0, 513] {
             assert!(!tuner.is_tried());
-            tuner.took(1.0, contacts);
+            tuner.record_time(1.0, contacts);
             for _ in 0..TRIAL {
                 assert!(tuner.is_tried(), "{contacts}");
-                tuner.took(1.0, contacts);
+                tuner.record_time(1.0, contacts);
             }
         }
     }
 
     /// In a trial, the pool rests in every other step. Time is taken only in a trial.
     #[test]
-    fn a_trial_is_alone_and_together_by_turns() {
+    fn a_trial_alternates_one_thread_and_all() {
         let (pool, mut tuner) = (ThreadPool::new(2), ThreadTuner::default());
         for step in 0..FIRST + TRIAL {
             let start = tuner.start(&pool, Clock::system());

@@ -10,7 +10,7 @@ use std::sync::{Arc, OnceLock};
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Clock, InverseMass, System, Vector, Velocity};
 
-use crate::bodies::{Bodies, Body, Inertia, SpinState, SurfaceMotion};
+use crate::bodies::{Bodies, Body, Inertia, SpinState, SurfaceVelocity};
 use crate::body::Motion;
 use crate::broad_phase::BroadPhase;
 use crate::cache::ContactCache;
@@ -30,6 +30,39 @@ use crate::tuner::ThreadTuner;
 const MOST_THREADS: usize = 4;
 
 /// Bodies and their contacts in the dimension of `G`.
+///
+/// [`World::pose`] and [`World::velocity`] return the state of a body, [`World::write_poses`] the
+/// poses of all. [`World::move_to`] moves kinematic bodies. A force of [`World::add_force`] acts
+/// for one step.
+///
+/// # Method
+///
+/// Each substep of length h computes the impulses γ of all contacts together:
+///
+/// ```text
+/// v*  =  v + h (g + M⁻¹ f)                     forces                            Stage::Predict
+/// 0 ≤ γ  ⊥  A γ + ε γ − b ≥ 0                  contacts push or separate         Stage::Solve
+///     A = J M⁻¹ Jᵀ,   b = t − J v*
+///     |γ_t| ≤ μ γ_n                            friction at each point
+/// v⁺  =  v* + M⁻¹ Jᵀ γ                         velocities                        Stage::Solve
+/// x⁺  =  x + h v⁺                              positions                         Stage::Advance
+/// ```
+///
+/// J v are the velocities at the contacts. The targets t come from bounces, the repair of overlaps,
+/// and gaps that may close. ε is the compliance. The crate [`drystone_solver`] solves this problem;
+/// it knows no shapes and no time.
+///
+/// With a [`tolerance`](StepSettings::tolerance), each substep is solved until
+///
+/// ```text
+/// √(G / m) ≤ tolerance,   (v − v_exact)ᵀ M (v − v_exact) ≤ G
+/// ```
+///
+/// for each island, with its mass m. G is computed from v and γ alone.
+/// [`drystone_solver::certificate`] proves this bound, and one for v that do not follow from γ.
+/// With friction, v_exact is the exact solution for the current slips.
+///
+/// # State
 ///
 /// Checkpoints hold the state of `bodies`, `colliders`, `broad_phase`, `contacts`, `sleep` and
 /// `solver`.
@@ -64,8 +97,18 @@ pub(crate) struct Execution<const L: usize, const A: usize> {
     pub(crate) saving: bool,
     /// True if steps record the impulses of their contacts.
     pub(crate) recording: bool,
-    /// Saved contact system of the last substep.
+    /// Saved contact system, as [`World::saved`] returns it.
     pub(crate) saved: Option<SavedSystem<L, A>>,
+}
+
+impl<const L: usize, const A: usize> Execution<L, A> {
+    /// Keeps the system of an earlier part of the step if contacts bounced there and not since.
+    pub(crate) fn keep_impacts(&mut self, earlier: Option<SavedSystem<L, A>>) {
+        let bounced = self.saved.as_ref().is_some_and(SavedSystem::has_impacts);
+        if let Some(earlier) = earlier.filter(|earlier| !bounced && earlier.has_impacts()) {
+            self.saved = Some(earlier);
+        }
+    }
 }
 
 impl<const L: usize, const A: usize> Default for Execution<L, A> {
@@ -103,9 +146,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Sets the number of threads, at most four per processor. Uses fewer if the system grants
-    /// fewer. Results do not depend on it.
+    /// fewer, and one without the feature `threads`. Results do not depend on it.
     pub fn set_threads(&mut self, threads: usize) {
-        let most = MOST_THREADS * std::thread::available_parallelism().map_or(1, usize::from);
+        let most = MOST_THREADS * ThreadPool::processors();
         let threads = threads.clamp(1, most);
         if threads != self.execution.pool.threads() {
             self.execution.pool = Arc::new(ThreadPool::new(threads));
@@ -138,14 +181,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         put(&mut self.bodies.contact_gains, slot, Velocity::ZERO);
         self.sleep.reset(slot);
         if body.motion != Motion::Dynamic {
-            self.sleep.place(slot);
+            self.sleep.mark_placed(slot);
         }
         let to_center = G::pose(-inertia.center, &[]);
         for collider in body.colliders {
             let local = G::compose(&to_center, &collider.pose);
             self.colliders.add(slot, collider, local, &self.bodies, &mut self.broad_phase);
         }
-        self.colliders.run(slot, body.surface_velocity, to_center);
+        self.colliders.set_surface_velocity(slot, body.surface_velocity, to_center);
         Ok(BodyId::new(&self.bodies.slots, slot, self.id))
     }
 
@@ -253,7 +296,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Returns true if a body sleeps. A body falls asleep after its whole island has held still for
-    /// a while ([`StepSettings::sleep`]). Steps leave it out until something touches or moves it.
+    /// a while ([`StepSettings::sleep_delay`]). Steps leave it out until something touches or moves
+    /// it.
     pub fn is_sleeping(&self, id: BodyId) -> bool {
         self.index(id).is_some_and(|index| self.sleep.is_sleeping(index))
     }
@@ -277,7 +321,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let slot = self.moving(id)?;
         input::check_velocity(&velocity)?;
         self.wake_slot(slot);
-        self.bodies.turns[slot] = SpinState::default();
+        self.bodies.spin_states[slot] = SpinState::default();
         self.bodies.velocities[slot] = velocity;
         Ok(())
     }
@@ -313,9 +357,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.wake_neighbors(slot);
         self.bodies.set_origin(slot, pose);
         let Self { bodies, colliders, broad_phase, .. } = self;
-        colliders.place_body(slot, bodies, broad_phase);
+        colliders.update_body(slot, bodies, broad_phase);
         if bodies.motion[slot] != Some(Motion::Dynamic) {
-            self.sleep.place(slot);
+            self.sleep.mark_placed(slot);
         }
         Ok(())
     }
@@ -328,14 +372,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     pub fn set_surface_velocity(
         &mut self,
         id: BodyId,
-        motion: Option<SurfaceMotion<L, A>>,
+        motion: Option<SurfaceVelocity<L, A>>,
     ) -> Result<(), InputError> {
         let slot = self.known(id)?;
         input::check_surface(motion.as_ref())?;
         self.definitions = OnceLock::new();
         self.wake_neighbors(slot);
         let to_center = G::pose(-self.bodies.inertia[slot].center, &[]);
-        self.colliders.run(slot, motion, to_center);
+        self.colliders.set_surface_velocity(slot, motion, to_center);
         Ok(())
     }
 
@@ -381,7 +425,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Returns [`World::system`] with the gaps measured by the last contact search.
-    pub(crate) fn searched(&self) -> System<f32, L, A> {
+    pub(crate) fn system_at_search(&self) -> System<f32, L, A> {
         let mut system = self.system();
         for manifold in &system.manifolds {
             let [a, b] = manifold.bodies.map(|body| &self.scratch.displacements[body as usize]);
@@ -414,7 +458,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Returns the contact system of the last substep before solving, if it was saved
-    /// ([`World::save_systems`]).
+    /// ([`World::save_systems`]). If contacts bounced in the step, the substep is the last one
+    /// before the next contact search.
     pub fn saved(&self) -> Option<&SavedSystem<L, A>> {
         self.execution.saved.as_ref()
     }
@@ -460,11 +505,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         out.potential_energy = self.bodies.potential_energy(self.gravity);
         out.deepest_penetration = f64::from(self.solver.lanes.overlap());
-        for pair in self.contacts.pairs.iter().filter(|pair| pair.rests) {
-            let resting = self.sleep.records.view();
-            for record in resting.of(pair.records()) {
-                for trace in resting.traces_of(record) {
-                    out.deepest_penetration = out.deepest_penetration.max(f64::from(-trace.gap[0]));
+        for pair in self.contacts.pairs.iter().filter(|pair| pair.is_sleeping) {
+            let sleeping = self.sleep.cache.view();
+            for manifold in sleeping.of(pair.manifolds()) {
+                for cached in sleeping.impulses_of(manifold) {
+                    out.deepest_penetration =
+                        out.deepest_penetration.max(f64::from(-cached.gap[0]));
                 }
             }
         }

@@ -1,4 +1,5 @@
-//! [`Manifold`] and [`Contact`]: the contact points of two bodies, with their common frame and arms.
+//! [`Manifold`] and [`Contact`]: the contact points of two bodies, with their common frame and
+//! arms.
 
 use std::ops::Range;
 
@@ -139,9 +140,9 @@ pub struct Repair<T> {
     /// Overlap that is not repaired. \[m\]
     pub slop: T,
     /// Largest repair velocity. \[m/s\]
-    pub push_speed: T,
+    pub max_repair_speed: T,
     /// Rate at which the slip of a sticking point is undone, per second. \[1/s\]
-    pub hold: T,
+    pub stick_rate: T,
 }
 
 impl<T: Scalar, const L: usize> Contact<T, L> {
@@ -227,25 +228,26 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// the bodies' displacements since the gap was measured.
     ///
     /// Overlap d: t_n = min(c_d max(0, d - slop), push speed). Gap s: t_n = -s/h, which just closes
-    /// it. Slip of a sticking point: t_T = -hold slip, which returns it to where it stuck.
+    /// it. Slip of a sticking point: t_T = -stick_rate slip, which returns it to where it stuck.
     #[inline(always)]
     pub fn set_target<const A: usize>(&mut self, moved: &Velocity<T, L, A>, repair: &Repair<T>) {
         let gap = self.gap + self.relative_velocity(moved);
         let overlap = T::ZERO.max(-gap[0] - repair.slop);
-        let push = (overlap * (repair.rate / repair.dt)).min(repair.push_speed);
-        self.target = gap * -repair.hold;
+        let push = (overlap * (repair.rate / repair.dt)).min(repair.max_repair_speed);
+        self.target = gap * -repair.stick_rate;
         self.target[0] = gap[0].choose(gap[0] * (-T::ONE / repair.dt), push);
     }
 
-    /// Returns the bias: the part of the normal target that repairs an overlap, at least 0. It moves
-    /// the bodies in a substep, and the relaxing sweep takes it out of their velocities. \[m/s\]
+    /// Returns the bias: the part of the normal target that repairs an overlap, at least 0. It
+    /// moves the bodies in a substep, and the relaxing sweep takes it out of their velocities.
+    /// \[m/s\]
     #[inline(always)]
     pub fn bias(&self) -> T {
         self.target[0].max(T::ZERO)
     }
 
-    /// Returns the normal target without the [`bias`](Self::bias), at most 0: the approach that just
-    /// closes a gap. \[m/s\]
+    /// Returns the normal target without the [`bias`](Self::bias), at most 0: the approach that
+    /// just closes a gap. \[m/s\]
     #[inline(always)]
     pub fn unbiased_target(&self) -> T {
         self.target[0].min(T::ZERO)
@@ -260,9 +262,9 @@ impl<T: Real, const L: usize> Contact<T, L> {
     /// Limits the slip in `gap` to what friction can hold at the current normal impulse, as a
     /// spring as soft as the normal. \[m\]
     #[inline(always)]
-    pub fn held_slip(&self, friction: T, hold: T, gap: Vector<T, L>) -> Vector<T, L> {
+    pub fn held_slip(&self, friction: T, stick_rate: T, gap: Vector<T, L>) -> Vector<T, L> {
         let softness = self.softness();
-        let stiffness = self.tangential_mass * hold * (T::ONE - softness);
+        let stiffness = self.tangential_mass * stick_rate * (T::ONE - softness);
         let limit = friction * self.impulse[0] * softness;
         self.onto_disc(stiffness.choose(limit / stiffness, T::ZERO), gap)
     }
@@ -301,7 +303,8 @@ impl<T: Real, const L: usize> Contact<T, L> {
         self.prepare_felt::<A, A>(manifold, mobility, softness);
     }
 
-    /// Prepares a point that depends on `B` components of rotation ([`ConstraintFrame::twist_felt`]).
+    /// Prepares a point that depends on `B` components of rotation
+    /// ([`ConstraintFrame::twist_felt`]).
     #[inline(always)]
     pub(crate) fn prepare_felt<const A: usize, const B: usize>(
         &mut self,

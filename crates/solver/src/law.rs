@@ -42,6 +42,12 @@ pub trait Law<T: Real, const N: usize>: Copy {
     /// Returns the response to u: the impulse in K that maximizes s(r) - r . u.
     fn response(&self, u: Vector<T, N>) -> Vector<T, N>;
 
+    /// Returns the response to u + `way` times `length`.
+    #[inline(always)]
+    fn response_along(&self, u: Vector<T, N>, way: Vector<T, N>, length: T) -> Vector<T, N> {
+        self.response(u + way * length)
+    }
+
     /// Returns an impulse in K, which is r if that is in K.
     fn clamp(&self, r: Vector<T, N>) -> Vector<T, N>;
 

@@ -298,7 +298,7 @@ fn lines<K: Law<f64, N>, const N: usize, const L: usize, const A: usize>(
 
 /// Returns the work of the responses at this length of the line, per length. \[J\]
 fn work<K: Law<f64, N>, const N: usize>(lines: &[LawOnLine<K, N>], length: f64) -> f64 {
-    let of = |(law, u, way): &LawOnLine<K, N>| law.response(*u + *way * length).dot(*way);
+    let of = |(law, u, way): &LawOnLine<K, N>| law.response_along(*u, *way, length).dot(*way);
     lines.iter().map(of).sum()
 }
 

@@ -3,7 +3,7 @@
 //! A belt adds its velocity to the slip that friction acts against:
 //!
 //! ```text
-//! t_T = -hold slip - c      c: surface velocity of a relative to b, along the tangents
+//! t_T = -stick_rate slip - c      c: surface velocity of a relative to b, along the tangents
 //! ```
 //!
 //! It is part of the target, so every method and the certificate treat it as any target. The slip
@@ -54,8 +54,8 @@ impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
     pub const NONE: Self =
         Self { belt: Velocity::ZERO, rolling: T::ZERO, spinning: T::ZERO, torque: Vector::ZERO };
 
-    /// Returns the belt of a contact frame whose surfaces move at these velocities relative to their
-    /// bodies. The velocities are given at the centers of mass, like those of bodies.
+    /// Returns the belt of a contact frame whose surfaces move at these velocities relative to
+    /// their bodies. The velocities are given at the centers of mass, like those of bodies.
     pub fn belt(
         frame: &ConstraintFrame<T, L>,
         [a, b]: [&Velocity<T, L, A>; 2],

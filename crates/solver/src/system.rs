@@ -5,11 +5,45 @@ use crate::{
     Axis, Contact, InverseMass, Joint, Manifold, Mobility, Real, Repair, Scalar, Vector, Velocity,
 };
 
-/// The contact problem of a step:
+/// The contact problem of a step.
 ///
-/// find gamma >= 0 with w = J v+ - t + epsilon gamma >= 0, gamma . w = 0, v+ = v + M^-1 J^T gamma.
+/// Bodies have velocities **v** and inverse masses M^-1. At each of k contacts they touch, or
+/// nearly touch, along a unit normal n that points from body b towards body a. Find impulses γ
+/// (gamma) such that after the step every contact separates at its target velocity or faster. No
+/// contact pulls, and none pushes if it separates faster than its target:
 ///
-/// This is the notes' A gamma - b >= 0 with b = t - J v, where v are the prospective velocities.
+/// ```text
+/// 1.  v_n = J v                                relative velocity along each normal, positive
+///                                              when separating
+/// 2.  v⁺ = v + M⁻¹ Jᵀ γ                        impulses change velocities
+/// 3.  t = max(−c_r v_n⁻, c_d d)                target of v_n: restitution, or overlap repair
+/// 4.  A γ = b,  A = J M⁻¹ Jᵀ,  b = t − J v     impulses that reach the target exactly
+/// 5.  0 ≤ γ  ⊥  A γ − b ≥ 0                    contacts only push, and those that separate faster
+///                                              than their target do not push at all
+/// 6.  γ_i ← max(0, γ_i + m_eff (t_i − v_i))    for each contact in turn, repeatedly
+///     v ← v + M⁻¹ J_iᵀ Δγ_i
+/// ```
+///
+/// Here v are the velocities without contacts (prospective), v⁻ those before the step's forces,
+/// and m_eff = 1 / A_ii. With the compliance ε, A γ + ε γ stands for A γ.
+///
+/// | Equation | In code | Module |
+/// |---|---|---|
+/// | v_n = J_i v | [`ConstraintFrame::twist`](crate::ConstraintFrame::twist), [`Contact::normal_velocity`] | constraint, contact |
+/// | v += M^-1 J_i^T p | [`Contact::add_wrench`], [`ConstraintFrame::apply`](crate::ConstraintFrame::apply) | contact, constraint |
+/// | m_eff | [`Mobility::of`], [`Contact::prepare`] | constraint, contact |
+/// | r x n, omega x r | [`moment`](crate::moment), [`spin`](crate::spin) | vector |
+/// | t: overlap and gap | [`System::set_targets`] | system |
+/// | t: restitution | [`set_targets`](crate::restitution::set_targets) | restitution |
+/// | belts, rolling resistance | [`SurfaceEffects`](crate::SurfaceEffects) | surface |
+/// | collisions, isolated as in (1) or together | [`collide`](crate::restitution::collide) | restitution |
+/// | one Gauss-Seidel sweep, step 6 | [`sweep`](crate::pgs::sweep) | pgs |
+/// | v += M^-1 J^T gamma | [`System::apply_impulses`] | system |
+/// | residual of 5 | [`System::residual`] | system |
+/// | J, M^-1, A, b as matrices; A gamma = b, (2) | `assembled` (feature `assembled`) | assembled |
+///
+/// `T` is the number type ([`Real`]), `L` and `A` are the linear and angular dimensions of a body:
+/// (2, 0) and (3, 0) are particles, (2, 1) and (3, 3) rigid bodies. The same source serves all.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct System<T: Real, const L: usize, const A: usize> {
     /// v of each body: prospective velocity before solving, v+ after.
@@ -96,7 +130,7 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         }
     }
 
-    /// Returns the relative motion of the bodies of a manifold ([`ConstraintFrame::twist`]).
+    /// Returns the relative motion of the bodies of a manifold ([`ConstraintFrame::twist`](crate::ConstraintFrame::twist)).
     #[inline(always)]
     pub fn twist_of(&self, manifold: &Manifold<T, L>) -> Velocity<T, L, A> {
         let [a, b] = self.velocities_of(manifold);

@@ -25,11 +25,10 @@ fn main() -> ExitCode {
 
 fn hashes(path: &str, steps: usize) -> Result<(), Box<dyn std::error::Error>> {
     let scene = drystone_bake::read(Path::new(path))?.scene;
-    let mut simulation =
-        build(&scene, drystone_bake::settings(&scene, StepSettings::certified())?)?;
+    let mut world = build(&scene, drystone_bake::settings(&scene, StepSettings::certified())?)?;
     for step in 1..=steps {
-        simulation.step(scene.time_step).expect("a scene that was read");
-        println!("{path} {step} {:016x}", simulation.state_hash());
+        world.step(scene.time_step).expect("a scene that was read");
+        println!("{path} {step} {:016x}", world.state_hash());
     }
     Ok(())
 }

@@ -4,14 +4,14 @@ use parry3d::math::Vector;
 use parry3d::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
 use parry3d::shape::SupportMap;
 
-use super::form::{Core, Form, Mesh, Place, Point, cross, dot, loose, minus};
+use super::shape::{AuditMesh, CoreShape, ShapePose, SupportShape, Vec3, cross, dot, loose, minus};
 
 /// Returns true if the path of a point ends on the other side of a surface or leads through a
 /// solid. Both ends are in the frame of the form, each at its own time.
-pub(super) fn passes(form: &Form, ends: [Point; 2]) -> bool {
+pub(super) fn passes(form: &SupportShape, ends: [Vec3; 2]) -> bool {
     match &form.core {
-        Core::Mesh(mesh) => crossings(mesh, ends) % 2 == 1,
-        Core::Plane(normal) => {
+        CoreShape::Mesh(mesh) => crossings(mesh, ends) % 2 == 1,
+        CoreShape::Plane(normal) => {
             let [from, to] = ends.map(|end| dot(*normal, end));
             from >= 0.0 && to < 0.0
         }
@@ -22,10 +22,10 @@ pub(super) fn passes(form: &Form, ends: [Point; 2]) -> bool {
 
 /// Offset of a path against exact hits of vertices and edges, relative to its largest coordinate.
 /// \[1\]
-const ASIDE: Point = [1.3e-9, 0.7e-9, 1.9e-9];
+const ASIDE: Vec3 = [1.3e-9, 0.7e-9, 1.9e-9];
 
 /// Counts the triangles that a segment crosses. A crossing of a shared edge counts once.
-fn crossings(mesh: &Mesh, ends: [Point; 2]) -> usize {
+fn crossings(mesh: &AuditMesh, ends: [Vec3; 2]) -> usize {
     // The offset is negligible, and keeps the segment off vertices and edges.
     let size = ends.iter().flatten().fold(0.0f64, |size, x| size.max(x.abs()));
     let [from, to] = ends.map(|end| std::array::from_fn(|i| end[i] + size * ASIDE[i]));
@@ -36,10 +36,10 @@ fn crossings(mesh: &Mesh, ends: [Point; 2]) -> usize {
     near.filter(|&triangle| crosses(mesh, triangle, [from, to])).count()
 }
 
-fn crosses(mesh: &Mesh, triangle: u32, [from, to]: [Point; 2]) -> bool {
+fn crosses(mesh: &AuditMesh, triangle: u32, [from, to]: [Vec3; 2]) -> bool {
     let [a, b, c] = mesh.corners(triangle);
     let normal = cross(minus(b, a), minus(c, a));
-    let side = |p: Point| dot(normal, minus(p, a)) >= 0.0;
+    let side = |p: Vec3| dot(normal, minus(p, a)) >= 0.0;
     if side(from) == side(to) {
         return false;
     }
@@ -66,8 +66,8 @@ impl SupportMap for Segment {
 }
 
 /// Returns true if a segment shares a point with a convex form.
-fn enters(form: &Form, ends: [Point; 2]) -> bool {
-    let single = |p: Point| Vector::from(p.map(|x| x as f32));
+fn enters(form: &SupportShape, ends: [Vec3; 2]) -> bool {
+    let single = |p: Vec3| Vector::from(p.map(|x| x as f32));
     let segment = Segment(ends.map(single));
     let pose = parry3d::math::Pose::IDENTITY;
     let solid = form.mapped();
@@ -82,8 +82,8 @@ fn enters(form: &Form, ends: [Point; 2]) -> bool {
 }
 
 /// Converts both ends of a path to the frame of the obstacle, which may move between the two times.
-pub(super) fn seen(way: [Point; 2], places: [&Place; 2]) -> [Point; 2] {
-    [places[0].local_point(way[0]), places[1].local_point(way[1])]
+pub(super) fn seen(path: [Vec3; 2], poses: [&ShapePose; 2]) -> [Vec3; 2] {
+    [poses[0].local_point(path[0]), poses[1].local_point(path[1])]
 }
 
 #[cfg(test)]
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
     use drystone_scene::{Filter, Material, Rotation, Shape, ShapeKind};
 
-    fn form(kind: ShapeKind) -> Form {
+    fn form(kind: ShapeKind) -> SupportShape {
         let shape = Shape {
             kind,
             position: vec![0.0; 3],
@@ -100,11 +100,11 @@ mod tests {
             surface_velocity: None,
             filter: Filter::default(),
         };
-        Form::new(&shape, 3).unwrap()
+        SupportShape::new(&shape, 3).unwrap()
     }
 
     /// Makes a sheet of four triangles around the origin.
-    fn sheet() -> Form {
+    fn sheet() -> SupportShape {
         let vertices = vec![
             [0.0, 0.0, 0.0],
             [1.0, 0.0, 1.0],
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_through_a_sheet_is_noticed_at_corners_and_edges_too() {
+    fn a_path_through_a_sheet_is_found_at_corners_and_edges_too() {
         let sheet = sheet();
         for (x, z) in [(0.0, 0.0), (0.3, 0.3), (0.5, 0.1), (-0.2, 0.2), (0.999, 0.0)] {
             assert!(passes(&sheet, [[x, 1.0, z], [x, -1.0, z]]), "{x} {z}");
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_through_a_solid_is_noticed_and_one_beside_it_is_not() {
+    fn a_path_through_a_solid_is_found_and_one_beside_it_is_not() {
         let wall = form(ShapeKind::Box { half_extents: vec![0.01, 1.0, 1.0] });
         assert!(passes(&wall, [[-0.5, 0.0, 0.0], [0.5, 0.1, 0.0]]));
         assert!(!passes(&wall, [[-0.5, 0.0, 0.0], [-0.011, 0.1, 0.0]]));

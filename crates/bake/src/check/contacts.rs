@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use drystone_solver::jam::Jam;
 
-use super::{Finding, Kind, dot, length, up};
+use super::{Finding, FindingKind, dot, length, up};
 use drystone::{Nearby, StepSettings};
 use drystone_scene::{BodiesAs, Scene};
 
@@ -30,7 +30,7 @@ pub(super) fn at_the_start(settings: &StepSettings) -> StepSettings {
     StepSettings {
         substeps: 1,
         iterations: 1,
-        searches: 1,
+        max_searches: 1,
         tolerance: 0.0,
         certify: false,
         ledger: false,
@@ -46,7 +46,7 @@ pub(super) fn overlaps(scene: &Scene, near: &[Nearby]) -> Vec<Finding> {
         *depth = depth.max(-pair.gap);
     }
     let finding = |([a, b], depth): ([usize; 2], f64)| Finding {
-        kind: Kind::Overlap,
+        kind: FindingKind::Overlap,
         bodies: vec![a, b],
         value: Some(depth),
         limit: Some(OVERLAP),
@@ -57,8 +57,9 @@ pub(super) fn overlaps(scene: &Scene, near: &[Nearby]) -> Vec<Finding> {
             length(depth),
             length(OVERLAP)
         ),
-        advice: "they will be pushed apart, which moves what they carry: move or shrink one"
-            .to_owned(),
+        advice:
+            "they will be pushed apart, and move the bodies that they carry: move or shrink one"
+                .to_owned(),
     };
     deepest.into_iter().map(finding).collect()
 }
@@ -73,12 +74,13 @@ pub(super) fn wedged(scene: &Scene, jams: &[Jam]) -> Vec<Finding> {
         let bodies: Vec<usize> = jam.bodies.iter().map(|&body| body as usize).collect();
         let names: Vec<_> = bodies.iter().map(|&body| scene.name_of(body)).collect();
         Finding {
-            kind: Kind::Wedged,
+            kind: FindingKind::Wedged,
             bodies,
             value: Some(jam.missing),
             limit: Some(MISSED),
             what: format!(
-                "{} are wedged: no motion opens their contacts, which want {:.2} m/s more",
+                "{} are wedged: no velocities satisfy their contacts, which miss their targets by \
+                 {:.2} m/s",
                 names.join(", "),
                 jam.missing
             ),
@@ -112,7 +114,7 @@ pub(super) fn mass_ratios(
         }
     }
     let finding = |([upper, lower], ratio): ([usize; 2], f64)| Finding {
-        kind: Kind::MassRatio,
+        kind: FindingKind::MassRatio,
         bodies: vec![upper, lower],
         value: Some(ratio),
         limit: Some(limit),
@@ -122,7 +124,7 @@ pub(super) fn mass_ratios(
             scene.name_of(lower)
         ),
         advice:
-            "it may sink in: make the heavy one lighter or the light one heavier, or bake with \
+            "it may penetrate: make the heavy one lighter or the light one heavier, or bake with \
                  a tolerance"
                 .to_owned(),
     };
@@ -152,7 +154,7 @@ pub(super) fn frictionless(scene: &Scene, near: &[Nearby], masses: &[f64]) -> Ve
         }
     }
     let finding = |([body, on], (load, friction)): ([usize; 2], (usize, f64))| Finding {
-        kind: Kind::Frictionless,
+        kind: FindingKind::Frictionless,
         bodies: vec![body, on, load],
         value: Some(friction),
         limit: Some(0.0),
@@ -162,9 +164,9 @@ pub(super) fn frictionless(scene: &Scene, near: &[Nearby], masses: &[f64]) -> Ve
             scene.name_of(load),
             scene.name_of(on)
         ),
-        advice: "the least push makes it slide: give both surfaces friction, and see how the two \
-                 combine"
-            .to_owned(),
+        advice:
+            "any push makes it slide: give both surfaces friction, and check their combine rules"
+                .to_owned(),
     };
     seen.into_iter().map(finding).collect()
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Finding, Kind, length};
+use super::{Finding, FindingKind, length};
 use crate::decomposition::Decompositions;
 use drystone_scene::{Motion, Scene, ShapeKind};
 
@@ -41,7 +41,7 @@ pub fn decompositions(scene: &Scene, known: &mut Decompositions) -> Vec<Finding>
                 "hollows narrower than {} may be closed: allow it more pieces, or thicken it",
                 length(2.0 * worst)
             );
-            let kind = Kind::Decomposition;
+            let kind = FindingKind::Decomposition;
             findings.push(Finding::of_body(index, kind, [worst, limit], what, &advice));
         }
     }

@@ -6,7 +6,7 @@ use parry3d::math::{Pose, Vector};
 use parry3d::query::intersection_test;
 use parry3d::shape::{TriMesh, Triangle};
 
-use super::{Finding, Kind};
+use super::{Finding, FindingKind};
 use drystone_scene::{Scene, ShapeKind};
 
 /// A mesh is meant to enclose a volume if its area vectors sum to less than this fraction of its
@@ -15,7 +15,7 @@ const ENCLOSES: f64 = 0.1;
 /// Relative shrinkage of triangles, so that triangles that only touch do not intersect. \[1\]
 const SHRINK: f32 = 1e-3;
 
-type Point = [f64; 3];
+type Vertex = [f64; 3];
 
 /// Finds holes, meshes that are inside out, and intersecting triangles; at most one finding of each
 /// kind per shape.
@@ -24,7 +24,7 @@ pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
     for (index, body) in scene.bodies.iter().enumerate() {
         for shape in &body.shapes {
             let ShapeKind::Trimesh { vertices, triangles, .. } = &shape.kind else { continue };
-            let mesh = Mesh::new(vertices, triangles);
+            let mesh = WeldedMesh::new(vertices, triangles);
             let mut found = |kind, value: f64, limit: f64, what: String, advice: &str| {
                 let what = format!("the mesh of {} {what}", scene.name_of(index));
                 findings.push(Finding::of_body(index, kind, [value, limit], what, advice));
@@ -34,24 +34,24 @@ pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
                 let what = format!(
                     "has holes: {open} edges are not between two triangles; accepted: none"
                 );
-                let advice = "it collides from both sides, and holds in what gets in: close it, \
-                              or use its convex hull";
-                found(Kind::OpenMesh, open as f64, 0.0, what, advice);
+                let advice = "it collides from both sides, and keeps bodies inside that get in: \
+                 close it, or use its convex hull";
+                found(FindingKind::OpenMesh, open as f64, 0.0, what, advice);
             } else if open == 0 && turned == 0 && mesh.volume() < 0.0 {
                 let volume = mesh.volume();
                 let what =
                     format!("is inside out: its volume is {volume:.3e} m^3; accepted: above 0");
-                let advice = "it is a room that holds in what is inside; flip its triangles to \
-                              make it a solid that pushes out";
-                found(Kind::InsideOutMesh, volume, 0.0, what, advice);
+                let advice =
+                    "it is a room, and keeps bodies inside; flip its triangles to make it a solid";
+                found(FindingKind::InsideOutMesh, volume, 0.0, what, advice);
             }
             let crossing = mesh.crossings();
             if crossing > 0 {
                 let what = format!(
-                    "passes through itself: {crossing} pairs of triangles cross; accepted: none"
+                    "intersects itself: {crossing} pairs of triangles cross; accepted: none"
                 );
                 found(
-                    Kind::CrossingMesh,
+                    FindingKind::CrossingMesh,
                     crossing as f64,
                     0.0,
                     what,
@@ -64,15 +64,15 @@ pub(super) fn meshes(scene: &Scene) -> Vec<Finding> {
 }
 
 /// Triangles over distinct points.
-struct Mesh {
-    points: Vec<Point>,
+struct WeldedMesh {
+    points: Vec<Vertex>,
     triangles: Vec<[u32; 3]>,
 }
 
-impl Mesh {
+impl WeldedMesh {
     /// Merges vertices at the same position. Drops triangles that lose a side, and copies of
     /// triangles, which double-sided meshes have.
-    fn new(vertices: &[Point], triangles: &[[u32; 3]]) -> Self {
+    fn new(vertices: &[Vertex], triangles: &[[u32; 3]]) -> Self {
         let mut places = HashMap::new();
         let mut points = Vec::new();
         let mut merged = Vec::with_capacity(vertices.len());
@@ -97,7 +97,7 @@ impl Mesh {
         Self { points, triangles }
     }
 
-    fn corners(&self, triangle: &[u32; 3]) -> [Point; 3] {
+    fn corners(&self, triangle: &[u32; 3]) -> [Vertex; 3] {
         triangle.map(|i| self.points[i as usize])
     }
 
@@ -119,7 +119,7 @@ impl Mesh {
 
     /// Returns the sum of the area vectors divided by the area: zero for a closed surface, the unit
     /// normal for a flat one.
-    fn leftover(&self) -> Point {
+    fn leftover(&self) -> Vertex {
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for triangle in &self.triangles {
             let area = area(self.corners(triangle));
@@ -140,7 +140,7 @@ impl Mesh {
 
     /// Counts the pairs of triangles that intersect and share no corner.
     fn crossings(&self) -> usize {
-        let single = |p: &Point| Vector::from(p.map(|x| x as f32));
+        let single = |p: &Vertex| Vector::from(p.map(|x| x as f32));
         let points = self.points.iter().map(single).collect();
         let Ok(mesh) = TriMesh::new(points, self.triangles.clone()) else { return 0 };
         let shrunk = |triangle: &Triangle| {
@@ -164,12 +164,12 @@ impl Mesh {
 }
 
 /// Returns the area vector of a triangle, which is normal to it. \[m^2\]
-fn area([a, b, c]: [Point; 3]) -> Point {
-    let [u, v]: [Point; 2] = [b, c].map(|p| std::array::from_fn(|i| p[i] - a[i]));
+fn area([a, b, c]: [Vertex; 3]) -> Vertex {
+    let [u, v]: [Vertex; 2] = [b, c].map(|p| std::array::from_fn(|i| p[i] - a[i]));
     let twice = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
     twice.map(|x| 0.5 * x)
 }
 
-fn norm(v: Point) -> f64 {
+fn norm(v: Vertex) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }

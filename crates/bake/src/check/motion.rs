@@ -1,7 +1,7 @@
 //! Findings about speed: bodies that move farther than they are thick.
 
 use super::sizes::{extents, thickness};
-use super::{Finding, Kind, dot, length, up};
+use super::{Finding, FindingKind, dot, length, up};
 use drystone::StepSettings;
 use drystone_scene::{Body, Motion, Scene};
 
@@ -36,24 +36,24 @@ pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
             }
         };
         let speed = norm(&body.linear_velocity) + norm(&body.angular_velocity) * reach(body) + fall;
-        let searches = f64::from(settings.searches.max(1));
+        let searches = f64::from(settings.max_searches.max(1));
         let travel = speed * scene.time_step / searches;
         if travel > limit {
             let slower = scene.time_step * limit / travel;
             findings.push(Finding {
-                kind: Kind::TooFast,
+                kind: FindingKind::TooFast,
                 bodies: if other == index { vec![index] } else { vec![index, other] },
                 value: Some(travel),
                 limit: Some(limit),
                 what: format!(
-                    "{} may move {} between two searches for contacts (at {speed:.1} m/s, {searches} \
-                     per step); accepted: up to {}, the thickness of {}",
+                    "{} may move {} between two searches for contacts (at {speed:.1} m/s, \
+                     {searches} per step); accepted: up to {}, the thickness of {}",
                     scene.name_of(index),
                     length(travel),
                     length(limit),
                     scene.name_of(other)
                 ),
-                advice: format!("it may pass through: set time_step to {slower:.1e} s or less"),
+                advice: format!("it may tunnel: set time_step to {slower:.1e} s or less"),
             });
         }
     }
@@ -93,9 +93,9 @@ pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
             length(passed(worst)),
             track.times[worst + 1]
         );
-        let advice = "what it touches is thrown, what is in its way is passed: give the keys LINEAR \
-                      interpolation and time between them";
-        findings.push(Finding::of_body(index, Kind::Jump, [speed, limit], what, advice));
+        let advice = "it throws bodies that it touches, and tunnels through bodies on its way: \
+         give the keys LINEAR interpolation and time between them";
+        findings.push(Finding::of_body(index, FindingKind::Jump, [speed, limit], what, advice));
     }
     findings
 }

@@ -1,6 +1,6 @@
 //! Findings about the scale of glTF nodes.
 
-use super::{Finding, Kind};
+use super::{Finding, FindingKind};
 use drystone_scene::Read;
 
 /// Relative difference up to which a scale counts as even. \[1\]
@@ -19,9 +19,9 @@ pub(super) fn scales(read: &Read) -> Vec<Finding> {
         let mirror = scales().map(smallest).fold(f64::INFINITY, f64::min);
         if mirror < 0.0 {
             let what = format!("{name} has a shape of scale {mirror:.4}; accepted: above 0");
-            let advice =
-                "only its size counts, a mesh is mirrored: apply the scale before the export";
-            found(Kind::NegativeScale, mirror, 0.0, what, advice);
+            let advice = "an implicit shape takes its absolute value, a mesh is mirrored: apply \
+             the scale before the export";
+            found(FindingKind::NegativeScale, mirror, 0.0, what, advice);
         }
         let uneven = scales().map(unevenness).fold(1.0, f64::max);
         if uneven > 1.0 + EVEN {
@@ -29,9 +29,9 @@ pub(super) fn scales(read: &Read) -> Vec<Finding> {
                 "{name} has a shape scaled {uneven:.4} times as much along one axis as along \
                  another; accepted: evenly"
             );
-            let advice = "round shapes become hulls, and what turns below it shears: apply the scale \
-                          before the export";
-            found(Kind::UnevenScale, uneven, 1.0, what, advice);
+            let advice = "round shapes become convex hulls, and rotated nodes below it are \
+             sheared: apply the scale before the export";
+            found(FindingKind::UnevenScale, uneven, 1.0, what, advice);
         }
     }
     findings

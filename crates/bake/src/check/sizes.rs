@@ -1,6 +1,6 @@
 //! Findings about the sizes and positions of bodies.
 
-use super::{Finding, Kind, length};
+use super::{Finding, FindingKind, length};
 use drystone_scene::{Scene, Shape, ShapeKind};
 
 /// Largest accepted extent. Larger ones are most often millimeters read as meters. \[m\]
@@ -24,20 +24,26 @@ pub(super) fn sizes(scene: &Scene) -> Vec<Finding> {
         if largest > LARGEST {
             let (is, limit) = (length(largest), length(LARGEST));
             let what = format!("{name} is {is} large; accepted: up to {limit}");
-            found(Kind::TooLarge, largest, LARGEST, what, "lengths are in meters: scale the scene");
+            found(
+                FindingKind::TooLarge,
+                largest,
+                LARGEST,
+                what,
+                "lengths are in meters: scale the scene",
+            );
         }
         let thinnest = body.shapes.iter().filter_map(thickness).fold(f64::INFINITY, f64::min);
         if thinnest < THINNEST {
             let (is, limit) = (length(thinnest), length(THINNEST));
             let what = format!("{name} is {is} thin; accepted: from {limit}");
             let advice = "lengths are in meters: scale the scene, or make it thicker";
-            found(Kind::TooSmall, thinnest, THINNEST, what, advice);
+            found(FindingKind::TooSmall, thinnest, THINNEST, what, advice);
         }
         let far = body.position.iter().map(|x| x * x).sum::<f64>().sqrt();
         if far > FARTHEST {
             let (is, limit) = (length(far), length(FARTHEST));
             let what = format!("{name} is {is} from the origin; accepted: up to {limit}");
-            found(Kind::TooFar, far, FARTHEST, what, "move the scene to the origin");
+            found(FindingKind::TooFar, far, FARTHEST, what, "move the scene to the origin");
         }
     }
     findings

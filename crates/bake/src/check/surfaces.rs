@@ -1,6 +1,6 @@
 //! Findings about how the restitutions of two surfaces combine.
 
-use super::{Finding, Kind};
+use super::{Finding, FindingKind};
 use crate::convert::material;
 use drystone_scene::{Material, Motion, Scene};
 
@@ -28,18 +28,18 @@ pub(super) fn bounces(scene: &Scene) -> Vec<Finding> {
         let met = |b: &&Surface<'_>| (a.dynamic || b.dynamic) && a.body != b.last;
         for b in surfaces[i..].iter().filter(met).filter(|b| together(a, b) >= LOSSLESS) {
             findings.push(Finding {
-                kind: Kind::LosslessBounce,
+                kind: FindingKind::LosslessBounce,
                 bodies: vec![a.body, b.body],
                 value: Some(together(a, b)),
                 limit: Some(LOSSLESS),
                 what: format!(
-                    "surfaces as of {} and {} bounce with a restitution of {}; accepted: below {LOSSLESS}",
+                    "the surfaces of {} and {} combine to a restitution of {}; accepted: below \
+                     {LOSSLESS}",
                     scene.name_of(a.body),
                     scene.name_of(b.body),
                     together(a, b)
                 ),
-                advice: "they never come to rest: lower one, or the way in which they combine"
-                    .to_owned(),
+                advice: "they never come to rest: lower one, or change how they combine".to_owned(),
             });
         }
         let own = a.material.restitution;
@@ -49,7 +49,13 @@ pub(super) fn bounces(scene: &Scene) -> Vec<Finding> {
                 scene.name_of(a.body)
             );
             let advice = "give the others a restitution, or combine by maximum";
-            findings.push(Finding::of_body(a.body, Kind::IdleBounce, [own, 0.0], what, advice));
+            findings.push(Finding::of_body(
+                a.body,
+                FindingKind::IdleBounce,
+                [own, 0.0],
+                what,
+                advice,
+            ));
         }
     }
     findings

@@ -39,7 +39,7 @@ struct Face {
 }
 
 /// Part of the surface inside a box.
-struct Part {
+struct BoxPart {
     faces: Vec<Face>,
     low: Point,
     high: Point,
@@ -61,17 +61,17 @@ pub(super) fn leaves(
     let faces: Vec<_> = (0..surface.triangles.len()).map(face).collect();
     let mut memory = Memory::new();
     let limit = FAR * options.accuracy;
-    let mut ripe = |mut part: Part| {
+    let mut ripe = |mut part: BoxPart| {
         part.hull = Hull::of(&part.points(interior, &mut memory));
         part.excess =
             part.hull.as_ref().map_or(0.0, |hull| hull.excess(interior, limit, &mut memory).0);
         part
     };
-    let mut parts = vec![ripe(Part::new(faces))];
+    let mut parts = vec![ripe(BoxPart::new(faces))];
     let most = LEAVES[0] * options.pieces as usize + LEAVES[1];
-    let mut uncut: Vec<Part> = Vec::new();
+    let mut uncut: Vec<BoxPart> = Vec::new();
     while parts.len() + uncut.len() < most {
-        let volume = |part: &Part| part.hull.as_ref().map_or(0.0, Hull::volume);
+        let volume = |part: &BoxPart| part.hull.as_ref().map_or(0.0, Hull::volume);
         let worst = (0..parts.len()).max_by(|a, b| {
             let (a, b) = (&parts[*a], &parts[*b]);
             a.excess
@@ -93,7 +93,7 @@ pub(super) fn leaves(
     parts.into_iter().filter_map(|part| part.hull).collect()
 }
 
-impl Part {
+impl BoxPart {
     /// Makes a part with the bounding box of its faces.
     fn new(faces: Vec<Face>) -> Self {
         let all = |i: usize, pick: fn(f64, f64) -> f64| {

@@ -14,13 +14,13 @@ const STEP: f64 = 1.0 / 128.0;
 const NEAR: f64 = 1e-6;
 
 /// A piece with its planes and its bounding box.
-struct Part<'h> {
+struct BoundedPiece<'h> {
     hull: &'h Hull,
     planes: Vec<([f64; 3], f64)>,
     bounds: [[f64; 3]; 2],
 }
 
-impl Part<'_> {
+impl BoundedPiece<'_> {
     /// Returns the interval of a column along y that is inside the piece.
     fn column(&self, x: f64, z: f64) -> Option<Stretch> {
         let [low, high] = self.bounds;
@@ -59,7 +59,7 @@ impl Part<'_> {
 }
 
 /// Returns the distance of a point from the nearest piece; 0 inside.
-fn apart(parts: &[Part<'_>], at: [f64; 3]) -> f64 {
+fn apart(parts: &[BoundedPiece<'_>], at: [f64; 3]) -> f64 {
     let mut nearest = f64::INFINITY;
     for part in parts {
         let least = part.at_least(at);
@@ -76,7 +76,7 @@ fn apart(parts: &[Part<'_>], at: [f64; 3]) -> f64 {
 /// Measures the deviation of pieces from a surface: lengths as fractions of its size, volumes as
 /// fractions of its volume.
 pub(super) fn measure(surface: &SolidMesh, interior: &Interior<'_>, pieces: &[Hull]) -> Deviation {
-    let part = |hull| Part { hull, planes: hull.planes(), bounds: hull.bounds() };
+    let part = |hull| BoundedPiece { hull, planes: hull.planes(), bounds: hull.bounds() };
     let parts: Vec<_> = pieces.iter().map(part).collect();
     let mut memory = Vec::new();
     let outward = |hull: &Hull| hull.excess(interior, f64::INFINITY, &mut Vec::new()).0;

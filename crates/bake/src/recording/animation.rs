@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 use std::io;
 
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::Recording;
+use super::parallel::each_of;
 use super::pose::{Pose, angle, distance, pose_at, slerp};
 use super::sampling::{Sampling, Track, sample_times, tracks};
 use drystone_scene::export::{GltfBuffer, Use, float_accessor, float_bytes};
@@ -49,14 +49,12 @@ pub fn append_clip(
         sample_times(recording, options).into_iter().map(|time| time as f32).collect();
     times.dedup();
     let exact: Vec<f64> = times.iter().map(|time| f64::from(*time)).collect();
-    let thinned: Vec<_> = targets
-        .par_iter()
-        .map(|target| {
-            let pose = |time| (target.local)(time, pose_at(recording, target.body, time));
-            let options = Sampling { position_tolerance: target.move_by(options), ..*options };
-            tracks(&exact, pose, slerp, &options, target.body)
-        })
-        .collect::<io::Result<_>>()?;
+    let thinned = each_of(targets.len(), |index| {
+        let target = &targets[index];
+        let pose = |time| (target.local)(time, pose_at(recording, target.body, time));
+        let options = Sampling { position_tolerance: target.move_by(options), ..*options };
+        tracks(&exact, pose, slerp, &options, target.body)
+    })?;
     let mut clip = Clip::default();
     for (target, (positions, rotations)) in targets.iter().zip(&thinned) {
         clip.add(target.node, "translation", &times, positions);

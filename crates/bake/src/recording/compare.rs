@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sign_of_zero_and_what_is_no_number_count() {
+    fn the_sign_of_zero_and_nan_are_differences() {
         let (a, b) = (recording(vec![0.0; 6]), recording(vec![-0.0; 6]));
         assert_eq!(differences(&a, &b).count(), 2);
         let lost = recording(vec![f32::NAN; 6]);

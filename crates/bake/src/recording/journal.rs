@@ -73,7 +73,7 @@ impl Header {
     /// Describes the difference from the header of the bake that was `asked` for, if there is one.
     pub fn difference(&self, asked: &Self) -> Option<String> {
         if self.version != asked.version {
-            return Some(format!("it is of version {}, not {}", self.version, asked.version));
+            return Some(format!("it has version {}; accepted: {}", self.version, asked.version));
         }
         if self.settings != asked.settings {
             let [own, other] = [self, asked].map(|of| serde_json::to_value(&of.settings));
@@ -87,7 +87,7 @@ impl Header {
             return Some(format!("it was baked with {}", list.join(", ")));
         }
         (self != asked)
-            .then(|| "it is of another scene, or of this one before it was changed".to_owned())
+            .then(|| "it is of another scene, or of an earlier version of this one".to_owned())
     }
 
     /// Returns the number of floats per frame.
@@ -99,19 +99,19 @@ impl Header {
 /// A completed step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Step {
-    /// Wall time of [`Simulation::step`](crate::Simulation::step) alone.
+    /// Wall time of [`AnyWorld::step`](crate::AnyWorld::step) alone.
     pub time: Duration,
     /// Report of the step.
     pub report: StepReport,
     /// Measurements after the step.
     pub measure: Measure,
-    /// [`Simulation::state_hash`](crate::Simulation::state_hash) after the step.
+    /// [`AnyWorld::state_hash`](crate::AnyWorld::state_hash) after the step.
     pub state: u64,
 }
 
 /// Poses of all bodies, and the step that led to them (`None` for the initial state).
 #[derive(Serialize, Deserialize)]
-struct Frame<'a, P> {
+struct FrameRecord<'a, P> {
     step: Option<std::borrow::Cow<'a, Step>>,
     poses: P,
 }
@@ -149,9 +149,9 @@ impl Contents {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-enum Kind {
+enum RecordKind {
     Header = b'H',
-    Frame = b'F',
+    FrameRecord = b'F',
     Checkpoint = b'C',
 }
 
@@ -163,7 +163,7 @@ pub struct Journal {
     file: File,
     end: u64,
     /// True if the file name survives a power failure.
-    lasting: bool,
+    is_synced: bool,
 }
 
 impl Journal {
@@ -175,14 +175,14 @@ impl Journal {
     pub fn create(path: &Path, header: &Header) -> io::Result<Self> {
         let mut file = open(path, true)?;
         if read_magic(&mut file)? == Magic::Other {
-            return Err(refusal("the file there is no journal"));
+            return Err(refusal("the file is not a journal"));
         }
         file.set_len(0)?;
         file.seek(SeekFrom::Start(0))?;
         file.write_all(MAGIC)?;
         let path = path.to_owned();
-        let mut journal = Self { path, file, end: MAGIC.len() as u64, lasting: false };
-        journal.append(Kind::Header, &serde_json::to_vec(header)?)?;
+        let mut journal = Self { path, file, end: MAGIC.len() as u64, is_synced: false };
+        journal.append(RecordKind::Header, &serde_json::to_vec(header)?)?;
         Ok(journal)
     }
 
@@ -202,7 +202,7 @@ impl Journal {
         };
         file.set_len(end)?;
         file.seek(SeekFrom::Start(end))?;
-        Ok(Some((Self { path: path.to_owned(), file, end, lasting: true }, contents)))
+        Ok(Some((Self { path: path.to_owned(), file, end, is_synced: true }, contents)))
     }
 
     /// Appends a frame.
@@ -211,8 +211,8 @@ impl Journal {
     /// If the system refuses.
     pub fn frame(&mut self, step: Option<&Step>, poses: &[f32]) -> io::Result<()> {
         let step = step.map(std::borrow::Cow::Borrowed);
-        let frame = postcard::to_stdvec(&Frame { step, poses }).map_err(io::Error::other)?;
-        self.append(Kind::Frame, &frame)
+        let frame = postcard::to_stdvec(&FrameRecord { step, poses }).map_err(io::Error::other)?;
+        self.append(RecordKind::FrameRecord, &frame)
     }
 
     /// Appends the simulation state after the steps written so far, and syncs as [`Journal::sync`]
@@ -221,7 +221,7 @@ impl Journal {
     /// # Errors
     /// If the system refuses.
     pub fn checkpoint(&mut self, state: &[u8]) -> io::Result<()> {
-        self.append(Kind::Checkpoint, state)?;
+        self.append(RecordKind::Checkpoint, state)?;
         self.sync()
     }
 
@@ -231,7 +231,7 @@ impl Journal {
     /// If the system refuses.
     pub fn sync(&mut self) -> io::Result<()> {
         self.file.sync_data()?;
-        if !std::mem::replace(&mut self.lasting, true) {
+        if !std::mem::replace(&mut self.is_synced, true) {
             sync_directory(&self.path);
         }
         Ok(())
@@ -255,7 +255,7 @@ impl Journal {
     }
 
     /// Appends a record in a single write, so that a killed process leaves no torn record.
-    fn append(&mut self, kind: Kind, content: &[u8]) -> io::Result<()> {
+    fn append(&mut self, kind: RecordKind, content: &[u8]) -> io::Result<()> {
         let mut record = vec![kind as u8];
         record.extend((content.len() as u64).to_le_bytes());
         record.extend(content);
@@ -272,7 +272,9 @@ impl Journal {
 /// If the system refuses, the file is no journal, or the journal has no whole header yet.
 pub fn read(path: &Path) -> io::Result<Contents> {
     let found = contents(&mut scene::open(path)?)?;
-    found.map(|(contents, _)| contents).ok_or_else(|| refusal("it is no journal, or an empty one"))
+    found
+        .map(|(contents, _)| contents)
+        .ok_or_else(|| refusal("the file is not a journal, or is empty"))
 }
 
 fn refusal(why: &str) -> io::Error {
@@ -319,11 +321,11 @@ fn contents(file: &mut File) -> io::Result<Option<(Contents, u64)>> {
     let mut reader = Reader { file: BufReader::new(file), at: MAGIC.len() as u64, size };
     match read_magic(&mut reader.file)? {
         Magic::Missing => return Ok(None),
-        Magic::Other => return Err(refusal("the file there is no journal")),
+        Magic::Other => return Err(refusal("the file is not a journal")),
         Magic::Journal => {}
     }
     let Some(first) = reader.next()? else { return Ok(None) };
-    if first.kind != Kind::Header as u8 {
+    if first.kind != RecordKind::Header as u8 {
         return Err(refusal("it does not begin with a header"));
     }
     let mut contents = Contents::new(serde_json::from_slice(&first.content)?)?;
@@ -334,7 +336,7 @@ fn contents(file: &mut File) -> io::Result<Option<(Contents, u64)>> {
 }
 
 /// A record with a valid checksum.
-struct Record {
+struct JournalRecord {
     kind: u8,
     content: Vec<u8>,
     /// Offset of the content in the file. \[byte\]
@@ -355,7 +357,7 @@ const TAIL: u64 = 8;
 
 impl<R: io::Read> Reader<R> {
     /// Returns the next record; `None` if it is not whole.
-    fn next(&mut self) -> io::Result<Option<Record>> {
+    fn next(&mut self) -> io::Result<Option<JournalRecord>> {
         let room = self.size.saturating_sub(self.at).saturating_sub(HEAD + TAIL);
         let mut head = [0; HEAD as usize];
         if !self.fills(&mut head)? {
@@ -379,7 +381,7 @@ impl<R: io::Read> Reader<R> {
         }
         let start = self.at.saturating_add(HEAD);
         self.at = start.saturating_add(length).saturating_add(TAIL);
-        Ok(Some(Record { kind, content: record.split_off(HEAD as usize), start }))
+        Ok(Some(JournalRecord { kind, content: record.split_off(HEAD as usize), start }))
     }
 
     /// Fills a buffer; returns false if the file ends before.
@@ -408,16 +410,16 @@ impl Contents {
         Ok(Self { header, recording, steps, checkpoints, begun: false })
     }
 
-    fn add(&mut self, record: Record) -> io::Result<()> {
-        if record.kind == Kind::Checkpoint as u8 {
+    fn add(&mut self, record: JournalRecord) -> io::Result<()> {
+        if record.kind == RecordKind::Checkpoint as u8 {
             let (start, length) = (record.start, record.content.len() as u64);
             self.checkpoints.push(Mark { step: self.steps.len(), start, length });
             return Ok(());
         }
-        if record.kind != Kind::Frame as u8 {
+        if record.kind != RecordKind::FrameRecord as u8 {
             return Err(refusal("it has a record of a kind that this version does not know"));
         }
-        let frame: Frame<'_, Vec<f32>> = postcard::from_bytes(&record.content)
+        let frame: FrameRecord<'_, Vec<f32>> = postcard::from_bytes(&record.content)
             .map_err(|error| refusal(&format!("a frame cannot be read: {error}")))?;
         if frame.poses.len() != self.header.numbers() || frame.step.is_some() != self.begun {
             return Err(refusal("a frame does not fit its header"));

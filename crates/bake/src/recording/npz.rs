@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_recording_is_refused() {
+    fn files_that_are_not_recordings_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.npz");
         let refused = |named: &Named, why: &str| {

@@ -48,7 +48,7 @@ pub fn read(
     let mut recording = Recording { dimension, bodies, frame_time, start: 0, poses: Vec::new() };
     let frame = bodies.saturating_mul(recording.stride()).saturating_mul(size_of::<f32>());
     if bytes.len().checked_rem(frame).unwrap_or(bytes.len()) != 0 {
-        let message = format!("{} bytes are no whole number of frames of {frame}", bytes.len());
+        let message = format!("{} bytes are not a whole number of frames of {frame}", bytes.len());
         return Err(io::Error::new(io::ErrorKind::InvalidData, message));
     }
     let (numbers, _) = bytes.as_chunks();

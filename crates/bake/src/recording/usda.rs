@@ -4,14 +4,13 @@
 use std::io;
 use std::path::Path;
 
-use rayon::prelude::*;
-
+use super::parallel::each_of;
 use super::pose::{dot, lerp, normalized, pose_at, slerp};
 use super::sampling::{Track, sample_rate, sample_times, tracks};
 use super::{Recording, Sampling};
 use crate::engine::Drystone;
 use drystone_scene::Scene;
-use drystone_scene::export::usd::{Prim, Prims, rounded, tuple, write_stage};
+use drystone_scene::export::usd::{PrimWriter, Prims, rounded, tuple, write_stage};
 
 /// Writes a scene as a stage with the schemas of UsdPhysics: an `Xform` per body, moved by time
 /// samples, with its shapes below it. Time code 0 is the initial state.
@@ -33,18 +32,15 @@ pub fn write(
     let rate = rounded(sample_rate(recording, options));
     let codes: Vec<f64> = times.iter().map(|time| rounded(time * rate)).collect();
     let prims = Prims::new(scene, &Drystone);
-    let bodies: Vec<Prim> = (0..scene.bodies.len())
-        .into_par_iter()
-        .map(|index| {
-            let pose = |time| pose_at(recording, index, time);
-            let mut prim = prims.body(index);
-            if !times.is_empty() {
-                let (positions, rotations) = tracks(&times, pose, mixed, options, index)?;
-                move_prim(&mut prim, &codes, &positions, &rotations);
-            }
-            Ok(prim)
-        })
-        .collect::<io::Result<_>>()?;
+    let bodies: Vec<PrimWriter> = each_of(scene.bodies.len(), |index| {
+        let pose = |time| pose_at(recording, index, time);
+        let mut prim = prims.body(index);
+        if !times.is_empty() {
+            let (positions, rotations) = tracks(&times, pose, mixed, options, index)?;
+            move_prim(&mut prim, &codes, &positions, &rotations);
+        }
+        Ok(prim)
+    })?;
     let mut world = prims.world();
     world.children.extend(bodies);
     let ends = [codes.first(), codes.last()].map(|code| code.copied().unwrap_or(0.0));
@@ -52,7 +48,7 @@ pub fn write(
 }
 
 /// Sets the pose of a prim from its recording: time samples, or a single value if it is constant.
-fn move_prim(prim: &mut Prim, codes: &[f64], positions: &Track<3>, rotations: &Track<4>) {
+fn move_prim(prim: &mut PrimWriter, codes: &[f64], positions: &Track<3>, rotations: &Track<4>) {
     // OpenUSD computes the angle from w alone. In single precision, w is 1 up to a milliradian.
     let turned = |q: [f32; 4]| {
         let [x, y, z, w] = normalized(q.map(f64::from)).map(|x| (x * 1e12).round() / 1e12);
@@ -64,7 +60,7 @@ fn move_prim(prim: &mut Prim, codes: &[f64], positions: &Track<3>, rotations: &T
 
 /// Gives an attribute the samples of a track, or its constant value.
 fn follow<const N: usize>(
-    prim: &mut Prim,
+    prim: &mut PrimWriter,
     attribute: &str,
     codes: &[f64],
     track: &Track<N>,

@@ -55,7 +55,7 @@ shapes = [{ type = "box", half_extents = [0.1, 0.1, 0.1] }]
 /// A cube that rests with an overlap of 0.1 mm gives no finding, and the overlap is measured within
 /// 0.001 mm.
 #[test]
-fn what_rests_is_clean() {
+fn a_body_at_rest_has_no_finding() {
     let found = bake(&scene(SHEET), &[[0.0, 0.0999, 0.0]; 100]);
     assert!(found.is_clean(), "{found:?}");
     let deepest = found.deepest.unwrap();
@@ -64,33 +64,33 @@ fn what_rests_is_clean() {
     assert_eq!((found.frames, found.followed), (64, 99));
 }
 
-/// A cube that sinks through a mesh slowly is found inside by more than 9 cm. It passes through
+/// A cube that moves through a mesh slowly is found inside by more than 9 cm. It passes through
 /// when its center does, and is below everything in the end.
 #[test]
-fn what_sinks_in_slowly_stands_inside_and_then_went_through() {
+fn slow_penetration_is_found_as_overlap_and_as_passage() {
     let sinking: Vec<_> = (0..300).map(|i| [0.3, 0.1 - 0.002 * i as f32, 0.1]).collect();
     let found = bake(&scene(SHEET), &sinking);
-    assert_eq!(found.passed.len(), 1, "{found:?}");
+    assert_eq!(found.passages.len(), 1, "{found:?}");
     // Its center is below after 51 frames.
-    assert!((50..=52).contains(&found.passed[0].frame), "{found:?}");
-    assert_eq!(found.inside.len(), 1, "{found:?}");
-    assert!(found.inside[0].depth > 0.09, "{found:?}");
-    assert_eq!(found.left, [1]);
+    assert!((50..=52).contains(&found.passages[0].frame), "{found:?}");
+    assert_eq!(found.overlaps.len(), 1, "{found:?}");
+    assert!(found.overlaps[0].depth > 0.09, "{found:?}");
+    assert_eq!(found.fallen, [1]);
 }
 
 /// A cube that jumps through a mesh within one frame is found, and one that goes around the mesh is
 /// not.
 #[test]
-fn what_jumps_through_within_a_frame_went_through() {
+fn a_jump_through_a_mesh_within_a_frame_is_found() {
     let found = bake(&scene(SHEET), &[[0.0, 2.0, 0.0], [0.1, 1.0, 0.0], [0.1, -3.0, 0.0]]);
-    assert_eq!((found.passed.len(), found.passed[0].frame), (1, 2), "{found:?}");
+    assert_eq!((found.passages.len(), found.passages[0].frame), (1, 2), "{found:?}");
     let around = [[0.0, 2.0, 0.0], [5.0, 1.0, 0.0], [5.0, -0.2, 0.0], [0.0, -0.3, 0.0]];
-    assert!(bake(&scene(SHEET), &around).passed.is_empty());
+    assert!(bake(&scene(SHEET), &around).passages.is_empty());
 }
 
 /// An overlap at the start is reported as such, and is no finding.
 #[test]
-fn overlap_at_the_start_is_told_and_accepted() {
+fn overlap_at_the_start_is_reported_and_accepted() {
     let found = bake(&scene(SHEET), &[[0.0, 0.05, 0.0], [0.0, 0.06, 0.0], [0.0, 0.1, 0.0]]);
     assert!(found.is_clean(), "{found:?}");
     assert!((found.start.unwrap().depth - 0.05).abs() < 1e-6);
@@ -98,7 +98,7 @@ fn overlap_at_the_start_is_told_and_accepted() {
 
 /// The audit of an empty scene finds nothing.
 #[test]
-fn nothing_is_found_in_nothing() {
+fn an_empty_scene_has_no_findings() {
     let empty = scene("bodies = []");
     let recording =
         Recording { dimension: 3, bodies: 0, frame_time: 0.1, start: 0, poses: Vec::new() };

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::fs;
 
 use drystone::StepSettings;
-use drystone_bake::check::{Kind, check, decompositions};
+use drystone_bake::check::{FindingKind, check, decompositions};
 use drystone_bake::{Decomposition, Decompositions, build, decompose};
 use drystone_scene::{
     Body, DecompositionOptions, Motion, NotSolid, Scene, Shape, ShapeKind, to_json,
@@ -81,7 +81,7 @@ fn is_inside(found: &Decomposition, at: [f64; 3]) -> bool {
 }
 
 fn is_convex(found: &Decomposition) -> bool {
-    let off = |piece: &drystone_bake::decomposition::Piece| {
+    let off = |piece: &drystone_bake::decomposition::ConvexPiece| {
         let alone = Decomposition { pieces: vec![piece.clone()], ..found.clone() };
         let middle: [f64; 3] = std::array::from_fn(|i| {
             piece.points.iter().map(|p| p[i]).sum::<f64>() / piece.points.len() as f64
@@ -202,7 +202,7 @@ fn the_same_bits_each_time_and_from_the_cache() {
 
 /// Open, flat and invalid meshes, and those with a reversed triangle, are refused with the reason.
 #[test]
-fn what_encloses_nothing_is_refused() {
+fn meshes_without_volume_are_refused() {
     let (vertices, mut triangles) = cup();
     let options = DecompositionOptions::default();
     let of = |vertices: &[[f64; 3]], triangles: &[[u32; 3]]| {
@@ -222,7 +222,7 @@ fn what_encloses_nothing_is_refused() {
 /// Meshes that are inside out, have separate vertices for each triangle or consist of crossing
 /// shells are solid.
 #[test]
-fn meshes_as_programs_write_them_are_solid() {
+fn meshes_as_written_by_programs_are_solid() {
     let cup = cup();
     let one = pieces(&cup);
     let turned = (cup.0.clone(), cup.1.iter().map(|[a, b, c]| [*a, *c, *b]).collect());
@@ -260,19 +260,19 @@ fn a_body_weighs_what_its_mesh_does() {
     };
     assert!((volume / (TAU * TAU / 2.0 * 0.09) - 1.0).abs() < 0.02);
     let of = meshed(&ring, Motion::Dynamic, [0.0; 3]);
-    let simulation = build(&scene(vec![of]), StepSettings::certified()).unwrap();
-    assert!((simulation.masses()[0] / (1000.0 * volume.abs()) - 1.0).abs() < 1e-5);
+    let world = build(&scene(vec![of]), StepSettings::certified()).unwrap();
+    assert!((world.masses()[0] / (1000.0 * volume.abs()) - 1.0).abs() < 1e-5);
 }
 
-fn height(simulation: &dyn drystone_bake::Simulation, body: usize) -> f32 {
+fn height(world: &drystone_bake::AnyWorld, body: usize) -> f32 {
     let mut poses = Vec::new();
-    simulation.write_poses(&mut poses);
+    world.write_poses(&mut poses);
     poses[7 * body + 1]
 }
 
 /// A ring falls around a rod onto the floor, within 3 cm, and a cup holds a marble, within 2 mm.
 #[test]
-fn hollows_hold_and_let_through() {
+fn hollows_hold_bodies_and_holes_let_them_through() {
     let rod = body(
         "motion = \"static\"\nposition = [0, 1, 0]\n\
          shapes = [{ type = \"box\", half_extents = [0.2, 1, 0.2] }]",
@@ -280,28 +280,28 @@ fn hollows_hold_and_let_through() {
     let floor =
         body("motion = \"static\"\nshapes = [{ type = \"halfspace\", normal = [0, 1, 0] }]");
     let ring = meshed(&torus(1.0, 0.3, 24, 12), Motion::Dynamic, [0.0, 1.5, 0.0]);
-    let mut simulation =
+    let mut world =
         build(&scene(vec![floor.clone(), rod, ring]), StepSettings::realtime()).unwrap();
     for _ in 0..90 {
-        simulation.step(1.0 / 60.0).unwrap();
+        world.step(1.0 / 60.0).unwrap();
     }
-    let end = height(&*simulation, 2);
+    let end = height(&world, 2);
     assert!((end - 0.3).abs() < 0.03, "the ring lies at {end} m");
 
     let cup = meshed(&cup(), Motion::Dynamic, [0.0; 3]);
     let marble = body("position = [0, 0.03, 0]\nshapes = [{ type = \"sphere\", radius = 0.01 }]");
-    let mut simulation = build(&scene(vec![floor, cup, marble]), StepSettings::realtime()).unwrap();
+    let mut world = build(&scene(vec![floor, cup, marble]), StepSettings::realtime()).unwrap();
     for _ in 0..60 {
-        simulation.step(1.0 / 60.0).unwrap();
+        world.step(1.0 / 60.0).unwrap();
     }
-    let [cup, marble] = [1, 2].map(|body| height(&*simulation, body));
+    let [cup, marble] = [1, 2].map(|body| height(&world, body));
     assert!(cup.abs() < 1e-3 && (marble - 0.013).abs() < 2e-3, "cup {cup} m, marble {marble} m");
 }
 
 /// Drystone's own format keeps a mesh and the options of its decomposition. Options out of range
 /// and open meshes are refused.
 #[test]
-fn the_own_format_keeps_the_mesh_and_how_closely_it_is_followed() {
+fn the_own_format_keeps_the_mesh_and_its_decomposition_options() {
     let mut of = meshed(&cup(), Motion::Dynamic, [0.0; 3]);
     let ShapeKind::Trimesh { decomposition, .. } = &mut of.shapes[0].kind else { panic!() };
     *decomposition = Some(DecompositionOptions { accuracy: 0.02, pieces: 30 });
@@ -329,7 +329,7 @@ fn the_own_format_keeps_the_mesh_and_how_closely_it_is_followed() {
 
 /// A decomposition with too few pieces is a finding of `check`, and one with enough is not.
 #[test]
-fn check_names_what_pieces_miss() {
+fn check_reports_pieces_that_deviate() {
     let mut of = meshed(&cup(), Motion::Dynamic, [0.0; 3]);
     let few = DecompositionOptions { pieces: 4, ..DecompositionOptions::default() };
     let ShapeKind::Trimesh { decomposition, .. } = &mut of.shapes[0].kind else { panic!() };
@@ -337,7 +337,8 @@ fn check_names_what_pieces_miss() {
     let scene = scene(vec![of]);
     let read = drystone_bake::read_json("none".as_ref(), &to_json(&scene)).unwrap();
     let findings = check(&read, &StepSettings::certified()).unwrap();
-    let found = findings.iter().find(|of| of.kind == Kind::Decomposition).expect("a finding");
+    let found =
+        findings.iter().find(|of| of.kind == FindingKind::Decomposition).expect("a finding");
     assert!(found.value > found.limit && found.what.contains("4 convex pieces"), "{found:?}");
     // With enough pieces the decomposition is reported, but is no finding.
     let mut fine = scene;

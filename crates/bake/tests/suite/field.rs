@@ -11,13 +11,14 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use drystone::StepSettings;
-use drystone_bake::check::{Kind, check};
+use drystone_bake::check::{FindingKind, check};
 use drystone_bake::recording::Recording;
-use drystone_bake::{Simulation, build};
+use drystone_bake::{AnyWorld, build};
 use drystone_scene::{Read, Scene, ShapeKind};
 
 /// Cases that do not hold yet.
-const AWAITING: &[&str] = &["capsule in real time", "dropped cone", "dropped cone in real time"];
+const AWAITING: &[&str] =
+    &["capsule, real-time preset", "dropped cone", "dropped cone, real-time preset"];
 
 /// Asserts that a `measured` number is at most `bound`, or exceeds it for a case in [`AWAITING`].
 /// NaN and a panic exceed every bound.
@@ -73,7 +74,7 @@ impl Preset {
         drystone_bake::settings(scene, preset).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    fn build(self, scene: &Scene) -> Box<dyn Simulation> {
+    fn build(self, scene: &Scene) -> AnyWorld {
         build(scene, self.settings(scene)).unwrap_or_else(|error| panic!("{error}"))
     }
 }
@@ -142,7 +143,7 @@ impl Film {
     }
 
     fn for_steps(scene: &Scene, preset: Preset, steps: u32) -> Self {
-        let mut simulation = preset.build(scene);
+        let mut world = preset.build(scene);
         let mut recording = Recording {
             dimension: scene.dimension,
             bodies: scene.bodies.len(),
@@ -151,13 +152,13 @@ impl Film {
             poses: Vec::new(),
         };
         let (mut energies, mut kinetic) = (Vec::new(), Vec::new());
-        simulation.write_poses(&mut recording.poses);
+        world.write_poses(&mut recording.poses);
         for step in 0..=steps {
             if step > 0 {
-                simulation.step(scene.time_step).unwrap();
-                simulation.write_poses(&mut recording.poses);
+                world.step(scene.time_step).unwrap();
+                world.write_poses(&mut recording.poses);
             }
-            let measure = simulation.measure();
+            let measure = world.measure();
             assert!(measure.finite, "not finite after {step} steps");
             energies.push(measure.kinetic_energy + measure.potential_energy);
             kinetic.push(measure.kinetic_energy);
@@ -279,7 +280,7 @@ fn box_slides_over_a_seam() {
 /// A rotating tool keeps its kinetic energy within 1 %.
 #[test]
 fn tool_keeps_its_energy() {
-    for (name, preset) in [("tool", Certified), ("tool in real time", Realtime)] {
+    for (name, preset) in [("tool", Certified), ("tool, real-time preset", Realtime)] {
         case(name, 1.0, "%", || {
             let film = Film::of(&scene("05_spin_gains.json"), preset);
             100.0 * film.most(|frame| (film.kinetic[frame] / film.kinetic[0] - 1.0).abs())
@@ -311,7 +312,7 @@ fn infinite_mass_turns_as_a_large_one() {
 /// A ball drifts along its trough by at most 5 mm.
 #[test]
 fn trough_does_not_push_along() {
-    for (name, preset) in [("trough", Certified), ("trough in real time", Realtime)] {
+    for (name, preset) in [("trough", Certified), ("trough, real-time preset", Realtime)] {
         case(name, 5.0, "mm", || {
             let film = Film::of(&scene("07_trough_drift.json"), preset);
             let start = film.position(0, 1)[2];
@@ -351,7 +352,7 @@ fn bricks_stay() {
 /// A cone that stands on a mesh moves by at most 1 mm.
 #[test]
 fn cone_stands_on_a_mesh() {
-    for (name, preset) in [("cone", Certified), ("cone in real time", Realtime)] {
+    for (name, preset) in [("cone", Certified), ("cone, real-time preset", Realtime)] {
         case(name, 1.0, "mm", || Film::of(&scene("11_cone_on_mesh.json"), preset).moved(1..2));
     }
 }
@@ -359,7 +360,9 @@ fn cone_stands_on_a_mesh() {
 /// A cone dropped onto a mesh penetrates it by at most 1 mm.
 #[test]
 fn cone_lands_on_a_mesh() {
-    for (name, preset) in [("dropped cone", Certified), ("dropped cone in real time", Realtime)] {
+    for (name, preset) in
+        [("dropped cone", Certified), ("dropped cone, real-time preset", Realtime)]
+    {
         case(name, 1.0, "mm", || {
             let scene = scene("12_cone_dropped_on_mesh.json");
             let film = Film::of(&scene, preset);
@@ -402,7 +405,7 @@ fn squeezed(file: &str) -> f64 {
 /// A heavy ball that bounces onto a lying ball presses it by at most 3 mm, and a capsule by at most
 /// 5 mm.
 #[test]
-fn bounce_onto_what_lies_presses_nobody() {
+fn bounce_onto_a_resting_body_presses_no_body() {
     case("squeeze", 3.0, "mm", || squeezed("motion/1_squeeze_e005_ratio1.json"));
     case("squeezed capsule", 5.0, "mm", || squeezed("motion/1_squeeze_capsule_129mm.json"));
 }
@@ -410,7 +413,7 @@ fn bounce_onto_what_lies_presses_nobody() {
 /// A capsule at a wall moves by at most 1 mm in the last second.
 #[test]
 fn capsule_comes_to_rest_at_a_wall() {
-    for (name, preset) in [("capsule", Certified), ("capsule in real time", Realtime)] {
+    for (name, preset) in [("capsule", Certified), ("capsule, real-time preset", Realtime)] {
         case(name, 1.0, "mm in the last second", || {
             let film = Film::of(&scene("motion/2_capsule_wall.json"), preset);
             let last = film.last();
@@ -444,7 +447,7 @@ fn hulls_collide_as_boxes() {
 /// A toppling box is at the exact angle after 0.8 s. The error is at most 0.007 rad with 60 steps
 /// per second, and 0.001 rad with 960.
 #[test]
-fn box_topples_in_real_time() {
+fn box_topples_with_the_realtime_preset() {
     for (name, rate, bound) in [("topple at 1/60", 60u32, 0.007), ("topple at 1/960", 960, 0.001)] {
         case(name, bound, "rad", || {
             let mut scene = scene("motion/3_topple_realtime.json");
@@ -495,7 +498,7 @@ fn hull_has_its_mass() {
 
 /// A far body that touches nothing changes no bit of the motion of four others.
 #[test]
-fn what_touches_nothing_changes_no_bit() {
+fn bodies_that_touch_nothing_change_no_bit() {
     case("far body", 0.0, "numbers that differ", || {
         let [with, without] = ["motion/5_far_with.json", "motion/5_far_without.json"]
             .map(|file| Film::of(&scene(file), Certified).recording);
@@ -538,7 +541,7 @@ fn sticks_lie() {
         let name = format!("{name} in a bake");
         case(&name, 1.0, "% of the energy", || dropped(&file, Certified, [floor, half]));
     }
-    for (name, preset) in [("rod", Certified), ("rod in real time", Realtime)] {
+    for (name, preset) in [("rod", Certified), ("rod, real-time preset", Realtime)] {
         case(name, 1.0, "% of the energy", || {
             dropped("robust/rod_panic.json", preset, [0.0, 5e-5])
         });
@@ -548,7 +551,7 @@ fn sticks_lie() {
 /// A needle as a hull is refused, or the energy of its fall rises by at most 1 %.
 #[test]
 fn needle_is_refused_or_falls() {
-    for (name, preset) in [("needle", Certified), ("needle in real time", Realtime)] {
+    for (name, preset) in [("needle", Certified), ("needle, real-time preset", Realtime)] {
         case(name, 1.0, "% of the energy", || {
             let scene = scene("robust/hull_panic.json");
             match build(&scene, preset.settings(&scene)) {
@@ -598,13 +601,13 @@ fn check_answers_within_a_second() {
         worked(|| {
             let read = read("robust/ws_s10.gltf");
             let findings = check(&read, &Certified.settings(&read.scene)).unwrap();
-            assert!(findings.iter().any(|of| of.kind == Kind::Wedged), "no jam is named");
+            assert!(findings.iter().any(|of| of.kind == FindingKind::Wedged), "no jam is named");
         })
     });
     case("first step of a tall box", 1.0, "s", || {
         let scene = scene("robust/ws_s10.gltf");
-        let mut simulation = Certified.build(&scene);
-        worked(|| drop(simulation.step(scene.time_step).unwrap()))
+        let mut world = Certified.build(&scene);
+        worked(|| drop(world.step(scene.time_step).unwrap()))
     });
 }
 
@@ -633,7 +636,7 @@ fn every_file_has_a_case() {
 
 /// The helpers of this file give known rotations, angles and volumes within 1e-12.
 #[test]
-fn angles_and_volumes_are_what_they_are() {
+fn angles_and_volumes_have_known_values() {
     let quarter = libm::sqrt(0.5);
     let about_z = [0.0, 0.0, quarter, quarter];
     let turned = turn(about_z, [1.0, 0.0, 0.0]);

@@ -6,6 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use ::gltf::animation::Property;
+use ::gltf::animation::util::ReadOutputs;
 use drystone_bake::Drystone;
 use drystone_bake::recording::{self, Recording, Sampling};
 use drystone_scene::{Combine, Motion, Place, Read, Rotation, SceneError, ShapeKind, gltf};
@@ -181,7 +183,7 @@ fn shapes_and_their_defaults() {
 
 /// Wrong shapes and geometries are refused with the JSON pointer and the value at fault.
 #[test]
-fn shapes_that_are_wrong() {
+fn invalid_shapes() {
     let node = json!([{ "extensions": physics(json!({ "collider": collider() })) }]);
     let at = "/extensions/KHR_implicit_shapes/shapes/0";
     let cases = [
@@ -497,7 +499,7 @@ fn matrices() {
 /// Cycles, nodes with two parents, missing nodes and wrong transforms are refused at their pointer.
 /// A chain of 100 000 nodes is read.
 #[test]
-fn trees_that_are_wrong() {
+fn invalid_trees() {
     let cases = [
         (json!([{ "children": [1] }, { "children": [0] }]), "/nodes/0/children"),
         (json!([{ "children": [0] }]), "/nodes/0/children/0"),
@@ -520,7 +522,7 @@ fn trees_that_are_wrong() {
 /// Buffers, views, accessors and indices that do not fit together are refused at their pointer,
 /// also where a sum of offsets overflows.
 #[test]
-fn data_that_is_wrong() {
+fn invalid_data() {
     let good = tetrahedron();
     let nodes =
         json!([{ "extensions": physics(json!({ "collider": { "geometry": { "mesh": 0 } } })) }]);
@@ -774,12 +776,9 @@ fn written(read: &Read, recording: &Recording) -> Vec<u8> {
     bytes
 }
 
-/// A recording is written as local transforms whose playback gives the world poses within 0.1 mm
-/// and 1e-4 rad, with fewer keys than frames.
-#[test]
-fn recordings_become_local_transforms() {
-    // Nested bodies below a rotated and scaled parent; the transform of one is a matrix.
-    let nodes = json!([
+/// Nested bodies below a rotated and scaled parent; the transform of one is a matrix.
+fn nested() -> Value {
+    json!([
         { "children": [1, 4], "translation": [3, 0, 0], "rotation": [0, 0, TURN, TURN],
           "scale": [2, 2, 2], "extras": { "kept": true } },
         { "name": "outer", "children": [2], "translation": [0, 1, 0],
@@ -790,72 +789,84 @@ fn recordings_become_local_transforms() {
         { "name": "matrix", "matrix": [3, 0, 0, 0, 0, 3, 0, 0, 0, 0, 3, 0, 1, 1, 1, 1],
           "extensions": physics(json!({ "motion": {}, "collider": collider() })) },
         { "name": "floor", "extensions": physics(json!({ "collider": collider() })) },
-    ]);
-    let read = read("write", &document(nodes, ball(), tetrahedron())).unwrap();
-    let count = read.scene.bodies.len();
-    assert_eq!(count, 4);
-    let pose = |frame: usize, body: usize| {
-        let t = frame as f32 / 60.0;
-        let half = t * (1.0 + body as f32);
-        let at = 10.0 * body as f32;
-        [t * t + at, (3.0 * t).sin(), t * at, 0.0, half.sin(), 0.0, half.cos()]
-    };
-    let recording = record(count, 121, pose);
-    let bytes = written(&read, &recording);
-    let parsed = ::gltf::Gltf::from_slice_without_validation(&bytes).unwrap();
-    assert_eq!(
-        parsed.document.nodes().next().unwrap().extras().as_ref().unwrap().get(),
-        "{\"kept\":true}"
-    );
-    let blob = parsed.blob.clone().unwrap();
-    let clip = parsed.document.animations().next().unwrap();
-    let mut keys = 0;
-    // Plays the clip: world position and rotation of a node at a time \[s\].
-    let world = |node: usize, time: f32| -> ([f64; 3], [f64; 4]) {
-        let sample = |index: usize, property: ::gltf::animation::Property| -> Option<Vec<f64>> {
-            let channel = clip.channels().find(|c| {
-                c.target().node().index() == index && c.target().property() == property
-            })?;
-            let reader = channel.reader(|_| Some(&blob));
-            let times: Vec<f32> = reader.read_inputs()?.collect();
-            let values: Vec<Vec<f64>> = match reader.read_outputs()? {
-                ::gltf::animation::util::ReadOutputs::Translations(v) => {
-                    v.map(|v| v.map(f64::from).to_vec()).collect()
-                }
-                ::gltf::animation::util::ReadOutputs::Rotations(v) => {
-                    v.into_f32().map(|v| v.map(f64::from).to_vec()).collect()
-                }
-                _ => return None,
-            };
-            let after = times.partition_point(|t| *t <= time);
-            if after == times.len() {
-                return values.last().cloned();
-            }
-            let (a, b) = (&values[after - 1], &values[after]);
-            let t = f64::from((time - times[after - 1]) / (times[after] - times[after - 1]));
-            let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
-            assert!(a.len() == 3 || dot > 0.0, "signs of quaternions must not jump");
-            let (wa, wb) = if a.len() == 4 && dot < 0.99999 {
-                let angle = dot.acos();
-                (((1.0 - t) * angle).sin() / angle.sin(), (t * angle).sin() / angle.sin())
-            } else {
-                (1.0 - t, t)
-            };
-            Some(a.iter().zip(b).map(|(a, b)| wa * a + wb * b).collect())
+    ])
+}
+
+/// Parents of the nodes of [`nested`].
+const PARENTS: [Option<usize>; 6] = [None, Some(0), Some(1), Some(2), Some(0), None];
+
+/// Plays the clip of a file with the nodes of [`nested`].
+struct Player {
+    document: ::gltf::Document,
+    blob: Vec<u8>,
+}
+
+impl Player {
+    fn new(bytes: &[u8]) -> Self {
+        let parsed = ::gltf::Gltf::from_slice_without_validation(bytes).unwrap();
+        Self { document: parsed.document, blob: parsed.blob.unwrap() }
+    }
+
+    fn clip(&self) -> ::gltf::Animation<'_> {
+        self.document.animations().next().unwrap()
+    }
+
+    fn node(&self, index: usize) -> ::gltf::Node<'_> {
+        self.document.nodes().nth(index).unwrap()
+    }
+
+    /// Returns the number of keys of all channels.
+    fn keys(&self) -> usize {
+        let count = |of: ::gltf::animation::Channel<'_>| {
+            of.reader(|_| Some(&self.blob)).read_inputs().unwrap().count()
         };
+        self.clip().channels().map(count).sum()
+    }
+
+    /// Interpolates an animated property of a node at a time \[s\].
+    fn sample(&self, node: usize, property: Property, time: f32) -> Option<Vec<f64>> {
+        let clip = self.clip();
+        let channel = clip
+            .channels()
+            .find(|c| c.target().node().index() == node && c.target().property() == property)?;
+        let reader = channel.reader(|_| Some(&self.blob));
+        let times: Vec<f32> = reader.read_inputs()?.collect();
+        let values: Vec<Vec<f64>> = match reader.read_outputs()? {
+            ReadOutputs::Translations(v) => v.map(|v| v.map(f64::from).to_vec()).collect(),
+            ReadOutputs::Rotations(v) => v.into_f32().map(|v| v.map(f64::from).to_vec()).collect(),
+            _ => return None,
+        };
+        let after = times.partition_point(|t| *t <= time);
+        if after == times.len() {
+            return values.last().cloned();
+        }
+        let (a, b) = (&values[after - 1], &values[after]);
+        let t = f64::from((time - times[after - 1]) / (times[after] - times[after - 1]));
+        let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+        assert!(a.len() == 3 || dot > 0.0, "signs of quaternions must not jump");
+        let (wa, wb) = if a.len() == 4 && dot < 0.99999 {
+            let angle = dot.acos();
+            (((1.0 - t) * angle).sin() / angle.sin(), (t * angle).sin() / angle.sin())
+        } else {
+            (1.0 - t, t)
+        };
+        Some(a.iter().zip(b).map(|(a, b)| wa * a + wb * b).collect())
+    }
+
+    /// Returns the world position and rotation of a node at a time \[s\].
+    fn world(&self, node: usize, time: f32) -> ([f64; 3], [f64; 4]) {
         let mut chain = vec![node];
-        let parents = [None, Some(0), Some(1), Some(2), Some(0), None];
-        while let Some(parent) = parents[chain[chain.len() - 1]] {
+        while let Some(parent) = PARENTS[chain[chain.len() - 1]] {
             chain.push(parent);
         }
         let (mut shift, mut turn, mut scale) = ([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0);
         for index in chain.into_iter().rev() {
-            let node = parsed.document.nodes().nth(index).unwrap();
-            let (t, r, s) = node.transform().decomposed();
-            let t = sample(index, ::gltf::animation::Property::Translation)
+            let (t, r, s) = self.node(index).transform().decomposed();
+            let t = self
+                .sample(index, Property::Translation, time)
                 .unwrap_or(t.map(f64::from).to_vec());
-            let r = sample(index, ::gltf::animation::Property::Rotation)
-                .unwrap_or(r.map(f64::from).to_vec());
+            let r =
+                self.sample(index, Property::Rotation, time).unwrap_or(r.map(f64::from).to_vec());
             let moved = turned(Rotation::Quaternion(turn), [t[0], t[1], t[2]]);
             shift = [0, 1, 2].map(|i| shift[i] + moved[i] * scale);
             let [x, y, z, w] = turn;
@@ -868,10 +879,29 @@ fn recordings_become_local_transforms() {
             scale *= f64::from(s[0]);
         }
         (shift, turn)
+    }
+}
+
+/// A recording is written as local transforms whose playback gives the world poses within 0.1 mm
+/// and 1e-4 rad, with fewer keys than frames.
+#[test]
+fn recordings_become_local_transforms() {
+    let read = read("write", &document(nested(), ball(), tetrahedron())).unwrap();
+    let count = read.scene.bodies.len();
+    assert_eq!(count, 4);
+    let pose = |frame: usize, body: usize| {
+        let t = frame as f32 / 60.0;
+        let half = t * (1.0 + body as f32);
+        let at = 10.0 * body as f32;
+        [t * t + at, (3.0 * t).sin(), t * at, 0.0, half.sin(), 0.0, half.cos()]
     };
+    let recording = record(count, 121, pose);
+    let bytes = written(&read, &recording);
+    let player = Player::new(&bytes);
+    assert_eq!(player.node(0).extras().as_ref().unwrap().get(), "{\"kept\":true}");
     for (body, node) in [(0, 1), (1, 3), (2, 4)] {
         for frame in 0..recording.frames() {
-            let (position, turn) = world(node, (frame as f64 / 60.0) as f32);
+            let (position, turn) = player.world(node, (frame as f64 / 60.0) as f32);
             let expected = pose(frame, body).map(f64::from);
             for i in 0..3 {
                 let off = (position[i] - expected[i]).abs();
@@ -883,13 +913,12 @@ fn recordings_become_local_transforms() {
             assert!(cosine > 1.0 - 1e-9, "body {body} frame {frame}: {turn:?} {expected:?}");
         }
     }
-    for channel in clip.channels() {
+    for channel in player.clip().channels() {
         assert!(channel.target().node().index() != 5, "the floor does not move");
-        keys += channel.reader(|_| Some(&blob)).read_inputs().unwrap().count();
     }
+    let keys = player.keys();
     assert!(keys < 121 * 6, "{keys} keys are not thinned");
-    let matrix = parsed.document.nodes().nth(4).unwrap();
-    assert!(matches!(matrix.transform(), ::gltf::scene::Transform::Decomposed { .. }));
+    assert!(matches!(player.node(4).transform(), ::gltf::scene::Transform::Decomposed { .. }));
 
     // The written file can be read again, and its clip then moves the bodies.
     let file = folder("write").join("again.glb");

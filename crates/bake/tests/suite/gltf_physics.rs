@@ -34,7 +34,7 @@ impl Run {
     fn new(file: &str, seconds: usize) -> Option<Self> {
         let path = folder()?.join(file);
         let scene = read(&path).unwrap_or_else(|error| panic!("{error}")).scene;
-        let mut simulation = build(&scene, StepSettings::quality()).unwrap();
+        let mut world = build(&scene, StepSettings::quality()).unwrap();
         let mut recording = Recording {
             dimension: scene.dimension,
             bodies: scene.bodies.len(),
@@ -42,13 +42,13 @@ impl Run {
             start: 0,
             poses: Vec::new(),
         };
-        simulation.write_poses(&mut recording.poses);
+        world.write_poses(&mut recording.poses);
         for step in 0..seconds * RATE {
-            simulation.step(recording.frame_time).unwrap();
-            simulation.write_poses(&mut recording.poses);
-            assert!(simulation.measure().finite, "{file}: not finite after {step} steps");
+            world.step(recording.frame_time).unwrap();
+            world.write_poses(&mut recording.poses);
+            assert!(world.measure().finite, "{file}: not finite after {step} steps");
         }
-        let fastest = simulation.measure().fastest;
+        let fastest = world.measure().fastest;
         Some(Self { scene, recording, fastest })
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use drystone::StepSettings;
-use drystone_bake::check::{Kind, check};
+use drystone_bake::check::{FindingKind, check};
 use drystone_scene::json_schema;
 use serde_json::Value;
 
@@ -90,7 +90,7 @@ fn every_setting_has_a_section() {
 /// Each kind of finding has an entry with advice and a scene in which `check` finds it.
 #[test]
 fn every_finding_has_an_entry_with_a_scene_that_has_it() {
-    let kinds = Kind::ALL.map(|kind| serde_json::to_value(kind).unwrap());
+    let kinds = FindingKind::ALL.map(|kind| serde_json::to_value(kind).unwrap());
     let kinds: Vec<_> = kinds.iter().map(|kind| kind.as_str().unwrap()).collect();
     let entries = sections(TROUBLES, "##");
     let names: Vec<_> = entries.iter().map(|(name, _)| name.as_str()).collect();

@@ -1,5 +1,6 @@
 //! Integration tests of the crate: scenes, checks, bakes and recordings.
 
+mod any_world;
 mod audit;
 mod checkpoint;
 mod common;

@@ -44,7 +44,7 @@ const KNOWN: [Known; 5] = [
     },
     // The distances and speeds of the preset are in meters, whatever the size of bodies.
     Known {
-        name: "real time with bodies thinner than 30 mm, or of unlike densities",
+        name: "real-time preset with bodies thinner than 30 mm, or of unlike densities",
         kinds: &["energy", "outside", "not finite"],
         applies: |trial, hardness| {
             trial.preset == "realtime" && (hardness.thinnest < 0.03 || hardness.densities > 10.0)

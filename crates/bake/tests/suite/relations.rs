@@ -282,15 +282,15 @@ fn units_do_not_matter<G: Forms<L, A>, const L: usize, const A: usize>() {
         let own = trial.settings();
         let (length, speed, time) = (length as f32, speed as f32, time as f32);
         let settings = StepSettings {
-            push_speed: own.push_speed * speed,
-            hold: own.hold / time,
+            max_repair_speed: own.max_repair_speed * speed,
+            stick_rate: own.stick_rate / time,
             tolerance: own.tolerance * speed,
             sag: own.sag * length,
             slop: own.slop * length,
             restitution_threshold: own.restitution_threshold * speed,
             prediction_distance: own.prediction_distance * length,
             reuse_distance: own.reuse_distance * length,
-            sleep: own.sleep * time,
+            sleep_delay: own.sleep_delay * time,
             ..own.clone()
         };
         let both = [ran::<G, L, A>(&trial, own), ran::<G, L, A>(&other, settings)];

@@ -32,11 +32,11 @@ fn public_samples_bake_at_default_settings() {
     let mut ran = 0;
     for file in files {
         let Ok(scene) = read(&file) else { continue };
-        let Ok(mut simulation) = build(&scene.scene, StepSettings::certified()) else { continue };
+        let Ok(mut world) = build(&scene.scene, StepSettings::certified()) else { continue };
         ran += 1;
         for step in 0..40 {
-            simulation.step(1.0 / 60.0).unwrap();
-            let measure = simulation.measure();
+            world.step(1.0 / 60.0).unwrap();
+            let measure = world.measure();
             let finite = measure.finite && measure.kinetic_energy.is_finite();
             assert!(finite, "{}: step {step}", file.display());
         }

@@ -39,8 +39,11 @@ fn particles(text: String) -> String {
     format!("bodies_as = \"particles\"\n{text}")
 }
 
-/// Returns bad scenes with their error messages.
-fn bad_scenes() -> Vec<(String, &'static str)> {
+/// A scene that is refused, and its error message.
+type BadScene = (String, &'static str);
+
+/// Returns files and times that are refused, with their error messages.
+fn bad_files_and_times() -> Vec<BadScene> {
     vec![
         (
             "gravity = [0, -9.81".into(),
@@ -88,6 +91,12 @@ fn bad_scenes() -> Vec<(String, &'static str)> {
             "s.toml:1:17: TOML syntax: the number 1e999 is too large; the file must be valid \
              TOML",
         ),
+    ]
+}
+
+/// Returns settings of steps and materials that are refused.
+fn bad_settings() -> Vec<BadScene> {
+    vec![
         (
             "[solver]\nsubstep = 4".into(),
             "s.toml:2:11: unknown key 'substep' of solver; the nearest known key is \
@@ -115,6 +124,12 @@ fn bad_scenes() -> Vec<(String, &'static str)> {
             "s.toml:2:12: friction of material 'ice' is -1.0; accepted: a number from 0 to \
              1e6",
         ),
+    ]
+}
+
+/// Returns masses, poses and surfaces of bodies that are refused.
+fn bad_masses_and_poses() -> Vec<BadScene> {
+    vec![
         (
             ball("frition = 0.3"),
             "s.toml:3:1: unknown key 'frition' of body 'ball'; the nearest known key is \
@@ -179,6 +194,12 @@ fn bad_scenes() -> Vec<(String, &'static str)> {
             "s.toml:4:8: mass of body 'ball' is inf; accepted: inf for dynamic bodies only; \
              leave it out here",
         ),
+    ]
+}
+
+/// Returns names, tracks and collision systems that are refused.
+fn bad_references() -> Vec<BadScene> {
+    vec![
         (
             ball("material = \"ise\""),
             "s.toml:3:12: material of body 'ball' is \"ise\"; accepted: the name of a \
@@ -219,6 +240,12 @@ fn bad_scenes() -> Vec<(String, &'static str)> {
             "s.toml:3:26: systems of collision of body 'ball' is \"64\"; accepted: at most 64 \
              systems in a scene",
         ),
+    ]
+}
+
+/// Returns shapes that are refused.
+fn bad_shapes() -> Vec<BadScene> {
+    vec![
         (
             "[[bodies]]".into(),
             "s.toml:1:1: shapes of body 0 is missing; accepted: at least one shape for a \
@@ -297,6 +324,12 @@ fn bad_scenes() -> Vec<(String, &'static str)> {
             "s.toml:4:58: triangles of shape 0 of body 'b' is []; accepted: at least one \
              triangle: a list of 3 indices of vertices, of which one has an area",
         ),
+    ]
+}
+
+/// Returns particles and bodies in 2D that are refused.
+fn bad_kinds() -> Vec<BadScene> {
+    vec![
         (
             particles(ball("friction = 0.5")),
             "s.toml:2:1: friction of body 'ball' is 0.5; accepted: 0 for a particle, or leave \
@@ -322,6 +355,12 @@ fn bad_scenes() -> Vec<(String, &'static str)> {
             "s.toml:4:12: rotation of body 'ball' is [0.0, 0.0, 0.0, 1.0]; accepted: a number \
              from -1e6 to 1e6 rad",
         ),
+    ]
+}
+
+/// Returns JSON that is refused.
+fn bad_json() -> Vec<BadScene> {
+    vec![
         (
             "{\"steps\": 1, \"steps\": 2}".into(),
             "s.json:1:20: JSON syntax: duplicate key \"steps\"; the file must be valid JSON",
@@ -356,7 +395,16 @@ fn bad_scenes() -> Vec<(String, &'static str)> {
 #[test]
 fn errors_name_place_item_value_and_what_is_accepted() {
     let mut wrong = Vec::new();
-    for (text, message) in bad_scenes() {
+    let bad = [
+        bad_files_and_times(),
+        bad_settings(),
+        bad_masses_and_poses(),
+        bad_references(),
+        bad_shapes(),
+        bad_kinds(),
+        bad_json(),
+    ];
+    for (text, message) in bad.into_iter().flatten() {
         let actual = if text.starts_with('{') { json_error(&text) } else { toml_error(&text) };
         if actual != message {
             wrong.push(actual);
@@ -372,7 +420,7 @@ fn warnings(text: &str) -> Vec<String> {
 
 /// Keys that have no effect and implausible values give a warning.
 #[test]
-fn what_does_not_act_is_said() {
+fn values_without_effect_give_warnings() {
     let expected = ["1:10: joints are not supported yet: the scene runs without them"];
     assert_eq!(warnings("joints = [1]\nevents = []"), expected);
     let still = ball("motion = \"static\"\nlinear_velocity = [0, 1, 0]");
@@ -446,9 +494,9 @@ fn a_scene_has_its_own_settings() {
     let settings = drystone_bake::settings(&scene, StepSettings::realtime()).unwrap();
     let impact_law = ImpactLaw::Poisson;
     // The stated number of substeps is also the largest one, even for small bodies.
-    let [substeps, most_substeps] = [7, 7];
+    let [substeps, max_substeps] = [7, 7];
     let realtime = StepSettings::realtime();
-    assert_eq!(settings, StepSettings { substeps, most_substeps, impact_law, ..realtime });
+    assert_eq!(settings, StepSettings { substeps, max_substeps, impact_law, ..realtime });
 }
 
 /// Infinite masses are read from TOML and JSON, and any extras are accepted.

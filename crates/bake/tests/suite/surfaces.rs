@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use drystone::StepSettings;
 use drystone_bake::build;
 use drystone_scene::export::gltf::Physics;
-use drystone_scene::export::usd::Stage;
+use drystone_scene::export::usd::StageWriter;
 use drystone_scene::{Read, Scene};
 
 fn presets() -> [StepSettings; 3] {
@@ -132,7 +132,7 @@ fn surfaces_and_damping_come_back_from_all_formats() {
     assert!(read.warnings.is_empty(), "{:?}", read.warnings);
     let folder = tempfile::tempdir().unwrap();
     let stage = folder.path().join("scene.usda");
-    Stage::new(&read.scene, &drystone_bake::Drystone).unwrap().write(&stage).unwrap();
+    StageWriter::new(&read.scene, &drystone_bake::Drystone).unwrap().write(&stage).unwrap();
     let masses = build(&read.scene, StepSettings::quality()).unwrap().masses();
     let gltf = folder.path().join("scene.gltf");
     Physics::new(&read.scene, &masses, &drystone_bake::Drystone)
@@ -144,9 +144,9 @@ fn surfaces_and_damping_come_back_from_all_formats() {
         assert!(back.warnings.is_empty(), "{:?}", back.warnings);
         assert_eq!(single(&read.scene), single(&back.scene), "{}", file.display());
         let hash = |scene: &Scene| {
-            let mut simulation = build(scene, StepSettings::quality()).unwrap();
-            (0..30).for_each(|_| drop(simulation.step(1.0 / 60.0).unwrap()));
-            simulation.state_hash()
+            let mut world = build(scene, StepSettings::quality()).unwrap();
+            (0..30).for_each(|_| drop(world.step(1.0 / 60.0).unwrap()));
+            world.state_hash()
         };
         assert_eq!(hash(&read.scene), hash(&back.scene), "{}", file.display());
     }
@@ -160,7 +160,7 @@ fn warned(read: &Read, parts: &[&str]) -> bool {
 /// Surface velocities, damping and disabled gravity in PhysX's schemas are read, in centimeters and
 /// with z up. Attributes that are not read give a warning.
 #[test]
-fn stages_run_in_the_words_of_physx() {
+fn surfaces_of_physx_schemas_are_read() {
     let text = r#"#usda 1.0
 ( defaultPrim = "World" metersPerUnit = 0.01 upAxis = "Z" )
 def Xform "World" {
@@ -202,7 +202,7 @@ def Xform "World" {
 /// Each attribute or schema that is not read gives one warning with its number of prims. Joints of
 /// any type name give one, too.
 #[test]
-fn stages_are_told_what_is_not_read() {
+fn unread_data_of_stages_gives_warnings() {
     let body = |name: &str| {
         format!(
             r#"
@@ -225,7 +225,7 @@ fn stages_are_told_what_is_not_read() {
         body("c")
     );
     let read = read_as("strange.usda", &text);
-    assert!(warned(&read, &["rope", "not simulated", "DistancePhysicsJoint is no type"]));
+    assert!(warned(&read, &["rope", "not simulated", "DistancePhysicsJoint is not a type"]));
     assert!(warned(&read, &["hinge", "the joint is not simulated"]));
     assert!(warned(&read, &["gear", "not simulated", "PhysxPhysicsGearJoint"]));
     for name in ["physics:dragCoefficient", "physxForce:force", "PhysxForceAPI"] {
@@ -240,7 +240,7 @@ fn stages_are_told_what_is_not_read() {
 /// Each unknown property or extension of a glTF file gives one warning with its number of
 /// occurrences. Known extensions of physics that are not simulated are named.
 #[test]
-fn gltf_is_told_what_is_not_read() {
+fn unread_data_of_gltf_gives_warnings() {
     let node = r#"{ "extensions": {
         "KHR_physics_rigid_bodies": {
             "motion": { "mass": 1, "linearDamping": 0.5, "extensions": { "EXT_wind": {} } },

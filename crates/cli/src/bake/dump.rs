@@ -2,14 +2,72 @@
 
 use std::path::{Path, PathBuf};
 
-use drystone::{SavedContact, SavedProblem};
+use drystone::{SavedContact, SavedProblem, StepSettings};
+use drystone_bake::recording::journal::Header;
 use drystone_scene::{Scene, write_whole};
-use drystone_solver::assembled::Matrix;
+use drystone_solver::assembled::{Assembly, Matrix};
+use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::arguments::Arguments;
+use super::arguments::BakeArguments;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
+
+/// Law of the contacts of a substep.
+const CONTACTS: &str = "v = v_star + M^-1 J^T r; u = J v - t + eps r; per contact, normal first: \
+                        |r_t| <= mu r_n, u + mu |u_t| n in the dual cone, and their product 0";
+/// Law of the impacts of a step.
+const IMPACTS: &str = "v = v_star + M^-1 J^T r; u = J v - t; per contact, normal first: r_n >= 0, \
+                       u_n >= 0, r_n u_n = 0; t_n = -restitution (J v_star)_n of a contact that \
+                       closes";
+/// Meaning of the zero rows of M.
+const FIXED: &str = "a fixed body has zero rows in M; M^-1 is 0 there, and the body keeps v_star";
+
+/// Part of a step that is saved.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    /// The contacts of the last substep, after the impacts.
+    Contacts,
+    /// The impacts of the step.
+    Impacts,
+}
+
+/// A contact problem with the bake that it comes from.
+pub(super) struct Dump<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) header: &'a Header,
+    pub(super) step: u32,
+    pub(super) part: Part,
+    pub(super) saved: &'a SavedProblem,
+}
+
+/// The file as it is written. It is serialized from this type, since a JSON value in between would
+/// convert each `f32` of the settings to `f64`.
+#[derive(Serialize)]
+struct Document<'a> {
+    name: String,
+    version: &'a str,
+    scene_hash: &'a str,
+    settings: &'a StepSettings,
+    law: &'static str,
+    fixed_bodies: &'static str,
+    units: Value,
+    step: u32,
+    dt: f64,
+    dim: usize,
+    nc: usize,
+    bodies: Vec<Value>,
+    contacts: Vec<Value>,
+    #[serde(rename = "M")]
+    mass: Value,
+    #[serde(rename = "J")]
+    jacobian: Value,
+    v_star: &'a [f64],
+    t: &'a [f64],
+    eps: &'a [f64],
+    mu: &'a [f64],
+    gamma_0: &'a [f64],
+}
 
 /// Checks that the run has the step to save.
 pub(super) fn step(step: Option<u32>, steps: u32) -> Result<Option<u32>, Failure> {
@@ -22,7 +80,7 @@ pub(super) fn step(step: Option<u32>, steps: u32) -> Result<Option<u32>, Failure
 }
 
 /// Returns the files of the contact problem: those requested, or one beside the first output.
-pub(super) fn files(arguments: &Arguments) -> Result<Vec<PathBuf>, Failure> {
+pub(super) fn files(arguments: &BakeArguments) -> Result<Vec<PathBuf>, Failure> {
     let Some(step) = arguments.dump_step else { return Ok(Vec::new()) };
     for path in &arguments.dump {
         match extension(path).as_str() {
@@ -44,82 +102,121 @@ pub(super) fn files(arguments: &Arguments) -> Result<Vec<PathBuf>, Failure> {
     let beside = arguments.output.first().or(arguments.report.as_ref());
     let beside = beside.unwrap_or(&arguments.scene).as_os_str().to_owned();
     let mut file = beside;
-    file.push(format!(".step-{step}.json"));
+    let part = if arguments.dump_impacts { ".impacts" } else { "" };
+    file.push(format!(".step-{step}{part}.json"));
     Ok(vec![file.into()])
 }
 
-/// Writes the files. Returns them, with a warning about what the matrices leave out.
-pub(super) fn write(
-    files: &[PathBuf],
-    scene: &Scene,
-    step: u32,
-    saved: &SavedProblem,
-) -> Result<(Vec<PathBuf>, Option<String>), Failure> {
-    for path in files {
-        write_one(path, scene, step, saved)?;
+impl Dump<'_> {
+    /// Writes the files. Returns them, with a warning about what the matrices leave out.
+    pub(super) fn write(
+        &self,
+        files: &[PathBuf],
+    ) -> Result<(Vec<PathBuf>, Option<String>), Failure> {
+        for path in files {
+            self.write_one(path)?;
+        }
+        Ok((files.to_vec(), self.warning()))
     }
-    let pairs = saved.contacts.iter().zip(&saved.assembly.friction);
-    let leaning = pairs.filter(|(contact, mu)| contact.impact > 0.0 && **mu > 0.0).count();
-    let warning = (leaning > 0).then(|| {
-        format!(
-            "{leaning} of the contacts saved in step {step} bounced in that substep: their friction \
-             may lean on the blow, which the matrices leave out"
-        )
-    });
-    Ok((files.to_vec(), warning))
-}
 
-fn write_one(path: &Path, scene: &Scene, step: u32, saved: &SavedProblem) -> Result<(), Failure> {
-    #[cfg(feature = "fclib")]
-    if extension(path) == "hdf5" {
-        return crate::fclib::write(path, &title(scene, step), &saved.assembly);
-    }
-    let dump = document(scene, step, saved);
-    write_whole(path, |out| {
-        serde_json::to_writer(&mut *out, &dump)?;
-        out.write_all(b"\n")
-    })
-    .map_err(|error| Failure::cannot_write(path, &error))
-}
-
-fn title(scene: &Scene, step: u32) -> String {
-    format!("{}, step {step}", scene.name.as_deref().unwrap_or("scene"))
-}
-
-fn document(scene: &Scene, step: u32, saved: &SavedProblem) -> Value {
-    let of = &saved.assembly;
-    let body = |body: usize| json!({ "name": scene.name_of(body), "first": saved.width * body });
-    let contact = |contact: &SavedContact| {
-        json!({
-            "bodies": contact.bodies,
-            "names": contact.bodies.map(|body| scene.name_of(body as usize)),
-            "point": contact.point,
-            "normal": contact.frame.first(),
-            "frame": contact.frame,
-            "impact": contact.impact,
+    fn write_one(&self, path: &Path) -> Result<(), Failure> {
+        #[cfg(feature = "fclib")]
+        if extension(path) == "hdf5" {
+            return crate::fclib::write(path, &self.title(), self.assembly());
+        }
+        write_whole(path, |out| {
+            serde_json::to_writer(&mut *out, &self.document())?;
+            out.write_all(b"\n")
         })
-    };
+        .map_err(|error| Failure::cannot_write(path, &error))
+    }
+
+    fn assembly(&self) -> &Assembly {
+        match self.part {
+            Part::Contacts => &self.saved.assembly,
+            Part::Impacts => &self.saved.impacts,
+        }
+    }
+
+    /// Returns a warning if the file has less than its reader expects.
+    fn warning(&self) -> Option<String> {
+        let step = self.step;
+        let bounced = || {
+            let contacts = self.saved.contacts.iter().zip(&self.saved.assembly.friction);
+            contacts.filter(|(contact, _)| contact.impact > 0.0)
+        };
+        match (self.part, bounced().count()) {
+            (Part::Contacts, 0) => None,
+            (Part::Impacts, 0) => Some(format!("no contact bounced in step {step}")),
+            (Part::Impacts, _) => None,
+            (Part::Contacts, count) => {
+                let leaning = match bounced().filter(|(_, mu)| **mu > 0.0).count() {
+                    0 => String::new(),
+                    leaning => format!(", and on which the friction of {leaning} may lean"),
+                };
+                Some(format!(
+                    "{count} of the contacts saved in step {step} bounced: v_star is after the \
+                     impacts, which --dump-impacts saves{leaning}"
+                ))
+            }
+        }
+    }
+
+    fn title(&self) -> String {
+        let part = if self.part == Part::Impacts { "impacts of " } else { "" };
+        format!("{}, {part}step {}", self.scene.name.as_deref().unwrap_or("scene"), self.step)
+    }
+
+    fn document(&self) -> Document<'_> {
+        let (of, saved) = (self.assembly(), self.saved);
+        let names = self.scene.names();
+        let body = |(body, name): (usize, &String)| {
+            let first = saved.width * body;
+            let mut rows = first..first + saved.width;
+            let is_fixed = rows.all(|row| of.mass.get(row, row).is_none_or(|&m| m == 0.0));
+            json!({ "name": name, "first": first, "fixed": is_fixed })
+        };
+        let contact = |contact: &SavedContact| {
+            json!({
+                "bodies": contact.bodies,
+                "names": contact.bodies.map(|body| names.get(body as usize)),
+                "point": contact.point,
+                "normal": contact.frame.first(),
+                "frame": contact.frame,
+                "restitution": contact.restitution,
+                "impact": contact.impact,
+            })
+        };
+        Document {
+            name: self.title(),
+            version: &self.header.version,
+            scene_hash: &self.header.scene,
+            settings: &self.header.settings,
+            law: if self.part == Part::Impacts { IMPACTS } else { CONTACTS },
+            fixed_bodies: FIXED,
+            units: units(),
+            step: self.step,
+            dt: saved.substep,
+            dim: of.dimension,
+            nc: of.friction.len(),
+            bodies: names.iter().enumerate().map(body).collect(),
+            contacts: saved.contacts.iter().map(contact).collect(),
+            mass: by_columns(&of.mass),
+            jacobian: by_columns(&of.jacobian),
+            v_star: &of.velocities,
+            t: &of.targets,
+            eps: &of.compliance,
+            mu: &of.friction,
+            gamma_0: &of.guess,
+        }
+    }
+}
+
+fn units() -> Value {
     json!({
-        "name": title(scene, step),
-        "law": "v = v_star + M^-1 J^T r; u = J v - t + eps r; per contact, normal first: \
-                |r_t| <= mu r_n, u + mu |u_t| n in the dual cone, and their product 0",
-        "units": {
-            "J": "1, m", "M": "kg, kg m^2", "dt": "s", "eps": "1/kg", "gamma_0": "N s",
-            "impact": "N s", "mu": "1", "point": "m", "t": "m/s", "v_star": "m/s, rad/s",
-        },
-        "step": step,
-        "dt": saved.substep,
-        "dim": of.dimension,
-        "nc": of.friction.len(),
-        "bodies": (0..scene.bodies.len()).map(body).collect::<Vec<_>>(),
-        "contacts": saved.contacts.iter().map(contact).collect::<Vec<_>>(),
-        "M": by_columns(&of.mass),
-        "J": by_columns(&of.jacobian),
-        "v_star": of.velocities,
-        "t": of.targets,
-        "eps": of.compliance,
-        "mu": of.friction,
-        "gamma_0": of.guess,
+        "J": "1, m", "M": "kg, kg m^2", "dt": "s", "eps": "1/kg", "gamma_0": "N s",
+        "impact": "N s", "mu": "1", "point": "m", "restitution": "1", "t": "m/s",
+        "v_star": "m/s, rad/s",
     })
 }
 

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use drystone_bake::recording::{self, Sampling};
 use drystone_scene::{Read, Warning, write_whole};
 
-use super::arguments::Arguments;
+use super::arguments::BakeArguments;
 use super::record::Bake;
-use crate::cut::{Cut, Film};
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 use crate::files::{folder, place};
+use crate::frames::{FrameOptions, OutputMotion};
 
 /// File format of a motion.
 #[derive(Clone, Copy)]
@@ -33,7 +33,7 @@ pub(super) struct Outputs {
 impl Outputs {
     /// Collects the outputs. Refuses wrong extensions, the scene as an output, and an output given
     /// twice.
-    pub(super) fn new(arguments: &Arguments) -> Result<Self, Failure> {
+    pub(super) fn new(arguments: &BakeArguments) -> Result<Self, Failure> {
         let motions =
             arguments.output.iter().map(|path| Ok((path.clone(), Format::of("--output", path)?)));
         let motions = motions.collect::<Result<_, Failure>>()?;
@@ -51,7 +51,7 @@ impl Outputs {
                 return Err(Failure::Input(format!("{text}; give it another name")));
             }
             if !seen.insert(place(path)) {
-                let text = format!("{}: is given twice as an output", path.display());
+                let text = format!("{}: is given twice as output", path.display());
                 return Err(Failure::Input(format!("{text}; give each its own name")));
             }
         }
@@ -63,7 +63,7 @@ impl Outputs {
     }
 
     /// Returns the output that was named first.
-    pub(super) fn first<'a>(&'a self, arguments: &'a Arguments) -> &'a Path {
+    pub(super) fn first<'a>(&'a self, arguments: &'a BakeArguments) -> &'a Path {
         self.paths().next().unwrap_or(&arguments.scene)
     }
 
@@ -82,14 +82,14 @@ impl Outputs {
         &self,
         read: &Read,
         bake: &Bake,
-        cut: &Cut,
+        frame_options: &FrameOptions,
     ) -> Result<(Vec<PathBuf>, Vec<Warning>), Failure> {
         let (names, contacts) = (read.scene.names(), bake.contacts());
-        let film = cut.film(&bake.recording, &names, &contacts)?;
-        let options = cut.sampling();
+        let motion = frame_options.motion(&bake.recording, &names, &contacts)?;
+        let options = frame_options.sampling();
         let mut warnings = Vec::new();
         for (path, format) in &self.motions {
-            warnings.extend(format.write(path, Some(read), &film, &options)?);
+            warnings.extend(format.write(path, Some(read), &motion, &options)?);
         }
         Ok((self.motions.iter().map(|(path, _)| path.clone()).collect(), warnings))
     }
@@ -113,11 +113,11 @@ impl Format {
         self,
         path: &Path,
         read: Option<&Read>,
-        film: &Film<'_>,
+        motion: &OutputMotion<'_>,
         options: &Sampling,
     ) -> Result<Vec<Warning>, Failure> {
         let mut warnings = Vec::new();
-        let Film { recording, names, contacts } = film;
+        let OutputMotion { recording, names, contacts } = motion;
         let source = read.and_then(|read| read.source.as_ref());
         let written = match (self, read.map(|read| &read.scene), source) {
             (Self::Poses, ..) => recording::poses::write(path, recording),

@@ -5,14 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use drystone::{Measure, SavedProblem, StepSettings};
-use drystone_bake::Simulation;
+use drystone_bake::AnyWorld;
 use drystone_bake::audit::audit;
 use drystone_bake::recording::Recording;
 use drystone_bake::recording::journal::Step;
 use drystone_scene::{Motion, Scene};
 use indicatif::ProgressBar;
 
-use super::diary::{Diary, Kept};
+use super::journal::{BakeJournal, Kept};
 use crate::failure::Failure;
 
 /// Speed of a body beyond which the simulation counts as diverged. \[m/s\]
@@ -59,34 +59,34 @@ pub(super) struct Length {
 impl Bake {
     /// Takes the steps that are not in the journal yet.
     pub(super) fn run(
-        simulation: &mut dyn Simulation,
+        world: &mut AnyWorld,
         scene: &Scene,
         length: Length,
-        diary: &mut Diary,
+        journal: &mut BakeJournal,
         bar: &ProgressBar,
     ) -> Result<Self, Failure> {
-        let mut bake = Self::new(simulation, scene, length.steps)?;
-        let taken = match diary.kept() {
-            Some(kept) => bake.go_on(simulation, length, diary, kept)?,
+        let mut bake = Self::new(world, scene, length.steps)?;
+        let taken = match journal.kept() {
+            Some(kept) => bake.resume(world, length, journal, kept)?,
             None => {
-                diary.begin(&bake.recording.poses)?;
+                journal.begin(&bake.recording.poses)?;
                 0
             }
         };
         for step in taken + 1..=length.steps {
             bar.set_position(step as u64 - 1);
             if INTERRUPTED.load(Ordering::SeqCst) {
-                return Err(diary.interrupted(bake.steps.len(), length.steps));
+                return Err(journal.interrupted(bake.steps.len(), length.steps));
             }
-            simulation.save_systems(length.dump_step == Some(step));
+            world.save_systems(length.dump_step == Some(step));
             if step <= bake.steps.len() {
-                simulation.step(scene.time_step)?;
-                diary.compare(step, &bake.steps[step - 1], simulation.state_hash())?;
+                world.step(scene.time_step)?;
+                journal.compare(step, &bake.steps[step - 1], world.state_hash())?;
             } else {
-                bake.step(simulation, scene, diary)?;
+                bake.step(world, scene, journal)?;
             }
             if length.dump_step == Some(step) {
-                bake.saved = simulation.saved().transpose().map_err(|error| {
+                bake.saved = world.saved().transpose().map_err(|error| {
                     Failure::Diverged(format!("the contacts of step {step}: {error}"))
                 })?;
             }
@@ -96,7 +96,7 @@ impl Bake {
     }
 
     /// Records the initial state and reserves memory for the steps.
-    fn new(simulation: &dyn Simulation, scene: &Scene, steps: usize) -> Result<Self, Failure> {
+    fn new(world: &AnyWorld, scene: &Scene, steps: usize) -> Result<Self, Failure> {
         let recording = Recording {
             dimension: scene.dimension,
             bodies: scene.bodies.len(),
@@ -104,22 +104,22 @@ impl Bake {
             start: 0,
             poses: Vec::new(),
         };
-        let settings = simulation.settings().clone();
-        let start = simulation.measure();
+        let settings = world.settings().clone();
+        let start = world.measure();
         let mut bake = Self { recording, settings, start, steps: Vec::new(), saved: None };
         bake.reserve(steps)?;
-        simulation.write_poses(&mut bake.recording.poses);
+        world.write_poses(&mut bake.recording.poses);
         Ok(bake)
     }
 
     /// Takes over the frames of the journal, and returns the number of steps after which the
     /// simulation continues. It repeats the steps since the checkpoint, so that a different build
     /// or machine is noticed.
-    fn go_on(
+    fn resume(
         &mut self,
-        simulation: &mut dyn Simulation,
+        world: &mut AnyWorld,
         length: Length,
-        diary: &mut Diary,
+        journal: &mut BakeJournal,
         mut kept: Kept,
     ) -> Result<usize, Failure> {
         kept.steps.truncate(length.steps);
@@ -132,7 +132,7 @@ impl Bake {
             return Ok(taken);
         }
         let before = taken.min(dump.unwrap_or(usize::MAX));
-        diary.restore(simulation, before)
+        journal.restore(world, before)
     }
 
     fn reserve(&mut self, steps: usize) -> Result<(), Failure> {
@@ -141,8 +141,8 @@ impl Bake {
         poses.and_then(|()| self.steps.try_reserve_exact(steps)).map_err(|_| {
             let size = numbers as f64 * 4e-9;
             Failure::File(format!(
-                "{steps} steps of {} bodies need {size:.1} GB of memory, which cannot be had; \
-                 simulate less with --duration or --steps",
+                "{steps} steps of {} bodies need {size:.1} GB of memory, which the system \
+                 refuses; simulate less with --duration or --steps",
                 self.recording.bodies
             ))
         })
@@ -150,22 +150,22 @@ impl Bake {
 
     fn step(
         &mut self,
-        simulation: &mut dyn Simulation,
+        world: &mut AnyWorld,
         scene: &Scene,
-        diary: &mut Diary,
+        journal: &mut BakeJournal,
     ) -> Result<(), Failure> {
         let clock = Instant::now();
-        let report = simulation.step(scene.time_step)?;
+        let report = world.step(scene.time_step)?;
         let time = clock.elapsed();
-        let measure = simulation.measure();
+        let measure = world.measure();
         let frame = self.recording.poses.len();
-        simulation.write_poses(&mut self.recording.poses);
-        let step = Step { time, report, measure, state: simulation.state_hash() };
+        world.write_poses(&mut self.recording.poses);
+        let step = Step { time, report, measure, state: world.state_hash() };
         if !(measure.finite && measure.fastest <= TOO_FAST) {
             self.steps.push(step);
             return Err(self.divergence(scene, &measure));
         }
-        diary.write(&step, &self.recording.poses[frame..], simulation)?;
+        journal.write(&step, &self.recording.poses[frame..], world)?;
         self.steps.push(step);
         Ok(())
     }
@@ -210,11 +210,12 @@ impl Bake {
             return format!("{a} and {b} overlap by {depth:.3} mm at the start: move them apart");
         }
         if self.settings.tolerance <= 0.0 {
-            return "Bake without --realtime, or with --tolerance 1mm/s, so that each substep is solved"
+            return "Bake without --realtime, or with --tolerance 1mm/s, so that each substep is \
+             solved"
                 .to_owned();
         }
         let finer = scene.time_step / 4.0;
-        format!("Set time_step to {finer:.1e} s, and see what `drystone check` names")
+        format!("Set time_step to {finer:.1e} s, and run `drystone check`")
     }
 
     /// Returns the dynamic body with the largest displacement over the last `frames` frames, and

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use drystone::{Stage, StepSettings};
-use drystone_bake::recording::journal::Step;
+use drystone_bake::recording::journal::{Header, Step};
 use drystone_scene::write_whole;
 use serde::Serialize;
 
@@ -14,9 +14,9 @@ use super::summary::Summary;
 use crate::failure::Failure;
 
 /// Input of a report.
-pub(super) struct Run<'a> {
+pub(super) struct ReportInput<'a> {
     pub(super) scene: &'a Path,
-    pub(super) settings: &'a StepSettings,
+    pub(super) header: &'a Header,
     pub(super) threads: usize,
     pub(super) bake: &'a Bake,
     pub(super) summary: &'a Summary,
@@ -27,7 +27,9 @@ pub(super) struct Run<'a> {
 #[derive(Serialize)]
 struct Report<'a> {
     scene: String,
-    version: &'static str,
+    /// As in dumped problems and journals.
+    scene_hash: &'a str,
+    version: &'a str,
     settings: &'a StepSettings,
     threads: usize,
     bodies: usize,
@@ -64,11 +66,12 @@ struct StepNumbers {
 }
 
 /// Writes a report as JSON.
-pub(super) fn write(path: &Path, run: &Run<'_>) -> Result<(), Failure> {
+pub(super) fn write(path: &Path, run: &ReportInput<'_>) -> Result<(), Failure> {
     let report = Report {
         scene: run.scene.display().to_string(),
-        version: env!("CARGO_PKG_VERSION"),
-        settings: run.settings,
+        scene_hash: &run.header.scene,
+        version: &run.header.version,
+        settings: &run.header.settings,
         threads: run.threads,
         bodies: run.bake.recording.bodies,
         steps: run.bake.steps.len(),

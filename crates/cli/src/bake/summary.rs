@@ -126,13 +126,32 @@ struct Certified {
     worst_body: Option<u32>,
     /// Maximum over the steps, in the last substep of each: residual of Coulomb's law, approach
     /// speed beyond a target, and cone violation. \[m/s\]
-    natural: f64,
-    sinking: f64,
+    natural_residual: f64,
+    approach_error: f64,
     cone: f64,
     /// NNCG iterations, summed over all substeps.
     iterations: usize,
     /// Islands that needed Newton's method, summed over all substeps.
     newton: usize,
+}
+
+impl Certified {
+    /// States the median and the worst bound. A rigid contact that misses its target has none.
+    fn spread(&self, place: &str) -> String {
+        let mm = |speed: f64| format!("within {:.3} mm/s", speed * 1e3);
+        let (half, all) = (mm(self.median), mm(self.worst));
+        match (self.median.is_finite(), self.worst.is_finite()) {
+            (true, true) => format!(
+                "{half} of the exact contact solution in half of the steps, {all} in all (root \
+                 mean square; {place})"
+            ),
+            (true, false) => format!(
+                "{half} of the exact contact solution in half of the steps (root mean square); \
+                 without a bound {place}"
+            ),
+            (false, _) => format!("without a bound in half of the steps, as {place}"),
+        }
+    }
 }
 
 /// Further input of the text.
@@ -159,13 +178,25 @@ fn substeps(steps: &[Step]) -> [u32; 2] {
     [each().min(), each().max()].map(Option::unwrap_or_default)
 }
 
+/// Audits the motion beside the penetrations that the steps measured.
+fn audit_of(scene: &Scene, bake: &Bake) -> Audit {
+    let known = bake.steps.iter().map(|step| step.measure.deepest_penetration);
+    // The first frame has no contacts yet.
+    let known: Vec<f64> = std::iter::once(0.0).chain(known).collect();
+    audit(scene, &bake.recording, &bake.settings, &known)
+}
+
+/// Returns the times of the steps, the shortest first. \[ms\]
+fn times(steps: &[Step]) -> Vec<f64> {
+    let mut times: Vec<f64> = steps.iter().map(|step| step.time.as_secs_f64() * 1e3).collect();
+    times.sort_unstable_by(f64::total_cmp);
+    times
+}
+
 impl Summary {
     /// Summarizes a run.
     pub(super) fn new(scene: &Scene, bake: &Bake, masses: &[f64]) -> Self {
-        // The first frame has no contacts yet.
-        let known = bake.steps.iter().map(|step| step.measure.deepest_penetration);
-        let known: Vec<f64> = std::iter::once(0.0).chain(known).collect();
-        let audit = audit(scene, &bake.recording, &bake.settings, &known);
+        let audit = audit_of(scene, bake);
         let count = |motion| scene.bodies.iter().filter(|body| body.motion == motion).count();
         let steps = &bake.steps;
         let last_second = ((1.0 / scene.time_step).round() as usize).clamp(1, steps.len().max(1));
@@ -180,13 +211,12 @@ impl Summary {
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
         let kinematic = count(Motion::Kinematic);
         let running = scene.bodies.iter().filter(|body| runs(body)).count();
-        let ledger = books(bake);
+        let ledger = energy_summary(bake);
         let energy_created = match &ledger {
-            Some(books) => Some(books.created > energy_tolerance),
+            Some(sums) => Some(sums.created > energy_tolerance),
             None => (kinematic == 0 && running == 0).then_some(energy_rise > energy_tolerance),
         };
-        let mut times: Vec<f64> = steps.iter().map(|step| step.time.as_secs_f64() * 1e3).collect();
-        times.sort_unstable_by(f64::total_cmp);
+        let times = times(steps);
         Self {
             dynamic: count(Motion::Dynamic),
             r#static: count(Motion::Static),
@@ -235,7 +265,7 @@ impl Summary {
             ("penetration", self.penetration()),
             ("energy", self.energy()),
             (self.title(), self.certified(scene)),
-            ("", self.proven()),
+            ("", self.bound_limits()),
             ("audit", self.audited(scene)),
             ("residual", self.residual()),
             ("motion", self.motion(scene)),
@@ -244,7 +274,7 @@ impl Summary {
                 let _ = writeln!(out, "{title:<12} {line}");
             }
         }
-        for line in self.odd(scene) {
+        for line in self.notes(scene) {
             let _ = writeln!(out, "{:<12} {line}", "note");
         }
         out
@@ -266,8 +296,8 @@ impl Summary {
     fn length(&self, scene: &Scene, head: &Head<'_>) -> String {
         let iterations = head.settings.iterations;
         let substeps = match self.substeps {
-            [fewest, most] if fewest < most => format!("{fewest} to {most}"),
-            [_, most] => most.to_string(),
+            [fewest, most] if fewest < most => format!("{fewest} to {most} substeps"),
+            [_, most] => counted(most as usize, "substep"),
         };
         let tolerance = head.settings.tolerance * 1e3;
         let work = match (tolerance > 0.0, iterations) {
@@ -275,21 +305,20 @@ impl Summary {
             (false, 1) => "1 sweep each".to_owned(),
             (false, _) => format!("{iterations} sweeps each"),
         };
-        let steps = (self.simulated / scene.time_step).round();
+        let steps = counted((self.simulated / scene.time_step).round() as usize, "step");
         format!(
-            "{steps} steps of {:.4} ms, {:.3} s in all; {substeps} substeps, {work}",
+            "{steps} of {:.4} ms, {:.3} s in all; {substeps}, {work}",
             scene.time_step * 1e3,
             self.simulated,
         )
     }
 
     fn time(&self, head: &Head<'_>) -> String {
-        let threads = if head.threads == 1 { "thread" } else { "threads" };
         format!(
-            "{:.3} ms per step (median), {:.2} s for all, on {} {threads}",
+            "{:.3} ms per step (median), {:.2} s for all, on {}",
             self.step_ms_median,
             self.total_ms / 1e3,
-            head.threads,
+            counted(head.threads, "thread"),
         )
     }
 
@@ -306,7 +335,16 @@ impl Summary {
     fn penetration(&self) -> String {
         let mm = |depth: f64| format!("{:.3} mm", depth * 1e3);
         let (most, settled) = (mm(self.deepest_penetration), mm(self.settled_penetration));
-        format!("{most} at the deepest, {settled} in the last second")
+        format!("{most} at the deepest, {settled} in the last {}", self.last())
+    }
+
+    /// Names the last second, or the whole run if that is shorter.
+    fn last(&self) -> String {
+        if self.simulated < 0.9995 {
+            format!("{:.3} s", self.simulated)
+        } else {
+            "second".to_owned()
+        }
     }
 
     fn energy(&self) -> String {
@@ -317,11 +355,11 @@ impl Summary {
             (None, _) if self.kinematic == 0 => "; running surfaces may add to it".to_owned(),
             (None, _) => "; kinematic bodies and running surfaces may add to it".to_owned(),
             (Some(false), _) => format!("; none was created (tolerance {tolerance})"),
-            (Some(true), Some(books)) => format!(
+            (Some(true), Some(sums)) => format!(
                 "; contacts created {}, most of it, {}, in step {} (tolerance {tolerance})",
-                joule(books.created),
-                joule(books.worst),
-                books.worst_step
+                joule(sums.created),
+                joule(sums.worst),
+                sums.worst_step
             ),
             (Some(true), None) => {
                 format!("; {rise} above the start at its highest (tolerance {tolerance})")
@@ -337,11 +375,11 @@ impl Summary {
     }
 
     /// States what the certified error refers to, and what it does not bound.
-    fn proven(&self) -> String {
+    fn bound_limits(&self) -> String {
         match (&self.certified, self.friction) {
             (Some(of), true) if of.islands > 0 => {
-                "exact: of the velocities that move bodies, before overlap repair is taken out; \
-                 friction for the slip at hand, Coulomb's law itself is not bounded"
+                "bounded: velocities with overlap repair, as bodies move; friction for the slip \
+                 at hand, not Coulomb's law itself"
             }
             _ => "",
         }
@@ -355,12 +393,8 @@ impl Summary {
             None => "no overlap".to_owned(),
             Some(deepest) => format!("deepest overlap {}", self.overlap(scene, deepest)),
         };
-        let frames = match of.frames {
-            1 => "1 frame".to_owned(),
-            many => format!("{many} frames"),
-        };
-        let found =
-            if of.is_clean() { "" } else { "; bodies are where they cannot be, see the notes" };
+        let frames = counted(of.frames, "frame");
+        let found = if of.is_clean() { "" } else { "; bodies overlap or tunneled, see the notes" };
         format!("{overlap} in {frames} measured by shapes alone{found}")
     }
 
@@ -378,24 +412,24 @@ impl Summary {
             if rest > 0 { format!(", and {rest} more") } else { String::new() }
         };
         let mut lines = Vec::new();
-        if !of.passed.is_empty() {
-            let through = of.passed.iter().take(NAMED).map(|passage| {
+        if !of.passages.is_empty() {
+            let through = of.passages.iter().take(NAMED).map(|passage| {
                 let [a, b] = passage.bodies.map(|body| scene.name_of(body));
                 format!("{a} through {b} at {:.3} s", passage.frame as f64 * scene.time_step)
             });
             let through = through.collect::<Vec<_>>().join(", ");
-            lines.push(format!("went through a surface: {through}{}", more(of.passed.len())));
+            lines.push(format!("tunneled through a surface: {through}{}", more(of.passages.len())));
         }
-        if !of.inside.is_empty() {
-            let inside = of.inside.iter().take(NAMED).map(|of| {
+        if !of.overlaps.is_empty() {
+            let inside = of.overlaps.iter().take(NAMED).map(|of| {
                 format!("{} (accepted: {:.3} mm)", self.overlap(scene, of), of.accepted * 1e3)
             });
             let inside = inside.collect::<Vec<_>>().join(", ");
-            lines.push(format!("stood inside each other: {inside}{}", more(of.inside.len())));
+            lines.push(format!("overlapped too deeply: {inside}{}", more(of.overlaps.len())));
         }
-        if !of.left.is_empty() {
-            let named = names(scene, &of.left);
-            lines.push(format!("ended below everything that could carry it: {named}"));
+        if !of.fallen.is_empty() {
+            let named = names(scene, &of.fallen);
+            lines.push(format!("fell below all surfaces that could carry it: {named}"));
         }
         lines
     }
@@ -412,22 +446,22 @@ impl Summary {
         }
         let mm = |speed: f64| format!("{:.3} mm/s", speed * 1e3);
         let all = (self.simulated / scene.time_step).round() as usize;
-        let worst = mm(of.worst);
+        let worst = if of.worst.is_finite() {
+            format!("worst {}", mm(of.worst))
+        } else {
+            "no bound".to_owned()
+        };
         let body = of
             .worst_body
             .map_or_else(String::new, |body| format!(", around {}", scene.name_of(body as usize)));
         let place = format!("in step {}{body}", of.worst_step);
         if of.tolerance <= 0.0 {
-            return format!(
-                "the last substep of each step within {} of the exact contact solution in half of the \
-                 steps, within {worst} in all (root mean square; {place})",
-                mm(of.median)
-            );
+            return format!("the last substep of each step {}", of.spread(&place));
         }
         let within = mm(of.tolerance);
         if of.steps < all {
             return format!(
-                "{} of {all} steps within {within} of the exact contact solution; worst {worst} {place}",
+                "{} of {all} steps within {within} of the exact contact solution; {worst} {place}",
                 of.steps
             );
         }
@@ -438,12 +472,12 @@ impl Summary {
         };
         if !self.audit.is_clean() {
             return format!(
-                "all {all} steps within {within} of the exact solution of the contacts that were found; \
-                 bodies are where they cannot be"
+                "all {all} steps within {within} of the exact solution of the contacts that were \
+                 found; bodies overlap or tunneled"
             );
         }
         format!(
-            "all {all} steps within {within} of the exact contact solution (root mean square; worst \
+            "all {all} steps within {within} of the exact contact solution (root mean square; \
              {worst}), deepest overlap {overlap:.3} mm{energy}"
         )
     }
@@ -467,14 +501,16 @@ impl Summary {
         let first = *self.jammed.values().min()?;
         let bodies: Vec<usize> = self.jammed.keys().map(|&body| body as usize).collect();
         let named = names(scene, &bodies);
-        Some(format!("jammed from step {first}: {named}; no velocities meet what contacts ask for"))
+        Some(format!(
+            "jammed from step {first}: {named}; no velocities satisfy the targets of their contacts"
+        ))
     }
 
     /// Notes on unexpected results.
-    fn odd(&self, scene: &Scene) -> Vec<String> {
+    fn notes(&self, scene: &Scene) -> Vec<String> {
         let mut lines = Vec::new();
         if self.energy_created == Some(true) {
-            let created = self.ledger.as_ref().map_or(self.energy_rise, |books| books.created);
+            let created = self.ledger.as_ref().map_or(self.energy_rise, |sums| sums.created);
             let who = self.energy_risen.as_ref().map_or_else(String::new, |of| {
                 format!(
                     ", from step {} ({:.3} s); {} gained most, {}",
@@ -498,15 +534,16 @@ impl Summary {
         if let Some(body) = self.moved_body.filter(|_| self.moved > AT_REST) {
             let far = self.moved * 1e3;
             lines.push(format!(
-                "not at rest: {} moved {far:.1} mm in the last second",
-                scene.name_of(body)
+                "not at rest: {} moved {far:.1} mm in the last {}",
+                scene.name_of(body),
+                self.last()
             ));
         }
         lines
     }
 }
 
-fn books(bake: &Bake) -> Option<EnergySummary> {
+fn energy_summary(bake: &Bake) -> Option<EnergySummary> {
     let ledgers = bake.steps.iter().map(|step| step.report.energy);
     let ledgers: Vec<_> = ledgers.collect::<Option<_>>()?;
     let mut total = Ledger::default();
@@ -523,6 +560,11 @@ fn books(bake: &Bake) -> Option<EnergySummary> {
         worst_step: step + 1,
         worst,
     })
+}
+
+/// Formats a number of things, of which `one` names one.
+fn counted(count: usize, one: &str) -> String {
+    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
 }
 
 /// Names the first few bodies and counts the rest.
@@ -559,8 +601,8 @@ fn certified(bake: &Bake) -> Option<Certified> {
         islands: outcomes.iter().map(|(_, of)| of.islands).sum(),
         worst: worst.error,
         median: errors.get(errors.len() / 2).copied().unwrap_or(0.0),
-        natural: residual(0),
-        sinking: residual(1),
+        natural_residual: residual(0),
+        approach_error: residual(1),
         cone: residual(2),
         worst_step: step + 1,
         worst_body: worst.worst,

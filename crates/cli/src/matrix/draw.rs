@@ -3,16 +3,28 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use crate::solve::escaped;
+use crate::solve::{escaped, short};
 
 /// Side of the matrix, and of the picture of the contacts.
 const SIDE: f64 = 600.0;
 const MARGIN: f64 = 30.0;
 const TOP: f64 = 56.0;
-/// Maximum size of a cell, and minimum size that has room for its label.
-const CELL: [f64; 2] = [26.0, 9.0];
+/// Maximum size of a cell without and with its number.
+const CELL: [f64; 2] = [26.0, 60.0];
+/// Minimum size of a cell that has room for its label.
+const LABELED: f64 = 9.0;
+/// Largest number of contacts whose entries, b and normals are shown.
+const NUMBERED: usize = 16;
+/// Number of digits of an entry.
+const DIGITS: i32 = 3;
+/// Length of a drawn normal.
+const NORMAL: f64 = 18.0;
 /// Width of a letter as a fraction of the font size.
 const LETTER: f64 = 0.6;
+
+/// Meaning of the colors.
+const LEGEND: &str = "An entry has the color of the body that makes it, dark gray if two bodies \
+                      do; red: normals, towards the first body of a row.";
 
 /// Horizontal and vertical coordinate. \[m\]
 pub(super) type Point = [f64; 2];
@@ -21,62 +33,123 @@ pub(super) type Point = [f64; 2];
 pub(super) struct Entry {
     pub(super) row: usize,
     pub(super) column: usize,
+    /// a_ij, the normal velocity at contact i per unit normal impulse at contact j. \[1/kg\]
+    pub(super) value: f64,
     /// The one dynamic body that both contacts share; `None` if they share two.
     pub(super) body: Option<u32>,
+}
+
+/// A contact, which is a row and a column of A.
+pub(super) struct Row {
+    /// Bodies a and b.
+    pub(super) bodies: [u32; 2],
+    pub(super) point: Point,
+    /// Normal from b to a, seen in the picture. \[1\]
+    pub(super) normal: Point,
+    /// b_i. \[m/s\]
+    pub(super) b: f64,
 }
 
 /// Content of the picture.
 pub(super) struct Picture {
     pub(super) title: String,
     pub(super) entries: Vec<Entry>,
-    /// Bodies a and b of each contact, and its point.
-    pub(super) contacts: Vec<([u32; 2], Point)>,
+    pub(super) contacts: Vec<Row>,
     /// Name of each body, and its position if it is dynamic.
     pub(super) bodies: Vec<(String, Option<Point>)>,
 }
 
+/// Sizes of the matrix in the picture.
+struct Layout {
+    cell: f64,
+    /// Font size.
+    size: f64,
+    /// Left edge.
+    left: f64,
+    /// True if labels have room in each row.
+    labeled: bool,
+    /// True if entries have room for their numbers.
+    numbered: bool,
+}
+
+impl Layout {
+    fn new(count: usize, rows: &[String]) -> Self {
+        let numbered = count <= NUMBERED;
+        let cell = if numbered {
+            (SIDE / (count + 1) as f64).min(CELL[1])
+        } else {
+            (SIDE / count as f64).min(CELL[0])
+        };
+        let (size, labeled) = ((0.6 * cell).clamp(6.0, 12.0), cell >= LABELED);
+        let longest = rows.iter().map(|row| row.chars().count()).max().unwrap_or(0) as f64;
+        let labels = if labeled { longest * LETTER * size } else { 30.0 };
+        Self { cell, size, left: MARGIN + labels, labeled, numbered }
+    }
+
+    /// Returns the middle of row or column `i`, from the first.
+    fn middle(&self, i: usize) -> f64 {
+        (i as f64 + 0.5) * self.cell
+    }
+}
+
 /// Draws the picture as SVG.
 pub(super) fn svg(picture: &Picture) -> String {
-    let count = picture.contacts.len().max(1) as f64;
-    let cell = (SIDE / count).min(CELL[0]);
-    let size = (0.6 * cell).clamp(6.0, 12.0);
+    let count = picture.contacts.len();
+    let name = |body: u32| picture.name(body);
     let rows: Vec<String> = (picture.contacts.iter().enumerate())
-        .map(|(i, ([a, b], _))| format!("{} – {}  {}", picture.name(*a), picture.name(*b), i + 1))
+        .map(|(i, Row { bodies: [a, b], .. })| format!("{} – {}  {}", name(*a), name(*b), i + 1))
         .collect();
-    let longest = rows.iter().map(|row| row.chars().count()).max().unwrap_or(0) as f64;
-    let labels = if cell >= CELL[1] { longest * LETTER * size } else { 30.0 };
-    let left = MARGIN + labels;
-    let right = left + count * cell + 2.0 * MARGIN;
-    let (width, height) = (right + SIDE + MARGIN, TOP + SIDE + MARGIN);
-    let mut svg = String::new();
-    // Writing to a string does not fail.
-    let _ = write!(
-        svg,
+    let layout = Layout::new(count, &rows);
+    let columns = if layout.numbered { count + 1 } else { count } as f64;
+    let right = layout.left + columns * layout.cell + 2.0 * MARGIN;
+    let mut drawn = String::new();
+    matrix(&mut drawn, picture, &layout);
+    labels(&mut drawn, &rows, &layout);
+    if layout.numbered {
+        numbers(&mut drawn, picture, &layout);
+    }
+    let bottom = graph(&mut drawn, picture, right).max(TOP + count as f64 * layout.cell);
+    let (width, height) = (right + SIDE + MARGIN, bottom + 2.0 * MARGIN);
+    format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.1} {height:.1}\" \
-         font-family=\"sans-serif\" font-size=\"{size:.1}\">\n\
+         font-family=\"sans-serif\" font-size=\"{:.1}\">\n\
          <rect width=\"{width:.1}\" height=\"{height:.1}\" fill=\"#ffffff\"/>\n\
-         <text x=\"{MARGIN}\" y=\"26\" font-size=\"15\">{}</text>\n",
-        escaped(&picture.title)
-    );
-    for Entry { row, column, body } in &picture.entries {
+         <text x=\"{MARGIN}\" y=\"26\" font-size=\"15\">{}</text>\n\
+         <text x=\"{MARGIN}\" y=\"{:.1}\" font-size=\"11\">{LEGEND}</text>\n{drawn}</svg>\n",
+        layout.size,
+        escaped(&picture.title),
+        height - 10.0,
+    )
+}
+
+/// Draws a cell for each nonzero entry, and the outline.
+fn matrix(svg: &mut String, picture: &Picture, layout: &Layout) {
+    let Layout { cell, left, .. } = layout;
+    for Entry { row, column, body, .. } in &picture.entries {
         let (x, y) = (left + *column as f64 * cell, TOP + *row as f64 * cell);
         let color = body.map_or_else(|| "#555555".to_owned(), color);
         let _ = writeln!(
             svg,
-            "<rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{cell:.2}\" height=\"{cell:.2}\" fill=\"{color}\"/>"
+            "<rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{cell:.2}\" height=\"{cell:.2}\" \
+             fill=\"{color}\"/>"
         );
     }
-    let side = count * cell;
+    let side = picture.contacts.len() as f64 * cell;
     let _ = writeln!(
         svg,
         "<rect x=\"{left:.1}\" y=\"{TOP}\" width=\"{side:.1}\" height=\"{side:.1}\" fill=\"none\" \
          stroke=\"#444444\"/>"
     );
-    // If labels have no room, only every n-th number is written.
+}
+
+/// Writes the bodies of each row, and the number of each column. If that has no room, only every
+/// n-th number is written.
+fn labels(svg: &mut String, rows: &[String], layout: &Layout) {
+    let Layout { cell, size, left, labeled, .. } = layout;
     let every = (size / cell).ceil().max(1.0) as usize;
     for (i, row) in rows.iter().enumerate().filter(|(i, _)| i % every == 0) {
-        let middle = (i as f64 + 0.5) * cell;
-        let text = if cell >= CELL[1] { escaped(row) } else { (i + 1).to_string() };
+        let middle = layout.middle(i);
+        let text = if *labeled { escaped(row) } else { (i + 1).to_string() };
         let _ = writeln!(
             svg,
             "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>\n\
@@ -88,23 +161,54 @@ pub(super) fn svg(picture: &Picture) -> String {
             i + 1
         );
     }
-    graph(&mut svg, picture, right);
-    svg.push_str("</svg>\n");
-    svg
+}
+
+/// Writes the entries of A, and the column b beside it.
+fn numbers(svg: &mut String, picture: &Picture, layout: &Layout) {
+    let size = 0.2 * layout.cell;
+    let mut write = |row: Option<usize>, column: usize, fill: &str, text: &str| {
+        let y = row.map_or(TOP - 5.0, |row| TOP + layout.middle(row) + 0.35 * size);
+        let _ = writeln!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{y:.1}\" font-size=\"{size:.1}\" fill=\"{fill}\" \
+             text-anchor=\"middle\">{text}</text>",
+            layout.left + layout.middle(column),
+        );
+    };
+    for Entry { row, column, value, body } in &picture.entries {
+        let fill = if body.is_some() { "#000000" } else { "#ffffff" };
+        write(Some(*row), *column, fill, &short(*value, DIGITS));
+    }
+    let last = picture.contacts.len();
+    write(None, last, "#000000", "b [m/s]");
+    for (row, contact) in picture.contacts.iter().enumerate() {
+        write(Some(row), last, "#000000", &short(contact.b, DIGITS));
+    }
+}
+
+/// Writes a text of this font size, centered at a point.
+fn label(svg: &mut String, ([x, y], size): (Point, f64), weight: &str, text: &str) {
+    let _ = writeln!(
+        svg,
+        "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"{size:.1}\" font-weight=\"{weight}\" \
+         text-anchor=\"middle\">{}</text>",
+        y + 0.35 * size,
+        escaped(text)
+    );
 }
 
 /// Draws dynamic bodies as discs. Lines lead from the discs of each pair of bodies to the mean of
-/// their contact points. Other bodies are not drawn.
-fn graph(svg: &mut String, picture: &Picture, left: f64) {
+/// their contact points. Other bodies are not drawn. Returns the lower edge.
+fn graph(svg: &mut String, picture: &Picture, left: f64) -> f64 {
     let mut pairs: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
-    for (i, (bodies, _)) in picture.contacts.iter().enumerate() {
-        pairs.entry(*bodies).or_default().push(i);
+    for (i, contact) in picture.contacts.iter().enumerate() {
+        pairs.entry(contact.bodies).or_default().push(i);
     }
     let used: Vec<(u32, Point)> = (picture.bodies.iter().enumerate())
         .filter(|(body, _)| pairs.keys().any(|pair| pair.contains(&(*body as u32))))
         .filter_map(|(body, (_, place))| Some((body as u32, (*place)?)))
         .collect();
-    let points = || used.iter().map(|of| of.1).chain(picture.contacts.iter().map(|of| of.1));
+    let points = || used.iter().map(|of| of.1).chain(picture.contacts.iter().map(|of| of.point));
     let bound = |pick: fn(f64, f64) -> f64| -> Point {
         [0, 1].map(|i| points().map(|point| point[i]).reduce(pick).unwrap_or(0.0))
     };
@@ -115,58 +219,73 @@ fn graph(svg: &mut String, picture: &Picture, left: f64) {
     };
     let size = (260.0 / (pairs.len() as f64).sqrt().max(1.0)).clamp(5.0, 12.0);
     let mut texts = String::new();
-    let mut write = |[x, y]: Point, weight: &str, text: &str| {
-        let _ = writeln!(
-            texts,
-            "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"{size:.1}\" font-weight=\"{weight}\" \
-             text-anchor=\"middle\">{}</text>",
-            y + 0.35 * size,
-            escaped(text)
-        );
-    };
+    let mut write =
+        |at: Point, weight: &str, text: &str| label(&mut texts, (at, size), weight, text);
     for ([a, b], contacts) in &pairs {
-        let part = 1.0 / contacts.len() as f64;
-        let points = contacts.iter().filter_map(|&i| picture.contacts.get(i));
-        let mean = points.fold([0.0; 2], |sum: Point, (_, point)| {
-            [sum[0] + part * point[0], sum[1] + part * point[1]]
-        });
-        let middle = place(mean);
-        for body in [a, b] {
-            if let Some((_, center)) = used.iter().find(|of| of.0 == *body) {
-                let [x, y] = place(*center);
-                let _ = writeln!(
-                    svg,
-                    "<line x1=\"{x:.1}\" y1=\"{y:.1}\" x2=\"{:.1}\" y2=\"{:.1}\" stroke=\"#999999\"/>",
-                    middle[0], middle[1]
-                );
-            }
+        let middle = place(picture.mean(contacts));
+        let ends = used.iter().filter(|(body, _)| [a, b].contains(&body));
+        link(svg, middle, ends.map(|(_, center)| place(*center)));
+        if let (true, Some(&first)) = (picture.contacts.len() <= NUMBERED, contacts.first()) {
+            normal(svg, middle, picture.contacts[first].normal);
         }
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"4\" height=\"4\" fill=\"#444444\"/>",
-            middle[0] - 2.0,
-            middle[1] - 2.0
-        );
-        write([middle[0], middle[1] + size], "normal", &numbers(contacts));
+        write([middle[0] + size, middle[1] + size], "normal", &range(contacts));
     }
     for (body, center) in &used {
         let [x, y] = place(*center);
         let fill = color(*body);
         let _ =
             writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{size:.1}\" fill=\"{fill}\"/>");
-        write([x, y], "bold", picture.name(*body).trim_matches('\''));
+        write([x, y], "bold", picture.name(*body));
     }
     svg.push_str(&texts);
+    place(low)[1] + MARGIN
 }
 
 impl Picture {
     fn name(&self, body: u32) -> &str {
         self.bodies.get(body as usize).map_or("", |(name, _)| name)
     }
+
+    /// Returns the mean of the points of some contacts.
+    fn mean(&self, contacts: &[usize]) -> Point {
+        let part = 1.0 / contacts.len() as f64;
+        contacts.iter().fold([0.0; 2], |sum, &i| {
+            let [x, y] = self.contacts[i].point;
+            [sum[0] + part * x, sum[1] + part * y]
+        })
+    }
+}
+
+/// Draws a contact as a square, with a line to each of its bodies.
+fn link(svg: &mut String, [x, y]: Point, bodies: impl Iterator<Item = Point>) {
+    for [from_x, from_y] in bodies {
+        let _ = writeln!(
+            svg,
+            "<line x1=\"{from_x:.1}\" y1=\"{from_y:.1}\" x2=\"{x:.1}\" y2=\"{y:.1}\" \
+             stroke=\"#999999\"/>"
+        );
+    }
+    let _ = writeln!(
+        svg,
+        "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"4\" height=\"4\" fill=\"#444444\"/>",
+        x - 2.0,
+        y - 2.0
+    );
+}
+
+/// Draws the normal of a contact as a line with a disc at its tip, on the side of body a.
+fn normal(svg: &mut String, [x, y]: Point, [right, up]: Point) {
+    let tip = [x + NORMAL * right, y - NORMAL * up];
+    let _ = writeln!(
+        svg,
+        "<line x1=\"{x:.1}\" y1=\"{y:.1}\" x2=\"{:.1}\" y2=\"{:.1}\" stroke=\"#cc0000\"/>\n\
+         <circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"2\" fill=\"#cc0000\"/>",
+        tip[0], tip[1], tip[0], tip[1]
+    );
 }
 
 /// Formats the numbers of the contacts of two bodies, from 1; these are consecutive.
-fn numbers(contacts: &[usize]) -> String {
+fn range(contacts: &[usize]) -> String {
     match contacts {
         [] => String::new(),
         [one] => (one + 1).to_string(),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use drystone_solver::assembled::Sample;
 
-use super::run::Run;
+use super::run::MethodRun;
 
 const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 800.0;
@@ -33,7 +33,7 @@ const ACROSS: [Across; 2] = [
 
 /// Draws one line per run in each plot, with logarithmic axes. A line shows the best residual so
 /// far, whichever method reached it.
-pub(super) fn svg(name: &str, runs: &[Run], tolerance: f64) -> String {
+pub(super) fn svg(name: &str, runs: &[MethodRun], tolerance: f64) -> String {
     let samples = || runs.iter().flat_map(|run| &run.solved.outcome.history);
     let (low, high) = samples()
         .map(|sample| sample.residual)
@@ -143,7 +143,7 @@ impl Axes<'_> {
     }
 }
 
-fn curve(svg: &mut String, axes: &Axes<'_>, run: &Run, color: &str) {
+fn curve(svg: &mut String, axes: &Axes<'_>, run: &MethodRun, color: &str) {
     let history = &run.solved.outcome.history;
     let mut best = f64::INFINITY;
     let mut points = String::new();
@@ -170,7 +170,7 @@ fn curve(svg: &mut String, axes: &Axes<'_>, run: &Run, color: &str) {
     }
 }
 
-fn legend(svg: &mut String, run: &Run, color: &str, place: usize) {
+fn legend(svg: &mut String, run: &MethodRun, color: &str, place: usize) {
     let y = FRAMES[0][0] + 12.0 + 40.0 * place as f64;
     let x = SIDES[1] + 14.0;
     let (name, status) = (run.choice.name(), run.solved.outcome.status.name());

@@ -65,7 +65,7 @@ pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
     };
     if node.find("J").is_some() {
         let assembly = assembly(&node)?;
-        let problem = assembly.problem().map_err(|error| node.unfit(&error))?;
+        let problem = assembly.problem().map_err(|error| node.invalid_problem(&error))?;
         let warm = Some(assembly.warm(&problem));
         return Ok(Named { name, problem, assembly: Some(assembly), warm });
     }
@@ -87,7 +87,7 @@ pub(super) fn read(path: &Path) -> Result<Named, SceneError> {
             "accepted: q with one of W, global, M, M_rows; or M, J, v_star, t, mu",
         ));
     };
-    let problem = problem.map_err(|error| node.unfit(&error))?;
+    let problem = problem.map_err(|error| node.invalid_problem(&error))?;
     Ok(Named { name, problem, assembly: None, warm: None })
 }
 
@@ -175,7 +175,7 @@ fn contacts(node: &Node<'_>) -> Result<Problem, SceneError> {
             Problem::from_bodies(d.get(), friction, bodies)
         }
     };
-    problem.map_err(|error| node.unfit(&error))
+    problem.map_err(|error| node.invalid_problem(&error))
 }
 
 /// Reads friction coefficients: one number for all contacts, or one for each.
@@ -257,7 +257,7 @@ impl<'a> Node<'a> {
     }
 
     /// Returns the error for parts that do not fit together.
-    fn unfit(&self, error: &ProblemError) -> SceneError {
+    fn invalid_problem(&self, error: &ProblemError) -> SceneError {
         self.refused(error.to_string(), String::new(), "accepted: matrices that fit together")
     }
 
@@ -302,7 +302,7 @@ impl<'a> Node<'a> {
             }
             entries.extend(values.into_iter().enumerate().map(|(j, value)| (i, j, value)));
         }
-        from_entries(n, n, &entries).map_err(|error| self.unfit(&error))
+        from_entries(n, n, &entries).map_err(|error| self.invalid_problem(&error))
     }
 
     /// Reads a sparse matrix given by columns.
@@ -350,7 +350,7 @@ impl<'a> Node<'a> {
         if from != count {
             return Err(starts.item(columns).wrong(&count.to_string()));
         }
-        from_entries(rows, columns, &entries).map_err(|error| self.unfit(&error))
+        from_entries(rows, columns, &entries).map_err(|error| self.invalid_problem(&error))
     }
 }
 

@@ -5,11 +5,11 @@ use drystone_solver::assembled::ladder::Attempt;
 use serde_json::{Value, json};
 
 use super::read::Named;
-use super::run::Run;
+use super::run::MethodRun;
 
 /// Returns the solution, its certificate and the history of the solve. Infinite numbers become
 /// null.
-pub(super) fn json(named: &Named, run: &Run) -> Value {
+pub(super) fn json(named: &Named, run: &MethodRun) -> Value {
     let problem = &named.problem;
     let outcome = &run.solved.outcome;
     let impulses = if problem.dimension() == 1 { "z" } else { "r" };
@@ -24,6 +24,13 @@ pub(super) fn json(named: &Named, run: &Run) -> Value {
     let samples = |of: fn(&Sample) -> Value| outcome.history.iter().map(of).collect::<Value>();
     let mut result = json!({
         "name": named.name,
+        "version": env!("CARGO_PKG_VERSION"),
+        "units": {
+            "approach": "m/s", "complementarity": "J", "cone_violation": "N s",
+            "fastest_approach": "m/s", "gap": "J", "least_sum": "N s", "natural_map": "1",
+            "residual": "1", "scaled_natural_map": "1", "time_ms": "ms", "u": "m/s",
+            "weights": "1", impulses: "N s",
+        },
         "status": outcome.status.name(),
         "reason": outcome.reason,
         "method": run.solved.method.name(),
@@ -44,11 +51,11 @@ pub(super) fn json(named: &Named, run: &Run) -> Value {
 }
 
 /// Formats the certificate in a line.
-pub(super) fn in_words(named: &Named, run: &Run) -> String {
+pub(super) fn in_words(named: &Named, run: &MethodRun) -> String {
     let certificate = certificate(named, run);
     let number = |key: &str| certificate[key].as_f64().unwrap_or(f64::INFINITY);
-    let gap = match certificate.get("gap") {
-        Some(_) => format!("gap {:.1e} J, ", number("gap")),
+    let gap = match certificate["gap"].as_f64() {
+        Some(gap) => format!("gap {gap:.1e} J, "),
         None => String::new(),
     };
     format!(
@@ -62,7 +69,7 @@ pub(super) fn in_words(named: &Named, run: &Run) -> String {
 
 /// Returns the certificate, which anyone can check: how far the impulses violate the contact laws,
 /// or why no solution exists.
-fn certificate(named: &Named, run: &Run) -> Value {
+fn certificate(named: &Named, run: &MethodRun) -> Value {
     let problem = &named.problem;
     let outcome = &run.solved.outcome;
     let (r, d) = (&outcome.impulses, problem.dimension());
@@ -83,7 +90,9 @@ fn certificate(named: &Named, run: &Run) -> Value {
         "complementarity": most(&mut pairs().map(work)),
     });
     if let Some(assembly) = &named.assembly {
-        certificate["gap"] = json!(assembly.gap(r));
+        // Without compliance the gap is infinite as soon as rounding misses a target.
+        let gap = assembly.gap(r);
+        certificate["gap"] = json!(gap.is_finite().then_some(gap));
     }
     if let Some(stress) = &outcome.certificate {
         certificate["self_stress"] = json!({

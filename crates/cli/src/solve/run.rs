@@ -53,14 +53,14 @@ impl FromStr for Choice {
 }
 
 /// Solution of the problem by one choice.
-pub(super) struct Run {
+pub(super) struct MethodRun {
     pub(super) choice: Choice,
     pub(super) solved: Solved,
     /// Time of the solve; the median if it was repeated.
     pub(super) time: Duration,
 }
 
-impl Run {
+impl MethodRun {
     pub(super) fn new(named: &Named, choice: Choice, limits: &Limits, repeat: u32) -> Self {
         let mut times = Vec::new();
         loop {
@@ -72,6 +72,27 @@ impl Run {
                 return Self { choice, solved, time: times[times.len() / 2] };
             }
         }
+    }
+
+    /// Adds the residuals of the interior-point method between its start and its end, from runs
+    /// that end earlier: each of its iterations leads on from the last, whatever the budget.
+    pub(super) fn with_history(mut self, named: &Named, limits: &Limits) -> Self {
+        if self.choice == Choice::Only(MatrixMethod::InteriorPoint) {
+            let history = &mut self.solved.outcome.history;
+            let end = history.len().min(1);
+            let between = (1..self.solved.outcome.iterations).filter_map(|budget| {
+                let earlier = self.choice.solve(named, &Limits { budget, ..*limits }).outcome;
+                earlier.history.last().copied().filter(|sample| sample.iteration == budget)
+            });
+            history.splice(end..end, between.collect::<Vec<_>>());
+            // A run of fewer iterations takes no longer, unless another program held it up.
+            let mut longer = Duration::MAX;
+            for sample in history.iter_mut().rev() {
+                sample.elapsed = sample.elapsed.min(longer);
+                longer = sample.elapsed;
+            }
+        }
+        self
     }
 
     pub(super) fn milliseconds(&self) -> f64 {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::common::{Place, SCENE};
+use crate::common::{Place, SCENE, example};
 use drystone_bake::recording::{Recording, npz};
 use serde_json::Value;
 
@@ -86,7 +86,7 @@ fn the_contacts_of_a_step_are_saved_and_solved() {
         let on_floor = contacts
             .iter()
             .enumerate()
-            .filter(|(_, of)| of["names"][1] == "'floor'" || of["names"][0] == "'floor'");
+            .filter(|(_, of)| of["names"][1] == "floor" || of["names"][0] == "floor");
         // At rest the floor carries the weight; the bodies weigh 48 and 33.5 kg.
         let carried: f64 = on_floor.map(|(i, _)| r(3 * i)).sum();
         let weight = (48.0 + 1000.0 * 4.0 / 3.0 * std::f64::consts::PI * 0.008) * 9.81;
@@ -97,6 +97,111 @@ fn the_contacts_of_a_step_are_saved_and_solved() {
     assert!(wrong.contains("accepted: 1 to 120"), "{wrong}");
     let run = ["bake", "scene.toml", "--dump-step", "3", "--dump", "out.dat"];
     assert!(place.fails(2, &run).contains("accepted: .json, .hdf5"));
+}
+
+fn json_in(place: &Place, name: &str) -> Value {
+    serde_json::from_slice(&fs::read(place.path(name)).unwrap()).unwrap()
+}
+
+/// Solves a problem file without friction and returns the impulses.
+fn impulses(place: &Place, file: &str) -> Vec<f64> {
+    let text = place.succeeds(&["solve", file, "-o", "result.json"]);
+    assert!(!text.contains("inf"), "{text}");
+    let z = &json_in(place, "result.json")["z"];
+    z.as_array().unwrap().iter().map(|z| z.as_f64().unwrap()).collect()
+}
+
+/// The notes' two pairs as equation (2): A gamma = -(1 + c_r) J v-, whenever they collide in a
+/// step.
+#[test]
+fn the_impacts_of_a_step_are_saved_as_equation_2() {
+    let scene = fs::read_to_string(example("notes/two_pairs.toml")).unwrap();
+    for start in ["-0.4", "-0.386"] {
+        let place = Place::new(&scene.replace("[-0.4, 0]", &format!("[{start}, 0]")));
+        let dump = ["bake", "scene.toml", "--dump-step", "6", "--report", "r.json", "--dump"];
+        place.succeeds(&[&dump[..], &["a.json", "--dump-impacts"]].concat());
+        let impacts = json_in(&place, "a.json");
+        for (gamma, by_hand) in impulses(&place, "a.json").iter().zip([2.25, 3.0]) {
+            assert!((gamma - by_hand).abs() < 1e-6, "{gamma} N s from {start} m");
+        }
+        let numbers = |key: &str| -> Vec<f64> {
+            impacts[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+        };
+        let before = numbers("v_star");
+        for (v, own) in before.iter().zip([2.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0]) {
+            assert!((v - own).abs() < 1e-6, "{before:?}");
+        }
+        let targets = numbers("t");
+        assert!((targets[0] - 1.0).abs() < 1e-6 && (targets[2] - 1.0).abs() < 1e-6, "{targets:?}");
+        assert!((impacts["contacts"][0]["impact"].as_f64().unwrap() - 2.25).abs() < 1e-6);
+        assert_eq!(impacts["contacts"][0]["restitution"], 0.5);
+        // Without the flag the contacts after the impacts are saved, with a warning.
+        let output = place.run(&[&dump[..], &["b.json"]].concat());
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains("2 of the contacts saved in step 6 bounced"), "{said}");
+        assert!(json_in(&place, "b.json")["v_star"] != impacts["v_star"]);
+    }
+}
+
+/// A ball that falls on a floor: the saved impact is the impulse of the simulation, but for the
+/// velocity that gravity gives in the step.
+#[test]
+fn the_impact_on_a_floor_is_saved_and_the_floor_is_said_to_be_fixed() {
+    let scene = r#"
+duration = 1
+[[bodies]]
+name = "floor"
+motion = "static"
+restitution = 0.5
+shapes = [{ type = "halfspace", normal = [0, 1, 0] }]
+[[bodies]]
+name = "ball"
+position = [0, 1.2, 0]
+restitution = 0.5
+shapes = [{ type = "sphere", radius = 0.2 }]
+"#;
+    let place = Place::new(scene);
+    let fall = (2.0f64 / 9.81).sqrt() * 60.0;
+    let step = (fall.ceil() as u32).to_string();
+    let dump = ["bake", "scene.toml", "--report", "r.json", "--dump-impacts", "--dump-step"];
+    place.succeeds(&[&dump[..], &[&step, "--dump", "a.json"]].concat());
+    let (impacts, report) = (json_in(&place, "a.json"), json_in(&place, "r.json"));
+    let impact = impacts["contacts"][0]["impact"].as_f64().unwrap();
+    let gamma = impulses(&place, "a.json");
+    let gained = 1.5 * 9.81 / 60.0 / (1.5 * (2.0 * 9.81f64).sqrt());
+    assert!(impact > 0.0 && (gamma[0] / impact - 1.0).abs() < gained, "{gamma:?}, not {impact}");
+    let bodies = &impacts["bodies"];
+    assert_eq!((&bodies[0]["name"], &bodies[0]["fixed"]), (&"floor".into(), &true.into()));
+    assert_eq!((&bodies[1]["name"], &bodies[1]["fixed"]), (&"ball".into(), &false.into()));
+    assert!(impacts["fixed_bodies"].as_str().unwrap().contains("M^-1 is 0 there"));
+    for key in ["scene_hash", "version", "settings"] {
+        assert!(!impacts[key].is_null() && impacts[key] == report[key], "{key}");
+    }
+    let output = place.run(&[&dump[..], &["3", "--dump", "c.json"]].concat());
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("no contact bounced in step 3"), "{said}");
+}
+
+#[test]
+fn one_substep_is_not_plural_and_a_short_run_has_no_last_second() {
+    let place = Place::new(SCENE);
+    let one = ["bake", "scene.toml", "-o", "out.poses", "--steps", "1", "--substeps", "1"];
+    let text = place.succeeds(&[&one[..], &["--threads", "1"]].concat());
+    assert!(text.contains("1 step of ") && text.contains("; 1 substep, "), "{text}");
+    assert!(text.contains("in the last 0.017 s") && !text.contains("last second"), "{text}");
+}
+
+/// Rigid contacts whose targets are missed by rounding have no bound, and the summary says so.
+#[test]
+fn a_step_without_a_bound_is_said_to_have_none() {
+    let scene = fs::read_to_string(example("notes/coupled.toml")).unwrap();
+    let place = Place::new(&scene.replace("softness = 0.001", "softness = 0.0"));
+    for preset in [&["--realtime"][..], &[]] {
+        let bake = ["bake", "scene.toml", "-o", "out.poses"];
+        let text = place.succeeds(&[&bake[..], preset].concat());
+        assert!(text.contains("a bound in step") || text.contains("no bound in step"), "{text}");
+        assert!(!text.contains("inf"), "{text}");
+    }
 }
 
 /// A ball in a slot that is too narrow for it.
@@ -125,7 +230,7 @@ shapes = [{ type = "sphere", radius = 0.2 }]
 "#;
     let place = Place::new(scene);
     let summary = place.succeeds(&["bake", "scene.toml", "--report", "r.json"]);
-    let said = "jammed from step 1: 'left', 'right', 'ball'; no velocities meet";
+    let said = "jammed from step 1: 'left', 'right', 'ball'; no velocities satisfy";
     assert!(summary.contains(said), "{summary}");
     let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
     assert_eq!(report["summary"]["jammed"], serde_json::json!({ "0": 1, "1": 1, "2": 1 }));
@@ -159,8 +264,17 @@ fn a_report_has_every_step() {
     let text = fs::read_to_string(place.path("r.json")).unwrap();
     let report: Value = serde_json::from_str(&text).unwrap();
     let keys: Vec<_> = report.as_object().unwrap().keys().map(String::as_str).collect();
-    let expected =
-        ["bodies", "per_step", "scene", "settings", "steps", "summary", "threads", "version"];
+    let expected = [
+        "bodies",
+        "per_step",
+        "scene",
+        "scene_hash",
+        "settings",
+        "steps",
+        "summary",
+        "threads",
+        "version",
+    ];
     assert_eq!(keys, expected);
     assert_eq!((&report["bodies"], &report["steps"]), (&3.into(), &120.into()));
     assert_eq!(report["threads"], 2);
@@ -280,7 +394,7 @@ fn flags_come_before_the_scene_and_the_scene_before_presets() {
 }
 
 #[test]
-fn islands_sleep_in_real_time_unless_told_not_to() {
+fn islands_sleep_with_the_realtime_preset_unless_turned_off() {
     // Without rolling resistance the ball rolls on.
     let resisting = SCENE.replace("radius = 0.2 }]", "radius = 0.2 }]\nrolling_resistance = 0.005");
     let place = Place::new(&resisting);
@@ -341,7 +455,7 @@ fn ends(glb: &[u8]) -> [f64; 2] {
 
 /// Frames selected in a bake equal those selected from its arrays afterwards.
 #[test]
-fn some_frames_are_those_of_the_whole() {
+fn selected_frames_equal_those_of_the_whole_bake() {
     let place = Place::new(SCENE);
     place.succeeds(&["bake", "scene.toml", "-o", "all.npz", "-o", "all.poses", "-q"]);
     let read = |name: &str| fs::read(place.path(name)).unwrap();
@@ -396,7 +510,7 @@ fn some_frames_are_those_of_the_whole() {
 }
 
 #[test]
-fn frames_that_there_are_not_are_refused_before_the_simulation() {
+fn missing_frames_are_refused_before_the_simulation() {
     let place = Place::new(&SCENE.replace("duration = 2", "duration = 10000"));
     let refused =
         |more: &[&str]| place.fails(2, &[&["bake", "scene.toml", "-o", "a.glb"], more].concat());
@@ -453,7 +567,7 @@ fn wrong_usage_is_refused_before_the_simulation() {
 /// Endless files and pipes without a writer are refused.
 #[cfg(unix)]
 #[test]
-fn what_is_no_regular_file_is_not_read() {
+fn only_regular_files_are_read() {
     let place = Place::new(SCENE);
     let refused = |arguments: &[&str]| {
         let start = Instant::now();
@@ -489,7 +603,7 @@ fn divergence_names_step_and_body() {
 }
 
 #[test]
-fn warnings_are_said_once_and_do_not_stop() {
+fn warnings_are_printed_once_and_stop_nothing() {
     let place = Place::new(&SCENE.replace("motion = \"static\"", "motion = \"static\"\nmass = 1"));
     let output = place.run(&["bake", "scene.toml", "-o", "out.poses"]);
     let message = String::from_utf8(output.stderr).unwrap();
@@ -498,7 +612,7 @@ fn warnings_are_said_once_and_do_not_stop() {
 }
 
 #[test]
-fn help_names_scenes_that_there_are() {
+fn help_names_existing_scenes() {
     let help = Place::new("").succeeds(&["bake", "--help"]);
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let scenes: Vec<_> =

@@ -64,7 +64,7 @@ fn scenes_come_back_from_openusd_with_the_same_bits() {
 /// A round trip keeps compounds, tilted half-spaces, filters, masses and moments, and velocities of
 /// rotated bodies. Differences are within the rounding of a rotation there and back.
 #[test]
-fn all_that_a_scene_says_comes_back() {
+fn all_data_of_a_scene_comes_back() {
     let scene = r#"
 gravity = [0, -1.6, 0]
 [[bodies]]
@@ -115,7 +115,7 @@ shapes = [{ type = "trimesh", vertices = [[0, 0, 0], [1, 0, 0], [0, 0, 1]], tria
 }
 
 #[test]
-fn a_gltf_becomes_a_scene_of_the_own_format() {
+fn a_gltf_is_converted_to_the_own_format() {
     let (place, scene) = (Place::new(""), example("workshop.gltf"));
     let expected = motion(&place, &scene);
     for file in ["own.toml", "own.json"] {
@@ -125,7 +125,7 @@ fn a_gltf_becomes_a_scene_of_the_own_format() {
 }
 
 #[test]
-fn what_a_gltf_cannot_say_is_refused() {
+fn scenes_that_a_gltf_cannot_hold_are_refused() {
     let place = Place::new("[[bodies]]\nname = \"nothing\"\nmotion = \"static\"\n");
     let refused = |scene: &str, out: &str| place.fails(2, &["convert", scene, out]);
     assert!(refused("scene.toml", "out.glb").contains("'nothing' has no shape"));
@@ -138,7 +138,7 @@ fn what_a_gltf_cannot_say_is_refused() {
 }
 
 #[test]
-fn a_bake_becomes_another() {
+fn a_bake_is_converted_to_all_formats() {
     let place = Place::new(SCENE);
     let outputs = ["-o", "a.poses", "-o", "a.npz", "-o", "a.glb", "-o", "a.usda"];
     place.succeeds(&[&["bake", "scene.toml", "--steps", "9", "-q"], &outputs[..]].concat());
@@ -169,7 +169,7 @@ fn a_bake_becomes_another() {
 /// The frames of an unfinished bake can be converted.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_journal_becomes_a_bake() {
+fn a_journal_is_converted_to_a_bake() {
     let place = Place::new(SCENE);
     let bake = ["bake", "scene.toml", "-o", "a.poses", "--steps", "9", "-q"];
     if crate::faults::failing(&place, &bake, Some("rename"), 1).is_none() {

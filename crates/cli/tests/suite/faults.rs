@@ -61,7 +61,7 @@ const BAKE: [&str; 12] = [
 const OUTPUTS: [&str; 2] = ["out.glb", "out.npz"];
 
 #[test]
-fn each_call_that_fails_leaves_the_last_bake_and_a_way_on() {
+fn a_failed_call_keeps_the_last_bake_and_can_be_resumed() {
     let place = Place::new(SCENE);
     place.succeeds(&BAKE);
     let expected = OUTPUTS.map(|name| fs::read(place.path(name)).unwrap());
@@ -93,10 +93,7 @@ fn each_call_that_fails_leaves_the_last_bake_and_a_way_on() {
         let again = place.run(&[&BAKE[..], &["--resume"]].concat());
         assert!(again.status.success(), "call {at}: {again:?}");
         for (name, whole) in OUTPUTS.iter().zip(&expected) {
-            assert!(
-                fs::read(place.path(name)).unwrap() == *whole,
-                "call {at}: {name} gone on with"
-            );
+            assert!(fs::read(place.path(name)).unwrap() == *whole, "call {at}: {name} is resumed");
         }
     }
     println!("{failures} calls failed, one after the other");
@@ -105,13 +102,13 @@ fn each_call_that_fails_leaves_the_last_bake_and_a_way_on() {
 
 /// The message names the full file, and the command that resumes the bake.
 #[test]
-fn a_full_disk_is_named_with_the_way_on() {
+fn a_full_disk_is_reported_with_the_command_to_resume() {
     let place = Place::new(SCENE);
     let Some((output, failed)) = failing(&place, &BAKE, Some("write"), 4) else { return };
     let message = String::from_utf8(output.stderr).unwrap();
     assert!(failed && output.status.code() == Some(4), "{message}");
     let said = "drystone: out.glb.journal: cannot be written: No space left on device";
     assert!(message.starts_with(said), "{message}");
-    assert!(message.contains("go on with: drystone bake scene.toml -o out.glb"), "{message}");
+    assert!(message.contains("resume with: drystone bake scene.toml -o out.glb"), "{message}");
     assert!(message.trim_end().ends_with("--resume"), "{message}");
 }

@@ -47,7 +47,7 @@ fn outputs(place: &Place) -> Vec<Vec<u8>> {
 /// files as an uninterrupted one.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_bake_that_goes_on_gives_the_same_bytes() {
+fn a_resumed_bake_gives_the_same_bytes() {
     for (scene, more) in [
         ("arch.json", &["--checkpoint", "0"][..]),
         ("wall_2d.json", &["--checkpoint", "0", "--realtime"]),
@@ -69,7 +69,7 @@ fn a_bake_that_goes_on_gives_the_same_bytes() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_journal_of_something_else_is_refused() {
+fn a_journal_of_another_bake_is_refused() {
     let place = Place::new(SCENE);
     let Some((journal, expected)) = journal_and_outputs(&place, "scene.toml", &[]) else { return };
     let path = place.path("out.glb.journal");
@@ -77,14 +77,14 @@ fn a_journal_of_something_else_is_refused() {
     let asked = |code, scene, more: &[&str]| place.fails(code, &bake(scene, more));
     let message = asked(2, "scene.toml", &[]);
     assert!(
-        message.contains("has 40 steps of this bake already; go on with --resume"),
+        message.contains("has 40 steps of this bake already; resume it with --resume"),
         "{message}"
     );
     let message = asked(2, "scene.toml", &["--resume", "--substeps", "9"]);
     assert!(message.contains("substeps 8, not 9"), "{message}");
     fs::write(place.path("other.toml"), SCENE.replace("1.2", "1.3")).unwrap();
     let message = asked(2, "other.toml", &["--resume"]);
-    assert!(message.contains("of another scene, or of this one before"), "{message}");
+    assert!(message.contains("of another scene, or of an earlier version"), "{message}");
     assert_eq!(fs::read(&path).unwrap(), journal, "nothing was done to it");
 
     // The journal of another scene is replaced if resuming is not requested.
@@ -113,7 +113,7 @@ fn a_journal_of_something_else_is_refused() {
 
     fs::write(&path, "Dear diary").unwrap();
     for more in [&[][..], &["--resume"]] {
-        assert!(asked(2, "scene.toml", more).contains("no journal"));
+        assert!(asked(2, "scene.toml", more).contains("not a journal"));
     }
     assert_eq!(fs::read(&path).unwrap(), b"Dear diary");
 }
@@ -122,7 +122,7 @@ fn a_journal_of_something_else_is_refused() {
 /// checkpoint.
 #[cfg(target_os = "linux")]
 #[test]
-fn other_bits_are_noticed() {
+fn different_bits_are_detected() {
     let place = Place::new(SCENE);
     let Some((journal, _)) = journal_and_outputs(&place, "scene.toml", &[]) else { return };
     let other = SCENE.replace("1.2", "1.3");
@@ -136,7 +136,7 @@ fn other_bits_are_noticed() {
     let spliced = [&mixed[..head(&mixed)], &journal[head(&journal)..cut]].concat();
     fs::write(place.path("out.glb.journal"), spliced).unwrap();
     let message = place.fails(2, &bake("scene.toml", &["--resume"]));
-    assert!(message.contains("step 1 comes out otherwise now"), "{message}");
+    assert!(message.contains("step 1 differs from the journal"), "{message}");
 }
 
 /// The contact problem of a step in the journal is that of an uninterrupted bake.
@@ -154,7 +154,7 @@ fn a_step_before_the_end_is_saved_too() {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_bake_says_how_to_go_on() {
+fn an_interrupted_bake_prints_the_command_to_resume() {
     use std::process::{Command, Stdio};
     use std::thread::sleep;
 

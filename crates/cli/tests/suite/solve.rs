@@ -74,6 +74,12 @@ fn a_complementarity_problem_is_solved() {
     place.write("p.json", &json!({ "name": "pair", "M_rows": [[2, 1], [1, 2]], "q": [-5, -6] }));
     let (text, _) = place.ends(0, &["p.json", "-o", "result.json"]);
     assert!(text.contains("pair: 2 contacts without friction") && text.contains("converged"));
+    // Small problems are printed: W, q, z and u.
+    let printed: Vec<Vec<_>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
+    for line in [&["W", "2", "1"][..], &["1", "2"], &["q", "-5", "-6"], &["z", "1.3333", "2.3333"]]
+    {
+        assert!(printed.iter().any(|own| own == line), "{line:?} in {text}");
+    }
     let result = place.result();
     let keys: Vec<_> = result.as_object().unwrap().keys().map(String::as_str).collect();
     let expected = [
@@ -88,6 +94,8 @@ fn a_complementarity_problem_is_solved() {
         "status",
         "time_ms",
         "u",
+        "units",
+        "version",
         "z",
     ];
     assert_eq!(keys, expected);
@@ -128,7 +136,7 @@ fn friction_from_matrices_and_from_bodies() {
 }
 
 #[test]
-fn what_has_no_solution_is_said_to_have_none() {
+fn problems_without_a_solution_are_reported() {
     let place = Place::new();
     place.write("jam.json", &json!({ "M_rows": [[1, -1], [-1, 1]], "q": [-1, -1] }));
     let (text, error) = place.ends(3, &["jam.json", "-o", "result.json"]);
@@ -170,6 +178,24 @@ fn methods_are_drawn_on_one_picture() {
     assert!(!svg.contains("NaN") && !svg.contains("inf\""));
     let left = fs::read_dir(place.folder.path()).unwrap().count();
     assert_eq!(left, 2, "nothing temporary is left");
+}
+
+/// The interior-point method has a residual for each iteration when its history is drawn.
+#[test]
+fn the_interior_point_method_has_a_history() {
+    let place = Place::new();
+    place.write("chain.json", &json!({ "M_rows": [[2, -1], [-1, 2]], "q": [-1, -1] }));
+    let method = ["chain.json", "--method", "interior-point", "--history", "plot.svg"];
+    place.ends(0, &[&method[..], &["-o", "result.json"]].concat());
+    let result = place.result();
+    let (history, last) = (&result["history"], result["iterations"].as_u64().unwrap());
+    let iterations: Vec<u64> =
+        history["iteration"].as_array().unwrap().iter().map(|i| i.as_u64().unwrap()).collect();
+    assert!(last > 2 && iterations == (0..=last).collect::<Vec<_>>(), "{iterations:?} of {last}");
+    let residuals = numbers(&history["residual"]);
+    assert!(numbers(&history["time_ms"]).is_sorted(), "{history}");
+    let middle = residuals[residuals.len() / 2];
+    assert!(residuals[0] > middle && middle > residuals[last as usize], "{residuals:?}");
 }
 
 /// A result has the keys that other programs need, and the times of its history increase.

@@ -49,14 +49,14 @@ track = [{ time = 0.0, position = [0, 1.1, 0] }, { time = 1.0, position = [0, 0.
 "#;
 
 #[test]
-fn what_stands_inside_another_is_named_and_nothing_is_certified() {
+fn deep_overlaps_are_named_and_nothing_is_certified() {
     let text = summary(PRESSED);
-    let note = text.lines().find(|line| line.contains("stood inside each other")).unwrap();
+    let note = text.lines().find(|line| line.contains("overlapped too deeply")).unwrap();
     assert!(note.contains("'box'") && note.contains("accepted: "), "{text}");
-    assert!(line(&text, "audit").contains("bodies are where they cannot be"), "{text}");
+    assert!(line(&text, "audit").contains("bodies overlap or tunneled"), "{text}");
     assert!(!text.lines().any(|line| line.starts_with("certified")), "{text}");
     let report = report(&Place::new(PRESSED), &[]);
-    let inside = &report["summary"]["audit"]["inside"];
+    let inside = &report["summary"]["audit"]["overlaps"];
     assert!(inside[0]["depth"].as_f64().unwrap() > 0.05, "{inside}");
 }
 
@@ -65,7 +65,7 @@ fn quiet_bakes_warn_of_what_the_audit_finds() {
     let place = Place::new(PRESSED);
     let output = place.run(&["bake", "scene.toml", "-o", "out.poses", "-q"]);
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("warning: scene.toml: stood inside each other"), "{said}");
+    assert!(said.contains("warning: scene.toml: overlapped too deeply"), "{said}");
     assert_eq!(output.status.code(), Some(0));
 }
 
@@ -79,13 +79,13 @@ fn example_scenes_are_clean() {
         for preset in [&[][..], &["--realtime"]] {
             let more = ["bake", scene, "-o", "out.poses", "--steps", steps];
             let text = place.succeeds(&[&more[..], preset].concat());
-            assert!(!text.contains("bodies are where they cannot be"), "{name}: {text}");
+            assert!(!text.contains("bodies overlap or tunneled"), "{name}: {text}");
         }
     }
 }
 
 #[test]
-fn where_nothing_touches_nothing_is_certified() {
+fn without_contacts_nothing_is_certified() {
     for (scene, said) in [
         ("bodies = []\nsteps = 2\n", "nothing: no body moves by itself"),
         (
@@ -99,7 +99,7 @@ fn where_nothing_touches_nothing_is_certified() {
 }
 
 #[test]
-fn with_friction_the_summary_says_what_exact_means() {
+fn with_friction_the_summary_states_the_limits_of_the_bound() {
     let text = summary(SCENE);
     assert!(text.contains("friction for the slip at hand"), "{text}");
     let ice = SCENE.replace("[{ type", "[{ friction = 0.0, type");
@@ -107,7 +107,7 @@ fn with_friction_the_summary_says_what_exact_means() {
 }
 
 #[test]
-fn overlap_at_the_start_is_that_before_the_first_step() {
+fn overlap_at_the_start_is_measured_before_the_first_step() {
     let scene = "gravity = [0, 0, 0]\nsteps = 5\n\
         [[bodies]]\nname = \"wall\"\nmotion = \"static\"\n\
         shapes = [{ type = \"box\", half_extents = [1, 1, 1] }]\n\

@@ -59,7 +59,7 @@ impl Physics {
             looks,
             scene,
             engine,
-            tables: Tables::default(),
+            tables: UniqueLists::default(),
             meshes: HashMap::new(),
         };
         let bodies = scene.bodies.iter().enumerate();
@@ -107,20 +107,20 @@ impl Physics {
 
 /// Lists shared by bodies, each item once.
 #[derive(Default)]
-struct Tables {
-    shapes: Table,
-    materials: Table,
-    filters: Table,
+struct UniqueLists {
+    shapes: UniqueList,
+    materials: UniqueList,
+    filters: UniqueList,
 }
 
 #[derive(Default)]
-struct Table {
+struct UniqueList {
     items: Vec<Value>,
     /// Index of each item, by its text.
     places: HashMap<String, usize>,
 }
 
-impl Table {
+impl UniqueList {
     fn place(&mut self, item: Value) -> usize {
         *self.places.entry(item.to_string()).or_insert_with(|| {
             self.items.push(item);
@@ -129,7 +129,7 @@ impl Table {
     }
 }
 
-impl Tables {
+impl UniqueLists {
     fn extensions(self) -> Value {
         let mut bodies = Map::new();
         for (key, table) in
@@ -154,7 +154,7 @@ struct Writer<'a> {
     looks: Nodes<'a>,
     scene: &'a Scene,
     engine: &'a dyn Engine,
-    tables: Tables,
+    tables: UniqueLists,
     /// Collision meshes, by their triangles.
     meshes: HashMap<String, usize>,
 }
@@ -219,52 +219,10 @@ impl Writer<'_> {
         body: &Body,
         shape: &Shape,
     ) -> Result<(Value, Quat), String> {
-        let mut turn = math::NO_TURN;
-        let implicit = |kind: &str, own: Value| json!({ "type": kind, kind: own });
-        let round = |radius: f64, half_height: f64| {
-            let height = 2.0 * half_height;
-            json!({ "height": height, "radiusTop": radius, "radiusBottom": radius })
-        };
-        let implicit = match &shape.kind {
-            ShapeKind::Sphere { radius } => implicit("sphere", json!({ "radius": radius })),
-            ShapeKind::Box { half_extents } => {
-                let size: Vec<_> = half_extents.iter().map(|half| 2.0 * half).collect();
-                implicit("box", json!({ "size": size }))
-            }
-            // The reader does not accept a capsule without height.
-            ShapeKind::Capsule { radius, half_height } if *half_height > 0.0 => {
-                implicit("capsule", round(*radius, *half_height))
-            }
-            ShapeKind::Capsule { radius, .. } => implicit("sphere", json!({ "radius": radius })),
-            ShapeKind::Cylinder { radius, half_height } => {
-                implicit("cylinder", round(*radius, *half_height))
-            }
-            ShapeKind::Halfspace { normal } => {
-                if body.motion != Motion::Static {
-                    let name = self.scene.name_of(index);
-                    return Err(format!(
-                        "{name} moves a half-space, and endless planes of a glTF stand still"
-                    ));
-                }
-                if let Ok(normal) = <[f64; 3]>::try_from(normal.as_slice())
-                    && let Some(normal) = math::unit(normal)
-                    && normal != [0.0, 1.0, 0.0]
-                {
-                    turn = math::from_up(normal);
-                }
-                implicit("plane", json!({}))
-            }
-            ShapeKind::ConvexHull { .. } | ShapeKind::Trimesh { .. } => Value::Null,
-        };
-        let geometry = if implicit.is_null() {
-            let hull = matches!(shape.kind, ShapeKind::ConvexHull { .. });
-            let mut geometry = json!({"mesh": self.mesh(index, &shape.kind)?, "convexHull": hull});
-            if let ShapeKind::Trimesh { decomposition: Some(options), .. } = &shape.kind {
-                geometry["extras"] = json!({ "drystone": { "decomposition": options } });
-            }
-            geometry
-        } else {
-            json!({ "shape": self.tables.shapes.place(implicit) })
+        let turn = self.plane_turn(index, body, shape)?;
+        let geometry = match implicit_shape(&shape.kind) {
+            Some(implicit) => json!({ "shape": self.tables.shapes.place(implicit) }),
+            None => self.mesh_geometry(index, &shape.kind)?,
         };
         let mut collider = json!({
             "geometry": geometry,
@@ -283,6 +241,31 @@ impl Writer<'_> {
             collider["extras"] = json!({ "drystone": { "surfaceVelocity": surface(&motion) } });
         }
         Ok((collider, turn))
+    }
+
+    /// Returns the rotation that takes the y axis, the normal of planes in a glTF, to the normal of
+    /// a half-space; none for other shapes. Half-spaces must be static.
+    fn plane_turn(&self, index: usize, body: &Body, shape: &Shape) -> Result<Quat, String> {
+        let ShapeKind::Halfspace { normal } = &shape.kind else { return Ok(math::NO_TURN) };
+        if body.motion != Motion::Static {
+            let name = self.scene.name_of(index);
+            return Err(format!(
+                "{name} moves a half-space, and endless planes of a glTF stand still"
+            ));
+        }
+        let normal = <[f64; 3]>::try_from(normal.as_slice()).ok().and_then(math::unit);
+        let normal = normal.filter(|normal| *normal != [0.0, 1.0, 0.0]);
+        Ok(normal.map_or(math::NO_TURN, math::from_up))
+    }
+
+    /// Returns the geometry of a hull or a mesh.
+    fn mesh_geometry(&mut self, index: usize, kind: &ShapeKind) -> Result<Value, String> {
+        let hull = matches!(kind, ShapeKind::ConvexHull { .. });
+        let mut geometry = json!({ "mesh": self.mesh(index, kind)?, "convexHull": hull });
+        if let ShapeKind::Trimesh { decomposition: Some(options), .. } = kind {
+            geometry["extras"] = json!({ "drystone": { "decomposition": options } });
+        }
+        Ok(geometry)
     }
 
     /// Adds the collision mesh of a hull or a mesh, with its points in their order, and returns its
@@ -320,6 +303,32 @@ impl Writer<'_> {
 
 fn surface(motion: &SurfaceVelocity) -> Value {
     json!({ "linear": motion.linear, "angular": motion.angular, "local": motion.local })
+}
+
+/// Returns the implicit shape of a kind; none for hulls and meshes.
+fn implicit_shape(kind: &ShapeKind) -> Option<Value> {
+    let implicit = |kind: &str, own: Value| Some(json!({ "type": kind, kind: own }));
+    let round = |radius: f64, half_height: f64| {
+        let height = 2.0 * half_height;
+        json!({ "height": height, "radiusTop": radius, "radiusBottom": radius })
+    };
+    match kind {
+        ShapeKind::Sphere { radius } => implicit("sphere", json!({ "radius": radius })),
+        ShapeKind::Box { half_extents } => {
+            let size: Vec<_> = half_extents.iter().map(|half| 2.0 * half).collect();
+            implicit("box", json!({ "size": size }))
+        }
+        // The reader does not accept a capsule without height.
+        ShapeKind::Capsule { radius, half_height } if *half_height > 0.0 => {
+            implicit("capsule", round(*radius, *half_height))
+        }
+        ShapeKind::Capsule { radius, .. } => implicit("sphere", json!({ "radius": radius })),
+        ShapeKind::Cylinder { radius, half_height } => {
+            implicit("cylinder", round(*radius, *half_height))
+        }
+        ShapeKind::Halfspace { .. } => implicit("plane", json!({})),
+        ShapeKind::ConvexHull { .. } | ShapeKind::Trimesh { .. } => None,
+    }
 }
 
 fn rotation(rotation: Rotation) -> Quat {

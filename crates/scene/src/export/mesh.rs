@@ -52,7 +52,7 @@ pub(super) fn mesh_of(kind: &ShapeKind, dimension: usize, engine: &dyn Engine) -
         return extrude(&outline(kind));
     }
     match kind {
-        ShapeKind::Sphere { .. } => lathe(&[arc(1.0, 0.0, -1.0), arc(1.0, 0.0, 1.0)]),
+        ShapeKind::Sphere { .. } => revolve(&[arc(1.0, 0.0, -1.0), arc(1.0, 0.0, 1.0)]),
         ShapeKind::Box { .. } => cube(),
         ShapeKind::Capsule { radius, half_height } => {
             let mut lower = arc(*radius, -half_height, -1.0);
@@ -61,9 +61,9 @@ pub(super) fn mesh_of(kind: &ShapeKind, dimension: usize, engine: &dyn Engine) -
                 lower.push(([*radius, 0.0], [1.0, 0.0]));
                 upper.insert(0, ([*radius, 0.0], [1.0, 0.0]));
             }
-            lathe(&[lower, upper])
+            revolve(&[lower, upper])
         }
-        ShapeKind::Cylinder { radius: r, half_height: h } => lathe(&[
+        ShapeKind::Cylinder { radius: r, half_height: h } => revolve(&[
             vec![([0.0, -h], [0.0, -1.0]), ([*r, -h], [0.0, -1.0])],
             vec![([*r, -h], [1.0, 0.0]), ([*r, 0.0], [1.0, 0.0])],
             vec![([*r, 0.0], [1.0, 0.0]), ([*r, *h], [1.0, 0.0])],
@@ -128,17 +128,17 @@ fn arc(radius: f64, height: f64, side: f64) -> Vec<Rim> {
 
 /// Revolves profiles, given from bottom to top, about the y axis. Tones alternate by profile and by
 /// quarter.
-fn lathe(profiles: &[Vec<Rim>]) -> Mesh {
+fn revolve(profiles: &[Vec<Rim>]) -> Mesh {
     let mut mesh = Mesh::default();
     for (p, profile) in profiles.iter().enumerate() {
         for quarter in 0..4 {
-            lathe_patch(&mut mesh, profile, quarter, (p + quarter) % 2 == 1);
+            revolve_patch(&mut mesh, profile, quarter, (p + quarter) % 2 == 1);
         }
     }
     mesh
 }
 
-fn lathe_patch(mesh: &mut Mesh, profile: &[Rim], quarter: usize, tone: bool) {
+fn revolve_patch(mesh: &mut Mesh, profile: &[Rim], quarter: usize, tone: bool) {
     let columns = SECTORS / 4;
     let turn = |[r, y]: [f64; 2], column: usize| {
         let part = (quarter * columns + column) as f64 / SECTORS as f64;

@@ -55,7 +55,7 @@ impl<'e> Nodes<'e> {
         let color = color_of(index, body.motion);
         match body.shapes.as_slice() {
             [] => {}
-            [shape] if is_centered(shape) => self.dress(gltf, &mut node, shape, color),
+            [shape] if is_centered(shape) => self.set_mesh(gltf, &mut node, shape, color),
             shapes => {
                 let children: Vec<_> =
                     shapes.iter().map(|shape| self.add_shape(gltf, shape, color)).collect();
@@ -74,19 +74,19 @@ impl<'e> Nodes<'e> {
         motion: Motion,
     ) -> usize {
         let mut node = json!({});
-        self.dress(gltf, &mut node, shape, color_of(body, motion));
+        self.set_mesh(gltf, &mut node, shape, color_of(body, motion));
         gltf.push("nodes", node)
     }
 
     fn add_shape(&mut self, gltf: &mut GltfBuffer<'_>, shape: &Shape, color: u32) -> usize {
         let mut node = json!({});
         place(&mut node, &shape.position, shape.rotation);
-        self.dress(gltf, &mut node, shape, color);
+        self.set_mesh(gltf, &mut node, shape, color);
         gltf.push("nodes", node)
     }
 
     /// Gives a node the mesh of a shape.
-    fn dress(&mut self, gltf: &mut GltfBuffer<'_>, node: &mut Value, shape: &Shape, color: u32) {
+    fn set_mesh(&mut self, gltf: &mut GltfBuffer<'_>, node: &mut Value, shape: &Shape, color: u32) {
         let scale = scale_of(&shape.kind, self.dimension);
         if scale != [1.0; 3] {
             node["scale"] = json!(scale);

@@ -13,10 +13,10 @@ use crate::description::{Body, Mass, Motion, Scene, SurfaceVelocity};
 use crate::engine::Engine;
 use crate::whole::write_whole;
 use materials::Materials;
-pub use prim::{Prim, tuple};
+pub use prim::{PrimWriter, tuple};
 use prim::{quoted, space};
 use shape::Look;
-pub use stage::Stage;
+pub use stage::StageWriter;
 
 const PHYSICS: &str = "PhysicsScene";
 
@@ -38,17 +38,17 @@ impl<'a> Prims<'a> {
     }
 
     /// Returns the root prim, with gravity and materials.
-    pub fn world(&self) -> Prim {
-        let mut world = Prim::new("Xform", "World");
+    pub fn world(&self) -> PrimWriter {
+        let mut world = PrimWriter::new("Xform", "World");
         world.metadata.push("kind = \"component\"".to_owned());
         world.children.push(self.physics());
         world.children.extend(self.materials.prim());
         world
     }
 
-    fn physics(&self) -> Prim {
+    fn physics(&self) -> PrimWriter {
         let gravity = &self.scene.gravity;
-        let mut prim = Prim::new("PhysicsScene", PHYSICS);
+        let mut prim = PrimWriter::new("PhysicsScene", PHYSICS);
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let direction = space(gravity).map(|g| if strength > 0.0 { g / strength } else { 0.0 });
         prim.set("vector3f physics:gravityDirection", tuple(&direction));
@@ -57,10 +57,10 @@ impl<'a> Prims<'a> {
     }
 
     /// Returns the prim of a body with its shapes, at its position in the scene.
-    pub fn body(&self, index: usize) -> Prim {
+    pub fn body(&self, index: usize) -> PrimWriter {
         let (body, name) = (&self.scene.bodies[index], &self.names[index]);
         let dimension = self.scene.dimension;
-        let mut prim = Prim::new("Xform", name);
+        let mut prim = PrimWriter::new("Xform", name);
         if let Some(own) = body.name.as_ref().filter(|own| *own != name) {
             prim.metadata.push(format!("displayName = {}", quoted(own)));
         }
@@ -123,7 +123,7 @@ fn identifiers(scene: &Scene) -> Vec<String> {
 /// Those of [`write_whole`].
 pub fn write_stage(
     path: &Path,
-    world: &Prim,
+    world: &PrimWriter,
     [start, end]: [f64; 2],
     frames: f64,
     codes: f64,
@@ -147,7 +147,7 @@ pub fn rounded(x: f64) -> f64 {
 }
 
 /// Sets the mass properties that do not follow from the shapes.
-fn mass(prim: &mut Prim, dimension: usize, mass: &Mass) {
+fn mass(prim: &mut PrimWriter, dimension: usize, mass: &Mass) {
     match mass.mass {
         Some(mass) if mass.is_finite() => prim.set("float physics:mass", mass),
         Some(_) => {}
@@ -171,7 +171,7 @@ fn mass(prim: &mut Prim, dimension: usize, mass: &Mass) {
     }
 }
 
-fn velocity(prim: &mut Prim, body: &Body) {
+fn velocity(prim: &mut PrimWriter, body: &Body) {
     let angular = turning(&body.angular_velocity);
     prim.set("vector3f physics:angularVelocity", tuple(&angular.map(degrees)));
     prim.set("vector3f physics:velocity", tuple(&space(&body.linear_velocity)));
@@ -186,7 +186,7 @@ fn turning(angular: &[f64]) -> [f64; 3] {
 }
 
 /// Sets the surface velocity of a prim, in PhysX's schema.
-fn run(prim: &mut Prim, motion: &SurfaceVelocity) {
+fn run(prim: &mut PrimWriter, motion: &SurfaceVelocity) {
     prim.schemas.push("PhysxSurfaceVelocityAPI");
     let angular = turning(&motion.angular).map(degrees);
     prim.set("vector3f physxSurfaceVelocity:surfaceAngularVelocity", tuple(&angular));

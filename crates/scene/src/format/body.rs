@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
+use super::cursor::{FieldCursor, Number, Range, SPIN, TableCursor, VELOCITY, nearest_known};
 use super::setup::{POSITION, Setup};
 use super::shape::read_shape;
-use super::surface::{Surface, read_filter, read_surface, read_surface_velocity};
+use super::surface::{SurfaceFields, read_filter, read_surface, read_surface_velocity};
 use super::tree::one_line;
-use super::walk::{Field, Number, Range, SPIN, Table, VELOCITY, nearest_known};
 use crate::description::{Body, Mass, Motion, Rotation, Shape, SurfaceVelocity, Track};
 use crate::error::SceneError;
 
@@ -57,7 +57,7 @@ pub(super) fn body_name(index: usize, name: Option<&str>) -> String {
 }
 
 pub(super) fn read_body(
-    field: &Field<'_>,
+    field: &FieldCursor<'_>,
     index: usize,
     setup: &Setup,
     names: &mut HashMap<String, usize>,
@@ -99,7 +99,7 @@ pub(super) fn read_body(
 }
 
 fn read_name(
-    table: &Table<'_>,
+    table: &TableCursor<'_>,
     index: usize,
     names: &mut HashMap<String, usize>,
 ) -> Result<Option<String>, SceneError> {
@@ -115,7 +115,7 @@ fn read_name(
     }
 }
 
-fn read_spin(table: &Table<'_>, dimension: usize) -> Result<Vec<f64>, SceneError> {
+fn read_spin(table: &TableCursor<'_>, dimension: usize) -> Result<Vec<f64>, SceneError> {
     match table.get("angular_velocity") {
         Some(field) if dimension == 2 => Ok(vec![field.real(&SPIN)?]),
         _ => table.vector_or(
@@ -126,9 +126,9 @@ fn read_spin(table: &Table<'_>, dimension: usize) -> Result<Vec<f64>, SceneError
     }
 }
 
-fn read_material(table: &Table<'_>, setup: &Setup) -> Result<Surface, SceneError> {
+fn read_material(table: &TableCursor<'_>, setup: &Setup) -> Result<SurfaceFields, SceneError> {
     let Some(field) = table.get("material") else {
-        return Ok(Surface::default());
+        return Ok(SurfaceFields::default());
     };
     let name = field.text()?;
     setup.materials.get(name).cloned().ok_or_else(|| {
@@ -142,7 +142,7 @@ fn read_material(table: &Table<'_>, setup: &Setup) -> Result<Surface, SceneError
 }
 
 fn read_mass(
-    table: &Table<'_>,
+    table: &TableCursor<'_>,
     motion: Motion,
     dimension: usize,
     density: Option<f64>,
@@ -169,7 +169,7 @@ fn read_mass(
     })
 }
 
-fn read_inertia(table: &Table<'_>, dimension: usize) -> Result<Option<Vec<f64>>, SceneError> {
+fn read_inertia(table: &TableCursor<'_>, dimension: usize) -> Result<Option<Vec<f64>>, SceneError> {
     let Some(field) = table.get("inertia") else {
         return Ok(None);
     };
@@ -180,22 +180,22 @@ fn read_inertia(table: &Table<'_>, dimension: usize) -> Result<Option<Vec<f64>>,
     let largest = inertia.iter().copied().fold(0.0, f64::max);
     let sum: f64 = inertia.iter().sum();
     if largest.is_finite() && largest > (sum - largest) * (1.0 + 1e-6) {
-        field.warn("is that of no real body: one moment exceeds the sum of the others");
+        field.warn("is impossible: one moment exceeds the sum of the others");
     }
     Ok(Some(inertia))
 }
 
 fn read_shapes(
-    table: &Table<'_>,
+    table: &TableCursor<'_>,
     motion: Motion,
     setup: &Setup,
-    surface: &Surface,
+    surface: &SurfaceFields,
 ) -> Result<Vec<Shape>, SceneError> {
     let filter =
         table.get("collision").map(|f| read_filter(&f, table, &setup.systems)).transpose()?;
-    let read = |field: &Field<'_>| {
+    let read = |field: &FieldCursor<'_>| {
         let items = field.items("a list of shapes")?.enumerate();
-        let read = |(i, item): (usize, Field<'_>)| {
+        let read = |(i, item): (usize, FieldCursor<'_>)| {
             read_shape(&item, i, table, motion, setup, surface, filter.unwrap_or_default())
         };
         items.map(read).collect::<Result<Vec<_>, _>>()
@@ -213,7 +213,7 @@ fn read_shapes(
 const NEEDS_SHAPE: &str = "at least one shape for a dynamic body";
 
 fn read_track(
-    table: &Table<'_>,
+    table: &TableCursor<'_>,
     motion: Motion,
     dimension: usize,
     position: &[f64],
@@ -242,7 +242,7 @@ fn read_track(
     Ok(track)
 }
 
-fn warn_of_idle_values(table: &Table<'_>, body: &Body) {
+fn warn_of_idle_values(table: &TableCursor<'_>, body: &Body) {
     let warn = |key: &'static str, what: &str| {
         if let Some(field) = table.get(key) {
             field.warn(what);

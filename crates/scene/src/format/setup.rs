@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
-use super::surface::{Surface, Systems};
-use super::walk::Range;
+use super::cursor::Range;
+use super::surface::{SurfaceFields, Systems};
 
 pub(super) const POSITION: Range = Range::new(-1e6, 1e6, "m");
 
@@ -12,6 +12,6 @@ pub(super) const POSITION: Range = Range::new(-1e6, 1e6, "m");
 pub(super) struct Setup {
     pub(super) dimension: usize,
     pub(super) particles: bool,
-    pub(super) materials: BTreeMap<String, Surface>,
+    pub(super) materials: BTreeMap<String, SurfaceFields>,
     pub(super) systems: RefCell<Systems>,
 }

@@ -1,8 +1,8 @@
 //! Reads shapes.
 
+use super::cursor::{FieldCursor, Range, TableCursor};
 use super::setup::{POSITION, Setup};
-use super::surface::{Surface, read_filter, read_surface, read_surface_velocity};
-use super::walk::{Field, Range, Table};
+use super::surface::{SurfaceFields, read_filter, read_surface, read_surface_velocity};
 use crate::description::{Filter, Motion, Rotation, Shape, ShapeKind};
 use crate::error::SceneError;
 use crate::solid_mesh::{DecompositionOptions, is_solid};
@@ -68,12 +68,12 @@ pub(super) fn type_name(kind: &ShapeKind) -> &'static str {
 const SIZE: Range = Range::new(1e-5, 1e6, "m");
 
 pub(super) fn read_shape(
-    field: &Field<'_>,
+    field: &FieldCursor<'_>,
     index: usize,
-    body: &Table<'_>,
+    body: &TableCursor<'_>,
     motion: Motion,
     setup: &Setup,
-    surface: &Surface,
+    surface: &SurfaceFields,
     filter: Filter,
 ) -> Result<Shape, SceneError> {
     let owner = body.nested(format!("shape {index}"));
@@ -98,8 +98,8 @@ pub(super) fn read_shape(
 }
 
 fn read_kind(
-    table: &Table<'_>,
-    kind: &Field<'_>,
+    table: &TableCursor<'_>,
+    kind: &FieldCursor<'_>,
     motion: Motion,
     dimension: usize,
 ) -> Result<ShapeKind, SceneError> {
@@ -135,7 +135,7 @@ fn read_kind(
     }
 }
 
-fn read_hull(table: &Table<'_>, dimension: usize) -> Result<ShapeKind, SceneError> {
+fn read_hull(table: &TableCursor<'_>, dimension: usize) -> Result<ShapeKind, SceneError> {
     let (least, flat) = if dimension == 3 { (4, "plane") } else { (3, "line") };
     let accepted = format!("at least {least} points that are not all in one {flat}");
     let field = table.require("points", &accepted)?;
@@ -152,7 +152,7 @@ fn read_hull(table: &Table<'_>, dimension: usize) -> Result<ShapeKind, SceneErro
 ///
 /// In each direction in turn, takes the point farthest from the span of the points taken before.
 /// Its distance from that span must be larger than rounding errors.
-fn spans_space(points: &[Vec<f64>]) -> bool {
+pub fn spans_space(points: &[Vec<f64>]) -> bool {
     let Some(origin) = points.first() else {
         return false;
     };
@@ -183,7 +183,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn read_trimesh(table: &Table<'_>, motion: Motion) -> Result<ShapeKind, SceneError> {
+fn read_trimesh(table: &TableCursor<'_>, motion: Motion) -> Result<ShapeKind, SceneError> {
     let field = table.require("vertices", "a list of points")?;
     let vertices = field
         .items("a list of points")?
@@ -217,8 +217,8 @@ fn read_trimesh(table: &Table<'_>, motion: Motion) -> Result<ShapeKind, SceneErr
 }
 
 fn read_decomposition(
-    field: &Field<'_>,
-    shape: &Table<'_>,
+    field: &FieldCursor<'_>,
+    shape: &TableCursor<'_>,
     motion: Motion,
 ) -> Result<DecompositionOptions, SceneError> {
     let owner = shape.nested("the decomposition".to_owned());
@@ -241,7 +241,7 @@ fn read_decomposition(
     })
 }
 
-fn read_triangle(field: &Field<'_>, vertices: usize) -> Result<[u32; 3], SceneError> {
+fn read_triangle(field: &FieldCursor<'_>, vertices: usize) -> Result<[u32; 3], SceneError> {
     let max = u32::try_from(vertices).unwrap_or(u32::MAX);
     let accepted = format_args!("3 indices below {max}, the number of vertices");
     let items = field.items(accepted)?;

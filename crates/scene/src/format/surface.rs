@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
+use super::cursor::{FieldCursor, Range, SPIN, TableCursor, VELOCITY};
 use super::tree::one_line;
-use super::walk::{Field, Range, SPIN, Table, VELOCITY};
 use crate::description::{Combine, Filter, Material, SurfaceVelocity};
 use crate::error::SceneError;
 
@@ -32,7 +32,7 @@ pub(crate) const COMBINE: [(&str, Combine); 5] = [
 
 /// Surface properties stated by a material, a body or a shape.
 #[derive(Clone, Default)]
-pub(super) struct Surface {
+pub(super) struct SurfaceFields {
     pub(super) density: Option<f64>,
     friction: Option<f64>,
     restitution: Option<f64>,
@@ -42,10 +42,10 @@ pub(super) struct Surface {
     restitution_combine: Option<Combine>,
 }
 
-impl Surface {
+impl SurfaceFields {
     /// Returns `self` with absent values taken from `other`.
-    pub(super) fn over(&self, other: &Surface) -> Surface {
-        Surface {
+    pub(super) fn over(&self, other: &SurfaceFields) -> SurfaceFields {
+        SurfaceFields {
             density: self.density.or(other.density),
             friction: self.friction.or(other.friction),
             restitution: self.restitution.or(other.restitution),
@@ -75,14 +75,14 @@ pub(crate) fn default_material(particles: bool) -> Material {
     if particles { Material { friction: 0.0, ..material } } else { material }
 }
 
-pub(super) fn read_surface(table: &Table<'_>) -> Result<Surface, SceneError> {
+pub(super) fn read_surface(table: &TableCursor<'_>) -> Result<SurfaceFields, SceneError> {
     let density = if table.knows("density") { table.get("density") } else { None };
     let combine = |key| table.get(key).map(|field| field.choice(&COMBINE)).transpose();
     let number =
         |key, max| table.get(key).map(|field| field.real(&Range::new(0.0, max, ""))).transpose();
     let length =
         |key| table.get(key).map(|field| field.real(&Range::new(0.0, 1e6, "m"))).transpose();
-    Ok(Surface {
+    Ok(SurfaceFields {
         density: density.map(|field| field.real(&DENSITY)).transpose()?,
         friction: number("friction", 1e6)?,
         restitution: number("restitution", 1.0)?,
@@ -95,7 +95,7 @@ pub(super) fn read_surface(table: &Table<'_>) -> Result<Surface, SceneError> {
 
 /// Reads the surface velocity of a body or shape: a linear velocity, or a table.
 pub(super) fn read_surface_velocity(
-    owner: &Table<'_>,
+    owner: &TableCursor<'_>,
     dimension: usize,
 ) -> Result<Option<SurfaceVelocity>, SceneError> {
     let Some(field) = owner.get("surface_velocity") else { return Ok(None) };
@@ -126,7 +126,7 @@ pub(super) struct Systems {
 }
 
 impl Systems {
-    fn bit(&mut self, field: &Field<'_>) -> Result<u64, SceneError> {
+    fn bit(&mut self, field: &FieldCursor<'_>) -> Result<u64, SceneError> {
         let name = field.text()?;
         let number = name.parse::<u32>().ok().filter(|number| number.to_string() == name);
         if *self.numbered.get_or_insert(number.is_some()) != number.is_some() {
@@ -144,13 +144,13 @@ impl Systems {
 }
 
 pub(super) fn read_filter(
-    field: &Field<'_>,
-    owner: &Table<'_>,
+    field: &FieldCursor<'_>,
+    owner: &TableCursor<'_>,
     names: &RefCell<Systems>,
 ) -> Result<Filter, SceneError> {
     let owner = owner.nested("collision".to_owned());
     let table = field.table(COLLISION_KEYS, &owner)?;
-    let mask = |field: &Field<'_>| {
+    let mask = |field: &FieldCursor<'_>| {
         let items = field.items("a list of names of systems")?;
         items.map(|item| names.borrow_mut().bit(&item)).try_fold(0, |m, b| Ok(m | b?))
     };

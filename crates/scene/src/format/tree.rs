@@ -19,7 +19,7 @@ pub(super) struct Text<'a> {
 
 /// A value and the offset at which it starts in the text. The offset is 0 in JSON, whose parser
 /// does not report it.
-pub(super) struct Node<'a> {
+pub(super) struct TreeNode<'a> {
     pub(super) start: usize,
     pub(super) value: Tree<'a>,
 }
@@ -30,14 +30,14 @@ pub(super) enum Tree<'a> {
     Integer(i128),
     Float(f64),
     Text(Cow<'a, str>),
-    Array(Vec<Node<'a>>),
-    Table(Vec<Entry<'a>>),
+    Array(Vec<TreeNode<'a>>),
+    Table(Vec<TreeEntry<'a>>),
 }
 
-pub(super) struct Entry<'a> {
+pub(super) struct TreeEntry<'a> {
     pub(super) start: usize,
     pub(super) key: Cow<'a, str>,
-    pub(super) node: Node<'a>,
+    pub(super) node: TreeNode<'a>,
 }
 
 impl<'a> Text<'a> {
@@ -46,17 +46,17 @@ impl<'a> Text<'a> {
         Self { file, text: text.strip_prefix('\u{feff}').unwrap_or(text) }
     }
 
-    pub(super) fn toml(self) -> Result<Node<'a>, SceneError> {
+    pub(super) fn toml(self) -> Result<TreeNode<'a>, SceneError> {
         let document = DeTable::parse(self.text).map_err(|error| {
             let at = error.span().map_or(0, |span| span.start);
             self.syntax("TOML", error.message(), self.line_at(at))
         })?;
-        Ok(Node { start: 0, value: self.toml_table(document.into_inner())? })
+        Ok(TreeNode { start: 0, value: self.toml_table(document.into_inner())? })
     }
 
-    pub(super) fn json(self) -> Result<Node<'a>, SceneError> {
+    pub(super) fn json(self) -> Result<TreeNode<'a>, SceneError> {
         let mut parser = serde_json::Deserializer::from_str(self.text);
-        let node = Node::deserialize(&mut parser).and_then(|node| parser.end().map(|()| node));
+        let node = TreeNode::deserialize(&mut parser).and_then(|node| parser.end().map(|()| node));
         node.map_err(|error| {
             let full = error.to_string();
             let message = full.rsplit_once(" at line ").map_or(full.as_str(), |(start, _)| start);
@@ -94,7 +94,7 @@ impl<'a> Text<'a> {
 
     fn toml_table(self, table: DeTable<'a>) -> Result<Tree<'a>, SceneError> {
         let entries = table.into_iter().map(|(key, value)| {
-            Ok(Entry {
+            Ok(TreeEntry {
                 start: key.span().start,
                 key: key.into_inner(),
                 node: self.toml_value(value.span().start, value.into_inner())?,
@@ -103,7 +103,7 @@ impl<'a> Text<'a> {
         entries.collect::<Result<_, _>>().map(Tree::Table)
     }
 
-    fn toml_value(self, start: usize, value: DeValue<'a>) -> Result<Node<'a>, SceneError> {
+    fn toml_value(self, start: usize, value: DeValue<'a>) -> Result<TreeNode<'a>, SceneError> {
         let value = match value {
             DeValue::String(text) => Tree::Text(text),
             DeValue::Boolean(value) => Tree::Bool(value),
@@ -127,7 +127,7 @@ impl<'a> Text<'a> {
             }
             DeValue::Table(table) => self.toml_table(table)?,
         };
-        Ok(Node { start, value })
+        Ok(TreeNode { start, value })
     }
 
     fn too_large(self, start: usize, number: &str) -> SceneError {
@@ -185,10 +185,10 @@ impl fmt::Display for Brief<'_> {
     }
 }
 
-impl<'de> Deserialize<'de> for Node<'de> {
+impl<'de> Deserialize<'de> for TreeNode<'de> {
     fn deserialize<D: Deserializer<'de>>(parser: D) -> Result<Self, D::Error> {
         let value = parser.deserialize_any(TreeVisitor)?;
-        Ok(Node { start: 0, value })
+        Ok(TreeNode { start: 0, value })
     }
 }
 
@@ -240,31 +240,31 @@ impl<'de> Visitor<'de> for TreeVisitor {
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Tree<'de>, A::Error> {
         let mut entries = Vec::new();
         let mut seen = HashSet::new();
-        while let Some(Key(key)) = map.next_key()? {
+        while let Some(KeyText(key)) = map.next_key()? {
             if !seen.insert(key.clone()) {
                 return Err(A::Error::custom(format!("duplicate key \"{}\"", one_line(&key))));
             }
-            entries.push(Entry { start: 0, key, node: map.next_value()? });
+            entries.push(TreeEntry { start: 0, key, node: map.next_value()? });
         }
         Ok(Tree::Table(entries))
     }
 }
 
-struct Key<'a>(Cow<'a, str>);
+struct KeyText<'a>(Cow<'a, str>);
 
-impl<'de> Deserialize<'de> for Key<'de> {
+impl<'de> Deserialize<'de> for KeyText<'de> {
     fn deserialize<D: Deserializer<'de>>(parser: D) -> Result<Self, D::Error> {
         struct KeyVisitor;
         impl<'de> Visitor<'de> for KeyVisitor {
-            type Value = Key<'de>;
+            type Value = KeyText<'de>;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 write!(f, "a key")
             }
-            fn visit_str<E: Error>(self, text: &str) -> Result<Key<'de>, E> {
-                Ok(Key(Cow::Owned(text.to_owned())))
+            fn visit_str<E: Error>(self, text: &str) -> Result<KeyText<'de>, E> {
+                Ok(KeyText(Cow::Owned(text.to_owned())))
             }
-            fn visit_borrowed_str<E: Error>(self, text: &'de str) -> Result<Key<'de>, E> {
-                Ok(Key(Cow::Borrowed(text)))
+            fn visit_borrowed_str<E: Error>(self, text: &'de str) -> Result<KeyText<'de>, E> {
+                Ok(KeyText(Cow::Borrowed(text)))
             }
         }
         parser.deserialize_str(KeyVisitor)

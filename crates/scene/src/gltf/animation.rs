@@ -19,14 +19,14 @@ enum Interpolation {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Path {
+enum TargetPath {
     Translation,
     Rotation,
 }
 
 /// Values of one property of a node over time.
 struct Channel {
-    path: Path,
+    path: TargetPath,
     interpolation: Interpolation,
     times: Vec<f64>,
     /// One value per time; for cubic splines, in-tangent, value and out-tangent.
@@ -52,7 +52,7 @@ impl Channel {
         let (a, b) = (value(before, 1), value(after, 1));
         match self.interpolation {
             Interpolation::Step => a,
-            Interpolation::Linear if self.path == Path::Rotation => math::slerp(a, b, t),
+            Interpolation::Linear if self.path == TargetPath::Rotation => math::slerp(a, b, t),
             Interpolation::Linear => mix([(a, 1.0 - t), (b, t)]),
             Interpolation::Cubic => {
                 let (t2, t3) = (t * t, t * t * t);
@@ -75,7 +75,7 @@ fn mix<const N: usize>(parts: [([f64; 4], f64); N]) -> [f64; 4] {
 
 /// Translations and rotations of the first animation in the file.
 pub(super) struct Animation {
-    channels: BTreeMap<(usize, Path), Channel>,
+    channels: BTreeMap<(usize, TargetPath), Channel>,
 }
 
 impl Animation {
@@ -101,8 +101,8 @@ impl Animation {
             let sampler = samplers.get(sampler.index(samplers.len(), "samplers")?);
             let target = channel.require("target")?;
             let path = match target.require("path")?.text()? {
-                "translation" => Path::Translation,
-                "rotation" => Path::Rotation,
+                "translation" => TargetPath::Translation,
+                "rotation" => TargetPath::Rotation,
                 _ => continue,
             };
             let (Some(sampler), Some(node)) = (sampler, target.get("node")?) else { continue };
@@ -120,7 +120,10 @@ impl Animation {
 
     /// Returns true if the animation moves the node itself, not only an ancestor.
     pub(super) fn moves(&self, node: usize) -> bool {
-        self.channels.range((node, Path::Translation)..=(node, Path::Rotation)).next().is_some()
+        self.channels
+            .range((node, TargetPath::Translation)..=(node, TargetPath::Rotation))
+            .next()
+            .is_some()
     }
 
     /// Returns the poses of a node in the world, as it and its ancestors move.
@@ -130,7 +133,7 @@ impl Animation {
         let channels: Vec<(usize, &Channel)> = chain
             .iter()
             .flat_map(|index| {
-                let range = (*index, Path::Translation)..=(*index, Path::Rotation);
+                let range = (*index, TargetPath::Translation)..=(*index, TargetPath::Rotation);
                 self.channels.range(range).map(|((mover, _), channel)| (*mover, channel))
             })
             .collect();
@@ -149,7 +152,7 @@ impl Animation {
         // The keys suffice if only one node moves and its rotation does not carry the body along an
         // arc.
         let cubic = channels.iter().any(|(_, c)| c.interpolation == Interpolation::Cubic);
-        let swings = channels.iter().any(|(m, c)| c.path == Path::Rotation && *m != node);
+        let swings = channels.iter().any(|(m, c)| c.path == TargetPath::Rotation && *m != node);
         let exact = movers.len() <= 1 && !cubic && !swings;
         let times = track::times(times, exact).map_err(|(length, accepted)| {
             let item = format!("animation of the node, {length} s long");
@@ -166,11 +169,11 @@ impl Animation {
             let Some(node) = nodes.get(*index) else { continue };
             let mut local = node.local;
             let mut matrix = node.matrix;
-            if let Some(channel) = self.channels.get(&(*index, Path::Translation)) {
+            if let Some(channel) = self.channels.get(&(*index, TargetPath::Translation)) {
                 let [x, y, z, _] = channel.sample(time);
                 local.translation = [x, y, z];
             }
-            if let Some(channel) = self.channels.get(&(*index, Path::Rotation)) {
+            if let Some(channel) = self.channels.get(&(*index, TargetPath::Rotation)) {
                 let sampled = math::quat_unit(channel.sample(time));
                 local.rotation = sampled.unwrap_or(local.rotation);
             }
@@ -194,7 +197,7 @@ pub(super) fn chain(nodes: &[Node<'_>], node: usize) -> Vec<usize> {
 
 fn read_channel(
     sampler: &Cursor<'_>,
-    path: Path,
+    path: TargetPath,
     accessors: &Accessors<'_>,
 ) -> Result<Channel, SceneError> {
     let interpolation = match sampler.get("interpolation")? {
@@ -219,13 +222,15 @@ fn read_channel(
     let output = sampler.require("output")?;
     let accessor = accessors.get(&output)?;
     let (kind, values): (_, Vec<[f64; 4]>) = match (path, accessor.kind()) {
-        (Path::Translation, "VEC3") if accessor.is_float() => {
+        (TargetPath::Translation, "VEC3") if accessor.is_float() => {
             let values = accessors.elements::<3>(accessor)?.into_iter();
             ("VEC3", values.map(|[x, y, z]| [x, y, z, 0.0]).collect())
         }
-        (Path::Rotation, "VEC4") => ("VEC4", accessors.elements::<4>(accessor)?),
-        (Path::Translation, _) => return Err(output.error("an accessor of type VEC3, float")),
-        (Path::Rotation, _) => return Err(output.error("an accessor of type VEC4 is accepted")),
+        (TargetPath::Rotation, "VEC4") => ("VEC4", accessors.elements::<4>(accessor)?),
+        (TargetPath::Translation, _) => return Err(output.error("an accessor of type VEC3, float")),
+        (TargetPath::Rotation, _) => {
+            return Err(output.error("an accessor of type VEC4 is accepted"));
+        }
     };
     let per_key = if interpolation == Interpolation::Cubic { 3 } else { 1 };
     let expected = times.len().saturating_mul(per_key);

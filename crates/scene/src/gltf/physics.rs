@@ -16,7 +16,7 @@ use super::json::Cursor;
 use super::meshes::Meshes;
 use super::nodes::{self, Node};
 use super::source::BodyNode;
-use super::tables::{self, Dialect, Tables};
+use super::tables::{self, Dialect, SharedObjects};
 use crate::solid_mesh::DecompositionOptions;
 
 /// Largest magnitude of the factor on gravity.
@@ -25,7 +25,7 @@ const MOST_GRAVITY: f64 = 1e6;
 const STRONGEST: f64 = 1e6;
 
 /// Motion of a node.
-struct Moving {
+struct NodeMotion {
     motion: Motion,
     mass: Mass,
     linear: Vec3,
@@ -55,20 +55,20 @@ struct Collider<'a> {
 
 /// Physics properties of the nodes.
 struct Properties<'a> {
-    moving: BTreeMap<usize, Moving>,
+    moving: BTreeMap<usize, NodeMotion>,
     colliders: BTreeMap<usize, Collider<'a>>,
 }
 
 /// Data that the bodies are built from.
-pub(super) struct Builder<'a> {
+pub(super) struct GltfBodies<'a> {
     pub(super) nodes: &'a [Node<'a>],
     pub(super) meshes: &'a Meshes<'a>,
-    pub(super) tables: &'a Tables,
+    pub(super) tables: &'a SharedObjects,
     pub(super) animation: &'a Animation,
     pub(super) dialect: Dialect,
 }
 
-impl Builder<'_> {
+impl GltfBodies<'_> {
     fn warn(&self, node: usize, what: impl std::fmt::Display, warnings: &mut Vec<Warning>) {
         if let Some(n) = self.nodes.get(node) {
             let message = format!("{}: {what}", n.label(node));
@@ -352,7 +352,7 @@ impl Builder<'_> {
             }
             self.other_physics(node, warnings)?;
             let Some(physics) = node.cursor.extension(self.dialect.bodies())? else { continue };
-            tables::strangers(&physics, &["motion", "collider", "trigger", "joint"], warnings);
+            tables::warn_unknown(&physics, &["motion", "collider", "trigger", "joint"], warnings);
             if let Some(motion) = physics.get("motion")? {
                 let own = node.cursor.own()?;
                 properties.moving.insert(index, self.motion(&motion, own.as_ref(), warnings)?);
@@ -372,7 +372,7 @@ impl Builder<'_> {
                 joint.require("joint")?.index(self.tables.joints, "physics joints")?;
                 joint.require("connectedNode")?.index(self.nodes.len(), "nodes")?;
                 let known = ["connectedNode", "joint", "enableCollision"];
-                tables::strangers(&joint, &known, warnings);
+                tables::warn_unknown(&joint, &known, warnings);
                 if node.present {
                     let what = "its joint is not simulated: nothing holds the bodies together";
                     self.warn(index, what, warnings);
@@ -405,7 +405,7 @@ impl Builder<'_> {
         motion: &Cursor<'_>,
         own: Option<&Cursor<'_>>,
         warnings: &mut Vec<Warning>,
-    ) -> Result<Moving, SceneError> {
+    ) -> Result<NodeMotion, SceneError> {
         const KEYS: [&str; 9] = [
             "isKinematic",
             "type",
@@ -417,7 +417,7 @@ impl Builder<'_> {
             "angularVelocity",
             "gravityFactor",
         ];
-        tables::strangers(motion, &KEYS, warnings);
+        tables::warn_unknown(motion, &KEYS, warnings);
         let omi = self.dialect == Dialect::Omi;
         let kind = match motion.get("type")? {
             Some(kind) if omi => match kind.text()? {
@@ -476,7 +476,7 @@ impl Builder<'_> {
         let velocity = |key: &str| -> Result<Vec3, SceneError> {
             motion.get(key)?.map_or(Ok([0.0; 3]), |v| v.numbers(FAST))
         };
-        Ok(Moving {
+        Ok(NodeMotion {
             motion: kind,
             mass,
             linear: velocity("linearVelocity")?,
@@ -495,8 +495,8 @@ impl Builder<'_> {
         let geometry = match collider.get("geometry")? {
             Some(geometry) => {
                 let known = ["geometry", "physicsMaterial", "collisionFilter"];
-                tables::strangers(&collider, &known, warnings);
-                tables::strangers(&geometry, &FORM, warnings);
+                tables::warn_unknown(&collider, &known, warnings);
+                tables::warn_unknown(&geometry, &FORM, warnings);
                 geometry
             }
             // An OMI collider without a shape refers to the colliders below it.
@@ -552,7 +552,7 @@ impl Builder<'_> {
 
     /// Checks a trigger. Triggers are not simulated, but faults in them are errors.
     fn trigger(&self, trigger: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
-        tables::strangers(trigger, &["geometry", "nodes", "shape", "collisionFilter"], warnings);
+        tables::warn_unknown(trigger, &["geometry", "nodes", "shape", "collisionFilter"], warnings);
         if let Some(filter) = trigger.get("collisionFilter")? {
             filter.index(self.tables.filters.len(), "collision filters")?;
         }

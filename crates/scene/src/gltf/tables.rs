@@ -54,7 +54,7 @@ impl Dialect {
 }
 
 /// The shared objects.
-pub(super) struct Tables {
+pub(super) struct SharedObjects {
     pub(super) shapes: Vec<Implicit>,
     pub(super) materials: Vec<Material>,
     pub(super) filters: Vec<Filter>,
@@ -76,19 +76,19 @@ pub(super) fn read(
     dialect: Dialect,
     meshes: usize,
     warnings: &mut Vec<Warning>,
-) -> Result<Tables, SceneError> {
+) -> Result<SharedObjects, SceneError> {
     let mut tables =
-        Tables { shapes: Vec::new(), materials: Vec::new(), filters: Vec::new(), joints: 0 };
+        SharedObjects { shapes: Vec::new(), materials: Vec::new(), filters: Vec::new(), joints: 0 };
     if let Some(extension) = root.extension(dialect.shapes())? {
-        strangers(&extension, &["shapes"], warnings);
+        warn_unknown(&extension, &["shapes"], warnings);
         let defaults = if dialect == Dialect::Omi { shapes::OMI } else { shapes::KHRONOS };
         for shape in extension.list("shapes")? {
             tables.shapes.push(shapes::read(&shape, defaults, meshes)?);
-            shape_strangers(&shape, warnings)?;
+            warn_unknown_of_shape(&shape, warnings)?;
         }
     }
     let Some(extension) = root.extension(dialect.bodies())? else { return Ok(tables) };
-    strangers(&extension, &["physicsMaterials", "collisionFilters", "physicsJoints"], warnings);
+    warn_unknown(&extension, &["physicsMaterials", "collisionFilters", "physicsJoints"], warnings);
     for (index, material) in extension.list("physicsMaterials")?.iter().enumerate() {
         tables.materials.push(read_material(material, index, warnings)?);
     }
@@ -104,7 +104,7 @@ pub(super) fn read(
 }
 
 /// Warns of unknown properties and extensions of an object.
-pub(super) fn strangers(cursor: &Cursor<'_>, known: &[&str], warnings: &mut Vec<Warning>) {
+pub(super) fn warn_unknown(cursor: &Cursor<'_>, known: &[&str], warnings: &mut Vec<Warning>) {
     for key in cursor.unknown(known) {
         warnings.push(Warning {
             place: cursor.place(),
@@ -130,7 +130,7 @@ fn kind_of(cursor: &Cursor<'_>) -> String {
 }
 
 /// Keeps each warning about an unknown property once, and appends its number of occurrences.
-pub(super) fn count_strangers(warnings: &mut Vec<Warning>) {
+pub(super) fn count_unknown(warnings: &mut Vec<Warning>) {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     warnings.retain(|warning| {
         if !warning.message.ends_with(IGNORED) {
@@ -148,9 +148,12 @@ pub(super) fn count_strangers(warnings: &mut Vec<Warning>) {
 }
 
 /// Warns of unknown members of a shape.
-fn shape_strangers(shape: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
+fn warn_unknown_of_shape(
+    shape: &Cursor<'_>,
+    warnings: &mut Vec<Warning>,
+) -> Result<(), SceneError> {
     let kind = shape.require("type")?.text()?;
-    strangers(shape, &["name", "type", kind], warnings);
+    warn_unknown(shape, &["name", "type", kind], warnings);
     let known: &[&str] = match kind {
         "sphere" => &["radius"],
         "box" => &["size"],
@@ -159,7 +162,7 @@ fn shape_strangers(shape: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<()
         _ => &["mesh"],
     };
     if let Some(own) = shape.get(kind)? {
-        strangers(&own, known, warnings);
+        warn_unknown(&own, known, warnings);
     }
     Ok(())
 }
@@ -177,7 +180,7 @@ fn read_material(
         "frictionCombine",
         "restitutionCombine",
     ];
-    strangers(cursor, &KEYS, warnings);
+    warn_unknown(cursor, &KEYS, warnings);
     let coefficient = |key: &str| -> Result<Option<f64>, SceneError> {
         cursor.get(key)?.map(|c| c.within(0.0, FAR)).transpose()
     };
@@ -247,7 +250,7 @@ fn read_filter(
 ) -> Result<Filter, SceneError> {
     const ONLY: &str = "collideWithSystems";
     const NOT: &str = "notCollideWithSystems";
-    strangers(cursor, &["name", "collisionSystems", ONLY, NOT], warnings);
+    warn_unknown(cursor, &["name", "collisionSystems", ONLY, NOT], warnings);
     let mut bits = |key: &str| -> Result<Option<u64>, SceneError> {
         let Some(list) = cursor.get(key)? else { return Ok(None) };
         let mut bits = 0_u64;
@@ -276,7 +279,7 @@ fn read_filter(
 
 /// Checks a joint. Joints are not simulated, but faults in them are errors.
 fn check_joint(joint: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
-    strangers(joint, &["name", "limits", "drives"], warnings);
+    warn_unknown(joint, &["name", "limits", "drives"], warnings);
     let positive = |cursor: &Cursor<'_>, keys: &[&str]| -> Result<(), SceneError> {
         for key in keys {
             if let Some(number) = cursor.get(key)? {
@@ -287,7 +290,7 @@ fn check_joint(joint: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), Sc
     };
     for limit in joint.list("limits")? {
         const KEYS: [&str; 6] = ["linearAxes", "angularAxes", "min", "max", "stiffness", "damping"];
-        strangers(&limit, &KEYS, warnings);
+        warn_unknown(&limit, &KEYS, warnings);
         let (linear, angular) = (limit.get("linearAxes")?, limit.get("angularAxes")?);
         let axes = match (linear, angular) {
             (Some(axes), None) | (None, Some(axes)) => axes,
@@ -317,7 +320,7 @@ fn check_joint(joint: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), Sc
             "stiffness",
             "damping",
         ];
-        strangers(&drive, &KEYS, warnings);
+        warn_unknown(&drive, &KEYS, warnings);
         drive.require("axis")?.index(3, "axes")?;
         drive.require("type")?.text()?;
         drive.require("mode")?.text()?;

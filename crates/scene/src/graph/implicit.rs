@@ -231,7 +231,7 @@ fn ring(radius: f64, y: f64) -> Vec<Vec3> {
     }
     (0..RING)
         .map(|i| {
-            let (sin, cos) = (i as f64 / RING as f64 * TAU).sin_cos();
+            let (sin, cos) = libm::sincos(i as f64 / RING as f64 * TAU);
             [radius * cos, y, radius * sin]
         })
         .collect()
@@ -243,8 +243,8 @@ pub(crate) fn ball(radius: f64, y: f64) -> Vec<Vec3> {
     let mut points = Vec::new();
     for row in 0..=rows {
         let angle = row as f64 / rows as f64 * TAU / 2.0;
-        let at = if row == 0 || row == rows { 0.0 } else { radius * angle.sin() };
-        points.extend(ring(at, y + radius * angle.cos()));
+        let at = if row == 0 || row == rows { 0.0 } else { radius * libm::sin(angle) };
+        points.extend(ring(at, y + radius * libm::cos(angle)));
     }
     points
 }

@@ -145,9 +145,9 @@ pub fn slerp(a: Quat, b: Quat, t: f64) -> Quat {
     let (wa, wb) = if d > 0.9995 {
         (1.0 - t, t)
     } else {
-        let angle = d.clamp(-1.0, 1.0).acos();
-        let s = angle.sin();
-        (((1.0 - t) * angle).sin() / s, (t * angle).sin() / s)
+        let angle = libm::acos(d.clamp(-1.0, 1.0));
+        let s = libm::sin(angle);
+        (libm::sin((1.0 - t) * angle) / s, libm::sin(t * angle) / s)
     };
     let [a0, a1, a2, a3] = a;
     let [b0, b1, b2, b3] = b;

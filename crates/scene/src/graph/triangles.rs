@@ -46,7 +46,7 @@ impl Triangles {
 }
 
 /// Collision shape of a mesh.
-pub(crate) struct Solid {
+pub(crate) struct MeshCollider {
     /// The shape; `None` if no collider acts.
     pub(crate) kind: Option<ShapeKind>,
     /// Deviations from the file.
@@ -62,8 +62,8 @@ impl Triangles {
         convex: bool,
         decomposition: Option<DecompositionOptions>,
         motion: Motion,
-    ) -> Solid {
-        let nothing = |why: &str| Solid { kind: None, notes: vec![why.to_owned()] };
+    ) -> MeshCollider {
+        let nothing = |why: &str| MeshCollider { kind: None, notes: vec![why.to_owned()] };
         if map.iter().flatten().all(|x| *x == 0.0) {
             return nothing("no collider acts: its node has scale 0, which disables it");
         }
@@ -89,7 +89,7 @@ impl Triangles {
                 ));
             }
             if !flat {
-                return Solid {
+                return MeshCollider {
                     kind: Some(ShapeKind::ConvexHull { points: moved.points() }),
                     notes,
                 };
@@ -98,7 +98,7 @@ impl Triangles {
         }
         let Triangles { vertices, triangles } = moved;
         let kind = ShapeKind::Trimesh { vertices, triangles, decomposition };
-        Solid { kind: Some(kind), notes }
+        MeshCollider { kind: Some(kind), notes }
     }
 }
 

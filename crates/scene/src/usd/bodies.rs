@@ -8,16 +8,16 @@ use super::super::description::{
 use super::super::error::{SceneError, Warning};
 use super::super::graph::math::{self, Mat3, Quat, Vec3};
 use super::super::graph::{seen_from, unique};
-use super::mass::{self, Part};
-use super::motion::{self, Moving, Transforms};
+use super::mass::{self, ColliderMass};
+use super::motion::{self, BodyMotion, Transforms};
 use super::prims::Prim;
 use super::stage::Stage;
 use super::xform::Pose;
-use super::{filters, shapes, strangers, surfaces};
+use super::{filters, shapes, surfaces, unsupported};
 
 /// Returns the bodies of a stage, in the order of their prims.
 pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<Body>, SceneError> {
-    strangers::name(stage, warnings);
+    unsupported::name(stage, warnings);
     let transforms = Transforms::read(stage)?;
     let is_body = |prim: &Prim| prim.schemas.contains("PhysicsRigidBodyAPI");
     let mut colliders = Vec::new();
@@ -36,7 +36,7 @@ pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<
     }
     let filters = filters::of(stage, &colliders, warnings)?;
     let filters = colliders.into_iter().zip(filters).collect();
-    let builder = Builder { stage, transforms, filters };
+    let builder = UsdBodies { stage, transforms, filters };
     let mut names = BTreeSet::new();
     let mut bodies = Vec::new();
     for (prim, colliders) in &carried {
@@ -45,13 +45,13 @@ pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<
     Ok(bodies)
 }
 
-struct Builder<'s> {
+struct UsdBodies<'s> {
     stage: &'s Stage<'s>,
     transforms: Transforms,
     filters: BTreeMap<usize, Filter>,
 }
 
-impl Builder<'_> {
+impl UsdBodies<'_> {
     fn body(
         &self,
         index: usize,
@@ -73,7 +73,7 @@ impl Builder<'_> {
             }
             motion::of(stage, prim, above, warnings)?
         } else {
-            Moving::AT_REST
+            BodyMotion::AT_REST
         };
         let driven = self.transforms.driven(stage, index);
         let motion = match moving.motion {
@@ -106,7 +106,7 @@ impl Builder<'_> {
         let parts: Vec<_> = shapes
             .iter()
             .zip(&densities)
-            .map(|(shape, (prim, density))| Part { prim: *prim, shape, density: *density })
+            .map(|(shape, (prim, density))| ColliderMass { prim: *prim, shape, density: *density })
             .collect();
         let mass = if is_body {
             mass::of(stage, index, &parts, motion, rest, warnings)?

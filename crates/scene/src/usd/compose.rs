@@ -1,14 +1,14 @@
 //! Composition: combines the opinions of all layers about each prim.
 //!
 //! Opinions about a prim come from the root layer stack. Weaker ones come from its inherits,
-//! variants, references, payloads and specializes, in this order. Each source is a [`Node`], which
-//! may have sources of its own. The children of a prim are the children of its nodes.
+//! variants, references, payloads and specializes, in this order. Each source is a [`PrimNode`],
+//! which may have sources of its own. The children of a prim are the children of its nodes.
 
 use std::collections::BTreeMap;
 
 use super::super::error::SceneError;
 use super::files::{Files, Origin};
-use super::layer::{Edit, Entry, Spec, Target, Time, Value};
+use super::layer::{Edit, MetadataEntry, Spec, Target, Time, Value};
 use super::lexer::Fault;
 use super::tokens::DEEPEST;
 
@@ -30,7 +30,7 @@ pub(super) struct Site<'a> {
 
 /// One source of opinions about a prim.
 #[derive(Clone)]
-pub(super) struct Node<'a> {
+pub(super) struct PrimNode<'a> {
     /// Root layer of the source's layer stack.
     stack: usize,
     /// Path of the prim in that stack.
@@ -44,7 +44,7 @@ pub(super) struct Node<'a> {
     open: bool,
     time: Time,
     /// Weaker sources, each with the index of its arc in [`ARCS`].
-    arcs: Vec<(usize, Node<'a>)>,
+    arcs: Vec<(usize, PrimNode<'a>)>,
 }
 
 /// An opinion and the path maps of the nodes around it, outermost first.
@@ -112,11 +112,11 @@ impl<'a> Composer<'a> {
     }
 
     /// Returns the root node of the stage.
-    pub(super) fn root(&mut self) -> Result<Node<'a>, SceneError> {
+    pub(super) fn root(&mut self) -> Result<PrimNode<'a>, SceneError> {
         self.top(0)
     }
 
-    fn top(&mut self, stack: usize) -> Result<Node<'a>, SceneError> {
+    fn top(&mut self, stack: usize) -> Result<PrimNode<'a>, SceneError> {
         let sites = match self.stacks.get(&stack) {
             Some(sites) => sites.clone(),
             None => {
@@ -128,7 +128,7 @@ impl<'a> Composer<'a> {
         };
         let map = ("/".to_owned(), "/".to_owned());
         let path = "/".to_owned();
-        Ok(Node { stack, path, sites, map, open: false, time: Time::SAME, arcs: Vec::new() })
+        Ok(PrimNode { stack, path, sites, map, open: false, time: Time::SAME, arcs: Vec::new() })
     }
 
     /// Adds a layer and its sublayers to `sites`, the strongest first.
@@ -163,10 +163,8 @@ impl<'a> Composer<'a> {
 
     fn ring(&self, layer: usize, target: &Target) -> SceneError {
         let value = Value::Targets(vec![target.clone()]).label();
-        let accepted = format!(
-            "accepted: files and prims that do not lead back to themselves, up to {DEEPEST} deep"
-        );
-        self.files.fault(layer, Fault::new(target.at, "what is referred to", value, accepted))
+        let accepted = format!("accepted: references without cycles, up to {DEEPEST} deep");
+        self.files.fault(layer, Fault::new(target.at, "target of a reference", value, accepted))
     }
 
     /// Counts a node.
@@ -179,26 +177,28 @@ impl<'a> Composer<'a> {
             return Ok(());
         }
         let value = format!("more than {} prims", self.most);
-        let accepted = "accepted: up to 100 for each that is written; references lead in a ring or \
-                        multiply each other";
-        Err(self.files.fault(layer, Fault::new(at, "what the scene consists of", value, accepted)))
+        let accepted = "accepted: up to 100 for each that is written; references form a cycle or \
+         multiply each other";
+        Err(self
+            .files
+            .fault(layer, Fault::new(at, "number of prims in the scene", value, accepted)))
     }
 
     /// Returns the child of a node with all its sources; `None` if no layer mentions it.
     pub(super) fn child(
         &mut self,
-        parent: &Node<'a>,
+        parent: &PrimNode<'a>,
         name: &str,
         chosen: &mut Chosen,
         depth: usize,
-    ) -> Result<Option<Node<'a>>, SceneError> {
+    ) -> Result<Option<PrimNode<'a>>, SceneError> {
         let sites: Vec<_> = parent
             .sites
             .iter()
             .filter_map(|site| Some(Site { spec: site.spec.child(name)?, ..*site }))
             .collect();
         let slash = if parent.path == "/" { "" } else { "/" };
-        let node = Node {
+        let node = PrimNode {
             stack: parent.stack,
             path: format!("{}{slash}{name}", parent.path),
             sites,
@@ -215,12 +215,12 @@ impl<'a> Composer<'a> {
     /// arcs.
     fn expanded(
         &mut self,
-        mut node: Node<'a>,
-        above: &[(usize, Node<'a>)],
+        mut node: PrimNode<'a>,
+        above: &[(usize, PrimNode<'a>)],
         name: Option<&str>,
         chosen: &mut Chosen,
         depth: usize,
-    ) -> Result<Node<'a>, SceneError> {
+    ) -> Result<PrimNode<'a>, SceneError> {
         let at = node
             .sites
             .first()
@@ -265,10 +265,10 @@ impl<'a> Composer<'a> {
     /// Returns one node for each variant set of a node with a chosen variant.
     fn variants(
         &mut self,
-        node: &Node<'a>,
+        node: &PrimNode<'a>,
         chosen: &mut Chosen,
         depth: usize,
-    ) -> Result<Vec<Node<'a>>, SceneError> {
+    ) -> Result<Vec<PrimNode<'a>>, SceneError> {
         let mut sets: BTreeMap<&str, Vec<Site<'a>>> = BTreeMap::new();
         for site in &node.sites {
             for (set, variants) in &site.spec.variants {
@@ -279,7 +279,8 @@ impl<'a> Composer<'a> {
         let mut nodes = Vec::new();
         for sites in sets.into_values().filter(|sites| !sites.is_empty()) {
             let map = ("/".to_owned(), "/".to_owned());
-            let variant = Node { sites, map, time: Time::SAME, arcs: Vec::new(), ..node.clone() };
+            let variant =
+                PrimNode { sites, map, time: Time::SAME, arcs: Vec::new(), ..node.clone() };
             nodes.push(self.expanded(variant, &[], None, chosen, depth)?);
         }
         Ok(nodes)
@@ -287,25 +288,25 @@ impl<'a> Composer<'a> {
 
     fn absent(&self, layer: usize, target: &Target) -> SceneError {
         let value = format!("<{}>", target.path);
-        let accepted = "accepted: a prim that is there";
-        self.files.fault(layer, Fault::new(target.at, "what is referred to", value, accepted))
+        let accepted = "accepted: an existing prim";
+        self.files.fault(layer, Fault::new(target.at, "target of a reference", value, accepted))
     }
 
     /// Returns the node that an arc leads to; `None` if there is no such prim.
     fn arc(
         &mut self,
-        node: &Node<'a>,
+        node: &PrimNode<'a>,
         site: Site<'a>,
         target: &Target,
         chosen: &mut Chosen,
         depth: usize,
-    ) -> Result<Option<Node<'a>>, SceneError> {
+    ) -> Result<Option<PrimNode<'a>>, SceneError> {
         let depth = depth.saturating_add(1);
         if depth > DEEPEST {
             return Err(self.ring(site.layer, target));
         }
         let refuse = |value: String, accepted: &str| {
-            let fault = Fault::new(target.at, "what is referred to", value, accepted);
+            let fault = Fault::new(target.at, "target of a reference", value, accepted);
             self.files.fault(site.layer, fault)
         };
         let outside = target.asset.is_some();
@@ -347,7 +348,7 @@ impl<'a> Composer<'a> {
     }
 }
 
-impl<'a> Node<'a> {
+impl<'a> PrimNode<'a> {
     /// Returns all opinions about the prim, the strongest first.
     pub(super) fn opinions(&'a self) -> Vec<Opinion<'a>> {
         let mut all = Vec::new();
@@ -394,7 +395,7 @@ fn edited<'a>(sites: &[Site<'a>], key: &str) -> Vec<(Site<'a>, Target)> {
 /// Applies the list edit of an entry.
 pub(super) fn edit<T>(
     list: &mut Vec<T>,
-    entry: &Entry,
+    entry: &MetadataEntry,
     mut items: Vec<T>,
     same: impl Fn(&T, &T) -> bool,
 ) {

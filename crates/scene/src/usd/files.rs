@@ -65,7 +65,7 @@ impl Files {
                                 let value = format!("{index} files of {size} bytes");
                                 let fault = Fault::new(
                                     at,
-                                    "what the scene leads to",
+                                    "files that the scene references",
                                     value,
                                     format!("accepted: up to {MOST} files and 1 GiB"),
                                 );

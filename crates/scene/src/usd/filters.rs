@@ -57,7 +57,7 @@ pub(super) fn of(
         collides_with_unnamed: true,
     };
     let filters = systems.iter().map(|of| (*of.0, filter(of))).collect();
-    let exact = rules.say_the_same(&filters);
+    let exact = rules.are_equivalent(&filters);
     let filter = |class: &Class| {
         let own = rules.own(class).filter(|_| exact);
         own.or(filters.get(class).copied()).unwrap_or_default()
@@ -90,7 +90,7 @@ impl<'s> Rules<'s> {
                     Some(other) => pairs.push([index, other]),
                     None => {
                         let what =
-                            format!("its filtered pair <{path}> is not there: it is ignored");
+                            format!("its filtered pair <{path}> does not exist: it is ignored");
                         stage.warn(prim, what, warnings);
                     }
                 }
@@ -179,7 +179,7 @@ impl<'s> Rules<'s> {
     }
 
     /// Returns true if the own-format filters still agree with these for every pair of classes.
-    fn say_the_same(&self, filters: &BTreeMap<&Class, Filter>) -> bool {
+    fn are_equivalent(&self, filters: &BTreeMap<&Class, Filter>) -> bool {
         filters.iter().all(|(a, x)| {
             filters.iter().all(|(b, y)| match (self.own(a), self.own(b)) {
                 (Some(own_a), Some(own_b)) => own_a.collides(&own_b) == x.collides(y),
@@ -279,7 +279,7 @@ fn own(stage: &Stage<'_>, prim: &Prim) -> Result<Option<Filter>, SceneError> {
     const NAMES: [&str; 2] = ["drystone:systems", "drystone:notCollidesWith"];
     let mut masks = [0_u64; 2];
     for (name, mask) in NAMES.into_iter().zip(&mut masks) {
-        let Some(bits) = stage.wholes(prim, name)? else { return Ok(None) };
+        let Some(bits) = stage.whole_numbers(prim, name)? else { return Ok(None) };
         for bit in bits {
             let one = 1_u64.checked_shl(bit);
             *mask |= one.ok_or_else(|| stage.refuse(prim, name, "numbers from 0 to 63"))?;

@@ -29,8 +29,8 @@ pub(super) struct Spec {
     pub(super) at: usize,
     pub(super) specifier: Specifier,
     pub(super) kind: String,
-    pub(super) metadata: BTreeMap<String, Vec<Entry>>,
-    pub(super) properties: BTreeMap<String, Property>,
+    pub(super) metadata: BTreeMap<String, Vec<MetadataEntry>>,
+    pub(super) properties: BTreeMap<String, PropertySpec>,
     /// Children by name, in their order.
     pub(super) children: Vec<(String, Spec)>,
     places: BTreeMap<String, usize>,
@@ -55,7 +55,7 @@ impl Spec {
     }
 
     /// Returns the value of metadata that has a single value: the last one written.
-    pub(super) fn metadata(&self, key: &str) -> Option<&Entry> {
+    pub(super) fn metadata(&self, key: &str) -> Option<&MetadataEntry> {
         self.metadata.get(key).and_then(|entries| entries.last())
     }
 }
@@ -73,7 +73,7 @@ pub(super) enum Edit {
 
 /// A metadata entry.
 #[derive(Debug)]
-pub(super) struct Entry {
+pub(super) struct MetadataEntry {
     pub(super) edit: Edit,
     pub(super) value: Value,
     pub(super) at: usize,
@@ -81,13 +81,13 @@ pub(super) struct Entry {
 
 /// Opinion of a layer about an attribute or a relationship.
 #[derive(Debug, Default)]
-pub(super) struct Property {
+pub(super) struct PropertySpec {
     pub(super) at: usize,
     pub(super) value: Option<Value>,
     /// Samples by time code.
     pub(super) samples: Option<Vec<(f64, Value)>>,
     /// Targets of a relationship.
-    pub(super) targets: Vec<Entry>,
+    pub(super) targets: Vec<MetadataEntry>,
 }
 
 /// Target of a composition arc or a relationship.

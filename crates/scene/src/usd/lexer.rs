@@ -133,7 +133,7 @@ impl<'a> Lexer<'a> {
         let inner = self.rest().get(open.len()..).unwrap_or("");
         let end = inner.find(close).filter(|end| !inner.get(..*end).unwrap_or("").contains('\n'));
         let end = end.ok_or_else(|| {
-            let item = format!("what starts with '{open}'");
+            let item = format!("text after '{open}'");
             Fault::new(
                 self.at,
                 item,

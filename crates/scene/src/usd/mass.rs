@@ -16,7 +16,7 @@ use super::stage::Stage;
 const DENSITY: f64 = 1000.0;
 
 /// A collider of a body.
-pub(super) struct Part<'s> {
+pub(super) struct ColliderMass<'s> {
     pub(super) prim: usize,
     pub(super) shape: &'s Shape,
     /// Density of its material. \[kg/m^3\]
@@ -28,7 +28,7 @@ pub(super) struct Part<'s> {
 pub(super) fn of(
     stage: &Stage<'_>,
     body: usize,
-    parts: &[Part<'_>],
+    parts: &[ColliderMass<'_>],
     motion: Motion,
     scale: math::Mat3,
     warnings: &mut Vec<Warning>,

@@ -32,7 +32,12 @@ impl Transforms {
             let numbers = world.map.linear.iter().flatten().chain(&world.map.shift);
             if !numbers.copied().all(|x| x.abs() <= FAR) {
                 let accepted = format!("accepted: coordinates and scales up to {FAR:e}");
-                return Err(stage.wrong(prim, "the place in the stage", String::new(), &accepted));
+                return Err(stage.wrong(
+                    prim,
+                    "the transform in the stage",
+                    String::new(),
+                    &accepted,
+                ));
             }
             transforms.world.push(world);
             transforms.own.push(own);
@@ -114,7 +119,7 @@ impl Transforms {
 }
 
 /// Motion of a body.
-pub(super) struct Moving {
+pub(super) struct BodyMotion {
     pub(super) motion: Motion,
     pub(super) linear: Vec3,
     pub(super) angular: Vec3,
@@ -123,7 +128,7 @@ pub(super) struct Moving {
     pub(super) damping: [f64; 2],
 }
 
-impl Moving {
+impl BodyMotion {
     pub(super) const AT_REST: Self = Self {
         motion: Motion::Static,
         linear: [0.0; 3],
@@ -139,7 +144,7 @@ pub(super) fn of(
     prim: &Prim,
     above: Pose,
     warnings: &mut Vec<Warning>,
-) -> Result<Moving, SceneError> {
+) -> Result<BodyMotion, SceneError> {
     const ANGULAR: &str = "physics:angularVelocity";
     let flag = |name: &str| stage.flag(prim, name);
     let motion = if flag("physics:rigidBodyEnabled")? == Some(false) {
@@ -150,7 +155,7 @@ pub(super) fn of(
         Motion::Dynamic
     };
     if flag("physics:startsAsleep")? == Some(true) && motion == Motion::Dynamic {
-        let what = "it starts awake: nothing sleeps here, and what rests stays at rest";
+        let what = "it starts awake: startsAsleep has no effect";
         stage.warn(prim, what, warnings);
     }
     // Velocities are given in the space of the prim's parent.
@@ -161,7 +166,7 @@ pub(super) fn of(
     let angular = degrees.map(f64::to_radians);
     let angular = if straight { angular } else { math::turn(above.turn, angular) };
     let gravity = stage.number(prim, "drystone:gravityFactor", -MOST_GRAVITY, MOST_GRAVITY)?;
-    Ok(Moving {
+    Ok(BodyMotion {
         motion,
         linear: stage.units.length(linear),
         angular: stage.units.direction(angular),

@@ -1,6 +1,6 @@
 //! Parser of layers in text form.
 
-use super::layer::{Edit, Entry, Layer, Spec, Specifier, Value};
+use super::layer::{Edit, Layer, MetadataEntry, Spec, Specifier, Value};
 use super::lexer::{Fault, Lexer, Token};
 use super::tokens::{Parser, expected};
 
@@ -124,7 +124,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    fn entries(&mut self) -> Result<Vec<(String, Entry)>, Fault> {
+    fn entries(&mut self) -> Result<Vec<(String, MetadataEntry)>, Fault> {
         let mut entries = Vec::new();
         if !self.mark('(')? {
             return Ok(entries);
@@ -153,7 +153,7 @@ impl<'a> Parser<'a> {
                 }
                 _ => self.value(true)?,
             };
-            entries.push((key.to_owned(), Entry { edit, value, at }));
+            entries.push((key.to_owned(), MetadataEntry { edit, value, at }));
         }
     }
 
@@ -245,7 +245,7 @@ impl<'a> Parser<'a> {
                 return Err(Fault::new(at, name, value.label(), accepted));
             }
             let property = spec.properties.entry(name.to_owned()).or_default();
-            property.targets.push(Entry { edit, value, at });
+            property.targets.push(MetadataEntry { edit, value, at });
             self.entries()?;
         }
         Ok(())

@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::error::SceneError;
-use super::compose::{Composer, Node, Opinion, edit};
+use super::compose::{Composer, Opinion, PrimNode, edit};
 use super::files::{Files, Origin};
-use super::layer::{Entry, Specifier, Time, Value};
+use super::layer::{MetadataEntry, Specifier, Time, Value};
 use super::lexer::Fault;
 use super::tokens::DEEPEST;
 
@@ -49,21 +49,21 @@ impl Property {
 pub(super) fn all(files: &Files) -> Result<Vec<Prim>, SceneError> {
     let mut composer = Composer::new(files);
     let root = composer.root()?;
-    let mut walk = Walk { files, composer, prims: Vec::new() };
+    let mut walk = PrimWalk { files, composer, prims: Vec::new() };
     walk.children(&root, None, 0)?;
     Ok(walk.prims)
 }
 
-struct Walk<'f> {
+struct PrimWalk<'f> {
     files: &'f Files,
     composer: Composer<'f>,
     prims: Vec<Prim>,
 }
 
-impl<'f> Walk<'f> {
+impl<'f> PrimWalk<'f> {
     fn children(
         &mut self,
-        node: &Node<'f>,
+        node: &PrimNode<'f>,
         parent: Option<usize>,
         depth: usize,
     ) -> Result<(), SceneError> {
@@ -87,7 +87,7 @@ impl<'f> Walk<'f> {
 }
 
 /// Returns the names of the children, those from weaker opinions first.
-fn names(node: &Node<'_>) -> Vec<String> {
+fn names(node: &PrimNode<'_>) -> Vec<String> {
     let mut known = BTreeSet::new();
     let mut names = Vec::new();
     for opinion in node.opinions().iter().rev() {
@@ -101,7 +101,7 @@ fn names(node: &Node<'_>) -> Vec<String> {
 }
 
 /// Composes the prim of a node. `None` if it is only an `over`, a class, or inactive.
-fn prim(node: &Node<'_>, name: String, parent: Option<usize>, prims: &[Prim]) -> Option<Prim> {
+fn prim(node: &PrimNode<'_>, name: String, parent: Option<usize>, prims: &[Prim]) -> Option<Prim> {
     let opinions = node.opinions();
     let specs = || opinions.iter().map(|opinion| opinion.site.spec);
     let made = specs().find(|spec| spec.specifier != Specifier::Over)?;
@@ -143,7 +143,7 @@ pub(super) fn is_word(value: &Value, word: &str) -> bool {
     matches!(value, Value::Text(text) if text.eq_ignore_ascii_case(word))
 }
 
-fn texts(entry: &Entry) -> Vec<String> {
+fn texts(entry: &MetadataEntry) -> Vec<String> {
     match &entry.value {
         Value::Texts(texts) => texts.clone(),
         Value::Text(text) => vec![text.clone()],

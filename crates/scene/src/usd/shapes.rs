@@ -206,8 +206,8 @@ fn radius(points: &[Vec3], middle: Vec3) -> f64 {
 fn triangles(stage: &Stage<'_>, prim: &Prim) -> Result<Triangles, SceneError> {
     const CORNERS: &str = "faceVertexIndices";
     let vertices = stage.points(prim, "points", FAR)?;
-    let counts = stage.wholes(prim, "faceVertexCounts")?.unwrap_or_default();
-    let corners = stage.wholes(prim, CORNERS)?.unwrap_or_default();
+    let counts = stage.whole_numbers(prim, "faceVertexCounts")?.unwrap_or_default();
+    let corners = stage.whole_numbers(prim, CORNERS)?.unwrap_or_default();
     let sum = counts.iter().fold(0_usize, |sum, count| sum.saturating_add(*count as usize));
     if sum != corners.len() {
         let value = format!("{} indices", corners.len());

@@ -276,7 +276,11 @@ impl<'f> Stage<'f> {
     }
 
     /// Reads a list of whole numbers from 0.
-    pub(super) fn wholes(&self, prim: &Prim, name: &str) -> Result<Option<Vec<u32>>, SceneError> {
+    pub(super) fn whole_numbers(
+        &self,
+        prim: &Prim,
+        name: &str,
+    ) -> Result<Option<Vec<u32>>, SceneError> {
         let Some(value) = self.value(prim, name) else { return Ok(None) };
         let Value::Numbers(numbers) = value else {
             return Err(self.refuse(prim, name, "a list of whole numbers"));
@@ -284,8 +288,8 @@ impl<'f> Stage<'f> {
         let whole = |x: &f64| {
             (x.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(x)).then_some(*x as u32)
         };
-        let wholes: Option<Vec<u32>> = numbers.iter().map(whole).collect();
-        wholes.map(Some).ok_or_else(|| self.refuse(prim, name, "whole numbers from 0"))
+        let whole_numbers: Option<Vec<u32>> = numbers.iter().map(whole).collect();
+        whole_numbers.map(Some).ok_or_else(|| self.refuse(prim, name, "whole numbers from 0"))
     }
 
     pub(super) fn targets<'p>(&self, prim: &'p Prim, name: &str) -> &'p [String] {

@@ -13,7 +13,7 @@ const ROUGHEST: f64 = 1e6;
 const LONGEST: f64 = 1e6;
 
 /// Contents of a material.
-pub(super) struct Surface {
+pub(super) struct UsdMaterial {
     pub(super) material: Material,
     /// Density. \[kg/m^3\]
     pub(super) density: Option<f64>,
@@ -25,7 +25,7 @@ pub(super) fn of(
     stage: &Stage<'_>,
     collider: usize,
     warnings: &mut Vec<Warning>,
-) -> Result<Option<Surface>, SceneError> {
+) -> Result<Option<UsdMaterial>, SceneError> {
     let bound = ["material:binding:physics", "material:binding"].into_iter().find_map(|purpose| {
         stage.up(collider).find_map(|(_, prim)| stage.targets(prim, purpose).first())
     });
@@ -42,7 +42,7 @@ fn read(
     stage: &Stage<'_>,
     prim: &Prim,
     warnings: &mut Vec<Warning>,
-) -> Result<Surface, SceneError> {
+) -> Result<UsdMaterial, SceneError> {
     let number = |name: &str, most: f64| stage.number(prim, name, 0.0, most);
     let fixed = number("physics:staticFriction", ROUGHEST)?;
     let sliding = number("physics:dynamicFriction", ROUGHEST)?;
@@ -79,5 +79,5 @@ fn read(
         restitution_combine: combine("drystone:restitutionCombine", default.restitution_combine)?,
     };
     let density = number("physics:density", HEAVY)?.filter(|density| *density > 0.0);
-    Ok(Surface { material, density: density.map(|density| density * stage.units.density()) })
+    Ok(UsdMaterial { material, density: density.map(|density| density * stage.units.density()) })
 }

@@ -5,7 +5,7 @@ use super::lexer::{Fault, Token, clipped};
 use super::tokens::{Parser, expected};
 
 /// Kind of value that an attribute of a given type holds.
-enum Kind {
+enum ValueKind {
     /// A tuple of this many numbers.
     Numbers(usize),
     Texts,
@@ -14,8 +14,8 @@ enum Kind {
 }
 
 /// Returns the kind of a type by its name: `float3`, `point3f`, `quatd`, `matrix4d`, `token`, ...
-fn kind_of(name: &str) -> Kind {
-    Kind::Numbers(match name {
+fn kind_of(name: &str) -> ValueKind {
+    ValueKind::Numbers(match name {
         "bool" | "uchar" | "int" | "uint" | "int64" | "uint64" | "half" | "float" | "double"
         | "timecode" => 1,
         "int2" | "half2" | "float2" | "double2" | "texCoord2h" | "texCoord2f" | "texCoord2d" => 2,
@@ -26,8 +26,8 @@ fn kind_of(name: &str) -> Kind {
         | "quatf" | "quatd" | "matrix2d" => 4,
         "matrix3d" => 9,
         "matrix4d" | "frame4d" => 16,
-        "string" | "token" => return Kind::Texts,
-        _ => return Kind::Other,
+        "string" | "token" => return ValueKind::Texts,
+        _ => return ValueKind::Other,
     })
 }
 
@@ -38,8 +38,8 @@ impl<'a> Parser<'a> {
         let value = self.value(false)?;
         let array = if list { "[]" } else { "" };
         let (fits, what) = match kind_of(kind) {
-            Kind::Other => return Ok(value),
-            Kind::Texts => {
+            ValueKind::Other => return Ok(value),
+            ValueKind::Texts => {
                 let fits = match &value {
                     Value::Text(_) => !list,
                     Value::Texts(_) => list,
@@ -48,7 +48,7 @@ impl<'a> Parser<'a> {
                 };
                 (fits, "a text".to_owned())
             }
-            Kind::Numbers(width) => {
+            ValueKind::Numbers(width) => {
                 let fits = match &value {
                     Value::Number(_) => !list && width == 1,
                     // Words such as true.

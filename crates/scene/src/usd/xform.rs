@@ -10,7 +10,7 @@ use super::stage::Stage;
 
 /// Kind of a transform operation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum XformKind {
     Translate,
     Scale,
     /// Rotation about these axes in turn. \[degree\]
@@ -19,26 +19,26 @@ enum Kind {
     Matrix,
 }
 
-const KINDS: [(&str, Kind); 13] = [
-    ("translate", Kind::Translate),
-    ("scale", Kind::Scale),
-    ("orient", Kind::Orient),
-    ("transform", Kind::Matrix),
-    ("rotateX", Kind::Rotate(&[0])),
-    ("rotateY", Kind::Rotate(&[1])),
-    ("rotateZ", Kind::Rotate(&[2])),
-    ("rotateXYZ", Kind::Rotate(&[0, 1, 2])),
-    ("rotateXZY", Kind::Rotate(&[0, 2, 1])),
-    ("rotateYXZ", Kind::Rotate(&[1, 0, 2])),
-    ("rotateYZX", Kind::Rotate(&[1, 2, 0])),
-    ("rotateZXY", Kind::Rotate(&[2, 0, 1])),
-    ("rotateZYX", Kind::Rotate(&[2, 1, 0])),
+const KINDS: [(&str, XformKind); 13] = [
+    ("translate", XformKind::Translate),
+    ("scale", XformKind::Scale),
+    ("orient", XformKind::Orient),
+    ("transform", XformKind::Matrix),
+    ("rotateX", XformKind::Rotate(&[0])),
+    ("rotateY", XformKind::Rotate(&[1])),
+    ("rotateZ", XformKind::Rotate(&[2])),
+    ("rotateXYZ", XformKind::Rotate(&[0, 1, 2])),
+    ("rotateXZY", XformKind::Rotate(&[0, 2, 1])),
+    ("rotateYXZ", XformKind::Rotate(&[1, 0, 2])),
+    ("rotateYZX", XformKind::Rotate(&[1, 2, 0])),
+    ("rotateZXY", XformKind::Rotate(&[2, 0, 1])),
+    ("rotateZYX", XformKind::Rotate(&[2, 1, 0])),
 ];
 
 /// One transform operation; its numbers are padded with zeros.
 #[derive(Clone, Debug)]
 struct Op {
-    kind: Kind,
+    kind: XformKind,
     inverse: bool,
     rest: [f64; 16],
     /// Values by time code.
@@ -170,12 +170,12 @@ impl Transform {
 
     /// Returns true if a track through the keys gives the exact poses between them.
     pub(super) fn straight(&self) -> bool {
-        let plain = |op: &Op| matches!(op.kind, Kind::Translate | Kind::Orient);
+        let plain = |op: &Op| matches!(op.kind, XformKind::Translate | XformKind::Orient);
         let mut turned = false;
         self.ops.iter().all(|op| {
             // A translation inside a rotation that changes moves along an arc.
-            let swings = turned && op.kind == Kind::Translate;
-            turned |= op.kind == Kind::Orient && op.moves();
+            let swings = turned && op.kind == XformKind::Translate;
+            turned |= op.kind == XformKind::Orient && op.moves();
             !op.moves() && !swings || plain(op) && !swings && !op.inverse
         })
     }
@@ -190,15 +190,15 @@ impl Op {
         stage: &Stage<'_>,
         prim: &Prim,
         name: &str,
-        kind: Kind,
+        kind: XformKind,
         inverse: bool,
     ) -> Result<Option<Self>, SceneError> {
         let Some(rest) = stage.value(prim, name) else { return Ok(None) };
         let width = match kind {
-            Kind::Rotate([_]) => 1,
-            Kind::Translate | Kind::Scale | Kind::Rotate(_) => 3,
-            Kind::Orient => 4,
-            Kind::Matrix => 16,
+            XformKind::Rotate([_]) => 1,
+            XformKind::Translate | XformKind::Scale | XformKind::Rotate(_) => 3,
+            XformKind::Orient => 4,
+            XformKind::Matrix => 16,
         };
         let padded = |value: &Value| -> Option<[f64; 16]> {
             let numbers = match value {
@@ -212,12 +212,12 @@ impl Op {
                 return None;
             }
             match kind {
-                Kind::Orient => {
+                XformKind::Orient => {
                     let [w, x, y, z, ..] = all;
                     let length = math::quat_dot([x, y, z, w], [x, y, z, w]).sqrt();
                     ((length - 1.0).abs() <= TURN_SLACK).then_some(all)
                 }
-                Kind::Matrix => {
+                XformKind::Matrix => {
                     let (affine, last) = matrix(&all);
                     (last == [0.0, 0.0, 0.0, 1.0] && split(affine.linear).is_some()).then_some(all)
                 }
@@ -225,10 +225,12 @@ impl Op {
             }
         };
         let accepted = || match kind {
-            Kind::Orient => "a quaternion (w, x, y, z) of length 1".to_owned(),
-            Kind::Matrix => "a matrix of translation, rotation and scale, with the last column \
+            XformKind::Orient => "a quaternion (w, x, y, z) of length 1".to_owned(),
+            XformKind::Matrix => {
+                "a matrix of translation, rotation and scale, with the last column \
                              0, 0, 0, 1"
-                .to_owned(),
+                    .to_owned()
+            }
             _ => format!("{width} numbers up to {FAR:e}"),
         };
         let refuse = || stage.refuse(prim, name, &accepted());
@@ -251,18 +253,18 @@ impl Op {
         let numbers = code.map_or(self.rest, |code| self.sample(code));
         let [a, b, c, d, ..] = numbers;
         let pose = match self.kind {
-            Kind::Translate => {
+            XformKind::Translate => {
                 Pose { map: Affine { linear: math::IDENTITY, shift: [a, b, c] }, ..Pose::REST }
             }
-            Kind::Scale => Pose {
+            XformKind::Scale => Pose {
                 map: Affine { linear: math::diagonal([a, b, c]), shift: [0.0; 3] },
                 turn: math::NO_TURN,
                 scale: math::diagonal([a, b, c]),
             },
-            Kind::Orient => {
+            XformKind::Orient => {
                 Pose::turned(math::quat_as_written([b, c, d, a]).unwrap_or(math::NO_TURN))
             }
-            Kind::Rotate(axes) => {
+            XformKind::Rotate(axes) => {
                 let angles = axes.iter().map(|axis| {
                     if axes.len() == 1 { a } else { numbers.get(*axis).copied().unwrap_or(0.0) }
                 });
@@ -276,7 +278,7 @@ impl Op {
                     Pose::turned(turn).after(&pose)
                 })
             }
-            Kind::Matrix => {
+            XformKind::Matrix => {
                 let (map, _) = matrix(&numbers);
                 let (turn, size, shear) =
                     split(map.linear).unwrap_or((math::NO_TURN, [1.0; 3], 0.0));
@@ -305,7 +307,7 @@ impl Op {
             return *a;
         }
         let mut mixed = [0.0; 16];
-        if self.kind == Kind::Orient {
+        if self.kind == XformKind::Orient {
             let ([aw, ax, ay, az, ..], [bw, bx, by, bz, ..]) = (a, b);
             let [x, y, z, w] = math::slerp([*ax, *ay, *az, *aw], [*bx, *by, *bz, *bw], t);
             mixed.iter_mut().zip([w, x, y, z]).for_each(|(to, from)| *to = from);

@@ -8,7 +8,7 @@ use drystone_solver::Vector;
 use drystone_solver::thread_pool::ThreadPool;
 use wide::f32x8;
 
-use crate::geometry::Bounds;
+use crate::geometry::{Bounds, Ray};
 
 /// Number of boxes of a node.
 const WIDTH: usize = 8;
@@ -17,13 +17,16 @@ const WIDTH: usize = 8;
 const NONE: u32 = u32::MAX;
 
 /// The tree is rebuilt when its leaves have grown by this factor on average. \[1\]
-const WORN: f64 = 1.4;
+const DEGRADED: f64 = 1.4;
 
 /// The tree is also rebuilt when more than one in this many boxes has been added or removed.
 const LOOSE: usize = 4;
 
 /// Boxes more than this many times as large as the median are separated from the rest. \[1\]
 const LARGE: f32 = 4.0;
+
+/// A ray may miss a box by this fraction of the distance, which allows for rounding. \[1\]
+const LOOSENED: f32 = 1.0 + 1e-5;
 
 /// Grain size for sharing overlaps above the leaves between threads.
 const GRAIN: usize = 1;
@@ -38,13 +41,13 @@ pub(super) struct Tree<const L: usize> {
     before: Vec<Node<L>>,
     /// The number of each box in the leaves, and the position of each number.
     numbers: Vec<u32>,
-    places: Vec<u32>,
+    positions: Vec<u32>,
     /// Number of boxes added or removed since the tree was built.
     loose: usize,
     /// Inverse of the extent of each leaf when the tree was built. \[1/m\]
     built: Vec<f32>,
     /// Sum of the growth factors of all leaves since then. \[1\]
-    wear: f64,
+    degradation: f64,
     /// Overlapping nodes that are still to be tested, in a level and in the one below.
     ahead: [Vec<Both>; 2],
     /// Pairs found by each thread, as sortable numbers.
@@ -122,6 +125,38 @@ impl<const L: usize> Node<L> {
         };
         (1..L).fold(along(0), |all, i| all & along(i)).to_bitmask() as u8
     }
+
+    /// Returns the distance at which a ray enters each box, or infinity if it does not. \[m\]
+    fn entries(&self, Cast { ray, inverse }: &Cast<'_, L>) -> [f32; WIDTH] {
+        let (mut enter, mut leave) = (f32x8::splat(0.0), f32x8::splat(ray.length));
+        for i in 0..L {
+            let along =
+                |side: f32x8| (side - f32x8::splat(ray.origin[i])) * f32x8::splat(inverse[i]);
+            let (near, far) = if inverse[i] < 0.0 {
+                (self.max[i], self.min[i])
+            } else {
+                (self.min[i], self.max[i])
+            };
+            (enter, leave) = (enter.max(along(near)), leave.min(along(far)));
+        }
+        let crossed = enter.simd_le(leave * f32x8::splat(LOOSENED));
+        crossed.select(enter, f32x8::splat(f32::INFINITY)).to_array()
+    }
+}
+
+/// A ray in the form in which boxes are tested.
+struct Cast<'a, const L: usize> {
+    /// It may be shortened while it is cast.
+    ray: &'a mut Ray<L>,
+    /// Inverse of the components of the direction, clamped to finite numbers.
+    inverse: Vector<f32, L>,
+}
+
+impl<'a, const L: usize> Cast<'a, L> {
+    fn new(ray: &'a mut Ray<L>) -> Self {
+        let inverse = Vector(ray.direction.0.map(|x| (1.0 / x).clamp(f32::MIN, f32::MAX)));
+        Self { ray, inverse }
+    }
 }
 
 /// Returns the positions of the bits that are set.
@@ -136,24 +171,24 @@ fn lanes(mut bits: u8) -> impl Iterator<Item = usize> {
 impl<const L: usize> Tree<L> {
     /// Sets the box of a number; `None` removes it.
     pub(super) fn set(&mut self, number: u32, to: Option<&Bounds<L>>) {
-        if self.places.len() <= number as usize {
-            self.places.resize(number as usize + 1, NONE);
+        if self.positions.len() <= number as usize {
+            self.positions.resize(number as usize + 1, NONE);
         }
-        let place = self.places[number as usize];
+        let position = self.positions[number as usize];
         match to {
-            Some(to) if place == NONE => {
+            Some(to) if position == NONE => {
                 self.push(number, [&Bounds::EMPTY, to], true);
                 self.loose += 1;
             }
-            _ if place == NONE => {}
+            _ if position == NONE => {}
             to => {
-                let (leaf, lane) = (place as usize / WIDTH, place as usize % WIDTH);
+                let (leaf, lane) = (position as usize / WIDTH, position as usize % WIDTH);
                 self.levels[0].nodes[leaf].set(lane, to.unwrap_or(&Bounds::EMPTY));
                 self.levels[0].changed[leaf] |= 1 << lane;
                 if to.is_none() {
                     self.loose += 1;
-                    self.places[number as usize] = NONE;
-                    self.numbers[place as usize] = NONE;
+                    self.positions[number as usize] = NONE;
+                    self.numbers[position as usize] = NONE;
                 }
             }
         }
@@ -161,8 +196,8 @@ impl<const L: usize> Tree<L> {
 
     /// Appends a box, with its state at the last query and now.
     fn push(&mut self, number: u32, [before, now]: [&Bounds<L>; 2], changed: bool) {
-        let mut place = self.numbers.len();
-        self.places[number as usize] = place as u32;
+        let mut position = self.numbers.len();
+        self.positions[number as usize] = position as u32;
         self.numbers.push(number);
         // It gets a position in each level, up to one with a single node.
         for level in 0.. {
@@ -173,7 +208,7 @@ impl<const L: usize> Tree<L> {
                 }
             }
             let Level { nodes, changed: marks } = &mut self.levels[level];
-            let (node, lane) = (place / WIDTH, place % WIDTH);
+            let (node, lane) = (position / WIDTH, position % WIDTH);
             if node == nodes.len() {
                 nodes.push(Node::EMPTY);
                 marks.push(0);
@@ -187,7 +222,7 @@ impl<const L: usize> Tree<L> {
             if nodes.len() == 1 {
                 break;
             }
-            place = node;
+            position = node;
         }
     }
 
@@ -207,9 +242,52 @@ impl<const L: usize> Tree<L> {
         }
     }
 
-    /// Calls `found` with the number of each box that overlaps this one.
-    pub(super) fn visit(&mut self, bounds: &Bounds<L>, found: &mut impl FnMut(u32)) {
-        self.refit();
+    /// Returns a tree over these boxes.
+    pub(super) fn of(boxes: impl IntoIterator<Item = (u32, Bounds<L>)>) -> Self {
+        let mut out = Self::default();
+        boxes.into_iter().for_each(|(number, bounds)| out.set(number, Some(&bounds)));
+        out.build();
+        out
+    }
+
+    /// True if it has a box of this number.
+    pub(super) fn has(&self, number: u32) -> bool {
+        self.positions.get(number as usize).is_some_and(|position| *position != NONE)
+    }
+
+    /// Calls `found` with the number of each box that a ray crosses, the nearest of a node first.
+    /// `found` may shorten the ray. Boxes are those of the last [refit](Self::refit).
+    pub(super) fn cast(&self, ray: &mut Ray<L>, found: &mut impl FnMut(u32, &mut Ray<L>)) {
+        if let Some(top) = self.levels.len().checked_sub(1) {
+            self.cast_node(top, 0, &mut Cast::new(ray), found);
+        }
+    }
+
+    fn cast_node(
+        &self,
+        level: usize,
+        node: usize,
+        cast: &mut Cast<'_, L>,
+        found: &mut impl FnMut(u32, &mut Ray<L>),
+    ) {
+        let mut entries = self.levels[level].nodes[node].entries(cast);
+        loop {
+            let lane = (1..WIDTH).fold(0, |a, b| if entries[b] < entries[a] { b } else { a });
+            let entry = std::mem::replace(&mut entries[lane], f32::INFINITY);
+            if entry == f32::INFINITY || entry > cast.ray.length * LOOSENED {
+                return;
+            }
+            let index = WIDTH * node + lane;
+            match level {
+                0 => found(self.numbers[index], cast.ray),
+                _ => self.cast_node(level - 1, index, cast, found),
+            }
+        }
+    }
+
+    /// Calls `found` with the number of each box that overlaps this one. Boxes are those of the
+    /// last [refit](Self::refit).
+    pub(super) fn visit(&self, bounds: &Bounds<L>, found: &mut impl FnMut(u32)) {
         if let Some(top) = self.levels.len().checked_sub(1) {
             self.visit_node(top, 0, bounds, found);
         }
@@ -235,7 +313,9 @@ impl<const L: usize> Tree<L> {
     /// lower number is in the upper half; the pairs are sorted.
     pub(super) fn overlaps(&mut self, pool: &ThreadPool) -> &[u64] {
         self.refit();
-        if self.wear > WORN * self.built.len() as f64 || LOOSE * self.loose > self.numbers.len() {
+        if self.degradation > DEGRADED * self.built.len() as f64
+            || LOOSE * self.loose > self.numbers.len()
+        {
             self.build();
         }
         let level = self.descend();
@@ -270,7 +350,9 @@ impl<const L: usize> Tree<L> {
         }
         for level in (2..=top).rev() {
             below.clear();
-            ahead.iter().for_each(|&both| self.meet(level, both, |next| below.push(next)));
+            ahead
+                .iter()
+                .for_each(|&both| self.overlap_children(level, both, |next| below.push(next)));
             std::mem::swap(&mut ahead, &mut below);
         }
         self.ahead = [ahead, below];
@@ -282,13 +364,13 @@ impl<const L: usize> Tree<L> {
     fn search(&self, level: usize, both: Both, found: &mut Vec<u64>) {
         match level {
             0 => self.compare(both, found),
-            _ => self.meet(level, both, |leaves| self.compare(leaves, found)),
+            _ => self.overlap_children(level, both, |leaves| self.compare(leaves, found)),
         }
     }
 
     /// Reports the pairs of overlapping nodes below two nodes.
     #[inline(always)]
-    fn meet(&self, level: usize, [a, b]: Both, mut report: impl FnMut(Both)) {
+    fn overlap_children(&self, level: usize, [a, b]: Both, mut report: impl FnMut(Both)) {
         self.cross(level, [a, b], |lane, with| {
             lanes(with).for_each(|other| report([a * WIDTH + lane, b * WIDTH + other]));
         });
@@ -338,7 +420,7 @@ impl<const L: usize> Tree<L> {
     }
 
     /// Updates each level where the level below has changed.
-    fn refit(&mut self) {
+    pub(super) fn refit(&mut self) {
         for level in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(level);
             let (below, above) = (&below[level - 1], &mut above[0]);
@@ -348,7 +430,7 @@ impl<const L: usize> Tree<L> {
                 let bounds = node.bounds();
                 if let (1, Some(built)) = (level, self.built.get(index)) {
                     let grown = extent(&bounds) - extent(&above.nodes[parent].get(lane));
-                    self.wear += f64::from(grown * built);
+                    self.degradation += f64::from(grown * built);
                 }
                 above.nodes[parent].set(lane, &bounds);
                 above.changed[parent] |= 1 << lane;
@@ -363,8 +445,9 @@ impl<const L: usize> Tree<L> {
         let before = std::mem::take(&mut self.before);
         self.numbers.clear();
         for Entry { number, changed, .. } in order {
-            let place = self.places[number as usize] as usize;
-            let [before, now] = [&before, &leaves].map(|of| of[place / WIDTH].get(place % WIDTH));
+            let position = self.positions[number as usize] as usize;
+            let [before, now] =
+                [&before, &leaves].map(|of| of[position / WIDTH].get(position % WIDTH));
             self.push(number, [&before, &now], changed);
         }
         for level in 1..self.levels.len() {
@@ -374,7 +457,7 @@ impl<const L: usize> Tree<L> {
         self.built.clear();
         self.built
             .extend(leaves.iter().map(|leaf| 1.0 / extent(&leaf.bounds()).max(f32::MIN_POSITIVE)));
-        self.wear = self.built.len() as f64;
+        self.degradation = self.built.len() as f64;
         self.loose = 0;
     }
 

@@ -10,7 +10,7 @@ use drystone_solver::{Vector, moment};
 use robust::{Coord3D, orient3d};
 
 /// A triangle of the hull.
-struct Facet {
+struct HullTriangle {
     /// Counter-clockwise seen from outside.
     corners: [u32; 3],
     /// The facets beyond the edges from each corner to the next.
@@ -29,13 +29,13 @@ pub(super) fn hull(points: &[Vector<f32, 3>]) -> Option<Vec<[u32; 3]>> {
     if points.len() < 4 || points.iter().any(|point| point.0.iter().any(|x| !x.is_finite())) {
         return None;
     }
-    let mut hull = Hull { points, facets: Vec::new() };
+    let mut hull = ExactHull { points, facets: Vec::new() };
     let simplex = hull.simplex()?;
     for skip in 0..4 {
         let [a, b, c] = [1, 2, 3].map(|i| simplex[(skip + i) % 4]);
         // The fourth point is below.
         let corners = if hull.side([a, b, c], simplex[skip]) < 0.0 { [a, b, c] } else { [a, c, b] };
-        hull.facets.push(Facet {
+        hull.facets.push(HullTriangle {
             corners,
             neighbors: [NONE; 3],
             above: Vec::new(),
@@ -54,12 +54,12 @@ pub(super) fn hull(points: &[Vector<f32, 3>]) -> Option<Vec<[u32; 3]>> {
     Some(hull.facets.iter().filter(|facet| !facet.removed).map(|facet| facet.corners).collect())
 }
 
-struct Hull<'a> {
+struct ExactHull<'a> {
     points: &'a [Vector<f32, 3>],
-    facets: Vec<Facet>,
+    facets: Vec<HullTriangle>,
 }
 
-impl Hull<'_> {
+impl ExactHull<'_> {
     fn at(&self, point: u32) -> Vector<f64, 3> {
         Vector(self.points[point as usize].0.map(f64::from))
     }
@@ -108,7 +108,7 @@ impl Hull<'_> {
                 let [from, to] = [corners[i], corners[(i + 1) % 3]];
                 if let Some((other, j)) = open.remove(&[to, from]) {
                     self.facets[facet as usize].neighbors[i] = other;
-                    let other: &mut Facet = &mut self.facets[other as usize];
+                    let other: &mut HullTriangle = &mut self.facets[other as usize];
                     other.neighbors[j] = facet;
                 } else {
                     open.insert([from, to], (facet, i));
@@ -146,7 +146,7 @@ impl Hull<'_> {
         let mut horizon = Vec::new();
         let mut at = 0;
         while at < seen.len() {
-            let Facet { corners, neighbors, .. } = self.facets[seen[at] as usize];
+            let HullTriangle { corners, neighbors, .. } = self.facets[seen[at] as usize];
             for i in 0..3 {
                 let beyond = neighbors[i];
                 if self.facets[beyond as usize].removed {
@@ -172,7 +172,7 @@ impl Hull<'_> {
                     other.neighbors[i] = own;
                 }
             }
-            self.facets.push(Facet {
+            self.facets.push(HullTriangle {
                 corners: [from, to, point],
                 neighbors: [beyond, NONE, NONE],
                 above: Vec::new(),

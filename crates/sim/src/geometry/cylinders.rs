@@ -9,8 +9,8 @@
 //!
 //! The axis of separation is searched in a few families, each solved for its best member. They are
 //! the normals of faces, the axes of the cylinders, the axes across a line and a cylinder
-//! ([`Placed::to_line`]), and those across two rims ([`climb`]). The gap along each candidate is
-//! then measured on the whole shapes, so a family that does not apply loses.
+//! ([`PosedCylinder::to_line`]), and those across two rims ([`climb`]). The gap along each
+//! candidate is then measured on the whole shapes, so a family that does not apply loses.
 
 use drystone_solver::{Vector, moment};
 
@@ -20,8 +20,7 @@ use super::separation::{PREFERENCE, best_face, edge_beyond};
 use super::solid::Solid;
 use super::{ContactManifold, Frame, ManifoldPoint};
 
-/// A vector in 3D.
-type V = Vector<f32, 3>;
+use crate::geometry::Vec3;
 
 /// A cylinder about the y axis of its frame.
 #[derive(Clone, Copy, Debug)]
@@ -34,12 +33,12 @@ pub(super) struct Cylinder {
 
 /// A cylinder with a position and an orientation.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
-    center: V,
+pub(super) struct PosedCylinder {
+    center: Vec3,
     /// Unit vector along the axis.
-    axis: V,
+    axis: Vec3,
     /// Unit vector across the axis that rotates with the body.
-    side: V,
+    side: Vec3,
     radius: f32,
     half: f32,
 }
@@ -88,8 +87,8 @@ const EDGE: u32 = 5 << 28;
 const WHOLE: u32 = 6 << 28;
 
 impl Cylinder {
-    pub(super) fn placed(&self, frame: &Frame<3>) -> Placed {
-        Placed {
+    pub(super) fn placed(&self, frame: &Frame<3>) -> PosedCylinder {
+        PosedCylinder {
             center: frame.position,
             axis: frame.axes[1],
             side: frame.axes[0],
@@ -101,9 +100,9 @@ impl Cylinder {
 
 /// The nearest feature of another shape to a cylinder, or the feature with the least overlap.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Nearest {
+pub(super) struct NearestFeature {
     /// Unit vector from the cylinder to the feature.
-    pub(super) normal: V,
+    pub(super) normal: Vec3,
     /// Gap along the normal. \[m\]
     pub(super) gap: f32,
     /// Position of the nearest point on a segment, from 0 to 1.
@@ -116,21 +115,21 @@ pub(super) struct Nearest {
 /// rim that does not roll. \[1\]
 const TILTED: f32 = 0.9;
 
-impl Placed {
+impl PosedCylinder {
     /// Returns the distance along a normal from the surface to the axis about which the cylinder
     /// rolls; 0 if it touches with a cap. \[m\]
-    pub(super) fn roundness(&self, normal: V) -> f32 {
+    pub(super) fn rounding_radius(&self, normal: Vec3) -> f32 {
         let cosine = self.axis.dot(normal);
         if cosine.abs() < TILTED { self.radius / (1.0 - cosine * cosine).sqrt() } else { 0.0 }
     }
 
     /// True if the cylinder stands on a cap along a normal.
-    pub(super) fn stands(&self, normal: V) -> bool {
+    pub(super) fn is_on_cap(&self, normal: Vec3) -> bool {
         self.axis.dot(normal).abs() > 1.0 - 1e-6
     }
 
     /// Returns the midpoint of the part of the axis that is inside a solid.
-    fn within(&self, solid: &impl Solid<3>) -> Option<V> {
+    fn within(&self, solid: &impl Solid<3>) -> Option<Vec3> {
         let core = self.core();
         let along = core.ends[1] - core.ends[0];
         let mut range = [0.0f32, 1.0f32];
@@ -148,16 +147,21 @@ impl Placed {
         (range[0] < range[1]).then(|| core.at(0.5 * (range[0] + range[1])))
     }
 
+    /// Returns the gap along an axis from a solid to the cylinder. \[m\]
+    fn gap_along(&self, n: Vec3, solid: &impl Solid<3>) -> f32 {
+        n.dot(self.center - solid.support(n)) - self.extent(n)
+    }
+
     fn size(&self) -> f32 {
         self.radius + self.half
     }
 
-    pub(super) fn center(&self) -> V {
+    pub(super) fn center(&self) -> Vec3 {
         self.center
     }
 
     /// Returns the outward normal and the center of each cap.
-    pub(super) fn caps(&self) -> [(V, V); 2] {
+    pub(super) fn caps(&self) -> [(Vec3, Vec3); 2] {
         [self.axis, -self.axis].map(|normal| (normal, self.center + normal * self.half))
     }
 
@@ -167,14 +171,14 @@ impl Placed {
     }
 
     /// Returns the coordinates of a point in the plane across the axis, from the axis. \[m\]
-    pub(super) fn seen_along(&self, point: V) -> [f32; 2] {
+    pub(super) fn seen_along(&self, point: Vec3) -> [f32; 2] {
         let arm = point - self.center;
-        let other: V = moment(self.axis, self.side);
+        let other: Vec3 = moment(self.axis, self.side);
         [self.side.dot(arm), other.dot(arm)]
     }
 
     /// True if a segment is certainly farther away than `prediction`. \[m\]
-    pub(super) fn is_beyond(&self, ends: [V; 2], prediction: f32) -> bool {
+    pub(super) fn is_beyond(&self, ends: [Vec3; 2], prediction: f32) -> bool {
         let (core, own) = (self.core(), RoundedCore { ends, radius: 0.0 });
         let [s, t] = nearest(&core, &own);
         let apart = core.at(s) - own.at(t);
@@ -184,25 +188,25 @@ impl Placed {
 
     /// Returns candidates for the separation from a segment. The first is the nearest way out. If
     /// the segment has entered through the side, the second leads out through the opposite side.
-    pub(super) fn ways_to(&self, ends: [V; 2]) -> impl Iterator<Item = Nearest> {
+    pub(super) fn nearest_features(&self, ends: [Vec3; 2]) -> impl Iterator<Item = NearestFeature> {
         let found = self.to_segment(ends);
         let passed = found.beside && found.gap < 0.0;
         let gap = -found.gap - 2.0 * self.radius;
-        let other = Nearest { normal: -found.normal, gap, ..found };
+        let other = NearestFeature { normal: -found.normal, gap, ..found };
         [Some(found), passed.then_some(other)].into_iter().flatten()
     }
 
     /// Returns the contact points on the cylinder and on an edge, along a candidate from
-    /// [`Self::ways_to`]. If edge and axis are parallel, these are both ends of their common part,
-    /// else the nearest points.
-    pub(super) fn places_on(
+    /// [`Self::nearest_features`]. If edge and axis are parallel, these are both ends of their
+    /// common part, else the nearest points.
+    pub(super) fn contact_points_on(
         &self,
-        [from, to]: [V; 2],
-        found: &Nearest,
+        [from, to]: [Vec3; 2],
+        found: &NearestFeature,
         prediction: f32,
-    ) -> [Option<[V; 2]>; 2] {
+    ) -> [Option<[Vec3; 2]>; 2] {
         let (normal, along) = (-found.normal, to - from);
-        let across: V = moment(along, self.axis);
+        let across: Vec3 = moment(along, self.axis);
         let nearest = from + along * found.part;
         let single = [Some([nearest + normal * found.gap, nearest]), None];
         if !found.beside || across.dot(across) >= PARALLEL * PARALLEL * along.dot(along) {
@@ -224,18 +228,18 @@ impl Placed {
     }
 
     /// Returns the component of a direction across the axis.
-    fn across(&self, direction: V) -> V {
+    fn across(&self, direction: Vec3) -> Vec3 {
         direction - self.axis * self.axis.dot(direction)
     }
 
     /// Returns the farthest point along a direction.
-    fn support(&self, direction: V) -> V {
+    fn support(&self, direction: Vec3) -> Vec3 {
         let cap = self.axis * self.half.copysign(self.axis.dot(direction));
         self.center + cap + self.flank(direction)
     }
 
     /// Returns the extent along a unit vector, from the center. \[m\]
-    pub(super) fn extent(&self, direction: V) -> f32 {
+    pub(super) fn extent(&self, direction: Vec3) -> f32 {
         let along = self.axis.dot(direction);
         self.half * along.abs() + self.radius * self.across(direction).length()
     }
@@ -248,7 +252,7 @@ impl Placed {
 
     /// Returns the offset from the axis to the line on the side that is farthest along a direction.
     /// \[m\]
-    fn flank(&self, direction: V) -> V {
+    fn flank(&self, direction: Vec3) -> Vec3 {
         let across = self.across(direction);
         let length = across.length();
         if length > 0.0 { self.level(across * (1.0 / length)) * self.radius } else { across }
@@ -256,12 +260,12 @@ impl Placed {
 
     /// Removes the component along the axis that rounding has left in a unit vector across it. This
     /// component is large if the vector was short before it was normalized.
-    fn level(&self, across: V) -> V {
+    fn level(&self, across: Vec3) -> Vec3 {
         across - self.axis * self.axis.dot(across)
     }
 
     /// Finds the nearest way from the surface to a point.
-    fn to_point(self, point: V, part: f32) -> Nearest {
+    fn to_point(self, point: Vec3, part: f32) -> NearestFeature {
         let arm = point - self.center;
         let along = self.axis.dot(arm);
         let across = arm - self.axis * along;
@@ -277,7 +281,7 @@ impl Placed {
         } else {
             (upward, up)
         };
-        Nearest { normal, gap, part, beside: out > 0.0 && up <= 0.0 }
+        NearestFeature { normal, gap, part, beside: out > 0.0 && up <= 0.0 }
     }
 
     /// Finds the best axis between the surface and the line through a point along a unit vector e.
@@ -287,7 +291,7 @@ impl Placed {
     /// half axes r |e . u| and r. In the direction n = (x, y) the gap is X x + Y y - r sqrt(y^2 +
     /// (e . u)^2 x^2), with (X, Y) from the end of the segment to the point. The gap is largest
     /// where its derivative vanishes.
-    fn to_line(self, point: V, e: V) -> Nearest {
+    fn to_line(self, point: Vec3, e: Vec3) -> NearestFeature {
         let arm = point - self.center;
         let arm = arm - e * e.dot(arm);
         let up = self.axis - e * e.dot(self.axis);
@@ -296,7 +300,7 @@ impl Placed {
             let distance = arm.length();
             let across = if distance > 0.0 { arm } else { self.across(self.side) };
             let normal = across * (1.0 / across.length());
-            return Nearest { normal, gap: distance - self.radius, part: 0.0, beside: true };
+            return NearestFeature { normal, gap: distance - self.radius, part: 0.0, beside: true };
         }
         let axes = [up * (1.0 / sine), moment(e, up * (1.0 / sine))];
         let at = axes.map(|axis| axis.dot(arm));
@@ -321,11 +325,11 @@ impl Placed {
         };
         let gap = beyond[0] * n[0] + beyond[1] * n[1] - self.radius * ellipse(n);
         let normal = axes[0] * n[0].copysign(at[0]) + axes[1] * n[1].copysign(at[1]);
-        Nearest { normal, gap, part: 0.0, beside: n[0] == 0.0 }
+        NearestFeature { normal, gap, part: 0.0, beside: n[0] == 0.0 }
     }
 
     /// Finds the nearest way from the surface to a segment.
-    fn to_segment(self, [from, to]: [V; 2]) -> Nearest {
+    fn to_segment(self, [from, to]: [Vec3; 2]) -> NearestFeature {
         let length = (to - from).length();
         if length == 0.0 {
             return self.to_point(from, 0.0);
@@ -336,7 +340,7 @@ impl Placed {
         let at = if !found.beside {
             e.dot(self.support(found.normal) - from)
         } else {
-            let across: V = moment(e, self.axis);
+            let across: Vec3 = moment(e, self.axis);
             let squared = across.dot(across);
             if squared > 1e-8 {
                 (cosine * self.axis.dot(arm) - e.dot(arm)) / squared
@@ -352,7 +356,7 @@ impl Placed {
             }
         };
         if (0.0..=length).contains(&at) {
-            return Nearest { part: at / length, ..found };
+            return NearestFeature { part: at / length, ..found };
         }
         let part = if at <= 0.0 { 0.0 } else { 1.0 };
         self.to_point(if part == 0.0 { from } else { to }, part)
@@ -360,13 +364,13 @@ impl Placed {
 
     /// Returns the points that face a plane with this outward normal, aimed at the lowest point of
     /// the rim. `before` is the feature of a contact point of the step before.
-    pub(super) fn facing(&self, normal: V, before: Option<u64>) -> Facing {
+    pub(super) fn facing(&self, normal: Vec3, before: Option<u64>) -> Facing {
         let along = self.axis.dot(normal);
         let lean = self.axis * along - normal;
         let sine = lean.length();
         let aimed = sine > AIMED;
         let first = if aimed { self.level(lean * (1.0 / sine)) } else { self.side };
-        let second: V = moment(self.axis, first);
+        let second: Vec3 = moment(self.axis, first);
         let toward = self.axis * 1.0f32.copysign(-along);
         let center = self.center + toward * self.half;
         let quarter = match before {
@@ -374,7 +378,7 @@ impl Placed {
             // The lowest point keeps its feature as it moves around the rim.
             Some(name) if name < 8 => name as u32 & 3,
             _ => {
-                let other: V = moment(self.axis, self.side);
+                let other: Vec3 = moment(self.axis, self.side);
                 let at = [self.side.dot(first), other.dot(first)];
                 let axis = usize::from(at[1].abs() > at[0].abs());
                 axis as u32 + if at[axis] > 0.0 { 0 } else { 2 }
@@ -383,7 +387,7 @@ impl Placed {
         let cap = if along > 0.0 { 0 } else { 4 };
         let arms = [first * self.radius, second * self.radius];
         let above = aimed.then(|| center - toward * (2.0 * self.half) + arms[0]);
-        let rolls = self.roundness(normal) > 0.0;
+        let rolls = self.rounding_radius(normal) > 0.0;
         Facing { center, toward, arms, quarter, cap, above, rolls }
     }
 }
@@ -392,18 +396,18 @@ impl Placed {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facing {
     /// Center of the nearer cap. \[m\]
-    center: V,
+    center: Vec3,
     /// Outward normal of that cap.
-    toward: V,
+    toward: Vec3,
     /// Arms from the center to the rim: to its lowest point, and to the point a quarter turn on.
     /// \[m\]
-    arms: [V; 2],
+    arms: [Vec3; 2],
     /// Quarter in which the lowest point was when it got its feature.
     quarter: u32,
     /// Offset of the cap in features: 0 or 4.
     cap: u32,
     /// Point on the rim of the other cap above the lowest point; none if the cylinder stands flat.
-    above: Option<V>,
+    above: Option<Vec3>,
     /// True if the cylinder rolls on the lowest point. Other rim points then do not come down as it
     /// rolls.
     rolls: bool,
@@ -411,7 +415,7 @@ pub(super) struct Facing {
 
 impl Facing {
     /// Returns each point with its feature.
-    pub(super) fn points(&self) -> impl Iterator<Item = (V, u32)> {
+    pub(super) fn points(&self) -> impl Iterator<Item = (Vec3, u32)> {
         let [first, second] = self.arms;
         let name = |of: u32, cap: u32| cap + ((self.quarter + of) & 3);
         let rim = [first, second, -first, -second].into_iter().zip(0..);
@@ -422,31 +426,31 @@ impl Facing {
     }
 
     /// Returns the line on which the cylinder lies: its start, and the vector to its end.
-    pub(super) fn line(&self) -> Option<[V; 2]> {
+    pub(super) fn line(&self) -> Option<[Vec3; 2]> {
         let start = self.center + self.arms[0];
         self.above.map(|above| [start, above - start])
     }
 
     /// Moves a point along `normal` to the plane of the cap. Returns it and the distance \[m\], or
     /// `None` if the cap faces sideways.
-    fn lifted(&self, point: V, normal: V) -> Option<(V, f32)> {
+    fn lifted(&self, point: Vec3, normal: Vec3) -> Option<(Vec3, f32)> {
         let cosine = -self.toward.dot(normal);
         let gap = self.toward.dot(point - self.center) / cosine;
         (cosine > STEEP).then(|| (point + normal * gap, gap))
     }
 
     /// True if a point in the plane of the cap is on the cap.
-    fn holds(&self, point: V) -> bool {
+    fn holds(&self, point: Vec3) -> bool {
         within(point - self.center, self.arms[0].dot(self.arms[0]))
     }
 }
 
 /// True if the end of this arm is in a disc about its start; `squared` is the square of the radius.
-pub(super) fn within(arm: V, squared: f32) -> bool {
+pub(super) fn within(arm: Vec3, squared: f32) -> bool {
     arm.dot(arm) <= squared * (1.0 + 2.0 * BORDER)
 }
 
-fn point(on_a: V, on_b: V, gap: f32, name: u32) -> ManifoldPoint<3> {
+fn point(on_a: Vec3, on_b: Vec3, gap: f32, name: u32) -> ManifoldPoint<3> {
     ManifoldPoint { on_a, on_b, gap, feature: u64::from(name) }
 }
 
@@ -466,7 +470,7 @@ fn deepest_allowed(gap: f32, size: f32, prediction: f32) -> f32 {
 /// Fills `touch` with the contact points of a cylinder, as a, and a half-space, up to a gap of
 /// `prediction` \[m\]. Returns the gap. \[m\]
 pub(super) fn on_plane(
-    cylinder: &Placed,
+    cylinder: &PosedCylinder,
     plane: &Plane<3>,
     prediction: f32,
     before: Option<u64>,
@@ -488,9 +492,9 @@ pub(super) fn on_plane(
 /// Appends the contact points of a cylinder over a face of a solid, as seen along `normal`, which
 /// points from the solid to the cylinder.
 fn over_polygon(
-    cylinder: &Placed,
+    cylinder: &PosedCylinder,
     (solid, face): (&impl Solid<3>, usize),
-    normal: V,
+    normal: Vec3,
     before: Option<u64>,
     clipper: &mut Clipper<3>,
     touch: &mut ContactManifold<3>,
@@ -502,38 +506,29 @@ fn over_polygon(
         return;
     }
     let facing = cylinder.facing(upright, before);
-    let dropped = |on_a: V, name: u32| {
+    let dropped = |on_a: Vec3, name: u32| {
         let gap = upright.dot(on_a - vertex) / cosine;
         point(on_a, on_a - normal * gap, gap, name)
     };
     touch.points.extend(facing.points().map(|(at, name)| dropped(at, name)));
     let Clipper { reference: memory, incident: corners, .. } = clipper;
-    let line = facing.line();
-    let (mut range, mut cuts, mut number) = ([0.0, 1.0], [None; 2], 0);
+    let mut lying = facing.line().map(LyingLine::new);
+    let mut number = 0;
     solid.sides(face, memory, |on_side, outward| {
         // Tilt the plane of the side, so that it clips points before they are projected along
         // `normal`.
         let on_side = on_side + upright * upright.dot(vertex - on_side);
         let outward = outward - upright * (outward.dot(normal) / cosine);
-        if let Some([start, along]) = line {
-            let (height, rise) = (outward.dot(start - on_side), outward.dot(along));
-            let end = usize::from(rise > 0.0);
-            let part = -height / rise;
-            if rise == 0.0 && height > 0.0 {
-                range = [1.0, 0.0];
-            } else if rise > 0.0 && part < range[1] || rise < 0.0 && part > range[0] {
-                (range[end], cuts[end]) = (part, Some(number));
-            }
+        if let Some(line) = &mut lying {
+            line.cut(on_side, outward, number);
         }
         for (which, at) in crossings(&facing, on_side, outward).into_iter().flatten().enumerate() {
             touch.points.push(dropped(at, CROSSING | (2 * number) | which as u32));
         }
         number += 1;
     });
-    if let Some([start, along]) = line.filter(|_| range[0] < range[1]) {
-        for (part, cut) in range.into_iter().zip(cuts) {
-            touch.points.extend(cut.map(|side| dropped(start + along * part, CUT | side)));
-        }
+    for (at, side) in lying.iter().flat_map(LyingLine::cuts) {
+        touch.points.push(dropped(at, CUT | side));
     }
     number = 0;
     solid.sides(face, memory, |on_side, outward| {
@@ -554,8 +549,44 @@ fn over_polygon(
     }
 }
 
+/// The line on which a cylinder lies, and the part of it over a face.
+struct LyingLine {
+    start: Vec3,
+    /// Vector to the end.
+    along: Vec3,
+    /// Ends of the part, from 0 to 1.
+    range: [f32; 2],
+    /// Sides of the face that cut the line there.
+    sides: [Option<u32>; 2],
+}
+
+impl LyingLine {
+    fn new([start, along]: [Vec3; 2]) -> Self {
+        Self { start, along, range: [0.0, 1.0], sides: [None; 2] }
+    }
+
+    /// Keeps the part behind the plane through a side.
+    fn cut(&mut self, on_side: Vec3, outward: Vec3, side: u32) {
+        let (height, rise) = (outward.dot(self.start - on_side), outward.dot(self.along));
+        let end = usize::from(rise > 0.0);
+        let part = -height / rise;
+        if rise == 0.0 && height > 0.0 {
+            self.range = [1.0, 0.0];
+        } else if rise > 0.0 && part < self.range[1] || rise < 0.0 && part > self.range[0] {
+            (self.range[end], self.sides[end]) = (part, Some(side));
+        }
+    }
+
+    /// Returns the points at which sides cut it, each with its side.
+    fn cuts(&self) -> impl Iterator<Item = (Vec3, u32)> {
+        let is_over = self.range[0] < self.range[1];
+        let ends = self.range.into_iter().zip(self.sides).filter(move |_| is_over);
+        ends.filter_map(|(part, side)| Some((self.start + self.along * part, side?)))
+    }
+}
+
 /// Returns the points at which the rim of the nearer cap crosses a plane.
-fn crossings(facing: &Facing, on_plane: V, outward: V) -> [Option<V>; 2] {
+fn crossings(facing: &Facing, on_plane: Vec3, outward: Vec3) -> [Option<Vec3>; 2] {
     // Solve a x + b y = c with x^2 + y^2 = 1.
     let [a, b] = facing.arms.map(|arm| outward.dot(arm));
     let c = outward.dot(on_plane - facing.center);
@@ -574,16 +605,16 @@ fn crossings(facing: &Facing, on_plane: V, outward: V) -> [Option<V>; 2] {
 /// Appends the contact points of a cylinder over a cap of another, as seen along `normal`, which
 /// points out of that cap.
 fn over_cap(
-    cylinder: &Placed,
-    other: &Placed,
-    normal: V,
+    cylinder: &PosedCylinder,
+    other: &PosedCylinder,
+    normal: Vec3,
     before: Option<u64>,
     touch: &mut ContactManifold<3>,
 ) {
     touch.normal = normal;
     let middle = other.center + normal * other.half;
     let squared = other.radius * other.radius;
-    let dropped = |on_a: V, name: u32| {
+    let dropped = |on_a: Vec3, name: u32| {
         let gap = normal.dot(on_a - middle);
         point(on_a, on_a - normal * gap, gap, name)
     };
@@ -609,7 +640,7 @@ fn over_cap(
     let left = cylinder.radius * cylinder.radius - foot * foot;
     if distance > 0.0 && left > 0.0 {
         let along = between * (1.0 / distance);
-        let aside: V = moment(normal, along);
+        let aside: Vec3 = moment(normal, along);
         for (which, root) in [left.sqrt(), -left.sqrt()].into_iter().enumerate() {
             let on_b = center + along * foot + aside * root;
             let lifted = facing.lifted(on_b, normal).filter(|(on_a, _)| facing.holds(*on_a));
@@ -626,7 +657,7 @@ fn over_cap(
 /// Returns the range of a line from `arm` along `along`, from 0 to 1, that is in a disc about the
 /// origin; `squared` is the square of its radius. If there is none, the first number is larger than
 /// the second.
-pub(super) fn in_disc(arm: V, along: V, squared: f32) -> [f32; 2] {
+pub(super) fn in_disc(arm: Vec3, along: Vec3, squared: f32) -> [f32; 2] {
     let (a, b, c) = (along.dot(along), arm.dot(along), arm.dot(arm) - squared);
     let left = b * b - a * c;
     if left <= 0.0 || a <= 0.0 {
@@ -640,7 +671,7 @@ pub(super) fn in_disc(arm: V, along: V, squared: f32) -> [f32; 2] {
 /// `prediction` \[m\], in the frame of the solid. Returns a lower bound of the gap. \[m\] `before`
 /// is the feature of a contact point of the step before.
 pub(super) fn on_solid(
-    cylinder: &Placed,
+    cylinder: &PosedCylinder,
     solid: &impl Solid<3>,
     prediction: f32,
     before: Option<u64>,
@@ -660,10 +691,8 @@ pub(super) fn on_solid(
         touch.reduce();
         return gap;
     }
-    // Gap of the whole shapes along an axis from the solid to the cylinder.
-    let separates = |n: V| n.dot(cylinder.center - solid.support(n)) - cylinder.extent(n);
     let beyond = if supported { gap + PREFERENCE * prediction } else { gap };
-    let caps = [cylinder.axis, -cylinder.axis].map(|n| (separates(n), n));
+    let caps = [cylinder.axis, -cylinder.axis].map(|n| (cylinder.gap_along(n, solid), n));
     let cap = if caps[1].0 > caps[0].0 { caps[1] } else { caps[0] };
     if cap.0 > beyond {
         gap = cap.0;
@@ -680,22 +709,7 @@ pub(super) fn on_solid(
         return gap;
     }
     let beyond = if supported { edge_beyond(gap, prediction) } else { gap };
-    let mut best = (beyond, None);
-    for edge in 0..solid.edges() {
-        let ends = solid.edge(edge);
-        if cylinder.is_beyond(ends, prediction) {
-            continue;
-        }
-        for found in cylinder.ways_to(ends).filter(|found| found.gap <= prediction) {
-            let gap = separates(-found.normal);
-            // Among edges with the same axis, prefer the one that touches.
-            let value = gap - BEHIND * (found.gap - gap).abs();
-            if value > best.0 {
-                best = (value, Some((edge, ends, Nearest { gap, ..found })));
-            }
-        }
-    }
-    if let (_, Some((edge, ends, found))) = best {
+    if let Some((edge, ends, found)) = best_edge(cylinder, solid, prediction, beyond) {
         gap = found.gap;
         touch.points.clear();
         if gap <= prediction {
@@ -709,16 +723,42 @@ pub(super) fn on_solid(
     gap
 }
 
+/// Returns the edge of a solid along whose axis it is farthest from a cylinder, with its ends, if
+/// the gap is more than `beyond` \[m\].
+fn best_edge(
+    cylinder: &PosedCylinder,
+    solid: &impl Solid<3>,
+    prediction: f32,
+    beyond: f32,
+) -> Option<(usize, [Vec3; 2], NearestFeature)> {
+    let mut best = (beyond, None);
+    for edge in 0..solid.edges() {
+        let ends = solid.edge(edge);
+        if cylinder.is_beyond(ends, prediction) {
+            continue;
+        }
+        for found in cylinder.nearest_features(ends).filter(|found| found.gap <= prediction) {
+            let gap = cylinder.gap_along(-found.normal, solid);
+            // Among edges with the same axis, prefer the one that touches.
+            let value = gap - BEHIND * (found.gap - gap).abs();
+            if value > best.0 {
+                best = (value, Some((edge, ends, NearestFeature { gap, ..found })));
+            }
+        }
+    }
+    best.1
+}
+
 /// Fills `touch` with the contact points of a cylinder and an edge along the axis of `found`.
 fn on_edge(
-    cylinder: &Placed,
-    (edge, ends): (usize, [V; 2]),
-    found: &Nearest,
+    cylinder: &PosedCylinder,
+    (edge, ends): (usize, [Vec3; 2]),
+    found: &NearestFeature,
     prediction: f32,
     touch: &mut ContactManifold<3>,
 ) {
     touch.normal = -found.normal;
-    let places = cylinder.places_on(ends, found, prediction);
+    let places = cylinder.contact_points_on(ends, found, prediction);
     let both = u32::from(places[1].is_some());
     for ([on_a, on_b], end) in places.into_iter().flatten().zip(both..) {
         let gap = touch.normal.dot(on_a - on_b);
@@ -732,7 +772,7 @@ fn on_edge(
 /// Fills `touch` with the contact points of a cylinder, as a, and a ball or capsule, up to a gap of
 /// `prediction` \[m\]. Returns the gap. \[m\]
 pub(super) fn on_round(
-    cylinder: &Placed,
+    cylinder: &PosedCylinder,
     round: &RoundedCore<3>,
     prediction: f32,
     touch: &mut ContactManifold<3>,
@@ -741,8 +781,8 @@ pub(super) fn on_round(
     if found.gap < 0.0 {
         // The core is in the cylinder: find the shortest way out for all of it.
         let middle = round.at(0.5) - cylinder.center;
-        let across: V = moment(cylinder.axis, round.ends[1] - round.ends[0]);
-        let separates = |normal: V| {
+        let across: Vec3 = moment(cylinder.axis, round.ends[1] - round.ends[0]);
+        let separates = |normal: Vec3| {
             let [from, to] = round.ends.map(|end| normal.dot(end - cylinder.center));
             let part = if from < to { 0.0 } else { 1.0 };
             (from.min(to) - cylinder.extent(normal), part)
@@ -753,7 +793,7 @@ pub(super) fn on_round(
             let normal = way * (1.0f32.copysign(way.dot(middle)) / way.length());
             let (gap, part) = separates(normal);
             if gap > found.gap {
-                found = Nearest { normal, gap, part, beside: false };
+                found = NearestFeature { normal, gap, part, beside: false };
             }
         }
     }
@@ -793,51 +833,23 @@ pub(super) fn on_round(
 /// Fills `touch` with the contact points of two cylinders, up to a gap of `prediction` \[m\].
 /// Returns a lower bound of the gap. \[m\]
 pub(super) fn between(
-    a: &Placed,
-    b: &Placed,
+    a: &PosedCylinder,
+    b: &PosedCylinder,
     prediction: f32,
     before: Option<u64>,
     touch: &mut ContactManifold<3>,
 ) -> f32 {
     let apart = a.center - b.center;
-    let separates = |n: V| n.dot(apart) - a.extent(n) - b.extent(n);
     let caps = [a, b].map(|of| {
         let n = of.axis * 1.0f32.copysign(of.axis.dot(apart));
-        (separates(n), n)
+        (gap_between([a, b], n), n)
     });
     let of_b = caps[1].0 > caps[0].0 + PREFERENCE * prediction;
     let cap = caps[usize::from(of_b)];
     if cap.0 > prediction {
         return cap.0;
     }
-    let lines = [b.to_line(a.center, a.axis).normal, -a.to_line(b.center, b.axis).normal];
-    let mut best = (f32::NEG_INFINITY, lines[0]);
-    let mut consider = |n: V| {
-        let own = separates(n);
-        if own > best.0 {
-            best = (own, n);
-        }
-        best
-    };
-    let [_, sides] = lines.map(&mut consider);
-    if sides.0 > prediction {
-        return sides.0;
-    }
-    let mut start = if sides.0 > cap.0 { sides.1 } else { cap.1 };
-    let distance = apart.length();
-    if distance > 0.0 {
-        consider(climb([a, b], apart, apart * (1.0 / distance)));
-    }
-    for _ in 0..2 {
-        // Directions between the deepest point of one cylinder and the surface of the other.
-        let own = b.to_point(a.support(-start), 0.0).normal;
-        let other = -a.to_point(b.support(start), 0.0).normal;
-        for from in [start, own, other] {
-            consider(climb([a, b], apart, from));
-        }
-        start = consider(own).1;
-    }
-    let (mut gap, normal) = consider(start);
+    let (mut gap, normal) = best_axis([a, b], cap, prediction);
     if gap > prediction {
         return gap;
     }
@@ -877,16 +889,56 @@ pub(super) fn between(
     gap
 }
 
+/// Returns the gap of two cylinders along an axis from b to a. \[m\]
+fn gap_between([a, b]: [&PosedCylinder; 2], n: Vec3) -> f32 {
+    n.dot(a.center - b.center) - a.extent(n) - b.extent(n)
+}
+
+/// Returns the largest gap of two cylinders \[m\] along an axis across sides or rims, and that
+/// axis, from b to a. The search ends as soon as a gap between sides is more than `prediction`. It
+/// starts from `cap`, the gap along the best axis of a cylinder, and that axis.
+fn best_axis([a, b]: [&PosedCylinder; 2], cap: (f32, Vec3), prediction: f32) -> (f32, Vec3) {
+    let apart = a.center - b.center;
+    let lines = [b.to_line(a.center, a.axis).normal, -a.to_line(b.center, b.axis).normal];
+    let mut best = (f32::NEG_INFINITY, lines[0]);
+    let mut consider = |n: Vec3| {
+        let own = gap_between([a, b], n);
+        if own > best.0 {
+            best = (own, n);
+        }
+        best
+    };
+    let [_, sides] = lines.map(&mut consider);
+    if sides.0 > prediction {
+        return sides;
+    }
+    let mut start = if sides.0 > cap.0 { sides.1 } else { cap.1 };
+    let distance = apart.length();
+    if distance > 0.0 {
+        consider(climb([a, b], apart, apart * (1.0 / distance)));
+    }
+    for _ in 0..2 {
+        // Directions between the deepest point of one cylinder and the surface of the other.
+        let own = b.to_point(a.support(-start), 0.0).normal;
+        let other = -a.to_point(b.support(start), 0.0).normal;
+        for from in [start, own, other] {
+            consider(climb([a, b], apart, from));
+        }
+        start = consider(own).1;
+    }
+    consider(start)
+}
+
 /// Fills `touch` with the ends of the common line of two parallel cylinders that lie on each other.
 /// Returns `None` if they do not, or if the ends are less deep than the gap along the normal.
 fn flanks(
-    [a, b]: [&Placed; 2],
-    (normal, gap): (V, f32),
+    [a, b]: [&PosedCylinder; 2],
+    (normal, gap): (Vec3, f32),
     prediction: f32,
     touch: &mut ContactManifold<3>,
 ) -> Option<f32> {
-    let across: V = moment(a.axis, b.axis);
-    let lying = |of: &Placed| of.axis.dot(normal).abs() < PARALLEL;
+    let across: Vec3 = moment(a.axis, b.axis);
+    let lying = |of: &PosedCylinder| of.axis.dot(normal).abs() < PARALLEL;
     if across.dot(across) >= PARALLEL * PARALLEL || !lying(a) || !lying(b) {
         return None;
     }
@@ -912,8 +964,8 @@ fn flanks(
 /// This is Newton's method on the sphere of directions n for S(n) = n . d - sum of (h |n . u| + r
 /// |n - (n . u) u|), with the distance d of the centers. It stops at a kink; the other families
 /// cover kinks.
-fn climb(both: [&Placed; 2], apart: V, start: V) -> V {
-    let value = |n: V| n.dot(apart) - both[0].extent(n) - both[1].extent(n);
+fn climb(both: [&PosedCylinder; 2], apart: Vec3, start: Vec3) -> Vec3 {
+    let value = |n: Vec3| n.dot(apart) - both[0].extent(n) - both[1].extent(n);
     let (mut n, mut height) = (start, value(start));
     for _ in 0..CLIMBS {
         let mut slope = apart;
@@ -925,7 +977,7 @@ fn climb(both: [&Placed; 2], apart: V, start: V) -> V {
                 return n;
             }
             slope -= of.axis * of.half.copysign(of.axis.dot(n)) + across * (of.radius / sine);
-            let tangent: V = moment(of.axis, n);
+            let tangent: Vec3 = moment(of.axis, n);
             *rim = (tangent * (1.0 / sine), of.radius / sine);
         }
         slope -= n * n.dot(slope);
@@ -934,7 +986,7 @@ fn climb(both: [&Placed; 2], apart: V, start: V) -> V {
             return n;
         }
         let x = rims[0].0;
-        let y: V = moment(n, x);
+        let y: Vec3 = moment(n, x);
         let seen = [x, y].map(|axis| slope.dot(axis));
         // Negated Hessian in the tangent plane, with its diagonal raised until it is positive
         // definite.

@@ -26,7 +26,7 @@ pub struct Hull {
     points: Vec<Vector<f32, 3>>,
     /// The points as a structure of arrays; the last block is filled up with the last point.
     blocks: Vec<[[f32; BLOCK]; 3]>,
-    faces: Vec<Face>,
+    faces: Vec<HullFace>,
     /// Corners of all faces, face by face, counter-clockwise seen from outside.
     corners: Vec<u32>,
     edges: Vec<[u32; 2]>,
@@ -37,7 +37,7 @@ pub struct Hull {
 }
 
 #[derive(Clone, Debug)]
-struct Face {
+struct HullFace {
     normal: Vector<f32, 3>,
     /// The point of the hull that is farthest along the normal: no point is beyond the plane
     /// through it.
@@ -50,7 +50,7 @@ impl Hull {
     /// Builds the hull of points \[m\]. Returns `None` if they span no volume, or less than single
     /// precision can resolve.
     pub(super) fn of(points: &[parry3d::math::Vector]) -> Option<Self> {
-        let Surface { points, triangles } = Surface::around(points)?;
+        let HullSurface { points, triangles } = HullSurface::around(points)?;
         let block = |some: &[Vector<f32, 3>]| {
             std::array::from_fn(|axis| std::array::from_fn(|i| some[i.min(some.len() - 1)][axis]))
         };
@@ -61,7 +61,7 @@ impl Hull {
         hull.join(&triangles);
         hull.find_sides();
         // A solid has at least four faces.
-        let flat = |face: &Face| !face.normal.dot(face.normal).is_finite();
+        let flat = |face: &HullFace| !face.normal.dot(face.normal).is_finite();
         (hull.faces.len() >= 4 && !hull.faces.iter().any(flat)).then_some(hull)
     }
 
@@ -117,7 +117,7 @@ impl Hull {
             self.edges.extend(ends.filter(|(from, to)| from < to).map(|(&from, &to)| [from, to]));
             self.corners.extend(around);
             let corners = start..self.corners.len();
-            self.faces.push(Face { normal, outermost, corners, sides: 0..0 });
+            self.faces.push(HullFace { normal, outermost, corners, sides: 0..0 });
         }
     }
 
@@ -144,21 +144,21 @@ impl Hull {
 pub(crate) const NO_VOLUME: &str =
     "a hull of these points has no volume; give points that do not lie in one plane";
 /// Error message for hulls that are too thin.
-pub(crate) const TOO_THIN: &str = "a hull of these points is more than 10000 times as long as thick, which single \
-     precision cannot place; check for a point that is far off, or use a box or capsule";
+pub(crate) const TOO_THIN: &str = "a hull of these points is more than 10000 times as long as \
+    thick, too slender for single precision; check for a distant point, or use a box or capsule";
 
 /// A hull thinner than this fraction of its size is refused. \[1\]
 const THINNEST: f32 = 1e-4;
 
 /// A closed surface of triangles around a solid.
-pub(crate) struct Surface {
+pub(crate) struct HullSurface {
     /// Vertices. \[m\]
     points: Vec<Vector<f32, 3>>,
     /// Counter-clockwise seen from outside.
     triangles: Vec<[u32; 3]>,
 }
 
-impl Surface {
+impl HullSurface {
     /// Builds the convex hull of points \[m\]. Returns `None` if they span no volume.
     fn around(points: &[parry3d::math::Vector]) -> Option<Self> {
         let all: Vec<Vector<f32, 3>> = points.iter().map(|p| Vector(p.to_array())).collect();
@@ -226,7 +226,7 @@ pub fn shape(
     points: &[parry3d::math::Vector],
 ) -> Result<parry3d::shape::SharedShape, &'static str> {
     use parry3d::shape::SharedShape;
-    let surface = Surface::around(points).ok_or(NO_VOLUME)?;
+    let surface = HullSurface::around(points).ok_or(NO_VOLUME)?;
     let bounds = surface.points.iter().fold([surface.points[0]; 2], |[low, high], point| {
         let both = |of: Vector<f32, 3>, choose: fn(f32, f32) -> f32| {
             Vector(std::array::from_fn(|i| choose(of[i], point[i])))
@@ -264,7 +264,7 @@ fn thickness(points: &[Vector<f32, 3>], triangles: &[[u32; 3]]) -> f32 {
 
 /// Returns mass, center of mass and inertia of the hull of points \[m\].
 pub(super) fn mass(points: &[parry3d::math::Vector], density: f32) -> MassProperties<3, 3> {
-    Surface::around(points).map_or(MassProperties::ZERO, |surface| surface.mass(density))
+    HullSurface::around(points).map_or(MassProperties::ZERO, |surface| surface.mass(density))
 }
 
 /// Returns mass, center of mass and inertia of the solid within a closed surface of triangles,
@@ -275,7 +275,7 @@ pub fn mass_within(
     density: f32,
 ) -> MassProperties<3, 3> {
     let points = points.iter().map(|point| Vector(point.to_array())).collect();
-    Surface { points, triangles: triangles.to_vec() }.mass(density)
+    HullSurface { points, triangles: triangles.to_vec() }.mass(density)
 }
 
 /// Returns the normal of a polygon, of twice its area in length.

@@ -2,9 +2,9 @@
 //!
 //! For each triangle near a shape, the axis of the largest gap is searched. The candidates are the
 //! triangle's normal, and axes that an edge, a vertex or the shape proposes. The topology of the
-//! mesh must admit them ([`Surface`](surface::Surface)). Contacts are collected by feature. All
-//! triangles of a facet share a manifold, as do all features below one face of the shape; an edge
-//! or a vertex counts once.
+//! mesh must admit them ([`MeshTopology`](surface::MeshTopology)). Contacts are collected by
+//! feature. All triangles of a facet share a manifold, as do all features below one face of the
+//! shape; an edge or a vertex counts once.
 //!
 //! An open mesh has two sides: a shape touches it from the side of its center. A closed mesh pushes
 //! shapes out along its outward normals, even if their centers are inside.
@@ -15,10 +15,10 @@ mod rounds;
 mod solids;
 mod surface;
 
-use drystone_solver::{Vector, moment};
+use drystone_solver::moment;
 
-pub(crate) use self::surface::Surface;
-use self::surface::{Beyond, Face, Facet};
+pub(crate) use self::surface::MeshTopology;
+use self::surface::{Beyond, Facet, MeshFace};
 use super::solid::Corner;
 use super::{ContactManifold, Curvature, Frame, ManifoldPoint, NormalCarrier};
 
@@ -27,7 +27,7 @@ use super::solid::Polyhedron;
 
 pub(super) use self::rounds::round;
 
-type V = Vector<f32, 3>;
+use crate::geometry::Vec3;
 
 /// Points within this fraction of an edge's length of the edge are on both sides of it. \[1\]
 const ON_EDGE: f32 = 1e-4;
@@ -39,14 +39,14 @@ const STEEPEST: f32 = 10.0;
 /// The part of a mesh that a manifold belongs to. It is a side of a facet, an edge, a vertex, or
 /// the set of all features under a face of the shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Part {
+pub(super) enum MeshPart {
     Facet { facet: u32, behind: bool },
     Edge(u32),
     Vertex(u32),
     Under(u32),
 }
 
-impl Part {
+impl MeshPart {
     fn number(self) -> u32 {
         match self {
             Self::Facet { facet, behind } => facet << 1 | u32::from(behind),
@@ -79,8 +79,8 @@ pub(super) struct Gathered {
     /// Position of the shape above the facets near it.
     facets: Vec<Above>,
     polygon: Vec<Corner<3>>,
-    vertices: Vec<V>,
-    faces: Vec<(V, f32)>,
+    vertices: Vec<Vec3>,
+    faces: Vec<(Vec3, f32)>,
     memory: Vec<Corner<3>>,
     /// Sheet of the mesh that the shape touches, and whether it touches it on both sides.
     faced: Option<Faced>,
@@ -123,7 +123,7 @@ impl Gathered {
     }
 
     /// Finds or adds the manifold of a part.
-    fn of(&mut self, part: Part, normal: V) -> &mut ContactManifold<3> {
+    fn of(&mut self, part: MeshPart, normal: Vec3) -> &mut ContactManifold<3> {
         let number = part.number();
         let known = self.manifolds[..self.count].iter().position(|touch| touch.part == number);
         let index = known.unwrap_or_else(|| {
@@ -140,7 +140,7 @@ impl Gathered {
         &mut self.manifolds[index]
     }
 
-    fn has(&self, part: Part) -> bool {
+    fn has(&self, part: MeshPart) -> bool {
         let number = part.number();
         self.manifolds[..self.count].iter().any(|touch| touch.part == number)
     }
@@ -160,7 +160,7 @@ impl Gathered {
                 continue;
             }
             touch.reduce();
-            touch.place(frame);
+            touch.transform(frame);
             touch.points.iter_mut().for_each(|point| point.feature |= name);
             if mesh_is_a {
                 touch.exchange();
@@ -207,11 +207,11 @@ fn add(touch: &mut ContactManifold<3>, point: ManifoldPoint<3>) {
 /// A contact query for a shape and a mesh.
 #[derive(Clone, Copy)]
 pub(super) struct MeshQuery<'a> {
-    pub(super) surface: &'a Surface,
+    pub(super) surface: &'a MeshTopology,
     /// Prediction distance. \[m\]
     pub(super) prediction: f32,
     /// Displacement of the shape relative to the mesh until the next contact search. \[m\]
-    pub(super) motion: V,
+    pub(super) motion: Vec3,
     /// Largest displacement of its surface by rotation until then. \[m\]
     pub(super) turning: f32,
     /// The sheet that the shape touched in the step before.
@@ -229,7 +229,7 @@ impl MeshQuery<'_> {
 
     /// Returns the side of a facet that a shape with this center touches, and whether the center is
     /// behind that side.
-    fn side(&self, facet: &Facet, center: V) -> (f32, bool) {
+    fn side(&self, facet: &Facet, center: Vec3) -> (f32, bool) {
         let height = facet.normal.dot(center) - facet.offset;
         let near = if height < 0.0 { -1.0 } else { 1.0 };
         let side = self.only_side(facet).unwrap_or(near);
@@ -242,12 +242,19 @@ impl MeshQuery<'_> {
     /// A point beyond an edge is still over the triangle in two cases. Either the mesh rises beyond
     /// the edge and the point is below it there. Or motion within the step may bring the point back
     /// over the triangle.
-    fn is_over(&self, face: &Face, facet: &Facet, side: f32, place: V, height: f32) -> bool {
+    fn is_over(
+        &self,
+        face: &MeshFace,
+        facet: &Facet,
+        side: f32,
+        location: Vec3,
+        height: f32,
+    ) -> bool {
         let corners = self.surface.corners(face);
         (0..3).all(|k| {
             let (from, to) = (corners[k], corners[(k + 1) % 3]);
-            let outward: V = moment(to - from, facet.normal);
-            let (beyond, squared) = (outward.dot(place - from), outward.dot(outward));
+            let outward: Vec3 = moment(to - from, facet.normal);
+            let (beyond, squared) = (outward.dot(location - from), outward.dot(outward));
             if beyond <= ON_EDGE * squared {
                 return true;
             }
@@ -264,9 +271,16 @@ impl MeshQuery<'_> {
         })
     }
 
-    /// True if a point at a `height` above a triangle \[m\] comes down on it, or moves to a place
-    /// where it may.
-    fn comes_over(&self, face: &Face, facet: &Facet, side: f32, place: V, height: f32) -> bool {
+    /// True if a point at a `height` above a triangle \[m\] comes down on it, or moves to a
+    /// location where it may.
+    fn moves_onto(
+        &self,
+        face: &MeshFace,
+        facet: &Facet,
+        side: f32,
+        location: Vec3,
+        height: f32,
+    ) -> bool {
         let approach = -side * facet.normal.dot(self.motion);
         height > 0.0
             && approach > 0.0
@@ -274,7 +288,7 @@ impl MeshQuery<'_> {
                 face,
                 facet,
                 side,
-                place + self.motion * (height / approach).min(1.0),
+                location + self.motion * (height / approach).min(1.0),
                 0.0,
             )
     }
@@ -289,27 +303,27 @@ pub(super) fn polyhedron(
     tree: &parry3d::partitioning::Bvh,
     gathered: &mut Gathered,
 ) -> f32 {
-    solids::gather(ahead, &polyhedra::Seen { shape, frame }, tree, gathered)
+    solids::gather(ahead, &polyhedra::PolyhedronInMesh { shape, frame }, tree, gathered)
 }
 
-/// Does for a cylinder what [`polyhedron`] does for a solid. `before` is the feature of a contact
-/// point of the step before.
+/// Finds the contacts of a cylinder as [`polyhedron`] does for a solid. `before` is the feature of
+/// a contact point of the step before.
 pub(super) fn cylinder(
     ahead: MeshQuery<'_>,
-    cylinder: cylinders::Placed,
+    cylinder: cylinders::PosedCylinder,
     before: Option<u64>,
     tree: &parry3d::partitioning::Bvh,
     gathered: &mut Gathered,
 ) -> f32 {
     let before = before.map(|name| name & ((1 << FACED) - 1));
-    solids::gather(ahead, &cylinder::Seen { cylinder, before }, tree, gathered)
+    solids::gather(ahead, &cylinder::CylinderInMesh { cylinder, before }, tree, gathered)
 }
 
 /// Fills `touch` with the sharp vertices of a mesh near a half-space, in the frame of the mesh.
 /// Returns a lower bound of the gap. \[m\]
 pub(super) fn on_plane(
-    surface: &Surface,
-    (point, normal): (V, V),
+    surface: &MeshTopology,
+    (point, normal): (Vec3, Vec3),
     prediction: f32,
     touch: &mut ContactManifold<3>,
 ) -> f32 {
@@ -317,13 +331,13 @@ pub(super) fn on_plane(
     touch.points.clear();
     (touch.part, touch.normal) = (0, normal);
     let used = surface.vertices.iter().zip(&surface.points).zip(0..);
-    for ((_, &place), feature) in used.filter(|((vertex, _), _)| vertex.sharp) {
-        let gap = normal.dot(place - point);
+    for ((_, &location), feature) in used.filter(|((vertex, _), _)| vertex.sharp) {
+        let gap = normal.dot(location - point);
         apart = apart.min(gap);
         if gap <= prediction {
             touch.points.push(ManifoldPoint {
-                on_a: place,
-                on_b: place - normal * gap,
+                on_a: location,
+                on_b: location - normal * gap,
                 gap,
                 feature,
             });

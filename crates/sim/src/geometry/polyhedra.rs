@@ -47,7 +47,7 @@ pub(super) fn collide<const L: usize>(
             let from_a = &Frame::IDENTITY.seen_from(from_b);
             on_face((b, of), (a, from_a), gap, prediction, clipper, touch);
             touch.exchange();
-            touch.place(from_b);
+            touch.transform(from_b);
         }
     }
     gap
@@ -131,7 +131,7 @@ pub(super) enum PlaneSupport<'a, H, const L: usize> {
 /// if `above`, else b.
 pub(super) fn on_plane<const L: usize>(
     plane: &Plane<L>,
-    footing: &PlaneSupport<'_, impl Solid<L>, L>,
+    plane_support: &PlaneSupport<'_, impl Solid<L>, L>,
     from_shape: &Frame<L>,
     above: bool,
     prediction: f32,
@@ -142,7 +142,7 @@ pub(super) fn on_plane<const L: usize>(
     let corners = &mut clipper.incident;
     corners.clear();
     let down = from_shape.local_direction(-normal);
-    let radius = match *footing {
+    let radius = match *plane_support {
         PlaneSupport::Cuboid(cuboid) => {
             cuboid.corners(cuboid.facing(down), corners);
             0.0

@@ -8,16 +8,16 @@ use parry2d::shape::ConvexPolygon;
 
 use super::cylinders::{self, Cylinder};
 use super::hull::{self, Hull};
-use super::mesh::{self, Gathered, Surface};
+use super::mesh::{self, Gathered, MeshTopology};
+use super::particles::balls;
 use super::polyhedra::{Clipper, Plane, PlaneSupport, collide, on_plane};
 use super::rotation::{Eight, Quaternion, each_eight, precess, precess_finely};
 use super::rounds::{RoundedCore, between_rounds, on_solid};
 use super::separation::{Crossing, between, between_boxes};
 use super::solid::{Cuboid, Solid};
-use super::spheres::balls;
 use super::{
     Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint, MassProperties,
-    NormalCarrier, Precession, Reach, Spin, TOGETHER, leading,
+    NormalCarrier, PRECESS_LANES, Precession, Ray, Reach, Spin, SurfaceHit, leading,
 };
 
 /// Largest absolute coordinate and reach of a shape, which stands for infinity. \[m\]
@@ -92,11 +92,11 @@ impl From<Pose2> for parry2d::math::Pose {
 /// Implements the part of [`Geometry`] that is the same for parry2d and parry3d.
 macro_rules! over_parry {
     (
-        $parry:ident, $polyhedra:ident, $meshes:ident, $each:ident, $ask:ident, $hull:ident,
-        $form:ident, $l:literal, $a:literal
+        $parry:ident, $polyhedra:ident, $meshes:ident, $each:ident, $ask:ident, $on_other:ident,
+        $hull:ident, $form:ident, $l:literal, $a:literal
     ) => {
         type Shape = $parry::shape::SharedShape;
-        type Collider = Collider<Self::Shape, $hull, $l>;
+        type Prepared = PreparedShape<Self::Shape, $hull, $l>;
         type Scratch = Scratch<$parry::query::ContactManifold<(), ()>, $parry::query::epa::EPA, $l>;
 
         fn bounds(shape: &Self::Shape, pose: &Self::Pose) -> Bounds<$l> {
@@ -146,23 +146,23 @@ macro_rules! over_parry {
             Some(if sum.is_nan() { sum } else { sides.into_iter().fold(f32::MIN, f32::max) })
         }
 
-        fn collider(shape: Self::Shape) -> Self::Collider {
-            Collider { form: $form(&shape), shape }
+        fn prepare(shape: Self::Shape) -> Self::Prepared {
+            PreparedShape { form: $form(&shape), shape }
         }
 
-        fn nothing() -> Self::Collider {
-            Self::collider($parry::shape::SharedShape::ball(0.0))
+        fn placeholder() -> Self::Prepared {
+            Self::prepare($parry::shape::SharedShape::ball(0.0))
         }
 
-        fn shape_of(collider: &Self::Collider) -> &Self::Shape {
+        fn shape_of(collider: &Self::Prepared) -> &Self::Shape {
             &collider.shape
         }
 
-        fn is_sheet(collider: &Self::Collider) -> bool {
+        fn is_open(collider: &Self::Prepared) -> bool {
             matches!(collider.form, ContactShape::Mesh(_))
         }
 
-        fn rolls(collider: &Self::Collider) -> bool {
+        fn is_curved(collider: &Self::Prepared) -> bool {
             match collider.form {
                 ContactShape::Ball(_) | ContactShape::Capsule(..) | ContactShape::Cylinder(_) => {
                     true
@@ -175,7 +175,7 @@ macro_rules! over_parry {
             }
         }
 
-        fn has_ends(collider: &Self::Collider) -> bool {
+        fn has_support(collider: &Self::Prepared) -> bool {
             match collider.form {
                 ContactShape::Halfspace(_) | ContactShape::Mesh(_) => false,
                 ContactShape::Other => collider.shape.as_support_map().is_some(),
@@ -183,7 +183,7 @@ macro_rules! over_parry {
             }
         }
 
-        fn has_corners(collider: &Self::Collider) -> bool {
+        fn has_edges(collider: &Self::Prepared) -> bool {
             match collider.form {
                 ContactShape::Cuboid(_)
                 | ContactShape::Hull(_)
@@ -196,7 +196,11 @@ macro_rules! over_parry {
             }
         }
 
-        fn roundness(collider: &Self::Collider, pose: &Self::Pose, axis: Vector<f32, $l>) -> f32 {
+        fn rounding_radius(
+            collider: &Self::Prepared,
+            pose: &Self::Pose,
+            axis: Vector<f32, $l>,
+        ) -> f32 {
             match collider.form {
                 ContactShape::Ball(radius) | ContactShape::Capsule(_, radius) => radius,
                 ContactShape::Cylinder(Cylinder { radius, .. }) => {
@@ -207,8 +211,8 @@ macro_rules! over_parry {
             }
         }
 
-        fn farthest(
-            collider: &Self::Collider,
+        fn support(
+            collider: &Self::Prepared,
             pose: &Self::Pose,
             direction: Vector<f32, $l>,
         ) -> Option<Vector<f32, $l>> {
@@ -226,8 +230,8 @@ macro_rules! over_parry {
             })
         }
 
-        fn holds(
-            collider: &Self::Collider,
+        fn contains(
+            collider: &Self::Prepared,
             pose: &Self::Pose,
             point: Vector<f32, $l>,
             near: f32,
@@ -240,7 +244,7 @@ macro_rules! over_parry {
             }
         }
 
-        fn core(collider: &Self::Collider) -> Option<(Vector<f32, $l>, Self::Collider)> {
+        fn inner_ball(collider: &Self::Prepared) -> Option<(Vector<f32, $l>, Self::Prepared)> {
             let (center, radius) = match &collider.form {
                 ContactShape::Capsule([from, to], radius) => ((*from + *to) * 0.5, *radius),
                 ContactShape::Cuboid(solid) => ball_within(solid),
@@ -251,11 +255,11 @@ macro_rules! over_parry {
                 | ContactShape::Mesh(_)
                 | ContactShape::Other => return None,
             };
-            Some((center, Self::collider($parry::shape::SharedShape::ball(radius))))
+            Some((center, Self::prepare($parry::shape::SharedShape::ball(radius))))
         }
 
         fn faces_at(
-            collider: &Self::Collider,
+            collider: &Self::Prepared,
             pose: &Self::Pose,
             point: Vector<f32, $l>,
             near: f32,
@@ -269,9 +273,28 @@ macro_rules! over_parry {
             }
         }
 
+        fn cast_ray(
+            collider: &Self::Prepared,
+            pose: &Self::Pose,
+            ray: &Ray<$l>,
+        ) -> Option<SurfaceHit<$l>> {
+            let frame = <Self as Geometry<$l, $a>>::frame(pose);
+            let ray = ray.seen_from(&frame);
+            let hit = match &collider.form {
+                ContactShape::Cuboid(solid) => ray.on_solid(solid),
+                ContactShape::Hull(solid) => ray.on_solid(&**solid),
+                ContactShape::Halfspace(normal) => ray.on_halfspace(*normal),
+                form => match form.round() {
+                    Some(round) => ray.on_capsule(round.ends, round.radius),
+                    None => $on_other(collider, &ray),
+                },
+            };
+            hit.map(|hit| SurfaceHit { normal: frame.direction(hit.normal), ..hit })
+        }
+
         fn collide(
-            a: (&Self::Collider, &Self::Pose),
-            b: (&Self::Collider, &Self::Pose),
+            a: (&Self::Prepared, &Self::Pose),
+            b: (&Self::Prepared, &Self::Pose),
             ahead: impl Into<LookAhead<$l>>,
             before: Option<u64>,
             scratch: &mut Self::Scratch,
@@ -307,7 +330,7 @@ macro_rules! over_parry {
                 let memory = (&mut *clipper, &mut *expansion);
                 if let Some(gap) = $polyhedra(query, pieces, posed, memory, touch) {
                     apart = apart.min(gap);
-                    touch.place(&frames[0]);
+                    touch.transform(&frames[0]);
                 } else {
                     apart = apart.min(prediction);
                     touch.surfaces = Curvature::default();
@@ -325,7 +348,7 @@ macro_rules! over_parry {
 
 /// A shape prepared for contact detection.
 #[derive(Clone)]
-pub struct Collider<S, H, const L: usize> {
+pub struct PreparedShape<S, H, const L: usize> {
     shape: S,
     form: ContactShape<H, L>,
 }
@@ -346,7 +369,7 @@ enum ContactShape<H, const L: usize> {
     /// Its outward normal.
     Halfspace(Vector<f32, L>),
     /// A triangle mesh, shared for the same reasons as hulls.
-    Mesh(Arc<Surface>),
+    Mesh(Arc<MeshTopology>),
     /// A shape that is left to parry.
     Other,
 }
@@ -365,8 +388,8 @@ impl<S: ?Sized, H, const L: usize> Clone for ConvexPart<'_, S, H, L> {
 
 impl<S: ?Sized, H, const L: usize> Copy for ConvexPart<'_, S, H, L> {}
 
-type Piece2<'a> = ConvexPart<'a, dyn parry2d::shape::Shape, ConvexPolygon, 2>;
-type Piece3<'a> = ConvexPart<'a, dyn parry3d::shape::Shape, Hull, 3>;
+type ConvexPart2<'a> = ConvexPart<'a, dyn parry2d::shape::Shape, ConvexPolygon, 2>;
+type ConvexPart3<'a> = ConvexPart<'a, dyn parry3d::shape::Shape, Hull, 3>;
 
 /// Scratch memory for the contact detection of one thread.
 #[derive(Default)]
@@ -449,14 +472,22 @@ fn round_or_plane<H: Solid<L>, const L: usize>(
         (ContactShape::Halfspace(_), ContactShape::Halfspace(_)) => return None,
         (_, ContactShape::Halfspace(normal)) => {
             let plane = Plane { point: from_b.position, normal: from_b.direction(*normal) };
-            let footing = footing(a)?;
+            let plane_support = plane_support(a)?;
             let own = &Frame::IDENTITY;
-            return Some(on_plane(&plane, &footing, own, true, prediction, clipper, touch));
+            return Some(on_plane(&plane, &plane_support, own, true, prediction, clipper, touch));
         }
         (ContactShape::Halfspace(normal), _) => {
             let plane = Plane { point: Vector::ZERO, normal: *normal };
-            let footing = footing(b)?;
-            return Some(on_plane(&plane, &footing, from_b, false, prediction, clipper, touch));
+            let plane_support = plane_support(b)?;
+            return Some(on_plane(
+                &plane,
+                &plane_support,
+                from_b,
+                false,
+                prediction,
+                clipper,
+                touch,
+            ));
         }
         _ => {}
     }
@@ -470,7 +501,7 @@ fn round_or_plane<H: Solid<L>, const L: usize>(
         (Some(round), None) => {
             let seen = round.placed(&Frame::IDENTITY.seen_from(from_b));
             let gap = on(&seen, b)?;
-            touch.place(from_b);
+            touch.transform(from_b);
             Some(gap)
         }
         (None, Some(round)) => {
@@ -484,7 +515,7 @@ fn round_or_plane<H: Solid<L>, const L: usize>(
 
 /// Returns the part of a shape that can touch a plane, or `None` if [`on_plane`] does not handle
 /// the shape.
-fn footing<H, const L: usize>(form: &ContactShape<H, L>) -> Option<PlaneSupport<'_, H, L>> {
+fn plane_support<H, const L: usize>(form: &ContactShape<H, L>) -> Option<PlaneSupport<'_, H, L>> {
     Some(match form {
         ContactShape::Ball(radius) => PlaneSupport::RoundedCore(&[Vector::ZERO], *radius),
         ContactShape::Capsule(ends, radius) => PlaneSupport::RoundedCore(ends, *radius),
@@ -501,7 +532,7 @@ fn footing<H, const L: usize>(form: &ContactShape<H, L>) -> Option<PlaneSupport<
 /// pairs that are left to parry.
 fn polygons(
     query: Query<'_, 2>,
-    [a, b]: [Piece2<'_>; 2],
+    [a, b]: [ConvexPart2<'_>; 2],
     _: impl Fn() -> parry2d::math::Pose,
     (clipper, _): (&mut Clipper<2>, &mut parry2d::query::epa::EPA),
     touch: &mut ContactManifold<2>,
@@ -516,11 +547,11 @@ fn polygons(
     })
 }
 
-/// Does in 3D what [`polygons`] does in 2D. `posed` returns the pose of b in the frame of a; parry
-/// uses it to propose an axis between solids.
+/// Finds contacts in 3D as [`polygons`] does in 2D. `posed` returns the pose of b in the frame of
+/// a; parry uses it to propose an axis between solids.
 fn solids(
     query: Query<'_, 3>,
-    [a, b]: [Piece3<'_>; 2],
+    [a, b]: [ConvexPart3<'_>; 2],
     posed: impl Fn() -> parry3d::math::Pose,
     (clipper, expansion): (&mut Clipper<3>, &mut parry3d::query::epa::EPA),
     touch: &mut ContactManifold<3>,
@@ -536,7 +567,7 @@ fn solids(
             let own = cylinder.placed(&Frame::IDENTITY.seen_from(query.from_b));
             let gap = on_cylinder(&own, b.form, query, clipper, touch)?;
             touch.surfaces = cylinder_on(&own, b.form, touch.normal);
-            touch.place(query.from_b);
+            touch.transform(query.from_b);
             gap
         }
         (_, ContactShape::Cylinder(cylinder)) => {
@@ -553,7 +584,7 @@ fn solids(
 /// Finds the contact of a cylinder, as a, with a shape, as b, in the frame of the shape. Returns a
 /// lower bound of the gap \[m\], or `None` if the shape is left to parry.
 fn on_cylinder(
-    cylinder: &cylinders::Placed,
+    cylinder: &cylinders::PosedCylinder,
     form: &ContactShape<Hull, 3>,
     Query { prediction, before, .. }: Query<'_, 3>,
     clipper: &mut Clipper<3>,
@@ -583,11 +614,11 @@ fn on_cylinder(
 
 /// Returns the curvature of a cylinder, as a, and of a shape, as b, at a contact with this normal.
 fn cylinder_on(
-    cylinder: &cylinders::Placed,
+    cylinder: &cylinders::PosedCylinder,
     form: &ContactShape<Hull, 3>,
     normal: Vector<f32, 3>,
 ) -> Curvature {
-    let radius = |of: &cylinders::Placed| of.roundness(normal);
+    let radius = |of: &cylinders::PosedCylinder| of.rounding_radius(normal);
     let is = |other: Vector<f32, 3>| other.dot(normal) > SAME;
     let has =
         |solid: &dyn Fn(usize) -> Vector<f32, 3>, faces: usize| (0..faces).any(|f| is(solid(f)));
@@ -595,7 +626,7 @@ fn cylinder_on(
         ContactShape::Ball(radius) | ContactShape::Capsule(_, radius) => (*radius, false),
         ContactShape::Cylinder(other) => {
             let other = other.placed(&Frame::IDENTITY);
-            (radius(&other), radius(&other) == 0.0 && other.stands(normal))
+            (radius(&other), radius(&other) == 0.0 && other.is_on_cap(normal))
         }
         ContactShape::Cuboid(solid) => (0.0, has(&|face| solid.face(face).0, solid.faces())),
         ContactShape::Hull(solid) => (0.0, has(&|face| solid.face(face).0, solid.faces())),
@@ -604,7 +635,7 @@ fn cylinder_on(
     let own = radius(cylinder);
     let normal = if face {
         NormalCarrier::FaceOfB
-    } else if cylinder.stands(normal) {
+    } else if cylinder.is_on_cap(normal) {
         NormalCarrier::FaceOfA
     } else if own + other > 0.0 {
         NormalCarrier::Centers
@@ -619,7 +650,7 @@ const SAME: f32 = 1.0 - 1e-6;
 
 /// Returns `None`: in 2D, meshes are left to parry, triangle by triangle.
 fn no_meshes<S>(
-    _: [&Collider<S, ConvexPolygon, 2>; 2],
+    _: [&PreparedShape<S, ConvexPolygon, 2>; 2],
     _: &[Frame<2>; 2],
     _: (LookAhead<2>, Option<u64>),
     _: &mut Scratch<impl Sized, impl Sized, 2>,
@@ -631,7 +662,7 @@ fn no_meshes<S>(
 /// Finds the contact of a mesh with a shape. Returns a lower bound of the gap \[m\], or `None` for
 /// other pairs. Two meshes never touch.
 fn on_meshes(
-    both: [&Collider<parry3d::shape::SharedShape, Hull, 3>; 2],
+    both: [&PreparedShape<parry3d::shape::SharedShape, Hull, 3>; 2],
     frames: &[Frame<3>; 2],
     (ahead, before): (LookAhead<3>, Option<u64>),
     scratch: &mut Scratch<impl Sized, impl Sized, 3>,
@@ -661,7 +692,7 @@ fn on_meshes(
             let plane = (seen.position, seen.direction(*normal));
             let touch = &mut scratch.touch;
             let apart = mesh::on_plane(surface, plane, ahead.prediction, touch);
-            touch.place(own);
+            touch.transform(own);
             if side == 1 {
                 touch.exchange();
             }
@@ -747,8 +778,8 @@ fn closest(
     let (a, b) = (a.as_support_map()?, b.as_support_map()?);
     // Largest extent of each shape along an axis; the smaller shape sets the scale.
     let sizes = [a, b].map(|shape| {
-        use parry3d::math::Vector as V;
-        [V::X, V::Y, V::Z]
+        use parry3d::math::Vector as Vec3;
+        [Vec3::X, Vec3::Y, Vec3::Z]
             .map(|axis| {
                 (shape.local_support_point(axis) - shape.local_support_point(-axis)).dot(axis)
             })
@@ -777,16 +808,18 @@ fn closest(
     Some(Crossing { axis: Vector(axis.to_array()), on_a, on_b, feature: 0 })
 }
 
-/// Defines the loop over the convex pieces of two shapes, and the call to parry for a pair of
-/// pieces.
+/// Defines the loop over the convex pieces of two shapes, the call to parry for a pair of pieces,
+/// and the call to parry for a ray.
 macro_rules! pieces {
-    ($each:ident, $ask:ident, $piece:ident, $parry:ident, $hull:ident, $l:literal) => {
+    (
+        $each:ident, $ask:ident, $cast:ident, $piece:ident, $parry:ident, $hull:ident, $l:literal
+    ) => {
         /// Calls `pair` with the convex pieces of two shapes that may be within `prediction` \[m\].
         /// Pieces are the shapes themselves, or each triangle of a mesh that is near the other
         /// shape, with its admissible normals and its number. Returns true if all pieces were
         /// visited.
         fn $each(
-            both: [&Collider<$parry::shape::SharedShape, $hull, $l>; 2],
+            both: [&PreparedShape<$parry::shape::SharedShape, $hull, $l>; 2],
             posed: impl Fn() -> $parry::math::Pose,
             prediction: f32,
             mut pair: impl FnMut(
@@ -852,11 +885,44 @@ macro_rules! pieces {
             }
             touch.reduce();
         }
+
+        /// Returns where parry finds that a ray enters a shape, in the frame of the shape.
+        fn $cast(
+            collider: &PreparedShape<$parry::shape::SharedShape, $hull, $l>,
+            ray: &Ray<$l>,
+        ) -> Option<SurfaceHit<$l>> {
+            let cast = $parry::query::Ray::new(ray.origin.0.into(), ray.direction.0.into());
+            let most = ray.length.min(f32::MAX);
+            let hit = collider.shape.cast_local_ray_and_get_normal(&cast, most, true)?;
+            let normal = Vector::<f32, $l>(hit.normal.to_array());
+            // The normal is zero inside, and may be that of the back of a triangle.
+            let faces = normal.dot(ray.direction);
+            if hit.time_of_impact == 0.0 || faces == 0.0 {
+                return Some(SurfaceHit { distance: hit.time_of_impact, ..ray.start() });
+            }
+            let normal = normal * (-faces.signum() / normal.length());
+            Some(SurfaceHit { distance: hit.time_of_impact, normal })
+        }
     };
 }
 
-pieces!(each_piece_2, ask_parry_2, Piece2, parry2d, ConvexPolygon, 2);
-pieces!(each_piece_3, ask_parry_3, Piece3, parry3d, Hull, 3);
+pieces!(each_piece_2, ask_parry_2, cast_parry_2, ConvexPart2, parry2d, ConvexPolygon, 2);
+pieces!(each_piece_3, ask_parry_3, cast_parry_3, ConvexPart3, parry3d, Hull, 3);
+
+/// Returns where a ray enters a cylinder or a shape that is left to parry, in the frame of the
+/// shape.
+fn cast_cylinder_or_parry(
+    collider: &PreparedShape<parry3d::shape::SharedShape, Hull, 3>,
+    ray: &Ray<3>,
+) -> Option<SurfaceHit<3>> {
+    match &collider.form {
+        ContactShape::Cylinder(Cylinder { radius, half_height }) => {
+            let top = Vector([0.0, *half_height, 0.0]);
+            ray.on_tube([-top, top], *radius)
+        }
+        _ => cast_parry_3(collider, ray),
+    }
+}
 
 /// Defines the conversion of a parry shape to its `ContactShape`.
 macro_rules! form {
@@ -886,7 +952,7 @@ form!(form_3, parry3d, Hull, 3,
     TypedShape::ConvexPolyhedron(hull) => Hull::of(hull.points()).map_or(ContactShape::Other, |hull| ContactShape::Hull(Arc::new(hull))),
     TypedShape::Cylinder(of) =>
         ContactShape::Cylinder(Cylinder { radius: of.radius, half_height: of.half_height }),
-    TypedShape::TriMesh(mesh) => ContactShape::Mesh(Arc::new(Surface::of(mesh))));
+    TypedShape::TriMesh(mesh) => ContactShape::Mesh(Arc::new(MeshTopology::of(mesh))));
 
 impl Geometry<2, 1> for Rigid2 {
     type Pose = Pose2;
@@ -951,6 +1017,7 @@ impl Geometry<2, 1> for Rigid2 {
         no_meshes,
         each_piece_2,
         ask_parry_2,
+        cast_parry_2,
         ConvexPolygon,
         form_2,
         2,
@@ -993,7 +1060,7 @@ impl Geometry<3, 3> for Rigid3 {
 
     #[inline]
     fn precess(
-        spins: &[Spin<'_, Self::Pose, 3>; TOGETHER],
+        spins: &[Spin<'_, Self::Pose, 3>; PRECESS_LANES],
         count: usize,
         h: f32,
         mut end: impl FnMut(usize, Self::Pose, [Vector<f32, 3>; 2]),
@@ -1006,7 +1073,7 @@ impl Geometry<3, 3> for Rigid3 {
             let Spin { omega, remainder, .. } = spins[index];
             end(index, posed(index, to), [omega + change, remainder]);
         };
-        let (mut own, mut coarse) = ([0; TOGETHER], 0);
+        let (mut own, mut coarse) = ([0; PRECESS_LANES], 0);
         for (index, spin) in spins[..count].iter().enumerate() {
             if is_coarse(spin, h) {
                 own[coarse] = index;
@@ -1030,7 +1097,7 @@ impl Geometry<3, 3> for Rigid3 {
             let axis = Eight::vector(each_eight!(lane => each[lane].axis));
             let q = Quaternion { axis, w: Eight::new(each_eight!(lane => each[lane].w)) };
             let omega = Eight::vector(each_eight!(lane => spins[lane].omega));
-            let (to, changes) = precess(q, moments, omega, Eight::new([h; TOGETHER]));
+            let (to, changes) = precess(q, moments, omega, Eight::new([h; PRECESS_LANES]));
             for &lane in &own[..coarse] {
                 let own = Quaternion { axis: Eight::of_lane(&to.axis, lane), w: to.w.get(lane) };
                 turn(lane, own, Eight::of_lane(&changes, lane));
@@ -1090,7 +1157,18 @@ impl Geometry<3, 3> for Rigid3 {
         }
     }
 
-    over_parry!(parry3d, solids, on_meshes, each_piece_3, ask_parry_3, Hull, form_3, 3, 3);
+    over_parry!(
+        parry3d,
+        solids,
+        on_meshes,
+        each_piece_3,
+        ask_parry_3,
+        cast_cylinder_or_parry,
+        Hull,
+        form_3,
+        3,
+        3
+    );
 }
 
 /// True if a body turns so little in `h` \[s\], and is so compact, that one step in single
@@ -1121,7 +1199,7 @@ mod tests {
     /// side of its bounding box by more than `Reach::core` times theta; a ball at the origin does
     /// not move.
     #[test]
-    fn reach_holds_what_turns() {
+    fn reach_bounds_rotating_shapes() {
         let mut random = Random(11);
         let corners: Vec<_> = (0..9).map(|_| random.vector().0.into()).collect();
         let shapes = [

@@ -317,7 +317,7 @@ mod tests {
     use crate::geometry::random::Random;
 
     #[test]
-    fn eight_turn_as_one_does() {
+    fn eight_bodies_rotate_as_one_does() {
         let mut random = Random(7);
         // Faster bodies are rotated one by one, in substeps.
         for speed in [1e-3, 1.0, 7.0] {

@@ -5,10 +5,10 @@
 
 use drystone_solver::Vector;
 
+use super::particles::between_balls;
 use super::polyhedra::Clipper;
 use super::separation::{FaceOf, Known, best_face, edges_feature, measure};
 use super::solid::Solid;
-use super::spheres::between_balls;
 use super::{ContactManifold, Curvature, Frame, ManifoldPoint, NormalCarrier};
 
 /// A ball or a capsule: the ends of its core, which coincide for a ball, and its radius. \[m\]
@@ -147,7 +147,7 @@ pub(super) fn on_solid<const L: usize>(
                 .filter(|known| known.gap > reach || known.is_sure(solid));
         }
         Known::Edges([_, edge]) if edge < solid.edges() => {
-            let own = Nearest::of(round, solid, edge);
+            let own = NearestOnEdge::of(round, solid, edge);
             if own.is_nearest(solid) && (0..solid.faces()).all(|face| !own.is_upright(solid, face))
             {
                 return Some(own.touch(round, prediction, touch));
@@ -170,10 +170,10 @@ pub(super) fn on_solid<const L: usize>(
         return None;
     }
     // The nearest feature is an edge, usually of that face.
-    let around = Nearest::among(solid.around(best.face), round, solid);
+    let around = NearestOnEdge::among(solid.around(best.face), round, solid);
     let nearest = match around.filter(|own| own.is_nearest(solid)) {
         Some(nearest) => nearest,
-        None => Nearest::among(0..solid.edges(), round, solid)?,
+        None => NearestOnEdge::among(0..solid.edges(), round, solid)?,
     };
     if best.gap > 0.0 && nearest.is_upright(solid, best.face) {
         on_face(round, nearest.part, solid, best.face, prediction, clipper, touch);
@@ -183,7 +183,7 @@ pub(super) fn on_solid<const L: usize>(
 }
 
 /// The nearest points of an edge of a solid and a core.
-struct Nearest<const L: usize> {
+struct NearestOnEdge<const L: usize> {
     number: usize,
     edge: RoundedCore<L>,
     /// Position on the core, from 0 to 1.
@@ -194,7 +194,7 @@ struct Nearest<const L: usize> {
     apart: Vector<f32, L>,
 }
 
-impl<const L: usize> Nearest<L> {
+impl<const L: usize> NearestOnEdge<L> {
     /// Returns the nearest of some edges.
     fn among(
         edges: impl Iterator<Item = usize>,

@@ -46,7 +46,7 @@ fn a_slender_patch_keeps_its_width() {
 
 /// A point that rounding has split is merged.
 #[test]
-fn points_in_one_place_are_one() {
+fn points_at_one_position_merge() {
     let mut touch = touch([([0.0, 0.0], 0.1), ([1.0, 0.0], 0.2), ([1.0, 1e-6], 0.1)]);
     touch.reduce();
     let gaps: Vec<_> = touch.points.iter().map(|point| point.gap).collect();

@@ -16,7 +16,7 @@ use super::World;
 use crate::bodies::{SearchMotion, SpinState};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, CachedManifold, CachedPoint, ManifoldCache, Pair};
-use crate::certifier::Wait;
+use crate::certifier::JamSchedule;
 use crate::colliders::Definitions;
 use crate::geometry::{
     Bounds, Curvature, Frame, Geometry, MAX_POINTS, NormalCarrier, pose_numbers,
@@ -39,13 +39,13 @@ pub struct Checkpoint {
     /// Poses of the centers of mass ([`Geometry::write`]), not of the bodies' origins.
     poses: Vec<f32>,
     /// Rounding errors left out of the positions. \[m\]
-    remainders: Vec<f32>,
+    position_remainders: Vec<f32>,
     /// Rounding errors left out of the angular velocities of bodies that precess. \[rad/s\]
     spins: Vec<f32>,
     /// Linear and angular velocities. \[m/s, rad/s\]
     velocities: Vec<f32>,
     /// M^-1 J^T gamma of the last warm start of each body. \[m/s, rad/s\]
-    pushes: Vec<f32>,
+    contact_gains: Vec<f32>,
     /// Forces and torques of the next step. \[N, N m\]
     forces: Vec<f32>,
     /// M^-1 as left by the last step: the linear part, then the rows of the angular part.
@@ -62,14 +62,14 @@ pub struct Checkpoint {
     pairs: Vec<[u32; 3]>,
     /// True for each pair that sleeps.
     asleep: Vec<bool>,
-    /// Room of each pair without manifolds, else 0. A pair with more room than its relative motion
-    /// has no contacts. \[m\]
-    rooms: Vec<f32>,
+    /// Clearance of each pair without manifolds, else 0. A pair with more clearance than its
+    /// relative motion has no contacts. \[m\]
+    clearances: Vec<f32>,
     /// Angular impulse of each pair against rolling and spinning; empty if nothing
     /// resists. \[N m s\]
     torques: Vec<f32>,
     /// Part and number of points of each manifold.
-    records: Vec<[u32; 2]>,
+    manifolds: Vec<[u32; 2]>,
     /// By manifold: the normal, the vector from b to a, the normal in the frame of its carrier, and
     /// the frame of a relative to b when the points were found. The radii of curvature and the
     /// shares of the normal follow.
@@ -88,7 +88,7 @@ pub struct Checkpoint {
     /// State with which the solver tunes itself.
     memory: SolverMemory,
     /// Schedule of the searches for jams.
-    wait: Wait,
+    jam_schedule: JamSchedule,
 }
 
 /// The [`Definitions`] of a world, if any. Comparisons ignore them, because the generations of
@@ -135,7 +135,7 @@ impl Display for CheckpointError {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         const OTHER: &str = "is a checkpoint of another world";
         match self {
-            Self::Unreadable(why) => write!(f, "is no checkpoint: {why}"),
+            Self::Unreadable(why) => write!(f, "is not a checkpoint: {why}"),
             Self::OtherWorld { what, expected, found } => {
                 write!(f, "{OTHER}: {what} need {expected} numbers, and it has {found}")
             }
@@ -163,12 +163,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let bodies = &self.bodies;
         let mut poses = Vec::with_capacity(self.len() * pose_numbers(L));
         bodies.poses.iter().for_each(|pose| G::write(pose, &mut poses));
-        let (mut pairs, mut records) = (self.contacts.pairs.clone(), ManifoldCache::default());
+        let (mut pairs, mut cache) = (self.contacts.pairs.clone(), ManifoldCache::default());
         let there = |collider: &u32| self.colliders.slots.is_taken(*collider as usize);
         pairs.retain(|pair| pair.colliders.iter().all(there));
         for pair in &mut pairs {
-            let from = if pair.rests { &self.sleep.records } else { &self.contacts.records };
-            records.take_pair(pair, from);
+            let from = if pair.is_sleeping { &self.sleep.cache } else { &self.contacts.cache };
+            cache.take_pair(pair, from);
         }
         let nothing = Bounds { min: Vector::ZERO, max: Vector::ZERO };
         let boxes = self.broad_phase.boxes().iter().enumerate();
@@ -178,10 +178,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             slots: slots.map(|slots| slots.generations().to_vec()),
             definitions,
             poses,
-            remainders: flat(&bodies.remainders),
-            spins: bodies.turns.iter().flat_map(|turn| turn.remainder.0).collect(),
+            position_remainders: flat(&bodies.position_remainders),
+            spins: bodies.spin_states.iter().flat_map(|turn| turn.remainder.0).collect(),
             velocities: flat_velocities(&self.bodies.velocities),
-            pushes: flat_velocities(&self.bodies.contact_gains),
+            contact_gains: flat_velocities(&self.bodies.contact_gains),
             forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
             masses: self.bodies.inverse_masses.iter().flat_map(flat_mass).collect(),
             moved_since_rebuild: bodies
@@ -190,27 +190,30 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 .zip(&bodies.turned)
                 .map(moved_since_rebuild)
                 .collect(),
-            since_search: bodies.since_search.iter().flat_map(flat_came).collect(),
+            since_search: bodies.since_search.iter().flat_map(flat_since_search).collect(),
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
-            rooms: pairs.iter().map(|of| if of.count > 0 { 0.0 } else { of.room }).collect(),
-            asleep: pairs.iter().map(|of| of.rests).collect(),
+            clearances: pairs
+                .iter()
+                .map(|of| if of.count > 0 { 0.0 } else { of.clearance })
+                .collect(),
+            asleep: pairs.iter().map(|of| of.is_sleeping).collect(),
             torques: self.torques(&pairs),
-            records: records.manifolds.iter().map(|of| [of.part, of.count]).collect(),
-            frames: records.manifolds.iter().flat_map(flat_record).collect(),
-            points: records.points.iter().zip(&records.traces).flat_map(flat_point).collect(),
-            features: records.points.iter().map(|point| point.feature).collect(),
+            manifolds: cache.manifolds.iter().map(|of| [of.part, of.count]).collect(),
+            frames: cache.manifolds.iter().flat_map(flat_manifold).collect(),
+            points: cache.points.iter().zip(&cache.impulses).flat_map(flat_point).collect(),
+            features: cache.points.iter().map(|point| point.feature).collect(),
             still: self.sleep.still.clone(),
             groups: self.sleep.group.clone(),
             gravity: self.sleep.last_gravity.0.to_vec(),
             placed: self.sleep.placed.clone(),
             memory: self.solver.certifier.island_solver.memory,
-            wait: self.solver.certifier.wait,
+            jam_schedule: self.solver.certifier.jam_schedule,
         }
     }
 
     fn torques(&self, pairs: &[Pair]) -> Vec<f32> {
-        if !self.colliders.resist {
+        if !self.colliders.has_resistance {
             return Vec::new();
         }
         let held = &self.solver.surfaces.held;
@@ -239,7 +242,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             None if !same => Err(CheckpointError::OtherBodies),
             _ => self.contacts_of(from),
         });
-        let (pairs, [records, sleeping]) = match (contacts, before) {
+        let (pairs, [cache, sleeping]) = match (contacts, before) {
             (Ok(contacts), _) => contacts,
             (Err(error), None) => return Err(error),
             (Err(error), Some((bodies, colliders, definitions))) => {
@@ -255,7 +258,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             colliders: pair.colliders,
             torque: take(&mut numbers.iter().copied()),
         }));
-        self.contacts.records = records;
+        self.contacts.cache = cache;
         let placed = from.placed.clone();
         self.sleep = Sleep::resumed(from.still.clone(), from.groups.clone(), placed, sleeping);
         self.sleep.last_gravity = take(&mut from.gravity.iter().copied());
@@ -266,11 +269,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let (min, max) = (take(&mut corners), take(&mut corners));
             there(collider).then_some(Bounds { min, max })
         }));
-        self.solver.certifier.wait = from.wait;
+        self.solver.certifier.jam_schedule = from.jam_schedule;
         self.solver.certifier.island_solver.memory = from.memory;
         self.restore_bodies(from);
         self.solver.lanes.forget();
-        self.colliders.place(&self.bodies);
+        self.colliders.update_poses(&self.bodies);
         Ok(())
     }
 
@@ -281,13 +284,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.bodies.frames[body] = G::frame(&pose);
         }
         let bodies = &mut self.bodies;
-        fill(&from.remainders, &mut bodies.remainders);
+        fill(&from.position_remainders, &mut bodies.position_remainders);
         let mut numbers = from.spins.iter().copied();
-        for turn in &mut bodies.turns {
+        for turn in &mut bodies.spin_states {
             *turn = SpinState { remainder: take(&mut numbers), ..SpinState::default() };
         }
         fill_velocities(&from.velocities, &mut bodies.velocities);
-        fill_velocities(&from.pushes, &mut bodies.contact_gains);
+        fill_velocities(&from.contact_gains, &mut bodies.contact_gains);
         bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
         fill_velocities(&from.forces, &mut bodies.forces);
         bodies.moved_since_rebuild.clone_from(&from.moved_since_rebuild);
@@ -313,27 +316,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Checks that array sizes match this world and that numbers are finite.
     fn check(&self, from: &Checkpoint) -> Result<(), CheckpointError> {
         let (bodies, shapes) = (self.len(), self.colliders.body.len());
-        let resist = self.colliders.resist;
-        let records = from.pairs.iter().map(|[_, _, count]| *count as usize).sum();
-        let points: usize = from.records.iter().map(|[_, count]| *count as usize).sum();
+        let resist = self.colliders.has_resistance;
+        let manifolds = from.pairs.iter().map(|[_, _, count]| *count as usize).sum();
+        let points: usize = from.manifolds.iter().map(|[_, count]| *count as usize).sum();
         for (what, expected, found) in [
             ("poses", bodies * pose_numbers(L), from.poses.len()),
-            ("remainders", bodies * L, from.remainders.len()),
+            ("position_remainders", bodies * L, from.position_remainders.len()),
             ("spins", bodies * A, from.spins.len()),
             ("velocities", bodies * (L + A), from.velocities.len()),
-            ("pushes", bodies * (L + A), from.pushes.len()),
+            ("contact gains", bodies * (L + A), from.contact_gains.len()),
             ("forces", bodies * (L + A), from.forces.len()),
             ("masses", bodies * (1 + A * A), from.masses.len()),
-            ("ways", bodies, from.moved_since_rebuild.len()),
-            ("ways of late", bodies * (L + 1), from.since_search.len()),
+            ("distances moved", bodies, from.moved_since_rebuild.len()),
+            ("motions since the search", bodies * (L + 1), from.since_search.len()),
             ("boxes", shapes * 2 * L, from.boxes.len()),
-            ("rooms", from.pairs.len(), from.rooms.len()),
+            ("clearances", from.pairs.len(), from.clearances.len()),
             ("torques", if resist { from.pairs.len() * A } else { 0 }, from.torques.len()),
-            ("records", records, from.records.len()),
-            ("frames", from.records.len() * record_numbers(L), from.frames.len()),
+            ("manifolds", manifolds, from.manifolds.len()),
+            ("frames", from.manifolds.len() * manifold_numbers(L), from.frames.len()),
             ("points", points * point_numbers(L), from.points.len()),
             ("features", points, from.features.len()),
-            ("times at rest", bodies, from.still.len()),
+            ("rest times", bodies, from.still.len()),
             ("groups", bodies, from.groups.len()),
             ("pairs asleep", from.pairs.len(), from.asleep.len()),
             ("gravity", L, from.gravity.len()),
@@ -347,19 +350,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         for (what, numbers) in [
             ("poses", &from.poses),
-            ("remainders", &from.remainders),
+            ("position_remainders", &from.position_remainders),
             ("spins", &from.spins),
             ("velocities", &from.velocities),
-            ("pushes", &from.pushes),
+            ("contact gains", &from.contact_gains),
             ("forces", &from.forces),
             ("masses", &from.masses),
-            ("ways of late", &from.since_search),
+            ("motions since the search", &from.since_search),
             ("boxes", &from.boxes),
-            ("rooms", &from.rooms),
+            ("clearances", &from.clearances),
             ("torques", &from.torques),
             ("frames", &from.frames),
             ("points", &from.points),
-            ("times at rest", &from.still),
+            ("rest times", &from.still),
             ("gravity", &from.gravity),
         ] {
             if numbers.iter().any(|number| !number.is_finite()) {
@@ -377,33 +380,34 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     ) -> Result<(Vec<Pair>, [ManifoldCache<L>; 2]), CheckpointError> {
         let shapes = self.colliders.body.len() as u32;
         let (mut pairs, mut caches): (Vec<Pair>, [_; 2]) = (Vec::new(), Default::default());
-        let mut manifolds = from.records.iter().zip(from.frames.chunks_exact(record_numbers(L)));
+        let mut manifolds =
+            from.manifolds.iter().zip(from.frames.chunks_exact(manifold_numbers(L)));
         let mut points = from.points.chunks_exact(point_numbers(L)).zip(&from.features);
-        let states = from.rooms.iter().zip(&from.asleep);
-        for (&[a, b, count], (&room, &rests)) in from.pairs.iter().zip(states) {
-            let records: &mut ManifoldCache<L> = &mut caches[usize::from(rests)];
+        let states = from.clearances.iter().zip(&from.asleep);
+        for (&[a, b, count], (&clearance, &is_sleeping)) in from.pairs.iter().zip(states) {
+            let cache: &mut ManifoldCache<L> = &mut caches[usize::from(is_sleeping)];
             let sorted = pairs.last().is_none_or(|last| last.colliders < [a, b]);
             let pair = (sorted && a < b && b < shapes)
                 .then(|| self.colliders.pair(&self.bodies, [a, b]))
                 .flatten()
                 .ok_or(CheckpointError::OtherPair([a, b]))?;
-            let first = records.manifolds.len() as u32;
-            let pair = Pair { first, count, room, rests, ..pair };
+            let first = cache.manifolds.len() as u32;
+            let pair = Pair { first, count, clearance, is_sleeping, ..pair };
             for (&[part, count], frames) in manifolds.by_ref().take(count as usize) {
                 if count as usize > MAX_POINTS {
                     return Err(CheckpointError::OtherPair([a, b]));
                 }
-                let first = records.points.len();
+                let first = cache.points.len();
                 let own = points.by_ref().take(count as usize);
                 let own = own.map(|(numbers, feature)| point(numbers, *feature));
-                own.for_each(|(point, trace)| {
-                    records.points.push(point);
-                    records.traces.push(trace);
+                own.for_each(|(point, cached)| {
+                    cache.points.push(point);
+                    cache.impulses.push(cached);
                 });
-                let reach = cache::reach(&records.points[first..]);
-                let found = record(&pair, [part, first as u32, count], reach, frames);
-                records.manifolds.push(found);
-                records.reuse.push(Reuse::New);
+                let reach = cache::reach(&cache.points[first..]);
+                let found = manifold_from(&pair, [part, first as u32, count], reach, frames);
+                cache.manifolds.push(found);
+                cache.reuse.push(Reuse::New);
             }
             pairs.push(pair);
         }
@@ -418,19 +422,21 @@ fn moved_since_rebuild((moved_since_rebuild, turned): (&f32, &bool)) -> f32 {
 
 /// Number of numbers of a manifold: two normals and a vector, position and axes of a frame, and
 /// four numbers for the surfaces.
-const fn record_numbers(dimension: usize) -> usize {
+const fn manifold_numbers(dimension: usize) -> usize {
     (4 + dimension) * dimension + 4
 }
 
-fn flat_record<const L: usize>(record: &CachedManifold<L>) -> impl Iterator<Item = f32> + use<L> {
-    let Frame { position, axes } = record.found_at;
-    let vectors = [record.normal, record.apart, record.local_normal, position];
+fn flat_manifold<const L: usize>(
+    manifold: &CachedManifold<L>,
+) -> impl Iterator<Item = f32> + use<L> {
+    let Frame { position, axes } = manifold.found_at;
+    let vectors = [manifold.normal, manifold.center_offset, manifold.local_normal, position];
     let vectors = vectors.into_iter().chain(axes);
-    let Curvature { radii, normal } = record.surfaces;
+    let Curvature { radii, normal } = manifold.surfaces;
     vectors.flat_map(|vector| vector.0).chain(radii).chain(normal.shares())
 }
 
-fn record<const L: usize>(
+fn manifold_from<const L: usize>(
     pair: &Pair,
     [part, first, count]: [u32; 3],
     reach: f32,
@@ -438,7 +444,7 @@ fn record<const L: usize>(
 ) -> CachedManifold<L> {
     let mut numbers = numbers.iter().copied();
     let normal = take(&mut numbers);
-    let [apart, local_normal, position] = from_fn(|_| take(&mut numbers));
+    let [center_offset, local_normal, position] = from_fn(|_| take(&mut numbers));
     let axes = from_fn(|_| take(&mut numbers));
     let [radii, shares]: [Vector<f32, 2>; 2] = from_fn(|_| take(&mut numbers));
     CachedManifold {
@@ -450,8 +456,8 @@ fn record<const L: usize>(
         first,
         count,
         normal,
-        traced: normal,
-        apart,
+        impulse_normal: normal,
+        center_offset,
         local_normal,
         undecided: false,
         found_at: Frame { position, axes },
@@ -465,17 +471,17 @@ const fn point_numbers(dimension: usize) -> usize {
 }
 
 fn flat_point<const L: usize>(
-    (point, trace): (&CachedPoint<L>, &CachedImpulse<L>),
+    (point, cached): (&CachedPoint<L>, &CachedImpulse<L>),
 ) -> impl Iterator<Item = f32> + use<L> {
-    let vectors = [point.on_a, point.on_b, point.push_point, trace.impulse, trace.gap];
+    let vectors = [point.on_a, point.on_b, point.push_point, cached.impulse, cached.gap];
     vectors.into_iter().flat_map(|vector| vector.0)
 }
 
 fn point<const L: usize>(numbers: &[f32], feature: u64) -> (CachedPoint<L>, CachedImpulse<L>) {
     let mut numbers = numbers.iter().copied();
     let [on_a, on_b, push_point] = from_fn(|_| take(&mut numbers));
-    let trace = CachedImpulse { impulse: take(&mut numbers), gap: take(&mut numbers) };
-    (CachedPoint { on_a, on_b, push_point, feature }, trace)
+    let cached = CachedImpulse { impulse: take(&mut numbers), gap: take(&mut numbers) };
+    (CachedPoint { on_a, on_b, push_point, feature }, cached)
 }
 
 /// Takes the next numbers as a vector.
@@ -489,7 +495,9 @@ fn flat_mass<const L: usize, const A: usize>(
     [mass.linear].into_iter().chain(mass.angular.0.into_iter().flat_map(|row| row.0))
 }
 
-fn flat_came<const L: usize>(since_search: &SearchMotion<L>) -> impl Iterator<Item = f32> + use<L> {
+fn flat_since_search<const L: usize>(
+    since_search: &SearchMotion<L>,
+) -> impl Iterator<Item = f32> + use<L> {
     since_search.linear.0.into_iter().chain([since_search.turned])
 }
 

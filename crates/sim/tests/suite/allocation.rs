@@ -2,12 +2,12 @@
 
 use crate::common::counting::allocations;
 use crate::common::*;
-use drystone::geometry::{Rigid2, Rigid3, Spheres};
+use drystone::geometry::{Particles, Rigid2, Rigid3};
 use drystone::{Motion, World};
 
 /// Drops these shapes into a tray, lets them settle for 300 steps, and asserts that 50 more
 /// allocate nothing.
-fn settled<G: Round<L, A>, const L: usize, const A: usize>(
+fn settled<G: RoundShapes<L, A>, const L: usize, const A: usize>(
     name: &str,
     wall: impl Fn(usize, f32) -> G::Shape,
     shapes: &[G::Shape],
@@ -52,7 +52,10 @@ fn solid<G: Rigid<L, A>, const L: usize, const A: usize>(name: &str, shapes: &[G
     settled::<G, L, A>(name, wall, shapes);
 }
 
-fn halfspace<G: Round<L, A>, const L: usize, const A: usize>(axis: usize, side: f32) -> G::Shape {
+fn halfspace<G: RoundShapes<L, A>, const L: usize, const A: usize>(
+    axis: usize,
+    side: f32,
+) -> G::Shape {
     let mut normal = [0.0; L];
     normal[axis] = side;
     G::halfspace(normal)
@@ -60,9 +63,9 @@ fn halfspace<G: Round<L, A>, const L: usize, const A: usize>(axis: usize, side: 
 
 /// Fifty steps of settled particles, and of settled bodies in 2D, allocate nothing.
 #[test]
-fn a_settled_pile_takes_no_memory() {
-    settled::<Spheres, 2, 0>("particles", halfspace::<Spheres, 2, 0>, &[Spheres::ball(0.3)]);
-    settled::<Spheres, 3, 0>("particles", halfspace::<Spheres, 3, 0>, &[Spheres::ball(0.3)]);
+fn a_settled_pile_allocates_nothing() {
+    settled::<Particles, 2, 0>("particles", halfspace::<Particles, 2, 0>, &[Particles::ball(0.3)]);
+    settled::<Particles, 3, 0>("particles", halfspace::<Particles, 3, 0>, &[Particles::ball(0.3)]);
     let (ball, block) = (Rigid2::ball(0.3), Rigid2::cuboid([0.3; 2]));
     let hull = Rigid2::hull(&[[-0.3, -0.2], [0.3, -0.2], [0.2, 0.2], [-0.1, 0.3]]);
     solid::<Rigid2, 2, 1>("balls", std::slice::from_ref(&ball));
@@ -75,7 +78,7 @@ fn a_settled_pile_takes_no_memory() {
 
 /// Fifty steps of settled bodies in 3D allocate nothing.
 #[test]
-fn a_settled_pile_in_space_takes_no_memory() {
+fn a_settled_pile_in_space_allocates_nothing() {
     let (ball, block) = (Rigid3::ball(0.3), Rigid3::cuboid([0.3; 3]));
     let (low, high) = ([-0.3, -0.2, -0.3], [0.3, 0.2, 0.25]);
     let corner = |i: usize| std::array::from_fn(|k| if i >> k & 1 == 0 { low[k] } else { high[k] });

@@ -1,14 +1,14 @@
 //! Tests of mechanics with closed-form answers, mostly at the default settings.
 
 use crate::common::*;
-use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::geometry::{Geometry, Particles, Rigid2, Rigid3};
 use drystone::{BodyId, Motion, StepSettings, World, World3};
 use drystone_solver::Vector;
 
 // Slopes
 
 #[derive(Clone, Copy, Debug)]
-enum Ground {
+enum Floor {
     Halfspace,
     Box,
 }
@@ -16,7 +16,7 @@ enum Ground {
 /// Returns a world with a box of these half extents at rest on a slope of `degrees` that rises
 /// along +x.
 fn box_on_slope<G: Rigid<L, A>, const L: usize, const A: usize>(
-    ground: Ground,
+    ground: Floor,
     degrees: f32,
     friction: f64,
     half: [f32; L],
@@ -26,11 +26,11 @@ fn box_on_slope<G: Rigid<L, A>, const L: usize, const A: usize>(
     let material = surface(friction, 0.0);
     let mut world = world::<G, L, A>();
     match ground {
-        Ground::Halfspace => {
+        Floor::Halfspace => {
             let shape = G::halfspace(v(-sin, cos, 0.0));
             world.add(body(Motion::Static, [0.0; L], shape, &material)).unwrap();
         }
-        Ground::Box => {
+        Floor::Box => {
             let slab = G::cuboid(v(20.0, 0.5, 20.0));
             let mut slope = body(Motion::Static, [0.0; L], slab, &material);
             slope.pose = G::turned(v(0.5 * sin, -0.5 * cos, 0.0), angle);
@@ -44,7 +44,7 @@ fn box_on_slope<G: Rigid<L, A>, const L: usize, const A: usize>(
 }
 
 fn incline<G: Rigid<L, A>, const L: usize, const A: usize>() {
-    for ground in [Ground::Halfspace, Ground::Box] {
+    for ground in [Floor::Halfspace, Floor::Box] {
         let flat = v(0.5, 0.1, 0.5);
         let (mut world, block) = box_on_slope::<G, L, A>(ground, 26.0, 0.5, flat);
         let start = place(&world, block);
@@ -73,7 +73,7 @@ fn a_box_sticks_up_to_the_angle_of_friction_and_slides_beyond() {
 }
 
 fn tipping<G: Rigid<L, A>, const L: usize, const A: usize>() {
-    for ground in [Ground::Halfspace, Ground::Box] {
+    for ground in [Floor::Halfspace, Floor::Box] {
         // Width over height is 1/2: the box tips above 26.57 degrees.
         let tall = v(0.25, 0.5, 0.25);
         let (mut world, block) = box_on_slope::<G, L, A>(ground, 26.0, 1.0, tall);
@@ -181,7 +181,7 @@ fn each_box_of_a_stack_carries_those_above() {
     stack_forces::<Rigid3, 3, 3>();
 }
 
-fn ball_on_two<G: Round<L, A>, const L: usize, const A: usize>() {
+fn ball_on_two<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     for degrees in [30.0f32, 45.0, 60.0] {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let smooth = surface(0.0, 0.0);
@@ -205,8 +205,8 @@ fn ball_on_two<G: Round<L, A>, const L: usize, const A: usize>() {
 /// Two fixed balls each carry w / (2 cos) of a third one between them, within 1 %.
 #[test]
 fn two_balls_share_the_weight_of_a_third() {
-    ball_on_two::<Spheres, 2, 0>();
-    ball_on_two::<Spheres, 3, 0>();
+    ball_on_two::<Particles, 2, 0>();
+    ball_on_two::<Particles, 3, 0>();
     ball_on_two::<Rigid2, 2, 1>();
     ball_on_two::<Rigid3, 3, 3>();
 }
@@ -303,7 +303,7 @@ fn an_arch_needs_its_thickness() {
 
 /// Returns the heights of the apexes of a ball dropped from `height` \[m\], and its speed at the
 /// end \[m/s\].
-fn bounces<G: Round<L, A>, const L: usize, const A: usize>(
+fn bounces<G: RoundShapes<L, A>, const L: usize, const A: usize>(
     restitution: f64,
     height: f32,
     seconds: f32,
@@ -332,7 +332,7 @@ fn bounces<G: Round<L, A>, const L: usize, const A: usize>(
     (apexes, velocity(&world, ball).linear.length())
 }
 
-fn bouncing<G: Round<L, A>, const L: usize, const A: usize>() {
+fn bouncing<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     let e = 0.8f32;
     let height = 5.0f32;
     // The end of infinitely many bounces: t0 (1 + e) / (1 - e).
@@ -355,7 +355,7 @@ fn bouncing<G: Round<L, A>, const L: usize, const A: usize>() {
 /// The center moves at v until the impact at tau, and at v' for the rest of the step, so its
 /// position gives tau. The box does not rotate before tau, and rotates at omega' after it.
 fn struck<G: Rigid<L, A>, const L: usize, const A: usize>() {
-    let settings = StepSettings { substeps: 1, searches: 1, ..StepSettings::quality() };
+    let settings = StepSettings { substeps: 1, max_searches: 1, ..StepSettings::quality() };
     let mut world = World::<G, L, A>::new(settings);
     let hard = surface(0.0, 1.0);
     add_floor(&mut world, &hard);
@@ -373,8 +373,8 @@ fn struck<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let came = G::frame(&after).position[1] - G::frame(&before).position[1];
     let tau = (came - now.linear[1] * h) / (speed - now.linear[1]);
     let omega = now.angular.length();
-    assert_above(&format!("{L}D: turns after the blow [rad/s]"), omega, 1.0);
-    assert_above(&format!("{L}D: time until the blow [h]"), tau / h, 0.3);
+    assert_above(&format!("{L}D: turns after the impact [rad/s]"), omega, 1.0);
+    assert_above(&format!("{L}D: time until the impact [h]"), tau / h, 0.3);
     let turned = G::turn_between(&before, &after).length();
     assert_within(&format!("{L}D: has turned [rad]"), turned, omega * (h - tau), 0.01);
 }
@@ -382,7 +382,7 @@ fn struck<G: Rigid<L, A>, const L: usize, const A: usize>() {
 /// Rotation after an impact starts at the time of impact: the angle in the step is omega' (h - tau)
 /// within 1 %.
 #[test]
-fn what_is_struck_turns_from_then_on() {
+fn rotation_after_an_impact_starts_at_the_time_of_impact() {
     struck::<Rigid2, 2, 1>();
     struck::<Rigid3, 3, 3>();
 }
@@ -391,13 +391,13 @@ fn what_is_struck_turns_from_then_on() {
 /// after the end of all bounces. With restitution 1 it keeps its height within 0.1 %.
 #[test]
 fn a_ball_bounces_as_high_as_its_restitution() {
-    bouncing::<Spheres, 2, 0>();
-    bouncing::<Spheres, 3, 0>();
+    bouncing::<Particles, 2, 0>();
+    bouncing::<Particles, 3, 0>();
     bouncing::<Rigid2, 2, 1>();
     bouncing::<Rigid3, 3, 3>();
 }
 
-fn oblique<G: Round<L, A>, const L: usize, const A: usize>() {
+fn oblique<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     let smooth = surface(0.0, 1.0);
     for aside in [0.2, 0.5, 0.8] {
         let mut world = weightless::<G, L, A>();
@@ -418,13 +418,13 @@ fn oblique<G: Round<L, A>, const L: usize, const A: usize>() {
 /// and the energy kept within 1e-4.
 #[test]
 fn equal_balls_part_at_a_right_angle() {
-    oblique::<Spheres, 2, 0>();
-    oblique::<Spheres, 3, 0>();
+    oblique::<Particles, 2, 0>();
+    oblique::<Particles, 3, 0>();
     oblique::<Rigid2, 2, 1>();
     oblique::<Rigid3, 3, 3>();
 }
 
-fn cradle<G: Round<L, A>, const L: usize, const A: usize>() {
+fn cradle<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     let hard = surface(0.0, 1.0);
     let mut world = weightless::<G, L, A>();
     let balls: Vec<_> = (0..5)
@@ -448,9 +448,9 @@ fn cradle<G: Round<L, A>, const L: usize, const A: usize>() {
 /// The last ball of a cradle takes 99.9 % of the speed and the others keep less than 0.1 %. The
 /// energy is kept within 1e-4.
 #[test]
-fn a_cradle_hands_the_blow_to_the_last_ball() {
-    cradle::<Spheres, 2, 0>();
-    cradle::<Spheres, 3, 0>();
+fn a_cradle_passes_the_impact_to_the_last_ball() {
+    cradle::<Particles, 2, 0>();
+    cradle::<Particles, 3, 0>();
     cradle::<Rigid2, 2, 1>();
     cradle::<Rigid3, 3, 3>();
 }
@@ -459,15 +459,15 @@ fn a_cradle_hands_the_blow_to_the_last_ball() {
 /// heavy.
 fn galperin<const L: usize>(ratio: f32) -> usize
 where
-    Spheres: Round<L, 0>,
+    Particles: RoundShapes<L, 0>,
 {
     let hard = surface(0.0, 1.0);
     let settings = StepSettings { restitution_threshold: 1e-3, ..StepSettings::quality() };
-    let mut world = World::<Spheres, L, 0>::new(settings);
-    let wall = Spheres::halfspace(v(1.0, 0.0, 0.0));
+    let mut world = World::<Particles, L, 0>::new(settings);
+    let wall = Particles::halfspace(v(1.0, 0.0, 0.0));
     world.add(body(Motion::Static, [0.0; L], wall, &hard)).unwrap();
-    world.add(weighing(dynamic(v(1.0, 0.0, 0.0), Spheres::ball(0.1), &hard), 1.0)).unwrap();
-    let heavy = dynamic(v(2.0, 0.0, 0.0), Spheres::ball(0.1), &hard);
+    world.add(weighing(dynamic(v(1.0, 0.0, 0.0), Particles::ball(0.1), &hard), 1.0)).unwrap();
+    let heavy = dynamic(v(2.0, 0.0, 0.0), Particles::ball(0.1), &hard);
     world.add(moving(weighing(heavy, ratio), v(-1.0, 0.0, 0.0))).unwrap();
     (0..8000).map(|_| world.step(1e-3).unwrap().collisions).sum()
 }
@@ -485,7 +485,7 @@ fn two_balls_and_a_wall_count_the_digits_of_pi() {
 /// A ball of 5 cm radius at 200 m/s does not tunnel through a plate of 1 cm or a mesh, at four
 /// angles. It ends slower than 1 m/s along the normal.
 #[test]
-fn a_fast_ball_does_not_pass_a_thin_plate() {
+fn a_fast_ball_does_not_tunnel_through_a_thin_plate() {
     let material = surface(0.3, 0.0);
     let plates = [("box", Rigid3::cuboid([20.0, 0.005, 20.0])), ("mesh", grid(2, 40.0))];
     for (name, plate) in plates {
@@ -513,7 +513,7 @@ fn a_fast_ball_does_not_pass_a_thin_plate() {
 
 // Free motion and overlaps
 
-fn free_fall<G: Round<L, A>, const L: usize, const A: usize>() {
+fn free_fall<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     for substeps in [1, 4, 16] {
         let mut world = world::<G, L, A>();
         world.settings.substeps = substeps;
@@ -533,8 +533,8 @@ fn free_fall<G: Round<L, A>, const L: usize, const A: usize>() {
 /// within 1e-5.
 #[test]
 fn free_fall_follows_the_parabola() {
-    free_fall::<Spheres, 2, 0>();
-    free_fall::<Spheres, 3, 0>();
+    free_fall::<Particles, 2, 0>();
+    free_fall::<Particles, 3, 0>();
     free_fall::<Rigid2, 2, 1>();
     free_fall::<Rigid3, 3, 3>();
 }
@@ -562,8 +562,8 @@ fn overlap<G: Rigid<L, A>, const L: usize, const A: usize>(ground: G::Shape, top
     assert_below(&format!("{L}D: overlap that remains [m]"), rest - before, 1e-4);
 }
 
-/// An overlap of 5 mm is repaired to below 0.1 mm in 2 s. The box sinks by at most 0.002 mm per
-/// step meanwhile, and never rises 1 mm above its resting height.
+/// An overlap of 5 mm is repaired to below 0.1 mm in 2 s. The box moves down by at most 0.002 mm
+/// per step meanwhile, and never rises 1 mm above its resting height.
 #[test]
 fn an_overlap_is_repaired_without_a_jump() {
     overlap::<Rigid2, 2, 1>(Rigid2::halfspace([0.0, 1.0]), 0.0);

@@ -24,7 +24,7 @@ fn shapes() -> Vec<Shape> {
 /// Shapes without a contact are at least as far apart as the returned gap, by parry's distance
 /// within 0.1 mm.
 #[test]
-fn shapes_are_apart_as_far_as_they_say() {
+fn gaps_bound_the_distance_of_shapes() {
     const PREDICTION: f32 = 0.02;
     let random = &mut Random(5);
     let (mut scratch, mut apart) = (<Rigid3 as Geometry<3, 3>>::Scratch::default(), 0);
@@ -36,7 +36,7 @@ fn shapes_are_apart_as_far_as_they_say() {
         let Ok(ShapeDistance { distance, .. }) = distance(&pose_a, &*a.0, &pose_b, &*b.0) else {
             continue;
         };
-        let (a, b) = (Rigid3::collider(a), Rigid3::collider(b));
+        let (a, b) = (Rigid3::prepare(a), Rigid3::prepare(b));
         let mut touches = 0;
         let mut count = |_: &_| touches += 1;
         let gap = Rigid3::collide(
@@ -78,7 +78,7 @@ fn turning<G: Rigid<L, A>, const L: usize, const A: usize>() {
 /// A rotating bar collides with a box that its end reaches after a quarter turn, in step 70 to 94.
 /// It drives the box away at more than 0.1 m/s.
 #[test]
-fn turning_brings_together() {
+fn a_rotating_bar_hits_boxes_beside_it() {
     turning::<Rigid2, 2, 1>();
     turning::<Rigid3, 3, 3>();
 }
@@ -104,7 +104,7 @@ fn carried<G: Rigid<L, A>, const L: usize, const A: usize>() {
 /// A box that moves along with a rotating arm has no contact with it in the first step; one that
 /// stands still does.
 #[test]
-fn what_turns_along_is_not_near() {
+fn bodies_that_rotate_together_are_not_near() {
     carried::<Rigid2, 2, 1>();
     carried::<Rigid3, 3, 3>();
 }

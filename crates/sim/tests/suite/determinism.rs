@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use drystone::Dimension;
-use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::geometry::{Geometry, Particles, Rigid2, Rigid3};
 use drystone::{Motion, ParticleWorld3, StepSettings, World, World2, World3};
 use drystone_solver::Vector;
 
@@ -86,14 +86,14 @@ fn mixed_pile(side: usize, layers: usize) -> World3 {
 
 fn particles(side: usize) -> ParticleWorld3 {
     let material = surface(0.0, 0.5);
-    let mut world = world::<Spheres, 3, 0>();
+    let mut world = world::<Particles, 3, 0>();
     add_floor(&mut world, &material);
     let mut random = Random(2);
     for index in 0..side * side * side {
         let cell = |axis: u32| (index / side.pow(axis) % side) as f32;
         let offset: [f32; 3] = random.vector(0.04);
         let position = [cell(0) + offset[0], cell(1) + 0.6 + offset[1], cell(2) + offset[2]];
-        world.add(dynamic(position, Spheres::ball(0.45), &material)).unwrap();
+        world.add(dynamic(position, Particles::ball(0.45), &material)).unwrap();
     }
     world
 }
@@ -180,7 +180,7 @@ fn bits_are_the_same_everywhere() {
 fn towers() -> World3 {
     let material = surface(0.5, 0.0);
     let mut world = world::<Rigid3, 3, 3>();
-    world.settings = StepSettings { sleep: 0.0, ..StepSettings::realtime() };
+    world.settings = StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() };
     add_floor(&mut world, &material);
     let place = |tower: usize| ((tower % 20) as f32 * 1.4, (tower / 20) as f32 * 3.0);
     for tower in 0..240 {

@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use drystone::Dimension;
-use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::geometry::{Geometry, Particles, Rigid2, Rigid3};
 use drystone::{BodyId, ImpactLaw, Inertia, Ledger, Motion, StepSettings, World, World3};
 use drystone_solver::{Vector, Velocity};
 
@@ -10,7 +10,7 @@ use drystone_solver::{Vector, Velocity};
 
 /// Returns the speeds of five balls after an impact. The first `coming` of them come in at 1 m/s.
 /// \[m/s\]
-fn cradle<G: Round<L, A>, const L: usize, const A: usize>(
+fn cradle<G: RoundShapes<L, A>, const L: usize, const A: usize>(
     coming: usize,
     law: ImpactLaw,
 ) -> [f32; 5] {
@@ -28,7 +28,7 @@ fn cradle<G: Round<L, A>, const L: usize, const A: usize>(
     balls.map(|ball| velocity(&world, ball).linear[0])
 }
 
-fn cradles<G: Round<L, A>, const L: usize, const A: usize>() {
+fn cradles<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     let cases = [(1, [0.0, 0.0, 0.0, 0.0, 1.0]), (2, [0.0, 0.0, 0.0, 1.0, 1.0])];
     for (coming, expected) in cases {
         let after = cradle::<G, L, A>(coming, ImpactLaw::Reflections);
@@ -48,8 +48,8 @@ fn cradles<G: Round<L, A>, const L: usize, const A: usize>() {
 /// share the impulse, within 1e-4 m/s.
 #[test]
 fn a_cradle_passes_on_as_many_balls_as_come() {
-    cradles::<Spheres, 2, 0>();
-    cradles::<Spheres, 3, 0>();
+    cradles::<Particles, 2, 0>();
+    cradles::<Particles, 3, 0>();
     cradles::<Rigid2, 2, 1>();
     cradles::<Rigid3, 3, 3>();
 }
@@ -57,7 +57,7 @@ fn a_cradle_passes_on_as_many_balls_as_come() {
 /// Shoots a cue ball into the tip of a triangle of 15. Returns the fraction of the energy that is
 /// left after 0.5 s, and the asymmetry. That is the largest difference of a velocity from its
 /// mirror image, relative to the cue ball's.
-fn break_shot<G: Round<L, A>, const L: usize, const A: usize>() -> [f64; 2] {
+fn break_shot<G: RoundShapes<L, A>, const L: usize, const A: usize>() -> [f64; 2] {
     let hard = surface(0.0, 1.0);
     let mut world = weightless::<G, L, A>();
     world.settings.restitution_threshold = 1e-5;
@@ -84,7 +84,7 @@ fn break_shot<G: Round<L, A>, const L: usize, const A: usize>() -> [f64; 2] {
     [energy(&world) / before, asymmetry]
 }
 
-fn breaks<G: Round<L, A>, const L: usize, const A: usize>() {
+fn breaks<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     let [kept, asymmetry] = break_shot::<G, L, A>();
     println!("({L},{A}): energy kept {kept}, asymmetry {asymmetry:e}");
     assert!((kept - 1.0).abs() < 1e-5, "({L},{A}): energy kept {kept}");
@@ -94,8 +94,8 @@ fn breaks<G: Round<L, A>, const L: usize, const A: usize>() {
 /// A break shot keeps its energy and its symmetry within 1e-5.
 #[test]
 fn a_break_is_symmetric_and_keeps_its_energy() {
-    breaks::<Spheres, 2, 0>();
-    breaks::<Spheres, 3, 0>();
+    breaks::<Particles, 2, 0>();
+    breaks::<Particles, 3, 0>();
     breaks::<Rigid2, 2, 1>();
     breaks::<Rigid3, 3, 3>();
 }
@@ -135,7 +135,7 @@ fn tumble(settings: StepSettings, half: [f32; 3], rate: f32, random: &mut Random
 /// then, one impact would change the energy by up to 10 %. Impacts need M^-1 of the present pose,
 /// however slowly the body turns.
 #[test]
-fn what_tumbles_and_bounces_keeps_its_energy() {
+fn tumbling_boxes_that_bounce_keep_their_energy() {
     let mut random = Random(7);
     let mut worst = [0.0f64; 3];
     for case in 0..24 {
@@ -219,7 +219,7 @@ impl Audit {
     }
 }
 
-fn bounce<G: Round<L, A>, const L: usize, const A: usize>() {
+fn bounce<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     let material = surface(0.5, 0.8);
     let mut world = world::<G, L, A>();
     add_floor(&mut world, &material);
@@ -239,8 +239,8 @@ fn bounce<G: Round<L, A>, const L: usize, const A: usize>() {
 /// it, and integration changes it by less than 2 %.
 #[test]
 fn a_bouncing_ball_loses_its_energy_to_impacts() {
-    bounce::<Spheres, 2, 0>();
-    bounce::<Spheres, 3, 0>();
+    bounce::<Particles, 2, 0>();
+    bounce::<Particles, 3, 0>();
     bounce::<Rigid2, 2, 1>();
     bounce::<Rigid3, 3, 3>();
 }
@@ -282,7 +282,7 @@ fn slope<G: Rigid<L, A>, const L: usize, const A: usize>() {
 /// A sliding box loses the friction of the formula within 0.1 %. Contacts create less than 1e-6 of
 /// its energy, and less than its weight times 0.01 mm while it sticks.
 #[test]
-fn what_slides_loses_its_energy_to_friction() {
+fn sliding_bodies_lose_their_energy_to_friction() {
     slope::<Rigid2, 2, 1>();
     slope::<Rigid3, 3, 3>();
 }
@@ -344,7 +344,7 @@ fn stack<G: Rigid<L, A>, const L: usize, const A: usize>() {
 
 /// The contacts of a settling stack create less energy than its weight times 0.01 mm.
 #[test]
-fn a_stack_that_settles_creates_nothing() {
+fn a_settling_stack_creates_no_energy() {
     stack::<Rigid2, 2, 1>();
     stack::<Rigid3, 3, 3>();
 }
@@ -368,7 +368,7 @@ fn belt<G: Rigid<L, A>, const L: usize, const A: usize>() {
 /// Half of the energy that a belt brings to a box becomes motion, and half is lost in slipping,
 /// within 1 %.
 #[test]
-fn a_belt_brings_energy() {
+fn a_belt_does_work() {
     belt::<Rigid2, 2, 1>();
     belt::<Rigid3, 3, 3>();
 }
@@ -394,7 +394,7 @@ fn pushed<G: Rigid<L, A>, const L: usize, const A: usize>() {
 
 /// The work of forces on a free body is its kinetic energy, within 1e-4.
 #[test]
-fn forces_bring_what_becomes_motion() {
+fn work_of_forces_becomes_kinetic_energy() {
     pushed::<Rigid2, 2, 1>();
     pushed::<Rigid3, 3, 3>();
 }
@@ -402,7 +402,7 @@ fn forces_bring_what_becomes_motion() {
 /// A box that starts 5 cm deep in the floor is lifted by repair alone. The ledger leaves less than
 /// 1e-5 of the work of repair unexplained.
 #[test]
-fn what_repair_lifts_is_in_the_books() {
+fn the_ledger_has_the_work_of_repair() {
     let rough = surface(0.5, 0.0);
     let mut world = world::<Rigid3, 3, 3>();
     add_floor(&mut world, &rough);
@@ -418,7 +418,7 @@ fn what_repair_lifts_is_in_the_books() {
 /// The energy of freely tumbling boxes changes by less than 1e-5, by integration and rounding
 /// alone. Rounding favors neither gain nor loss.
 #[test]
-fn precession_is_integration() {
+fn the_ledger_counts_precession_as_integration() {
     let mut world: World3 = weightless();
     let mut random = Random(5);
     for i in 0..12 {

@@ -136,7 +136,7 @@ fn all<G: Rigid<L, A>, const L: usize, const A: usize>(of: Ride) {
 /// Sliders lose less than 1 % of their speed and rise by less than 1 mm over seams of static and
 /// kinematic slabs.
 #[test]
-fn seams_of_all_supports_are_not_felt() {
+fn seams_of_all_supports_cause_no_ghost_collisions() {
     for floor in [Floor::Boxes, Floor::Hulls, Floor::Parts] {
         for supports in [Motion::Static, Motion::Kinematic] {
             for realtime in [false, true] {
@@ -151,7 +151,7 @@ fn seams_of_all_supports_are_not_felt() {
 /// Sliders lose less than 1 % of their speed and rise by less than 1 mm over seams of dynamic
 /// planks.
 #[test]
-fn seams_of_dynamic_planks_are_not_felt() {
+fn seams_of_dynamic_planks_cause_no_ghost_collisions() {
     for (realtime, speed) in [(false, 1.0), (false, 4.0), (true, 4.0), (true, 16.0)] {
         let of = Ride { supports: Motion::Dynamic, realtime, speed, ..Ride::PLAIN };
         for floor in [Floor::Boxes, Floor::Hulls] {
@@ -164,7 +164,7 @@ fn seams_of_dynamic_planks_are_not_felt() {
 /// Seams are not felt at 0.1 to 16 m/s and 24 to 240 steps per second. The loss is below 1 % or 6
 /// mm/s, and the rise below 1 mm.
 #[test]
-fn seams_are_not_felt_at_any_speed_and_rate() {
+fn seams_cause_no_ghost_collisions_at_any_speed_and_rate() {
     for speed in [0.1, 1.0, 16.0] {
         for rate in [24.0, 60.0, 240.0] {
             for realtime in [false, true] {
@@ -177,7 +177,7 @@ fn seams_are_not_felt_at_any_speed_and_rate() {
 
 /// Sliders of 4 cm to 8 m lose less than 1 % of their speed and rise by less than 1 mm over seams.
 #[test]
-fn seams_are_not_felt_at_any_size() {
+fn seams_cause_no_ghost_collisions_at_any_size() {
     for size in [0.02, 0.05, 1.0, 4.0] {
         for realtime in [false, true] {
             let of = Ride { size, realtime, speed: 2.0, ..Ride::PLAIN };
@@ -189,7 +189,7 @@ fn seams_are_not_felt_at_any_size() {
 
 /// A step of 5 mm takes more than half of the speed of a box of 10 cm or 1 m that runs against it.
 #[test]
-fn a_step_stops_what_runs_against_it() {
+fn a_step_in_the_floor_stops_sliders() {
     for size in [0.05, 0.5] {
         for realtime in [false, true] {
             for floor in [Floor::Boxes, Floor::Hulls, Floor::Parts] {
@@ -253,7 +253,7 @@ fn a_chain_of_polygons_does_not_catch() {
 /// A box or ball that lands at a seam, with or without a bounce, keeps its speed along the floor
 /// within 1 %.
 #[test]
-fn what_lands_at_a_seam_keeps_its_way() {
+fn bodies_that_land_at_a_seam_keep_their_speed() {
     for restitution in [0.0, 0.5] {
         for tenth in 0..10 {
             for ball in [false, true] {

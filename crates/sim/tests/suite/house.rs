@@ -29,8 +29,8 @@ fn modules_depend_in_one_direction() {
     assert!(arrows > 300, "{arrows} imports were found");
 }
 
-/// Scenes depend on no crate of ours and not on parry. Worlds have six direct dependencies, and one
-/// that is optional.
+/// Scenes depend on no crate of ours and not on parry. The solver has three dependencies, all
+/// optional; worlds have six, and one that is optional. The command line knows no shapes.
 #[test]
 fn crates_depend_on_no_more_than_they_say() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -45,6 +45,111 @@ fn crates_depend_on_no_more_than_they_say() {
     assert!(!dependencies("scene").iter().any(ours));
     let all = ["drystone-solver", "libm", "parry2d", "parry3d", "robust", "serde", "wide"];
     assert_eq!(dependencies("sim"), all);
+    assert_eq!(dependencies("solver"), ["clarabel", "faer", "serde"]);
+    assert!(!dependencies("cli").iter().any(|name| name.starts_with("parry")));
+}
+
+/// Sines come from `libm`, since those of a platform differ in the last bit. Nothing is fused. No
+/// stage of a step has a map whose order is that of hashes; shapes look edges up in some.
+#[test]
+fn no_bit_depends_on_the_platform() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let platform = ["sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "mul_add"];
+    let platform = platform.map(|name| format!(".{name}("));
+    let mut lines = 0;
+    for name in ["solver", "sim", "scene", "bake"] {
+        for (module, text) in modules(&root.join(name).join("src"), &[]) {
+            let stages =
+                name == "solver" || name == "sim" && module.first() != Some(&"geometry".into());
+            let text = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+            for line in text.lines().filter(|line| !line.trim_start().starts_with("//")) {
+                // These are the numbers that a rotation consists of.
+                let own = line.replace("rotation.cos()", "").replace("rotation.sin()", "");
+                let platform = platform.iter().any(|call| own.contains(call));
+                let hashed = stages && (own.contains("HashMap") || own.contains("HashSet"));
+                assert!(!platform && !hashed, "{name}::{}: {line}", module.join("::"));
+                lines += 1;
+            }
+        }
+    }
+    assert!(lines > 30_000, "{lines} lines were read");
+}
+
+/// Lanes and threads alone have `unsafe` code.
+#[test]
+fn unsafe_code_is_in_six_files() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let allowed = |name: &str| -> Vec<String> {
+        let texts = modules(&root.join(name).join("src"), &[]);
+        let allows = texts.iter().filter(|(_, text)| text.contains("allow(unsafe_code)"));
+        allows.map(|(module, _)| module.join("::")).collect()
+    };
+    let lanes = ["avx2", "block", "number", "sweep", "view"].map(|name| format!("lanes::{name}"));
+    assert_eq!(allowed("solver"), [&lanes[..], &["thread_pool".to_owned()]].concat());
+    for name in ["sim", "scene", "bake", "cli"] {
+        assert_eq!(allowed(name), [""; 0], "{name}");
+    }
+}
+
+/// No function has more than 60 lines, except in readers of scenes and in the kernels of lanes.
+#[test]
+fn functions_fit_on_a_page() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut count = 0;
+    for name in ["solver", "sim", "bake", "cli"] {
+        for (module, text) in modules(&root.join(name).join("src"), &[]) {
+            let own = text.split("\n#[cfg(test)]\nmod ").next().unwrap_or_default();
+            let lines: Vec<&str> = own.lines().collect();
+            for (first, line) in lines.iter().enumerate().filter(|(_, line)| is_function(line)) {
+                let ends = |line: &&str| line.ends_with(['{', '}', ';']);
+                let head = lines[first..].iter().position(ends).expect("the end of a signature");
+                if !lines[first + head].ends_with('{') {
+                    continue;
+                }
+                let end = format!("{}}}", &line[..line.len() - line.trim_start().len()]);
+                let length = lines[first..].iter().position(|line| *line == end).expect("an end");
+                count += 1;
+                let is_kernel = module.first().is_some_and(|own| own == "lanes");
+                assert!(length < 60 || is_kernel, "{name} {}: {line}", module.join("::"));
+            }
+        }
+    }
+    assert!(count > 1500, "{count} functions were found");
+}
+
+fn is_function(line: &str) -> bool {
+    let words = line.trim_start().split(' ');
+    let mut words = words.skip_while(|word| {
+        word.starts_with("pub") || ["const", "unsafe", "super)", "crate)"].contains(word)
+    });
+    words.next() == Some("fn")
+}
+
+/// A world has at most twelve fields.
+#[test]
+fn a_world_has_few_fields() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/world.rs");
+    let text = fs::read_to_string(path).expect("the source of worlds");
+    let (_, rest) = text.split_once("pub struct World<").expect("a world");
+    let (fields, _) = rest.split_once("\n}").expect("its end");
+    let is_field = |line: &&str| !line.trim_start().starts_with("//") && line.contains(": ");
+    let count = fields.lines().skip(1).filter(is_field).count();
+    assert!((5..=12).contains(&count), "{count} fields");
+}
+
+/// The figure of a step in ARCHITECTURE.md has the stages of reports, in their order.
+#[test]
+fn the_figure_of_a_step_has_all_stages() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../ARCHITECTURE.md");
+    let text = fs::read_to_string(path).expect("the architecture");
+    let (_, rest) = text.split_once("## A step").expect("a section");
+    let (figure, _) = rest.split_once("poses move by").expect("a figure");
+    let names = drystone::Stage::ALL.map(drystone::Stage::name);
+    let words = figure.lines().filter_map(|line| {
+        let mut words = line.split([' ', '|', '+', '-', '>']).filter(|word| !word.is_empty());
+        words.next().filter(|word| names.contains(word))
+    });
+    assert_eq!(words.collect::<Vec<_>>(), names);
 }
 
 /// A cycle of imports is found; imports in comments and tests do not count.

@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use drystone::Dimension;
-use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::geometry::{Geometry, Particles, Rigid2, Rigid3};
 use drystone::{BodyId, Motion, StepReport, World, World3};
 use drystone_solver::Vector;
 
@@ -69,7 +69,7 @@ fn a_box_between_converging_walls() {
 /// The search for jams is part of the certificate: a step without one does not search and reports
 /// none.
 #[test]
-fn nothing_is_named_without_certificates() {
+fn no_jam_is_reported_without_certificates() {
     let material = surface(0.3, 0.0);
     let mut world: World3 = world();
     for side in [-1.0, 1.0] {
@@ -110,15 +110,15 @@ fn a_ball_pressed_into_a_groove() {
 /// Puts a particle into a slot narrower than itself, so that both sides push it out.
 fn slot<const L: usize>()
 where
-    Spheres: Round<L, 0>,
+    Particles: RoundShapes<L, 0>,
 {
     let material = surface(0.0, 0.0);
-    let mut world = weightless::<Spheres, L, 0>();
+    let mut world = weightless::<Particles, L, 0>();
     let sides = [-1.0, 1.0].map(|side: f32| {
-        let shape = <Spheres as Round<L, 0>>::halfspace(v(-side, 0.0, 0.0));
+        let shape = <Particles as RoundShapes<L, 0>>::halfspace(v(-side, 0.0, 0.0));
         world.add(body(Motion::Static, v(0.095 * side, 0.0, 0.0), shape, &material)).unwrap()
     });
-    let particle = Spheres::ball(0.1);
+    let particle = Particles::ball(0.1);
     let particle = world.add(dynamic([0.0; L], particle, &material)).unwrap();
     assert_eq!(jammed(&mut world, 10), indices(&[sides[0], sides[1], particle]), "{L}D");
     let speed = velocity(&world, particle).linear.length();

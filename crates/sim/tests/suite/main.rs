@@ -14,6 +14,7 @@ mod jam;
 mod meshes;
 #[allow(unused)]
 mod patches;
+mod queries;
 mod sleep;
 mod spin;
 mod squeeze;

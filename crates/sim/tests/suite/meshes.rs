@@ -13,30 +13,30 @@ fn paces() -> [(&'static str, StepSettings, f32); 4] {
     [
         ("24 steps a second", StepSettings::certified(), 1.0 / 24.0),
         ("120 steps a second", StepSettings::certified(), 1.0 / 120.0),
-        ("24 steps a second, real time", StepSettings::realtime(), 1.0 / 24.0),
-        ("60 steps a second, real time", StepSettings::realtime(), 1.0 / 60.0),
+        ("24 steps a second, real-time preset", StepSettings::realtime(), 1.0 / 24.0),
+        ("60 steps a second, real-time preset", StepSettings::realtime(), 1.0 / 60.0),
     ]
 }
 
 fn with(settings: &StepSettings) -> World3 {
     let mut world: World3 = world();
-    world.settings = StepSettings { sleep: 0.0, ..settings.clone() };
+    world.settings = StepSettings { sleep_delay: 0.0, ..settings.clone() };
     world
 }
 
 /// Orientation of the triangles of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Winding {
-    Given,
+    Original,
     Turned,
     Mixed,
 }
 
-const WINDINGS: [Winding; 3] = [Winding::Given, Winding::Turned, Winding::Mixed];
+const WINDINGS: [Winding; 3] = [Winding::Original, Winding::Turned, Winding::Mixed];
 
 fn wound(triangles: &[[u32; 3]], winding: Winding) -> Vec<[u32; 3]> {
     let turn = |index| match winding {
-        Winding::Given => false,
+        Winding::Original => false,
         Winding::Turned => true,
         Winding::Mixed => index % 3 == 0,
     };
@@ -46,12 +46,12 @@ fn wound(triangles: &[[u32; 3]], winding: Winding) -> Vec<[u32; 3]> {
 }
 
 /// A ground of `n` by `n` squares from -1 to 1 m, with vertices at these heights \[m\].
-struct Ground {
+struct Terrain {
     n: usize,
     height: fn(f32, f32) -> f32,
 }
 
-impl Ground {
+impl Terrain {
     fn at(&self, i: usize) -> f32 {
         2.0 * i as f32 / self.n as f32 - 1.0
     }
@@ -142,7 +142,7 @@ const KINDS: usize = 12;
 
 /// Returns the depth of the deepest corner of a shape below the ground, where its radius counts by
 /// 0.9. \[m\]
-fn depth(world: &World3, id: BodyId, ground: &Ground, corners: &[[f32; 3]], radius: f32) -> f32 {
+fn depth(world: &World3, id: BodyId, ground: &Terrain, corners: &[[f32; 3]], radius: f32) -> f32 {
     let frame = Rigid3::frame(&world.pose(id).unwrap());
     let corner = |corner: &[f32; 3]| {
         let place = frame.point(Vector(*corner));
@@ -158,7 +158,7 @@ fn shapes_stay_on_meshes() {
     let grounds = [(1, FLAT), (10, FLAT), (60, FLAT), (20, WAVY), (20, BUMPY), (25, HOLLOW)];
     let mut random = Random(21);
     for (number, (n, height)) in grounds.into_iter().enumerate() {
-        let ground = Ground { n, height };
+        let ground = Terrain { n, height };
         for (pace, (name, settings, dt)) in paces().into_iter().enumerate() {
             let mut world = with(&settings);
             let (size, speed) = (0.06, [0.0, 5.0, 20.0, 2.0][(number + pace) % 4]);
@@ -201,7 +201,7 @@ fn shapes_stay_on_meshes() {
 fn cones_stand_on_meshes() {
     for (name, settings, dt) in paces() {
         for (n, sides) in [(1, 8), (1, 64), (7, 16), (50, 33)] {
-            let ground = Ground { n, height: FLAT };
+            let ground = Terrain { n, height: FLAT };
             let mut world = with(&settings);
             let rough = surface(0.5, 0.0);
             world
@@ -384,7 +384,7 @@ fn inner_edges_do_not_slow() {
     let shapes = [Rigid3::hull(&cone), Rigid3::cuboid([0.1; 3]), Rigid3::ball(0.1)];
     for settings in [StepSettings::certified(), StepSettings::realtime()] {
         for (shape, speed) in shapes.iter().flat_map(|shape| [0.1, 2.0, 16.0].map(|v| (shape, v))) {
-            let ground = Ground { n: 40, height: FLAT };
+            let ground = Terrain { n: 40, height: FLAT };
             let mut world = with(&settings);
             world
                 .add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Mixed), &smooth))
@@ -407,15 +407,15 @@ fn inner_edges_do_not_slow() {
 /// Marbles of 1 to 10 mm radius at 20 m/s do not tunnel through a single layer of triangles: no
 /// center is 2 mm below it.
 #[test]
-fn small_marbles_do_not_pass() {
+fn small_marbles_do_not_tunnel() {
     let mut random = Random(5);
     for (n, height) in [(1, FLAT), (40, FLAT), (20, BUMPY)] {
-        let ground = Ground { n, height };
+        let ground = Terrain { n, height };
         for (name, settings, dt) in paces() {
             let mut world = with(&settings);
             let rough = surface(0.4, 0.0);
             world
-                .add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Given), &rough))
+                .add(body(Motion::Static, [0.0; 3], ground.shape(Winding::Original), &rough))
                 .unwrap();
             let ids: Vec<_> = (0..9)
                 .map(|i| {
@@ -445,7 +445,7 @@ fn small_marbles_do_not_pass() {
 #[test]
 fn a_box_on_waves_does_not_creep() {
     for winding in WINDINGS {
-        let ground = Ground { n: 20, height: WAVY };
+        let ground = Terrain { n: 20, height: WAVY };
         let mut world = with(&StepSettings::certified());
         let rough = surface(0.8, 0.0);
         world.add(body(Motion::Static, [0.0; 3], ground.shape(winding), &rough)).unwrap();
@@ -463,7 +463,7 @@ fn a_box_on_waves_does_not_creep() {
 /// Plates, sticks and capsules at 20 m/s do not tunnel through a floor of 2 cm in the real-time
 /// preset. No step adds more than 0.1 % to their energy.
 #[test]
-fn slender_things_do_not_pass_thin_floors() {
+fn slender_bodies_do_not_tunnel_through_thin_floors() {
     let mut random = Random(5);
     let shapes = [
         Rigid3::cuboid([0.06, 0.006, 0.048]),

@@ -222,7 +222,7 @@ fn towers_of_compounds_stand() {
 /// keeps changing its axis. After 12 s the root mean square of the speeds is below 0.5 mm/s.
 #[test]
 fn a_heap_comes_to_rest() {
-    let mut world = with_gravity(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
+    let mut world = with_gravity(StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() });
     let material = surface(0.5, 0.0);
     add_ground(&mut world, 1, 3.0);
     for [x, z] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {

@@ -5,7 +5,7 @@ use drystone::{BodyId, Motion, StepSettings, World};
 use drystone_solver::{Vector, Velocity};
 
 use crate::common::{
-    DT, GRAVITY, Rigid, Round, add_floor, body, dynamic, moving, place, run, surface, v,
+    DT, GRAVITY, Rigid, RoundShapes, add_floor, body, dynamic, moving, place, run, surface, v,
 };
 
 type World3 = World<Rigid3, 3, 3>;
@@ -68,7 +68,7 @@ fn rests<G: Rigid<L, A>, const L: usize, const A: usize>() {
 /// A stack at rest sleeps after the delay and then keeps every bit. It has no contacts in a step,
 /// and its overlap is still measured.
 #[test]
-fn what_holds_still_sleeps_and_stays_where_it_is() {
+fn bodies_at_rest_sleep_and_stay_in_place() {
     rests::<Rigid2, 2, 1>();
     rests::<Rigid3, 3, 3>();
 }
@@ -76,10 +76,10 @@ fn what_holds_still_sleeps_and_stays_where_it_is() {
 /// An impact wakes the stack that it hits and no other. The stack ends within 2 cm of one that
 /// never slept.
 #[test]
-fn a_blow_wakes_what_it_hits_and_no_other() {
+fn an_impact_wakes_the_island_that_it_hits_and_no_other() {
     let after = |sleep: f32| {
         let mut world: World3 = dozing();
-        world.settings.sleep = sleep;
+        world.settings.sleep_delay = sleep;
         let (hit, apart) = (stack(&mut world, 0.0, 4), stack(&mut world, 5.0, 4));
         run(&mut world, 2.0);
         assert_eq!(all_sleep(&world, &hit), sleep > 0.0);
@@ -91,7 +91,7 @@ fn a_blow_wakes_what_it_hits_and_no_other() {
         hit.iter().map(|&id| place(&world, id)).collect::<Vec<_>>()
     };
     let (slept, awake) = (after(0.5), after(0.0));
-    assert!(awake[3][0] > 0.5, "the blow throws the uppermost box: {awake:?}");
+    assert!(awake[3][0] > 0.5, "the impact throws the uppermost box: {awake:?}");
     for (slept, awake) in slept.iter().zip(&awake) {
         assert!((*slept - *awake).length() < 0.02, "{slept:?} and {awake:?}");
     }
@@ -100,7 +100,7 @@ fn a_blow_wakes_what_it_hits_and_no_other() {
 /// Everything that can move a sleeping stack wakes it in one step: a new pose, velocity, force,
 /// gravity or setting, a moving support, and a removed body.
 #[test]
-fn whatever_moves_a_sleeper_wakes_it() {
+fn anything_that_moves_a_sleeping_body_wakes_it() {
     let asleep = || {
         let mut world: World3 = dozing();
         let lift = world
@@ -131,7 +131,7 @@ fn whatever_moves_a_sleeper_wakes_it() {
         }),
         ("gravity", |world, _, _, _| world.gravity = Vector([0.0, 1.0, 0.0])),
         ("removal", |world, boxes, _, _| assert!(world.remove(boxes[0]))),
-        ("setting", |world, _, _, _| world.settings.sleep = 0.0),
+        ("setting", |world, _, _, _| world.settings.sleep_delay = 0.0),
     ];
     for (name, deed) in deeds {
         let (mut world, boxes, lift) = asleep();
@@ -147,7 +147,7 @@ fn whatever_moves_a_sleeper_wakes_it() {
 
 /// A body that a belt carries along at 2 mm/s does not sleep.
 #[test]
-fn what_is_carried_does_not_sleep() {
+fn bodies_carried_by_a_belt_do_not_sleep() {
     let mut world: World3 = dozing();
     let belt = Rigid3::cuboid([20.0, 0.25, 1.0]);
     let belt =
@@ -167,7 +167,7 @@ fn what_is_carried_does_not_sleep() {
 fn sleep_changes_nothing_but_rest() {
     let run = |sleep: f32, threads: usize| {
         let mut world: World3 = dozing();
-        world.settings.sleep = sleep;
+        world.settings.sleep_delay = sleep;
         world.set_threads(threads);
         for x in 0..30 {
             stack(&mut world, 3.0 + x as f32, 6);

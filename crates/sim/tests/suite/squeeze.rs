@@ -100,7 +100,7 @@ fn no_deeper_than_inelastic<G: Rigid<L, A>, const L: usize, const A: usize>(
 /// A bounce with any restitution overlaps by less than 1.2 times the inelastic overlap plus 1 mm.
 /// It adds less than 0.1 % of energy.
 #[test]
-fn a_bounce_presses_no_deeper_than_an_inelastic_blow() {
+fn a_bounce_presses_no_deeper_than_an_inelastic_impact() {
     no_deeper_than_inelastic::<Rigid3, 3, 3>(&StepSettings::quality());
     no_deeper_than_inelastic::<Rigid2, 2, 1>(&StepSettings::quality());
 }
@@ -120,7 +120,7 @@ fn a_certified_squeeze_stays_shallow() {
 
 /// A box on the floor moves by less than 0.1 mm when a ball bounces beside it.
 #[test]
-fn a_blow_elsewhere_moves_nobody() {
+fn an_impact_elsewhere_moves_no_body() {
     let mut press = Press::<Rigid3, 3, 3>::new(StepSettings::quality(), Light::Box, 0.5, 1.0, 1.0);
     press.deepest();
     let moved = place(&press.world, press.light) - Vector([0.0, 0.04, 0.0]);

@@ -4,7 +4,7 @@
 use drystone::geometry::{Geometry, Rigid3};
 use drystone::{Body, BodyId, InputError, Motion, StepSettings, Vector, Velocity, World3};
 
-use super::common::{Random, Rigid, Round};
+use super::common::{Random, Rigid, RoundShapes};
 
 const DT: f32 = 1.0 / 60.0;
 
@@ -58,7 +58,7 @@ fn go_on(world: &mut World3, steps: usize) -> Vec<Vec<f32>> {
 
 /// A restored world takes the same bits, whichever sleeper is woken next, and in whatever way.
 #[test]
-fn sleepers_that_wake_after_a_restore_take_the_same_bits() {
+fn bodies_that_wake_after_a_restore_move_with_the_same_bits() {
     for seed in 0..12 {
         let (mut world, ids) = heap(seed, 12);
         assert!(world.is_sleeping(ids[0]), "heap {seed} sleeps");
@@ -172,10 +172,10 @@ fn stale_and_foreign_identifiers_name_nothing() {
     assert_eq!(world.bodies().collect::<Vec<_>>(), [next]);
 }
 
-/// What comes and goes takes no more memory than what is there at once: slots of bodies and shapes
-/// are used again.
+/// Bodies that are added and removed take no more memory than those present at once: slots of
+/// bodies and shapes are reused.
 #[test]
-fn spawning_and_removing_takes_no_memory_in_the_long_run() {
+fn repeated_spawning_and_removal_takes_no_more_memory() {
     let mut world = world();
     floor(&mut world);
     let (mut alive, mut sizes) = (std::collections::VecDeque::new(), Vec::new());
@@ -200,7 +200,7 @@ fn spawning_and_removing_takes_no_memory_in_the_long_run() {
 /// A static or kinematic body that appears in a sleeper, or is put there, wakes it; elsewhere it
 /// wakes nobody.
 #[test]
-fn what_appears_in_a_sleeper_wakes_it() {
+fn a_body_added_to_a_sleeping_pile_wakes_it() {
     for motion in [Motion::Static, Motion::Kinematic] {
         for put in [false, true] {
             let mut world = world();
@@ -224,10 +224,10 @@ fn what_appears_in_a_sleeper_wakes_it() {
     }
 }
 
-/// A static body has no velocity, whoever asks; put elsewhere it carries what stands there, and
+/// A static body has no velocity, whoever asks. Moved elsewhere, it carries the bodies there, and
 /// nothing where it was.
 #[test]
-fn static_bodies_are_put_and_not_moved() {
+fn static_bodies_have_poses_and_no_velocities() {
     let mut world = world();
     let floor = floor(&mut world);
     let rider = cube(&mut world, [0.0, 0.5, 0.0], 0.5);

@@ -3,11 +3,11 @@
 
 use drystone::Dimension;
 use drystone::geometry::{Rigid2, Rigid3};
-use drystone::{Body, BodyId, Material, Motion, StepSettings, SurfaceMotion, World};
+use drystone::{Body, BodyId, Material, Motion, StepSettings, SurfaceVelocity, World};
 use drystone_solver::{Vector, Velocity};
 
 use crate::common::{
-    DT, GRAVITY, Rigid, Round, add_floor, assert_above, assert_below, assert_within, dynamic,
+    DT, GRAVITY, Rigid, RoundShapes, add_floor, assert_above, assert_below, assert_within, dynamic,
     place, run, surface, v, velocity,
 };
 
@@ -27,7 +27,7 @@ fn world_of<G: Dimension<L, A>, const L: usize, const A: usize>(
 fn add_belt<G: Rigid<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     size: f32,
-    motion: SurfaceMotion<L, A>,
+    motion: SurfaceVelocity<L, A>,
 ) -> BodyId {
     let shape = G::cuboid(v(200.0 * size, 0.5 * size, 200.0 * size));
     let mut belt = Body::new(Motion::Static, v(0.0, -0.5 * size, 0.0), shape);
@@ -50,7 +50,7 @@ fn rides<G: Rigid<L, A>, const L: usize, const A: usize>(size: f32, settings: &S
     let mut world: World<G, L, A> = world_of(settings);
     // The crate has the speed of the belt after a third of a second.
     let speed = 0.5 * GRAVITY / 3.0;
-    add_belt(&mut world, size.max(0.05), SurfaceMotion::linear(Vector(v(speed, 0.0, 0.0))));
+    add_belt(&mut world, size.max(0.05), SurfaceVelocity::linear(Vector(v(speed, 0.0, 0.0))));
     let id = crate_on(&mut world, size, &surface(0.5, 0.0));
     run(&mut world, 0.2);
     let sliding = velocity(&world, id).linear[0];
@@ -88,8 +88,8 @@ fn a_belt_runs_in_the_frame_of_its_body_or_of_the_world() {
         let mut belt = Body::new(Motion::Static, [0.0; 3], shape);
         belt.pose = Rigid3::turned([0.0; 3], angle);
         belt.colliders[0].material = surface(1.0, 0.0);
-        let motion = SurfaceMotion::linear(Vector([1.0, 0.0, 0.0]));
-        belt.surface_velocity = Some(SurfaceMotion { local, ..motion });
+        let motion = SurfaceVelocity::linear(Vector([1.0, 0.0, 0.0]));
+        belt.surface_velocity = Some(SurfaceVelocity { local, ..motion });
         world.add(belt).unwrap();
         let mut load = dynamic([0.0; 3], Rigid3::cuboid([0.25; 3]), &surface(1.0, 0.0));
         let up = [-0.75 * angle.sin(), 0.75 * angle.cos(), 0.0];
@@ -110,11 +110,11 @@ fn a_belt_runs_in_the_frame_of_its_body_or_of_the_world() {
 /// A static table whose surface rotates carries a box around, with the motion given on its shape or
 /// its body. After 4 s the radius is right within 4 % and the angle within 2 %.
 #[test]
-fn a_turntable_that_stands_carries_round() {
+fn a_standing_turntable_with_a_surface_velocity_carries_bodies_around() {
     for of_shape in [false, true] {
         let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
         let omega = 1.5;
-        let motion = SurfaceMotion::angular(Vector([0.0, omega, 0.0]));
+        let motion = SurfaceVelocity::angular(Vector([0.0, omega, 0.0]));
         let mut table =
             Body::new(Motion::Static, [3.0, -0.5, 1.0], Rigid3::cuboid([4.0, 0.5, 4.0]));
         if of_shape {
@@ -143,10 +143,10 @@ fn a_turntable_that_stands_carries_round() {
 fn both_surfaces_run() {
     for (belt, expected) in [(0.0, 1.0), (0.5, 1.5), (-1.0, 0.0)] {
         let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
-        add_belt(&mut world, 1.0, SurfaceMotion::linear(Vector([belt, 0.0, 0.0])));
+        add_belt(&mut world, 1.0, SurfaceVelocity::linear(Vector([belt, 0.0, 0.0])));
         let mut crawler =
             dynamic([0.0, 0.25, 0.0], Rigid3::cuboid([0.5, 0.25, 0.5]), &surface(0.5, 0.0));
-        crawler.surface_velocity = Some(SurfaceMotion::linear(Vector([-1.0, 0.0, 0.0])));
+        crawler.surface_velocity = Some(SurfaceVelocity::linear(Vector([-1.0, 0.0, 0.0])));
         let id = world.add(crawler).unwrap();
         run(&mut world, 2.0);
         let speed = velocity(&world, id).linear[0];
@@ -156,14 +156,14 @@ fn both_surfaces_run() {
 
 /// A surface velocity of zero changes no bit.
 #[test]
-fn a_belt_that_stands_changes_nothing() {
+fn a_belt_with_zero_velocity_changes_nothing() {
     let poses = |motion: Option<f32>| {
         let mut world: World<Rigid3, 3, 3> = world_of(&StepSettings::quality());
-        let belt = add_belt(&mut world, 1.0, SurfaceMotion::linear(Vector::ZERO));
+        let belt = add_belt(&mut world, 1.0, SurfaceVelocity::linear(Vector::ZERO));
         world
             .set_surface_velocity(
                 belt,
-                motion.map(|x| SurfaceMotion::linear(Vector([x, 0.0, 0.0]))),
+                motion.map(|x| SurfaceVelocity::linear(Vector([x, 0.0, 0.0]))),
             )
             .unwrap();
         let mut load = dynamic([0.0, 1.0, 0.0], Rigid3::cuboid([0.3; 3]), &surface(0.5, 0.0));
@@ -308,7 +308,7 @@ fn ledgers_know_belts_and_damping() {
     let mut settings = StepSettings::certified();
     settings.ledger = true;
     let mut world: World<Rigid3, 3, 3> = world_of(&settings);
-    add_belt(&mut world, 1.0, SurfaceMotion::linear(Vector([1.0, 0.0, 0.0])));
+    add_belt(&mut world, 1.0, SurfaceVelocity::linear(Vector([1.0, 0.0, 0.0])));
     let mut load = dynamic([0.0, 0.25, 0.0], Rigid3::cuboid([0.25; 3]), &surface(0.5, 0.0));
     load.damping = [0.5, 0.5];
     let id = world.add(load).unwrap();
@@ -360,11 +360,11 @@ fn damping_is_exponential_at_any_step() {
 /// A crate that a belt pushes against a wall stays awake while the belt moves, and sleeps when it
 /// stands. A belt that moves again wakes it.
 #[test]
-fn what_lies_on_a_running_belt_does_not_sleep() {
+fn bodies_on_a_running_belt_do_not_sleep() {
     let mut settings = StepSettings::realtime();
-    settings.sleep = 0.5;
+    settings.sleep_delay = 0.5;
     let mut world: World<Rigid3, 3, 3> = world_of(&settings);
-    let belt = add_belt(&mut world, 1.0, SurfaceMotion::linear(Vector([1.0, 0.0, 0.0])));
+    let belt = add_belt(&mut world, 1.0, SurfaceVelocity::linear(Vector([1.0, 0.0, 0.0])));
     world.add(Body::new(Motion::Static, [1.0, 0.5, 0.0], Rigid3::cuboid([0.5, 0.5, 2.0]))).unwrap();
     let id = crate_on(&mut world, 0.5, &surface(0.5, 0.0));
     run(&mut world, 4.0);
@@ -374,7 +374,7 @@ fn what_lies_on_a_running_belt_does_not_sleep() {
     run(&mut world, 3.0);
     assert!(world.is_sleeping(id), "on one that stands");
     world
-        .set_surface_velocity(belt, Some(SurfaceMotion::linear(Vector([-1.0, 0.0, 0.0]))))
+        .set_surface_velocity(belt, Some(SurfaceVelocity::linear(Vector([-1.0, 0.0, 0.0]))))
         .unwrap();
     run(&mut world, 1.0);
     assert_below("back again", velocity(&world, id).linear[0], -0.9);
@@ -383,11 +383,11 @@ fn what_lies_on_a_running_belt_does_not_sleep() {
 /// Static rollers in 2D whose surfaces rotate carry a plank at the speed of their rims, 1 m/s,
 /// within 1 %.
 #[test]
-fn a_roller_that_stands_moves_what_lies_on_it() {
+fn a_standing_roller_with_a_surface_velocity_moves_bodies_on_it() {
     let mut world: World<Rigid2, 2, 1> = world_of(&StepSettings::quality());
     for x in [-1.0, 0.0, 1.0, 2.0, 3.0] {
         let mut roller = Body::new(Motion::Static, [x, -0.2], Rigid2::ball(0.2));
-        roller.surface_velocity = Some(SurfaceMotion::angular(Vector([-5.0])));
+        roller.surface_velocity = Some(SurfaceVelocity::angular(Vector([-5.0])));
         world.add(roller).unwrap();
     }
     let plank = dynamic([0.0, 0.1], Rigid2::cuboid([1.6, 0.1]), &surface(0.5, 0.0));

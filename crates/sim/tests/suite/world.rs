@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::common::*;
 use drystone::Dimension;
-use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::geometry::{Geometry, Particles, Rigid2, Rigid3};
 use drystone::{
     Body, BodyId, Collider, Filter, Inertia, InputError, Motion, Stage, StepSettings, World,
     World2, World3,
@@ -218,12 +218,12 @@ fn rest_does_not_depend_on_the_order_of_the_bodies() {
     permutation::<Rigid3, 3, 3>();
 }
 
-/// A wall of 210 boxes moves slower than 2 mm/s after 5 s in the real-time preset. With a `hold` of
-/// 20 1/s, or 8 % of a slip in each substep, it swayed by 3 cm/s and more forever.
+/// A wall of 210 boxes moves slower than 2 mm/s after 5 s in the real-time preset. With a
+/// `stick_rate` of 20 1/s, or 8 % of a slip in each substep, it swayed by 3 cm/s and more forever.
 #[test]
-fn a_wall_in_real_time_comes_to_rest() {
+fn a_wall_comes_to_rest_with_the_realtime_preset() {
     let material = surface(0.5, 0.0);
-    let mut world = World3::new(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
+    let mut world = World3::new(StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() });
     world.gravity = Vector(v(0.0, -9.81, 0.0));
     world
         .add(body(Motion::Static, v(0.0, -1.0, 0.0), Rigid3::cuboid([50.0, 1.0, 50.0]), &material))
@@ -246,7 +246,8 @@ fn a_wall_in_real_time_comes_to_rest() {
 /// that yield by 7 mm.
 fn tower<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let material = surface(0.5, 0.0);
-    let mut world = World::<G, L, A>::new(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
+    let mut world =
+        World::<G, L, A>::new(StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() });
     world.gravity = Vector(v(0.0, -9.81, 0.0));
     add_floor(&mut world, &material);
     let half = || G::cuboid([0.5; L]);
@@ -263,7 +264,7 @@ fn tower<G: Rigid<L, A>, const L: usize, const A: usize>() {
 
 /// Thirty stacked boxes, each at most 2 cm off center, lean by less than 10 cm in 20 s.
 #[test]
-fn a_tower_in_real_time_stands() {
+fn a_tower_stands_with_the_realtime_preset() {
     tower::<Rigid2, 2, 1>();
     tower::<Rigid3, 3, 3>();
 }
@@ -289,7 +290,7 @@ fn drop_in_a_step<G: Rigid<L, A>, const L: usize, const A: usize>() {
 /// 0.1 % of its energy. If the next contact search were planned by its speed alone, it would be
 /// halfway into the floor before a contact is found.
 #[test]
-fn what_falls_from_rest_is_found_in_time() {
+fn contacts_of_bodies_that_fall_from_rest_are_found_in_time() {
     drop_in_a_step::<Rigid2, 2, 1>();
     drop_in_a_step::<Rigid3, 3, 3>();
 }
@@ -324,7 +325,7 @@ fn meeting<G: Rigid<L, A>, const L: usize, const A: usize>() {
 /// An off-center collision keeps the angular momentum within 1 %, in the real-time and in the
 /// certified preset.
 #[test]
-fn what_meets_keeps_its_angular_momentum() {
+fn colliding_bodies_keep_their_angular_momentum() {
     meeting::<Rigid2, 2, 1>();
     meeting::<Rigid3, 3, 3>();
 }
@@ -335,7 +336,7 @@ fn rolling<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let material = surface(0.5, 0.0);
     for speed in [0.003f32, 0.03, 0.3] {
         let mut world =
-            World::<G, L, A>::new(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
+            World::<G, L, A>::new(StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() });
         world.gravity = Vector(v(0.0, -9.81, 0.0));
         add_floor(&mut world, &material);
         let mut ball =
@@ -350,7 +351,7 @@ fn rolling<G: Rigid<L, A>, const L: usize, const A: usize>() {
 
 /// A ball that rolls at 3 mm/s, 3 cm/s or 0.3 m/s changes its speed by less than 1 % in 10 s.
 #[test]
-fn a_ball_rolls_on_as_it_did() {
+fn a_rolling_ball_keeps_its_speed() {
     rolling::<Rigid2, 2, 1>();
     rolling::<Rigid3, 3, 3>();
 }
@@ -358,10 +359,10 @@ fn a_ball_rolls_on_as_it_did() {
 /// Contact points of a small box that slides over an edge end up less than 1/32 of its size plus
 /// 0.1 mm beyond it. They are reused, but not for as long as those of a large box.
 #[test]
-fn points_of_what_is_small_are_not_reused_for_long() {
+fn points_of_small_bodies_are_reused_briefly() {
     let (size, smooth) = (0.04, surface(0.0, 0.0));
     let mut world =
-        World::<Rigid2, 2, 1>::new(StepSettings { sleep: 0.0, ..StepSettings::realtime() });
+        World::<Rigid2, 2, 1>::new(StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() });
     world.gravity = Vector([0.0, -9.81]);
     world.add(body(Motion::Static, [-0.5, -0.5], Rigid2::cuboid([0.5; 2]), &smooth)).unwrap();
     let small = dynamic([-0.03, 0.5 * size], Rigid2::cuboid([0.5 * size; 2]), &smooth);
@@ -587,7 +588,7 @@ fn a_compound_tips_about_its_own_center() {
 /// Frictionless bodies do not feel the inner edges of a flat mesh. Within 4 s they leave the plane
 /// by less than 1 mm, change velocity by less than 3 mm/s and spin below 0.01 rad/s.
 #[test]
-fn inner_edges_of_a_mesh_are_not_felt() {
+fn inner_edges_of_a_mesh_cause_no_ghost_collisions() {
     let smooth = surface(0.0, 0.0);
     let shapes = [
         ("box", Rigid3::cuboid([0.3, 0.2, 0.25]), 0.2),
@@ -696,7 +697,7 @@ fn removed_bodies_are_gone_and_never_mistaken() {
     assert_eq!(world.len(), 3);
 }
 
-fn masses<G: Round<L, A>, const L: usize, const A: usize>() {
+fn masses<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     let hard = surface(0.0, 1.0);
     let mut world = weightless::<G, L, A>();
     let light = dynamic(v(-1.5, 0.0, 0.0), G::ball(0.5), &hard);
@@ -704,16 +705,16 @@ fn masses<G: Round<L, A>, const L: usize, const A: usize>() {
     let heavy = world.add(weighing(dynamic([0.0; L], G::ball(0.5), &hard), 3.0)).unwrap();
     run(&mut world, 0.5);
     // (m - M) / (m + M) and 2 m / (m + M) of the initial speed.
-    let what = format!("({L},{A}): after a blow of 1 kg on 3 kg [m/s]");
+    let what = format!("({L},{A}): after an impact of 1 kg on 3 kg [m/s]");
     assert_within(&what, velocity(&world, light).linear[0], -2.0, 1e-5);
     assert_within(&what, velocity(&world, heavy).linear[0], 2.0, 1e-5);
 }
 
 /// An elastic impact of 1 kg on 3 kg gives the velocities of the formula within 1e-5.
 #[test]
-fn a_body_weighs_what_it_is_said_to() {
-    masses::<Spheres, 2, 0>();
-    masses::<Spheres, 3, 0>();
+fn impacts_have_the_stated_masses() {
+    masses::<Particles, 2, 0>();
+    masses::<Particles, 3, 0>();
     masses::<Rigid2, 2, 1>();
     masses::<Rigid3, 3, 3>();
 }
@@ -753,7 +754,7 @@ fn infinite_mass_and_inertia_are_not_moved() {
     assert_within("height of rest [m]", place(&world, stiff)[1], 1.0, 1e-3);
 }
 
-fn gravity_factors<G: Round<L, A>, const L: usize, const A: usize>() {
+fn gravity_factors<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
     let mut world = world::<G, L, A>();
     let factors = [-1.0, 0.0, 0.5, 2.0];
     let bodies = factors.map(|factor| {
@@ -770,8 +771,8 @@ fn gravity_factors<G: Round<L, A>, const L: usize, const A: usize>() {
 /// Gravity accelerates each body by its factor, within 1e-4.
 #[test]
 fn gravity_acts_by_its_factor() {
-    gravity_factors::<Spheres, 2, 0>();
-    gravity_factors::<Spheres, 3, 0>();
+    gravity_factors::<Particles, 2, 0>();
+    gravity_factors::<Particles, 3, 0>();
     gravity_factors::<Rigid2, 2, 1>();
     gravity_factors::<Rigid3, 3, 3>();
 }
@@ -798,7 +799,7 @@ fn the_lowest_corner_of_a_hull_touches() {
         let base = Rigid3::pose(Vector([0.0, height, 0.0]), &[]);
         let mut deepest = f32::INFINITY;
         let mut memory = Default::default();
-        let [hull, floor] = [hull, floor].map(Rigid3::collider);
+        let [hull, floor] = [hull, floor].map(Rigid3::prepare);
         Rigid3::collide((&hull, &pose), (&floor, &base), 0.01, None, &mut memory, &mut |touch| {
             assert!(touch.normal[1] > 0.999, "round {round}: {:?}", touch.normal);
             deepest = touch.points.iter().map(|point| point.gap).fold(deepest, f32::min);
@@ -821,7 +822,7 @@ fn points_of_contact_lie_on_both_boxes() {
         let turn = Vector([aside(), aside(), aside()]);
         let over = Vector([aside(), 2.0 * half[1] + 1e-3 * aside(), aside()]);
         let upper = Rigid3::advance(&lower, over, turn);
-        let shape = Rigid3::collider(Rigid3::cuboid(half));
+        let shape = Rigid3::prepare(Rigid3::cuboid(half));
         Rigid3::collide(
             (&shape, &upper),
             (&shape, &lower),
@@ -846,7 +847,7 @@ fn points_of_contact_lie_on_both_boxes() {
 /// Boxes that fall onto each other at 5 m/s overlap by less than 12 mm in the mean of four runs.
 /// Contacts are searched again while the boxes rotate and push each other.
 #[test]
-fn falling_boxes_do_not_sink_into_each_other() {
+fn falling_boxes_penetrate_less_than_12_mm() {
     falling_boxes(drystone::StepSettings::quality());
     falling_boxes(drystone::StepSettings::certified());
 }
@@ -943,7 +944,7 @@ fn a_falling_heap_is_solved_to_a_tolerance() {
 /// While a heap falls, iterations end at a fraction of its speed, and the largest error is 0.5 to 1
 /// mm/s. When all bodies are slower than 1 cm/s, it is at most 0.5 mm/s.
 #[test]
-fn what_moves_is_solved_to_a_part_of_its_speed() {
+fn fast_islands_are_solved_to_a_fraction_of_their_speed() {
     let mut world = heap(0.0);
     (world.settings.tolerance, world.settings.substeps) = (1e-3, 8);
     let mut worst = [0.0f64; 2];
@@ -961,7 +962,7 @@ fn what_moves_is_solved_to_a_part_of_its_speed() {
 /// A heap at rest begins each substep with its solution, so one iteration certifies it: eight for a
 /// step. A step of the falling heap takes more than 64.
 #[test]
-fn what_rests_is_proven_at_once() {
+fn bodies_at_rest_are_certified_at_once() {
     let mut world = heap(0.0);
     world.settings = StepSettings::certified();
     let mut iterations = || world.step(DT).unwrap().certified.unwrap().iterations;
@@ -974,7 +975,7 @@ fn what_rests_is_proven_at_once() {
 /// An island of infinite masses has no root mean square by mass. The solver gives it up in fewer
 /// than 8000 iterations per step.
 #[test]
-fn what_only_turns_is_given_up() {
+fn islands_of_infinite_mass_are_given_up() {
     let material = surface(0.5, 0.0);
     let mut world = World3::new(StepSettings::certified());
     world.gravity = Vector([0.0, -9.81, 0.0]);
@@ -995,7 +996,7 @@ fn what_only_turns_is_given_up() {
 
 /// Stages of a step are timed only on request. Their sum is then at most the time of the step.
 #[test]
-fn stages_are_timed_where_that_is_asked_for() {
+fn stages_are_timed_on_request() {
     let material = surface(0.5, 0.0);
     let mut world = World3::new(StepSettings::certified());
     world.gravity = Vector([0.0, -9.81, 0.0]);

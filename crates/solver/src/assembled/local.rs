@@ -63,82 +63,145 @@ fn line<const D: usize>(a: &Block<D>, b: &[f64; D], friction: f64) -> Option<(f6
     Some((normal, [side * normal, 0.0]))
 }
 
-/// Solves a contact with two tangents by the root of mu r_n / |r_t| - 1, which is nearly linear in
-/// lambda.
+/// Solves a contact with two tangents: it sticks, or it slides at the root of [`Sliding::error`].
 fn disc<const D: usize>(
     a: &Block<D>,
     b: &[f64; D],
     friction: f64,
     lambda: &mut f64,
 ) -> Option<(f64, [f64; 2])> {
-    let inverse = 1.0 / a[0][0];
-    let s = |i: usize, j: usize| a[i][j] - a[i][0] * a[0][j] * inverse;
-    let (s11, s12, s21, s22) = (s(1, 1), s(1, 2), s(2, 1), s(2, 2));
-    let c = [b[1] - a[1][0] * b[0] * inverse, b[2] - a[2][0] * b[0] * inverse];
-    let free = -b[0] * inverse;
-    // inverted(lambda) = -(S + lambda)^-1
-    let inverted = |lambda: f64| {
+    let sliding = Sliding::of(a, b, friction);
+    if sliding.determinant() > 1e-14 * sliding.size().powi(2) {
+        let t = sliding.tangents(0.0);
+        if length(t) <= friction * sliding.normal(t) {
+            *lambda = 0.0;
+            return Some((sliding.normal(t), t));
+        }
+    }
+    if length(sliding.c) == 0.0 {
+        return Some((sliding.free, [0.0; 2]));
+    }
+    let scale = 0.5 * sliding.size() + a[0][0] * f64::EPSILON;
+    let start = if *lambda > 0.0 && lambda.is_finite() { *lambda } else { 0.1 * scale };
+    *lambda = sliding.root(start);
+    let t = sliding.tangents(*lambda);
+    // Projects exactly onto the cone despite the rounding of lambda.
+    let n = sliding.normal(t);
+    let shrink = (friction * n / length(t)).min(1.0);
+    Some((n, [shrink * t[0], shrink * t[1]]))
+}
+
+fn length(t: [f64; 2]) -> f64 {
+    (t[0] * t[0] + t[1] * t[1]).sqrt()
+}
+
+/// Returns the product of a matrix and a vector.
+fn times(m: [[f64; 2]; 2], x: [f64; 2]) -> [f64; 2] {
+    m.map(|row| row[0] * x[0] + row[1] * x[1])
+}
+
+/// The sliding equation of a contact with two tangents, r_n eliminated.
+struct Sliding {
+    /// S, row by row.
+    s: [[f64; 2]; 2],
+    c: [f64; 2],
+    /// -b_n / A_nn: r_n without tangential impulses.
+    free: f64,
+    /// A_nt, and 1 / A_nn.
+    coupling: [f64; 2],
+    inverse: f64,
+    /// mu.
+    friction: f64,
+}
+
+impl Sliding {
+    fn of<const D: usize>(a: &Block<D>, b: &[f64; D], friction: f64) -> Self {
+        let inverse = 1.0 / a[0][0];
+        let s = |i: usize, j: usize| a[i][j] - a[i][0] * a[0][j] * inverse;
+        Self {
+            s: [[s(1, 1), s(1, 2)], [s(2, 1), s(2, 2)]],
+            c: [b[1] - a[1][0] * b[0] * inverse, b[2] - a[2][0] * b[0] * inverse],
+            free: -b[0] * inverse,
+            coupling: [a[0][1], a[0][2]],
+            inverse,
+            friction,
+        }
+    }
+
+    /// Returns the determinant of S.
+    fn determinant(&self) -> f64 {
+        let [[s11, s12], [s21, s22]] = self.s;
+        s11 * s22 - s12 * s21
+    }
+
+    /// Returns the sum of the absolute diagonal entries of S.
+    fn size(&self) -> f64 {
+        self.s[0][0].abs() + self.s[1][1].abs()
+    }
+
+    /// Returns -(S + lambda)^-1.
+    fn inverted(&self, lambda: f64) -> [[f64; 2]; 2] {
+        let [[s11, s12], [s21, s22]] = self.s;
         let (p, q) = (s11 + lambda, s22 + lambda);
         let scale = 1.0 / (p * q - s12 * s21);
         [[-q * scale, s12 * scale], [s21 * scale, -p * scale]]
-    };
-    let times = |m: [[f64; 2]; 2], x: [f64; 2]| m.map(|row| row[0] * x[0] + row[1] * x[1]);
-    let normal = |t: [f64; 2]| free - (a[0][1] * t[0] + a[0][2] * t[1]) * inverse;
-    let length = |t: [f64; 2]| (t[0] * t[0] + t[1] * t[1]).sqrt();
+    }
 
-    let determinant = s11 * s22 - s12 * s21;
-    if determinant > 1e-14 * (s11.abs() + s22.abs()).powi(2) {
-        let t = times(inverted(0.0), c);
-        if length(t) <= friction * normal(t) {
-            *lambda = 0.0;
-            return Some((normal(t), t));
-        }
+    /// Returns r_t for this lambda.
+    fn tangents(&self, lambda: f64) -> [f64; 2] {
+        times(self.inverted(lambda), self.c)
     }
-    if length(c) == 0.0 {
-        return Some((free, [0.0; 2]));
+
+    /// Returns r_n for this r_t.
+    fn normal(&self, t: [f64; 2]) -> f64 {
+        self.free - (self.coupling[0] * t[0] + self.coupling[1] * t[1]) * self.inverse
     }
-    let (mut low, mut high) = (0.0, f64::INFINITY);
-    let scale = 0.5 * (s11.abs() + s22.abs()) + a[0][0] * f64::EPSILON;
-    let mut at = if *lambda > 0.0 && lambda.is_finite() { *lambda } else { 0.1 * scale };
-    for _ in 0..STEPS {
-        let solve = inverted(at);
-        let t = times(solve, c);
-        let (n, squared) = (normal(t), t[0] * t[0] + t[1] * t[1]);
-        let part = friction / squared.sqrt();
+
+    /// Returns mu r_n / |r_t| - 1 at this lambda, which is nearly linear in lambda, and the next
+    /// lambda of Newton's method.
+    fn error(&self, lambda: f64) -> (f64, f64) {
+        let solve = self.inverted(lambda);
+        let t = times(solve, self.c);
+        let (n, squared) = (self.normal(t), t[0] * t[0] + t[1] * t[1]);
+        let part = self.friction / squared.sqrt();
         let error = part * n - 1.0;
-        if error.abs() <= TOLERANCE {
-            break;
-        }
-        if error < 0.0 {
-            low = at;
-        } else {
-            high = at;
-        }
         // d r_t / d lambda = -(S + lambda)^-1 r_t.
         let dt = times(solve, t);
-        let dn = -(a[0][1] * dt[0] + a[0][2] * dt[1]) * inverse;
+        let dn = -(self.coupling[0] * dt[0] + self.coupling[1] * dt[1]) * self.inverse;
         let along = t[0] * dt[0] + t[1] * dt[1];
-        let newton = at - error * squared / (part * (dn * squared - n * along));
-        let next = if newton > low && newton < high {
-            newton
-        } else if high.is_finite() {
-            0.5 * (low + high)
-        } else {
-            4.0 * at
-        };
-        // Convergence is quadratic here, so a further step would only change rounding.
-        let last = error.abs() <= ALMOST || (next - at).abs() <= f64::EPSILON * at;
-        at = next;
-        if last {
-            break;
-        }
+        (error, lambda - error * squared / (part * (dn * squared - n * along)))
     }
-    *lambda = at;
-    let t = times(inverted(at), c);
-    // Projects exactly onto the cone despite the rounding of lambda.
-    let n = normal(t);
-    let shrink = (friction * n / length(t)).min(1.0);
-    Some((n, [shrink * t[0], shrink * t[1]]))
+
+    /// Returns the root of the error, by Newton's method from `start` and bisection where that
+    /// leaves the bracket.
+    fn root(&self, start: f64) -> f64 {
+        let (mut low, mut high, mut at) = (0.0, f64::INFINITY, start);
+        for _ in 0..STEPS {
+            let (error, newton) = self.error(at);
+            if error.abs() <= TOLERANCE {
+                break;
+            }
+            if error < 0.0 {
+                low = at;
+            } else {
+                high = at;
+            }
+            let next = if newton > low && newton < high {
+                newton
+            } else if high.is_finite() {
+                0.5 * (low + high)
+            } else {
+                4.0 * at
+            };
+            // Convergence is quadratic here, so a further step would only change rounding.
+            let last = error.abs() <= ALMOST || (next - at).abs() <= f64::EPSILON * at;
+            at = next;
+            if last {
+                break;
+            }
+        }
+        at
+    }
 }
 
 #[cfg(test)]

@@ -189,14 +189,7 @@ impl<const D: usize> Newton<'_, D> {
                 return true;
             }
             // Accurate enough relative to the distance from the center.
-            let way: f64 = r
-                .as_flattened()
-                .iter()
-                .zip(center.as_flattened())
-                .map(|(r, c)| (alpha * (r - c)).powi(2))
-                .sum::<f64>()
-                / self.blocks.mean_diagonal().max(f64::MIN_POSITIVE);
-            if equations.merit <= 1e-4 * way {
+            if equations.merit <= 1e-4 * self.shift_energy(r, center, alpha) {
                 return true;
             }
             let before = merits.len().checked_sub(1 + SPAN).map(|at| merits[at]);
@@ -205,6 +198,13 @@ impl<const D: usize> Newton<'_, D> {
             }
         }
         false
+    }
+
+    /// Returns |alpha (r - c)|^2 over the mean diagonal of W. \[J\]
+    fn shift_energy(&self, r: &[[f64; D]], center: &[[f64; D]], alpha: f64) -> f64 {
+        let pairs = r.as_flattened().iter().zip(center.as_flattened());
+        let squared = pairs.map(|(r, c)| (alpha * (r - c)).powi(2)).sum::<f64>();
+        squared / self.blocks.mean_diagonal().max(f64::MIN_POSITIVE)
     }
 
     /// Returns W r.

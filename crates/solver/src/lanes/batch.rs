@@ -18,8 +18,8 @@ use crate::thread_pool::{DisjointSlice, Divide, ThreadPool};
 use crate::{Contact, SurfaceEffects, Velocity};
 
 /// Consecutive bodies that no manifold couples to others, with their manifolds, in their
-/// [`LaneSystem`](super::LaneSystem) system. It can be solved through all substeps before the next batch,
-/// or in parallel with other batches.
+/// [`LaneSystem`](super::LaneSystem) system. It can be solved through all substeps before the next
+/// batch, or in parallel with other batches.
 ///
 /// Velocities, displacements and other data of bodies are passed as slices over its own bodies
 /// only.
@@ -207,5 +207,10 @@ pub(crate) trait Passes<const L: usize, const A: usize>: Debug + Sync {
 
     fn overlap(&self, all: View<'_, L, A>) -> f32;
 
-    fn trace(&self, batch: &mut LaneBatch<'_, L, A>, displacements: &Velocities<L, A>, hold: f32);
+    fn trace(
+        &self,
+        batch: &mut LaneBatch<'_, L, A>,
+        displacements: &Velocities<L, A>,
+        stick_rate: f32,
+    );
 }

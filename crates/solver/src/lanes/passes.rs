@@ -85,9 +85,9 @@ impl<const L: usize, const A: usize> LaneBatch<'_, L, A> {
     }
 
     /// Adds the velocities of belts to targets that have just been set. The belts have run for
-    /// `elapsed` \[s\] since gaps were measured. `hold` is that of [`Repair`].
-    pub fn run_belts(&mut self, elapsed: f32, hold: f32) {
-        self.passes.run_belts(self, [1.0 + hold * elapsed, 0.0]);
+    /// `elapsed` \[s\] since gaps were measured. `stick_rate` is that of [`Repair`].
+    pub fn run_belts(&mut self, elapsed: f32, stick_rate: f32) {
+        self.passes.run_belts(self, [1.0 + stick_rate * elapsed, 0.0]);
     }
 
     /// Adds the motion of belts that have run for `elapsed` \[s\] to the slips, before these are
@@ -108,9 +108,9 @@ impl<const L: usize, const A: usize> LaneBatch<'_, L, A> {
 
     /// Updates gaps and slips after the bodies have moved by `displacements`. Writes the data that
     /// points pass to the next step, ordered by manifold, to the slice given to
-    /// [`LaneSystem::whole`](super::LaneSystem::whole). `hold` is that of [`Repair`].
-    pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], hold: f32) {
-        self.passes.trace(self, displacements, hold);
+    /// [`LaneSystem::whole`](super::LaneSystem::whole). `stick_rate` is that of [`Repair`].
+    pub fn trace(&mut self, displacements: &[Velocity<f32, L, A>], stick_rate: f32) {
+        self.passes.trace(self, displacements, stick_rate);
     }
 }
 
@@ -406,7 +406,12 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
         )
     }
 
-    fn trace(&self, batch: &mut LaneBatch<'_, L, A>, displacements: &Velocities<L, A>, hold: f32) {
+    fn trace(
+        &self,
+        batch: &mut LaneBatch<'_, L, A>,
+        displacements: &Velocities<L, A>,
+        stick_rate: f32,
+    ) {
         let first = batch.bodies.start;
         assert_eq!(batch.traces.len(), batch.coloring.all_points(), "a trace for each point");
         let field = BlocksMut::<V, L, A>::new(batch);
@@ -423,7 +428,7 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
                 let points = points[..manifold.count as usize].iter_mut();
                 for (point, contact) in points.enumerate() {
                     let gap = contact.gap + contact.relative_velocity(&moved);
-                    contact.gap = contact.held_slip(manifold.friction, splat(hold), gap);
+                    contact.gap = contact.held_slip(manifold.friction, splat(stick_rate), gap);
                     field.trace(index, point, contact);
                 }
             },

@@ -182,7 +182,11 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
                 pgs::visit::<$lanes, L, A, $felt, LAW, FRICTION>(
                     (view(manifold), view(mobility), view(masses)),
                     view_all_mut(points),
-                    &mut Lagging { at: self, lag: lagging.then_some((view(lag), view(masses))) },
+                    &mut Lagging {
+                        at: self,
+                        lag: lagging.then_some(view(lag)),
+                        masses: view(masses),
+                    },
                 )
             };
         }
@@ -246,7 +250,8 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
 /// The bodies of a block, with the lag of J^T gamma to apply to them before a visit.
 struct Lagging<'a, V: Lanes, C: KernelLanes, const L: usize, const A: usize> {
     at: &'a BlockVisit<'a, V, L, A>,
-    lag: Option<(&'a [Velocity<C, L, A>; 2], &'a [InverseMass<C, L, A>; 2])>,
+    lag: Option<&'a [Velocity<C, L, A>; 2]>,
+    masses: &'a [InverseMass<C, L, A>; 2],
 }
 
 impl<V: Lanes, C: KernelLanes, const L: usize, const A: usize> BodyPair<C, L, A>
@@ -255,9 +260,9 @@ impl<V: Lanes, C: KernelLanes, const L: usize, const A: usize> BodyPair<C, L, A>
     #[inline(always)]
     fn velocities(&self) -> [Velocity<C, L, A>; 2] {
         let [mut a, mut b] = self.at.gather();
-        if let Some(([to_a, from_b], masses)) = self.lag {
-            a += masses[0].velocity(to_a);
-            b -= masses[1].velocity(from_b);
+        if let Some([to_a, from_b]) = self.lag {
+            a += self.masses[0].velocity(to_a);
+            b -= self.masses[1].velocity(from_b);
         }
         [a, b]
     }

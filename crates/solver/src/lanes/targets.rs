@@ -34,8 +34,8 @@ impl<'a, const L: usize, const A: usize> Targets<'a, f32, L, A> {
             dt: splat(repair.dt),
             rate: splat(repair.rate),
             slop: splat(repair.slop),
-            push_speed: splat(repair.push_speed),
-            hold: splat(repair.hold),
+            max_repair_speed: splat(repair.max_repair_speed),
+            stick_rate: splat(repair.stick_rate),
         };
         Targets { first, displacements, turning, repair }
     }
@@ -58,7 +58,8 @@ impl<V: Lanes, const L: usize, const A: usize> Targets<'_, V, L, A> {
         }
     }
 
-    /// Sets the targets of points that feel `B` components of rotation ([`ConstraintFrame::twist_felt`]).
+    /// Sets the targets of points that feel `B` components of rotation
+    /// ([`ConstraintFrame::twist_felt`]).
     #[inline(always)]
     fn set_felt<const B: usize>(
         &self,
@@ -130,7 +131,8 @@ pub(super) fn land<V: Lanes, const L: usize, const A: usize>(
     }
 }
 
-/// Sets the targets for points that feel `B` components of rotation ([`ConstraintFrame::twist_felt`]).
+/// Sets the targets for points that feel `B` components of rotation
+/// ([`ConstraintFrame::twist_felt`]).
 ///
 /// [`ConstraintFrame::twist_felt`]: crate::Manifold
 #[inline(always)]

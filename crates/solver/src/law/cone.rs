@@ -64,6 +64,15 @@ impl<T: Real, const L: usize> Cone<T, L> {
         y
     }
 
+    /// Returns the impulse that answers the missing velocity y.
+    #[inline(always)]
+    fn respond_to(&self, y: Vector<T, L>) -> Vector<T, L> {
+        let answer = self.respond(y);
+        let mut r = y * answer.part;
+        r[0] = answer.normal;
+        r
+    }
+
     #[inline(always)]
     fn respond(&self, y: Vector<T, L>) -> Answer<T> {
         let mu = self.friction;
@@ -101,11 +110,13 @@ impl<T: Real, const L: usize> Law<T, L> for Cone<T, L> {
 
     #[inline(always)]
     fn response(&self, u: Vector<T, L>) -> Vector<T, L> {
-        let y = self.pull(u);
-        let answer = self.respond(y);
-        let mut r = y * answer.part;
-        r[0] = answer.normal;
-        r
+        self.respond_to(self.pull(u))
+    }
+
+    /// Subtracts the way from what is missing, so that u and its target cancel first.
+    #[inline(always)]
+    fn response_along(&self, u: Vector<T, L>, way: Vector<T, L>, length: T) -> Vector<T, L> {
+        self.respond_to(self.pull(u) - way * length)
     }
 
     /// Projects onto K along the tangents, after the normal component.

@@ -168,7 +168,7 @@ fn locked_axes_stay_locked() {
 }
 
 #[test]
-fn numbers_that_are_none_are_refused() {
+fn nan_is_refused() {
     let mut system = any_system::<2, 1>(1, true);
     system.velocities[0].linear[0] = f64::NAN;
     let error = Problem::of_system(&system).unwrap_err();

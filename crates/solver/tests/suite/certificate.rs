@@ -83,14 +83,14 @@ fn bound_holds<const L: usize, const A: usize>(
             tightness.ratios.push(certificate.error() / truth);
         }
         // Perturbed velocities, which no longer agree with the impulses.
-        let mut strayed = sweeping.clone();
-        for (velocity, mass) in strayed.velocities.iter_mut().zip(&system.masses) {
+        let mut perturbed = sweeping.clone();
+        for (velocity, mass) in perturbed.velocities.iter_mut().zip(&system.masses) {
             if *mass != InverseMass::FIXED {
                 velocity.linear[0] += random.within(-3.0, 3.0) * truth;
             }
         }
-        let truth = apart(&system, &strayed.velocities, &exact.velocities);
-        holds(&certify(&strayed, &system.velocities), truth, seed);
+        let truth = apart(&system, &perturbed.velocities, &exact.velocities);
+        holds(&certify(&perturbed, &system.velocities), truth, seed);
     }
 }
 

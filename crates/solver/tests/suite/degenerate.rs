@@ -162,7 +162,7 @@ fn copies_of_a_contact() {
 }
 
 #[test]
-fn contacts_between_what_nothing_moves() {
+fn contacts_between_fixed_bodies() {
     in_all_four!(nothing_moves);
 }
 

@@ -97,7 +97,7 @@ fn single_precision<const L: usize, const A: usize>(seed: u64) {
 }
 
 const REPAIR: Repair<f32> =
-    Repair { dt: 0.01, rate: 0.2, slop: 0.001, push_speed: 1.0, hold: 20.0 };
+    Repair { dt: 0.01, rate: 0.2, slop: 0.001, max_repair_speed: 1.0, stick_rate: 20.0 };
 
 /// Returns a system after three substeps in packed form.
 fn packed<const L: usize, const A: usize>(
@@ -305,7 +305,7 @@ fn step_both<const L: usize, const A: usize>(
         let (mut velocities, mut whole) = (system.velocities.clone(), packed.whole(&mut traces));
         whole.sweep_normals_to_targets(&mut velocities, &displacements, false, &REPAIR);
         whole.relax(&mut velocities, false, None);
-        whole.trace(&displacements, REPAIR.hold);
+        whole.trace(&displacements, REPAIR.stick_rate);
         let mut after = System { velocities, ..system.clone() };
         packed.unpack(&mut after);
         after
@@ -529,7 +529,7 @@ fn gradients_by_island<const L: usize, const A: usize>(seed: u64) {
 }
 
 #[test]
-fn gradients_are_of_islands() {
+fn gradients_belong_to_islands() {
     in_all_four!(gradients_by_island, 17);
 }
 
@@ -585,7 +585,7 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
                         batch.sweep(v);
                         batch.relax(v, false, None);
                     }
-                    batch.trace(moved, REPAIR.hold);
+                    batch.trace(moved, REPAIR.stick_rate);
                 },
             );
             lanes.unpack(&mut after);
@@ -609,7 +609,7 @@ fn batches_and_whole<const L: usize, const A: usize>(seed: u64) {
 }
 
 #[test]
-fn batches_and_everything() {
+fn batches_equal_the_whole() {
     in_all_four!(batches_and_whole, 5);
 }
 

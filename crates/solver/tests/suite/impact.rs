@@ -222,7 +222,7 @@ fn a_flat_landing_bounces_straight_up() {
 /// A driven wall moves towards a fixed wall and pushes a ball. The contact between the walls is not
 /// a collision.
 #[test]
-fn what_nothing_moves_does_not_collide() {
+fn fixed_bodies_do_not_collide() {
     for law in LAWS {
         let mut scene = Scene::<2, 0>::new();
         let (left, right) = (scene.wall(), scene.wall());
@@ -323,7 +323,7 @@ proptest! {
 }
 
 #[test]
-fn the_order_of_contacts_plays_no_part() {
+fn the_order_of_contacts_has_no_effect() {
     for seed in 0..500 {
         in_all_four!(any_order, seed);
     }

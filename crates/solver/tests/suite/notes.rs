@@ -278,7 +278,7 @@ mod overlap_repair {
     use super::*;
 
     const REPAIR: Repair<f64> =
-        Repair { dt: 0.01, rate: 0.2, slop: 0.0, push_speed: 1e9, hold: 0.0 };
+        Repair { dt: 0.01, rate: 0.2, slop: 0.0, max_repair_speed: 1e9, stick_rate: 0.0 };
 
     /// Returns a ball of 2 kg that overlaps the floor by `depth` \[m\].
     fn sunk(depth: f64) -> Scene<2, 0> {
@@ -317,7 +317,7 @@ mod overlap_repair {
     fn slop_is_left_alone_and_the_push_has_a_limit() {
         let target = |depth| {
             let mut scene = sunk(depth);
-            let repair = Repair { slop: 0.01, push_speed: 1.5, ..REPAIR };
+            let repair = Repair { slop: 0.01, max_repair_speed: 1.5, ..REPAIR };
             scene.system.set_targets(&[Velocity::ZERO; 2], &repair);
             scene.system.contacts[0].target[0]
         };
@@ -407,7 +407,8 @@ mod restitution_targets {
         let mut scene = ball_in_walls(&[std::f64::consts::FRAC_PI_2]);
         scene.system.manifolds[0].restitution = 0.5;
         scene.system.contacts[0].gap[0] = gap;
-        let repair = Repair { dt: 0.01, rate: 0.2, slop: 0.0, push_speed: 10.0, hold: 0.0 };
+        let repair =
+            Repair { dt: 0.01, rate: 0.2, slop: 0.0, max_repair_speed: 10.0, stick_rate: 0.0 };
         scene.system.set_targets(&[Velocity::ZERO; 2], &repair);
         // The prospective velocity must not affect the target.
         scene.system.velocities[0].linear[1] = before - 123.0;
@@ -1340,7 +1341,7 @@ mod identities {
     /// press the second end against the floor, and stopping that end would add energy. So the
     /// impact is scaled down.
     #[test]
-    fn a_blow_that_would_add_energy_is_scaled_down() {
+    fn an_impact_that_would_add_energy_is_scaled_down() {
         let mut scene = Scene::<2, 1>::new();
         let rod = scene.body(Vector::ZERO, 1.0, Vector([0.3]), &[Vector([1.0])]);
         let floor = scene.wall();

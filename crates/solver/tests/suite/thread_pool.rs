@@ -22,7 +22,7 @@ fn shares_cover_all_items() {
 }
 
 #[test]
-fn every_member_does_a_job_once_and_parts_cover_it() {
+fn every_worker_does_a_job_once_and_parts_cover_it() {
     for threads in [1, 2, 3, 8] {
         let pool = ThreadPool::new(threads);
         assert_eq!(pool.threads(), threads);
@@ -41,7 +41,7 @@ fn every_member_does_a_job_once_and_parts_cover_it() {
 /// When several ranges are split one after the other, all workers get about the same total, and
 /// each item goes to one worker.
 #[test]
-fn what_some_had_less_of_they_have_more_of_later() {
+fn shares_even_out_over_several_ranges() {
     let kinds = [1, 3, 0, 5, 1, 1, 13, 2];
     for threads in 1..=8 {
         let pool = ThreadPool::new(threads);
@@ -70,7 +70,7 @@ fn what_some_had_less_of_they_have_more_of_later() {
 }
 
 #[test]
-fn nobody_goes_on_before_all_have_met() {
+fn no_worker_passes_a_barrier_before_all_arrive() {
     let pool = ThreadPool::new(4);
     let steps: Vec<_> = (0..200).map(|_| AtomicUsize::new(0)).collect();
     pool.run(true, &|worker| {
@@ -93,7 +93,7 @@ fn items_are_handed_out_once() {
 }
 
 #[test]
-fn a_job_within_a_job_is_done_alone() {
+fn a_nested_job_runs_on_one_thread() {
     let pool = Arc::new(ThreadPool::new(2));
     let done = AtomicUsize::new(0);
     pool.run(true, &|_| {

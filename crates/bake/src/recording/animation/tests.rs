@@ -101,13 +101,13 @@ fn rotations_change_their_sign_nowhere() {
 }
 
 #[test]
-fn what_rests_has_no_channel() {
+fn bodies_at_rest_have_no_channel() {
     let run = recording([1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0].repeat(100));
     assert!(!clip(&run, &Sampling::default()).2);
 }
 
 #[test]
-fn what_rests_elsewhere_is_put_there() {
+fn bodies_at_rest_elsewhere_get_their_pose() {
     let run = recording([1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0].repeat(3));
     let mut document = json!({"nodes": [{"translation": [1.0, 2.0, 3.0]}]});
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut Vec::new(), buffer: 0 };

@@ -85,7 +85,7 @@ fn a_torn_record_is_cut_off() {
 
 /// A flipped bit ends the journal before its record, or makes it unreadable.
 #[test]
-fn a_turned_bit_is_noticed() {
+fn a_flipped_bit_is_detected() {
     let (_folder, path, ends) = whole();
     let (bytes, good) = (fs::read(&path).unwrap(), read(&path).unwrap());
     for place in 0..bytes.len() {
@@ -129,7 +129,7 @@ fn one_writes_and_others_read() {
 }
 
 #[test]
-fn what_is_no_journal_is_left_alone() {
+fn files_that_are_not_journals_are_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("letters.journal");
     assert!(Journal::resume(&path).unwrap().is_none());
@@ -139,7 +139,7 @@ fn what_is_no_journal_is_left_alone() {
         Journal::resume(&path).map(|_| ()).unwrap_err(),
         Journal::create(&path, &header()).map(|_| ()).unwrap_err(),
     ] {
-        assert!(error.to_string().contains("no journal"), "{error}");
+        assert!(error.to_string().contains("not a journal"), "{error}");
     }
     assert_eq!(fs::read(&path).unwrap(), b"Dear diary");
 }
@@ -154,5 +154,5 @@ fn a_difference_is_named() {
     other.settings.substeps = 9;
     assert_eq!(own.difference(&other).unwrap(), "it was baked with substeps 8, not 9");
     other.version = "0.2.0".to_owned();
-    assert_eq!(own.difference(&other).unwrap(), "it is of version 0.1.0, not 0.2.0");
+    assert_eq!(own.difference(&other).unwrap(), "it has version 0.1.0; accepted: 0.2.0");
 }

@@ -1,4 +1,4 @@
-//! What the tests share: worlds and shapes, random scenes, mutations of files.
+//! Helpers of the tests: worlds and shapes, random scenes, mutations of files.
 
 pub(crate) mod mutation;
 pub(crate) mod scenes;

@@ -610,6 +610,116 @@ fn terrain(random: &mut Random, size: f32, bump: f32) -> ShapeKind {
     ShapeKind::Trimesh { vertices, triangles, decomposition: None }
 }
 
+/// Static shapes around the bodies of a trial: nothing, a floor, a terrain or a container.
+struct Surroundings {
+    statics: Vec<drystone_scene::Body>,
+    /// Half of the inner size of the container, if it is one. \[m\]
+    container: Option<Vec<f64>>,
+}
+
+impl Surroundings {
+    /// Puts something random below or around a box of this half size \[m\].
+    fn new(random: &mut Random, range: &Range, half: &[f32]) -> Self {
+        let dimension = half.len();
+        let largest = half.iter().copied().fold(0.0, f32::max);
+        let gap = range.size * range.gap.max(1e-4);
+        let ground_material = range.material(random);
+        let wall = |kind: ShapeKind, position: Vec<f64>| {
+            let mut own = shape(kind, dimension);
+            own.material = ground_material.clone();
+            let mut wall = body(Motion::Static, vec![own], dimension);
+            wall.position = position;
+            wall
+        };
+        let below = |depth: f32| {
+            let mut place = vec![0.0; dimension];
+            place[1] = -f64::from(half[1] + gap + depth);
+            place
+        };
+        let width = 4.0 * largest + 2.0 * range.size;
+        let floor = match random.below(10) {
+            0 | 1 => return Self { statics: Vec::new(), container: None },
+            2 | 3 => {
+                let mut normal = vec![0.0; dimension];
+                normal[1] = 1.0;
+                wall(ShapeKind::Halfspace { normal }, below(0.0))
+            }
+            4 | 5 => {
+                let mut half_extents = vec![f64::from(width); dimension];
+                half_extents[1] = f64::from(0.5 * width);
+                wall(ShapeKind::Box { half_extents }, below(0.5 * width))
+            }
+            6 | 7 if dimension == 3 => {
+                let bump = if random.chance(0.3) { 0.2 * range.size } else { 0.0 };
+                wall(terrain(random, 2.0 * width, bump), below(0.0))
+            }
+            _ => {
+                let inner: Vec<f32> = half.iter().map(|half| half + gap).collect();
+                return Self {
+                    statics: container(&inner, largest, wall),
+                    container: Some(inner.into_iter().map(f64::from).collect()),
+                };
+            }
+        };
+        Self { statics: vec![floor], container: None }
+    }
+}
+
+/// Returns the walls of a container of this inner half size. `thick` is half their thickness. \[m\]
+fn container(
+    inner: &[f32],
+    thick: f32,
+    wall: impl Fn(ShapeKind, Vec<f64>) -> drystone_scene::Body,
+) -> Vec<drystone_scene::Body> {
+    let sides = (0..inner.len()).flat_map(|axis| [-1.0, 1.0].map(|sign| (axis, sign)));
+    let walls = sides.map(|(axis, sign)| {
+        let mut half_extents: Vec<f64> =
+            inner.iter().map(|half| f64::from(half + 2.0 * thick)).collect();
+        half_extents[axis] = f64::from(thick);
+        let mut place = vec![0.0; inner.len()];
+        place[axis] = sign * f64::from(inner[axis] + thick);
+        wall(ShapeKind::Box { half_extents }, place)
+    });
+    walls.collect()
+}
+
+/// Gives one body an infinite mass or infinite moments, if it is dynamic. Returns true if it moves
+/// all the same, or None if its shapes have no inertia.
+fn drive<G: Forms<L, A>, const L: usize, const A: usize>(
+    random: &mut Random,
+    bodies: &mut [drystone_scene::Body],
+) -> Option<bool> {
+    let index = random.below(bodies.len());
+    let body = &mut bodies[index];
+    if body.motion != Motion::Dynamic {
+        return Some(false);
+    }
+    let own = inertia::<G, L, A>(body)?;
+    let moments = |infinite: usize| {
+        let moment =
+            |i: usize| if i == infinite { f64::INFINITY } else { f64::from(own.moments.0[i][i]) };
+        Some((0..A).map(moment).collect())
+    };
+    match random.below(3) {
+        0 => body.mass.mass = Some(f64::INFINITY),
+        1 => {
+            body.mass.mass = Some(f64::INFINITY);
+            body.mass.inertia = moments(A);
+        }
+        _ => body.mass.inertia = moments(random.below(A)),
+    }
+    if body.mass.mass.is_some() {
+        body.mass.density = None;
+        body.gravity_factor = 0.0;
+    }
+    let driven = random.chance(0.5);
+    if !driven {
+        body.linear_velocity.fill(0.0);
+        body.angular_velocity.fill(0.0);
+    }
+    Some(driven)
+}
+
 /// Returns the trial of a seed, or None if no body could be placed.
 pub(crate) fn trial<G: Forms<L, A>, const L: usize, const A: usize>(seed: u64) -> Option<Trial> {
     let random = &mut Random(seed.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(L as u64));
@@ -626,93 +736,14 @@ pub(crate) fn trial<G: Forms<L, A>, const L: usize, const A: usize>(seed: u64) -
         }
     }
     let half: Vec<f32> = (0..L).map(|i| 0.5 * (all.max[i] - all.min[i])).collect();
-    let largest = half.iter().copied().fold(0.0, f32::max);
-    let gap = range.size * range.gap.max(1e-4);
-    let ground_material = range.material(random);
-    let wall = |kind: ShapeKind, position: Vec<f64>| {
-        let mut own = shape(kind, L);
-        own.material = ground_material.clone();
-        let mut wall = body(Motion::Static, vec![own], L);
-        wall.position = position;
-        wall
-    };
-    let below = |depth: f32| {
-        let mut place = vec![0.0; L];
-        place[1] = -f64::from(half[1] + gap + depth);
-        place
-    };
-    let width = 4.0 * largest + 2.0 * range.size;
-    let mut container = None;
-    let mut statics = Vec::new();
-    match random.below(10) {
-        0 | 1 => {}
-        2 | 3 => {
-            let mut normal = vec![0.0; L];
-            normal[1] = 1.0;
-            statics.push(wall(ShapeKind::Halfspace { normal }, below(0.0)));
-        }
-        4 | 5 => {
-            let mut half_extents = vec![f64::from(width); L];
-            half_extents[1] = f64::from(0.5 * width);
-            statics.push(wall(ShapeKind::Box { half_extents }, below(0.5 * width)));
-        }
-        6 | 7 if L == 3 => {
-            let bump = if random.chance(0.3) { 0.2 * range.size } else { 0.0 };
-            statics.push(wall(terrain(random, 2.0 * width, bump), below(0.0)));
-        }
-        _ => {
-            let inner: Vec<f32> = half.iter().map(|half| half + gap).collect();
-            let thick = largest;
-            for axis in 0..L {
-                for sign in [-1.0, 1.0] {
-                    let mut half_extents: Vec<f64> =
-                        inner.iter().map(|half| f64::from(half + 2.0 * thick)).collect();
-                    half_extents[axis] = f64::from(thick);
-                    let mut place = vec![0.0; L];
-                    place[axis] = sign * f64::from(inner[axis] + thick);
-                    statics.push(wall(ShapeKind::Box { half_extents }, place));
-                }
-            }
-            container = Some(inner.into_iter().map(f64::from).collect());
-        }
-    }
+    let Surroundings { mut statics, container } = Surroundings::new(random, &range, &half);
     if random.chance(0.2) && bodies.len() > 1 {
         let index = random.below(bodies.len());
         bodies[index].motion = Motion::Static;
         bodies[index].linear_velocity.fill(0.0);
         bodies[index].angular_velocity.fill(0.0);
     }
-    let mut driven = false;
-    if random.chance(0.08) {
-        let index = random.below(bodies.len());
-        let body = &mut bodies[index];
-        if body.motion == Motion::Dynamic {
-            let own = inertia::<G, L, A>(body)?;
-            let moments = |infinite: usize| {
-                let moment = |i: usize| {
-                    if i == infinite { f64::INFINITY } else { f64::from(own.moments.0[i][i]) }
-                };
-                Some((0..A).map(moment).collect())
-            };
-            match random.below(3) {
-                0 => body.mass.mass = Some(f64::INFINITY),
-                1 => {
-                    body.mass.mass = Some(f64::INFINITY);
-                    body.mass.inertia = moments(A);
-                }
-                _ => body.mass.inertia = moments(random.below(A)),
-            }
-            if body.mass.mass.is_some() {
-                body.mass.density = None;
-                body.gravity_factor = 0.0;
-            }
-            driven = random.chance(0.5);
-            if !driven {
-                body.linear_velocity.fill(0.0);
-                body.angular_velocity.fill(0.0);
-            }
-        }
-    }
+    let driven = random.chance(0.08) && drive::<G, L, A>(random, &mut bodies)?;
     statics.extend(bodies);
     let mut gravity = vec![0.0; L];
     if random.chance(0.75) {

@@ -44,7 +44,7 @@ fn any_problem_is_read_or_refused() {
 
 /// A short file that claims a large matrix takes little memory.
 #[test]
-fn memory_is_taken_for_what_is_there() {
+fn memory_grows_with_the_data_alone() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bomb.json");
     let many = |item: &str| vec![item; 300_000].join(",");

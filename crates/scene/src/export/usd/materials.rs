@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use super::prim::Prim;
+use super::prim::PrimWriter;
 use crate::description::{Combine, Material, Scene};
 use crate::format::surface::COMBINE;
 
@@ -11,12 +11,12 @@ use crate::format::surface::COMBINE;
 pub(super) const SCOPE: &str = "Materials";
 
 /// Bits of friction, restitution and resistances, and the combination rules.
-type Key = ([u64; 4], [Combine; 2]);
+type MaterialKey = ([u64; 4], [Combine; 2]);
 
 /// The distinct surfaces of a scene.
 pub(super) struct Materials<'a> {
     all: Vec<&'a Material>,
-    places: HashMap<Key, usize>,
+    places: HashMap<MaterialKey, usize>,
 }
 
 impl<'a> Materials<'a> {
@@ -32,14 +32,14 @@ impl<'a> Materials<'a> {
     }
 
     /// Returns the prim with all materials; `None` if there are no shapes.
-    pub(super) fn prim(&self) -> Option<Prim> {
-        let mut scope = Prim::new("Scope", SCOPE);
+    pub(super) fn prim(&self) -> Option<PrimWriter> {
+        let mut scope = PrimWriter::new("Scope", SCOPE);
         scope.children = self.all.iter().enumerate().map(|(i, of)| prim(i, of)).collect();
         (!scope.children.is_empty()).then_some(scope)
     }
 
     /// Binds a shape to its material.
-    pub(super) fn bind(&self, shape: &mut Prim, material: &Material) {
+    pub(super) fn bind(&self, shape: &mut PrimWriter, material: &Material) {
         let Some(place) = self.places.get(&key(material)) else { return };
         shape.schemas.push("MaterialBindingAPI");
         let path = format!("</World/{SCOPE}/{}>", name(*place));
@@ -47,7 +47,7 @@ impl<'a> Materials<'a> {
     }
 }
 
-fn key(material: &Material) -> Key {
+fn key(material: &Material) -> MaterialKey {
     let combine = [material.friction_combine, material.restitution_combine];
     let Material { friction, restitution, rolling_resistance, spinning_resistance, .. } = *material;
     let numbers = [friction, restitution, rolling_resistance, spinning_resistance];
@@ -58,8 +58,8 @@ fn name(place: usize) -> String {
     format!("Surface_{place}")
 }
 
-fn prim(place: usize, material: &Material) -> Prim {
-    let mut prim = Prim::new("Material", name(place));
+fn prim(place: usize, material: &Material) -> PrimWriter {
+    let mut prim = PrimWriter::new("Material", name(place));
     prim.schemas.push("PhysicsMaterialAPI");
     prim.set("float physics:dynamicFriction", material.friction);
     prim.set("float physics:restitution", material.restitution);

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::io::{self, Write};
 
 /// A prim to be written.
-pub struct Prim {
+pub struct PrimWriter {
     kind: &'static str,
     name: String,
     /// Lines of metadata in the parentheses, except the schemas.
@@ -14,10 +14,10 @@ pub struct Prim {
     /// Attributes: type and name, and the value.
     attributes: Vec<(String, String)>,
     /// Prims below it.
-    pub children: Vec<Prim>,
+    pub children: Vec<PrimWriter>,
 }
 
-impl Prim {
+impl PrimWriter {
     /// Returns a prim of a kind, without attributes.
     pub fn new(kind: &'static str, name: impl Into<String>) -> Self {
         let (metadata, schemas, attributes) = (Vec::new(), Vec::new(), Vec::new());

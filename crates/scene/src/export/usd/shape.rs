@@ -2,7 +2,7 @@
 
 use super::super::color::{color_of, linear};
 use super::super::mesh::{self, mesh_of, scale_of};
-use super::prim::{Prim, list, space, tuple};
+use super::prim::{PrimWriter, list, space, tuple};
 use crate::description::{Motion, Rotation, Shape, ShapeKind, SurfaceVelocity};
 use crate::engine::Engine;
 use crate::graph::math::{from_up, quat_mul};
@@ -21,7 +21,7 @@ pub(super) struct Look<'a> {
 }
 
 /// Returns the prim of shape `number` of a body.
-pub(super) fn prim(look: &Look<'_>, shape: &Shape, number: usize) -> Prim {
+pub(super) fn prim(look: &Look<'_>, shape: &Shape, number: usize) -> PrimWriter {
     let name = format!("Shape_{number}");
     let Look { dimension, body, motion, .. } = *look;
     let (position, mut rotation) = (space(&shape.position), shape.rotation.quaternion());
@@ -32,14 +32,14 @@ pub(super) fn prim(look: &Look<'_>, shape: &Shape, number: usize) -> Prim {
             faces(&name, kind, look)
         }
         ShapeKind::Sphere { radius } => {
-            let mut prim = Prim::new("Sphere", name);
+            let mut prim = PrimWriter::new("Sphere", name);
             prim.set("double radius", radius);
             prim.set("float3[] extent", extent([*radius; 3]));
             prim
         }
         ShapeKind::Box { half_extents } => {
             scale = space(half_extents);
-            let mut prim = Prim::new("Cube", name);
+            let mut prim = PrimWriter::new("Cube", name);
             prim.set("double size", 2);
             prim.set("float3[] extent", extent([1.0; 3]));
             prim
@@ -53,7 +53,7 @@ pub(super) fn prim(look: &Look<'_>, shape: &Shape, number: usize) -> Prim {
         ShapeKind::Halfspace { normal } => {
             rotation = quat_mul(rotation, from_up(space(normal)));
             let half = mesh::HALF_PLANE;
-            let mut prim = Prim::new("Plane", name);
+            let mut prim = PrimWriter::new("Plane", name);
             prim.set("uniform token axis", "\"Y\"");
             prim.set("bool doubleSided", 1);
             prim.set("double length", 2.0 * half);
@@ -92,8 +92,14 @@ pub(super) fn seen_from_prim(motion: &SurfaceVelocity, shape: &Shape) -> Surface
 }
 
 /// Returns a capsule or a cylinder along y.
-fn round(kind: &'static str, name: String, radius: f64, half_height: f64, reach: f64) -> Prim {
-    let mut prim = Prim::new(kind, name);
+fn round(
+    kind: &'static str,
+    name: String,
+    radius: f64,
+    half_height: f64,
+    reach: f64,
+) -> PrimWriter {
+    let mut prim = PrimWriter::new(kind, name);
     prim.set("uniform token axis", "\"Y\"");
     prim.set("double height", 2.0 * half_height);
     prim.set("double radius", radius);
@@ -102,10 +108,10 @@ fn round(kind: &'static str, name: String, radius: f64, half_height: f64, reach:
 }
 
 /// Returns a mesh. Hulls and 2D shapes collide as the convex hulls of their points.
-fn faces(name: &str, kind: &ShapeKind, look: &Look<'_>) -> Prim {
+fn faces(name: &str, kind: &ShapeKind, look: &Look<'_>) -> PrimWriter {
     let mesh = mesh_of(kind, look.dimension, look.engine);
     let hull = !matches!(kind, ShapeKind::Trimesh { .. });
-    let mut prim = Prim::new("Mesh", name);
+    let mut prim = PrimWriter::new("Mesh", name);
     prim.schemas.push("PhysicsMeshCollisionAPI");
     prim.set(
         "uniform token physics:approximation",

@@ -16,7 +16,7 @@ use std::io;
 use std::path::Path;
 
 use super::super::mesh::hull_triangles;
-use super::prim::{Prim, list, quoted, space, tuple};
+use super::prim::{PrimWriter, list, quoted, space, tuple};
 use super::{Prims, write_stage};
 use crate::description::{Body, Filter, Motion, Rotation, Scene, Shape, ShapeKind, Track};
 use crate::engine::Engine;
@@ -26,14 +26,14 @@ use crate::write::own_words;
 pub(super) const GROUPS: &str = "Groups";
 
 /// A scene as a stage.
-pub struct Stage {
-    world: Prim,
+pub struct StageWriter {
+    world: PrimWriter,
     /// Last time of all tracks. \[s\]
     end: f64,
     frames_per_second: f64,
 }
 
-impl Stage {
+impl StageWriter {
     /// Converts a scene.
     ///
     /// # Errors
@@ -75,7 +75,7 @@ impl Stage {
 
 /// Adds data to the prim of a body that a plain export omits. The error says why the body cannot be
 /// written.
-fn own(prim: &mut Prim, body: &Body, engine: &dyn Engine) -> Result<(), String> {
+fn own(prim: &mut PrimWriter, body: &Body, engine: &dyn Engine) -> Result<(), String> {
     if body.name.is_none() {
         prim.metadata.push("displayName = \"\"".to_owned());
     }
@@ -108,7 +108,7 @@ fn own(prim: &mut Prim, body: &Body, engine: &dyn Engine) -> Result<(), String> 
 }
 
 /// Writes the keys of a track as time samples.
-fn follow(prim: &mut Prim, track: &Track) {
+fn follow(prim: &mut PrimWriter, track: &Track) {
     if track.times.is_empty() {
         return;
     }
@@ -129,7 +129,7 @@ fn follow(prim: &mut Prim, track: &Track) {
 /// Sets the exact points of meshes and hulls, in their order, and the exact normal and rotation of
 /// half-spaces.
 fn exact(
-    prim: &mut Prim,
+    prim: &mut PrimWriter,
     shape: &Shape,
     motion: Motion,
     engine: &dyn Engine,
@@ -167,7 +167,7 @@ fn exact(
 }
 
 /// Returns a collision group for each filter; `None` if all shapes have the default filter.
-fn groups(scene: &Scene, names: &[String]) -> Option<Prim> {
+fn groups(scene: &Scene, names: &[String]) -> Option<PrimWriter> {
     let mut filters: Vec<(Filter, Vec<String>)> = Vec::new();
     for (body, name) in scene.bodies.iter().zip(names) {
         for (number, shape) in body.shapes.iter().enumerate() {
@@ -181,12 +181,12 @@ fn groups(scene: &Scene, names: &[String]) -> Option<Prim> {
     if filters.iter().all(|(filter, _)| *filter == Filter::default()) {
         return None;
     }
-    let mut scope = Prim::new("Scope", GROUPS);
+    let mut scope = PrimWriter::new("Scope", GROUPS);
     scope.children = filters
         .iter()
         .enumerate()
         .map(|(index, (filter, paths))| {
-            let mut prim = Prim::new("PhysicsCollisionGroup", format!("Group_{index}"));
+            let mut prim = PrimWriter::new("PhysicsCollisionGroup", format!("Group_{index}"));
             prim.schemas.push("CollectionAPI:colliders");
             prim.set("rel collection:colliders:includes", list(paths.iter()));
             let apart =

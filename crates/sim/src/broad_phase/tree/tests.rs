@@ -63,7 +63,7 @@ fn finds_each_overlap_once() {
 }
 
 #[test]
-fn is_built_anew_only_where_it_has_worn() {
+fn is_rebuilt_only_where_it_has_degraded() {
     let mut tree = Tree::<2>::default();
     let at = |x: f32, y: f32| {
         let (center, half) = (Vector([x, y]), Vector([0.4; 2]));
@@ -79,7 +79,7 @@ fn is_built_anew_only_where_it_has_worn() {
         let before = tree.built.clone();
         tree.overlaps(&ThreadPool::default());
         built += usize::from(tree.built != before);
-        assert!(tree.wear <= WORN * 128.0, "step {step}: {}", tree.wear / 128.0);
+        assert!(tree.degradation <= DEGRADED * 128.0, "step {step}: {}", tree.degradation / 128.0);
     }
     assert!((2..=15).contains(&built), "built {built} times in 30 steps");
 }

@@ -5,7 +5,7 @@ use crate::geometry::solid::Cuboid;
 /// A function of a direction: a support function, or the gap along an axis from b to a. \[m\]
 type Separates<'a> = &'a dyn Fn([f64; 3]) -> f64;
 
-fn wide(of: V) -> [f64; 3] {
+fn wide(of: Vec3) -> [f64; 3] {
     of.0.map(f64::from)
 }
 
@@ -14,7 +14,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Returns the extent of a cylinder along a unit vector, from the origin, in double precision.
-fn extent(of: &Placed, n: [f64; 3]) -> f64 {
+fn extent(of: &PosedCylinder, n: [f64; 3]) -> f64 {
     let along = dot(wide(of.axis), n);
     let across: [f64; 3] = std::array::from_fn(|i| n[i] - along * wide(of.axis)[i]);
     let around =
@@ -52,10 +52,10 @@ fn most(separates: Separates<'_>) -> f64 {
     best.0
 }
 
-fn placed(random: &mut Random, sizes: [f32; 2], spread: f32) -> Placed {
+fn placed(random: &mut Random, sizes: [f32; 2], spread: f32) -> PosedCylinder {
     let axes = loop {
         let (x, y) = (random.vector(), random.vector());
-        let z: V = moment(x, y);
+        let z: Vec3 = moment(x, y);
         if z.length() > 0.1 {
             let (x, z) = (x * (1.0 / x.length()), z * (1.0 / z.length()));
             break [x, moment(z, x), z];
@@ -66,13 +66,13 @@ fn placed(random: &mut Random, sizes: [f32; 2], spread: f32) -> Placed {
 }
 
 /// Aligns a cylinder with an axis of the world, with a small lean, as resting bodies are.
-fn settled(random: &mut Random, of: Placed) -> Placed {
+fn settled(random: &mut Random, of: PosedCylinder) -> PosedCylinder {
     let i = (random.number().abs() * 3.0) as usize % 3;
     let lean = 10.0f32.powf(-3.5 + 3.0 * random.number());
     let axis = Vector(std::array::from_fn(|j| f32::from(i == j))) + random.vector() * lean;
     let axis = axis * (1.0 / axis.length());
     let side = of.side - axis * axis.dot(of.side);
-    Placed { axis, side: side * (1.0 / side.length()), ..of }
+    PosedCylinder { axis, side: side * (1.0 / side.length()), ..of }
 }
 
 /// Checks a contact against the exact shapes. Its points are on both surfaces, no gap is smaller
@@ -158,7 +158,7 @@ fn contacts_with_boxes_are_exact() {
 }
 
 #[test]
-fn contacts_with_rounds_are_exact() {
+fn contacts_with_rounded_shapes_are_exact() {
     count(300, |turn, random| {
         let mut cylinder = placed(random, SIZES[turn % 5], 0.9);
         if turn % 2 == 0 {
@@ -194,7 +194,7 @@ fn contacts_between_cylinders_are_exact() {
 /// A leaning coin touches a plane at its deepest point, which keeps its feature all the way around.
 /// A lying cylinder touches below its axis with both ends.
 #[test]
-fn the_deepest_place_is_exact_and_keeps_its_name() {
+fn the_deepest_point_is_exact_and_keeps_its_feature() {
     let plane = Plane { point: Vector::ZERO, normal: Vector([0.0, 1.0, 0.0]) };
     let mut before = None;
     for degree in 0..720 {
@@ -205,7 +205,7 @@ fn the_deepest_place_is_exact_and_keeps_its_name() {
         let side = Vector([up, -tilt * cos, 0.0]);
         let side = side * (1.0 / side.length());
         let center = Vector([3.0, 0.01 * up + 0.1 * tilt, 1.0]);
-        let coin = Placed { center, axis, side, radius: 0.1, half: 0.01 };
+        let coin = PosedCylinder { center, axis, side, radius: 0.1, half: 0.01 };
         let mut touch = ContactManifold::default();
         let gap = on_plane(&coin, &plane, 0.001, before, &mut touch);
         assert!(gap.abs() < 1e-6 && touch.points.len() == 1, "{degree}: {gap} {touch:?}");
@@ -217,7 +217,8 @@ fn the_deepest_place_is_exact_and_keeps_its_name() {
     }
     for angle in [0.0f32, 0.7, 2.0] {
         let (side, axis) = (Vector([angle.cos(), angle.sin(), 0.0]), Vector([0.0, 0.0, 1.0]));
-        let log = Placed { center: Vector([0.0, 0.1, 0.0]), axis, side, radius: 0.1, half: 0.5 };
+        let log =
+            PosedCylinder { center: Vector([0.0, 0.1, 0.0]), axis, side, radius: 0.1, half: 0.5 };
         let mut touch = ContactManifold::default();
         on_plane(&log, &plane, 0.001, None, &mut touch);
         assert_eq!(touch.points.len(), 2);

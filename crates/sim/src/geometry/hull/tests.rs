@@ -112,7 +112,7 @@ fn each_edge_is_around_two_faces() {
 }
 
 #[test]
-fn the_farthest_point_is_that_of_a_plain_search() {
+fn the_support_point_is_that_of_a_linear_search() {
     let points = on_sphere(101, 1.0);
     let hull = hull(&points);
     for direction in on_sphere(500, 1.0) {

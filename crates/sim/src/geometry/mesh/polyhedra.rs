@@ -2,26 +2,26 @@
 
 use drystone_solver::{Vector, moment};
 
-use super::solids::{Outline, PARALLEL, Rim, Shape, Sharp, feature};
+use super::solids::{BoundaryContact, ConvexShape, FaceOutline, PARALLEL, Sharp, feature};
 use super::surface::UPRIGHT;
-use super::{Corner, Frame, MeshQuery, Part, V};
+use super::{Corner, Frame, MeshPart, MeshQuery, Vec3};
 use crate::geometry::solid::Polyhedron;
 
 /// A box or a hull in the frame of a mesh.
-pub(super) struct Seen<'a, P> {
+pub(super) struct PolyhedronInMesh<'a, P> {
     pub(super) shape: &'a P,
     pub(super) frame: &'a Frame<3>,
 }
 
-impl<P: Polyhedron> Shape for Seen<'_, P> {
-    fn vertices(&self, out: &mut Vec<V>) {
+impl<P: Polyhedron> ConvexShape for PolyhedronInMesh<'_, P> {
+    fn vertices(&self, out: &mut Vec<Vec3>) {
         self.shape.vertices(out);
         for vertex in out {
             *vertex = self.frame.point(*vertex);
         }
     }
 
-    fn planes(&self, out: &mut Vec<(V, f32)>) {
+    fn planes(&self, out: &mut Vec<(Vec3, f32)>) {
         out.extend((0..self.shape.faces()).map(|own| {
             let (normal, vertex) = self.shape.face(own);
             let normal = self.frame.direction(normal);
@@ -29,9 +29,9 @@ impl<P: Polyhedron> Shape for Seen<'_, P> {
         }));
     }
 
-    fn bounds(&self, vertices: &[V]) -> [V; 3] {
+    fn bounds(&self, vertices: &[Vec3]) -> [Vec3; 3] {
         let (mut min, mut max) = (Vector([f32::INFINITY; 3]), Vector([f32::NEG_INFINITY; 3]));
-        let mut center: V = Vector::ZERO;
+        let mut center: Vec3 = Vector::ZERO;
         for vertex in vertices {
             center += *vertex;
             for i in 0..3 {
@@ -42,16 +42,16 @@ impl<P: Polyhedron> Shape for Seen<'_, P> {
         [min, max, center * (1.0 / vertices.len() as f32)]
     }
 
-    fn low(&self, direction: V, vertices: &[V]) -> f32 {
+    fn low(&self, direction: Vec3, vertices: &[Vec3]) -> f32 {
         let heights = vertices.iter().map(|vertex| direction.dot(*vertex));
         heights.fold(f32::INFINITY, f32::min)
     }
 
-    fn facing(&self, direction: V) -> usize {
+    fn facing(&self, direction: Vec3) -> usize {
         self.shape.facing(self.frame.local_direction(direction))
     }
 
-    fn corners(&self, face: usize, _: V, vertices: &[V], out: &mut Vec<Corner<3>>) {
+    fn corners(&self, face: usize, _: Vec3, vertices: &[Vec3], out: &mut Vec<Corner<3>>) {
         let start = out.len();
         self.shape.corners(face, out);
         for corner in &mut out[start..] {
@@ -59,13 +59,18 @@ impl<P: Polyhedron> Shape for Seen<'_, P> {
         }
     }
 
-    fn within(&self, face: &Outline<'_>, direction: V, [from, along]: [V; 2]) -> Option<[f32; 2]> {
+    fn within(
+        &self,
+        face: &FaceOutline<'_>,
+        direction: Vec3,
+        [from, along]: [Vec3; 2],
+    ) -> Option<[f32; 2]> {
         let polygon = face.corners;
         let [mut first, mut last] = [0.0f32, 1.0f32];
         let turn = winding(polygon, direction);
         for (i, corner) in polygon.iter().enumerate() {
             let (start, end) = (corner.position, polygon[(i + 1) % polygon.len()].position);
-            let outward: V = moment(end - start, direction);
+            let outward: Vec3 = moment(end - start, direction);
             let outward = outward * turn;
             let (height, rise) = (outward.dot(from - start), outward.dot(along));
             if rise > 0.0 {
@@ -79,17 +84,21 @@ impl<P: Polyhedron> Shape for Seen<'_, P> {
         (first < last).then_some([first, last])
     }
 
-    fn covers(&self, face: &Outline<'_>, direction: V, place: V) -> bool {
+    fn covers(&self, face: &FaceOutline<'_>, direction: Vec3, location: Vec3) -> bool {
         let polygon = face.corners;
         let turn = winding(polygon, direction);
         (0..polygon.len()).all(|i| {
             let (start, end) = (polygon[i].position, polygon[(i + 1) % polygon.len()].position);
-            let outward: V = moment(end - start, direction);
-            turn * outward.dot(place - start) <= super::ON_EDGE * outward.dot(outward)
+            let outward: Vec3 = moment(end - start, direction);
+            turn * outward.dot(location - start) <= super::ON_EDGE * outward.dot(outward)
         })
     }
 
-    fn rim(&self, sharp: Sharp<'_>, (vertices, faces): (&[V], &[(V, f32)])) -> Option<(f32, Rim)> {
+    fn rim(
+        &self,
+        sharp: Sharp<'_>,
+        (vertices, faces): (&[Vec3], &[(Vec3, f32)]),
+    ) -> Option<(f32, BoundaryContact)> {
         let (mut best, mut sharp) = (None, sharp);
         for own in 0..self.shape.edges() {
             if let Some((gap, rim)) = self.across(sharp, own, (vertices, faces)) {
@@ -101,7 +110,7 @@ impl<P: Polyhedron> Shape for Seen<'_, P> {
     }
 }
 
-impl<P: Polyhedron> Seen<'_, P> {
+impl<P: Polyhedron> PolyhedronInMesh<'_, P> {
     /// Returns the contact of a mesh edge and an edge of the shape, with the gap along the axis
     /// across both. Returns `None` if the gap is not more than `beat` \[m\], or if the mesh or the
     /// shape does not admit the axis.
@@ -110,8 +119,8 @@ impl<P: Polyhedron> Seen<'_, P> {
         &self,
         Sharp { ahead, edge, line: [from, to], center, beat }: Sharp<'_>,
         own: usize,
-        (vertices, faces): (&[V], &[(V, f32)]),
-    ) -> Option<(f32, Rim)> {
+        (vertices, faces): (&[Vec3], &[(Vec3, f32)]),
+    ) -> Option<(f32, BoundaryContact)> {
         let MeshQuery { surface, prediction, .. } = ahead;
         let [start, end] = self.shape.ends(own).map(|end| vertices[end]);
         let apart = (0..3).any(|i| {
@@ -122,7 +131,7 @@ impl<P: Polyhedron> Seen<'_, P> {
             return None;
         }
         let (along, other) = (to - from, end - start);
-        let across: V = moment(along, other);
+        let across: Vec3 = moment(along, other);
         let (squared, lengths) = (across.dot(across), along.dot(along) * other.dot(other));
         if squared <= PARALLEL * PARALLEL * lengths {
             return None;
@@ -156,15 +165,15 @@ impl<P: Polyhedron> Seen<'_, P> {
         }
         let flat =
             self.shape.flanks(own).into_iter().find(|&own| -faces[own].0.dot(direction) > UPRIGHT);
-        let places = [Some((on_shape, on_mesh, feature(5, own as u64))), None];
-        Some((gap, Rim { part: Part::Edge(edge), direction, flat, places }))
+        let locations = [Some((on_shape, on_mesh, feature(5, own as u64))), None];
+        Some((gap, BoundaryContact { part: MeshPart::Edge(edge), direction, flat, locations }))
     }
 }
 
 /// Returns 1 if a polygon is counter-clockwise as seen from where a direction points, else -1.
-fn winding(polygon: &[Corner<3>], direction: V) -> f32 {
+fn winding(polygon: &[Corner<3>], direction: Vec3) -> f32 {
     let [first, ..] = polygon else { return 1.0 };
-    let mut area: V = Vector::ZERO;
+    let mut area: Vec3 = Vector::ZERO;
     for pair in polygon.windows(2) {
         area += moment(pair[0].position - first.position, pair[1].position - first.position);
     }

@@ -3,8 +3,8 @@
 use drystone_solver::moment;
 
 use super::solids::nearest_inside;
-use super::surface::{Beyond, Face, Facet, UPRIGHT};
-use super::{Above, Gathered, ManifoldPoint, MeshQuery, ON_EDGE, Part, V, add};
+use super::surface::{Beyond, Facet, MeshFace, UPRIGHT};
+use super::{Above, Gathered, ManifoldPoint, MeshPart, MeshQuery, ON_EDGE, Vec3, add};
 use crate::geometry::ContactManifold;
 use crate::geometry::rounds::{RoundedCore, between_rounds, nearest};
 
@@ -39,11 +39,11 @@ pub(crate) fn round(
     for at in 0..gathered.near.len() {
         let index = gathered.near[at];
         if let Some(face) = &ahead.surface.faces[index as usize] {
-            let meeting = Meeting { ahead, round, center: round.at(0.5) };
-            apart = apart.min(meeting.meet(face, gathered, &mut behind));
+            let meeting = RoundQuery { ahead, round, center: round.at(0.5) };
+            apart = apart.min(meeting.collide_face(face, gathered, &mut behind));
         }
     }
-    let meeting = Meeting { ahead, round, center: round.at(0.5) };
+    let meeting = RoundQuery { ahead, round, center: round.at(0.5) };
     meeting.lay_on_facets(gathered);
     if behind && let Some(face) = nearest_inside(ahead, meeting.center, &gathered.near) {
         meeting.push_out(face, gathered);
@@ -52,27 +52,27 @@ pub(crate) fn round(
 }
 
 /// A round shape close to a mesh.
-struct Meeting<'a> {
+struct RoundQuery<'a> {
     ahead: MeshQuery<'a>,
     round: &'a RoundedCore<3>,
-    center: V,
+    center: Vec3,
 }
 
 /// The edge or vertex of a triangle that is nearest to a core.
-struct Rim {
-    part: Part,
+struct NearestBoundary {
+    part: MeshPart,
     distance: f32,
     /// Unit vector from the mesh to the core.
-    direction: V,
+    direction: Vec3,
     /// Position of the nearest point on the core, from 0 to 1.
     along: f32,
-    on_mesh: V,
+    on_mesh: Vec3,
 }
 
-impl Meeting<'_> {
+impl RoundQuery<'_> {
     /// Collects the contacts of the shape with a triangle. Returns a lower bound of their gap.
     /// \[m\] Sets `behind` if the center is behind a face that has one side.
-    fn meet(&self, face: &Face, gathered: &mut Gathered, behind: &mut bool) -> f32 {
+    fn collide_face(&self, face: &MeshFace, gathered: &mut Gathered, behind: &mut bool) -> f32 {
         let MeshQuery { surface, prediction, .. } = self.ahead;
         let facet = &surface.facets[face.facet as usize];
         let (round, radius) = (self.round, self.round.radius);
@@ -97,7 +97,8 @@ impl Meeting<'_> {
                         let range = [first.min(rim.along), last.max(rim.along)];
                         self.is_over(face.facet, side, range, gathered);
                     } else {
-                        if matches!(rim.part, Part::Edge(edge) if surface.wings(edge).len() > 1) {
+                        if matches!(rim.part, MeshPart::Edge(edge) if surface.wings(edge).len() > 1)
+                        {
                             gathered.face(facet, side);
                         }
                         self.on_rim(&rim, gathered);
@@ -116,13 +117,19 @@ impl Meeting<'_> {
     }
 
     /// Returns the range of the core that is over a triangle, or comes over it within the step.
-    fn over(&self, face: &Face, facet: &Facet, side: f32, heights: [f32; 2]) -> Option<[f32; 2]> {
+    fn over(
+        &self,
+        face: &MeshFace,
+        facet: &Facet,
+        side: f32,
+        heights: [f32; 2],
+    ) -> Option<[f32; 2]> {
         let corners = self.ahead.surface.corners(face);
         let [mut first, mut last] = [0.0f32, 1.0f32];
         let along = self.round.ends[1] - self.round.ends[0];
         for k in 0..3 {
             let (from, to) = (corners[k], corners[(k + 1) % 3]);
-            let outward: V = moment(to - from, facet.normal);
+            let outward: Vec3 = moment(to - from, facet.normal);
             let slack = ON_EDGE * outward.dot(outward);
             let (height, rise) =
                 (outward.dot(self.round.ends[0] - from) - slack, outward.dot(along));
@@ -137,12 +144,12 @@ impl Meeting<'_> {
         let mut range = (first <= last).then_some([first, last]);
         for (end, part) in [(0, 0.0f32), (1, 1.0)] {
             let gap = heights[end] - self.round.radius;
-            let place = self.round.ends[end] - facet.normal * (side * self.round.radius);
+            let location = self.round.ends[end] - facet.normal * (side * self.round.radius);
             let covered = range.is_some_and(|[first, last]| first <= part && part <= last);
             if !covered
                 && gap > 0.0
-                && (self.ahead.comes_over(face, facet, side, place, gap)
-                    || self.ahead.is_over(face, facet, side, place, gap))
+                && (self.ahead.moves_onto(face, facet, side, location, gap)
+                    || self.ahead.is_over(face, facet, side, location, gap))
             {
                 let [first, last] = range.unwrap_or([part; 2]);
                 range = Some([first.min(part), last.max(part)]);
@@ -152,9 +159,9 @@ impl Meeting<'_> {
     }
 
     /// Returns the nearest of the sharp edges and vertices of a triangle.
-    fn rim(&self, face: &Face, side: f32) -> Option<Rim> {
+    fn rim(&self, face: &MeshFace, side: f32) -> Option<NearestBoundary> {
         let surface = self.ahead.surface;
-        let mut best: Option<Rim> = None;
+        let mut best: Option<NearestBoundary> = None;
         for k in 0..3 {
             let ends = surface.ends(face.edges[k]);
             let edge = RoundedCore { ends, radius: 0.0 };
@@ -172,9 +179,9 @@ impl Meeting<'_> {
                     if !surface.vertices[vertex as usize].sharp {
                         continue;
                     }
-                    Part::Vertex(vertex)
+                    MeshPart::Vertex(vertex)
                 }
-                None if face.beyond(k, side) == Beyond::Sharp => Part::Edge(face.edges[k]),
+                None if face.beyond(k, side) == Beyond::Sharp => MeshPart::Edge(face.edges[k]),
                 None => continue,
             };
             let on_mesh = vertex.map_or_else(|| edge.at(t), |end| ends[end]);
@@ -182,24 +189,24 @@ impl Meeting<'_> {
             let distance = arm.length();
             if distance > 0.0 && best.as_ref().is_none_or(|best| distance < best.distance) {
                 let direction = arm * (1.0 / distance);
-                best = Some(Rim { part, distance, direction, along, on_mesh });
+                best = Some(NearestBoundary { part, distance, direction, along, on_mesh });
             }
         }
         best
     }
 
     /// Collects the contact with the nearest edge or vertex, if the mesh admits its direction.
-    fn on_rim(&self, rim: &Rim, gathered: &mut Gathered) {
+    fn on_rim(&self, rim: &NearestBoundary, gathered: &mut Gathered) {
         let MeshQuery { surface, prediction, .. } = self.ahead;
-        let &Rim { part, distance, direction, on_mesh, .. } = rim;
+        let &NearestBoundary { part, distance, direction, on_mesh, .. } = rim;
         let radius = self.round.radius;
         let is_ball = self.round.ends[0] == self.round.ends[1];
         let gives = match part {
-            Part::Edge(edge) => {
+            MeshPart::Edge(edge) => {
                 surface.edge_gives(edge, direction)
                     && (is_ball || !surface.edge_is_flush(edge, direction))
             }
-            Part::Vertex(vertex) => {
+            MeshPart::Vertex(vertex) => {
                 surface.vertex_gives(vertex, direction)
                     && (is_ball || !surface.vertex_is_flush(vertex, direction))
             }
@@ -209,7 +216,7 @@ impl Meeting<'_> {
             return;
         }
         match part {
-            Part::Edge(edge) if !is_ball => {
+            MeshPart::Edge(edge) if !is_ball => {
                 // If the capsule lies along the edge, both ends touch.
                 let edge = RoundedCore { ends: surface.ends(edge), radius: 0.0 };
                 let touch = gathered.of(part, direction);
@@ -242,7 +249,7 @@ impl Meeting<'_> {
         for at in 0..gathered.facets.len() {
             let Above { facet: number, behind, over, .. } = gathered.facets[at];
             let side = if behind { -1.0 } else { 1.0 };
-            let touch_part = Part::Facet { facet: number, behind };
+            let touch_part = MeshPart::Facet { facet: number, behind };
             let facet = &self.ahead.surface.facets[number as usize];
             let touch = gathered.of(touch_part, facet.normal * side);
             self.lay(facet, side, over, self.ahead.prediction, touch);
@@ -270,12 +277,12 @@ impl Meeting<'_> {
     }
 
     /// Replaces all contacts by one with a face that pushes the shape out of a solid.
-    fn push_out(&self, face: &Face, gathered: &mut Gathered) {
+    fn push_out(&self, face: &MeshFace, gathered: &mut Gathered) {
         gathered.count = 0;
         let facet = &self.ahead.surface.facets[face.facet as usize];
         let (side, _) = self.ahead.side(facet, self.center);
         gathered.face(facet, side);
-        let part = Part::Facet { facet: face.facet, behind: side < 0.0 };
+        let part = MeshPart::Facet { facet: face.facet, behind: side < 0.0 };
         let touch = gathered.of(part, facet.normal * side);
         self.lay(facet, side, [0.0, 1.0], f32::INFINITY, touch);
     }

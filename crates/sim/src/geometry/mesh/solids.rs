@@ -1,11 +1,11 @@
-//! Contact of boxes, hulls and cylinders ([`Shape`]) with triangle meshes.
+//! Contact of boxes, hulls and cylinders ([`ConvexShape`]) with triangle meshes.
 
 use std::ops::Range;
 
 use drystone_solver::{Vector, moment};
 
-use super::surface::{Beyond, Face, UPRIGHT};
-use super::{Above, Corner, Gathered, ManifoldPoint, MeshQuery, Part, V, add};
+use super::surface::{Beyond, MeshFace, UPRIGHT};
+use super::{Above, Corner, Gathered, ManifoldPoint, MeshPart, MeshQuery, Vec3, add};
 use crate::geometry::ContactManifold;
 use crate::geometry::separation::{PREFERENCE, edge_beyond};
 
@@ -25,44 +25,44 @@ pub(super) fn feature(kind: u64, number: u64) -> u64 {
 }
 
 /// A convex shape in the frame of a mesh. Its faces are flat; those of a cylinder are its caps.
-pub(super) trait Shape {
+pub(super) trait ConvexShape {
     /// Appends its vertices, if it has any.
-    fn vertices(&self, out: &mut Vec<V>);
+    fn vertices(&self, out: &mut Vec<Vec3>);
 
     /// Appends the outward normal of each face, and the offset of its plane along the normal.
     /// \[1, m\]
-    fn planes(&self, out: &mut Vec<(V, f32)>);
+    fn planes(&self, out: &mut Vec<(Vec3, f32)>);
 
     /// Returns the smallest and the largest coordinates, and the center. \[m\]
-    fn bounds(&self, vertices: &[V]) -> [V; 3];
+    fn bounds(&self, vertices: &[Vec3]) -> [Vec3; 3];
 
     /// Returns the height of its lowest point along a direction. \[m\]
-    fn low(&self, direction: V, vertices: &[V]) -> f32;
+    fn low(&self, direction: Vec3, vertices: &[Vec3]) -> f32;
 
     /// Returns the face whose normal is closest to a direction.
-    fn facing(&self, direction: V) -> usize;
+    fn facing(&self, direction: Vec3) -> usize;
 
     /// Appends the points of the shape that can touch a plane with this normal: of a polyhedron,
     /// the corners of `face`.
-    fn corners(&self, face: usize, normal: V, vertices: &[V], out: &mut Vec<Corner<3>>);
+    fn corners(&self, face: usize, normal: Vec3, vertices: &[Vec3], out: &mut Vec<Corner<3>>);
 
     /// Returns the line on which the shape lies on a plane with this normal: its start, and the
     /// vector to its end. Only cylinders have one.
-    fn line(&self, normal: V) -> Option<[V; 2]> {
+    fn line(&self, normal: Vec3) -> Option<[Vec3; 2]> {
         let _ = normal;
         None
     }
 
     /// Returns the range of a line, from 0 to 1, that is within a face as seen along a direction.
     /// The line is given by its start and the vector to its end.
-    fn within(&self, face: &Outline<'_>, direction: V, line: [V; 2]) -> Option<[f32; 2]>;
+    fn within(&self, face: &FaceOutline<'_>, direction: Vec3, line: [Vec3; 2]) -> Option<[f32; 2]>;
 
     /// True if a point is within a face as seen along a direction.
-    fn covers(&self, face: &Outline<'_>, direction: V, place: V) -> bool;
+    fn covers(&self, face: &FaceOutline<'_>, direction: Vec3, location: Vec3) -> bool;
 
     /// Returns the distance of a triangle from the curved side of the shape, across its axis;
     /// negative infinity if it has none. \[m\]
-    fn beside(&self, corners: [V; 3]) -> f32 {
+    fn beside(&self, corners: [Vec3; 3]) -> f32 {
         let _ = corners;
         f32::NEG_INFINITY
     }
@@ -70,21 +70,25 @@ pub(super) trait Shape {
     /// Finds the best axis between the shape and a mesh edge, or an end of it, that both admit.
     /// Returns its gap \[m\], or `None` if no gap is larger than `sharp.beat`. `seen` holds the
     /// shape's own vertices and planes.
-    fn rim(&self, sharp: Sharp<'_>, seen: (&[V], &[(V, f32)])) -> Option<(f32, Rim)>;
+    fn rim(
+        &self,
+        sharp: Sharp<'_>,
+        seen: (&[Vec3], &[(Vec3, f32)]),
+    ) -> Option<(f32, BoundaryContact)>;
 
     /// Returns its radius of curvature at a contact with this normal. \[m\]
-    fn radius(&self, normal: V) -> f32 {
+    fn radius(&self, normal: Vec3) -> f32 {
         let _ = normal;
         0.0
     }
 }
 
 /// A face of a shape.
-pub(super) struct Outline<'a> {
+pub(super) struct FaceOutline<'a> {
     /// Index of the face.
     pub(super) face: usize,
     /// Outward unit normal.
-    pub(super) normal: V,
+    pub(super) normal: Vec3,
     /// Its corners, in order around it. For a cap: the points that can touch a plane.
     pub(super) corners: &'a [Corner<3>],
 }
@@ -95,45 +99,45 @@ pub(super) struct Sharp<'a> {
     pub(super) ahead: MeshQuery<'a>,
     pub(super) edge: u32,
     /// Its ends, in the winding order of a triangle.
-    pub(super) line: [V; 2],
+    pub(super) line: [Vec3; 2],
     /// Center of the shape.
-    pub(super) center: V,
+    pub(super) center: Vec3,
     /// Gap along the best axis so far, which has to be exceeded. \[m\]
     pub(super) beat: f32,
 }
 
 /// Contact of a shape with an edge or a vertex of a mesh.
 #[derive(Clone, Copy)]
-pub(super) struct Rim {
-    pub(super) part: Part,
+pub(super) struct BoundaryContact {
+    pub(super) part: MeshPart,
     /// Unit vector out of the mesh.
-    pub(super) direction: V,
+    pub(super) direction: Vec3,
     /// The face of the shape whose normal is opposite to it, if there is one.
     pub(super) flat: Option<usize>,
     /// Contact points on the shape and on the mesh, with their features.
-    pub(super) places: [Option<(V, V, u64)>; 2],
+    pub(super) locations: [Option<(Vec3, Vec3, u64)>; 2],
 }
 
 /// A shape close to a mesh.
-struct Meeting<'a, S: Shape> {
+struct SolidQuery<'a, S: ConvexShape> {
     ahead: MeshQuery<'a>,
     shape: &'a S,
-    center: V,
+    center: Vec3,
 }
 
 /// Axis of the largest gap between a triangle and a shape, other than the triangle's normal.
 #[derive(Clone, Copy)]
-enum Axis {
+enum MeshAxis {
     /// A face of the shape, and the mesh vertex that is deepest below it.
     Face(usize, u32),
-    Rim(Rim),
+    BoundaryContact(BoundaryContact),
 }
 
 /// Collects the contacts of a shape with a mesh, up to a gap of `prediction`, in the frame of the
 /// mesh. Returns a lower bound of the gap. \[m\]
 pub(super) fn gather(
     ahead: MeshQuery<'_>,
-    shape: &impl Shape,
+    shape: &impl ConvexShape,
     tree: &parry3d::partitioning::Bvh,
     gathered: &mut Gathered,
 ) -> f32 {
@@ -145,12 +149,12 @@ pub(super) fn gather(
     let reach = Vector([ahead.prediction; 3]);
     let near = parry3d::bounding_volume::Aabb::new((min - reach).0.into(), (max + reach).0.into());
     gathered.near.extend(tree.intersect_aabb(&near));
-    let meeting = Meeting { ahead, shape, center };
+    let meeting = SolidQuery { ahead, shape, center };
     let (mut apart, mut inside) = (ahead.prediction, false);
     for at in 0..gathered.near.len() {
         let index = gathered.near[at];
         if let Some(face) = &ahead.surface.faces[index as usize] {
-            apart = apart.min(meeting.meet(face, gathered, &mut inside));
+            apart = apart.min(meeting.collide_face(face, gathered, &mut inside));
         }
     }
     meeting.keep_genuine(gathered);
@@ -160,10 +164,10 @@ pub(super) fn gather(
     apart
 }
 
-impl<S: Shape> Meeting<'_, S> {
+impl<S: ConvexShape> SolidQuery<'_, S> {
     /// Collects the contacts of the shape with a triangle. Returns a lower bound of their gap.
     /// \[m\] Sets `behind` if the center is behind a face that has one side.
-    fn meet(&self, face: &Face, gathered: &mut Gathered, behind: &mut bool) -> f32 {
+    fn collide_face(&self, face: &MeshFace, gathered: &mut Gathered, behind: &mut bool) -> f32 {
         let MeshQuery { surface, prediction, .. } = self.ahead;
         let facet = &surface.facets[face.facet as usize];
         let (side, hidden) = self.ahead.side(facet, self.center);
@@ -190,8 +194,8 @@ impl<S: Shape> Meeting<'_, S> {
         }
         let margin = PREFERENCE * prediction;
         let wins = best.filter(|&(gap, axis)| match axis {
-            Axis::Face(..) => gap > own + margin,
-            Axis::Rim(_) => gap > edge_beyond(own, prediction),
+            MeshAxis::Face(..) => gap > own + margin,
+            MeshAxis::BoundaryContact(_) => gap > edge_beyond(own, prediction),
         });
         // If an axis that the mesh does not admit has a larger gap, then the nearest feature
         // belongs to another triangle. If all axes overlap, that axis may be a side of the shape
@@ -236,7 +240,7 @@ impl<S: Shape> Meeting<'_, S> {
     }
 
     /// Appends the corners of the shape that can touch a plane. Returns their range in `polygon`.
-    fn corners(&self, own: usize, normal: V, gathered: &mut Gathered) -> Range<usize> {
+    fn corners(&self, own: usize, normal: Vec3, gathered: &mut Gathered) -> Range<usize> {
         let start = gathered.polygon.len();
         self.shape.corners(own, normal, &gathered.vertices, &mut gathered.polygon);
         start..gathered.polygon.len()
@@ -252,8 +256,8 @@ impl<S: Shape> Meeting<'_, S> {
     /// Returns the manifold of a part.
     fn manifold<'g>(
         &self,
-        part: Part,
-        normal: V,
+        part: MeshPart,
+        normal: Vec3,
         gathered: &'g mut Gathered,
     ) -> &'g mut ContactManifold<3> {
         gathered.radius = self.shape.radius(normal);
@@ -265,11 +269,11 @@ impl<S: Shape> Meeting<'_, S> {
     /// more than `least` \[m\].
     fn farthest(
         &self,
-        face: &Face,
+        face: &MeshFace,
         side: f32,
         least: f32,
         gathered: &Gathered,
-    ) -> ((f32, usize), Option<(f32, Axis)>) {
+    ) -> ((f32, usize), Option<(f32, MeshAxis)>) {
         let MeshQuery { surface, prediction, .. } = self.ahead;
         let corners = surface.corners(face);
         let (mut most, mut best) = ((f32::NEG_INFINITY, 0), None);
@@ -290,7 +294,7 @@ impl<S: Shape> Meeting<'_, S> {
                 && surface.vertex_gives(vertex, -normal)
             {
                 beat = gap;
-                best = Some((gap, Axis::Face(own, vertex)));
+                best = Some((gap, MeshAxis::Face(own, vertex)));
             }
         }
         for k in (0..3).filter(|&k| face.beyond(k, side) == Beyond::Sharp) {
@@ -299,18 +303,25 @@ impl<S: Shape> Meeting<'_, S> {
             let sharp = Sharp { ahead, edge: face.edges[k], line, center, beat };
             if let Some((gap, rim)) = self.shape.rim(sharp, (&gathered.vertices, &gathered.faces)) {
                 beat = gap;
-                best = Some((gap, Axis::Rim(rim)));
+                best = Some((gap, MeshAxis::BoundaryContact(rim)));
             }
         }
         (most, best)
     }
 
     /// Collects the contacts along an axis that is not the triangle's normal.
-    fn on_axis(&self, face: &Face, side: f32, above: usize, axis: Axis, gathered: &mut Gathered) {
+    fn on_axis(
+        &self,
+        face: &MeshFace,
+        side: f32,
+        above: usize,
+        axis: MeshAxis,
+        gathered: &mut Gathered,
+    ) {
         let surface = self.ahead.surface;
         let direction = match axis {
-            Axis::Face(own, _) => -gathered.faces[own].0,
-            Axis::Rim(rim) => rim.direction,
+            MeshAxis::Face(own, _) => -gathered.faces[own].0,
+            MeshAxis::BoundaryContact(rim) => rim.direction,
         };
         let facet = &surface.facets[face.facet as usize];
         if side * facet.normal.dot(direction) > UPRIGHT {
@@ -318,18 +329,22 @@ impl<S: Shape> Meeting<'_, S> {
         }
         // If a neighboring face has this normal, the contact belongs to that face.
         match axis {
-            Axis::Face(own, vertex) => {
+            MeshAxis::Face(own, vertex) => {
                 if !surface.vertex_is_flush(vertex, direction) {
                     gathered.face(facet, side);
                     self.under(face, own, Some(vertex), gathered);
                 }
             }
-            Axis::Rim(rim) => {
+            MeshAxis::BoundaryContact(rim) => {
                 match rim.part {
-                    Part::Edge(edge) if surface.edge_is_flush(edge, direction) => return,
-                    Part::Edge(edge) if surface.wings(edge).len() > 1 => gathered.face(facet, side),
-                    Part::Vertex(vertex) if surface.vertex_is_flush(vertex, direction) => return,
-                    Part::Vertex(_) => gathered.face(facet, side),
+                    MeshPart::Edge(edge) if surface.edge_is_flush(edge, direction) => return,
+                    MeshPart::Edge(edge) if surface.wings(edge).len() > 1 => {
+                        gathered.face(facet, side)
+                    }
+                    MeshPart::Vertex(vertex) if surface.vertex_is_flush(vertex, direction) => {
+                        return;
+                    }
+                    MeshPart::Vertex(_) => gathered.face(facet, side),
                     _ => {}
                 }
                 if let Some(own) = rim.flat {
@@ -337,7 +352,7 @@ impl<S: Shape> Meeting<'_, S> {
                 }
                 if !gathered.has(rim.part) {
                     let touch = self.manifold(rim.part, direction, gathered);
-                    for (on_a, on_b, feature) in rim.places.into_iter().flatten() {
+                    for (on_a, on_b, feature) in rim.locations.into_iter().flatten() {
                         let gap = direction.dot(on_a - on_b);
                         add(touch, ManifoldPoint { on_a, on_b, gap, feature });
                     }
@@ -349,14 +364,14 @@ impl<S: Shape> Meeting<'_, S> {
     /// Collects the contacts of the shape over a triangle. These are corners of its lowest face
     /// over the triangle, and parts of that face over the boundary of the facet. If `all` is false,
     /// the contact may still turn out to belong to another facet ([`Self::keep_genuine`]).
-    fn on_facet(&self, face: &Face, above: usize, all: bool, gathered: &mut Gathered) {
+    fn on_facet(&self, face: &MeshFace, above: usize, all: bool, gathered: &mut Gathered) {
         let MeshQuery { surface, prediction, .. } = self.ahead;
         let Above { facet: number, behind, low, face: own, corners, .. } =
             gathered.facets[above].clone();
         let facet = &surface.facets[number as usize];
         let side = if behind { -1.0 } else { 1.0 };
         let normal = facet.normal * side;
-        let height = |place: V| normal.dot(place) - side * facet.offset;
+        let height = |location: Vec3| normal.dot(location) - side * facet.offset;
         let start = gathered.memory.len();
         let mut deepest = f32::INFINITY;
         for at in corners.clone() {
@@ -364,7 +379,7 @@ impl<S: Shape> Meeting<'_, S> {
             let gap = height(position);
             if gap <= prediction
                 && (self.ahead.is_over(face, facet, side, position, gap)
-                    || self.ahead.comes_over(face, facet, side, position, gap))
+                    || self.ahead.moves_onto(face, facet, side, position, gap))
             {
                 deepest = deepest.min(gap);
                 gathered.memory.push(Corner { position, feature, height: gap });
@@ -377,7 +392,7 @@ impl<S: Shape> Meeting<'_, S> {
         let found = start..gathered.memory.len();
         if !found.is_empty() {
             let memory = std::mem::take(&mut gathered.memory);
-            let touch = self.manifold(Part::Facet { facet: number, behind }, normal, gathered);
+            let touch = self.manifold(MeshPart::Facet { facet: number, behind }, normal, gathered);
             for corner in &memory[found] {
                 let (on_a, gap) = (corner.position, corner.height);
                 let feature = u64::from(corner.feature);
@@ -394,7 +409,7 @@ impl<S: Shape> Meeting<'_, S> {
     fn keep_genuine(&self, gathered: &mut Gathered) {
         for at in 0..gathered.facets.len() {
             let Above { facet: number, behind, genuine, .. } = gathered.facets[at];
-            let part = Part::Facet { facet: number, behind };
+            let part = MeshPart::Facet { facet: number, behind };
             if !gathered.has(part) {
                 continue;
             }
@@ -412,21 +427,21 @@ impl<S: Shape> Meeting<'_, S> {
     /// facet ends.
     fn over_sides(
         &self,
-        face: &Face,
+        face: &MeshFace,
         (number, own): (u32, u32),
-        normal: V,
+        normal: Vec3,
         corners: Range<usize>,
         gathered: &mut Gathered,
     ) {
         let MeshQuery { surface, prediction, .. } = self.ahead;
-        let places = surface.corners(face);
+        let locations = surface.corners(face);
         let lying = self.shape.line(normal);
         for k in 0..3 {
             let inner = |&[_, other]: &[u32; 2]| other == number;
             if surface.wings(face.edges[k]).iter().filter(|wing| inner(wing)).count() > 1 {
                 continue;
             }
-            let [from, along] = [places[k], places[(k + 1) % 3] - places[k]];
+            let [from, along] = [locations[k], locations[(k + 1) % 3] - locations[k]];
             if let Some(position) = lying.and_then(|line| cross(line, [from, along], normal)) {
                 let gap = normal.dot(position - from);
                 if gap <= prediction {
@@ -441,16 +456,16 @@ impl<S: Shape> Meeting<'_, S> {
             let Some(range) = self.shape.within(&own, normal, [from, along]) else { continue };
             let slope = plane.dot(normal);
             for (end, part) in range.into_iter().enumerate() {
-                let place = from + along * part;
+                let location = from + along * part;
                 // Distance along the normal to the face of the shape.
-                let gap = (offset - plane.dot(place)) / slope;
+                let gap = (offset - plane.dot(location)) / slope;
                 if slope < -PARALLEL && gap <= prediction {
                     let feature = match part {
                         0.0 => 1 << 30 | face.corners[k],
                         1.0 => 1 << 30 | face.corners[(k + 1) % 3],
                         _ => 2 << 30 | face.edges[k] << 1 | end as u32,
                     };
-                    let position = place + normal * gap;
+                    let position = location + normal * gap;
                     gathered.memory.push(Corner { position, feature, height: gap });
                 }
             }
@@ -459,13 +474,13 @@ impl<S: Shape> Meeting<'_, S> {
 
     /// Collects the contacts of a triangle below a face of the shape. These are sharp vertices, and
     /// edges with no mesh above them, or else the vertex that is `deepest`.
-    fn under(&self, face: &Face, own: usize, deepest: Option<u32>, gathered: &mut Gathered) {
+    fn under(&self, face: &MeshFace, own: usize, deepest: Option<u32>, gathered: &mut Gathered) {
         let MeshQuery { surface, prediction, motion, turning, .. } = self.ahead;
         let (normal, offset) = gathered.faces[own];
         let direction = -normal;
         let corners = self.corners(own, direction, gathered);
         let outline = outline(own, normal, &gathered.polygon[corners.clone()]);
-        let mut found: [Option<(V, u64)>; 9] = [None; 9];
+        let mut found: [Option<(Vec3, u64)>; 9] = [None; 9];
         for k in 0..3 {
             let edge = face.edges[k];
             let [from, to] = surface.ends(edge);
@@ -486,14 +501,14 @@ impl<S: Shape> Meeting<'_, S> {
             }
         }
         for (k, &vertex) in face.corners.iter().enumerate() {
-            let place = surface.points[vertex as usize];
-            let gap = normal.dot(place) - offset;
+            let location = surface.points[vertex as usize];
+            let gap = normal.dot(location) - offset;
             let approach = normal.dot(motion);
             let is_under = || {
                 let comes = gap > 0.0 && approach > gap;
-                self.shape.covers(&outline, normal, place)
+                self.shape.covers(&outline, normal, location)
                     || comes
-                        && self.shape.covers(&outline, normal, place - motion * (gap / approach))
+                        && self.shape.covers(&outline, normal, location - motion * (gap / approach))
                     || gap < 0.0 && deepest == Some(vertex)
             };
             // Vertices that are not the nearest can become it by rotation only.
@@ -501,15 +516,18 @@ impl<S: Shape> Meeting<'_, S> {
                 && (0.0 < gap && gap <= turning || surface.vertex_gives(vertex, direction))
                 && is_under()
             {
-                found[6 + k] = Some((place, feature(1, u64::from(vertex))));
+                found[6 + k] = Some((location, feature(1, u64::from(vertex))));
             }
         }
         gathered.polygon.truncate(corners.start);
-        for (place, feature) in found.into_iter().flatten() {
-            let gap = normal.dot(place) - offset;
+        for (location, feature) in found.into_iter().flatten() {
+            let gap = normal.dot(location) - offset;
             if gap <= prediction {
-                let touch = self.manifold(Part::Under(own as u32), direction, gathered);
-                add(touch, ManifoldPoint { on_a: place - normal * gap, on_b: place, gap, feature });
+                let touch = self.manifold(MeshPart::Under(own as u32), direction, gathered);
+                add(
+                    touch,
+                    ManifoldPoint { on_a: location - normal * gap, on_b: location, gap, feature },
+                );
             }
         }
     }
@@ -526,7 +544,7 @@ impl<S: Shape> Meeting<'_, S> {
         let corners = gathered.facets[above].corners.clone();
         gathered.face(facet, side);
         let (part, normal) =
-            (Part::Facet { facet: face.facet, behind: side < 0.0 }, facet.normal * side);
+            (MeshPart::Facet { facet: face.facet, behind: side < 0.0 }, facet.normal * side);
         for at in corners {
             let Corner { position, feature, .. } = gathered.polygon[at];
             let gap = normal.dot(position) - side * facet.offset;
@@ -541,11 +559,11 @@ impl<S: Shape> Meeting<'_, S> {
 /// Returns the nearby triangle closest to a center, if the center is behind it.
 pub(super) fn nearest_inside<'a>(
     ahead: MeshQuery<'a>,
-    center: V,
+    center: Vec3,
     near: &[u32],
-) -> Option<&'a Face> {
+) -> Option<&'a MeshFace> {
     let surface = ahead.surface;
-    let mut best: Option<(f32, &Face, bool)> = None;
+    let mut best: Option<(f32, &MeshFace, bool)> = None;
     for face in near.iter().filter_map(|&index| surface.faces[index as usize].as_ref()) {
         let only = ahead.only_side(&surface.facets[face.facet as usize]);
         let (point, outside) = surface.nearest(face, only.unwrap_or(1.0), center);
@@ -559,14 +577,14 @@ pub(super) fn nearest_inside<'a>(
 }
 
 /// Returns the point of the first segment at which it crosses the second as seen along a direction.
-fn cross([start, way]: [V; 2], [from, along]: [V; 2], direction: V) -> Option<V> {
-    let outward: V = moment(along, direction);
+fn cross([start, way]: [Vec3; 2], [from, along]: [Vec3; 2], direction: Vec3) -> Option<Vec3> {
+    let outward: Vec3 = moment(along, direction);
     let part = outward.dot(from - start) / outward.dot(way);
-    let place = start + way * part;
-    let at = along.dot(place - from) / along.dot(along);
-    ((0.0..=1.0).contains(&part) && (0.0..=1.0).contains(&at)).then_some(place)
+    let location = start + way * part;
+    let at = along.dot(location - from) / along.dot(along);
+    ((0.0..=1.0).contains(&part) && (0.0..=1.0).contains(&at)).then_some(location)
 }
 
-fn outline(face: usize, normal: V, corners: &[Corner<3>]) -> Outline<'_> {
-    Outline { face, normal, corners }
+fn outline(face: usize, normal: Vec3, corners: &[Corner<3>]) -> FaceOutline<'_> {
+    FaceOutline { face, normal, corners }
 }

@@ -1,5 +1,5 @@
-//! [`Surface`]: a triangle mesh with the topology that decides which contact normals its features
-//! admit.
+//! [`MeshTopology`]: a triangle mesh with the topology that decides which contact normals its
+//! features admit.
 //!
 //! A vertex or an edge admits the normal d if it is a local maximum of d . x: no point of the mesh
 //! around it is farther along d. In a flat or concave region only the face admits normals, so
@@ -26,14 +26,14 @@ pub(super) const UPRIGHT: f32 = 0.9995;
 /// The bend of an edge where the mesh ends.
 const OPEN: f32 = f32::INFINITY;
 
-type V = Vector<f32, 3>;
+use crate::geometry::Vec3;
 
 /// A triangle mesh prepared for contact detection.
 #[derive(Clone, Debug)]
-pub(crate) struct Surface {
-    pub(super) points: Vec<V>,
+pub(crate) struct MeshTopology {
+    pub(super) points: Vec<Vec3>,
     /// By triangle; none for degenerate triangles and for copies of another one.
-    pub(super) faces: Vec<Option<Face>>,
+    pub(super) faces: Vec<Option<MeshFace>>,
     pub(super) facets: Vec<Facet>,
     pub(super) edges: Vec<Edge>,
     pub(super) vertices: Vec<Vertex>,
@@ -47,7 +47,7 @@ pub(crate) struct Surface {
 
 /// A triangle of the mesh.
 #[derive(Clone, Debug)]
-pub(super) struct Face {
+pub(super) struct MeshFace {
     /// Counter-clockwise seen from where the normal of its facet points.
     pub(super) corners: [u32; 3],
     /// Edges from each corner to the next.
@@ -64,7 +64,7 @@ pub(super) struct Face {
 /// Coplanar triangles that are joined by edges.
 #[derive(Clone, Debug)]
 pub(super) struct Facet {
-    pub(super) normal: V,
+    pub(super) normal: Vec3,
     /// Offset of the plane normal . x = offset. \[m\]
     pub(super) offset: f32,
     /// True if the facet bounds a solid, with an outward normal: it has one side.
@@ -81,7 +81,7 @@ pub(super) struct Edge {
     pub(super) ends: [u32; 2],
     wings: Range<u32>,
     /// Sum of the normals of the faces at the edge.
-    outward: V,
+    outward: Vec3,
     around: Around,
 }
 
@@ -104,7 +104,7 @@ pub(super) struct Vertex {
     pub(super) sharp: bool,
     /// Sum of the normals of the faces at the vertex, weighted by angle. It tells on which side of
     /// the surface a point is whose nearest point is this vertex (Baerentzen, Aanaes 2005).
-    outward: V,
+    outward: Vec3,
     around: Around,
 }
 
@@ -117,7 +117,7 @@ pub(super) enum Beyond {
     Rises(f32),
 }
 
-impl Face {
+impl MeshFace {
     pub(super) fn beyond(&self, edge: usize, side: f32) -> Beyond {
         let bend = self.bends[edge] * side;
         if self.bends[edge] == OPEN || bend < -SHARP {
@@ -128,18 +128,18 @@ impl Face {
     }
 }
 
-impl Surface {
-    pub(super) fn corners(&self, face: &Face) -> [V; 3] {
+impl MeshTopology {
+    pub(super) fn corners(&self, face: &MeshFace) -> [Vec3; 3] {
         face.corners.map(|corner| self.points[corner as usize])
     }
 
-    pub(super) fn ends(&self, edge: u32) -> [V; 2] {
+    pub(super) fn ends(&self, edge: u32) -> [Vec3; 2] {
         self.edges[edge as usize].ends.map(|end| self.points[end as usize])
     }
 
     /// True if no point of the mesh around an edge is farther along `direction`, which is across
     /// the edge.
-    pub(super) fn edge_gives(&self, edge: u32, direction: V) -> bool {
+    pub(super) fn edge_gives(&self, edge: u32, direction: Vec3) -> bool {
         let of = &self.edges[edge as usize];
         let start = self.points[of.ends[0] as usize];
         let outside = of.around != Around::Solid || direction.dot(of.outward) > 0.0;
@@ -147,15 +147,15 @@ impl Surface {
     }
 
     /// True if no point of the mesh around a vertex is farther along `direction`.
-    pub(super) fn vertex_gives(&self, vertex: u32, direction: V) -> bool {
+    pub(super) fn vertex_gives(&self, vertex: u32, direction: Vec3) -> bool {
         let of = &self.vertices[vertex as usize];
-        let place = self.points[vertex as usize];
+        let location = self.points[vertex as usize];
         let outside = of.around != Around::Solid || direction.dot(of.outward) > 0.0;
         let ring = &self.rings[of.ring.start as usize..of.ring.end as usize];
-        outside && ring.iter().all(|&other| self.is_below(other, place, direction))
+        outside && ring.iter().all(|&other| self.is_below(other, location, direction))
     }
 
-    fn is_below(&self, point: u32, top: V, direction: V) -> bool {
+    fn is_below(&self, point: u32, top: Vec3, direction: Vec3) -> bool {
         let arm = self.points[point as usize] - top;
         let rise = direction.dot(arm);
         rise <= 0.0 || rise * rise <= LEVEL * LEVEL * arm.dot(arm)
@@ -168,44 +168,44 @@ impl Surface {
     }
 
     /// True if a face at an edge has `direction` as a contact normal.
-    pub(super) fn edge_is_flush(&self, edge: u32, direction: V) -> bool {
+    pub(super) fn edge_is_flush(&self, edge: u32, direction: Vec3) -> bool {
         self.wings(edge).iter().any(|&[_, facet]| self.looks_along(facet, direction))
     }
 
     /// True if a face at a vertex has `direction` as a contact normal.
-    pub(super) fn vertex_is_flush(&self, vertex: u32, direction: V) -> bool {
+    pub(super) fn vertex_is_flush(&self, vertex: u32, direction: Vec3) -> bool {
         let Range { start, end } = self.vertices[vertex as usize].fan;
         let mut fan = self.fans[start as usize..end as usize].iter();
         fan.any(|&facet| self.looks_along(facet, direction))
     }
 
-    fn looks_along(&self, facet: u32, direction: V) -> bool {
+    fn looks_along(&self, facet: u32, direction: Vec3) -> bool {
         let Facet { normal, solid, .. } = self.facets[facet as usize];
         let along = normal.dot(direction);
         along > UPRIGHT || !solid && along < -UPRIGHT
     }
 
-    /// Returns the point of a triangle nearest to `place`, and whether `place` is on the given side
-    /// of the surface there. The side is 1 where the normals point, or -1. Beyond the boundary of
-    /// the surface, the flag is true.
-    pub(super) fn nearest(&self, face: &Face, side: f32, place: V) -> (V, bool) {
+    /// Returns the point of a triangle nearest to `location`, and whether `location` is on the
+    /// given side of the surface there. The side is 1 where the normals point, or -1. Beyond the
+    /// boundary of the surface, the flag is true.
+    pub(super) fn nearest(&self, face: &MeshFace, side: f32, location: Vec3) -> (Vec3, bool) {
         let facet = &self.facets[face.facet as usize];
         let corners = self.corners(face);
         let within = (0..3).all(|k| {
             let (from, to) = (corners[k], corners[(k + 1) % 3]);
-            let outward: V = moment(to - from, facet.normal);
-            outward.dot(place - from) <= 0.0
+            let outward: Vec3 = moment(to - from, facet.normal);
+            outward.dot(location - from) <= 0.0
         });
-        let height = facet.normal.dot(place) - facet.offset;
+        let height = facet.normal.dot(location) - facet.offset;
         if within {
-            return (place - facet.normal * height, side * height > 0.0);
+            return (location - facet.normal * height, side * height > 0.0);
         }
         let mut best = (f32::INFINITY, corners[0], true);
         for k in 0..3 {
             let (from, along) = (corners[k], corners[(k + 1) % 3] - corners[k]);
-            let part = along.dot(place - from) / along.dot(along).max(f32::MIN_POSITIVE);
+            let part = along.dot(location - from) / along.dot(along).max(f32::MIN_POSITIVE);
             let point = from + along * part.clamp(0.0, 1.0);
-            let arm = place - point;
+            let arm = location - point;
             if arm.dot(arm) < best.0 {
                 let vertex = |k: usize| {
                     let of = &self.vertices[face.corners[k] as usize];
@@ -257,11 +257,11 @@ fn sides([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
 
 impl Builder {
     fn of(mesh: &parry3d::shape::TriMesh) -> Self {
-        let (mut places, mut points, mut merged) = (HashMap::new(), Vec::new(), Vec::new());
+        let (mut locations, mut points, mut merged) = (HashMap::new(), Vec::new(), Vec::new());
         for vertex in mesh.vertices() {
             // Adding zero turns -0 into 0, so that both merge.
-            let place = vertex.to_array().map(|x| (x + 0.0).to_bits());
-            merged.push(*places.entry(place).or_insert_with(|| {
+            let location = vertex.to_array().map(|x| (x + 0.0).to_bits());
+            merged.push(*locations.entry(location).or_insert_with(|| {
                 points.push(Vector(vertex.to_array().map(f64::from)));
                 points.len() as u32 - 1
             }));
@@ -365,7 +365,7 @@ impl Builder {
         corners().map(part).sum()
     }
 
-    fn finish(self) -> Surface {
+    fn finish(self) -> MeshTopology {
         let Self { points, triangles, edges, at_edge, of_triangle, solid, .. } = &self;
         let areas: Vec<Vector<f64, 3>> = triangles
             .iter()
@@ -394,7 +394,7 @@ impl Builder {
             };
             around.push(Edge { ends, wings: start..wings.len() as u32, outward, around: own });
         }
-        let mut surface = Surface {
+        let mut surface = MeshTopology {
             points: points.iter().map(|&point| single(point)).collect(),
             faces: Vec::with_capacity(triangles.len()),
             facets,
@@ -412,7 +412,7 @@ impl Builder {
                     own.swap(0, 2);
                 }
                 let bends = [0, 1, 2].map(|k| surface.bend(own[k], facet, corners[(k + 2) % 3]));
-                Face { corners, edges: own, facet, bends, sharp: [false; 2] }
+                MeshFace { corners, edges: own, facet, bends, sharp: [false; 2] }
             });
             surface.faces.push(face);
         }
@@ -492,7 +492,7 @@ fn area(points: &[Vector<f64, 3>], corners: [u32; 3]) -> Vector<f64, 3> {
     moment(b - a, c - a)
 }
 
-impl Surface {
+impl MeshTopology {
     /// Returns the bend of the mesh at an edge, seen from the triangle with this facet and this
     /// opposite corner. \[1\]
     fn bend(&self, edge: u32, facet: u32, apex: u32) -> f32 {
@@ -503,7 +503,7 @@ impl Surface {
         }
         let normal = self.facets[facet as usize].normal;
         let [from, to] = self.ends(edge);
-        let across: V = moment(to - from, normal);
+        let across: Vec3 = moment(to - from, normal);
         let own = across.dot(self.points[apex as usize] - from);
         let across = across * (-own.signum() / across.length());
         let arm = self.points[beyond as usize] - from;
@@ -538,9 +538,9 @@ impl Surface {
                 if !fans[own].contains(&face.facet) {
                     fans[own].push(face.facet);
                 }
-                let place = self.points[own];
+                let location = self.points[own];
                 let arms = [1, 2].map(|next| {
-                    let arm = self.points[face.corners[(k + next) % 3] as usize] - place;
+                    let arm = self.points[face.corners[(k + next) % 3] as usize] - location;
                     arm * (1.0 / arm.length())
                 });
                 let angle = libm::acosf(arms[0].dot(arms[1]).clamp(-1.0, 1.0));

@@ -1,6 +1,8 @@
 use parry3d::query;
 use parry3d::shape::{SharedShape, TriMesh};
 
+use drystone_solver::Vector;
+
 use super::*;
 use crate::geometry::random::Random;
 use crate::geometry::{Geometry, Rigid3};
@@ -22,7 +24,8 @@ fn meshes(random: &mut Random) -> [SharedShape; 2] {
     }
     let sheet = TriMesh::new(vertices, triangles).unwrap();
     let (vertices, triangles) = parry3d::shape::Ball::new(0.5).to_trimesh(9, 7);
-    let bulge = |place: &parry3d::math::Vector| *place * (1.0 + 0.2 * libm::sinf(7.0 * place.x));
+    let bulge =
+        |location: &parry3d::math::Vector| *location * (1.0 + 0.2 * libm::sinf(7.0 * location.x));
     let lump = TriMesh::new(vertices.iter().map(bulge).collect(), triangles).unwrap();
     [sheet, lump].map(SharedShape::new)
 }
@@ -48,8 +51,8 @@ fn from_core(
     other: &<Rigid3 as Geometry<3, 3>>::Pose,
 ) -> f32 {
     let parts = if half > 0.0 { 400 } else { 0 };
-    let places = (0..=parts).map(|k| half * (2.0 * k as f32 / parts.max(1) as f32 - 1.0));
-    let distances = places.map(|y| {
+    let locations = (0..=parts).map(|k| half * (2.0 * k as f32 / parts.max(1) as f32 - 1.0));
+    let distances = locations.map(|y| {
         mesh.distance_to_point(other, own * parry3d::math::Vector::new(0.0, y, 0.0), false)
     });
     distances.fold(f32::INFINITY, f32::min) - radius
@@ -65,14 +68,14 @@ fn gaps_are_those_of_the_nearest_points() {
     let (kinds, mut found) = (shapes.len(), [0; 6]);
     for round in 0..1500 * kinds {
         let (kind, mesh) = (round % kinds, &meshes[round / kinds % 2]);
-        let place = |random: &mut Random, far: f32| {
-            let place = Rigid3::pose(random.vector() * far, &[]);
-            Rigid3::advance(&place, Vector::ZERO, random.vector() * 3.0)
+        let location = |random: &mut Random, far: f32| {
+            let location = Rigid3::pose(random.vector() * far, &[]);
+            Rigid3::advance(&location, Vector::ZERO, random.vector() * 3.0)
         };
-        let (own, other) = (place(&mut random, 0.9), place(&mut random, 0.1));
+        let (own, other) = (location(&mut random, 0.9), location(&mut random, 0.1));
         let (a, b) = (&shapes[kind], mesh);
         let distance = query::distance(&own, &*a.0, &other, &*b.0).unwrap().distance;
-        let sides = [a, b].map(|shape| Rigid3::collider(shape.clone()));
+        let sides = [a, b].map(|shape| Rigid3::prepare(shape.clone()));
         let prediction = 0.1;
         let mut touches = [Vec::new(), Vec::new()];
         let apart = [0, 1].map(|order| {
@@ -128,13 +131,13 @@ fn planes_are_one_facet() {
     let mut random = Random(3);
     let (shapes, planes) = (shapes(&mut random), [1, 2, 13].map(plane));
     let mut memory = <Rigid3 as Geometry<3, 3>>::Scratch::default();
-    let planes = planes.map(Rigid3::collider);
+    let planes = planes.map(Rigid3::prepare);
     let ground = Rigid3::pose(Vector::ZERO, &[]);
     for round in 0..100 * shapes.len() {
-        let shape = Rigid3::collider(shapes[round % shapes.len()].clone());
-        let mut place = random.vector() * 0.4;
-        place[1] *= 0.2;
-        let pose = Rigid3::pose(place, &[]);
+        let shape = Rigid3::prepare(shapes[round % shapes.len()].clone());
+        let mut location = random.vector() * 0.4;
+        location[1] *= 0.2;
+        let pose = Rigid3::pose(location, &[]);
         let pose = Rigid3::advance(&pose, Vector::ZERO, random.vector() * 3.0);
         let [one, two, many] = planes.each_ref().map(|plane| {
             let mut touches = Vec::new();

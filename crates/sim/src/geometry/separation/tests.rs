@@ -150,7 +150,7 @@ fn compare(
 /// Compares with all faces, and with all axes across two edges: while solids overlap, only these
 /// can have the largest gap.
 #[test]
-fn a_face_that_is_sure_is_beaten_by_no_axis() {
+fn no_axis_beats_a_certain_face() {
     let mut random = Random(1);
     let mut seen = Seen::default();
     for round in 0..1500 {
@@ -170,7 +170,7 @@ fn a_face_that_is_sure_is_beaten_by_no_axis() {
 
 /// Compares with all faces and edges of two boxes.
 #[test]
-fn boxes_are_held_apart_along_the_best_axis() {
+fn boxes_are_separated_along_the_best_axis() {
     let mut random = Random(2);
     let mut edges_won = 0;
     for _ in 0..3000 {
@@ -208,7 +208,7 @@ fn about(axis: [f32; 3], angle: f32) -> [f32; 4] {
 /// normal. Axes across the rims of both faces have slightly less overlap, and one point each.
 /// Crossed beams on edge are separated across their edges.
 #[test]
-fn what_leans_is_held_by_a_face() {
+fn leaning_boxes_are_separated_along_a_face() {
     let (a, b) = (Cuboid(Vector([0.24, 0.2, 0.25])), Cuboid(Vector([0.24, 0.18, 0.24])));
     for deep in [0.005, 0.02, 0.08] {
         for round in 0..200 {
@@ -244,7 +244,7 @@ fn depth(solid: &impl Solid<3>, point: Vector<f32, 3>) -> f32 {
 /// If the vertex farthest over the winning face is inside the other hull, some contact point is at
 /// least half as deep. This holds also if the vertex is below a neighbor of the face.
 #[test]
-fn what_is_beside_a_face_is_told() {
+fn points_beside_a_face_are_found() {
     let (mut random, mut inside, mut beside) = (Random(3), 0, 0);
     for _ in 0..3000 {
         let turn = [random.number(), random.number(), random.number(), random.number()];

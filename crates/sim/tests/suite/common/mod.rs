@@ -3,8 +3,8 @@
 pub(crate) mod counting;
 
 use drystone::Dimension;
-use drystone::geometry::spheres::SphereShape;
-use drystone::geometry::{Geometry, Rigid2, Rigid3, Spheres};
+use drystone::geometry::particles::SphereShape;
+use drystone::geometry::{Geometry, Particles, Rigid2, Rigid3};
 use drystone::{Body, BodyId, Inertia, Material, Motion, StepSettings, World};
 use drystone_solver::{SymmetricMatrix, Vector, Velocity};
 
@@ -25,13 +25,13 @@ pub(crate) fn v<const L: usize>(x: f32, y: f32, z: f32) -> [f32; L] {
 }
 
 /// Shapes that particles and rigid bodies have.
-pub(crate) trait Round<const L: usize, const A: usize>: Dimension<L, A> {
+pub(crate) trait RoundShapes<const L: usize, const A: usize>: Dimension<L, A> {
     fn ball(radius: f32) -> Self::Shape;
     fn halfspace(normal: [f32; L]) -> Self::Shape;
 }
 
 /// Shapes of rigid bodies.
-pub(crate) trait Rigid<const L: usize, const A: usize>: Round<L, A> {
+pub(crate) trait Rigid<const L: usize, const A: usize>: RoundShapes<L, A> {
     fn cuboid(half: [f32; L]) -> Self::Shape;
     fn capsule(half_height: f32, radius: f32) -> Self::Shape;
     fn hull(points: &[[f32; L]]) -> Self::Shape;
@@ -39,7 +39,7 @@ pub(crate) trait Rigid<const L: usize, const A: usize>: Round<L, A> {
     fn turned(position: [f32; L], angle: f32) -> Self::Pose;
 }
 
-impl<const L: usize> Round<L, 0> for Spheres
+impl<const L: usize> RoundShapes<L, 0> for Particles
 where
     Self: Dimension<L, 0> + Geometry<L, 0, Shape = SphereShape<L>>,
 {
@@ -54,7 +54,7 @@ where
 
 macro_rules! rigid {
     ($geometry:ty, $parry:ident, $l:literal, $a:literal, $cuboid:expr, $rotation:expr) => {
-        impl Round<$l, $a> for $geometry {
+        impl RoundShapes<$l, $a> for $geometry {
             fn ball(radius: f32) -> Self::Shape {
                 $parry::shape::SharedShape::ball(radius)
             }
@@ -171,7 +171,7 @@ pub(crate) fn dynamic<G: Dimension<L, A>, const L: usize, const A: usize>(
 }
 
 /// Adds the half-space below y = 0.
-pub(crate) fn add_floor<G: Round<L, A>, const L: usize, const A: usize>(
+pub(crate) fn add_floor<G: RoundShapes<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     material: &Material,
 ) -> BodyId {

@@ -1,7 +1,6 @@
 //! Software prefetching for sweeps over blocks.
 //!
 //! Consecutive blocks are some pages apart, and hardware prefetching ends at a page.
-#![allow(unsafe_code)]
 
 use std::ops::Range;
 

@@ -2,9 +2,9 @@ use parry3d::shape::TriMesh;
 
 use super::*;
 
-fn surface(vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> Surface {
+fn surface(vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> MeshTopology {
     let vertices = vertices.iter().map(|vertex| (*vertex).into()).collect();
-    Surface::of(&TriMesh::new(vertices, triangles.to_vec()).unwrap())
+    MeshTopology::of(&TriMesh::new(vertices, triangles.to_vec()).unwrap())
 }
 
 fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
@@ -15,7 +15,7 @@ fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     ((0..8).map(corner).collect(), sides.into_iter().flat_map(halves).collect())
 }
 
-fn faces(surface: &Surface) -> impl Iterator<Item = &Face> {
+fn faces(surface: &MeshTopology) -> impl Iterator<Item = &MeshFace> {
     surface.faces.iter().flatten()
 }
 
@@ -38,7 +38,7 @@ fn a_cube_is_a_solid() {
             let middle = facet.normal.dot(Vector([0.5; 3])) - facet.offset;
             assert!((middle + if solid { 0.5 } else { -0.5 }).abs() < 1e-6, "{turned:b}: {middle}");
             let [a, b, c] = surface.corners(face);
-            let area: V = moment(b - a, c - a);
+            let area: Vec3 = moment(b - a, c - a);
             assert!(area.dot(facet.normal) > 0.9, "wound against its facet");
         }
         if turned > 40 && solid && turned % 97 > 0 {
@@ -97,11 +97,11 @@ fn a_sheet_gives_its_normals() {
     // All but those at the rim.
     assert_eq!(inner, 32);
     let (up, aside) = (Vector([0.0, 1.0, 0.0]), Vector([0.8, 0.6, 0.0]));
-    for (number, place) in (0..).zip(&surface.points) {
-        let rim = place[0].abs() == 3.0 || place[2].abs() == 3.0;
+    for (number, location) in (0..).zip(&surface.points) {
+        let rim = location[0].abs() == 3.0 || location[2].abs() == 3.0;
         assert!(surface.vertex_gives(number, up) && surface.vertex_gives(number, -up));
-        assert_eq!(surface.vertex_gives(number, aside), place[0] == 3.0, "{place:?}");
-        assert_eq!(surface.vertices[number as usize].sharp, rim, "{place:?}");
+        assert_eq!(surface.vertex_gives(number, aside), location[0] == 3.0, "{location:?}");
+        assert_eq!(surface.vertices[number as usize].sharp, rim, "{location:?}");
     }
 }
 
@@ -128,7 +128,7 @@ fn a_valley_is_a_ridge_from_below() {
 }
 
 /// Returns a unit vector across an edge, along one of its faces.
-fn aside(surface: &Surface, edge: u32) -> V {
+fn aside(surface: &MeshTopology, edge: u32) -> Vec3 {
     let [from, to] = surface.ends(edge);
     let [apex, _] = surface.wings(edge)[0];
     let (along, arm) = (to - from, surface.points[apex as usize] - from);
@@ -138,7 +138,7 @@ fn aside(surface: &Surface, edge: u32) -> V {
 
 /// A Moebius strip has no inside, and neither has a cube with an inner wall.
 #[test]
-fn what_encloses_nothing_is_a_sheet() {
+fn meshes_without_volume_are_sheets() {
     let count = 12;
     let vertices: Vec<_> = (0..count)
         .flat_map(|i| {

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{env, fs};
 
-use drystone_bake::Simulation;
 use drystone_bake::recording::journal::{Header, Journal, Mark, Step};
+use drystone_bake::{AnyCheckpoint, AnyWorld};
 
-use super::arguments::Arguments;
+use super::arguments::BakeArguments;
 use crate::failure::Failure;
 
 /// Content of a journal when its bake is resumed.
@@ -19,7 +19,7 @@ pub(super) struct Kept {
 }
 
 /// The journal of this bake.
-pub(super) struct Diary {
+pub(super) struct BakeJournal {
     path: PathBuf,
     header: Header,
     /// `None` until the journal is begun.
@@ -35,18 +35,18 @@ pub(super) struct Diary {
     sizes: [u64; 2],
 }
 
-impl Diary {
+impl BakeJournal {
     /// Looks for a journal beside the first output. Resumes it if that is requested. Otherwise
     /// refuses to discard the steps of a journal of this bake.
     pub(super) fn open(
-        arguments: &Arguments,
+        arguments: &BakeArguments,
         beside: &Path,
         header: Header,
     ) -> Result<Self, Failure> {
         let mut path = OsString::from(beside);
         path.push(".journal");
         let every = Duration::from_secs_f64(arguments.checkpoint);
-        let mut diary = Self {
+        let mut journal = Self {
             path: path.into(),
             header,
             journal: None,
@@ -57,29 +57,30 @@ impl Diary {
             last: Instant::now(),
             sizes: [0; 2],
         };
-        let found = Journal::resume(&diary.path).map_err(|error| diary.refused(&error))?;
-        let Some((journal, contents)) = found else { return Ok(diary) };
-        let (difference, steps) = (contents.header.difference(&diary.header), contents.steps.len());
+        let found = Journal::resume(&journal.path).map_err(|error| journal.refused(&error))?;
+        let Some((found_journal, contents)) = found else { return Ok(journal) };
+        let (difference, steps) =
+            (contents.header.difference(&journal.header), contents.steps.len());
         match difference {
             None if arguments.resume => {
-                diary.found = steps;
-                diary.marks = contents.checkpoints;
+                journal.found = steps;
+                journal.marks = contents.checkpoints;
                 let poses = contents.recording.poses;
-                diary.kept = Some(Kept { steps: contents.steps, poses });
-                diary.journal = Some(journal);
+                journal.kept = Some(Kept { steps: contents.steps, poses });
+                journal.journal = Some(found_journal);
             }
             None if steps > 0 => {
-                return Err(diary.wrong(&format!(
-                    "has {steps} steps of this bake already; go on with --resume, or delete it"
+                return Err(journal.wrong(&format!(
+                    "has {steps} steps of this bake already; resume it with --resume, or delete it"
                 )));
             }
             Some(why) if arguments.resume => {
-                return Err(diary.wrong(&format!("cannot be gone on with: {why}; delete it")));
+                return Err(journal.wrong(&format!("cannot be resumed: {why}; delete it")));
             }
             // An empty journal, or that of another bake, is replaced.
             _ => {}
         }
-        Ok(diary)
+        Ok(journal)
     }
 
     /// Takes the content of the resumed journal; `None` from the second call on.
@@ -103,7 +104,7 @@ impl Diary {
         &mut self,
         step: &Step,
         poses: &[f32],
-        simulation: &dyn Simulation,
+        world: &AnyWorld,
     ) -> Result<(), Failure> {
         let Some(journal) = &mut self.journal else { return Ok(()) };
         let mut written = journal.frame(Some(step), poses);
@@ -111,13 +112,17 @@ impl Diary {
         let [checkpoint, size] = self.sizes;
         let due = self.last.elapsed() >= self.every && journal.size() >= size + checkpoint;
         if written.is_ok() && due {
-            let state = simulation.checkpoint();
+            let state = world.checkpoint().to_bytes();
             written = journal.checkpoint(&state);
             self.last = Instant::now();
             self.sizes = [state.len() as u64, journal.size()];
         }
         written.map_err(|error| {
-            Failure::File(format!("{}; {}", cannot_write(&self.path, &error), self.way_on()))
+            Failure::File(format!(
+                "{}; {}",
+                cannot_write(&self.path, &error),
+                self.resume_command()
+            ))
         })
     }
 
@@ -125,13 +130,14 @@ impl Diary {
     /// the number of steps taken until there.
     pub(super) fn restore(
         &mut self,
-        simulation: &mut dyn Simulation,
+        world: &mut AnyWorld,
         before: usize,
     ) -> Result<usize, Failure> {
         let mark = self.marks.iter().rev().find(|mark| mark.step < before);
         let (Some(&mark), Some(journal)) = (mark, &mut self.journal) else { return Ok(0) };
         let state = journal.state_at(mark).map_err(|error| self.refused(&error))?;
-        simulation.restore(&state).map_err(|error| self.wrong(&error.to_string()))?;
+        let restored = AnyCheckpoint::from_bytes(&state).and_then(|state| world.restore(&state));
+        restored.map_err(|error| self.wrong(&error.to_string()))?;
         Ok(mark.step)
     }
 
@@ -141,8 +147,8 @@ impl Diary {
             return Ok(());
         }
         Err(self.wrong(&format!(
-            "step {step} comes out otherwise now, so another build or machine baked it; go on with \
-             that one, or delete it"
+            "step {step} differs from the journal, so another build or machine baked it; resume \
+             with that one, or delete it"
         )))
     }
 
@@ -152,20 +158,22 @@ impl Diary {
         match synced {
             Err(error) => self.refused(&error),
             Ok(()) => {
-                let way_on = self.way_on();
-                Failure::Interrupted(format!("interrupted after step {taken} of {all}; {way_on}"))
+                let resume_command = self.resume_command();
+                Failure::Interrupted(format!(
+                    "interrupted after step {taken} of {all}; {resume_command}"
+                ))
             }
         }
     }
 
     /// Describes how to resume this bake.
-    pub(super) fn way_on(&self) -> String {
+    pub(super) fn resume_command(&self) -> String {
         let mut words: Vec<String> =
             env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy())).collect();
         if !words.iter().any(|word| word == "--resume") {
             words.push("--resume".to_owned());
         }
-        format!("{} has the frames; go on with: drystone {}", self.path.display(), words.join(" "))
+        format!("{} has the frames; resume with: drystone {}", self.path.display(), words.join(" "))
     }
 
     /// Deletes the journal, unless it has more than the `taken` steps of this bake.

@@ -3,12 +3,12 @@
 use std::cell::RefCell;
 use std::fmt::{self, Display};
 
-use super::tree::{Entry, Node, Text, Tree, one_line};
+use super::tree::{Text, Tree, TreeEntry, TreeNode, one_line};
 use crate::description::Rotation;
 use crate::error::{Place, SceneError, Warning};
 
 /// Data shared by one walk over a file.
-pub(super) struct Walk<'a> {
+pub(super) struct ReadContext<'a> {
     pub(super) text: Text<'a>,
     pub(super) json: bool,
     pub(super) warnings: RefCell<Vec<Warning>>,
@@ -16,8 +16,8 @@ pub(super) struct Walk<'a> {
 
 /// Path from the root to a value, for JSON pointers.
 #[derive(Clone, Copy)]
-pub(super) struct Path<'a> {
-    parent: Option<&'a Path<'a>>,
+pub(super) struct ValuePath<'a> {
+    parent: Option<&'a ValuePath<'a>>,
     step: Step<'a>,
 }
 
@@ -30,20 +30,20 @@ enum Step<'a> {
 
 /// A value with its name and owner as messages show them: `radius` of `shape 0 of body 'ball'`.
 #[derive(Clone, Copy)]
-pub(super) struct Field<'a> {
-    walk: &'a Walk<'a>,
-    pub(super) node: &'a Node<'a>,
-    path: Path<'a>,
+pub(super) struct FieldCursor<'a> {
+    walk: &'a ReadContext<'a>,
+    pub(super) node: &'a TreeNode<'a>,
+    path: ValuePath<'a>,
     name: &'a str,
     owner: &'a dyn Display,
 }
 
 /// A table and the keys that it may contain.
-pub(super) struct Table<'a> {
-    walk: &'a Walk<'a>,
+pub(super) struct TableCursor<'a> {
+    walk: &'a ReadContext<'a>,
     start: usize,
-    entries: &'a [Entry<'a>],
-    path: Path<'a>,
+    entries: &'a [TreeEntry<'a>],
+    path: ValuePath<'a>,
     owner: &'a dyn Display,
     keys: &'static [&'static str],
 }
@@ -109,8 +109,8 @@ impl Display for Number {
     }
 }
 
-impl<'a> Walk<'a> {
-    pub(super) fn place(&self, start: usize, path: &Path<'_>) -> Place {
+impl<'a> ReadContext<'a> {
+    pub(super) fn place(&self, start: usize, path: &ValuePath<'_>) -> Place {
         match path.pointer() {
             _ if !self.json => self.text.line_at(start),
             root if root.is_empty() => Place::File,
@@ -118,17 +118,21 @@ impl<'a> Walk<'a> {
         }
     }
 
-    pub(super) fn root(&'a self, node: &'a Node<'a>, owner: &'a dyn Display) -> Field<'a> {
-        let path = Path { parent: None, step: Step::Root };
-        Field { walk: self, node, path, name: "the scene", owner }
+    pub(super) fn root(
+        &'a self,
+        node: &'a TreeNode<'a>,
+        owner: &'a dyn Display,
+    ) -> FieldCursor<'a> {
+        let path = ValuePath { parent: None, step: Step::Root };
+        FieldCursor { walk: self, node, path, name: "the scene", owner }
     }
 }
 
-impl Path<'_> {
+impl ValuePath<'_> {
     fn pointer(&self) -> String {
         let mut steps = Vec::new();
         let mut path = Some(self);
-        while let Some(Path { parent, step }) = path {
+        while let Some(ValuePath { parent, step }) = path {
             match step {
                 Step::Root => {}
                 Step::Key(key) => {
@@ -142,7 +146,7 @@ impl Path<'_> {
     }
 }
 
-impl<'a> Field<'a> {
+impl<'a> FieldCursor<'a> {
     fn item(&self) -> String {
         item(self.name, self.owner)
     }
@@ -218,14 +222,14 @@ impl<'a> Field<'a> {
     pub(super) fn items<'b, D: Display>(
         &'b self,
         accepted: D,
-    ) -> Result<impl ExactSizeIterator<Item = Field<'b>> + use<'a, 'b, D>, SceneError> {
+    ) -> Result<impl ExactSizeIterator<Item = FieldCursor<'b>> + use<'a, 'b, D>, SceneError> {
         let Tree::Array(nodes) = &self.node.value else {
             return Err(self.refuse(accepted));
         };
-        Ok(nodes.iter().enumerate().map(|(index, node)| Field {
+        Ok(nodes.iter().enumerate().map(|(index, node)| FieldCursor {
             walk: self.walk,
             node,
-            path: Path { parent: Some(&self.path), step: Step::Index(index) },
+            path: ValuePath { parent: Some(&self.path), step: Step::Index(index) },
             name: self.name,
             owner: self.owner,
         }))
@@ -273,15 +277,15 @@ impl<'a> Field<'a> {
     /// Returns the entries of a table with arbitrary keys.
     pub(super) fn named<'b>(
         &'b self,
-    ) -> Result<impl Iterator<Item = (&'b str, Field<'b>)>, SceneError> {
+    ) -> Result<impl Iterator<Item = (&'b str, FieldCursor<'b>)>, SceneError> {
         let Tree::Table(entries) = &self.node.value else {
             return Err(self.refuse("a table"));
         };
         Ok(entries.iter().map(|entry| {
-            let path = Path { parent: Some(&self.path), step: Step::Key(&entry.key) };
+            let path = ValuePath { parent: Some(&self.path), step: Step::Key(&entry.key) };
             let node = &entry.node;
             let name = entry.key.as_ref();
-            (name, Field { walk: self.walk, node, path, name, owner: &self.name })
+            (name, FieldCursor { walk: self.walk, node, path, name, owner: &self.name })
         }))
     }
 
@@ -290,7 +294,7 @@ impl<'a> Field<'a> {
         &'b self,
         keys: &'static [&'static str],
         owner: &'b dyn Display,
-    ) -> Result<Table<'b>, SceneError> {
+    ) -> Result<TableCursor<'b>, SceneError> {
         let table = self.open(keys, owner)?;
         table.check_keys()?;
         Ok(table)
@@ -301,12 +305,12 @@ impl<'a> Field<'a> {
         &'b self,
         keys: &'static [&'static str],
         owner: &'b dyn Display,
-    ) -> Result<Table<'b>, SceneError> {
+    ) -> Result<TableCursor<'b>, SceneError> {
         let Tree::Table(entries) = &self.node.value else {
             return Err(self.refuse("a table"));
         };
         let (walk, start, path) = (self.walk, self.node.start, self.path);
-        Ok(Table { walk, start, entries, path, owner, keys })
+        Ok(TableCursor { walk, start, entries, path, owner, keys })
     }
 
     pub(super) fn is_table(&self) -> bool {
@@ -330,7 +334,7 @@ impl<'a> Field<'a> {
     }
 }
 
-impl<'a> Table<'a> {
+impl<'a> TableCursor<'a> {
     fn check_keys(&self) -> Result<(), SceneError> {
         match self.entries.iter().find(|entry| !self.keys.contains(&entry.key.as_ref())) {
             None => Ok(()),
@@ -338,8 +342,8 @@ impl<'a> Table<'a> {
         }
     }
 
-    fn unknown(&self, entry: &Entry<'_>) -> SceneError {
-        let path = Path { parent: Some(&self.path), step: Step::Key(&entry.key) };
+    fn unknown(&self, entry: &TreeEntry<'_>) -> SceneError {
+        let path = ValuePath { parent: Some(&self.path), step: Step::Key(&entry.key) };
         let name = format!("unknown key '{}'", one_line(&entry.key));
         SceneError {
             file: self.walk.text.file.to_owned(),
@@ -361,11 +365,11 @@ impl<'a> Table<'a> {
         self.keys.contains(&key)
     }
 
-    pub(super) fn get<'b>(&'b self, key: &'static str) -> Option<Field<'b>> {
+    pub(super) fn get<'b>(&'b self, key: &'static str) -> Option<FieldCursor<'b>> {
         debug_assert!(self.keys.contains(&key), "{key} is not a key of {}", self.owner);
         let entry = self.entries.iter().find(|entry| entry.key == key)?;
-        let path = Path { parent: Some(&self.path), step: Step::Key(key) };
-        Some(Field { walk: self.walk, node: &entry.node, path, name: key, owner: self.owner })
+        let path = ValuePath { parent: Some(&self.path), step: Step::Key(key) };
+        Some(FieldCursor { walk: self.walk, node: &entry.node, path, name: key, owner: self.owner })
     }
 
     /// Returns the text under a key, if it is a text. Used to name the owner before anything is
@@ -382,7 +386,7 @@ impl<'a> Table<'a> {
         &'b self,
         key: &'static str,
         accepted: impl Display,
-    ) -> Result<Field<'b>, SceneError> {
+    ) -> Result<FieldCursor<'b>, SceneError> {
         self.get(key).ok_or_else(|| {
             let item = format!("{} is missing", item(key, self.owner));
             self.refuse(item, String::new(), format_args!("accepted: {accepted}"))

@@ -11,28 +11,29 @@ use crate::quantity::{length, real};
 /// Rounding error accepted in a whole number of frames. \[1\]
 const WHOLE: f64 = 1e-6;
 
-/// What is written of a motion.
+/// Options that select the frames and keys to write.
 #[derive(clap::Args)]
-pub(crate) struct Cut {
-    /// Frames per second in the .glb and the .usda [default: one per step]; the time step stays the scene's
+pub(crate) struct FrameOptions {
+    /// Write so many frames per second to .glb and .usda; the time step stays the scene's [default:
+    /// one per step]
     #[arg(long, value_name = "N", value_parser = real(0.001..=100_000.0))]
     fps: Option<f64>,
 
-    /// Write these frames only, both of them included, such as 24..96. Frame 0 is the initial state; with
-    /// --fps they are counted at that rate, else there is one per step. They keep their times, as a range of
-    /// frames does in Blender: the clip of 24..96 begins at frame 24 [default: all]
+    /// Write these frames only, both included, such as 24..96. Frame 0 is the initial state. With
+    /// --fps, frames are counted at that rate, else one per step. Frames keep their times, as in
+    /// Blender: the clip of 24..96 begins at frame 24 [default: all]
     #[arg(long, value_name = "FIRST..LAST", value_parser = range)]
     frames: Option<RangeInclusive<usize>>,
 
-    /// How far what the .glb and the .usda show may be from the bake in any of their frames; the more, the
-    /// fewer keys. Rotations may be off by as many radians as that is meters, which moves points a meter
-    /// from the center of a body by as much again [default: 0.01mm]
+    /// Allow positions in .glb and .usda to deviate so far from the bake; a larger deviation saves
+    /// keys. Rotations may deviate by as many radians as the length has meters. That moves points a
+    /// meter from the center of a body by the same length again [default: 0.01mm]
     #[arg(long, value_name = "LENGTH", value_parser = tolerance)]
     key_tolerance: Option<f64>,
 }
 
 /// A motion to write.
-pub(crate) struct Film<'a> {
+pub(crate) struct OutputMotion<'a> {
     pub(crate) recording: Cow<'a, Recording>,
     /// Name of each body.
     pub(crate) names: &'a [String],
@@ -40,7 +41,7 @@ pub(crate) struct Film<'a> {
     pub(crate) contacts: &'a [u32],
 }
 
-impl Cut {
+impl FrameOptions {
     /// Whether any of the options is given.
     pub(crate) fn is_asked(&self) -> bool {
         self.fps.is_some() || self.frames.is_some() || self.key_tolerance.is_some()
@@ -76,21 +77,21 @@ impl Cut {
     }
 
     /// Returns the requested part of a bake.
-    pub(crate) fn film<'a>(
+    pub(crate) fn motion<'a>(
         &self,
         recording: &'a Recording,
         names: &'a [String],
         contacts: &'a [u32],
-    ) -> Result<Film<'a>, Failure> {
+    ) -> Result<OutputMotion<'a>, Failure> {
         let start = recording.start;
-        let whole = Film { recording: Cow::Borrowed(recording), names, contacts };
+        let whole = OutputMotion { recording: Cow::Borrowed(recording), names, contacts };
         let (Some(more), Some(_)) = (recording.frames().checked_sub(1), &self.frames) else {
             return Ok(whole);
         };
         let steps = self.steps(start..=start + more, recording.frame_time)?;
         let places = steps.start() - start..=steps.end() - start;
         let contacts = contacts.get(places).unwrap_or_default();
-        Ok(Film { recording: Cow::Owned(recording.piece(steps)), contacts, ..whole })
+        Ok(OutputMotion { recording: Cow::Owned(recording.piece(steps)), contacts, ..whole })
     }
 }
 

@@ -4,12 +4,12 @@ use drystone_solver::{SymmetricMatrix, Vector};
 
 use super::{
     Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint, MassProperties,
-    NormalCarrier, Reach, leading,
+    NormalCarrier, Ray, Reach, SurfaceHit, leading,
 };
 
 /// The geometry of particles: (L, A) = (2, 0) or (3, 0).
 #[derive(Clone, Copy, Debug)]
-pub struct Spheres;
+pub struct Particles;
 
 /// The shape of a particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,10 +29,10 @@ pub enum SphereShape<const L: usize> {
 /// Half extent and reach of a half-space, which stands for infinity. \[m\]
 const UNBOUNDED: f32 = 1.0e5;
 
-impl<const L: usize> Geometry<L, 0> for Spheres {
+impl<const L: usize> Geometry<L, 0> for Particles {
     type Pose = Vector<f32, L>;
     type Shape = SphereShape<L>;
-    type Collider = SphereShape<L>;
+    type Prepared = SphereShape<L>;
     type Scratch = ContactManifold<L>;
 
     fn pose(position: Vector<f32, L>, _rotation: &[f32]) -> Self::Pose {
@@ -110,30 +110,42 @@ impl<const L: usize> Geometry<L, 0> for Spheres {
         }
     }
 
-    fn collider(shape: Self::Shape) -> Self::Collider {
+    fn prepare(shape: Self::Shape) -> Self::Prepared {
         shape
     }
 
-    fn nothing() -> Self::Collider {
+    fn placeholder() -> Self::Prepared {
         SphereShape::Sphere { radius: 0.0 }
     }
 
-    fn is_sheet(_: &Self::Collider) -> bool {
+    fn is_open(_: &Self::Prepared) -> bool {
         false
     }
 
-    fn rolls(_: &Self::Collider) -> bool {
+    fn is_curved(_: &Self::Prepared) -> bool {
         // Particles do not rotate.
         false
     }
 
-    fn shape_of(collider: &Self::Collider) -> &Self::Shape {
+    fn shape_of(collider: &Self::Prepared) -> &Self::Shape {
         collider
     }
 
+    fn cast_ray(
+        collider: &Self::Prepared,
+        pose: &Self::Pose,
+        ray: &Ray<L>,
+    ) -> Option<SurfaceHit<L>> {
+        let own = Ray { origin: ray.origin - *pose, ..*ray };
+        match collider {
+            SphereShape::Sphere { radius } => own.on_ball(Vector::ZERO, *radius),
+            SphereShape::Halfspace { normal } => own.on_halfspace(*normal),
+        }
+    }
+
     fn collide(
-        a: (&Self::Collider, &Self::Pose),
-        b: (&Self::Collider, &Self::Pose),
+        a: (&Self::Prepared, &Self::Pose),
+        b: (&Self::Prepared, &Self::Pose),
         ahead: impl Into<LookAhead<L>>,
         _: Option<u64>,
         touch: &mut ContactManifold<L>,

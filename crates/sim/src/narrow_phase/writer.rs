@@ -14,17 +14,17 @@ use crate::geometry::{ContactManifold, Frame, MAX_POINTS};
 const MATCH_DISTANCE: f32 = 0.02;
 
 /// Writes the manifolds of a pair over those of the step before, as long as they belong to the same
-/// parts and have as many points. From the first one that does not, all are appended to `records`,
+/// parts and have as many points. From the first one that does not, all are appended to `cache`,
 /// those already written included.
 pub(super) struct ManifoldWriter<'a, 'b, const L: usize> {
     own: &'a mut ManifoldCacheMut<'b, L>,
     /// Range of the manifolds of the step before.
     known: Range<usize>,
     /// Cache that holds that range, if the pair was asleep.
-    resting: Option<&'a ManifoldCache<L>>,
+    sleeping: Option<&'a ManifoldCache<L>>,
     /// Number of manifolds written in place.
     again: usize,
-    records: &'a mut ManifoldCache<L>,
+    cache: &'a mut ManifoldCache<L>,
     /// Index of the first one appended.
     first: usize,
 }
@@ -33,15 +33,15 @@ impl<'a, 'b, const L: usize> ManifoldWriter<'a, 'b, L> {
     pub(super) fn new(
         own: &'a mut ManifoldCacheMut<'b, L>,
         known: Range<usize>,
-        resting: Option<&'a ManifoldCache<L>>,
-        records: &'a mut ManifoldCache<L>,
+        sleeping: Option<&'a ManifoldCache<L>>,
+        cache: &'a mut ManifoldCache<L>,
     ) -> Self {
-        let first = records.manifolds.len();
-        Self { own, known, resting, again: 0, records, first }
+        let first = cache.manifolds.len();
+        Self { own, known, sleeping, again: 0, cache, first }
     }
 
     fn old(&self) -> ManifoldCacheView<'_, L> {
-        self.resting.map_or_else(|| self.own.view(), ManifoldCache::view)
+        self.sleeping.map_or_else(|| self.own.view(), ManifoldCache::view)
     }
 
     /// Returns the cached manifold of a part.
@@ -59,51 +59,51 @@ impl<'a, 'b, const L: usize> ManifoldWriter<'a, 'b, L> {
         b: &Frame<L>,
     ) -> (&mut CachedManifold<L>, &[CachedPoint<L>]) {
         // Copy the old points: the slot may be the one they are in.
-        let (mut old_points, mut old_traces) =
+        let (mut old_points, mut old_impulses) =
             ([CachedPoint::OPEN; MAX_POINTS], [CachedImpulse::default(); MAX_POINTS]);
         let mut count = 0;
         let old = self.old();
         if let Some(known) = self.before(part) {
             count = known.count as usize;
             old_points[..count].copy_from_slice(old.points_of(known));
-            old_traces[..count].copy_from_slice(old.traces_of(known));
+            old_impulses[..count].copy_from_slice(old.impulses_of(known));
         }
         let next = self.known.start + self.again;
         let same = |next: &CachedManifold<L>| next.part == part && count == touch.points.len();
-        let stays = self.resting.is_none() && self.records.manifolds.len() == self.first;
-        let (record, points, traces) =
+        let stays = self.sleeping.is_none() && self.cache.manifolds.len() == self.first;
+        let (manifold, points, impulses) =
             if stays && next < self.known.end && old.of(next..next + 1).iter().all(same) {
                 self.again += 1;
-                self.own.place(next)
+                self.own.slot_mut(next)
             } else {
                 self.leave();
-                self.records.add(touch.points.len())
+                self.cache.add(touch.points.len())
             };
-        for ((found, point), trace) in touch.points.iter().zip(&mut *points).zip(&mut *traces) {
+        for ((found, point), cached) in touch.points.iter().zip(&mut *points).zip(&mut *impulses) {
             let normal = touch.surfaces.normal;
-            (*point, *trace) = (CachedPoint::new(found, normal, a, b), cache::open(found.gap));
+            (*point, *cached) = (CachedPoint::new(found, normal, a, b), cache::open(found.gap));
         }
-        inherit(points, traces, (&old_points[..count], &old_traces[..count]), MATCH_DISTANCE);
-        cache::deepest_first(points, traces);
-        (record, points)
+        inherit(points, impulses, (&old_points[..count], &old_impulses[..count]), MATCH_DISTANCE);
+        cache::deepest_first(points, impulses);
+        (manifold, points)
     }
 
     /// Appends the manifolds that were written in place.
     fn leave(&mut self) {
         let found = self.known.start..self.known.start + std::mem::take(&mut self.again);
-        self.records.extend(self.own.view(), found);
+        self.cache.extend(self.own.view(), found);
     }
 
     /// Returns the number of manifolds, and whether all of them are written in place, with none
     /// left over.
-    pub(super) fn finish(mut self, traced: bool) -> (u32, bool) {
-        let stays = self.resting.is_none() && self.records.manifolds.len() == self.first;
+    pub(super) fn finish(mut self, impulses_updated: bool) -> (u32, bool) {
+        let stays = self.sleeping.is_none() && self.cache.manifolds.len() == self.first;
         if stays && self.again > 0 && self.again == self.known.len() {
-            self.own.change(self.known.clone(), traced);
+            self.own.change(self.known.clone(), impulses_updated);
             return (self.again as u32, true);
         }
         self.leave();
-        ((self.records.manifolds.len() - self.first) as u32, false)
+        ((self.cache.manifolds.len() - self.first) as u32, false)
     }
 }
 
@@ -118,7 +118,7 @@ mod tests {
     /// Manifolds written in place and appended ones are equal. The parts are the same, fewer, more,
     /// or others, with as many points or others.
     #[test]
-    fn what_is_found_again_is_as_if_it_were_elsewhere() {
+    fn manifolds_in_place_equal_appended_ones() {
         let mut random = Random(3);
         let (mut again, mut elsewhere) = (0, 0);
         for _ in 0..500 {
@@ -129,36 +129,36 @@ mod tests {
             let known = old.manifolds.len();
             find(&mut ManifoldCacheMut::default(), 0..0, None, &mut old, &first);
             let known = known..old.manifolds.len();
-            for (trace, number) in old.traces.iter_mut().zip(1..) {
-                trace.impulse[0] = number as f32;
+            for (cached, number) in old.impulses.iter_mut().zip(1..) {
+                cached.impulse[0] = number as f32;
             }
             let then = random.touches_like(&first);
-            let rested = old.clone();
+            let was_sleeping = old.clone();
             let mut appended = ManifoldCache::default();
             let (count, stays) = find(
                 &mut ManifoldCacheMut::default(),
                 known.clone(),
-                Some(&rested),
+                Some(&was_sleeping),
                 &mut appended,
                 &then,
             );
             assert!(!stays && count as usize == then.len());
-            let mut records = ManifoldCache::default();
-            let found = find(&mut old.view_mut(), known.clone(), None, &mut records, &then);
+            let mut cache = ManifoldCache::default();
+            let found = find(&mut old.view_mut(), known.clone(), None, &mut cache, &then);
             assert_eq!(found.0, count);
             let (view, numbers) = if found.1 {
                 again += 1;
                 (old.view(), known)
             } else {
                 elsewhere += 1;
-                (records.view(), 0..count as usize)
+                (cache.view(), 0..count as usize)
             };
             assert_eq!(view.of(numbers.clone()).len(), then.len());
             for (own, other) in view.of(numbers).iter().zip(&appended.manifolds) {
                 assert_eq!((own.part, own.count), (other.part, other.count));
                 let all = appended.view();
                 assert_eq!(view.points_of(own), all.points_of(other));
-                assert_eq!(view.traces_of(own), all.traces_of(other));
+                assert_eq!(view.impulses_of(own), all.impulses_of(other));
             }
         }
         assert!(again > 50 && elsewhere > 50, "{again} and {elsewhere}");
@@ -167,14 +167,14 @@ mod tests {
     fn find(
         own: &mut ManifoldCacheMut<'_, 2>,
         known: Range<usize>,
-        resting: Option<&ManifoldCache<2>>,
-        records: &mut ManifoldCache<2>,
+        sleeping: Option<&ManifoldCache<2>>,
+        cache: &mut ManifoldCache<2>,
         touches: &[ContactManifold<2>],
     ) -> (u32, bool) {
-        let mut places = ManifoldWriter::new(own, known, resting, records);
+        let mut places = ManifoldWriter::new(own, known, sleeping, cache);
         for touch in touches {
-            let (record, _) = places.next(touch, touch.part, &Frame::IDENTITY, &Frame::IDENTITY);
-            record.part = touch.part;
+            let (manifold, _) = places.next(touch, touch.part, &Frame::IDENTITY, &Frame::IDENTITY);
+            manifold.part = touch.part;
         }
         places.finish(true)
     }

@@ -175,7 +175,7 @@ fn prims(count: usize) -> String {
 fn joint(stage: &Stage<'_>, prim: &Prim, warnings: &mut Vec<Warning>) {
     let kind = &prim.kind;
     let known = JOINTS.contains(&kind.as_str());
-    let odd = if known { String::new() } else { format!(" {kind} is no type of UsdPhysics.") };
+    let odd = if known { String::new() } else { format!(" {kind} is not a type of UsdPhysics.") };
     let what = "the joint is not simulated: nothing holds the bodies together";
     let what = if known { what.to_owned() } else { format!("{what}.{odd}") };
     stage.warn(prim, what, warnings);
