@@ -24,8 +24,7 @@ pub enum Stage {
     Predict,
     /// Impacts with restitution.
     Impact,
-    /// Target velocities from gaps, and v += M^-1 J^T gamma with the impulses of the previous
-    /// substep.
+    /// v += M^-1 J^T gamma with the impulses of the previous substep.
     WarmStart,
     /// Sweeps towards the targets, and stronger methods where certificates require them.
     Solve,

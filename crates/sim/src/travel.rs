@@ -1,5 +1,5 @@
-//! Travel bounds: motion of bodies within a step and relative to each other. They determine how far
-//! ahead contacts are searched, and how often.
+//! Travel bounds, for continuous collision detection (CCD): motion of bodies within a step and
+//! relative to each other. They determine how far ahead contacts are searched, and how often.
 
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Vector, Velocity};

@@ -1,5 +1,5 @@
 //! [`Manifold`] and [`Contact`]: the contact points of two bodies, with their common frame and
-//! arms.
+//! arms. A soft contact has a compliance epsilon; a visit projects friction onto Coulomb's disc.
 
 use std::ops::Range;
 

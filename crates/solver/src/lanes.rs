@@ -6,7 +6,7 @@
 //! There is one storage. [`Instructions`] are chosen when a system is made, and passes over it view
 //! its numbers in the registers of these instructions.
 //!
-//! Unsafe code of this crate is confined to the files `number`, `avx2`, `view`, `block` and `sweep`
+//! Unsafe code of this crate is confined to the modules `number`, `avx2`, `view`, `block` and `sweep`
 //! here, and to [`thread_pool`](crate::thread_pool).
 
 #[cfg(target_arch = "x86_64")]

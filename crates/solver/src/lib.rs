@@ -1,5 +1,5 @@
 //! Contact solver for systems of bodies and contacts: velocities, masses, contacts; no shapes,
-//! poses, files or clocks. [`System`] states the problem in six equations.
+//! poses or files. [`System`] states the problem in six equations.
 //!
 //! A ball of 2 kg falls on the floor for 0.01 s. The contact takes the velocity from it:
 //!

@@ -1,9 +1,9 @@
 //! [`Real`]: the number type of the kernels.
 //!
-//! The kernels are generic over `Real`: `f32` in the world, `f64` in tests and certificates. There
-//! is no comparison that returns `bool`. Kernels choose with [`max`](Real::max), [`min`](Real::min)
-//! and [`choose`](Real::choose), so that a type with several numbers side by side can be a `Real`
-//! too.
+//! The kernels are generic over `Real`: `f32` in worlds, `f64` in certificates and in methods that
+//! factor matrices. There is no comparison that returns `bool`. Kernels choose with
+//! [`max`](Real::max), [`min`](Real::min) and [`choose`](Real::choose), so that a type with several
+//! numbers side by side can be a `Real` too.
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};

@@ -77,7 +77,7 @@ fn no_bit_depends_on_the_platform() {
 
 /// Lanes and threads alone have `unsafe` code.
 #[test]
-fn unsafe_code_is_in_six_files() {
+fn unsafe_code_is_in_six_modules() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let allowed = |name: &str| -> Vec<String> {
         let texts = modules(&root.join(name).join("src"), &[]);
