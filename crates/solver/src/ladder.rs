@@ -529,7 +529,7 @@ fn replace<const L: usize, const A: usize>(
         system.contacts[index].impulse = solved.impulse.cast();
     }
     for (solved, index) in part.system.axes.iter().zip(part.axes(system).collect::<Vec<_>>()) {
-        system.axes[index].impulse = solved.impulse.cast();
+        system.axes[index].impulse = solved.impulse as f32;
     }
 }
 
