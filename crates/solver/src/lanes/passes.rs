@@ -127,12 +127,12 @@ pub enum Instructions {
 impl Instructions {
     /// Returns the instructions of this machine, the fastest last.
     pub fn available() -> Vec<Self> {
-        let mut all = vec![Self::Portable];
-        #[cfg(target_arch = "x86_64")]
-        if super::avx2::available() {
-            all.push(Self::Avx2);
-        }
-        all
+        let all = [
+            Some(Self::Portable),
+            #[cfg(target_arch = "x86_64")]
+            super::avx2::available().then_some(Self::Avx2),
+        ];
+        all.into_iter().flatten().collect()
     }
 }
 
