@@ -222,8 +222,8 @@ pub(super) struct SurfaceMotionDocument {
     /// [rad/s], in 2D a number; 0 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) angular: Option<SpinDocument>,
-    /// Whether its axes are those of the body or shape, and turn with it, or those of the world;
-    /// true if absent.
+    /// True if its axes are those of the body or shape, and turn with it; false if they are those
+    /// of the world. True if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) local: Option<bool>,
 }

@@ -50,7 +50,7 @@ pub fn solve<const L: usize, const A: usize>(
 }
 
 /// Runs one sweep in which the impulses of each manifold change by `omega` times the change of a
-/// visit.
+/// visit, and those of joints by the visit itself.
 fn sweep<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     omega: f64,
@@ -73,5 +73,9 @@ fn sweep<const L: usize, const A: usize>(
             }
             contact.impulse - before
         });
+    }
+    let manifolds = system.manifolds.len();
+    for joint in 0..system.joints.len() {
+        visit_constraint(system, manifolds + joint);
     }
 }

@@ -403,7 +403,7 @@ fn refused(kind: WorldKind, body: &Body) -> String {
 /// A change that makes a body wrong.
 type Change<'a> = &'a dyn Fn(&mut Body);
 
-/// What no world can be made of is refused with the item, its value and what is accepted.
+/// Bodies and shapes of which no world can be made are refused with item, value and accepted range.
 #[test]
 fn wrong_bodies_are_refused() {
     use WorldKind::{Particles3, Rigid2, Rigid3};

@@ -27,7 +27,7 @@ pub(super) struct ReportInput<'a> {
 #[derive(Serialize)]
 struct Report<'a> {
     scene: String,
-    /// As in dumped problems and journals.
+    /// Hash of the scene, which dumped problems and journals have too.
     scene_hash: &'a str,
     version: &'a str,
     settings: &'a StepSettings,

@@ -5,8 +5,8 @@ use drystone_solver::certificate::certify;
 use drystone_solver::law::Interval;
 use drystone_solver::solution::{Goal, Solution, Status};
 use drystone_solver::{
-    Axis, ConstraintFrame, InverseMass, Joint, System, Vector, Velocity, contact_frame, newton,
-    nncg, pgs, symmetric,
+    Axis, ConstraintFrame, Contact, InverseMass, Joint, System, Vector, Velocity, apgd,
+    contact_frame, newton, nncg, pgs, psor, symmetric,
 };
 
 use crate::common::{Random, Recipe, Scene, assert_close, random_scene};
@@ -126,8 +126,12 @@ fn methods_and_bound<const L: usize, const A: usize>(seed: u64) {
     let solution = newton::solve(&mut exact, &EXACT);
     let residual = exact.residual(false);
     assert!(residual < 1e-7, "seed {seed} ({L},{A}): {residual} m/s after {solution:?}");
-    let methods: [(&str, Solve<L, A>); 3] =
-        [("pgs", pgs::solve), ("symmetric", symmetric::solve), ("nncg", nncg::solve)];
+    let methods: [(&str, Solve<L, A>); 4] = [
+        ("pgs", pgs::solve),
+        ("symmetric", symmetric::solve),
+        ("psor", psor::solve),
+        ("nncg", nncg::solve),
+    ];
     for (name, method) in methods {
         let mut solved = system.clone();
         let solution = method(&mut solved, &Goal { tolerance: 1e-7, budget: 20_000 });
@@ -264,7 +268,7 @@ fn a_motor_gives_no_more_than_its_torque() {
 /// A row along which nothing can move takes no part, and a rigid lock that nothing bounds is not
 /// certified while it misses its target.
 #[test]
-fn what_nothing_moves_takes_no_part_and_rigid_locks_prove_nothing() {
+fn rows_that_nothing_moves_take_no_part_and_rigid_locks_prove_nothing() {
     let mut scene = Scene::<3, 3>::new();
     let [wall, other] = [scene.wall(), scene.wall()];
     let own = joint(&scene, [wall, other], Vector::ZERO);
@@ -281,4 +285,37 @@ fn what_nothing_moves_takes_no_part_and_rigid_locks_prove_nothing() {
     assert_eq!(scene.system.velocities[ball as usize].linear, Vector::ZERO);
     assert!(scene.system.axes[..6].iter().all(|axis| axis.impulse == 0.0));
     assert!(certify(&scene.system, &before).error() < 1e-9);
+}
+
+/// The relaxing sweep takes the bias out: a lock that repairs its position moves the bodies at its
+/// target, and leaves them at rest. A contact's target is its bias and the rest.
+#[test]
+fn relaxing_takes_out_the_bias() {
+    let mut scene = Scene::<2, 1>::new();
+    let ball = scene.ball(Vector::ZERO, 2.0);
+    let wall = scene.wall();
+    let mut axes = locks(0..2, 0.0);
+    (axes[0].law.targets, axes[0].bias) = ([0.25; 2], 0.25);
+    let own = joint(&scene, [ball, wall], Vector::ZERO);
+    scene.system.add_joint(own, &axes);
+    scene.system.prepare(0.0);
+    pgs::sweep(&mut scene.system);
+    assert_close(scene.system.velocities[0].linear[0], 0.25, 1e-12);
+    pgs::relax(&mut scene.system);
+    assert!(scene.system.velocities[0].linear.length() < 1e-12);
+    for target in [-0.3, 0.0, 0.2] {
+        let contact = Contact { target: Vector([target, 0.0]), ..Contact::default() };
+        assert_eq!(contact.bias() + contact.unbiased_target(), target);
+        assert!(contact.bias() >= 0.0 && contact.unbiased_target() <= 0.0);
+    }
+}
+
+/// A method that does not know joints refuses them.
+#[test]
+fn a_method_without_joints_refuses_them() {
+    let mut system = random_system::<3, 3>(5);
+    let goal = Goal { tolerance: 1e-6, budget: 10 };
+    assert_eq!(apgd::solve(&mut system, &goal).status, Status::BadInput);
+    #[cfg(feature = "assembled")]
+    assert_eq!(drystone_solver::proximal::solve(&mut system, &goal).status, Status::BadInput);
 }
