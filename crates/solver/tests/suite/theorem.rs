@@ -386,6 +386,7 @@ fn a_visit_solves_its_row() {
         let r = row.visit(mass, start + inverse_mass * guess, guess);
         let again = row.visit(mass, start + inverse_mass * r, r);
         assert!((r - again).abs() < 1e-12, "one visit is enough: {r}, {again}");
+        assert!(r.abs() <= bound, "{row:?}: {r} N s is out of bounds");
         let (u, inside) = (start + inverse_mass * r, r.abs() < bound - 1e-12);
         let missing = row.missing(Vector([u]), Vector([r]))[0];
         assert!(!inside || missing.abs() < 1e-12, "{row:?}: {r} N s misses {missing} m/s");
