@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::joint::Joint;
 use crate::solid_mesh::DecompositionOptions;
 
 /// A scene: its bodies, their initial state, and the length of the run.
@@ -25,6 +26,8 @@ pub struct Scene {
     pub bodies_as: BodiesAs,
     /// Bodies; the index in this list is the body id in every output.
     pub bodies: Vec<Body>,
+    /// Joints; the index in this list is the joint id in every output.
+    pub joints: Vec<Joint>,
     /// The table `solver`: settings of the engine by name, each optional.
     pub solver: serde_json::Map<String, Value>,
 }

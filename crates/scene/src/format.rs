@@ -135,6 +135,7 @@ fn read_scene(field: &FieldCursor<'_>, engine: &dyn Engine) -> Result<Scene, Sce
         steps: read_steps(&table, time_step)?,
         bodies_as,
         bodies: read_bodies(&table, dimension, bodies_as)?,
+        joints: Vec::new(),
         solver: match table.get("solver") {
             None => serde_json::Map::new(),
             Some(field) => read_solver(&field, engine)?,

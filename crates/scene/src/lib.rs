@@ -39,6 +39,7 @@ pub mod file;
 pub mod format;
 pub mod gltf;
 pub mod graph;
+mod joint;
 mod read;
 pub mod schema;
 pub mod solid_mesh;
@@ -57,6 +58,9 @@ pub use engine::{Engine, Hull, NoEngine, SettingFault, Solid, Weight};
 pub use error::{Place, SceneError, Warning};
 pub use file::open;
 pub use format::shape::spans_space;
+pub use joint::{
+    Breaking, Coordinate, Drive, Joint, JointAxis, JointFrame, Softness,
+};
 pub use read::Read;
 pub use schema::json_schema;
 pub use solid_mesh::{DecompositionOptions, NotSolid, is_solid};

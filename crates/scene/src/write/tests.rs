@@ -224,6 +224,7 @@ fn scene() -> impl Strategy<Value = Scene> {
                 time_step,
                 steps,
                 bodies_as: BodiesAs::Rigid,
+                joints: Vec::new(),
                 bodies: numbered(bodies),
                 solver: solver.as_object().unwrap().clone(),
             })
