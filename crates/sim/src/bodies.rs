@@ -298,6 +298,9 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) reach: Vec<Reach>,
     /// Smallest extent of all its shapes together; infinite if the body cannot be moved. \[m\]
     pub(crate) thickness: Vec<f32>,
+    /// True if a joint acts on it: it rotates in each substep. The array may be shorter; further
+    /// bodies have none.
+    pub(crate) has_joint: Vec<bool>,
     /// Force and torque in the next step. The array may be shorter; further bodies have
     /// none. \[N, N m\]
     pub(crate) forces: Vec<Velocity<f32, L, A>>,
@@ -310,6 +313,7 @@ pub(crate) struct BodyParams<'a, const L: usize, const A: usize> {
     gravity_factor: &'a [f32],
     pub(crate) damping: &'a [[f32; 2]],
     forces: &'a [Velocity<f32, L, A>],
+    has_joint: &'a [bool],
     pub(crate) inertia: &'a [Inertia<L, A>],
     pub(crate) precession: &'a [Precession],
     pub(crate) reach: &'a [Reach],
@@ -318,6 +322,12 @@ pub(crate) struct BodyParams<'a, const L: usize, const A: usize> {
 impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
     pub(crate) fn is_dynamic(&self, body: usize) -> bool {
         self.motion[body] == Some(Motion::Dynamic)
+    }
+
+    /// Returns true if a joint acts on a body.
+    #[inline]
+    pub(crate) fn has_joint(&self, body: usize) -> bool {
+        self.has_joint.get(body) == Some(&true)
     }
 
     /// Returns the force and torque on a body. \[N, N m\]
@@ -419,6 +429,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             damping: Vec::new(),
             reach: Vec::new(),
             thickness: Vec::new(),
+            has_joint: Vec::new(),
             forces: Vec::new(),
         }
     }
@@ -562,9 +573,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     /// Returns the constant properties and the mutable state of the bodies.
     pub(crate) fn in_motion(&mut self) -> BodiesInMotion<'_, G, L, A> {
-        let Self { motion, gravity_factor, damping, forces, inertia, precession, reach, .. } = self;
-        let properties =
-            BodyParams { motion, gravity_factor, damping, forces, inertia, precession, reach };
+        let Self {
+            motion,
+            gravity_factor,
+            damping,
+            forces,
+            has_joint,
+            inertia,
+            precession,
+            reach,
+            ..
+        } = self;
+        let properties = BodyParams {
+            motion,
+            gravity_factor,
+            damping,
+            forces,
+            has_joint,
+            inertia,
+            precession,
+            reach,
+        };
         BodiesInMotion {
             properties,
             poses: &mut self.poses,
@@ -577,8 +606,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     }
 
     fn properties(&self) -> BodyParams<'_, L, A> {
-        let Self { motion, gravity_factor, damping, forces, inertia, precession, reach, .. } = self;
-        BodyParams { motion, gravity_factor, damping, forces, inertia, precession, reach }
+        let Self {
+            motion,
+            gravity_factor,
+            damping,
+            forces,
+            has_joint,
+            inertia,
+            precession,
+            reach,
+            ..
+        } = self;
+        BodyParams {
+            motion,
+            gravity_factor,
+            damping,
+            forces,
+            has_joint,
+            inertia,
+            precession,
+            reach,
+        }
     }
 
     /// Sets the linear and angular damping of a body. \[1/s\]

@@ -57,6 +57,16 @@ pub(crate) struct Pair {
 }
 
 impl Pair {
+    /// Keeps its shapes from colliding: they count as infinitely far apart.
+    pub(crate) fn separate(&mut self) {
+        (self.count, self.clearance) = (0, f32::INFINITY);
+    }
+
+    /// Returns true if a joint keeps its shapes from colliding.
+    pub(crate) fn is_separated(&self) -> bool {
+        self.clearance == f32::INFINITY
+    }
+
     pub(crate) fn manifolds(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }

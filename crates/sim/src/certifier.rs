@@ -4,6 +4,7 @@ use drystone_solver::island::{self, Islands};
 use drystone_solver::jam::{self, Jam};
 use drystone_solver::ladder::{IslandSolver, SolveReport};
 use drystone_solver::lanes::LaneSystem;
+use drystone_solver::mechanism::Mechanisms;
 use drystone_solver::solution::Goal;
 use drystone_solver::{InverseMass, System, Velocity};
 #[cfg(feature = "serde")]
@@ -203,7 +204,7 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     pub(crate) fn refine(
         &mut self,
         system: &mut System<f32, L, A>,
-        lanes: &mut LaneSystem<L, A>,
+        constraints: (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
         settings: &StepSettings,
         with_residuals: bool,
@@ -214,9 +215,21 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         };
         let islands = &self.islands;
         if with_residuals {
-            self.island_solver.solve_islands::<true>(system, lanes, prospective, islands, &goal)
+            self.island_solver.solve_islands::<true>(
+                system,
+                constraints,
+                prospective,
+                islands,
+                &goal,
+            )
         } else {
-            self.island_solver.solve_islands::<false>(system, lanes, prospective, islands, &goal)
+            self.island_solver.solve_islands::<false>(
+                system,
+                constraints,
+                prospective,
+                islands,
+                &goal,
+            )
         }
     }
 
@@ -224,10 +237,10 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     pub(crate) fn certify_sweeps(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        lanes: &LaneSystem<L, A>,
+        constraints: (&LaneSystem<L, A>, &Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
     ) -> SolveReport {
-        self.island_solver.examine(velocities, lanes, prospective, &self.islands)
+        self.island_solver.examine(velocities, constraints, prospective, &self.islands)
     }
 }
 

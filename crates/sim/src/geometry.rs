@@ -46,6 +46,9 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     /// Returns the position of a pose and the world directions of its axes.
     fn frame(pose: &Self::Pose) -> Frame<L>;
 
+    /// Returns the rotation of a pose as a quaternion x, y, z, w; in the plane, about z.
+    fn rotation(pose: &Self::Pose) -> [f64; 4];
+
     /// Returns the pose translated by `by` \[m\] and rotated by the rotation vector `turn` \[rad\]
     /// about its position. The rotation is exact, not linearized.
     fn advance(pose: &Self::Pose, by: Vector<f32, L>, turn: Vector<f32, A>) -> Self::Pose;

@@ -50,6 +50,11 @@ id! {
     ColliderId
 }
 
+id! {
+    /// Identifier of a joint. It is invalid after the joint is removed, and in other worlds.
+    JointId
+}
+
 /// Returns a number that no other world of this process has.
 pub(crate) fn new_world() -> u32 {
     static WORLDS: AtomicU32 = AtomicU32::new(0);

@@ -10,6 +10,7 @@ use drystone_solver::{Vector, Velocity};
 use crate::bodies::{Body, Inertia, SurfaceVelocity};
 use crate::body::{Material, Motion};
 use crate::geometry::{Bounds, Geometry};
+use crate::joint::Coordinate;
 
 /// Largest distance of a position from the origin along an axis, and largest extent of a
 /// shape. \[m\]
@@ -49,8 +50,60 @@ pub enum InputError {
         /// Kind of the shape.
         shape: &'static str,
     },
+    /// A joint cannot be what it is described to be.
+    Joint(JointFault),
     /// A static body has no velocity. Use [`World::set_pose`](crate::World::set_pose) to move it.
     Static,
+}
+
+/// Why a joint is rejected.
+#[derive(Clone, Debug, PartialEq)]
+pub enum JointFault {
+    /// No joint of this world has the identifier.
+    Unknown,
+    /// Both bodies are the same.
+    SameBody,
+    /// Neither body is dynamic.
+    NothingMoves,
+    /// Joints of this dimension have no such coordinate, or its numbers are out of range.
+    NoSuchCoordinate(Coordinate),
+    /// Two axes have this coordinate.
+    Twice(Coordinate),
+    /// The lower limit is above the upper one, or NaN.
+    Limits([f64; 2]),
+    /// All axes are locked, so none can be driven.
+    Locked,
+}
+
+impl Display for JointFault {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown => f.write_str(
+                "the joint is not in this world: it was removed, or is of another world",
+            ),
+            Self::SameBody => f.write_str(
+                "both bodies of the joint are the same; accepted: two bodies, or one and the world",
+            ),
+            Self::NothingMoves => f.write_str(
+                "neither body of the joint is dynamic; accepted: at least one dynamic body",
+            ),
+            Self::NoSuchCoordinate(coordinate) => write!(
+                f,
+                "a joint of this world has no coordinate {coordinate:?}; accepted: Linear below the \
+                 dimension, Distance, and Angle in the plane or the rotations of space"
+            ),
+            Self::Twice(coordinate) => {
+                write!(f, "two axes of the joint are {coordinate:?}; accepted: one axis for each")
+            }
+            Self::Limits([low, high]) => write!(
+                f,
+                "the limits of the joint are {low} and {high}; accepted: a lower one up to the upper"
+            ),
+            Self::Locked => {
+                f.write_str("all axes of the joint are locked; accepted: a drive on a free axis")
+            }
+        }
+    }
 }
 
 impl Display for InputError {
@@ -72,6 +125,7 @@ impl Display for InputError {
                  accepted: ball, box, capsule, cylinder, cone, convex hull, half-space, \
                  triangle mesh, one per collider"
             ),
+            Self::Joint(fault) => write!(f, "{fault}"),
             Self::Static => f.write_str(
                 "the body is static and has no velocity; \
                  accepted: a dynamic or kinematic body, or set_pose",

@@ -39,6 +39,10 @@ mod events;
 pub mod geometry;
 mod ids;
 mod input;
+mod joining;
+mod joint;
+mod joint_stages;
+mod joints;
 mod ledger;
 mod motion;
 mod narrow_phase;
@@ -68,11 +72,12 @@ pub use drystone_solver::ladder::{Method, SolveReport};
 pub use drystone_solver::restitution::ImpactLaw;
 pub use drystone_solver::{Clock, Vector, Velocity};
 pub use events::Touching;
-pub use ids::{BodyId, ColliderId};
-pub use input::InputError;
+pub use ids::{BodyId, ColliderId, JointId};
+pub use input::{InputError, JointFault};
+pub use joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrames, JointState, Softness};
 pub use ledger::Ledger;
 pub use queries::RayHit;
-pub use report::{ContactPoints, Measure, Nearby, Stage, StepReport};
+pub use report::{BrokenJoint, ContactPoints, Measure, Nearby, Stage, StepReport};
 pub use saved::SavedSystem;
 #[cfg(feature = "assembled")]
 pub use saved::{SavedContact, SavedProblem};
@@ -89,6 +94,11 @@ pub type Body3 = Body<geometry::Rigid3, 3, 3>;
 pub type Collider2 = Collider<geometry::Rigid2, 2, 1>;
 /// A shape of a [`Body3`].
 pub type Collider3 = Collider<geometry::Rigid3, 3, 3>;
+
+/// A joint in the plane, to be added to a [`World2`].
+pub type Joint2 = Joint<geometry::Rigid2, 2, 1>;
+/// A joint in space, to be added to a [`World3`].
+pub type Joint3 = Joint<geometry::Rigid3, 3, 3>;
 
 /// Rigid bodies in the plane.
 pub type World2 = World<geometry::Rigid2, 2, 1>;

@@ -315,6 +315,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Chunk<'_, G, L, A> {
                 spin.followed += turn;
                 precessing[*count] = body;
                 *count += 1;
+            } else if A == 3
+                && self.properties.has_joint(self.first + usize::from(body))
+                && turn.dot(turn) > SMALL_TURN * SMALL_TURN
+            {
+                spin.followed += turn;
+                let pose = &mut self.poses[usize::from(body)];
+                *pose = G::advance(pose, Vector::ZERO, turn);
             }
         }
         advanced

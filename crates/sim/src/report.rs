@@ -28,6 +28,8 @@ pub enum Stage {
     WarmStart,
     /// Sweeps towards the targets, and stronger methods where certificates require them.
     Solve,
+    /// Joints: their targets, the solution of each mechanism, and J after the motion.
+    Joints,
     /// Certificates, and at the end the search for jams.
     Certify,
     /// Displacements grow by h v; at the end of a part, poses move by the displacements.
@@ -40,7 +42,7 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, in order.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Pairs,
         Self::Manifolds,
         Self::Rows,
@@ -48,6 +50,7 @@ impl Stage {
         Self::Impact,
         Self::WarmStart,
         Self::Solve,
+        Self::Joints,
         Self::Certify,
         Self::Advance,
         Self::Relax,
@@ -64,6 +67,7 @@ impl Stage {
             Self::Impact => "impact",
             Self::WarmStart => "warm_start",
             Self::Solve => "solve",
+            Self::Joints => "joints",
             Self::Certify => "certify",
             Self::Advance => "advance",
             Self::Relax => "relax",
@@ -106,6 +110,23 @@ pub struct StepReport {
     /// the setting `certify` is on. Bodies are slots of the world. Contacts are those of
     /// [`World::system`](crate::World::system).
     pub jams: Vec<Jam>,
+    /// Largest miss of a joint's locks and limits after the step: of positions \[m\] and of
+    /// rotations \[rad\].
+    pub joint_gap: [f64; 2],
+    /// Joints that broke in the step.
+    pub broken: Vec<BrokenJoint>,
+}
+
+/// A joint that broke in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
+pub struct BrokenJoint {
+    /// Its slot.
+    pub joint: u32,
+    /// Mean force on a in the step. \[N\]
+    pub force: f64,
+    /// Mean torque on a about the joint in the step. \[N m\]
+    pub torque: f64,
 }
 
 impl StepReport {

@@ -49,6 +49,9 @@ pub struct StepSettings {
     /// thinnest body of the island if that is less. A contact that `softness` leaves softer is made
     /// as stiff as this needs. It has no effect without `tolerance`. \[m\]
     pub sag: f32,
+    /// Largest distance by which a locked joint gives way that carries the weight of all bodies that
+    /// joints connect with it. \[m\]
+    pub stretch: f32,
     /// Law for contacts that collide at once. `reflections` is symmetric, and passes an impact
     /// through a row of touching balls. `poisson` compresses all contacts together, then expands
     /// them. `newton` takes one contact after the other.
@@ -91,7 +94,7 @@ enum ImpactLawName {
 
 impl StepSettings {
     /// Name, least and largest value of each setting that is a number.
-    pub const RANGES: [(&'static str, f64, f64); 17] = [
+    pub const RANGES: [(&'static str, f64, f64); 18] = [
         ("substeps", 1.0, 1000.0),
         ("max_substeps", 1.0, 1000.0),
         ("iterations", 1.0, 10_000.0),
@@ -103,6 +106,7 @@ impl StepSettings {
         ("tolerance", 0.0, 1e3),
         ("newton_iterations", 1.0, 10_000.0),
         ("sag", 1e-9, 1.0),
+        ("stretch", 1e-12, 1.0),
         ("restitution_threshold", 0.0, 1e6),
         ("prediction_distance", 0.0, 1e3),
         ("travel_per_search", 0.001, 1e6),
@@ -128,6 +132,7 @@ impl StepSettings {
             f64::from(self.tolerance),
             f64::from(self.newton_iterations),
             f64::from(self.sag),
+            f64::from(self.stretch),
             f64::from(self.restitution_threshold),
             f64::from(self.prediction_distance),
             f64::from(self.travel_per_search),
@@ -158,6 +163,7 @@ impl StepSettings {
             certify: false,
             newton_iterations: 40,
             sag: 1e-4,
+            stretch: 1e-6,
             impact_law: ImpactLaw::Reflections,
             restitution_threshold: 0.1,
             prediction_distance: 0.02,
@@ -196,6 +202,7 @@ impl StepSettings {
             max_searches: 4,
             reuse_distance: 0.01,
             sleep_delay: 0.5,
+            stretch: 1e-5,
             ..Self::quality()
         }
     }

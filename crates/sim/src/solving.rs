@@ -7,12 +7,14 @@ use drystone_solver::restitution::ImpactSolver;
 use crate::bodies::Bodies;
 use crate::certifier::Certifier;
 use crate::geometry::Geometry;
+use crate::joints::Joints;
 use crate::surfaces::SurfaceStates;
 
 /// Contact solver of a world.
 pub(crate) struct ConstraintSolver<const L: usize, const A: usize> {
     /// The contacts, sixteen per block.
     pub(crate) lanes: LaneSystem<L, A>,
+    pub(crate) joints: Joints<L, A>,
     pub(crate) certifier: Certifier<L, A>,
     pub(crate) impacts: ImpactSolver<L, A>,
     pub(crate) surfaces: SurfaceStates<L, A>,
@@ -25,6 +27,7 @@ impl<const L: usize, const A: usize> Default for ConstraintSolver<L, A> {
     fn default() -> Self {
         Self {
             lanes: LaneSystem::new(),
+            joints: Joints::default(),
             certifier: Certifier::default(),
             impacts: ImpactSolver::default(),
             surfaces: SurfaceStates::default(),

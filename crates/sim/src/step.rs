@@ -120,6 +120,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             StageTimer::start(if execution.timing { execution.clock } else { Clock::NONE });
         let mut report = StepReport::default();
         self.wake_if_changed();
+        self.begin_joints();
         self.scratch.pair_impulses.clear();
         self.execution.saved = None;
         let mut search = self.first_search(dt);
@@ -139,6 +140,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 break;
             }
         }
+        self.end_joints(dt, &mut report);
         self.bodies.forces.clear();
         join_pairs(&mut self.scratch.pair_impulses);
         self.fall_asleep(dt);
@@ -278,6 +280,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.scratch.workers.push(PairWorker::default());
         }
         for pair in fresh.iter_mut() {
+            if self.solver.joints.separates(pair.bodies) {
+                pair.separate();
+                continue;
+            }
             let relative = moving.relative_travel(travel, pair, || 0.0).unwrap_or_default();
             let relative = relative[0] + relative[1] + fall;
             // The pair would determine how often contacts are searched, if it were as near as its
@@ -458,13 +464,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 || settings.ledger
                 || bouncing
                 || self.execution.saving
-                || self.execution.recording,
+                || self.execution.recording
+                || !self.solver.joints.is_idle(),
         }
     }
 
     /// Builds the rows of the contacts of a part from its manifolds. `same` is true if these are
     /// the same as before.
     fn build_rows(&mut self, search: &Search, same: bool) -> PartPlan<L> {
+        self.choose_joints();
         let (plan, dt) = (self.plan(search), search.duration());
         let all = self.bodies.poses.len();
         let StepScratch { displacements, prospective, .. } = &mut self.scratch;
@@ -473,11 +481,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.bodies.turned.fill(false);
         // The first substep overwrites these: it computes J^T gamma from the contacts.
         prospective.resize(all, Velocity::ZERO);
-        let ConstraintSolver { lanes, certifier, surfaces, .. } = &mut self.solver;
+        self.renew_joints(plan.params.h);
+        let ConstraintSolver { lanes, joints, certifier, surfaces, .. } = &mut self.solver;
         let (cache, bodies) = (&self.contacts.cache, &self.bodies);
         let certifying = plan.solving || plan.certified_substep.is_some();
         if certifying {
-            certifier.find_islands(&bodies.inverse_masses, cache.pairs());
+            certifier.find_islands(&bodies.inverse_masses, cache.pairs().chain(joints.pairs()));
         }
         let stiffness = if plan.solving {
             let of = |body| [bodies.weight(body, self.gravity), bodies.thickness[body]];
@@ -536,8 +545,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if delay <= 0.0 {
             return;
         }
-        let (surfaces, touching) = (&self.solver.surfaces, self.contacts.cache.pairs());
-        let runs = |manifold: usize| surfaces.runs(manifold);
+        let ConstraintSolver { surfaces, joints, .. } = &self.solver;
+        let manifolds = self.contacts.cache.manifolds.len();
+        let touching = self.contacts.cache.pairs().chain(joints.pairs());
+        let runs = |constraint: usize| match constraint.checked_sub(manifolds) {
+            None => surfaces.runs(constraint),
+            Some(joint) => joints.runs(joint),
+        };
         if self.sleep.fall_asleep(&mut self.bodies, (touching, runs), dt, delay) {
             self.update_inverse_masses();
             self.colliders.update_poses(&self.bodies);

@@ -1,6 +1,6 @@
 //! [`StepScratch`]: buffers that the stages of a step share.
 
-use drystone_solver::Velocity;
+use drystone_solver::{InverseMass, Velocity};
 
 use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
@@ -26,6 +26,8 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) displacements: Vec<Velocity<f32, L, A>>,
     /// Velocity changes by forces, in a substep in which bodies may bounce.
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
+    /// M^-1 of bodies that the solve of a substep sees with another inertia.
+    pub(crate) true_masses: Vec<(u32, InverseMass<f32, L, A>)>,
     pub(crate) ledger: LedgerBuilder<L, A>,
     /// Normal impulses of each manifold in the substeps of a part, if they are recorded. \[N s\]
     pub(crate) impulses: Vec<f32>,
@@ -46,6 +48,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             prospective: Vec::new(),
             displacements: Vec::new(),
             force_gains: Vec::new(),
+            true_masses: Vec::new(),
             ledger: LedgerBuilder::default(),
             impulses: Vec::new(),
             pair_impulses: Vec::new(),

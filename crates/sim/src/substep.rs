@@ -219,6 +219,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let params = &plan.params;
         self.accelerate(plan, *renewed, timer, report);
         let turning = self.context().warm_start(substep, *renewed, params);
+        timer.lap(Stage::WarmStart);
+        self.warm_start_joints(params.h);
+        timer.lap(Stage::Joints);
         self.set_targets(plan, substep, turning);
         timer.lap(Stage::WarmStart);
         let with_residuals = plan.certified_substep == Some(substep);
@@ -227,6 +230,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         } else {
             self.context().solve(params, substep, turning);
             timer.lap(Stage::Solve);
+            self.solve_joints();
+            timer.lap(Stage::Joints);
         }
         if with_residuals && !plan.solving {
             self.certify_sweeps(timer, report);
@@ -234,18 +239,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if plan.ledger {
             self.account(|ledger, solver, _| ledger.record_solution(&solver.system));
         }
+        self.keep_joint_impulses();
         let Advanced { turned, fastest } = self.context().bodies.advance(params);
         timer.lap(Stage::Advance);
         if plan.ledger {
             self.scratch.ledger.record_motion(&self.bodies.velocities);
         }
         *renewed = turned && self.context().renew(params);
-        if turned && (plan.solving || plan.certified_substep.is_some()) {
+        if (turned || !self.solver.joints.is_idle())
+            && (plan.solving || plan.certified_substep.is_some())
+        {
             self.solver.with_system(&mut self.bodies, |solver, _| {
                 solver.certifier.island_solver.follow(&solver.system);
             });
         }
+        self.renew_joints(params.h);
+        self.begin_relaxing_joints();
+        timer.lap(Stage::Joints);
         self.context().relax(*renewed, fastest, params);
+        timer.lap(Stage::Relax);
+        self.relax_joints();
+        timer.lap(Stage::Joints);
         if plan.ledger {
             let gravity = self.gravity;
             self.account(|ledger, solver, bodies| {
@@ -309,8 +323,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn refine(&mut self, with_residuals: bool, timer: &mut StageTimer, report: &mut StepReport) {
         let (settings, prospective) = (&self.settings, &self.scratch.prospective);
         let outcome = self.solver.with_system(&mut self.bodies, |solver, _| {
-            let ConstraintSolver { lanes, certifier, system, .. } = solver;
-            certifier.refine(system, lanes, prospective, settings, with_residuals)
+            let ConstraintSolver { lanes, joints, certifier, system, .. } = solver;
+            let constraints = (lanes, &mut joints.mechanisms);
+            certifier.refine(system, constraints, prospective, settings, with_residuals)
         });
         report.sweeps += outcome.iterations;
         report.join(&outcome, timer);
@@ -318,9 +333,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Certifies the velocities as the sweeps left them.
     fn certify_sweeps(&mut self, timer: &mut StageTimer, report: &mut StepReport) {
-        let ConstraintSolver { lanes, certifier, .. } = &mut self.solver;
-        let prospective = &self.scratch.prospective;
-        let outcome = certifier.certify_sweeps(&self.bodies.velocities, lanes, prospective);
+        let ConstraintSolver { lanes, joints, certifier, .. } = &mut self.solver;
+        let (prospective, constraints) = (&self.scratch.prospective, (&*lanes, &joints.mechanisms));
+        let outcome = certifier.certify_sweeps(&self.bodies.velocities, constraints, prospective);
         report.join(&outcome, timer);
     }
 

@@ -196,6 +196,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     pub(crate) fn take_out(&mut self, id: BodyId) -> bool {
         let Some(slot) = self.index(id) else { return false };
         self.wake_neighbors(slot);
+        self.drop_joints_of(slot);
         self.sleep.placed.retain(|&placed| placed as usize != slot);
         self.colliders.remove(slot, &mut self.broad_phase);
         self.bodies.remove(slot);
@@ -206,13 +207,23 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         true
     }
 
+    /// Returns the number that identifiers of this world have.
+    pub(crate) fn id(&self) -> u32 {
+        self.id
+    }
+
+    /// Makes the next checkpoint copy bodies and colliders again.
+    pub(crate) fn definitions_changed(&mut self) {
+        self.definitions = OnceLock::new();
+    }
+
     /// Returns the slot of a body, or `None` if the body is unknown.
     fn index(&self, id: BodyId) -> Option<usize> {
         id.slot(&self.bodies.slots, self.id)
     }
 
     /// Returns the slot of a body, or an error if the body is unknown.
-    fn known(&self, id: BodyId) -> Result<usize, InputError> {
+    pub(crate) fn known(&self, id: BodyId) -> Result<usize, InputError> {
         self.index(id).ok_or(InputError::UnknownBody)
     }
 

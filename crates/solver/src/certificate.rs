@@ -77,8 +77,9 @@
 use crate::island::Islands;
 use crate::lanes::Doubles;
 use crate::law::{Cone, Law};
+use crate::mechanism::Mechanisms;
 use crate::{
-    Axis, Cast, Contact, InverseMass, Joint, Manifold, Mass, Real, Scalar, System, Vector, Velocity,
+    Axis, Cast, Contact, InverseMass, Manifold, Mass, Real, Scalar, System, Vector, Velocity,
 };
 
 /// Quality of velocities and impulses, accumulated over some contacts and their bodies.
@@ -288,17 +289,12 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
     }
 
     /// Evaluates the rows of a joint of bodies that move at `velocities`, as [`of`](Self::of).
-    pub(crate) fn of_joint(
-        joint: &Joint<T, L>,
-        axes: &[Axis<T, L, A>],
-        [a, b]: &[Velocity<T, L, A>; 2],
-    ) -> Self {
-        let (twist, mut wrenches) = (joint.frame.twist(a, b), [Velocity::ZERO; 2]);
+    pub(crate) fn of_joint(axes: &[Axis<T, L, A>], [a, b]: &[Velocity<T, L, A>; 2]) -> Self {
         let mut terms = Self::NONE;
         for axis in axes {
             let (mass, law) = (axis.effective_mass, axis.law);
-            let (u, inside) = (Vector([axis.velocity(&twist)]), axis.inside());
-            let residual = axis.residual::<false>(&twist);
+            let (u, inside) = (Vector([axis.velocity(a, b)]), axis.inside());
+            let residual = axis.residual::<false>(u[0]);
             terms.natural_residual = terms.natural_residual.max(residual);
             let out = absolute(axis.impulse - inside[0]) / mass;
             terms.cone = terms.cone.max(mass.choose(out, T::ZERO));
@@ -306,10 +302,12 @@ impl<T: Real, const L: usize, const A: usize> ManifoldTerms<T, L, A> {
             terms.complementarity += mass.choose(work, T::ZERO);
             let soft = law.compliance.choose(mass, T::ZERO);
             let [start, way] = terms.add_line::<1, true>(&law, [mass, soft], u, inside);
-            wrenches[0] += axis.direction * start[0];
-            wrenches[1] += axis.direction * way[0];
+            let [to_a, to_b] = &axis.jacobian;
+            for (momenta, impulse) in terms.momenta.iter_mut().zip([start[0], way[0]]) {
+                momenta[0] += *to_a * impulse;
+                momenta[1] -= *to_b * impulse;
+            }
         }
-        terms.momenta = wrenches.map(|wrench| joint.frame.momenta(&wrench));
         terms
     }
 
@@ -435,6 +433,8 @@ pub struct CertificateScratch<const L: usize, const A: usize> {
     shares: Vec<Parabola<f64>>,
     lines: Vec<Line>,
     certificates: Vec<Certificate>,
+    /// Island and contribution of each joint, until the next certificates.
+    of_joints: Vec<(u32, ManifoldResiduals)>,
 }
 
 impl<const L: usize, const A: usize> CertificateScratch<L, A> {
@@ -513,7 +513,7 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
             let axes: Vec<_> = system.axes[joint.axes()].iter().map(Axis::cast).collect();
             let velocities =
                 joint.bodies.map(|body| system.velocities[body as usize].cast::<f64>());
-            let terms = ManifoldTerms::of_joint(&joint.cast(), &axes, &velocities);
+            let terms = ManifoldTerms::of_joint(&axes, &velocities);
             terms.tell::<true, true>(0, residuals);
             for (side, body) in joint.bodies.into_iter().enumerate() {
                 terms.add_momenta::<true>(side, 0, &mut momenta[body as usize]);
@@ -526,7 +526,32 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         self.finish::<true>(|_| 0)[0]
     }
 
-    /// Clears the sums for this many islands and manifolds. Returns the momenta of all bodies, to
+    /// Adds the contributions of joints to the next certificates of islands.
+    pub(crate) fn add_joints<const LINE: bool>(
+        &mut self,
+        mechanisms: &Mechanisms<L, A>,
+        velocities: &[Velocity<f32, L, A>],
+        islands: &Islands,
+    ) {
+        self.of_joints.clear();
+        if mechanisms.is_empty() {
+            return;
+        }
+        self.momenta.resize(self.masses.len(), [Velocity::ZERO; 2]);
+        for joint in &mechanisms.joints {
+            let own = joint.bodies.map(|body| velocities[body as usize].cast::<f64>());
+            let axes = &mechanisms.axes[joint.axes()];
+            let terms = ManifoldTerms::of_joint(axes, &own);
+            let mut residuals = ManifoldResiduals::default();
+            terms.tell::<true, LINE>(0, &mut residuals);
+            for (side, body) in joint.bodies.into_iter().enumerate() {
+                terms.add_momenta::<LINE>(side, 0, &mut self.momenta[body as usize]);
+            }
+            self.of_joints.push((islands.of_pair(joint.bodies), residuals));
+        }
+    }
+
+    /// Clears the sums for this many islands and manifolds, except for what joints have added. Returns the momenta of all bodies, to
     /// be added to, and the contributions of the manifolds, to be filled in.
     pub(crate) fn start(
         &mut self,
@@ -537,6 +562,12 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
         self.lines.resize(islands, Line::default());
         self.certificates.clear();
         self.certificates.resize(islands, Certificate::NONE);
+        for (island, residuals) in self.of_joints.drain(..) {
+            if let Some(certificate) = self.certificates.get_mut(island as usize) {
+                certificate.add(&residuals);
+                self.lines[island as usize].gap.add::<true>(&residuals.line);
+            }
+        }
         self.momenta.resize(self.masses.len(), [Velocity::ZERO; 2]);
         self.residuals_of.resize(manifolds, ManifoldResiduals::default());
         (&mut self.momenta, &mut self.residuals_of)

@@ -355,21 +355,6 @@ impl<T: Real, const L: usize, const A: usize> Mobility<T, L, A> {
         twist
     }
 
-    /// Returns K w: the twist that a wrench produces.
-    #[inline(always)]
-    pub(crate) fn of_wrench(&self, wrench: &Velocity<T, L, A>) -> Velocity<T, L, A> {
-        let mut twist = Velocity::NEG_ZERO;
-        self.add(&all_axes::<L, A>(), wrench, &all_axes::<L, A>(), &mut twist);
-        twist
-    }
-
-    /// Returns the sum of the mobilities along all axes, those of rotation in 1/(kg m^2).
-    #[inline(always)]
-    pub(crate) fn trace(&self) -> T {
-        let linear = (0..L).fold(T::ZERO, |sum, i| sum + self.linear.entry(i, i));
-        (0..A).fold(linear, |sum, i| sum + self.angular.entry(i, i))
-    }
-
     /// Adds to the components `to` of a twist the response to the components `from` of a wrench.
     /// Both have `B` angular components ([`ConstraintFrame::twist_felt`]).
     #[inline(always)]

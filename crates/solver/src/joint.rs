@@ -1,10 +1,7 @@
 //! [`Joint`] and [`Axis`]: rows between two bodies that are not contacts.
 //!
-//! A joint has one frame, and an axis for each row: a lock, a limit, a motor, a spring or dry
-//! friction. From the center of the joint, in its frame, the row of J is a unit wrench w of L + A
-//! numbers: u = w . twist is the velocity along the axis, and an impulse gamma acts as the wrench
-//! w gamma. So rows of joints are visited, certified and factored like contacts
-//! ([`ConstraintFrame`], [`Interval`]):
+//! An axis is one row of J: the velocity along it is u = J_a v_a + J_b v_b, and its impulse gamma
+//! changes the velocities by M^-1 J^T gamma. All rows have one law ([`Interval`]):
 //!
 //! ```text
 //! row              t-, t+                              epsilon      lo, hi
@@ -14,17 +11,17 @@
 //! spring           to the rest position, twice         softness     -F h, F h
 //! friction         0, 0                                0            -F h, F h
 //! ```
+//!
+//! J_a and J_b may point along different directions: so does a gear.
 
 use crate::law::{Interval, Law};
-use crate::{Cast, ConstraintFrame, Mobility, Real, Scalar, Vector, Velocity};
+use crate::{Cast, ConstraintFrame, InverseMass, Real, Scalar, Vector, Velocity};
 
-/// The rows of two bodies in one frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C)]
-pub struct Joint<T: Real, const L: usize> {
-    /// Axes of the joint, and arms to its center.
-    pub frame: ConstraintFrame<T, L>,
-    /// Bodies a and b, as indices into [`System::velocities`](crate::System::velocities).
+/// The rows of two bodies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Joint {
+    /// Bodies a and b, as indices into [`System::velocities`](crate::System::velocities). A joint
+    /// between a body and the world has this body twice, and J_b = 0.
     pub bodies: [u32; 2],
     /// Index of its first axis in [`System::axes`](crate::System::axes).
     pub first: u32,
@@ -32,13 +29,19 @@ pub struct Joint<T: Real, const L: usize> {
     pub count: u32,
 }
 
+impl Joint {
+    /// Returns the range of its axes in its system.
+    #[inline(always)]
+    pub fn axes(&self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
+}
+
 /// A row of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C)]
 pub struct Axis<T: Real, const L: usize, const A: usize> {
-    /// w: the unit wrench of the row in the frame of the joint. A lock of translation is a unit
-    /// vector in `linear`, one of rotation a unit vector in `angular`.
-    pub direction: Velocity<T, L, A>,
+    /// J_a and J_b: the change of the velocity u by the velocities of each body. \[1, or m\]
+    pub jacobian: [Velocity<T, L, A>; 2],
     /// Targets, bounds and compliance.
     pub law: Interval<T>,
     /// Part of the targets that repairs a position; the relaxing sweep takes it out. \[m/s, or
@@ -50,38 +53,25 @@ pub struct Axis<T: Real, const L: usize, const A: usize> {
     pub effective_mass: T,
 }
 
-impl<T: Real, const L: usize> Joint<T, L> {
-    /// Returns the range of its axes in its system.
-    #[inline(always)]
-    pub fn axes(&self) -> std::ops::Range<usize> {
-        self.first as usize..(self.first + self.count) as usize
-    }
-}
-
-impl<T: Scalar, const L: usize> Joint<T, L> {
-    /// Converts to another number type.
-    pub fn cast<U: Real>(&self) -> Joint<U, L> {
-        let Self { frame, bodies, first, count } = *self;
-        Joint { frame: frame.part(0), bodies, first, count }
-    }
-}
-
-/// Fraction of |w|^2 trace(M^-1) below which A_ii counts as zero. \[1\]
+/// Fraction of |J|^2 trace(M^-1) below which A_ii counts as zero. \[1\]
 const ROUNDING: f64 = 1e-11;
 
 impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
-    /// Returns a rigid lock along a unit wrench.
-    pub fn lock(direction: Velocity<T, L, A>) -> Self {
+    /// Returns a rigid lock along a unit wrench in a frame. Along a unit vector of `linear` it locks
+    /// translation, along one of `angular` rotation.
+    pub fn lock(frame: &ConstraintFrame<T, L>, direction: &Velocity<T, L, A>) -> Self {
         let infinite = T::from_f64(f64::INFINITY);
         let law =
             Interval { targets: [T::ZERO; 2], bounds: [-infinite, infinite], compliance: T::ZERO };
-        Self { direction, law, bias: T::ZERO, impulse: T::ZERO, effective_mass: T::ZERO }
+        let [to_a, from_b] = frame.momenta(direction);
+        let jacobian = [to_a, from_b * -T::ONE];
+        Self { jacobian, law, bias: T::ZERO, impulse: T::ZERO, effective_mass: T::ZERO }
     }
 
-    /// Returns u = w . twist: the velocity of a relative to b along the axis. \[m/s, or rad/s\]
+    /// Returns u = J_a v_a + J_b v_b. \[m/s, or rad/s\]
     #[inline(always)]
-    pub fn velocity(&self, twist: &Velocity<T, L, A>) -> T {
-        self.direction.dot(twist)
+    pub fn velocity(&self, a: &Velocity<T, L, A>, b: &Velocity<T, L, A>) -> T {
+        self.jacobian[0].dot(a) + self.jacobian[1].dot(b)
     }
 
     /// Returns its law without the [`bias`](Self::bias).
@@ -90,23 +80,38 @@ impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
         Interval { targets: self.law.targets.map(|target| target - self.bias), ..self.law }
     }
 
-    /// Sets the effective mass from the mobility of the joint. A row along which nothing can move
-    /// gets none, and takes no part.
+    /// Returns M^-1 J^T: the velocity that each body gains per unit of impulse.
     #[inline(always)]
-    pub fn prepare(&mut self, mobility: &Mobility<T, L, A>) {
-        let response = mobility.of_wrench(&self.direction);
-        let a_ii = self.direction.dot(&response);
-        let least = mobility.trace() * T::from_f64(ROUNDING);
-        let mass = T::ONE / (a_ii + self.law.compliance);
-        self.effective_mass = (a_ii - least).choose(mass, T::ZERO);
+    pub(crate) fn response(&self, masses: &[InverseMass<T, L, A>; 2]) -> [Velocity<T, L, A>; 2] {
+        let [a, b] = &self.jacobian;
+        [masses[0].velocity(a), masses[1].velocity(b)]
     }
 
-    /// Visits the row once: brings the velocity along it to its target. Returns the change of the
-    /// impulse.
+    /// Returns A_ii = J M^-1 J^T; 0 if it is no more than rounding errors. \[1/kg, or 1/(kg m^2)\]
     #[inline(always)]
-    pub(crate) fn visit<const RELAX: bool>(&mut self, twist: &Velocity<T, L, A>) -> T {
+    pub fn mobility(&self, masses: &[InverseMass<T, L, A>; 2]) -> T {
+        let (response, mut least) = (self.response(masses), T::ZERO);
+        for (jacobian, mass) in self.jacobian.iter().zip(masses) {
+            let trace = (0..A).fold(mass.linear, |sum, i| sum + mass.angular.entry(i, i));
+            least += jacobian.dot(jacobian) * trace;
+        }
+        let a_ii = self.jacobian[0].dot(&response[0]) + self.jacobian[1].dot(&response[1]);
+        (a_ii - least * T::from_f64(ROUNDING)).choose(a_ii, T::ZERO)
+    }
+
+    /// Sets the effective mass. A row along which nothing can move gets none, and takes no part.
+    #[inline(always)]
+    pub fn prepare(&mut self, masses: &[InverseMass<T, L, A>; 2]) {
+        let a_ii = self.mobility(masses);
+        self.effective_mass = a_ii.choose(T::ONE / (a_ii + self.law.compliance), T::ZERO);
+    }
+
+    /// Visits the row once at this velocity along it: brings it to its target. Returns the change of
+    /// the impulse.
+    #[inline(always)]
+    pub(crate) fn visit<const RELAX: bool>(&mut self, velocity: T) -> T {
         let law = if RELAX { self.unbiased_law() } else { self.law };
-        let next = law.visit(self.effective_mass, self.velocity(twist), self.impulse);
+        let next = law.visit(self.effective_mass, velocity, self.impulse);
         let next = self.effective_mass.choose(next, self.impulse);
         let change = next - self.impulse;
         self.impulse = next;
@@ -115,8 +120,8 @@ impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
 
     /// Returns the velocity error of the row: by how much a visit would change it. \[m/s, or rad/s\]
     #[inline(always)]
-    pub(crate) fn residual<const RELAX: bool>(&self, twist: &Velocity<T, L, A>) -> T {
-        let change = Self { ..*self }.visit::<RELAX>(twist);
+    pub(crate) fn residual<const RELAX: bool>(&self, velocity: T) -> T {
+        let change = Self { ..*self }.visit::<RELAX>(velocity);
         let error = change.max(-change) / self.effective_mass;
         self.effective_mass.choose(error, T::ZERO)
     }
@@ -133,20 +138,32 @@ impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
     where
         T: Cast<U>,
     {
-        let Interval { targets, bounds, compliance } = &self.law;
+        let Interval { targets: [low, high], bounds: [lo, hi], compliance } = &self.law;
         let law = Interval {
-            targets: [targets[0].part(index), targets[1].part(index)],
-            bounds: [bounds[0].part(index), bounds[1].part(index)],
+            targets: [low.part(index), high.part(index)],
+            bounds: [lo.part(index), hi.part(index)],
             compliance: compliance.part(index),
         };
+        let [a, b] = &self.jacobian;
         Axis {
-            direction: self.direction.part(index),
+            jacobian: [a.part(index), b.part(index)],
             law,
             bias: self.bias.part(index),
             impulse: self.impulse.part(index),
             effective_mass: self.effective_mass.part(index),
         }
     }
+}
+
+impl<const L: usize, const A: usize> Axis<f64, L, A> {
+    /// A row that does nothing.
+    pub const IDLE: Self = Self {
+        jacobian: [Velocity::ZERO; 2],
+        law: Interval { targets: [0.0; 2], bounds: [0.0; 2], compliance: 0.0 },
+        bias: 0.0,
+        impulse: 0.0,
+        effective_mass: 0.0,
+    };
 }
 
 impl<T: Scalar, const L: usize, const A: usize> Axis<T, L, A> {

@@ -11,6 +11,7 @@ use std::time::Duration;
 use crate::certificate::{Certificate, CertificateScratch};
 use crate::island::Islands;
 use crate::lanes::LaneSystem;
+use crate::mechanism::Mechanisms;
 use crate::part::SubSystem;
 use crate::solution::{Goal, Solution, Status};
 use crate::{Clock, InverseMass, System, Velocity, newton, nncg, pgs};
@@ -288,35 +289,51 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     }
 
     /// Brings every island within the tolerance: all by [`nncg`] in lanes, then the remaining ones
-    /// by Newton's method in `f64`.
+    /// by Newton's method in `f64`. An island with joints is visited once, and then goes to Newton's
+    /// method.
     ///
-    /// `lanes` holds the contacts; `system.velocities` include its impulses, `prospective` do not.
-    /// With `RESIDUALS` the report has residuals as well as errors.
+    /// `lanes` holds the contacts and `joints` the joints; `system.velocities` include their
+    /// impulses, `prospective` do not. With `RESIDUALS` the report has residuals as well as errors.
     pub fn solve_islands<const RESIDUALS: bool>(
         &mut self,
         system: &mut System<f32, L, A>,
-        lanes: &mut LaneSystem<L, A>,
+        (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         goal: &Goal,
     ) -> SolveReport {
+        joints.solve(&mut system.velocities);
         let mut outcome = SolveReport { islands: islands.count, ..SolveReport::default() };
         let beyond = |error: &f64| error.total_cmp(&goal.tolerance).is_gt();
         let velocities = &mut system.velocities;
-        self.in_lanes::<RESIDUALS>(velocities, lanes, prospective, islands, goal, &mut outcome);
+        let constraints = (&mut *lanes, &*joints);
+        self.in_lanes::<RESIDUALS>(
+            velocities,
+            constraints,
+            prospective,
+            islands,
+            goal,
+            &mut outcome,
+        );
         if self.errors.iter().any(beyond) {
             lanes.unpack(system);
             // Rounding to `f32` afterwards must not take the error beyond the tolerance again.
             let finer = Goal { tolerance: AIM * goal.tolerance, ..*goal };
             for island in 0..islands.count {
                 if beyond(&self.errors[island]) {
-                    replace(system, prospective, islands, island as u32, &finer);
+                    replace(system, joints, prospective, islands, island as u32, &finer);
                     outcome.newton += 1;
                 }
             }
             lanes.take_impulses(system);
             let velocities = &system.velocities;
-            self.certify::<RESIDUALS>(velocities, lanes, prospective, islands, &mut outcome);
+            self.certify::<RESIDUALS>(
+                velocities,
+                (lanes, joints),
+                prospective,
+                islands,
+                &mut outcome,
+            );
         }
         outcome.failed = self.errors.iter().filter(|error| beyond(error)).count();
         outcome.set_worst(&self.errors, islands);
@@ -327,12 +344,12 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     pub fn examine(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        lanes: &LaneSystem<L, A>,
+        constraints: (&LaneSystem<L, A>, &Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
     ) -> SolveReport {
         let mut outcome = SolveReport { islands: islands.count, ..SolveReport::default() };
-        self.certify_by::<true, true>(velocities, lanes, prospective, islands, &mut outcome);
+        self.certify_by::<true, true>(velocities, constraints, prospective, islands, &mut outcome);
         outcome.set_worst(&self.errors, islands);
         outcome
     }
@@ -341,7 +358,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     fn in_lanes<const RESIDUALS: bool>(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
-        lanes: &mut LaneSystem<L, A>,
+        (lanes, joints): (&mut LaneSystem<L, A>, &Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         goal: &Goal,
@@ -349,6 +366,11 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     ) {
         self.done.clear();
         self.done.resize(islands.count, false);
+        for joint in &joints.joints {
+            if let Some(done) = self.done.get_mut(islands.of_pair(joint.bodies) as usize) {
+                *done = true;
+            }
+        }
         self.errors.clear();
         self.errors.resize(islands.count, f64::INFINITY);
         lanes.begin_conjugate();
@@ -356,12 +378,15 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         self.aims.clear();
         self.aims.extend(self.speeds.iter().map(|speed| (OF_SPEED * speed).max(least).min(most)));
         let mut before = Vec::new();
+        if !self.done.contains(&false) {
+            self.certify::<RESIDUALS>(velocities, (lanes, joints), prospective, islands, outcome);
+        }
         while self.done.contains(&false) {
             let longest = LONGEST.max(outcome.iterations / 4);
             let (due, size) = self.iterate(velocities, lanes, longest);
             outcome.iterations += due;
             before.clone_from(&self.errors);
-            self.certify::<RESIDUALS>(velocities, lanes, prospective, islands, outcome);
+            self.certify::<RESIDUALS>(velocities, (lanes, joints), prospective, islands, outcome);
             // The largest ratio of an error to its aim.
             let mut worst = 0.0f64;
             let errors = before.iter().zip(&self.errors).zip(self.aims.iter().zip(&self.limits));
@@ -418,18 +443,24 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     fn certify<const RESIDUALS: bool>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        lanes: &LaneSystem<L, A>,
+        constraints: (&LaneSystem<L, A>, &Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         outcome: &mut SolveReport,
     ) {
         if self.memory.direct {
-            self.certify_by::<RESIDUALS, false>(velocities, lanes, prospective, islands, outcome);
+            self.certify_by::<RESIDUALS, false>(
+                velocities,
+                constraints,
+                prospective,
+                islands,
+                outcome,
+            );
             if is_within(self.errors.iter().copied(), &self.aims) {
                 return;
             }
         }
-        self.certify_by::<RESIDUALS, true>(velocities, lanes, prospective, islands, outcome);
+        self.certify_by::<RESIDUALS, true>(velocities, constraints, prospective, islands, outcome);
         self.memory.direct = is_within(self.scratch.errors_at_hand(), &self.aims);
     }
 
@@ -438,13 +469,14 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     fn certify_by<const RESIDUALS: bool, const LINE: bool>(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        lanes: &LaneSystem<L, A>,
+        (lanes, joints): (&LaneSystem<L, A>, &Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         outcome: &mut SolveReport,
     ) {
         let start = self.clock.now();
         let Self { scratch, errors, .. } = self;
+        scratch.add_joints::<LINE>(joints, velocities, islands);
         let certificates =
             lanes.certify::<RESIDUALS, LINE>(velocities, prospective, islands, scratch);
         errors.clear();
@@ -501,6 +533,7 @@ fn is_crowded<const L: usize, const A: usize>(system: &System<f64, L, A>) -> boo
 /// impulses back.
 fn replace<const L: usize, const A: usize>(
     system: &mut System<f32, L, A>,
+    joints: &mut Mechanisms<L, A>,
     prospective: &[Velocity<f32, L, A>],
     islands: &Islands,
     island: u32,
@@ -509,11 +542,14 @@ fn replace<const L: usize, const A: usize>(
     let mut part = SubSystem::default();
     part.clear(system);
     part.add_island(system, islands, island);
+    part.add_mechanisms(system, joints, islands, island);
     for (velocity, &body) in part.system.velocities.iter_mut().zip(&part.bodies) {
         *velocity = prospective[body as usize].cast();
     }
     let methods = Method::IN_MATRICES;
-    let methods = if is_crowded(&part.system) { &methods[..1] } else { methods };
+    // The proximal-point method knows no joints.
+    let newton_only = is_crowded(&part.system) || !part.system.joints.is_empty();
+    let methods = if newton_only { &methods[..1] } else { methods };
     let (solution, _) = solve_by(methods, &mut part.system, goal);
     if solution.status == Status::BadInput {
         return;
@@ -528,8 +564,9 @@ fn replace<const L: usize, const A: usize>(
     {
         system.contacts[index].impulse = solved.impulse.cast();
     }
-    for (solved, index) in part.system.axes.iter().zip(part.axes(system).collect::<Vec<_>>()) {
-        system.axes[index].impulse = solved.impulse as f32;
+    let Mechanisms { joints, axes, .. } = joints;
+    for (solved, index) in part.system.axes.iter().zip(part.axes(joints)) {
+        axes[index].impulse = solved.impulse;
     }
 }
 

@@ -46,10 +46,12 @@ pub mod kinematics;
 pub mod ladder;
 pub mod lanes;
 pub mod law;
+pub mod mechanism;
 pub mod newton;
 pub mod nncg;
 mod part;
 pub mod pgs;
+mod primal;
 #[cfg(feature = "assembled")]
 pub mod proximal;
 pub mod psor;

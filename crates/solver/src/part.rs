@@ -1,7 +1,8 @@
 //! [`SubSystem`]: some manifolds of a system as a system of their own, in `f64`.
 
 use crate::island::Islands;
-use crate::{Scalar, System, Velocity};
+use crate::mechanism::Mechanisms;
+use crate::{Joint, Scalar, System, Velocity};
 
 /// Index of a body that is not in the part.
 const NONE: u32 = u32::MAX;
@@ -100,13 +101,30 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
 
     /// Copies a joint of the whole system into the part.
     fn add_joint<T: Scalar>(&mut self, whole: &System<T, L, A>, index: usize) {
-        let mut joint = whole.joints[index].cast();
+        let mut joint = whole.joints[index];
         joint.bodies = joint.bodies.map(|body| self.admit(whole, body));
         joint.first = self.system.axes.len() as u32;
         let axes = &whole.axes[whole.joints[index].axes()];
         self.system.axes.extend(axes.iter().map(|axis| axis.cast()));
         self.system.joints.push(joint);
         self.joints.push(index as u32);
+    }
+
+    /// Copies the joints of an island into the part. Their bodies are those of the whole system.
+    pub(crate) fn add_mechanisms<T: Scalar>(
+        &mut self,
+        whole: &System<T, L, A>,
+        mechanisms: &Mechanisms<L, A>,
+        islands: &Islands,
+        island: u32,
+    ) {
+        for (index, joint) in mechanisms.joints.iter().enumerate() {
+            if islands.of_pair(joint.bodies) == island {
+                let bodies = joint.bodies.map(|body| self.admit(whole, body));
+                self.system.add_joint(bodies, &mechanisms.axes[joint.axes()]);
+                self.joints.push(index as u32);
+            }
+        }
     }
 
     /// Returns the index in the whole system of each contact of the part.
@@ -117,9 +135,9 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
         self.manifolds.iter().flat_map(|&index| whole.manifolds[index as usize].points())
     }
 
-    /// Returns the index in the whole system of each row of a joint of the part.
-    pub(crate) fn axes<T: Scalar>(&self, whole: &System<T, L, A>) -> impl Iterator<Item = usize> {
-        self.joints.iter().flat_map(|&index| whole.joints[index as usize].axes())
+    /// Returns the index of each row of a joint of the part, where these are all joints.
+    pub(crate) fn axes(&self, all: &[Joint]) -> impl Iterator<Item = usize> {
+        self.joints.iter().flat_map(|&index| all[index as usize].axes())
     }
 
     fn admit<T: Scalar>(&mut self, whole: &System<T, L, A>, body: u32) -> u32 {

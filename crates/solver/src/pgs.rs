@@ -9,7 +9,7 @@
 use crate::body::{all_axes, along_normals, along_tangents};
 use crate::contact::{RIGID, RIGID_APART, SOFT};
 use crate::solution::{self, Goal, Solution};
-use crate::{Contact, InverseMass, Joint, Manifold, Mobility, Real, System, Vector, Velocity};
+use crate::{Contact, InverseMass, Manifold, Mobility, Real, System, Vector, Velocity};
 
 /// Sweeps until the certificate is good enough.
 ///
@@ -115,19 +115,14 @@ fn visit_joint<T: Real, const L: usize, const A: usize, const RELAX: bool>(
     index: usize,
 ) {
     let System { velocities, masses, joints, axes, .. } = system;
-    let Joint { frame, bodies, .. } = &joints[index];
-    let masses = &bodies.map(|body| masses[body as usize]);
-    let mobility = &Mobility::of(frame, masses);
-    let bodies = &mut PairOf { velocities, bodies: *bodies };
-    let [mut a, mut b] = bodies.velocities();
-    let (mut twist, mut wrench) = (frame.twist(&a, &b), Velocity::ZERO);
+    let [a, b] = joints[index].bodies.map(|body| body as usize);
+    let masses = &[masses[a], masses[b]];
     for axis in &mut axes[joints[index].axes()] {
-        let change = axis.visit::<RELAX>(&twist);
-        twist += mobility.of_wrench(&axis.direction) * change;
-        wrench += axis.direction * change;
+        let change = axis.visit::<RELAX>(axis.velocity(&velocities[a], &velocities[b]));
+        let [to_a, to_b] = axis.response(masses);
+        velocities[a] += to_a * change;
+        velocities[b] += to_b * change;
     }
-    frame.apply(&wrench, masses, &mut a, &mut b);
-    bodies.set_velocities([a, b]);
 }
 
 fn visit_of<T: Real, const L: usize, const A: usize, const LAW: u8, const FRICTION: bool>(

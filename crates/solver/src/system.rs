@@ -55,7 +55,7 @@ pub struct System<T: Real, const L: usize, const A: usize> {
     /// Points of the manifolds, manifold by manifold.
     pub contacts: Vec<Contact<T, L>>,
     /// Joints, which a sweep visits after the manifolds.
-    pub joints: Vec<Joint<T, L>>,
+    pub joints: Vec<Joint>,
     /// Rows of the joints, joint by joint.
     pub axes: Vec<Axis<T, L, A>>,
 }
@@ -92,11 +92,10 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         self.contacts.extend_from_slice(points);
     }
 
-    /// Adds a joint with these rows, and sets its `first` and `count`.
-    pub fn add_joint(&mut self, mut joint: Joint<T, L>, axes: &[Axis<T, L, A>]) {
-        joint.first = self.axes.len() as u32;
-        joint.count = axes.len() as u32;
-        self.joints.push(joint);
+    /// Adds a joint of these bodies with these rows.
+    pub fn add_joint(&mut self, bodies: [u32; 2], axes: &[Axis<T, L, A>]) {
+        let first = self.axes.len() as u32;
+        self.joints.push(Joint { bodies, first, count: axes.len() as u32 });
         self.axes.extend_from_slice(axes);
     }
 
@@ -148,9 +147,8 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
         }
         for joint in &self.joints {
             let masses = joint.bodies.map(|body| self.masses[body as usize]);
-            let mobility = Mobility::of(&joint.frame, &masses);
             for axis in &mut self.axes[joint.axes()] {
-                axis.prepare(&mobility);
+                axis.prepare(&masses);
             }
         }
     }
@@ -173,14 +171,13 @@ impl<T: Real, const L: usize, const A: usize> System<T, L, A> {
             self.change(index, |_, contact| contact.impulse);
         }
         for joint in &self.joints {
-            let mut wrench = Velocity::ZERO;
             for axis in &self.axes[joint.axes()] {
-                wrench += axis.direction * axis.impulse;
+                for (body, jacobian) in joint.bodies.into_iter().zip(&axis.jacobian) {
+                    let body = body as usize;
+                    let gain = self.masses[body].velocity(&(*jacobian * axis.impulse));
+                    self.velocities[body] += gain;
+                }
             }
-            let [a, b] = joint.bodies.map(|body| body as usize);
-            let [to_a, from_b] = joint.frame.momenta(&wrench);
-            self.velocities[a] += self.masses[a].velocity(&to_a);
-            self.velocities[b] -= self.masses[b].velocity(&from_b);
         }
     }
 
@@ -212,7 +209,7 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
             masses: self.masses.iter().map(InverseMass::cast).collect(),
             manifolds: self.manifolds.iter().map(Manifold::cast).collect(),
             contacts: self.contacts.iter().map(Contact::cast).collect(),
-            joints: self.joints.iter().map(Joint::cast).collect(),
+            joints: self.joints.clone(),
             axes: self.axes.iter().map(Axis::cast).collect(),
         }
     }
@@ -236,11 +233,11 @@ impl<T: Scalar, const L: usize, const A: usize> System<T, L, A> {
         }
         for joint in &self.joints {
             let [a, b] = joint.bodies.map(|body| self.velocities[body as usize]);
-            let twist = joint.frame.twist(&a, &b);
             for axis in &self.axes[joint.axes()] {
+                let velocity = axis.velocity(&a, &b);
                 let error = match LAW {
-                    RIGID => axis.residual::<true>(&twist),
-                    _ => axis.residual::<false>(&twist),
+                    RIGID => axis.residual::<true>(velocity),
+                    _ => axis.residual::<false>(velocity),
                 };
                 worst = error.max(worst);
             }

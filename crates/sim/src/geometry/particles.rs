@@ -50,6 +50,10 @@ impl<const L: usize> Geometry<L, 0> for Particles {
         *pose + by
     }
 
+    fn rotation(_pose: &Self::Pose) -> [f64; 4] {
+        [0.0, 0.0, 0.0, 1.0]
+    }
+
     fn turn_between(_from: &Self::Pose, _to: &Self::Pose) -> Vector<f32, 0> {
         Vector::ZERO
     }

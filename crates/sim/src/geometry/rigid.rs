@@ -978,6 +978,11 @@ impl Geometry<2, 1> for Rigid2 {
         Pose2::new(position, pose.angle + turn[0])
     }
 
+    fn rotation(pose: &Pose2) -> [f64; 4] {
+        let half = 0.5 * f64::from(pose.angle);
+        [0.0, 0.0, libm::sin(half), libm::cos(half)]
+    }
+
     fn turn_between(from: &Pose2, to: &Pose2) -> Vector<f32, 1> {
         Vector([to.angle - from.angle])
     }
@@ -1113,6 +1118,10 @@ impl Geometry<3, 3> for Rigid3 {
                 }
             }
         }
+    }
+
+    fn rotation(pose: &Self::Pose) -> [f64; 4] {
+        pose.rotation.to_array().map(f64::from)
     }
 
     fn turn_between(from: &Self::Pose, to: &Self::Pose) -> Vector<f32, 3> {

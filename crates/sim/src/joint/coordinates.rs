@@ -1,0 +1,492 @@
+//! Coordinates of a joint and their rows of J, in space and in `f64`. The plane is the plane of x and
+//! y.
+//!
+//! With the position p and the rotation R of frame a in frame b, x the x axis of b and e = R x that
+//! of a, the rates of the coordinates are
+//!
+//! ```text
+//! linear      dp/dt     = v_a(x_a) - v_b(x_a)            both bodies at the origin of frame a
+//! twist       dq/dt     = omega . (x + e) / (1 + x . e)  omega: rotation of a relative to b
+//! swing       dq/dt     = omega . (m x e) / cos q        m: the other axis of b
+//! cone        dq/dt     = omega . (x x e) / sin q
+//! ```
+//!
+//! The rows follow from them by the arms from the centers of mass.
+
+use drystone_solver::{Vector, Velocity};
+
+use super::Coordinate;
+
+pub(crate) type Vec3 = Vector<f64, 3>;
+
+/// A unit quaternion x, y, z, w.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Turn(pub(crate) [f64; 4]);
+
+impl Turn {
+    pub(crate) const NONE: Self = Self([0.0, 0.0, 0.0, 1.0]);
+
+    /// Returns a unit quaternion along these numbers.
+    pub(crate) fn normalized(numbers: [f64; 4]) -> Self {
+        let length = numbers.iter().map(|x| x * x).sum::<f64>().sqrt();
+        Self(numbers.map(|x| x / length))
+    }
+
+    /// Returns the rotation by a rotation vector. \[rad\]
+    pub(crate) fn by(vector: Vec3) -> Self {
+        let angle = vector.length();
+        if angle < 1e-4 {
+            // sin(x/2)/x and cos(x/2) to the fifth order.
+            let squared = angle * angle;
+            let half = vector * (0.5 - squared / 48.0);
+            let w = 1.0 - squared / 8.0 + squared * squared / 384.0;
+            return Self::normalized([half[0], half[1], half[2], w]);
+        }
+        let axis = vector * (libm::sin(0.5 * angle) / angle);
+        Self([axis[0], axis[1], axis[2], libm::cos(0.5 * angle)])
+    }
+
+    fn axis(&self) -> Vec3 {
+        Vector([self.0[0], self.0[1], self.0[2]])
+    }
+
+    /// Returns the rotation by `other`, then by this one.
+    pub(crate) fn of(&self, other: &Self) -> Self {
+        let (p, q) = (self.axis(), other.axis());
+        let (v, w) = (self.0[3], other.0[3]);
+        let axis = q * v + p * w + cross(p, q);
+        Self([axis[0], axis[1], axis[2], v * w - p.dot(q)])
+    }
+
+    pub(crate) fn inverse(&self) -> Self {
+        let [x, y, z, w] = self.0;
+        Self([-x, -y, -z, w])
+    }
+
+    /// Rotates a vector.
+    pub(crate) fn rotate(&self, vector: Vec3) -> Vec3 {
+        let axis = self.axis();
+        let twice = cross(axis, vector) * 2.0;
+        vector + twice * self.0[3] + cross(axis, twice)
+    }
+
+    /// Returns the rotation vector of the smaller angle. \[rad\]
+    pub(crate) fn vector(&self) -> Vec3 {
+        let sign = if self.0[3] < 0.0 { -1.0 } else { 1.0 };
+        let sine = self.axis() * sign;
+        let length = sine.length();
+        let scale =
+            if length > 1e-9 { 2.0 * libm::atan2(length, self.0[3] * sign) / length } else { 2.0 };
+        sine * scale
+    }
+}
+
+pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    Vector([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+}
+
+/// Position and rotation of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    pub(crate) position: Vec3,
+    pub(crate) turn: Turn,
+}
+
+impl Place {
+    pub(crate) const ORIGIN: Self = Self { position: Vector([0.0; 3]), turn: Turn::NONE };
+
+    /// Returns the world frame of `local`, which is given in this one.
+    pub(crate) fn of(&self, local: &Self) -> Self {
+        Self {
+            position: self.position + self.turn.rotate(local.position),
+            turn: self.turn.of(&local.turn),
+        }
+    }
+
+    /// Returns a world frame in the coordinates of this one.
+    pub(crate) fn local(&self, world: &Self) -> Self {
+        let back = self.turn.inverse();
+        Self { position: back.rotate(world.position - self.position), turn: back.of(&world.turn) }
+    }
+}
+
+/// Returns the numbers of a rotation that takes the x axis to a direction ([`Geometry::pose`]).
+///
+/// [`Geometry::pose`]: crate::geometry::Geometry::pose
+pub(crate) fn towards<const L: usize, const A: usize>(axis: [f32; L]) -> Vec<f32> {
+    let mut to = [0.0; 3];
+    to.iter_mut().zip(axis).for_each(|(to, own)| *to = f64::from(own));
+    let length = Vector(to).length();
+    match A {
+        1 => vec![libm::atan2(to[1], to[0]) as f32],
+        3 => {
+            let [x, y, z] = to.map(|own| own / length);
+            // Half of the way from x to the axis; half a turn about z if it points backwards.
+            let half = if x > -1.0 + 1e-9 { [0.0, -z, y, 1.0 + x] } else { [0.0, 0.0, 1.0, 0.0] };
+            Turn::normalized(half).0.map(|own| own as f32).to_vec()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// A coordinate as a row: with the rotation vector, which locks of rotation use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum RowCoordinate {
+    Of(Coordinate),
+    /// Component of the rotation vector in frame b. Exact where the others are locked to zero.
+    RotationVector(usize),
+    /// Component of the rotation vector of the swing in frame b. Exact where both are locked to
+    /// zero.
+    SwingVector(usize),
+}
+
+/// The frames of a joint in the world, and the centers of mass of its bodies.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JointPlaces {
+    /// Frames a and b.
+    pub(crate) frames: [Place; 2],
+    /// Frames a and b when the bodies were joined.
+    pub(crate) start: [Place; 2],
+    /// Centers of mass of a and b. \[m\]
+    pub(crate) centers: [Vec3; 2],
+}
+
+/// A coordinate and its row of J.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Evaluated {
+    /// q; an angle without its turns. \[m, or rad\]
+    pub(crate) value: f64,
+    /// J_a and J_b.
+    pub(crate) rows: [Velocity<f64, 3, 3>; 2],
+}
+
+/// A wrench in frame b that acts at the origin of frame a.
+#[derive(Clone, Copy, Debug)]
+struct Wrench {
+    linear: Vec3,
+    angular: Vec3,
+}
+
+const X: Vec3 = Vector([1.0, 0.0, 0.0]);
+const Z: Vec3 = Vector([0.0, 0.0, 1.0]);
+
+fn unit(axis: usize) -> Vec3 {
+    let mut unit = Vec3::ZERO;
+    unit[axis] = 1.0;
+    unit
+}
+
+fn linear(value: f64, along: Vec3) -> (f64, Wrench) {
+    (value, Wrench { linear: along, angular: Vec3::ZERO })
+}
+
+fn angular(value: f64, about: Vec3) -> (f64, Wrench) {
+    (value, Wrench { linear: Vec3::ZERO, angular: about })
+}
+
+/// Below this cosine, sine or length a direction is not defined. \[1\]
+const SINGULAR: f64 = 1e-9;
+
+/// Returns the distance and the direction of a vector, or `otherwise` for a vector without one.
+fn polar(vector: Vec3, otherwise: Vec3) -> (f64, Vec3) {
+    let length = vector.length();
+    if length > SINGULAR { (length, vector * (1.0 / length)) } else { (length, otherwise) }
+}
+
+impl JointPlaces {
+    /// Evaluates a coordinate and its row.
+    pub(crate) fn evaluate(&self, coordinate: &RowCoordinate) -> Evaluated {
+        if let RowCoordinate::Of(coordinate) = coordinate
+            && let Some(of_two) = self.evaluate_in_world(coordinate)
+        {
+            return of_two;
+        }
+        let [a, b] = &self.frames;
+        let relative = b.local(a);
+        let (value, Wrench { linear, angular }) = match coordinate {
+            RowCoordinate::Of(coordinate) => of_relative(coordinate, &relative),
+            RowCoordinate::RotationVector(axis) => {
+                (relative.turn.vector()[*axis], Wrench { linear: Vec3::ZERO, angular: unit(*axis) })
+            }
+            RowCoordinate::SwingVector(axis) => {
+                (swing(&relative.turn)[*axis], Wrench { linear: Vec3::ZERO, angular: unit(*axis) })
+            }
+        };
+        let (linear, angular) = (b.turn.rotate(linear), b.turn.rotate(angular));
+        let momentum = |center: Vec3, sign: f64| Velocity {
+            linear: linear * sign,
+            angular: (angular + cross(a.position - center, linear)) * sign,
+        };
+        Evaluated { value, rows: [momentum(self.centers[0], 1.0), momentum(self.centers[1], -1.0)] }
+    }
+
+    /// Evaluates a coordinate that measures each body in the world.
+    fn evaluate_in_world(&self, coordinate: &Coordinate) -> Option<Evaluated> {
+        let turned = |side: usize| {
+            let (frame, start) = (&self.frames[side], &self.start[side]);
+            let turn = start.turn.inverse().of(&frame.turn);
+            (twist(&turn).0, frame.turn.rotate(X))
+        };
+        let spin = |axis: Vec3| Velocity { linear: Vec3::ZERO, angular: axis };
+        let pull = |side: usize, along: Vec3| Velocity {
+            linear: along,
+            angular: cross(self.frames[side].position - self.centers[side], along),
+        };
+        let (value, rows) = match coordinate {
+            Coordinate::Gear { ratio } => {
+                let ((q, axis), (p, other)) = (turned(0), turned(1));
+                (q + ratio * p, [spin(axis), spin(other * *ratio)])
+            }
+            Coordinate::Rack { radius } => {
+                let (q, axis) = turned(0);
+                let along = self.frames[1].turn.rotate(X);
+                let moved = (self.frames[1].position - self.start[1].position).dot(along);
+                (q * radius + moved, [spin(axis * *radius), pull(1, along)])
+            }
+            Coordinate::Pulley { points, ratio } => {
+                let rope = |side: usize| {
+                    polar(
+                        self.frames[side].position - Vector(points[side]),
+                        Vector([0.0, -1.0, 0.0]),
+                    )
+                };
+                let ((q, along), (p, other)) = (rope(0), rope(1));
+                (q + ratio * p, [pull(0, along), pull(1, other * *ratio)])
+            }
+            _ => return None,
+        };
+        Some(Evaluated { value, rows })
+    }
+}
+
+/// Returns the twist angle of a rotation \[rad\], and the rotation axis of its rate.
+fn twist(turn: &Turn) -> (f64, Vec3) {
+    let [x, _, _, w] = turn.0;
+    let e = turn.rotate(X);
+    let sum = X + e;
+    (2.0 * libm::atan2(x, w), sum * (1.0 / (1.0 + X.dot(e)).max(SINGULAR)))
+}
+
+/// Returns the rotation vector of the swing of a rotation: of the shortest rotation that takes x to
+/// where it is. \[rad\]
+fn swing(turn: &Turn) -> Vec3 {
+    let e = turn.rotate(X);
+    let (sine, axis) = polar(cross(X, e), Z);
+    axis * libm::atan2(sine, X.dot(e))
+}
+
+/// Evaluates a coordinate of frame a in the coordinates of frame b.
+fn of_relative(coordinate: &Coordinate, relative: &Place) -> (f64, Wrench) {
+    let Place { position: p, turn } = relative;
+    match *coordinate {
+        Coordinate::Linear(axis) => linear(p[axis], unit(axis)),
+        Coordinate::Radial(axis) => {
+            let (value, along) = polar(*p - unit(axis) * p[axis], unit((axis + 1) % 3));
+            linear(value, along)
+        }
+        Coordinate::Distance => {
+            let (value, along) = polar(*p, Vector([0.0, -1.0, 0.0]));
+            linear(value, along)
+        }
+        Coordinate::Angle => angular(2.0 * libm::atan2(turn.0[2], turn.0[3]), Z),
+        Coordinate::Screw { pitch } => {
+            let (angle, axis) = twist(turn);
+            let per_radian = -pitch / std::f64::consts::TAU;
+            (p[0] + per_radian * angle, Wrench { linear: X, angular: axis * per_radian })
+        }
+        Coordinate::Twist => {
+            let (value, axis) = twist(turn);
+            angular(value, axis)
+        }
+        Coordinate::Rotation => {
+            let (value, axis) = polar(turn.vector(), X);
+            angular(value, axis)
+        }
+        Coordinate::Cardan(axis) => cardan(axis, turn),
+        ref other => of_direction(other, turn.rotate(X)),
+    }
+}
+
+/// Evaluates a coordinate of the direction e of the x axis of frame a in frame b.
+fn of_direction(coordinate: &Coordinate, e: Vec3) -> (f64, Wrench) {
+    let (sine, axis) = polar(cross(X, e), Z);
+    match *coordinate {
+        Coordinate::Swing(about) => {
+            // About y the x axis falls along z, about z it rises along y.
+            let (component, sign) = if about == 1 { (2, -1.0) } else { (1, 1.0) };
+            let value = libm::asin(e[component].clamp(-1.0, 1.0)) * sign;
+            let cosine = libm::cos(value).max(1e-3);
+            angular(value, cross(e, unit(component)) * (sign / cosine))
+        }
+        Coordinate::EllipticCone([about_y, about_z]) => {
+            let angle = libm::atan2(sine, X.dot(e));
+            let s = axis * angle;
+            let scaled = Vector([0.0, s[1] / about_y, s[2] / about_z]);
+            let value = scaled.length();
+            let gradient = Vector([0.0, scaled[1] / about_y, scaled[2] / about_z]);
+            // The swing vector changes along its axis, and across it as e circles about x.
+            let circling = cross(e, axis) * (gradient.dot(cross(X, axis)) * angle / sine.max(1e-6));
+            let about = axis * gradient.dot(axis) + circling;
+            angular(value, about * (1.0 / value.max(SINGULAR)))
+        }
+        _ => angular(libm::atan2(sine, X.dot(e)), axis),
+    }
+}
+
+/// Evaluates a Cardan angle: R = R_z(gamma) R_y(beta) R_x(alpha).
+fn cardan(axis: usize, turn: &Turn) -> (f64, Wrench) {
+    let e = turn.rotate(X);
+    let beta = libm::asin((-e[2]).clamp(-1.0, 1.0));
+    let cosine = libm::cos(beta).max(1e-6);
+    let gamma = libm::atan2(e[1], e[0]);
+    let (sin, cos) = (libm::sin(gamma), libm::cos(gamma));
+    match axis {
+        0 => {
+            let [y, z] = [unit(1), Z].map(|of| turn.rotate(of)[2]);
+            angular(libm::atan2(y, z), Vector([cos / cosine, sin / cosine, 0.0]))
+        }
+        1 => angular(beta, Vector([-sin, cos, 0.0])),
+        _ => {
+            let tangent = libm::sin(beta) / cosine;
+            angular(gamma, Vector([tangent * cos, tangent * sin, 1.0]))
+        }
+    }
+}
+
+/// Returns the angle that differs from `angle` by whole turns of `turn` \[rad\], nearest to `before`.
+pub(crate) fn nearest(angle: f64, before: f64, turn: f64) -> f64 {
+    angle + turn * libm::rint((before - angle) / turn)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COORDINATES: [RowCoordinate; 19] = {
+        use Coordinate as C;
+        use RowCoordinate::Of;
+        [
+            Of(C::Linear(0)),
+            Of(C::Linear(1)),
+            Of(C::Linear(2)),
+            Of(C::Radial(0)),
+            Of(C::Radial(2)),
+            Of(C::Distance),
+            Of(C::Twist),
+            Of(C::Swing(1)),
+            Of(C::Swing(2)),
+            Of(C::Cone),
+            Of(C::EllipticCone([0.4, 0.9])),
+            Of(C::Rotation),
+            Of(C::Cardan(0)),
+            Of(C::Cardan(1)),
+            Of(C::Cardan(2)),
+            Of(C::Gear { ratio: -2.5 }),
+            Of(C::Rack { radius: 0.3 }),
+            Of(C::Screw { pitch: 0.2 }),
+            Of(C::Pulley { points: [[1.0, 4.0, 0.5], [-2.0, 5.0, 0.0]], ratio: 2.0 }),
+        ]
+    };
+
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (self.0 >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+        }
+
+        fn vector(&mut self, size: f64) -> Vec3 {
+            Vector([self.next() * size, self.next() * size, self.next() * size])
+        }
+
+        fn place(&mut self) -> Place {
+            Place { position: self.vector(1.0), turn: Turn::by(self.vector(1.5)) }
+        }
+    }
+
+    /// Moves the bodies of a joint by velocities times a time.
+    fn moved(at: &JointPlaces, velocities: &[Velocity<f64, 3, 3>; 2], time: f64) -> JointPlaces {
+        let mut out = *at;
+        for side in 0..2 {
+            let velocity = &velocities[side];
+            let center = at.centers[side] + velocity.linear * time;
+            let turn = Turn::by(velocity.angular * time);
+            let arm = at.frames[side].position - at.centers[side];
+            out.centers[side] = center;
+            out.frames[side] =
+                Place { position: center + turn.rotate(arm), turn: turn.of(&at.frames[side].turn) };
+        }
+        out
+    }
+
+    /// The row of each coordinate is its derivative: J v is the change of q along random motions, by
+    /// central differences.
+    #[test]
+    fn rows_are_derivatives() {
+        let mut random = Random(7);
+        for _ in 0..300 {
+            let frames = [random.place(), random.place()];
+            let start = [random.place(), random.place()];
+            let centers = [0, 1].map(|_| random.vector(1.0));
+            let at = JointPlaces { frames, start, centers };
+            let velocities = [0, 1]
+                .map(|_| Velocity { linear: random.vector(1.0), angular: random.vector(1.0) });
+            let e = frames[1].local(&frames[0]).turn.rotate(X);
+            for coordinate in &COORDINATES {
+                let near = matches!(
+                    coordinate,
+                    RowCoordinate::Of(Coordinate::Swing(_) | Coordinate::Cardan(_))
+                );
+                if near && (e[1].abs() > 0.98 || e[2].abs() > 0.98) || X.dot(e) < -0.95 {
+                    continue;
+                }
+                let Evaluated { rows, .. } = at.evaluate(coordinate);
+                let rate = rows[0].dot(&velocities[0]) + rows[1].dot(&velocities[1]);
+                let h = 1e-5;
+                let [before, after] =
+                    [-h, h].map(|time| moved(&at, &velocities, time).evaluate(coordinate).value);
+                let found = (nearest(after, before, std::f64::consts::TAU) - before) / (2.0 * h);
+                let error = (rate - found).abs() / (1.0 + rate.abs());
+                assert!(error < 1e-6, "{coordinate:?}: {rate} is {found}");
+            }
+        }
+    }
+
+    /// Rotation vectors are derivatives where they lock: at zero.
+    #[test]
+    fn locks_of_rotation_are_derivatives_at_zero() {
+        let mut random = Random(3);
+        for _ in 0..50 {
+            let b = random.place();
+            let frames = [b, b];
+            let centers = [0, 1].map(|_| random.vector(1.0));
+            let at = JointPlaces { frames, start: frames, centers };
+            let velocities = [0, 1]
+                .map(|_| Velocity { linear: random.vector(1.0), angular: random.vector(1.0) });
+            for axis in 0..3 {
+                for coordinate in
+                    [RowCoordinate::RotationVector(axis), RowCoordinate::SwingVector(axis.max(1))]
+                {
+                    let rows = at.evaluate(&coordinate).rows;
+                    let rate = rows[0].dot(&velocities[0]) + rows[1].dot(&velocities[1]);
+                    let h = 1e-6;
+                    let [before, after] =
+                        [-h, h].map(|time| moved(&at, &velocities, time).evaluate(&coordinate));
+                    let found = (after.value - before.value) / (2.0 * h);
+                    assert!((rate - found).abs() < 1e-5, "{coordinate:?}: {rate} is {found}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_x_axis_points_where_it_is_told() {
+        for axis in [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.6, -0.8, 0.0], [1.0, 0.0, 0.0]] {
+            let numbers = towards::<3, 3>(axis);
+            let turn = Turn::normalized(std::array::from_fn(|i| f64::from(numbers[i])));
+            let apart = turn.rotate(X) - Vector(axis.map(f64::from));
+            assert!(apart.length() < 1e-6, "{axis:?}: {apart:?}");
+        }
+    }
+}

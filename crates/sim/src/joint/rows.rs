@@ -1,0 +1,249 @@
+//! Rows of a joint: which it has, and their laws in a substep.
+//!
+//! A lock keeps its coordinate q at a value along the curve on which the bodies move. If they keep
+//! their velocities v, q ends the substep at q_end; the row knows its change by others, J dv:
+//!
+//! ```text
+//! q_end + h J dv = q - repair      so    t = J v - (q_end - q + repair) / h
+//! ```
+//!
+//! A limit is a lock on one side, and reached within the substep but not passed. A spring that moves
+//! the effective mass m without others follows its oscillation exactly. With frequency w, damping
+//! ratio zeta and w_d = w sqrt(1 - zeta^2),
+//!
+//! ```text
+//! a   = exp(-2 zeta w h),       b h = 1 + a - 2 exp(-zeta w h) cos(w_d h)
+//! eps = a / (m (1 - a)),        t   = b (q_0 - q) / (1 - a)
+//! ```
+//!
+//! and beyond w h = 1/2 the implicit form: eps = 1 / (h^2 k + h d), t = (k (q_0 - q) + d v_0) / (h k + d).
+
+use drystone_solver::law::Interval;
+
+use super::coordinates::RowCoordinate;
+use super::{Coordinate, Drive, JointAxis, Softness};
+
+/// A row of a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RowPlan {
+    pub(crate) coordinate: RowCoordinate,
+    pub(crate) role: Role,
+    /// Index of its axis in the joint.
+    pub(crate) axis: usize,
+}
+
+/// What a row does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Role {
+    /// Keeps a value.
+    Lock(f64, Option<Softness>),
+    /// Keeps between two values.
+    Limit([f64; 2], Option<Softness>),
+    Drive(Drive),
+    /// Largest force. \[N, or N m\]
+    Friction(f64),
+}
+
+/// Returns the rows of these axes.
+pub(crate) fn plan(axes: &[JointAxis]) -> Vec<RowPlan> {
+    let is_zero = |coordinate: Coordinate| {
+        axes.iter().any(|axis| axis.coordinate == coordinate && axis.lock() == Some(0.0))
+    };
+    let swings = is_zero(Coordinate::Swing(1)) && is_zero(Coordinate::Swing(2));
+    let all = swings && is_zero(Coordinate::Twist);
+    let mut rows = Vec::new();
+    for (index, axis) in axes.iter().enumerate() {
+        let mut add = |coordinate, role| rows.push(RowPlan { coordinate, role, axis: index });
+        let own = RowCoordinate::Of(axis.coordinate);
+        match (axis.lock(), axis.limits) {
+            (Some(value), _) => {
+                let coordinate = match axis.coordinate {
+                    Coordinate::Twist if all => RowCoordinate::RotationVector(0),
+                    Coordinate::Swing(about) if all => RowCoordinate::RotationVector(about),
+                    Coordinate::Swing(about) if swings => RowCoordinate::SwingVector(about),
+                    _ => own,
+                };
+                add(coordinate, Role::Lock(value, axis.softness));
+            }
+            (None, Some(limits)) if limits.iter().any(|limit| limit.is_finite()) => {
+                add(own, Role::Limit(limits, axis.softness));
+            }
+            _ => {}
+        }
+        for drive in &axis.drives {
+            let acts = drive.stiffness > 0.0 || drive.damping > 0.0;
+            if acts && drive.max_force > 0.0 {
+                add(own, Role::Drive(*drive));
+            }
+        }
+        if axis.friction > 0.0 {
+            add(own, Role::Friction(axis.friction));
+        }
+    }
+    rows
+}
+
+/// Numbers of a row that stay through a substep.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RowParams {
+    /// Length of the substep. \[s\]
+    pub(crate) h: f64,
+    /// Effective mobility A_ii. \[1/kg, or 1/(kg m^2)\]
+    pub(crate) mobility: f64,
+    /// Compliance of a lock. \[1/kg, or 1/(kg m^2)\]
+    pub(crate) compliance: f64,
+    /// Fraction of a gap that the substep repairs, and the largest speed of repair. \[1, m/s or rad/s\]
+    pub(crate) repair: [f64; 2],
+}
+
+/// Where a row is at the start of a substep, and where it goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion {
+    /// q.
+    pub(crate) value: f64,
+    /// q at the end of the substep if the bodies keep their velocities.
+    pub(crate) end: f64,
+    /// J v of these velocities.
+    pub(crate) rate: f64,
+}
+
+/// Compliance and target of a spring, apart from the coordinate: t = gain (q_0 - q) + drift.
+#[derive(Clone, Copy, Debug)]
+struct Spring {
+    compliance: f64,
+    gain: f64,
+    drift: f64,
+}
+
+impl Spring {
+    fn of(stiffness: f64, damping: f64, velocity: f64, params: &RowParams) -> Self {
+        let RowParams { h, mobility, .. } = *params;
+        let omega = (stiffness * mobility).sqrt();
+        if stiffness > 0.0 && velocity == 0.0 && omega * h < 0.5 {
+            // zeta w = d / (2 m).
+            let decay = 0.5 * damping * mobility * h;
+            let squared = omega * omega * h * h - decay * decay;
+            let turn = squared.abs().sqrt();
+            let cosine = if squared > 0.0 { libm::cos(turn) } else { libm::cosh(turn) };
+            let (a, root) = (libm::exp(-2.0 * decay), libm::exp(-decay));
+            let b = (1.0 + a - 2.0 * root * cosine) / h;
+            let kept = a.min(1.0 - 1e-6);
+            let compliance = mobility * kept / (1.0 - kept);
+            return Self { compliance, gain: b / (1.0 - kept), drift: 0.0 };
+        }
+        let sum = h * stiffness + damping;
+        Self { compliance: 1.0 / (h * sum), gain: stiffness / sum, drift: damping * velocity / sum }
+    }
+
+    fn of_softness(softness: &Softness, params: &RowParams) -> Self {
+        let sum = params.h * softness.stiffness + softness.damping;
+        Self { compliance: 1.0 / (params.h * sum), gain: softness.stiffness / sum, drift: 0.0 }
+    }
+
+    fn of_drive(drive: &Drive, params: &RowParams) -> Self {
+        let scale = if drive.acceleration { 1.0 / params.mobility } else { 1.0 };
+        Self::of(drive.stiffness * scale, drive.damping * scale, drive.velocity, params)
+    }
+}
+
+const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+impl Role {
+    /// Returns the compliance. \[1/kg, or 1/(kg m^2)\]
+    pub(crate) fn compliance(&self, params: &RowParams) -> f64 {
+        match self {
+            Self::Lock(_, Some(softness)) | Self::Limit(_, Some(softness)) => {
+                Spring::of_softness(softness, params).compliance
+            }
+            Self::Lock(..) | Self::Limit(..) => params.compliance,
+            Self::Drive(drive) if drive.damping.is_finite() => {
+                Spring::of_drive(drive, params).compliance
+            }
+            Self::Drive(drive) if drive.max_force.is_infinite() => params.compliance,
+            Self::Drive(_) | Self::Friction(_) => 0.0,
+        }
+    }
+
+    /// Returns the law of the row in a substep.
+    pub(crate) fn law(&self, at: &Motion, params: &RowParams) -> Interval<f64> {
+        let RowParams { h, repair: [share, speed], .. } = *params;
+        // The part of the path that velocities alone do not tell.
+        let curve = at.rate - (at.end - at.value) / h;
+        let repaired = |gap: f64| (share * gap).clamp(-speed * h, speed * h);
+        let compliance = self.compliance(params);
+        let (targets, bounds) = match self {
+            Self::Lock(value, None) => ([curve - repaired(at.value - value) / h; 2], ANY),
+            Self::Lock(value, Some(softness)) => {
+                let gain = Spring::of_softness(softness, params).gain;
+                ([curve + gain * (value - at.value); 2], ANY)
+            }
+            Self::Limit([low, high], None) => {
+                let up = (low - at.value).min(repaired((low - at.value).max(0.0)));
+                let down = (high - at.value).max(repaired((high - at.value).min(0.0)));
+                ([curve + up / h, curve + down / h], ANY)
+            }
+            Self::Limit([low, high], Some(softness)) => {
+                let gain = Spring::of_softness(softness, params).gain;
+                let to = |limit: &f64| curve + gain * (limit - at.value);
+                ([to(low), to(high)], ANY)
+            }
+            Self::Drive(drive) => {
+                let most = drive.max_force * h;
+                let target = if drive.damping.is_finite() {
+                    let spring = Spring::of_drive(drive, params);
+                    spring.gain * (drive.position - at.value) + spring.drift
+                } else {
+                    drive.velocity
+                };
+                ([target; 2], [-most, most])
+            }
+            Self::Friction(most) => ([0.0; 2], [-most * h, most * h]),
+        };
+        Interval { targets, bounds, compliance }
+    }
+
+    /// Returns the law of the sweep that ends a substep, for the change of the impulse. It takes out
+    /// the velocity from repair and curvature. `solved` is the impulse of the substep by its `law`,
+    /// `value` is q at its end.
+    pub(crate) fn relaxing_law(
+        &self,
+        law: &Interval<f64>,
+        solved: f64,
+        value: f64,
+        h: f64,
+    ) -> Interval<f64> {
+        let compliance = law.compliance;
+        let (targets, bounds) = match self {
+            Self::Lock(_, None) => ([0.0; 2], ANY),
+            Self::Limit([low, high], None) => {
+                let below = ((low - value) / h).min(0.0);
+                let above = ((high - value) / h).max(0.0);
+                match () {
+                    () if solved > 0.0 => ([below; 2], [-solved, f64::INFINITY]),
+                    () if solved < 0.0 => ([above; 2], [f64::NEG_INFINITY, -solved]),
+                    () => ([below, above], ANY),
+                }
+            }
+            Self::Limit(_, Some(_)) => (law.targets, [0.0; 2]),
+            Self::Lock(_, Some(_)) | Self::Drive(_) | Self::Friction(_) => (
+                law.targets.map(|target| target - compliance * solved),
+                law.bounds.map(|bound| bound - solved),
+            ),
+        };
+        Interval { targets, bounds, compliance }
+    }
+
+    /// Returns by how much q misses its lock or its limits.
+    pub(crate) fn miss(&self, value: f64) -> f64 {
+        match self {
+            Self::Lock(at, None) => (value - at).abs(),
+            Self::Limit([low, high], None) => (low - value).max(value - high).max(0.0),
+            _ => 0.0,
+        }
+    }
+
+    /// Returns true if the row is a motor that runs: it keeps its bodies awake.
+    pub(crate) fn runs(&self) -> bool {
+        matches!(self, Self::Drive(drive) if drive.velocity != 0.0)
+    }
+}

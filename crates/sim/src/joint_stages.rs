@@ -1,0 +1,171 @@
+//! The stages of a substep that concern [`Joints`](crate::joints::Joints), on a world.
+
+use crate::geometry::Geometry;
+use crate::joints::BodyPlaces;
+use crate::report::StepReport;
+use crate::solving::ConstraintSolver;
+use crate::world::World;
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
+    /// Begins a step: what moves wakes what it is joined to.
+    pub(crate) fn begin_joints(&mut self) {
+        let joints = &mut self.solver.joints;
+        joints.begin_step();
+        if self.sleep.count() == 0 {
+            return;
+        }
+        let joined: Vec<Vec<u32>> =
+            joints.taken().map(|(_, record)| record.members().collect()).collect();
+        for members in joined {
+            let is_active = |body: &u32| self.sleep.is_active(&self.bodies, *body as usize);
+            if members.iter().any(is_active) {
+                members.iter().for_each(|&body| {
+                    self.wake_slot(body as usize);
+                });
+            }
+        }
+    }
+
+    /// Finds the joints of awake bodies.
+    pub(crate) fn choose_joints(&mut self) {
+        let gravity = f64::from(self.gravity.length());
+        let joints = &mut self.solver.joints;
+        if joints.choose(&self.bodies, gravity) {
+            let has_joint = &mut self.bodies.has_joint;
+            has_joint.clear();
+            has_joint.resize(self.bodies.poses.len(), false);
+            joints.pairs().flatten().for_each(|body| has_joint[body as usize] = true);
+        }
+    }
+
+    /// Finds J of the joints at the places of the bodies, for substeps of `h` \[s\].
+    pub(crate) fn renew_joints(&mut self, h: f32) {
+        if self.solver.joints.is_idle() {
+            return;
+        }
+        for body in 0..self.bodies.has_joint.len() {
+            if A == 3 && self.bodies.has_joint[body] {
+                let moments = self.bodies.inertia[body].inverse_moments;
+                let frame = G::frame(&self.bodies.poses[body]);
+                if self.bodies.inverse_masses[body].linear > 0.0 || self.bodies.is_dynamic(body) {
+                    self.bodies.inverse_masses[body].angular = frame.tensor(moments);
+                }
+            }
+        }
+        let settings = &self.settings;
+        let numbers = [h, settings.stretch, settings.max_repair_speed].map(f64::from);
+        let displacements = &self.scratch.displacements;
+        let at = BodyPlaces { bodies: &self.bodies, displacements };
+        self.solver.joints.renew(&at, numbers);
+    }
+
+    /// Adds the joint impulses of the substep before, and sets the targets of the joints.
+    pub(crate) fn warm_start_joints(&mut self, h: f32) {
+        if self.solver.joints.is_idle() {
+            return;
+        }
+        self.stiffen_pulled(h);
+        let displacements = &self.scratch.displacements;
+        self.solver.joints.warm_start(&mut self.bodies, displacements);
+    }
+
+    /// Gives bodies that hang in pulling joints the inertia with which they follow the pull
+    /// ([`tension`](crate::joint::tension)), for the solve of the substep.
+    fn stiffen_pulled(&mut self, h: f32) {
+        let displacements = &self.scratch.displacements;
+        let at = BodyPlaces { bodies: &self.bodies, displacements };
+        let surpluses = self.solver.joints.surpluses(&at, f64::from(h));
+        self.scratch.true_masses.clear();
+        for (body, surplus) in surpluses {
+            let index = body as usize;
+            let mass = self.bodies.mass(index).angular;
+            let mut stiffened = mass;
+            for (own, more) in stiffened.0.iter_mut().zip(&surplus.0) {
+                *own += *more;
+            }
+            let Some(inverse) = stiffened.inverse() else { continue };
+            let masses = &mut self.bodies.inverse_masses[index];
+            self.scratch.true_masses.push((body, *masses));
+            masses.angular = inverse.cast();
+            for velocity in
+                [&mut self.bodies.velocities[index], &mut self.scratch.prospective[index]]
+            {
+                velocity.angular = (inverse * (mass * velocity.angular.cast())).cast();
+            }
+        }
+        if !self.scratch.true_masses.is_empty() {
+            self.solver.joints.mechanisms.renew(&self.bodies.inverse_masses);
+            self.follow_masses();
+        }
+    }
+
+    /// Gives back the inertia of the bodies that the solve has seen with another one.
+    fn unstiffen(&mut self) {
+        for (body, masses) in self.scratch.true_masses.drain(..) {
+            self.bodies.inverse_masses[body as usize] = masses;
+        }
+    }
+
+    /// Takes masses that have changed into the certificates.
+    fn follow_masses(&mut self) {
+        self.solver.with_system(&mut self.bodies, |solver, _| {
+            solver.certifier.island_solver.follow(&solver.system);
+        });
+    }
+
+    /// Solves the joints to their targets.
+    pub(crate) fn solve_joints(&mut self) {
+        self.solver.joints.solve(&mut self.bodies.velocities);
+    }
+
+    /// Stores the joint impulses of the solve. From then on the velocities without contacts include
+    /// them.
+    pub(crate) fn keep_joint_impulses(&mut self) {
+        let joints = &mut self.solver.joints;
+        if !joints.is_idle() {
+            joints.keep_solved();
+            let prospective = &mut self.scratch.prospective;
+            joints.mechanisms.apply(prospective, &self.bodies.inverse_masses);
+            self.unstiffen();
+        }
+    }
+
+    /// Adds the joint impulses of the relaxing before, and sets its laws.
+    pub(crate) fn begin_relaxing_joints(&mut self) {
+        let joints = &mut self.solver.joints;
+        if !joints.is_idle() {
+            joints.begin_relaxing(&mut self.bodies.velocities, &self.bodies.inverse_masses);
+        }
+    }
+
+    /// Solves the joints for the velocities at the end of a substep.
+    pub(crate) fn relax_joints(&mut self) {
+        if self.solver.joints.is_idle() {
+            return;
+        }
+        self.solve_joints();
+        let ConstraintSolver { joints, .. } = &mut self.solver;
+        joints.mechanisms.apply(&mut self.scratch.prospective, &self.bodies.inverse_masses);
+        let displacements = &self.scratch.displacements;
+        joints.keep_relaxed(&BodyPlaces { bodies: &self.bodies, displacements });
+    }
+
+    /// Ends a step of `dt` \[s\]: joints break, and the report gets the worst gap.
+    pub(crate) fn end_joints(&mut self, dt: f32, report: &mut StepReport) {
+        if self.solver.joints.is_idle() {
+            return;
+        }
+        self.solver.joints.last_step = f64::from(dt);
+        let at = self.body_places();
+        report.joint_gap = self.solver.joints.worst(&at);
+        report.broken = self.solver.joints.break_overloaded(f64::from(dt));
+        if !report.broken.is_empty() {
+            self.pair_again();
+        }
+    }
+
+    /// Returns the places of the bodies after a step.
+    pub(crate) fn body_places(&self) -> BodyPlaces<'_, G, L, A> {
+        BodyPlaces { bodies: &self.bodies, displacements: &[] }
+    }
+}

@@ -1,0 +1,614 @@
+//! [`Joints`]: the joints of a world, and what the stages of a substep do with them.
+//!
+//! | Stage | What happens |
+//! |---|---|
+//! | rows | joints of awake bodies are ordered by mechanism; J is found at the poses |
+//! | warm start | the impulses of the substep before act; then each row gets its target |
+//! | solve | all joints of a mechanism are solved together, after the contacts |
+//! | advance | bodies with joints rotate, and J and the coordinates are found anew |
+//! | relax | the same, for the velocities at the new J |
+//!
+//! Half of what a joint bears in a substep comes from the solve, half from the relaxing: bodies move
+//! as with the mean force, and end with velocities that J allows (RATTLE, Andersen 1983).
+
+use drystone_solver::mechanism::Mechanisms;
+use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, Vector, Velocity};
+
+use crate::bodies::Bodies;
+use crate::geometry::Geometry;
+use crate::ids::Slots;
+use crate::joint::coordinates::{JointPlaces, Place, RowCoordinate, Turn, Vec3, cross, nearest};
+use crate::joint::rows::{Motion, RowParams, RowPlan};
+use crate::joint::tension;
+use crate::joint::{Breaking, Coordinate, JointAxis, JointState};
+use crate::report::BrokenJoint;
+
+/// Marks the world in the place of a body.
+pub(crate) const WORLD: u32 = u32::MAX;
+
+/// Acceleration by which the weight of a mechanism counts at least, where there is no
+/// gravity. \[m/s^2\]
+const LEAST_GRAVITY: f64 = 9.81;
+
+/// Fraction of the gap of a lock that a substep repairs. \[1\]
+const REPAIR: f64 = 0.25;
+
+/// Largest number of times that targets are set anew in a substep, for bodies that turn fast.
+const MOST_AIMS: usize = 4;
+
+/// Turn of a body per substep beyond which the targets follow the path that the joints leave.
+/// \[rad\]
+const FAST_TURN: f32 = 0.02;
+
+/// Numbers of a row before J is found.
+const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
+
+/// A joint of a world.
+#[derive(Clone, Debug)]
+pub(crate) struct JointRecord {
+    /// Slots of the bodies, or [`WORLD`].
+    pub(crate) bodies: [u32; 2],
+    /// Frames relative to the centers of mass, or in the world.
+    pub(crate) frames: [Place; 2],
+    /// Frames in the world when the bodies were joined.
+    pub(crate) start: [Place; 2],
+    pub(crate) axes: Vec<JointAxis>,
+    pub(crate) rows: Vec<RowPlan>,
+    pub(crate) states: Vec<RowState>,
+    pub(crate) breaking: Breaking,
+    pub(crate) collide: bool,
+    pub(crate) enabled: bool,
+    pub(crate) broken: bool,
+    pub(crate) user_data: u128,
+    /// Impulse on a and its moment about the joint in this step, or in the last one.
+    /// \[N s, N m s\]
+    pub(crate) load: [Vec3; 2],
+}
+
+/// State of a row between substeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct RowState {
+    /// q, with its turns. \[m, or rad\]
+    pub(crate) value: f64,
+    /// Impulses of the last solve and of the sweep that relaxed it. \[N s, or N m s\]
+    pub(crate) solved: f64,
+    pub(crate) relaxed: f64,
+}
+
+/// The joints of a world.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Joints<const L: usize, const A: usize> {
+    pub(crate) slots: Slots,
+    /// By slot.
+    pub(crate) records: Vec<JointRecord>,
+    /// Slots of the joints that act, mechanism by mechanism.
+    acting: Vec<u32>,
+    /// Their pairs of bodies.
+    pairs: Vec<[u32; 2]>,
+    /// What solves them.
+    pub(crate) mechanisms: Mechanisms<L, A>,
+    /// By acting joint: compliance of its locks times h^2. \[1/(N/m)\]
+    compliances: Vec<f64>,
+    /// By row of the mechanisms.
+    params: Vec<RowParams>,
+    /// S of each body ([`tension`]). \[N m s\]
+    stiffness: Vec<SymmetricMatrix<f64, 3>>,
+    /// Length of the last step. \[s\]
+    pub(crate) last_step: f64,
+    /// Pairs of bodies whose shapes do not collide, in ascending order.
+    separated: Vec<[u32; 2]>,
+}
+
+/// Where the bodies are: poses, and displacements since the search.
+#[derive(Clone, Copy)]
+pub(crate) struct BodyPlaces<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) bodies: &'a Bodies<G, L, A>,
+    pub(crate) displacements: &'a [Velocity<f32, L, A>],
+}
+
+fn in_space<const N: usize>(vector: Vector<f32, N>) -> Vec3 {
+    let mut out = Vec3::ZERO;
+    for i in 0..N {
+        // In the plane, rotation is about z.
+        out[if N == 1 { 2 } else { i }] = f64::from(vector[i]);
+    }
+    out
+}
+
+/// Returns a pose as a place.
+pub(crate) fn place<G: Geometry<L, A>, const L: usize, const A: usize>(pose: &G::Pose) -> Place {
+    Place { position: in_space(G::frame(pose).position), turn: Turn::normalized(G::rotation(pose)) }
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> {
+    /// Returns the place of a center of mass and the axes of its body, or that of the world.
+    pub(crate) fn of(&self, body: u32) -> Place {
+        if body == WORLD {
+            return Place::ORIGIN;
+        }
+        let (bodies, body) = (self.bodies, body as usize);
+        let mut position = in_space(bodies.frames[body].position);
+        position += in_space(bodies.position_remainders[body]);
+        let mut turned = Vec3::ZERO;
+        if let Some(moved) = self.displacements.get(body) {
+            position += in_space(moved.linear);
+            turned = in_space(moved.angular) - in_space(bodies.spin_states[body].followed);
+        }
+        let pose = Turn::normalized(G::rotation(&bodies.poses[body]));
+        Place { position, turn: Turn::by(turned).of(&pose) }
+    }
+
+    /// Returns the place where a body is after `h` \[s\] at its velocity, rotating freely.
+    fn ahead(&self, body: u32, h: f64) -> Place {
+        let mut place = self.of(body);
+        if body == WORLD {
+            return place;
+        }
+        let velocity = &self.bodies.velocities[body as usize];
+        place.position += in_space(velocity.linear) * h;
+        let omega = in_space(velocity.angular);
+        let mut turn = omega * h;
+        let precession = self.bodies.precession[body as usize].rate;
+        if A == 3 && precession > 0.0 {
+            let inertia = &self.bodies.inertia[body as usize];
+            // In the axes of the body: I d(omega)/dt = -omega x I omega.
+            let own = place.turn.inverse().rotate(omega);
+            let spin = Vector::<f64, A>(std::array::from_fn(|i| own[i]));
+            let momentum = inertia.moments.cast::<f64>() * spin;
+            let torque = cross(own, Vector(std::array::from_fn(|i| momentum[i])));
+            let torque = Vector::<f64, A>(std::array::from_fn(|i| -torque[i]));
+            let gain = inertia.inverse_moments.cast::<f64>() * torque;
+            let gain = Vector(std::array::from_fn(|i| gain[i]));
+            turn += place.turn.rotate(gain) * (0.5 * h * h);
+        }
+        place.turn = Turn::by(turn).of(&place.turn);
+        place
+    }
+}
+
+/// Returns a row in the dimension of a world.
+fn flattened<const L: usize, const A: usize>(row: &Velocity<f64, 3, 3>) -> Velocity<f64, L, A> {
+    Velocity {
+        linear: Vector(std::array::from_fn(|i| row.linear[i])),
+        angular: Vector(std::array::from_fn(|i| row.angular[if A == 1 { 2 } else { i }])),
+    }
+}
+
+/// Returns the value of a coordinate with its turns, after the value before.
+fn turned(coordinate: &RowCoordinate, value: f64, before: f64) -> f64 {
+    match coordinate {
+        RowCoordinate::Of(of) if of.is_angle() => nearest(value, before, std::f64::consts::TAU),
+        _ => value,
+    }
+}
+
+impl<const L: usize, const A: usize> Joints<L, A> {
+    /// Returns true if no joint acts.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.acting.is_empty()
+    }
+
+    /// Returns the pairs of bodies of the joints that act. A joint to the world has its body twice.
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = [u32; 2]> + Clone {
+        self.pairs.iter().copied()
+    }
+
+    /// Returns true if the joint of this index among those that act has a motor that runs.
+    pub(crate) fn runs(&self, acting: usize) -> bool {
+        let record = &self.records[self.acting[acting] as usize];
+        record.rows.iter().any(|row| row.role.runs())
+    }
+
+    /// Returns true if a joint keeps the shapes of two bodies from colliding.
+    pub(crate) fn separates(&self, bodies: [u32; 2]) -> bool {
+        self.separated.binary_search(&ascending(bodies)).is_ok()
+    }
+
+    /// Finds the pairs of bodies whose shapes do not collide. Returns true if there are others than
+    /// before.
+    pub(crate) fn find_separated(&mut self) -> bool {
+        let mut separated: Vec<_> = self
+            .taken()
+            .filter(|(_, record)| !record.collide && record.enabled && !record.broken)
+            .map(|(_, record)| ascending(record.bodies))
+            .collect();
+        separated.sort_unstable();
+        separated.dedup();
+        std::mem::replace(&mut self.separated, separated) != self.separated
+    }
+
+    /// Returns the joints and their slots.
+    pub(crate) fn taken(&self) -> impl Iterator<Item = (usize, &JointRecord)> {
+        self.records.iter().enumerate().filter(|(slot, _)| self.slots.is_taken(*slot))
+    }
+
+    /// Finds the joints that act: those of awake dynamic bodies. Returns true if there are others than
+    /// before. `gravity` is its acceleration. \[m/s^2\]
+    pub(crate) fn choose<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &Bodies<G, L, A>,
+        gravity: f64,
+    ) -> bool {
+        if self.records.is_empty() {
+            return false;
+        }
+        let masses = &bodies.inverse_masses;
+        let moves = |body: &u32| *body != WORLD && masses[*body as usize] != InverseMass::FIXED;
+        let mut acting: Vec<u32> = Vec::new();
+        for (slot, record) in self.taken() {
+            if record.enabled && !record.broken && record.bodies.iter().any(moves) {
+                acting.push(slot as u32);
+            }
+        }
+        let pairs: Vec<_> = acting.iter().map(|&slot| pair(&self.records[slot as usize])).collect();
+        let order = Mechanisms::<L, A>::order(&pairs, masses);
+        let acting: Vec<u32> = order.iter().map(|&index| acting[index as usize]).collect();
+        if acting == self.acting {
+            return false;
+        }
+        self.pairs = order.iter().map(|&index| pairs[index as usize]).collect();
+        self.acting = acting;
+        self.connect(bodies, gravity);
+        true
+    }
+
+    /// Prepares for the joints that act.
+    fn connect<G: Geometry<L, A>>(&mut self, bodies: &Bodies<G, L, A>, gravity: f64) {
+        let Self { mechanisms, records, acting, pairs, compliances, params, .. } = self;
+        mechanisms.joints.clear();
+        mechanisms.axes.clear();
+        for (&slot, &bodies) in acting.iter().zip(&*pairs) {
+            let first = mechanisms.axes.len() as u32;
+            let rows = &records[slot as usize].rows;
+            mechanisms.axes.extend(rows.iter().map(|_| Axis::IDLE));
+            mechanisms.joints.push(SolverJoint { bodies, first, count: rows.len() as u32 });
+        }
+        mechanisms.connect(&bodies.inverse_masses);
+        params.clear();
+        params.resize(mechanisms.axes.len(), NO_PARAMS);
+        compliances.clear();
+        for (joints, members) in mechanisms.groups() {
+            let mass: f64 = members.iter().map(|&body| bodies.mass(body as usize).linear).sum();
+            let weight = mass * gravity.max(LEAST_GRAVITY);
+            compliances.extend(joints.map(|_| 1.0 / weight));
+        }
+    }
+
+    /// Finds J, the coordinates and the compliances at the places of the bodies, for substeps of
+    /// `h` \[s\]. A lock that carries the weight of its mechanism gives way by `stretch`. \[m\]
+    pub(crate) fn renew<G: Geometry<L, A>>(
+        &mut self,
+        at: &BodyPlaces<'_, G, L, A>,
+        [h, stretch, speed]: [f64; 3],
+    ) {
+        let Self { mechanisms, records, acting, compliances, params, .. } = self;
+        let masses = &at.bodies.inverse_masses;
+        for ((&slot, joint), softness) in acting.iter().zip(&mechanisms.joints).zip(compliances) {
+            let record = &mut records[slot as usize];
+            let places = record.places(|body| at.of(body));
+            let own = joint.bodies.map(|body| masses[body as usize].cast());
+            let axes = &mut mechanisms.axes[joint.axes()];
+            for (index, axis) in axes.iter_mut().enumerate() {
+                let (plan, state) = (&record.rows[index], &mut record.states[index]);
+                let found = places.evaluate(&plan.coordinate);
+                state.value = turned(&plan.coordinate, found.value, state.value);
+                axis.jacobian = [0, 1].map(|side| match record.bodies[side] {
+                    WORLD => Velocity::ZERO,
+                    _ => flattened(&found.rows[side]),
+                });
+                if record.bodies[0] == WORLD {
+                    axis.jacobian.swap(0, 1);
+                }
+            }
+            let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
+            for (axis, params) in axes.iter_mut().zip(&mut params[joint.axes()]) {
+                let mobility = axis.mobility(&own);
+                let is_turn = axis.jacobian.iter().all(|own| own.linear == Vector::ZERO);
+                let scale = if is_turn && unit > 0.0 { mobility / unit } else { 1.0 };
+                let compliance = REPAIR * stretch * *softness * scale / (h * h);
+                let repair = [REPAIR, speed * scale.sqrt()];
+                *params = RowParams { h, mobility, compliance, repair };
+            }
+            for ((axis, params), plan) in
+                axes.iter_mut().zip(&params[joint.axes()]).zip(&record.rows)
+            {
+                axis.law.compliance = plan.role.compliance(params);
+            }
+        }
+        mechanisms.renew(masses);
+    }
+
+    /// Sets the impulses of the rows to those of the last substep, of its solve or of its relaxing.
+    fn recall(&mut self, of: impl Fn(&RowState) -> f64) {
+        let Self { mechanisms, records, acting, .. } = self;
+        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+            let states = &records[slot as usize].states;
+            for (axis, state) in mechanisms.axes[joint.axes()].iter_mut().zip(states) {
+                axis.impulse = of(state);
+            }
+        }
+    }
+
+    /// Returns (h S - I)+ / 2 of the bodies for which it is not zero ([`tension`]), for substeps of
+    /// `h` \[s\].
+    pub(crate) fn surpluses<G: Geometry<L, A>>(
+        &mut self,
+        at: &BodyPlaces<'_, G, L, A>,
+        h: f64,
+    ) -> Vec<(u32, SymmetricMatrix<f64, A>)> {
+        let Self { mechanisms, records, acting, stiffness, .. } = self;
+        stiffness.clear();
+        stiffness.resize(at.bodies.poses.len(), SymmetricMatrix::ZERO);
+        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+            let record = &records[slot as usize];
+            let places = record.places(|body| at.of(body));
+            for (side, body) in record.bodies.into_iter().enumerate() {
+                if body == WORLD {
+                    continue;
+                }
+                let own = if record.bodies[0] == WORLD { 0 } else { side };
+                let mut pull = Vec3::ZERO;
+                for (axis, state) in mechanisms.axes[joint.axes()].iter().zip(&record.states) {
+                    let impulse = state.solved + state.relaxed;
+                    (0..L).for_each(|i| pull[i] += axis.jacobian[own].linear[i] * impulse);
+                }
+                let arm = places.frames[0].position - places.centers[side];
+                tension::add(&mut stiffness[body as usize], arm, pull);
+            }
+        }
+        let mut surpluses = Vec::new();
+        for (body, of) in (0..).zip(&*stiffness) {
+            if *of == SymmetricMatrix::ZERO {
+                continue;
+            }
+            let inertia = at.bodies.mass(body as usize).angular;
+            surpluses.extend(tension::surplus(of, &inertia, h).map(|own| (body, own)));
+        }
+        surpluses
+    }
+
+    /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.
+    pub(crate) fn warm_start<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut Bodies<G, L, A>,
+        displacements: &[Velocity<f32, L, A>],
+    ) {
+        if self.is_idle() {
+            return;
+        }
+        self.recall(|state| state.solved);
+        self.mechanisms.apply(&mut bodies.velocities, &bodies.inverse_masses);
+        let mut before = f64::INFINITY;
+        for _ in 0..MOST_AIMS {
+            let change = self.set_targets(&BodyPlaces { bodies, displacements });
+            // The path curves with the velocities that the joints leave.
+            let is_slow = !self.turns_fast(bodies);
+            if is_slow || change >= before {
+                return;
+            }
+            before = change;
+            self.mechanisms.solve(&mut bodies.velocities);
+        }
+        self.set_targets(&BodyPlaces { bodies, displacements });
+    }
+
+    /// Returns true if a body with a joint turns by more than [`FAST_TURN`] in a substep.
+    fn turns_fast<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>) -> bool {
+        let h = self.params.first().map_or(0.0, |params| params.h) as f32;
+        self.pairs.iter().flatten().any(|&body| {
+            let omega = bodies.velocities[body as usize].angular;
+            omega.dot(omega) * h * h > FAST_TURN * FAST_TURN
+        })
+    }
+
+    /// Sets the targets of the rows for a substep. Returns the largest change of a finite target.
+    /// \[m/s, or rad/s\]
+    fn set_targets<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>) -> f64 {
+        let mut change = 0.0f64;
+        let Self { mechanisms, records, acting, params, .. } = self;
+        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+            let record = &mut records[slot as usize];
+            let Some(RowParams { h, .. }) = params.get(joint.first as usize).copied() else {
+                continue;
+            };
+            let then = record.places(|body| at.ahead(body, h));
+            let [a, b] = joint.bodies.map(|body| at.bodies.velocities[body as usize].cast());
+            for (index, row) in joint.axes().enumerate() {
+                let (plan, axis) = (&record.rows[index], &mut mechanisms.axes[row]);
+                let value = record.states[index].value;
+                let end = turned(&plan.coordinate, then.evaluate(&plan.coordinate).value, value);
+                let motion = Motion { value, end, rate: axis.velocity(&a, &b) };
+                let law = plan.role.law(&motion, &params[row]);
+                for (new, old) in law.targets.iter().zip(axis.law.targets) {
+                    let own = (new - old).abs();
+                    change = if own.is_finite() { change.max(own) } else { change };
+                }
+                axis.law = law;
+            }
+        }
+        change
+    }
+
+    /// Solves all mechanisms for the targets of the substep.
+    pub(crate) fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.mechanisms.solve(velocities);
+    }
+
+    /// Stores the impulses of the solve.
+    pub(crate) fn keep_solved(&mut self) {
+        self.keep(|state, impulse| state.solved = impulse);
+    }
+
+    /// Begins the relaxing: the impulses of the last one act, and each row gets its law for the end
+    /// of the substep. J has been [renewed](Self::renew).
+    pub(crate) fn begin_relaxing(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        masses: &[InverseMass<f32, L, A>],
+    ) {
+        self.recall(|state| state.relaxed);
+        let Self { mechanisms, records, acting, params, .. } = self;
+        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+            let record = &records[slot as usize];
+            for (index, row) in joint.axes().enumerate() {
+                let (plan, state) = (&record.rows[index], &record.states[index]);
+                let (axis, h) = (&mut mechanisms.axes[row], params[row].h);
+                axis.law = plan.role.relaxing_law(&axis.law, state.solved, state.value, h);
+                axis.impulse = axis.law.bounds[0].max(axis.impulse).min(axis.law.bounds[1]);
+            }
+        }
+        self.mechanisms.apply(velocities, masses);
+    }
+
+    /// Stores the impulses of the relaxing, and sums the loads of the joints.
+    pub(crate) fn keep_relaxed<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>) {
+        self.keep(|state, impulse| state.relaxed = impulse);
+        let Self { mechanisms, records, acting, .. } = self;
+        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+            let record = &mut records[slot as usize];
+            let side = usize::from(record.bodies[0] == WORLD);
+            let (center, sign) = (at.of(record.bodies[side]), if side == 0 { 1.0 } else { -1.0 });
+            let origin = center.of(&record.frames[side]).position;
+            for (axis, state) in mechanisms.axes[joint.axes()].iter().zip(&record.states) {
+                let impulse = sign * (state.solved + state.relaxed);
+                let Velocity { linear, angular } = axis.jacobian[0];
+                let [mut pull, mut turn] = [Vec3::ZERO; 2];
+                (0..L).for_each(|i| pull[i] = linear[i] * impulse);
+                (0..A).for_each(|i| turn[if A == 1 { 2 } else { i }] = angular[i] * impulse);
+                record.load[0] += pull;
+                record.load[1] += turn - cross(origin - center.position, pull);
+            }
+        }
+    }
+
+    fn keep(&mut self, to: impl Fn(&mut RowState, f64)) {
+        let Self { mechanisms, records, acting, .. } = self;
+        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+            let states = &mut records[slot as usize].states;
+            for (axis, state) in mechanisms.axes[joint.axes()].iter().zip(states) {
+                to(state, axis.impulse);
+            }
+        }
+    }
+
+    /// Makes the next [choice](Self::choose) find the rows anew.
+    pub(crate) fn forget(&mut self) {
+        self.acting.clear();
+        self.mechanisms = Mechanisms::default();
+    }
+
+    /// Begins a step: no joint has borne anything yet.
+    pub(crate) fn begin_step(&mut self) {
+        self.records.iter_mut().for_each(|record| record.load = [Vec3::ZERO; 2]);
+    }
+
+    /// Breaks joints whose load in a step of `dt` \[s\] was beyond their strength, and returns
+    /// them.
+    pub(crate) fn break_overloaded(&mut self, dt: f64) -> Vec<BrokenJoint> {
+        let mut broken = Vec::new();
+        for &slot in &self.acting {
+            let record = &mut self.records[slot as usize];
+            let [force, torque] = record.load.map(|load| load.length() / dt);
+            let Breaking { force: most, torque: most_torque, impulse } = record.breaking;
+            if force > most || torque > most_torque || force * dt > impulse {
+                record.broken = true;
+                broken.push(BrokenJoint { joint: slot, force, torque });
+            }
+        }
+        broken
+    }
+
+    /// Returns the state of a joint after a step of `dt` \[s\].
+    pub(crate) fn state<G: Geometry<L, A>>(
+        &self,
+        slot: usize,
+        at: &BodyPlaces<'_, G, L, A>,
+        dt: f64,
+    ) -> JointState {
+        let record = &self.records[slot];
+        let places = record.places(|body| at.of(body));
+        let velocity = |side: usize| match record.bodies[side] {
+            WORLD => Velocity::ZERO,
+            body => {
+                let Velocity { linear, angular } = at.bodies.velocities[body as usize];
+                Velocity { linear: in_space(linear), angular: in_space(angular) }
+            }
+        };
+        let velocities = [velocity(0), velocity(1)];
+        let mut state = JointState { broken: record.broken, ..JointState::default() };
+        for (index, axis) in record.axes.iter().enumerate() {
+            let coordinate = RowCoordinate::Of(axis.coordinate);
+            let found = places.evaluate(&coordinate);
+            let row = record.rows.iter().position(|row| row.axis == index);
+            let before = row.map_or(0.0, |row| record.states[row].value);
+            state.values.push(turned(&coordinate, found.value, before));
+            let speeds = found.rows.iter().zip(&velocities).map(|(row, v)| row.dot(v));
+            state.speeds.push(speeds.sum());
+        }
+        [state.gap, state.angle] = record.misses(&places);
+        if dt > 0.0 {
+            [state.force, state.torque] = record.load.map(|load| load.length() / dt);
+        }
+        state
+    }
+
+    /// Returns the largest miss of a position \[m\] and of a rotation \[rad\] over the joints that act.
+    pub(crate) fn worst<G: Geometry<L, A>>(&self, at: &BodyPlaces<'_, G, L, A>) -> [f64; 2] {
+        let mut worst = [0.0; 2];
+        for &slot in &self.acting {
+            let record = &self.records[slot as usize];
+            let places = record.places(|body| at.of(body));
+            for (worst, own) in worst.iter_mut().zip(record.misses(&places)) {
+                *worst = f64::max(*worst, own);
+            }
+        }
+        worst
+    }
+}
+
+impl JointRecord {
+    /// Returns its places, where `of` returns those of its bodies.
+    fn places(&self, of: impl Fn(u32) -> Place) -> JointPlaces {
+        let [a, b] = self.bodies.map(of);
+        JointPlaces {
+            frames: [a.of(&self.frames[0]), b.of(&self.frames[1])],
+            start: self.start,
+            centers: [a.position, b.position],
+        }
+    }
+
+    /// Returns by how much its positions \[m\] and rotations \[rad\] miss their locks and limits.
+    fn misses(&self, places: &JointPlaces) -> [f64; 2] {
+        let mut out = [0.0f64; 2];
+        let mut apart = 0.0;
+        for (plan, state) in self.rows.iter().zip(&self.states) {
+            let found = places.evaluate(&plan.coordinate).value;
+            let miss = plan.role.miss(turned(&plan.coordinate, found, state.value));
+            match plan.coordinate {
+                // Positions along three axes make one distance.
+                RowCoordinate::Of(Coordinate::Linear(_)) => apart += miss * miss,
+                RowCoordinate::Of(of) if !of.is_angle() => out[0] = out[0].max(miss),
+                _ => out[1] = out[1].max(miss),
+            }
+        }
+        [out[0].max(apart.sqrt()), out[1]]
+    }
+
+    /// Returns the range of its bodies that are not the world.
+    pub(crate) fn members(&self) -> impl Iterator<Item = u32> + '_ {
+        self.bodies.iter().copied().filter(|body| *body != WORLD)
+    }
+}
+
+fn ascending([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+/// Returns the bodies of a joint for the solver: the only one twice if the other is the world.
+fn pair(record: &JointRecord) -> [u32; 2] {
+    match record.bodies {
+        [WORLD, b] => [b, b],
+        [a, WORLD] => [a, a],
+        both => both,
+    }
+}
