@@ -50,7 +50,8 @@ fn crates_depend_on_no_more_than_they_say() {
 }
 
 /// Sines come from `libm` and logarithms from the solver, since those of a platform differ in the
-/// last bit. Nothing is fused. No stage of a step has a map whose order is that of hashes; shapes look edges up in some.
+/// last bit. Nothing is fused. No stage of a step has a map whose order is that of hashes; shapes
+/// look edges up in some.
 #[test]
 fn no_bit_depends_on_the_platform() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
