@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The modules of a crate by their paths, each with those that it imports.
 type House = BTreeMap<Vec<String>, Vec<Vec<String>>>;
@@ -152,6 +152,34 @@ fn the_figure_of_a_step_has_all_stages() {
         words.next().filter(|word| names.contains(word))
     });
     assert_eq!(words.collect::<Vec<_>>(), names);
+}
+
+/// Every source file that ARCHITECTURE.md names is in a crate.
+#[test]
+fn the_map_names_files_that_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let text = fs::read_to_string(root.join("ARCHITECTURE.md")).expect("the architecture");
+    let mut files = Vec::new();
+    sources(&root.join("crates"), &mut files);
+    let mut count = 0;
+    for name in text.split('`').filter(|name| name.ends_with(".rs") && !name.contains('\n')) {
+        let is_there = files.iter().any(|file| file.ends_with(name));
+        assert!(is_there, "{name}");
+        count += 1;
+    }
+    assert!(count > 50, "{count} files are named");
+}
+
+/// Appends all files in a folder and below it.
+fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a folder of sources") {
+        let path = entry.expect("a file").path();
+        if path.is_dir() {
+            sources(&path, files);
+        } else {
+            files.push(path);
+        }
+    }
 }
 
 /// A cycle of imports is found; imports in comments and tests do not count.
