@@ -350,15 +350,16 @@ impl AnyWorld {
     ///
     /// # Errors
     /// There are not as many numbers as the bodies need; a body is unknown, or its pose is out of
-    /// range. Bodies before that one have their new poses.
+    /// range. No body is then changed.
     pub fn set_poses(&mut self, bodies: &[BodyId], poses: &[f32]) -> Result<(), InputError> {
-        for (id, pose) in by_body(bodies, poses, self.kind().pose_numbers())? {
-            each!(&mut self.worlds, world => {
+        let mut all = by_body(bodies, poses, self.kind().pose_numbers())?;
+        each!(&mut self.worlds, world => {
+            all.clone().try_for_each(|(id, pose)| world.check_set_pose(id, &pose_of(world, pose)))?;
+            all.try_for_each(|(id, pose)| {
                 let pose = pose_of(world, pose);
                 world.set_pose(id, &pose)
-            })?;
-        }
-        Ok(())
+            })
+        })
     }
 
     /// Sets the velocities of dynamic or kinematic bodies
@@ -366,16 +367,17 @@ impl AnyWorld {
     ///
     /// # Errors
     /// There are not as many numbers as the bodies need; a body is unknown or static, or its
-    /// velocity is out of range. Bodies before that one have their new velocities.
+    /// velocity is out of range. No body is then changed.
     pub fn set_velocities(
         &mut self,
         bodies: &[BodyId],
         velocities: &[f32],
     ) -> Result<(), InputError> {
-        for (id, velocity) in by_body(bodies, velocities, self.kind().velocity_numbers())? {
-            each!(&mut self.worlds, world => world.set_velocity(id, velocity_of(velocity)))?;
-        }
-        Ok(())
+        let mut all = by_body(bodies, velocities, self.kind().velocity_numbers())?;
+        each!(&mut self.worlds, world => {
+            all.clone().try_for_each(|(id, of)| world.check_set_velocity(id, &velocity_of(of)))?;
+            all.try_for_each(|(id, of)| world.set_velocity(id, velocity_of(of)))
+        })
     }
 
     /// Sets the velocities with which bodies reach poses after `dt` \[s\]
@@ -383,15 +385,18 @@ impl AnyWorld {
     ///
     /// # Errors
     /// There are not as many numbers as the bodies need; a body is unknown or static, or a number
-    /// is out of range. Bodies before that one have their new velocities.
+    /// is out of range. No body is then changed.
     pub fn move_to(&mut self, bodies: &[BodyId], poses: &[f32], dt: f64) -> Result<(), InputError> {
-        for (id, pose) in by_body(bodies, poses, self.kind().pose_numbers())? {
-            each!(&mut self.worlds, world => {
-                let pose = pose_of(world, pose);
-                world.move_to(id, &pose, dt as f32)
+        let (mut all, dt) = (by_body(bodies, poses, self.kind().pose_numbers())?, dt as f32);
+        each!(&mut self.worlds, world => {
+            all.clone().try_for_each(|(id, pose)| {
+                world.check_move_to(id, &pose_of(world, pose), dt)
             })?;
-        }
-        Ok(())
+            all.try_for_each(|(id, pose)| {
+                let pose = pose_of(world, pose);
+                world.move_to(id, &pose, dt)
+            })
+        })
     }
 
     /// Adds forces and torques that act during the next step
@@ -399,12 +404,13 @@ impl AnyWorld {
     ///
     /// # Errors
     /// There are not as many numbers as the bodies need; a body is unknown, or its force is out of
-    /// range. Bodies before that one have their forces.
+    /// range. No force is then added.
     pub fn add_forces(&mut self, bodies: &[BodyId], forces: &[f32]) -> Result<(), InputError> {
-        for (id, force) in by_body(bodies, forces, self.kind().velocity_numbers())? {
-            each!(&mut self.worlds, world => world.add_force(id, velocity_of(force)))?;
-        }
-        Ok(())
+        let mut all = by_body(bodies, forces, self.kind().velocity_numbers())?;
+        each!(&mut self.worlds, world => {
+            all.clone().try_for_each(|(id, of)| world.check_add_force(id, &velocity_of(of)))?;
+            all.try_for_each(|(id, of)| world.add_force(id, velocity_of(of)))
+        })
     }
 
     /// Sets or removes the surface velocity of a body

@@ -26,6 +26,9 @@
 //! ([`SceneError`]); input without effect is named ([`Warning`]). This crate knows no engine: what
 //! depends on one, as settings and hulls, is asked of an [`Engine`], such as that of
 //! `drystone-bake`. [`json_schema`] describes the own format.
+//!
+//! A new scene format is one module that produces a [`Read`], and one arm in [`read_with`]. A
+//! writer of it is a module of [`export`].
 
 // At most one error is made per file, so its size does not matter.
 #![allow(clippy::result_large_err)]

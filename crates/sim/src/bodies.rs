@@ -717,4 +717,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
         G::compose(&self.poses[body], &G::pose(-center, &[]))
     }
+
+    /// Returns the velocity at which the body's origin reaches `target` after `dt` \[s\].
+    pub(crate) fn velocity_to(
+        &self,
+        body: usize,
+        target: &G::Pose,
+        dt: f32,
+    ) -> Velocity<f32, L, A> {
+        let from = self.origin(body);
+        let apart = G::frame(target).position - G::frame(&from).position;
+        Velocity {
+            linear: apart * (1.0 / dt),
+            angular: G::turn_between(&from, target) * (1.0 / dt),
+        }
+    }
 }

@@ -1,5 +1,7 @@
 //! Contact data that one step passes to the next: pairs, their manifolds, and the impulses and
 //! slips of contact points, matched by feature.
+//!
+//! Manifolds that are found again are written in place where possible ([`ManifoldWriter`]).
 
 use std::ops::Range;
 
@@ -7,11 +9,17 @@ use drystone_solver::Vector;
 use drystone_solver::lanes::{CachedImpulse, Reuse};
 
 use crate::bodies::SearchMotion;
-use crate::geometry::{Curvature, Frame, MAX_POINTS, ManifoldPoint, NormalCarrier};
+use crate::geometry::{
+    ContactManifold, Curvature, Frame, MAX_POINTS, ManifoldPoint, NormalCarrier,
+};
 
 /// Factor of a pair's room for each step. It accounts for displacements that are too small to
 /// change the clearance in `f32`. \[1\]
 const ROUNDED: f32 = 1.0 - 2.0 * f32::EPSILON;
+
+/// Largest distance at which contact points are matched by position, if their features do not
+/// match. \[m\]
+const MATCH_DISTANCE: f32 = 0.02;
 
 /// Contacts of a world between two steps.
 #[derive(Default)]
@@ -322,7 +330,7 @@ impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
     }
 
     /// Marks manifolds as changed, in the same way.
-    pub(crate) fn change(&mut self, numbers: Range<usize>, impulses_updated: bool) {
+    fn change(&mut self, numbers: Range<usize>, impulses_updated: bool) {
         let reuse = self.keep(numbers, impulses_updated);
         reuse.iter_mut().for_each(|reuse| *reuse = reuse.changed());
     }
@@ -378,6 +386,100 @@ impl<'a, const L: usize> ManifoldCacheMut<'a, L> {
             }
             (manifold.normal, manifold.center_offset) = (normal, a.position);
         }
+    }
+}
+
+/// Writes the manifolds of a pair over those of the step before, as long as they belong to the same
+/// parts and have as many points. From the first one that does not, all are appended to `cache`,
+/// those already written included.
+pub(crate) struct ManifoldWriter<'a, 'b, const L: usize> {
+    own: &'a mut ManifoldCacheMut<'b, L>,
+    /// Range of the manifolds of the step before.
+    known: Range<usize>,
+    /// Cache that holds that range, if the pair was asleep.
+    sleeping: Option<&'a ManifoldCache<L>>,
+    /// Number of manifolds written in place.
+    again: usize,
+    cache: &'a mut ManifoldCache<L>,
+    /// Index of the first one appended.
+    first: usize,
+}
+
+impl<'a, 'b, const L: usize> ManifoldWriter<'a, 'b, L> {
+    pub(crate) fn new(
+        own: &'a mut ManifoldCacheMut<'b, L>,
+        known: Range<usize>,
+        sleeping: Option<&'a ManifoldCache<L>>,
+        cache: &'a mut ManifoldCache<L>,
+    ) -> Self {
+        let first = cache.manifolds.len();
+        Self { own, known, sleeping, again: 0, cache, first }
+    }
+
+    fn old(&self) -> ManifoldCacheView<'_, L> {
+        self.sleeping.map_or_else(|| self.own.view(), ManifoldCache::view)
+    }
+
+    /// Returns the cached manifold of a part.
+    pub(crate) fn before(&self, part: u32) -> Option<&CachedManifold<L>> {
+        self.old().of(self.known.clone()).iter().find(|known| known.part == part)
+    }
+
+    /// Returns the slot of the next manifold, and its points, which inherit the impulses of those
+    /// before.
+    pub(crate) fn next(
+        &mut self,
+        touch: &ContactManifold<L>,
+        part: u32,
+        a: &Frame<L>,
+        b: &Frame<L>,
+    ) -> (&mut CachedManifold<L>, &[CachedPoint<L>]) {
+        // Copy the old points: the slot may be the one they are in.
+        let (mut old_points, mut old_impulses) =
+            ([CachedPoint::OPEN; MAX_POINTS], [CachedImpulse::default(); MAX_POINTS]);
+        let mut count = 0;
+        let old = self.old();
+        if let Some(known) = self.before(part) {
+            count = known.count as usize;
+            old_points[..count].copy_from_slice(old.points_of(known));
+            old_impulses[..count].copy_from_slice(old.impulses_of(known));
+        }
+        let next = self.known.start + self.again;
+        let same = |next: &CachedManifold<L>| next.part == part && count == touch.points.len();
+        let stays = self.sleeping.is_none() && self.cache.manifolds.len() == self.first;
+        let (manifold, points, impulses) =
+            if stays && next < self.known.end && old.of(next..next + 1).iter().all(same) {
+                self.again += 1;
+                self.own.slot_mut(next)
+            } else {
+                self.leave();
+                self.cache.add(touch.points.len())
+            };
+        for ((found, point), cached) in touch.points.iter().zip(&mut *points).zip(&mut *impulses) {
+            let normal = touch.surfaces.normal;
+            (*point, *cached) = (CachedPoint::new(found, normal, a, b), open(found.gap));
+        }
+        inherit(points, impulses, (&old_points[..count], &old_impulses[..count]), MATCH_DISTANCE);
+        deepest_first(points, impulses);
+        (manifold, points)
+    }
+
+    /// Appends the manifolds that were written in place.
+    fn leave(&mut self) {
+        let found = self.known.start..self.known.start + std::mem::take(&mut self.again);
+        self.cache.extend(self.own.view(), found);
+    }
+
+    /// Returns the number of manifolds, and whether all of them are written in place, with none
+    /// left over.
+    pub(crate) fn finish(mut self, impulses_updated: bool) -> (u32, bool) {
+        let stays = self.sleeping.is_none() && self.cache.manifolds.len() == self.first;
+        if stays && self.again > 0 && self.again == self.known.len() {
+            self.own.change(self.known.clone(), impulses_updated);
+            return (self.again as u32, true);
+        }
+        self.leave();
+        ((self.cache.manifolds.len() - self.first) as u32, false)
     }
 }
 
@@ -440,7 +542,7 @@ pub(crate) fn reach<const L: usize>(points: &[CachedPoint<L>]) -> f32 {
 
 /// Copies impulses and slips from the old points of the same manifold. Each point takes those of
 /// the point with the same feature, or else of a point within `match_distance` \[m\] on a.
-pub(crate) fn inherit<const L: usize>(
+fn inherit<const L: usize>(
     points: &[CachedPoint<L>],
     impulses: &mut [CachedImpulse<L>],
     (old, old_impulses): (&[CachedPoint<L>], &[CachedImpulse<L>]),
@@ -479,12 +581,7 @@ impl<const L: usize> CachedPoint<L> {
     pub(crate) const OPEN: Self =
         Self { on_a: Vector::ZERO, on_b: Vector::ZERO, push_point: Vector::ZERO, feature: 0 };
 
-    pub(crate) fn new(
-        touch: &ManifoldPoint<L>,
-        normal: NormalCarrier,
-        a: &Frame<L>,
-        b: &Frame<L>,
-    ) -> Self {
+    fn new(touch: &ManifoldPoint<L>, normal: NormalCarrier, a: &Frame<L>, b: &Frame<L>) -> Self {
         Self {
             on_a: a.local_point(touch.on_a),
             on_b: b.local_point(touch.on_b),
@@ -495,77 +592,4 @@ impl<const L: usize> CachedPoint<L> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::random::Random;
-
-    /// The deepest point comes first, together with its data. Of equal points the first one stays
-    /// first.
-    #[test]
-    fn the_deepest_point_comes_first() {
-        for (gaps, first) in [([0.1, -0.2, 0.3], 1), ([0.0, 0.0, 0.0], 0), ([0.2, 0.1, -0.1], 2)] {
-            let mut points =
-                [0, 1, 2].map(|feature| CachedPoint::<2> { feature, ..CachedPoint::OPEN });
-            let mut impulses = gaps.map(open::<2>);
-            deepest_first(&mut points, &mut impulses);
-            assert_eq!(points[0].feature, first, "{gaps:?}");
-            for (point, cached) in points.iter().zip(&impulses) {
-                assert_eq!(cached.gap[0], gaps[point.feature as usize], "{gaps:?}");
-            }
-        }
-    }
-
-    /// Two clouds of points translate and rotate. Their distance is never less than the remaining
-    /// clearance.
-    #[test]
-    fn remaining_clearance_bounds_the_distance() {
-        let mut random = Random(3);
-        let mut crowd = || -> Vec<Vector<f32, 2>> {
-            (0..20).map(|_| Vector([random.number(), random.number()])).collect()
-        };
-        let crowds = [crowd(), crowd()];
-        let cores = crowds.each_ref().map(|of| of.iter().map(|p| p.length()).fold(0.0, f32::max));
-        let (mut positions, mut angles) = ([Vector([0.0, 0.0]), Vector([5.0, 0.0])], [0.0f32; 2]);
-        let apart = |positions: &[Vector<f32, 2>; 2], angles: &[f32; 2]| {
-            let [a, b] = [0, 1].map(|i| {
-                let (sin, cos) = angles[i].sin_cos();
-                let axes = [Vector([cos, sin]), Vector([-sin, cos])];
-                let frame = Frame { position: positions[i], axes };
-                crowds[i].iter().map(|p| frame.point(*p)).collect::<Vec<_>>()
-            });
-            let all = a.iter().flat_map(|p| b.iter().map(|q| (*p - *q).length()));
-            all.fold(f32::INFINITY, f32::min)
-        };
-        let mut pair =
-            Pair { bodies: [0, 1], clearance: apart(&positions, &angles), ..Pair::APART };
-        let mut steps = 0;
-        while pair.clearance > 0.0 {
-            let mut since_search = [SearchMotion::NOWHERE; 2];
-            for i in 0..2 {
-                let towards = if i == 0 { 0.02 } else { -0.02 };
-                since_search[i].linear = Vector([towards + 0.05, 0.05 * random.number()]);
-                let turn = 0.05 * random.number();
-                since_search[i].turned = turn.abs() * cores[i];
-                positions[i] += since_search[i].linear;
-                angles[i] += turn;
-            }
-            pair.clearance = pair.left(&since_search);
-            let distance = apart(&positions, &angles);
-            assert!(pair.clearance <= distance + 1e-5, "{} m left of {distance} m", pair.clearance);
-            steps += 1;
-        }
-        // They move together much faster than they approach.
-        assert!(steps > 20, "{steps}");
-    }
-
-    /// A displacement below the rounding error is subtracted, too.
-    #[test]
-    fn slow_motion_uses_up_clearance() {
-        let mut pair = Pair { bodies: [0, 1], clearance: 1.0, ..Pair::APART };
-        let creeping = SearchMotion { linear: Vector([1e-8, 0.0]), turned: 0.0 };
-        for _ in 0..100_000 {
-            pair.clearance = pair.left(&[creeping, SearchMotion::NOWHERE]);
-        }
-        assert!(pair.clearance < 1.0 - 1e-3 && pair.clearance > 0.9, "{}", pair.clearance);
-    }
-}
+mod tests;

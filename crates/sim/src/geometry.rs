@@ -14,7 +14,6 @@ mod rays;
 mod rigid;
 mod rotation;
 mod rounds;
-mod separation;
 mod solid;
 
 use std::fmt::Debug;

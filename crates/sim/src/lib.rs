@@ -33,6 +33,7 @@ mod body;
 mod broad_phase;
 mod cache;
 mod certifier;
+mod checks;
 mod colliders;
 mod compiled;
 mod events;

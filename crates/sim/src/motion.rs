@@ -118,9 +118,9 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         (first, others)
     }
 
-    /// Computes v* = v + h (g + M^-1 f), with damping. Stores in `prospective` the contribution of
-    /// contacts in the previous substep, M^-1 J^T gamma: the velocities minus the old prospective
-    /// ones.
+    /// Applies gravity and forces: v* = v + h (g + M^-1 f), with damping. Stores in `prospective`
+    /// the contribution of contacts in the previous substep, M^-1 J^T gamma: the velocities minus
+    /// the old prospective ones.
     ///
     /// A substep moves bodies by h v at its end. Under a constant force the displacement is
     /// h (v_start + v) / 2. Therefore displacements start at -h (v* - v) / 2. A body in free flight

@@ -1,7 +1,5 @@
 //! Narrow phase: contact manifolds from pairs of near shapes.
 
-mod writer;
-
 use std::ops::Range;
 
 use drystone_solver::Vector;
@@ -10,11 +8,11 @@ use drystone_solver::thread_pool::{ThreadPool, chunks_with_parts};
 
 use crate::bodies::Bodies;
 use crate::cache::{
-    self, CachedManifold, CachedPoint, ManifoldCache, ManifoldCacheMut, ManifoldCacheView, Pair,
+    self, CachedManifold, CachedPoint, ManifoldCache, ManifoldCacheMut, ManifoldCacheView,
+    ManifoldWriter, Pair,
 };
 use crate::colliders::Colliders;
 use crate::geometry::{ContactManifold, Frame, Geometry, LookAhead};
-use crate::narrow_phase::writer::ManifoldWriter;
 use crate::seams::{self, AHEAD, Approaching, STILL};
 use crate::travel::{MotionView, TravelBound};
 

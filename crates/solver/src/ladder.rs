@@ -13,6 +13,7 @@ use crate::island::Islands;
 use crate::lanes::LaneSystem;
 use crate::mechanism::Mechanisms;
 use crate::part::SubSystem;
+use crate::real::ln;
 use crate::solution::{Goal, Solution, Status};
 use crate::{Clock, InverseMass, System, Velocity, newton, nncg, pgs};
 
@@ -506,8 +507,8 @@ fn is_hopeless(
     if made < TRIAL.max(patience) || before.is_infinite() {
         return false;
     }
-    let rate = (error / before).ln() / due as f64;
-    let missing = (tolerance / error).ln();
+    let rate = ln(error / before) / due as f64;
+    let missing = ln(tolerance / error);
     let stuck = (4 * TRIAL).max(limit / 4);
     rate >= 0.0 && made > stuck || rate < 0.0 && missing / rate > limit as f64
 }

@@ -15,24 +15,21 @@ mod batch;
 mod block;
 pub mod coloring;
 mod conjugate;
+mod motion;
 mod number;
 mod partition;
 mod passes;
-mod renewal;
-mod source;
 mod sweep;
 mod system;
-mod targets;
 mod view;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
 pub use batch::LaneBatch;
+pub use block::{CachedImpulse, FAR, LaneSlots, ManifoldSource};
 pub use coloring::Reuse;
+pub use motion::{Landing, MovedBodies};
 pub(crate) use number::lanes_of;
 pub use number::{Doubles, GatherLanes, KernelLanes, LaneArray, Lanes, PART, Portable, Row, WIDTH};
 pub use passes::Instructions;
-pub use renewal::MovedBodies;
-pub use source::{CachedImpulse, FAR, LaneSlots, ManifoldSource};
 pub use system::LaneSystem;
-pub use targets::Landing;

@@ -19,7 +19,10 @@ use crate::solution::{self, Goal, Solution};
 use crate::{System, Vector, certificate};
 
 /// Plain sweeps before the rate is measured, and sweeps between changes of the factor.
-const TRIAL: usize = 8;
+const TRIAL: usize = 1 << ROOTS;
+/// Number of square roots that make the root of order [`TRIAL`], with the same bits on every
+/// platform.
+const ROOTS: u32 = 3;
 
 /// Iterates until the certificate is good enough.
 pub fn solve<const L: usize, const A: usize>(
@@ -35,7 +38,7 @@ pub fn solve<const L: usize, const A: usize>(
         sweeps += 1;
         if sweeps % TRIAL == 0 {
             let error = certificate::certify(system, &prospective).error();
-            let rate = (error / mark).powf(1.0 / TRIAL as f64);
+            let rate = (0..ROOTS).fold(error / mark, |rate, _| rate.sqrt());
             if rate >= 1.0 {
                 omega = 1.0 + 0.5 * (omega - 1.0);
             } else if omega == 1.0 && mark.is_finite() {

@@ -5,6 +5,7 @@
 //! [`max`](Real::max), [`min`](Real::min) and [`choose`](Real::choose), so that a type with several
 //! numbers side by side can be a `Real` too.
 
+use std::f64::consts::{LN_2, SQRT_2};
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -126,3 +127,54 @@ macro_rules! scalar {
 
 scalar!(f32);
 scalar!(f64);
+
+/// Returns the natural logarithm from IEEE operations alone, to within 2 units in the last place.
+///
+/// That of the standard library differs between platforms in the last bit, and predictions of
+/// iterations decide about methods.
+pub(crate) fn ln(x: f64) -> f64 {
+    if x == 0.0 || x == f64::INFINITY {
+        return if x == 0.0 { f64::NEG_INFINITY } else { x };
+    }
+    if x.is_nan() || x < 0.0 {
+        return f64::NAN;
+    }
+    // x = m 2^e with m between sqrt(1/2) and sqrt(2). Subnormal numbers are scaled first.
+    let shift = if x < f64::MIN_POSITIVE { 54 } else { 0 };
+    let bits = (x * (1u64 << shift) as f64).to_bits();
+    let mut exponent = (bits >> 52) as i32 - 1023 - shift;
+    let mut mantissa = f64::from_bits(bits & ((1 << 52) - 1) | 1.0f64.to_bits());
+    if mantissa > SQRT_2 {
+        mantissa *= 0.5;
+        exponent += 1;
+    }
+    // ln m = 2 artanh s = 2 (s + s^3 / 3 + s^5 / 5 + ...), where s = (m - 1) / (m + 1) is at most
+    // 0.172. The first term left out is below 1e-19 of the sum.
+    let s = (mantissa - 1.0) / (mantissa + 1.0);
+    let tail = (1..12).rev().fold(0.0, |sum, k| (sum + 1.0 / f64::from(2 * k + 1)) * s * s);
+    f64::from(exponent) * LN_2 + (2.0 * s + 2.0 * s * tail)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The logarithm is that of the standard library to within rounding, subnormal numbers
+    /// included.
+    #[test]
+    fn logarithms_are_those_of_the_standard_library() {
+        let check = |x: f64| {
+            let (own, other) = (ln(x), f64::ln(x));
+            assert!((own - other).abs() <= 4.0 * f64::EPSILON * other.abs(), "{own} of {x:e}");
+        };
+        let mut x = 5e-324;
+        while x < f64::MAX {
+            check(x);
+            x *= if x < 1e-300 { 1.9 } else { 1.003 };
+        }
+        [1.0 - 1e-10, 1.0 + 1e-10, 1.0 + f64::EPSILON].into_iter().for_each(check);
+        assert_eq!((ln(0.0), ln(1.0)), (f64::NEG_INFINITY, 0.0));
+        assert_eq!(ln(f64::INFINITY), f64::INFINITY);
+        assert!(ln(f64::NAN).is_nan() && ln(-1.0).is_nan());
+    }
+}

@@ -49,7 +49,7 @@ pub(super) fn by_body<'a>(
     bodies: &'a [BodyId],
     numbers: &'a [f32],
     each: usize,
-) -> Result<impl Iterator<Item = (BodyId, &'a [f32])> + use<'a>, InputError> {
+) -> Result<impl Iterator<Item = (BodyId, &'a [f32])> + Clone + use<'a>, InputError> {
     check_count("the slice for these bodies", numbers.len(), bodies.len() * each)?;
     Ok(bodies.iter().copied().zip(numbers.chunks_exact(each)))
 }

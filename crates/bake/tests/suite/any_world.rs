@@ -535,3 +535,44 @@ fn wrong_slices_are_refused() {
         assert!(AnyCheckpoint::from_bytes(&other.to_bytes()[..3]).is_err());
     }
 }
+
+/// A setter for several bodies changes none of them if the value of one is wrong, or the body is
+/// unknown or static.
+#[test]
+fn a_wrong_value_in_a_slice_changes_nothing() {
+    for kind in WorldKind::ALL {
+        let (mut world, balls) = heap(kind);
+        let ground = world.body_at(0).unwrap();
+        let (stranger, pose) = (heap(kind).1[0], world.pose(balls[0]).unwrap());
+        let velocity = vec![0.25; kind.velocity_numbers()];
+        let before = world.checkpoint().to_bytes();
+        // The first body is right, the second is wrong in the number at `at`.
+        let two = |right: &[f32], at: usize| {
+            let mut both = right.repeat(2);
+            both[right.len() + at] = f32::NAN;
+            both
+        };
+        for at in 0..kind.dimension() {
+            assert!(world.set_poses(&balls[..2], &two(&pose, at)).is_err());
+            assert!(world.move_to(&balls[..2], &two(&pose, at), STEP).is_err());
+            assert!(world.set_velocities(&balls[..2], &two(&velocity, at)).is_err());
+            assert!(world.add_forces(&balls[..2], &two(&velocity, at)).is_err());
+        }
+        let (poses, velocities) = (pose.repeat(2), velocity.repeat(2));
+        let with_stranger = [balls[0], stranger];
+        assert!(world.set_poses(&with_stranger, &poses).is_err());
+        assert!(world.move_to(&with_stranger, &poses, STEP).is_err());
+        assert!(world.set_velocities(&with_stranger, &velocities).is_err());
+        assert!(world.add_forces(&with_stranger, &velocities).is_err());
+        let with_ground = [balls[0], ground];
+        assert!(world.move_to(&with_ground, &poses, STEP).is_err());
+        assert!(world.set_velocities(&with_ground, &velocities).is_err());
+        // The pose is right, and too far away to be reached in this time.
+        let mut far = poses.clone();
+        far[pose.len()] = 9e8;
+        assert!(world.move_to(&balls[..2], &far, 1e-4).is_err());
+        assert_eq!(world.checkpoint().to_bytes(), before, "{kind:?}");
+        world.set_velocities(&balls[..2], &velocities).unwrap();
+        assert_ne!(world.checkpoint().to_bytes(), before, "{kind:?}");
+    }
+}

@@ -8,13 +8,14 @@
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::time::Instant;
 
 use drystone::StepSettings;
 use drystone_bake::check::{FindingKind, check};
 use drystone_bake::recording::Recording;
 use drystone_bake::{AnyWorld, build};
 use drystone_scene::{Read, Scene, ShapeKind};
+
+use crate::common::worked;
 
 /// Cases that do not hold yet.
 const AWAITING: &[&str] =
@@ -576,21 +577,6 @@ fn box_rests_on_a_quad() {
                 (0..2).max_by(|&a, &b| film.position(0, a)[up].total_cmp(&film.position(0, b)[up]));
             1e3 * (film.position(film.last(), body.unwrap())[up] - 0.25).abs()
         });
-    }
-}
-
-/// Returns the CPU time of this thread for `work` where the system tells it, else the elapsed time.
-/// \[s\]
-fn worked(work: impl FnOnce()) -> f64 {
-    let so_far = || -> Option<f64> {
-        let text = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
-    };
-    let (clock, before) = (Instant::now(), so_far());
-    work();
-    match (before, so_far()) {
-        (Some(from), Some(to)) => to - from,
-        _ => clock.elapsed().as_secs_f64(),
     }
 }
 

@@ -26,7 +26,7 @@ fn example(name: &str) -> Vec<u8> {
 }
 
 /// Tries the inputs that once failed, then mutations of the corpus. No read may panic, take longer
-/// than 2 s or allocate more than `ROOM` plus 64 times the input at once.
+/// than 20 s or allocate more than `ROOM` plus 64 times the input at once.
 fn run(kind: &str, corpus: &[Vec<u8>], json: bool, read: impl Fn(&[u8])) {
     let bounded = |input: &[u8]| {
         let most = largest(|| read(input));

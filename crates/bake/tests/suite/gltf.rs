@@ -1039,7 +1039,8 @@ fn collections_of_good_and_bad_files() {
             let start = Instant::now();
             let result = gltf::read(&file, &Drystone);
             let took = start.elapsed();
-            if took > Duration::from_secs(1) {
+            // Ten times what an idle machine needs: this looks for hangs.
+            if took > Duration::from_secs(10) {
                 wrong.push(format!("{set}/{name}: took {took:?}"));
             }
             let bare = |error: &SceneError| error.item == "glTF without physics";

@@ -574,7 +574,8 @@ fn only_regular_files_are_read() {
         let message = place.fails(4, arguments);
         assert!(message.contains("Not a regular file"), "{message}");
         assert_eq!(message.lines().count(), 1, "{message}");
-        assert!(start.elapsed() < Duration::from_secs(5), "{:?}: {arguments:?}", start.elapsed());
+        // An endless file would hang.
+        assert!(start.elapsed() < Duration::from_secs(50), "{:?}: {arguments:?}", start.elapsed());
     };
     for form in ["toml", "json", "gltf", "glb", "usda", "npz", "poses", "journal"] {
         let (endless, pipe) = (format!("endless.{form}"), format!("pipe.{form}"));

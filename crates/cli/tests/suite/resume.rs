@@ -163,7 +163,12 @@ fn an_interrupted_bake_prints_the_command_to_resume() {
     let long = [&arguments[..], &["10000"]].concat();
     let mut command = place.command(&long);
     let child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
-    sleep(Duration::from_millis(500));
+    // Until it has taken steps, and at most a minute.
+    let start = Instant::now();
+    let size = || fs::metadata(place.path("it's.glb.journal")).map_or(0, |of| of.len());
+    while size() < 100_000 && start.elapsed() < Duration::from_secs(60) {
+        sleep(Duration::from_millis(10));
+    }
     let id = child.id().to_string();
     assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();

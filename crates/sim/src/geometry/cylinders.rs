@@ -14,9 +14,8 @@
 
 use drystone_solver::{Vector, moment};
 
-use super::polyhedra::{Clipper, Plane};
+use super::polyhedra::{Clipper, PREFERENCE, Plane, best_face, edge_beyond};
 use super::rounds::{RoundedCore, between_rounds, nearest};
-use super::separation::{PREFERENCE, best_face, edge_beyond};
 use super::solid::Solid;
 use super::{ContactManifold, Frame, ManifoldPoint};
 

@@ -1,14 +1,435 @@
-//! Contact manifolds of boxes and hulls. The reference face is on the axis of separation
-//! ([`separation`](super::separation)); the other solid's face is clipped against its sides.
+//! Contact manifolds of boxes and hulls ([`Solid`]): the axis along which they have the largest gap
+//! or the least overlap ([`Separation`]), and the contact points along it ([`collide`]).
 //!
-//! A contact point that changes from step to step makes resting bodies jitter. So clipping never
-//! removes a corner that lies on a side.
+//! If two faces lie on each other, all axes near their normal are equally good to within
+//! rounding. An axis that changes from step to step makes resting bodies jitter. So an edge must
+//! win by more than [`PREFERENCE`], and so must b's face against a's. Where the solids overlap and
+//! one of them leans, edges near the rims of both faces win by a little. Their single contact point
+//! then tips the body back over. So an edge must win by [`FAVOR`] as well.
+//!
+//! If the axis is the normal of a face, the other solid's face is clipped against the sides of that
+//! face. A contact point that changes from step to step also makes resting bodies jitter. So
+//! clipping never removes a corner that lies on a side.
 
-use drystone_solver::Vector;
+use drystone_solver::{Vector, moment};
 
-use super::separation::{Axis, Crossing, FaceOf, Separation};
 use super::solid::{Corner, Cuboid, Solid};
 use super::{ContactManifold, Curvature, Frame, ManifoldPoint, NormalCarrier};
+
+/// Margin by which an axis must win, as a fraction of the prediction distance. \[1\]
+pub(super) const PREFERENCE: f32 = 0.01;
+
+/// Margin by which an edge must win, as a fraction of the overlap. \[1\]
+const FAVOR: f32 = 0.25;
+
+/// Returns the gap that an edge must exceed to win against a face with the gap `face`. \[m\]
+pub(super) fn edge_beyond(face: f32, prediction: f32) -> f32 {
+    prediction.min(face + PREFERENCE * prediction + FAVOR * (-face).max(0.0))
+}
+
+/// The axis along which two solids have the largest gap, or the least overlap.
+pub(super) struct Separation<const L: usize> {
+    /// Gap along the axis. \[m\]
+    pub(super) gap: f32,
+    pub(super) axis: Axis<L>,
+}
+
+#[derive(Clone, Copy)]
+pub(super) enum Axis<const L: usize> {
+    /// The normal of a face.
+    Face(FaceOf),
+    /// An axis across two edges.
+    Edges(Crossing<L>),
+}
+
+/// A face of a or b.
+#[derive(Clone, Copy)]
+pub(super) struct FaceOf {
+    pub(super) b: bool,
+    pub(super) face: usize,
+}
+
+/// Two crossing edges: the axis across them, from a to b, and their nearest points, in the frame of
+/// a.
+#[derive(Clone, Copy)]
+pub(super) struct Crossing<const L: usize> {
+    pub(super) axis: Vector<f32, L>,
+    pub(super) on_a: Vector<f32, L>,
+    pub(super) on_b: Vector<f32, L>,
+    /// Identifies the edges; 0 if unknown.
+    pub(super) feature: u64,
+}
+
+/// Number of bits for the number of an edge.
+const EDGE_BITS: u32 = 31;
+
+impl FaceOf {
+    /// Returns the feature of a corner that lies on the face.
+    pub(super) fn feature(self, corner: u32) -> u64 {
+        let side = if self.b { 1 } else { 2 };
+        side << 62 | (self.face as u64) << 32 | u64::from(corner)
+    }
+}
+
+/// Returns the feature of a pair of edges.
+pub(super) fn edges_feature([a, b]: [usize; 2]) -> u64 {
+    3 << 62 | (a as u64) << EDGE_BITS | b as u64
+}
+
+/// The touching parts of the solids, as far as the feature of a contact point tells.
+pub(super) enum Known {
+    Face(FaceOf),
+    Edges([usize; 2]),
+    Nothing,
+}
+
+impl Known {
+    pub(super) fn of(feature: u64) -> Self {
+        let face = (feature >> 32 & 0x3fff_ffff) as usize;
+        let edge = |bits: u64| (bits & ((1 << EDGE_BITS) - 1)) as usize;
+        match feature >> 62 {
+            1 => Self::Face(FaceOf { b: true, face }),
+            2 => Self::Face(FaceOf { b: false, face }),
+            3 => Self::Edges([edge(feature >> EDGE_BITS), edge(feature)]),
+            _ => Self::Nothing,
+        }
+    }
+}
+
+/// Finds the axis between two boxes, among their face normals and, in 3D, the axes across their
+/// edges. `from_b` is the frame of b as seen from a.
+///
+/// Both boxes are symmetric about their centers. So the gap along an axis is the distance of the
+/// centers along it, less the extents of both.
+pub(super) fn between_boxes<const L: usize>(
+    a: &Cuboid<L>,
+    b: &Cuboid<L>,
+    from_b: &Frame<L>,
+    prediction: f32,
+) -> Separation<L> {
+    let (Cuboid(a), Cuboid(b)) = (a, b);
+    let Frame { position, axes } = from_b;
+    let facing = |axis: usize, ahead: bool| if ahead { axis } else { axis + L };
+    let (mut of_a, mut of_b) = ((f32::NEG_INFINITY, 0), (f32::NEG_INFINITY, 0));
+    for i in 0..L {
+        let (mut gap_a, mut gap_b) = (position[i].abs() - a[i], -b[i]);
+        for j in 0..L {
+            gap_a -= axes[j][i].abs() * b[j];
+            gap_b -= axes[i][j].abs() * a[j];
+        }
+        let along = axes[i].dot(*position);
+        gap_b += along.abs();
+        if gap_a > of_a.0 {
+            of_a = (gap_a, facing(i, position[i] >= 0.0));
+        }
+        if gap_b > of_b.0 {
+            of_b = (gap_b, facing(i, along < 0.0));
+        }
+    }
+    let mut best = better_face([of_a, of_b], PREFERENCE * prediction);
+    if L == 3 && best.gap <= prediction {
+        let beyond = edge_beyond(best.gap, prediction);
+        if let Some((gap, edges)) = best_edges(a, b, from_b, beyond) {
+            best = Separation {
+                gap,
+                axis: Axis::Edges(crossing(&Cuboid(*a), &Cuboid(*b), from_b, edges)),
+            };
+        }
+    }
+    best
+}
+
+/// Returns a's face, unless b's gap is larger by more than `margin` \[m\]. Each is given with its
+/// gap \[m\].
+fn better_face<const L: usize>([a, b]: [(f32, usize); 2], margin: f32) -> Separation<L> {
+    let of_b = b.0 > a.0 + margin;
+    let face = if of_b { b.1 } else { a.1 };
+    Separation { gap: a.0.max(b.0), axis: Axis::Face(FaceOf { b: of_b, face }) }
+}
+
+/// Finds the axis between two solids, not both of them boxes. `before` is the feature of a contact
+/// point of the step before. `crossing` proposes an axis across two edges.
+pub(super) fn between<const L: usize>(
+    a: &impl Solid<L>,
+    b: &impl Solid<L>,
+    from_b: &Frame<L>,
+    prediction: f32,
+    before: Option<u64>,
+    crossing: impl FnOnce() -> Option<Crossing<L>>,
+) -> Separation<L> {
+    let far_b = |d| from_b.point(b.support(from_b.local_direction(d)));
+    let far_a = |d| from_b.local_point(a.support(from_b.direction(d)));
+    let margin = PREFERENCE * prediction;
+    // The axis of the step before usually wins again.
+    let again = match before.map_or(Known::Nothing, Known::of) {
+        Known::Nothing => None,
+        Known::Face(of) => {
+            let gap = if of.b {
+                still(b, of.face, prediction, far_a)
+            } else {
+                still(a, of.face, prediction, far_b)
+            };
+            gap.map(|gap| Separation { gap, axis: Axis::Face(of) })
+        }
+        Known::Edges(edges) => still_across(a, b, from_b, prediction, edges),
+    };
+    if let Some(again) = again {
+        return again;
+    }
+    let of_a = best_face(a, from_b.position, prediction, far_b);
+    if of_a.gap > prediction {
+        return better_face([(of_a.gap, of_a.face), (f32::NEG_INFINITY, 0)], margin);
+    }
+    let of_b = best_face(b, from_b.local_point(Vector::ZERO), prediction, far_a);
+    let best = better_face([&of_a, &of_b].map(|of| (of.gap, of.face)), margin);
+    // In 2D, the normals of the sides are all the axes there are.
+    if L == 2 || of_b.gap > prediction || of_a.is_sure(a) || of_b.is_sure(b) {
+        return best;
+    }
+    let Some(mut crossing) = crossing() else { return best };
+    // Measure the gap along the axis, whoever proposed it.
+    let gap = crossing.axis.dot(far_b(-crossing.axis) - a.support(crossing.axis));
+    if gap > edge_beyond(best.gap, prediction) {
+        let on_b = from_b.local_direction(-crossing.axis);
+        crossing.feature = edges_feature([farthest_edge(a, crossing.axis), farthest_edge(b, on_b)]);
+        return Separation { gap, axis: Axis::Edges(crossing) };
+    }
+    best
+}
+
+/// A face, the gap of the other solid along its normal, and the point of that solid closest to it.
+pub(super) struct Best<const L: usize> {
+    pub(super) gap: f32,
+    pub(super) face: usize,
+    pub(super) far: Vector<f32, L>,
+}
+
+impl<const L: usize> Best<L> {
+    /// True if no axis can have a larger gap than this face of `solid`. The test uses the room
+    /// about the foot F of the far point on the face.
+    ///
+    /// Without overlap, F within the face is sufficient: the gap is at most the distance from F to
+    /// the far point. With overlap, let the far point be d below F. Let the solid contain the disc
+    /// of radius 1.5 d in the face about F, and the point 4 d below F. Consider an axis at angle t
+    /// to the normal. The gap along it is at most that between the far point and any of these
+    /// points: -d (cos t + 1.5 sin t) and 3 d cos t. The first is at most -d up to 112 degrees, the
+    /// second from 110 degrees on.
+    pub(super) fn is_sure(&self, solid: &impl Solid<L>) -> bool {
+        let (normal, _) = solid.face(self.face);
+        let foot = self.far - normal * self.gap;
+        let deep = (-self.gap).max(0.0);
+        let (around, below) = (1.5 * deep, 4.0 * deep);
+        (0..solid.faces()).filter(|&face| face != self.face).all(|face| {
+            let (other, vertex) = solid.face(face);
+            let (inside, along) = (other.dot(vertex - foot), other.dot(normal));
+            let across = (1.0 - along * along).max(0.0);
+            inside >= 0.0
+                && inside * inside >= around * around * across
+                && inside + below * along >= 0.0
+        })
+    }
+}
+
+/// Measures a face of `solid` against the other solid, whose farthest point along a direction is
+/// `other`.
+pub(super) fn measure<const L: usize>(
+    solid: &impl Solid<L>,
+    face: usize,
+    other: impl Fn(Vector<f32, L>) -> Vector<f32, L>,
+) -> Best<L> {
+    let (normal, vertex) = solid.face(face);
+    let far = other(-normal);
+    Best { gap: normal.dot(far - vertex), face, far }
+}
+
+/// Returns the gap along a face's normal if it is more than `enough`, or if no axis can have a
+/// larger one. \[m\]
+fn still<const L: usize>(
+    solid: &impl Solid<L>,
+    face: usize,
+    enough: f32,
+    other: impl Fn(Vector<f32, L>) -> Vector<f32, L>,
+) -> Option<f32> {
+    let found = (face < solid.faces()).then(|| measure(solid, face, other))?;
+    (found.gap > enough || found.is_sure(solid)).then_some(found.gap)
+}
+
+/// Returns the face with the largest gap, or any face with a gap of more than `enough`. `center` is
+/// within the other solid or near it. All arguments are in the frame of `solid`.
+pub(super) fn best_face<const L: usize>(
+    solid: &impl Solid<L>,
+    center: Vector<f32, L>,
+    enough: f32,
+    other: impl Fn(Vector<f32, L>) -> Vector<f32, L>,
+) -> Best<L> {
+    let towards = |face: usize| {
+        let (normal, vertex) = solid.face(face);
+        normal.dot(center - vertex)
+    };
+    let likely = (1..solid.faces()).fold((towards(0), 0), |best, face| {
+        let along = towards(face);
+        if along > best.0 { (along, face) } else { best }
+    });
+    let mut best = measure(solid, likely.1, &other);
+    for face in 0..solid.faces() {
+        if best.gap > enough {
+            break;
+        }
+        let (normal, vertex) = solid.face(face);
+        // The farthest point bounds the gap of a face from above: for most faces, one such test is
+        // sufficient.
+        if face == best.face || normal.dot(best.far - vertex) < best.gap {
+            continue;
+        }
+        let own = measure(solid, face, &other);
+        if own.gap > best.gap || own.gap == best.gap && face < best.face {
+            best = own;
+        }
+    }
+    best
+}
+
+/// Returns the largest gap along an axis across an edge of each box, and the axis numbers of both
+/// edges. Returns `None` if it is not more than `least` \[m\].
+fn best_edges<const L: usize>(
+    a: &Vector<f32, L>,
+    b: &Vector<f32, L>,
+    from_b: &Frame<L>,
+    least: f32,
+) -> Option<(f32, [usize; 2])> {
+    let Frame { position, axes } = from_b;
+    let mut best = None;
+    let mut beat = least * least.abs();
+    for i in 0..L {
+        let (j, k) = ((i + 1) % L, (i + 2) % L);
+        for n in 0..L {
+            let (p, q) = ((n + 1) % L, (n + 2) % L);
+            // The axis e_i x b_n is not of unit length, so gaps are compared as squares that keep
+            // their sign.
+            let [x, y] = [-axes[n][k], axes[n][j]];
+            let squared = x * x + y * y;
+            let apart = (x * position[j] + y * position[k]).abs();
+            let reach_a = a[j] * x.abs() + a[k] * y.abs();
+            let reach_b = b[p] * axes[q][i].abs() + b[q] * axes[p][i].abs();
+            let gap = apart - reach_a - reach_b;
+            // Skip parallel edges, for which a face normal is as good.
+            if squared >= 1e-6 && gap * gap.abs() > beat * squared {
+                let gap = gap / squared.sqrt();
+                beat = gap * gap.abs();
+                best = Some((gap, [i, n]));
+            }
+        }
+    }
+    best
+}
+
+/// Returns the crossing of two edges, which run along axis i of box a and axis n of box b.
+fn crossing<const L: usize>(
+    a: &Cuboid<L>,
+    b: &Cuboid<L>,
+    from_b: &Frame<L>,
+    [i, n]: [usize; 2],
+) -> Crossing<L> {
+    let mut edge_a = Vector::ZERO;
+    edge_a[i] = 1.0;
+    let edge_b = from_b.axes[n];
+    let across: Vector<f32, L> = moment(edge_a, edge_b);
+    let outward = if across.dot(from_b.position) < 0.0 { -1.0 } else { 1.0 };
+    let axis = across * (outward / across.length());
+    let far_a = a.support(axis);
+    let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
+    let [s, t] = nearest([far_a, edge_a], [far_b, edge_b]);
+    Crossing { axis, on_a: far_a + edge_a * s, on_b: far_b + edge_b * t, feature: 0 }
+}
+
+/// Returns the distances along two lines to their nearest points. \[m\] A line is a point and a
+/// unit direction.
+fn nearest<const L: usize>(
+    [from_a, along_a]: [Vector<f32, L>; 2],
+    [from_b, along_b]: [Vector<f32, L>; 2],
+) -> [f32; 2] {
+    let between = from_b - from_a;
+    let skew = along_a.dot(along_b);
+    let (p, q) = (between.dot(along_a), between.dot(along_b));
+    let squared = 1.0 - skew * skew;
+    [(p - skew * q) / squared, (skew * p - q) / squared]
+}
+
+/// Returns the edge that is farthest along a direction.
+fn farthest_edge<const L: usize>(solid: &impl Solid<L>, direction: Vector<f32, L>) -> usize {
+    let along = |edge: usize| {
+        let [from, to] = solid.edge(edge);
+        direction.dot(from + to)
+    };
+    let first = (f32::NEG_INFINITY, 0);
+    let farther = |best: (f32, usize), edge| {
+        let along = along(edge);
+        if along > best.0 { (along, edge) } else { best }
+    };
+    (0..solid.edges()).fold(first, farther).1
+}
+
+/// Returns the axis across an edge of each solid if its gap is more than `prediction` \[m\], or if
+/// no axis can have a larger one.
+///
+/// Without overlap, it is sufficient that the nearest points of the lines are on the edges: the gap
+/// is at most their distance. With overlap, let the nearest points be d past each other and at
+/// least r from the ends, and the edges at angle s. The gap along an axis at angle t to this one is
+/// at most that between points r along the edges, in the better of both ways: -d cos t - r sin s
+/// sin t. It is at most -d up to 112 degrees if r sin s is 1.5 d. From 110 degrees on, a point of a
+/// that is 4 d below the nearest one is sufficient, as in [`Best::is_sure`].
+fn still_across<const L: usize>(
+    a: &impl Solid<L>,
+    b: &impl Solid<L>,
+    from_b: &Frame<L>,
+    prediction: f32,
+    edges: [usize; 2],
+) -> Option<Separation<L>> {
+    if edges[0] >= a.edges() || edges[1] >= b.edges() {
+        return None;
+    }
+    let edge_b = b.edge(edges[1]).map(|end| from_b.point(end));
+    let lengths = [a.edge(edges[0]), edge_b].map(|[from, to]| (to - from).length());
+    let [line_a, line_b] = [(a.edge(edges[0]), lengths[0]), (edge_b, lengths[1])]
+        .map(|([from, to], length)| [from, (to - from) * (1.0 / length)]);
+    let across: Vector<f32, L> = moment(line_a[1], line_b[1]);
+    let sine = across.length();
+    if sine < 1e-2 {
+        return None;
+    }
+    let along = nearest(line_a, line_b);
+    let rooms = [0, 1].map(|i| along[i].min(lengths[i] - along[i]));
+    let room = rooms[0].min(rooms[1]);
+    let on_a = line_a[0] + line_a[1] * along[0];
+    let on_b = line_b[0] + line_b[1] * along[1];
+    let outward = if across.dot(from_b.position) < 0.0 { -1.0 } else { 1.0 };
+    let axis = across * (outward / sine);
+    let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
+    let gap = axis.dot(far_b - a.support(axis));
+    let found = Separation {
+        gap,
+        axis: Axis::Edges(Crossing { axis, on_a, on_b, feature: edges_feature(edges) }),
+    };
+    if gap > prediction {
+        return Some(found);
+    }
+    // With this much overlap, a face may be preferred.
+    if FAVOR * -gap > PREFERENCE * prediction {
+        return None;
+    }
+    // Both edges must be the farthest features of their solids.
+    let edges_apart = axis.dot(on_b - on_a);
+    if room < 0.0 || gap < edges_apart - 0.1 * PREFERENCE * prediction {
+        return None;
+    }
+    let deep = (-edges_apart).max(0.0);
+    let deep_enough = |face: usize| {
+        let (normal, vertex) = a.face(face);
+        normal.dot(vertex - on_a) + 4.0 * deep * normal.dot(axis) >= 0.0
+    };
+    let sure = deep == 0.0 || room * sine >= 1.5 * deep && (0..a.faces()).all(deep_enough);
+    sure.then_some(found)
+}
 
 /// Polygons for clipping, with reused memory.
 #[derive(Default)]
@@ -219,3 +640,6 @@ fn cut<const L: usize>(
     }
     std::mem::swap(polygon, next);
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,10 +10,11 @@ use super::cylinders::{self, Cylinder};
 use super::hull::{self, Hull};
 use super::mesh::{self, Gathered, MeshTopology};
 use super::particles::balls;
-use super::polyhedra::{Clipper, Plane, PlaneSupport, collide, on_plane};
+use super::polyhedra::{
+    Clipper, Crossing, Plane, PlaneSupport, between, between_boxes, collide, on_plane,
+};
 use super::rotation::{Eight, Quaternion, each_eight, precess, precess_finely};
 use super::rounds::{RoundedCore, between_rounds, on_solid};
-use super::separation::{Crossing, between, between_boxes};
 use super::solid::{Cuboid, Solid};
 use super::{
     Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint, MassProperties,

@@ -6,8 +6,7 @@
 use drystone_solver::Vector;
 
 use super::particles::between_balls;
-use super::polyhedra::Clipper;
-use super::separation::{FaceOf, Known, best_face, edges_feature, measure};
+use super::polyhedra::{Clipper, FaceOf, Known, best_face, edges_feature, measure};
 use super::solid::Solid;
 use super::{ContactManifold, Curvature, Frame, ManifoldPoint, NormalCarrier};
 

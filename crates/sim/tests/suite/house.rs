@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The modules of a crate by their paths, each with those that it imports.
 type House = BTreeMap<Vec<String>, Vec<Vec<String>>>;
@@ -49,20 +49,22 @@ fn crates_depend_on_no_more_than_they_say() {
     assert!(!dependencies("cli").iter().any(|name| name.starts_with("parry")));
 }
 
-/// Sines come from `libm`, since those of a platform differ in the last bit. Nothing is fused. No
-/// stage of a step has a map whose order is that of hashes; shapes look edges up in some.
+/// Sines come from `libm` and logarithms from the solver, since those of a platform differ in the
+/// last bit. Nothing is fused. No stage of a step has a map whose order is that of hashes; shapes
+/// look edges up in some.
 #[test]
 fn no_bit_depends_on_the_platform() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let platform = ["sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "mul_add"];
-    let platform = platform.map(|name| format!(".{name}("));
+    let angles = ["sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2"];
+    let powers = ["powf", "exp", "exp2", "exp_m1", "ln", "ln_1p", "log", "log2", "log10", "cbrt"];
+    let platform = angles.iter().chain(&powers).chain(&["mul_add"]);
+    let platform: Vec<_> = platform.map(|name| format!(".{name}(")).collect();
     let mut lines = 0;
     for name in ["solver", "sim", "scene", "bake"] {
         for (module, text) in modules(&root.join(name).join("src"), &[]) {
             let stages =
                 name == "solver" || name == "sim" && module.first() != Some(&"geometry".into());
-            let text = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
-            for line in text.lines().filter(|line| !line.trim_start().starts_with("//")) {
+            for line in untested(&text).lines() {
                 // These are the numbers that a rotation consists of.
                 let own = line.replace("rotation.cos()", "").replace("rotation.sin()", "");
                 let platform = platform.iter().any(|call| own.contains(call));
@@ -98,7 +100,7 @@ fn functions_fit_on_a_page() {
     let mut count = 0;
     for name in ["solver", "sim", "bake", "cli"] {
         for (module, text) in modules(&root.join(name).join("src"), &[]) {
-            let own = text.split("\n#[cfg(test)]\nmod ").next().unwrap_or_default();
+            let own = without_tests(&text);
             let lines: Vec<&str> = own.lines().collect();
             for (first, line) in lines.iter().enumerate().filter(|(_, line)| is_function(line)) {
                 let ends = |line: &&str| line.ends_with(['{', '}', ';']);
@@ -152,6 +154,34 @@ fn the_figure_of_a_step_has_all_stages() {
     assert_eq!(words.collect::<Vec<_>>(), names);
 }
 
+/// Every source file that ARCHITECTURE.md names is in a crate.
+#[test]
+fn the_map_names_files_that_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let text = fs::read_to_string(root.join("ARCHITECTURE.md")).expect("the architecture");
+    let mut files = Vec::new();
+    sources(&root.join("crates"), &mut files);
+    let mut count = 0;
+    for name in text.split('`').filter(|name| name.ends_with(".rs") && !name.contains('\n')) {
+        let is_there = files.iter().any(|file| file.ends_with(name));
+        assert!(is_there, "{name}");
+        count += 1;
+    }
+    assert!(count > 50, "{count} files are named");
+}
+
+/// Appends all files in a folder and below it.
+fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a folder of sources") {
+        let path = entry.expect("a file").path();
+        if path.is_dir() {
+            sources(&path, files);
+        } else {
+            files.push(path);
+        }
+    }
+}
+
 /// A cycle of imports is found; imports in comments and tests do not count.
 #[test]
 fn a_circle_is_found() {
@@ -164,7 +194,9 @@ fn a_circle_is_found() {
     let found = circle(&house_of([a.clone(), b.clone(), c]), &from);
     assert_eq!(found.as_deref(), Some("a -> b -> c -> a"));
     let tested = text("c", "\n#[cfg(test)]\nuse crate::a;\n");
-    assert_eq!(circle(&house_of([a, b, tested]), &from), None);
+    assert_eq!(circle(&house_of([a.clone(), b.clone(), tested]), &from), None);
+    let both = text("c", "#[cfg(test)]\nuse crate::{\n    e,\n};\nuse crate::a;\n");
+    assert!(circle(&house_of([a, b, both]), &from).is_some(), "imports after an item for tests");
 }
 
 /// Returns the texts of the modules in a folder, by their paths, without its tests.
@@ -273,11 +305,28 @@ fn defines(text: &str, name: &str) -> bool {
         .any(|kind| text.split(kind).skip(1).any(|at| at.strip_prefix(name).is_some_and(ends)))
 }
 
-/// Returns a text without its tests and comments.
+/// Returns a text without its items for tests and without comments.
 fn untested(text: &str) -> String {
-    let text = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let text = without_tests(text);
     let lines = text.lines().filter(|line| !line.trim_start().starts_with("//"));
     lines.collect::<Vec<_>>().join("\n")
+}
+
+/// Returns a text without the items that are compiled for tests alone, wherever they are. An item
+/// ends at the first line that is indented as its attribute and ends in `;`, `,` or `}`.
+fn without_tests(text: &str) -> String {
+    let mut lines = text.lines();
+    let mut kept = Vec::new();
+    while let Some(line) = lines.next() {
+        if line.trim() != "#[cfg(test)]" {
+            kept.push(line);
+            continue;
+        }
+        let indent = |line: &str| line.len() - line.trim_start().len();
+        let ends = |own: &&str| indent(own) == indent(line) && own.ends_with([';', ',', '}']);
+        lines.by_ref().find(ends).expect("the end of an item for tests");
+    }
+    kept.join("\n")
 }
 
 /// An import of a module from its own crate.

@@ -19,6 +19,7 @@ use super::outcome::{Limits, Outcome, Progress, Sample, Status};
 use super::{
     Problem, block_gauss_seidel, enumeration, interior_point, jam, lemke, newton, proximal,
 };
+use crate::real::ln;
 
 /// Sweeps from which the rate of Gauss-Seidel is estimated.
 const TRIAL: usize = 60;
@@ -233,7 +234,7 @@ fn promised(outcome: &Outcome, tolerance: f64) -> Option<f64> {
     let last = outcome.history.last()?;
     let half = outcome.history.iter().find(|s| 2 * s.iteration >= last.iteration)?;
     let sweeps = (last.iteration - half.iteration) as f64;
-    let rate = (last.residual / half.residual).ln() / sweeps;
-    let more = (tolerance / last.residual).ln() / rate;
+    let rate = ln(last.residual / half.residual) / sweeps;
+    let more = ln(tolerance / last.residual) / rate;
     (outcome.status == Status::Budget && rate < 0.0 && more.is_finite()).then_some(more)
 }

@@ -5,13 +5,11 @@ use std::fmt::Debug;
 use std::ops::Range;
 
 use super::Portable;
-use super::block::Block;
+use super::block::{Block, CachedImpulse};
 use super::coloring::{Color, Coloring};
 use super::conjugate::Conjugate;
+use super::motion::{Landing, MovedBodies, Targets};
 use super::partition::BatchRange;
-use super::renewal::MovedBodies;
-use super::source::CachedImpulse;
-use super::targets::{Landing, Targets};
 use crate::certificate::{Certificate, CertificateScratch};
 use crate::island::Islands;
 use crate::thread_pool::{DisjointSlice, Divide, ThreadPool};

@@ -15,10 +15,9 @@ mod prefetch;
 use std::ops::Range;
 
 use super::batch::{LaneBatch, View};
-use super::block::Block;
+use super::block::{Block, CachedImpulse};
 use super::coloring::{BINS, Color, Coloring};
 use super::number::{HALF, scatter};
-use super::source::CachedImpulse;
 use super::view::{view, view_all, view_all_mut};
 use super::{KernelLanes, Lanes, Portable, WIDTH};
 use crate::pgs::{self, BodyPair};

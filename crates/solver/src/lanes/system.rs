@@ -3,14 +3,13 @@
 use std::sync::Arc;
 
 use super::batch::{LaneBatch, Passes, View};
-use super::block::{Block, contact_in, set};
+use super::block::{Block, CachedImpulse, ManifoldSource, contact_in, set};
 use super::coloring::{Coloring, Placement, Reuse};
 use super::conjugate::Conjugate;
+use super::motion::Targets;
 use super::partition::{BatchRange, Sizes};
 use super::passes::{Instructions, in_lanes, passes};
-use super::source::{CachedImpulse, ManifoldSource};
 use super::sweep::BlocksMut;
-use super::targets::Targets;
 use super::view::{view_all_mut, view_mut};
 use super::{Lanes, Portable, WIDTH};
 use crate::certificate::{Certificate, CertificateScratch};

@@ -7,7 +7,7 @@ use drystone_solver::{Vector, moment};
 use super::surface::{Beyond, MeshFace, UPRIGHT};
 use super::{Above, Corner, Gathered, ManifoldPoint, MeshPart, MeshQuery, Vec3, add};
 use crate::geometry::ContactManifold;
-use crate::geometry::separation::{PREFERENCE, edge_beyond};
+use crate::geometry::polyhedra::{PREFERENCE, edge_beyond};
 
 /// Contact points over a face represent the contact of the whole shape if they have at least this
 /// fraction of its overlap. \[1\]

@@ -1,7 +1,5 @@
 use super::*;
-use crate::geometry::ContactManifold;
 use crate::geometry::hull::Hull;
-use crate::geometry::polyhedra::{Clipper, collide};
 use crate::geometry::random::Random;
 use crate::geometry::{Geometry, Rigid3};
 
