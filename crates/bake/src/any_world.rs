@@ -10,8 +10,9 @@ use std::mem;
 use std::sync::Arc;
 
 use drystone::{
-    BodyId, Checkpoint, CheckpointError, Clock, ContactPoints, InputError, Measure, Nearby,
-    ParticleWorld2, ParticleWorld3, StepReport, StepSettings, World2, World3,
+    BodyId, Checkpoint, CheckpointError, Clock, ContactPoints, Drive, InputError, JointId,
+    JointState, Measure, Nearby, ParticleWorld2, ParticleWorld3, StepReport, StepSettings, World2,
+    World3,
 };
 use drystone_scene::{Body, Scene, SurfaceVelocity, Track};
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,7 @@ use crate::convert::{body_of, name, surface_motion};
 use crate::decomposition::Decompositions;
 use crate::error::BuildError;
 use crate::input::{check_body, check_count, check_surface};
+use crate::joints;
 use crate::world_kind::WorldKind;
 use slices::{by_body, pose_of, velocity_of, write_pose, write_touching, write_velocity};
 
@@ -104,8 +106,13 @@ pub fn build_with(
     let mut world = AnyWorld::new(WorldKind::of(scene), settings);
     let gravity: Vec<f32> = scene.gravity.iter().map(|x| *x as f32).collect();
     world.set_gravity(&gravity)?;
+    let mut ids = Vec::with_capacity(scene.bodies.len());
     for body in &scene.bodies {
-        world.add_with(body, known)?;
+        ids.push(world.add_with(body, known)?);
+    }
+    for (index, joint) in scene.joints.iter().enumerate() {
+        let refused = |error| BuildError::Joint { joint: joints::name(joint, index), error };
+        world.join(joint, &ids).map_err(refused)?;
     }
     Ok(world)
 }
@@ -168,6 +175,51 @@ impl AnyWorld {
             Arc::make_mut(&mut self.tracks).insert(id.index(), body.track.clone());
         }
         Ok(id)
+    }
+
+    /// Adds a joint. Its bodies are indices into `bodies`.
+    ///
+    /// # Errors
+    /// Those of [`World::join`](drystone::World::join).
+    pub fn join(
+        &mut self,
+        joint: &drystone_scene::Joint,
+        bodies: &[BodyId],
+    ) -> Result<JointId, InputError> {
+        if let Some(unknown) = joint.bodies.into_iter().flatten().find(|&at| at >= bodies.len()) {
+            let most = bodies.len() as f64 - 1.0;
+            return Err(InputError::OutOfRange {
+                item: "the body of the joint".to_owned(),
+                value: unknown as f64,
+                accepted: [0.0, most],
+            });
+        }
+        each!(&mut self.worlds, world => {
+            world.join(joints::joint_of(joint, |index| bodies.get(index).copied()))
+        })
+    }
+
+    /// Removes a joint. Returns true if it was there.
+    pub fn unjoin(&mut self, id: JointId) -> bool {
+        each!(&mut self.worlds, world => world.unjoin(id))
+    }
+
+    /// Returns what a joint does, or `None` if it is unknown.
+    pub fn joint(&self, id: JointId) -> Option<JointState> {
+        each!(&self.worlds, world => world.joint(id))
+    }
+
+    /// Sets the drive of a joint ([`World::drive`](drystone::World::drive)).
+    ///
+    /// # Errors
+    /// Those of [`World::drive`](drystone::World::drive).
+    pub fn drive(&mut self, id: JointId, drive: Drive) -> Result<(), InputError> {
+        each!(&mut self.worlds, world => world.drive(id, drive))
+    }
+
+    /// Returns the joints in the order of their slots.
+    pub fn joints(&self) -> Vec<JointId> {
+        each!(&self.worlds, world => world.joints().collect())
     }
 
     /// Removes a body, and wakes the bodies near it. Returns true if it was there.

@@ -23,6 +23,14 @@ pub enum BuildError {
         /// The problem, and the accepted values.
         error: InputError,
     },
+    /// The world refuses a joint.
+    #[error("{joint}: {error}")]
+    Joint {
+        /// Name of the joint, or its index.
+        joint: String,
+        /// The problem, and the accepted values.
+        error: InputError,
+    },
     /// The world refuses a step.
     #[error("{0}")]
     Step(#[from] InputError),

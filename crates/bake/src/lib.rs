@@ -41,6 +41,7 @@ mod engine;
 mod error;
 mod forms;
 mod input;
+pub mod joints;
 pub mod recording;
 mod settings;
 mod world_kind;

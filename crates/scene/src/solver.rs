@@ -48,6 +48,9 @@ pub(crate) struct StepSettings {
     /// thinnest body of the island if that is less. A contact that `softness` leaves softer is made
     /// as stiff as this needs. It has no effect without `tolerance`. \[m\]
     sag: f32,
+    /// Largest distance by which a locked joint gives way that carries the weight of all bodies that
+    /// joints connect with it. \[m\]
+    stretch: f32,
     /// Law for contacts that collide at once. `reflections` is symmetric, and passes an impact
     /// through a row of touching balls. `poisson` compresses all contacts together, then expands
     /// them. `newton` takes one contact after the other.
@@ -102,6 +105,7 @@ impl Default for StepSettings {
             certify: false,
             newton_iterations: 40,
             sag: 1e-4,
+            stretch: 1e-6,
             impact_law: ImpactLaw::Reflections,
             restitution_threshold: 0.1,
             prediction_distance: 0.02,

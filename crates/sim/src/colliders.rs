@@ -10,6 +10,7 @@ use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
 use crate::geometry::{Bounds, Frame, Geometry};
 use crate::ids::{Slots, put};
+use crate::joints::Joints;
 use crate::sleep::Sleep;
 use crate::travel::TravelBound;
 
@@ -410,11 +411,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
     }
 }
 
-/// Copy of bodies and colliders. Its state is that of their last change; a checkpoint holds the
+/// Copy of bodies, colliders and joints. Its state is that of their last change; a checkpoint holds the
 /// current one.
 pub(crate) struct Definitions<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) bodies: Bodies<G, L, A>,
     pub(crate) colliders: Colliders<G, L, A>,
+    pub(crate) joints: Joints<L, A>,
 }
 
 /// Returns the pose of a shape relative to its body's center of mass, rotated with the body.

@@ -42,6 +42,8 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let slot = joints.slots.take();
         put(&mut joints.records, slot, record);
         let id = JointId::new(&joints.slots, slot, world);
+        joints.forget();
+        self.definitions_changed();
         self.wake_joined(slot);
         self.pair_again();
         Ok(id)
@@ -90,6 +92,7 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
         record.states = record.rows.iter().map(state).collect();
         record.axes = axes;
         self.solver.joints.forget();
+        self.definitions_changed();
         self.wake_joined(slot);
         Ok(())
     }
@@ -117,6 +120,7 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let slot = self.joint_slot(id).ok_or(InputError::Joint(JointFault::Unknown))?;
         let record = &mut self.solver.joints.records[slot];
         (record.enabled, record.broken) = (enabled, false);
+        self.definitions_changed();
         self.wake_joined(slot);
         self.pair_again();
         Ok(())
@@ -200,6 +204,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         joints.slots.vacate(slot);
         joints.slots.release(slot);
         joints.forget();
+        self.definitions_changed();
         self.pair_again();
     }
 
@@ -220,7 +225,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if !self.solver.joints.find_separated() {
             return;
         }
-        self.definitions_changed();
         for pair in &mut self.contacts.pairs {
             if self.solver.joints.separates(pair.bodies) {
                 pair.separate();

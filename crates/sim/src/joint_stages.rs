@@ -124,6 +124,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let joints = &mut self.solver.joints;
         if !joints.is_idle() {
             joints.keep_solved();
+            if self.settings.ledger {
+                self.scratch.ledger.record_joints(joints.ledger_rows());
+            }
             let prospective = &mut self.scratch.prospective;
             joints.mechanisms.apply(prospective, &self.bodies.inverse_masses);
             self.unstiffen();
@@ -146,6 +149,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.solve_joints();
         let ConstraintSolver { joints, .. } = &mut self.solver;
         joints.mechanisms.apply(&mut self.scratch.prospective, &self.bodies.inverse_masses);
+        if self.settings.ledger {
+            self.scratch.ledger.record_joints(joints.ledger_rows());
+        }
         let displacements = &self.scratch.displacements;
         joints.keep_relaxed(&BodyPlaces { bodies: &self.bodies, displacements });
     }

@@ -18,9 +18,10 @@ use crate::bodies::Bodies;
 use crate::geometry::Geometry;
 use crate::ids::Slots;
 use crate::joint::coordinates::{JointPlaces, Place, RowCoordinate, Turn, Vec3, cross, nearest};
-use crate::joint::rows::{Motion, RowParams, RowPlan};
+use crate::joint::rows::{Motion, Role, RowParams, RowPlan};
 use crate::joint::tension;
 use crate::joint::{Breaking, Coordinate, JointAxis, JointState};
+use crate::ledger::JointRow;
 use crate::report::BrokenJoint;
 
 /// Marks the world in the place of a body.
@@ -65,6 +66,17 @@ pub(crate) struct JointRecord {
     pub(crate) load: [Vec3; 2],
 }
 
+/// State of joints between two steps.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct SavedJoints {
+    generations: Vec<u32>,
+    broken: Vec<bool>,
+    /// By joint: q and the impulses of each row, then its load.
+    pub(crate) numbers: Vec<f64>,
+    last_step: f64,
+}
+
 /// State of a row between substeps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct RowState {
@@ -93,6 +105,8 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     params: Vec<RowParams>,
     /// S of each body ([`tension`]). \[N m s\]
     stiffness: Vec<SymmetricMatrix<f64, 3>>,
+    /// True if the rows of the joints that act must be found anew.
+    is_stale: bool,
     /// Length of the last step. \[s\]
     pub(crate) last_step: f64,
     /// Pairs of bodies whose shapes do not collide, in ascending order.
@@ -232,6 +246,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         if self.records.is_empty() {
             return false;
         }
+        let is_stale = std::mem::take(&mut self.is_stale);
         let masses = &bodies.inverse_masses;
         let moves = |body: &u32| *body != WORLD && masses[*body as usize] != InverseMass::FIXED;
         let mut acting: Vec<u32> = Vec::new();
@@ -243,7 +258,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let pairs: Vec<_> = acting.iter().map(|&slot| pair(&self.records[slot as usize])).collect();
         let order = Mechanisms::<L, A>::order(&pairs, masses);
         let acting: Vec<u32> = order.iter().map(|&index| acting[index as usize]).collect();
-        if acting == self.acting {
+        if acting == self.acting && !is_stale {
             return false;
         }
         self.pairs = order.iter().map(|&index| pairs[index as usize]).collect();
@@ -379,14 +394,15 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.recall(|state| state.solved);
         self.mechanisms.apply(&mut bodies.velocities, &bodies.inverse_masses);
         let mut before = f64::INFINITY;
-        for _ in 0..MOST_AIMS {
+        for aim in 0..MOST_AIMS {
             let change = self.set_targets(&BodyPlaces { bodies, displacements });
             // The path curves with the velocities that the joints leave.
             let is_slow = !self.turns_fast(bodies);
-            if is_slow || change >= before {
+            if is_slow || aim > 0 && change >= before {
                 return;
             }
-            before = change;
+            // The first targets differ from those of another substep.
+            before = if aim > 0 { change } else { f64::INFINITY };
             self.mechanisms.solve(&mut bodies.velocities);
         }
         self.set_targets(&BodyPlaces { bodies, displacements });
@@ -493,8 +509,62 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Makes the next [choice](Self::choose) find the rows anew.
     pub(crate) fn forget(&mut self) {
-        self.acting.clear();
-        self.mechanisms = Mechanisms::default();
+        self.is_stale = true;
+    }
+
+    /// Returns the state of all joints between two steps.
+    pub(crate) fn save(&self) -> SavedJoints {
+        let rows = |(_, record): (usize, &JointRecord)| {
+            let of = |state: &RowState| [state.value, state.solved, state.relaxed];
+            let load = record.load.into_iter().flat_map(|of| of.0);
+            record.states.iter().flat_map(of).chain(load).collect::<Vec<_>>()
+        };
+        SavedJoints {
+            generations: self.slots.generations().to_vec(),
+            broken: self.taken().map(|(_, record)| record.broken).collect(),
+            numbers: self.taken().flat_map(rows).collect(),
+            last_step: self.last_step,
+        }
+    }
+
+    /// Returns true if a state is one of these joints.
+    pub(crate) fn fits(&self, from: &SavedJoints) -> bool {
+        let numbers = |(_, record): (usize, &JointRecord)| 3 * record.states.len() + 6;
+        self.slots.generations() == from.generations
+            && self.taken().count() == from.broken.len()
+            && self.taken().map(numbers).sum::<usize>() == from.numbers.len()
+    }
+
+    /// Takes a state that [fits](Self::fits).
+    pub(crate) fn load(&mut self, from: &SavedJoints) {
+        let Self { slots, records, .. } = self;
+        let (mut numbers, mut broken) = (from.numbers.iter().copied(), from.broken.iter());
+        let mut next = || numbers.next().unwrap_or_default();
+        for (slot, record) in records.iter_mut().enumerate() {
+            if !slots.is_taken(slot) {
+                continue;
+            }
+            record.broken = broken.next() == Some(&true);
+            for state in &mut record.states {
+                *state = RowState { value: next(), solved: next(), relaxed: next() };
+            }
+            record.load = [0, 1].map(|_| Vector([next(), next(), next()]));
+        }
+        self.last_step = from.last_step;
+        self.forget();
+        self.find_separated();
+    }
+
+    /// Returns the rows of the joints that act, with their present impulses.
+    pub(crate) fn ledger_rows(&self) -> impl Iterator<Item = JointRow<L, A>> {
+        self.acting.iter().zip(&self.mechanisms.joints).flat_map(|(&slot, joint)| {
+            let rows = &self.records[slot as usize].rows;
+            let axes = &self.mechanisms.axes[joint.axes()];
+            rows.iter().zip(axes).map(|(row, axis)| {
+                let is_drive = matches!(row.role, Role::Drive(_));
+                JointRow { bodies: joint.bodies, axis: *axis, is_drive }
+            })
+        })
     }
 
     /// Begins a step: no joint has borne anything yet.

@@ -19,7 +19,7 @@
 //! the work of gravity and the change of the potential energy.
 
 use drystone_solver::{
-    Contact, InverseMass, Manifold, Mass, SurfaceEffects, System, Vector, Velocity,
+    Axis, Contact, InverseMass, Manifold, Mass, SurfaceEffects, System, Vector, Velocity,
 };
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
@@ -30,7 +30,7 @@ use crate::geometry::Geometry;
 /// Energy balance of a step. Work that adds energy is positive. \[J\]
 ///
 /// Up to rounding, kinetic + potential = forces + damping + driven + impacts + contacts +
-/// friction + repair + relaxed + integration. Gravity is part of the left side.
+/// friction + repair + relaxed + joints + drives + integration. Gravity is part of the left side.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Ledger {
@@ -57,6 +57,10 @@ pub struct Ledger {
     pub repair: f64,
     /// Work of the relaxing sweep, which removes that velocity again; negative.
     pub relaxed: f64,
+    /// Work of the locks, limits and friction of joints.
+    pub joints: f64,
+    /// Work of the motors and springs of joints.
+    pub drives: f64,
     /// Error of time integration. In free fall it follows -h/2 p . g with the momentum p and the
     /// substep h, so it does not grow with time.
     pub integration: f64,
@@ -64,7 +68,7 @@ pub struct Ledger {
 
 impl Ledger {
     /// Returns the items with their names, in order.
-    pub fn items(&self) -> [(&'static str, f64); 12] {
+    pub fn items(&self) -> [(&'static str, f64); 14] {
         [
             ("kinetic", self.kinetic),
             ("potential", self.potential),
@@ -77,6 +81,8 @@ impl Ledger {
             ("friction", self.friction),
             ("repair", self.repair),
             ("relaxed", self.relaxed),
+            ("joints", self.joints),
+            ("drives", self.drives),
             ("integration", self.integration),
         ]
     }
@@ -95,8 +101,9 @@ impl Ledger {
 
     /// Returns the change of energy that no item explains: the rounding error. \[J\]
     pub fn unexplained(&self) -> f64 {
-        let explained =
-            self.forces + self.damping + self.driven + self.by_contacts() + self.integration;
+        let by_joints = self.joints + self.drives;
+        let applied = self.forces + self.damping + self.driven + by_joints;
+        let explained = applied + self.by_contacts() + self.integration;
         self.kinetic + self.potential - explained
     }
 
@@ -113,12 +120,23 @@ impl Ledger {
         self.friction += other.friction;
         self.repair += other.repair;
         self.relaxed += other.relaxed;
+        self.joints += other.joints;
+        self.drives += other.drives;
         self.integration += other.integration;
     }
 }
 
 /// Velocities of all bodies.
 type Velocities<T, const L: usize, const A: usize> = Vec<Velocity<T, L, A>>;
+
+/// A row of a joint, with its impulse.
+#[derive(Clone, Debug)]
+pub(crate) struct JointRow<const L: usize, const A: usize> {
+    pub(crate) bodies: [u32; 2],
+    pub(crate) axis: Axis<f64, L, A>,
+    /// True if it is a motor or a spring.
+    pub(crate) is_drive: bool,
+}
 
 /// Data that a part of a step collects for its ledger.
 #[derive(Default)]
@@ -142,6 +160,9 @@ pub(crate) struct LedgerBuilder<const L: usize, const A: usize> {
     /// Manifolds before the motion of the bodies, and impulses of their contacts. \[N s\]
     manifolds: Vec<Manifold<f32, L>>,
     pressed: Vec<Vector<f32, L>>,
+    /// Rows of the joints as the substep solved them, then as it relaxed them.
+    joint_rows: Vec<JointRow<L, A>>,
+    has_joints: bool,
     /// Impulses of impacts up to the previous substep. \[N s\]
     impacts: Vec<f32>,
 }
@@ -201,6 +222,21 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         copy(velocities, &mut self.moved[1]);
     }
 
+    /// Records rows of joints, with the impulses that they have just given.
+    pub(crate) fn record_joints(&mut self, rows: impl Iterator<Item = JointRow<L, A>>) {
+        self.joint_rows.extend(rows);
+    }
+
+    /// Adds the work of the recorded rows of joints. What follows from the inertia with which a
+    /// pulled body was solved counts as integration.
+    fn joints(&mut self) {
+        for JointRow { bodies, axis, is_drive } in self.joint_rows.drain(..) {
+            let [a, b] = bodies.map(|body| &self.mean[1][body as usize]);
+            let work = axis.impulse * axis.velocity(a, b);
+            *(if is_drive { &mut self.ledger.drives } else { &mut self.ledger.joints }) += work;
+        }
+    }
+
     /// Adds a substep of length `h` \[s\], at its end. `system` has its impulses; `surfaces` has
     /// the surface effects of its manifolds, if any.
     pub(crate) fn end<G: Geometry<L, A>>(
@@ -216,6 +252,8 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
                 self.add_body(bodies, gravity, (system, body), h);
             }
         }
+        self.has_joints |= !self.joint_rows.is_empty();
+        self.joints();
         let h = f64::from(h);
         let mut surfaces = surfaces.iter();
         for (number, manifold) in system.manifolds.iter().enumerate() {
@@ -450,6 +488,10 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         ledger.kinetic = turned - kinetic;
         ledger.potential = bodies.potential_energy(gravity) - potential;
         ledger.integration += ledger.gravity + ledger.potential + turned - self.unturned;
+        if std::mem::take(&mut self.has_joints) {
+            // Rotation in each substep, and the inertia with which pulled bodies were solved.
+            ledger.integration += ledger.unexplained();
+        }
         *ledger
     }
 

@@ -21,6 +21,7 @@ use crate::colliders::Definitions;
 use crate::geometry::{
     Bounds, Curvature, Frame, Geometry, MAX_POINTS, NormalCarrier, pose_numbers,
 };
+use crate::joints::SavedJoints;
 use crate::sleep::Sleep;
 use crate::surfaces::HeldTorque;
 
@@ -85,6 +86,9 @@ pub struct Checkpoint {
     gravity: Vec<f32>,
     /// Static and kinematic bodies that were added or moved since the last contact search.
     placed: Vec<u32>,
+    /// Coordinates and impulses of the joints.
+    #[cfg_attr(feature = "serde", serde(default))]
+    joints: SavedJoints,
     /// State with which the solver tunes itself.
     memory: SolverMemory,
     /// Schedule of the searches for jams.
@@ -125,6 +129,8 @@ pub enum CheckpointError {
     /// Bodies were added or removed since it was taken. It was read from bytes, which do not hold
     /// bodies.
     OtherBodies,
+    /// It belongs to a world with other joints.
+    OtherJoints,
     /// A number is infinite or NaN.
     NotFinite(&'static str),
     /// It has a pair of shapes that cannot touch in this world.
@@ -142,6 +148,9 @@ impl Display for CheckpointError {
             Self::OtherBodies => {
                 f.write_str("is a checkpoint of other bodies: some were added or removed since")
             }
+            Self::OtherJoints => f.write_str(
+                "is a checkpoint of other joints: some were added, changed or removed since",
+            ),
             Self::NotFinite(what) => write!(f, "has {what} that are not finite"),
             Self::OtherPair(pair) => {
                 write!(f, "{OTHER}: its shapes {pair:?} do not collide here")
@@ -156,7 +165,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Saves the state between two steps ([`World::checkpoint`]).
     pub(crate) fn save_state(&self) -> Checkpoint {
         let definitions = self.definitions.get_or_init(|| {
-            Arc::new(Definitions { bodies: self.bodies.clone(), colliders: self.colliders.clone() })
+            Arc::new(Definitions {
+                bodies: self.bodies.clone(),
+                colliders: self.colliders.clone(),
+                joints: self.solver.joints.clone(),
+            })
         });
         let definitions = Shared(Some(Arc::clone(definitions) as Arc<dyn Any + Send + Sync>));
         let slots = [&self.bodies.slots, &self.colliders.slots];
@@ -195,7 +208,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
             clearances: pairs
                 .iter()
-                .map(|of| if of.count > 0 { 0.0 } else { of.clearance })
+                .map(|of| if of.count > 0 || of.is_separated() { 0.0 } else { of.clearance })
                 .collect(),
             asleep: pairs.iter().map(|of| of.is_sleeping).collect(),
             torques: self.torques(&pairs),
@@ -207,6 +220,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             groups: self.sleep.group.clone(),
             gravity: self.sleep.last_gravity.0.to_vec(),
             placed: self.sleep.placed.clone(),
+            joints: self.solver.joints.save(),
             memory: self.solver.certifier.island_solver.memory,
             jam_schedule: self.solver.certifier.jam_schedule,
         }
@@ -236,7 +250,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let before = here.map(|of: Arc<Definitions<G, L, A>>| {
             let bodies = std::mem::replace(&mut self.bodies, of.bodies.clone());
             let colliders = std::mem::replace(&mut self.colliders, of.colliders.clone());
-            (bodies, colliders, std::mem::replace(&mut self.definitions, OnceLock::from(of)))
+            let joints = std::mem::replace(&mut self.solver.joints, of.joints.clone());
+            let definitions = std::mem::replace(&mut self.definitions, OnceLock::from(of));
+            (bodies, colliders, joints, definitions)
         });
         let contacts = self.check(from).and_then(|()| match before {
             None if !same => Err(CheckpointError::OtherBodies),
@@ -245,13 +261,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let (pairs, [cache, sleeping]) = match (contacts, before) {
             (Ok(contacts), _) => contacts,
             (Err(error), None) => return Err(error),
-            (Err(error), Some((bodies, colliders, definitions))) => {
-                (self.bodies, self.colliders) = (bodies, colliders);
+            (Err(error), Some((bodies, colliders, joints, definitions))) => {
+                (self.bodies, self.colliders, self.solver.joints) = (bodies, colliders, joints);
                 self.definitions = definitions;
                 return Err(error);
             }
         };
         self.contacts.pairs = pairs;
+        self.solver.joints.load(&from.joints);
+        for pair in &mut self.contacts.pairs {
+            if self.solver.joints.separates(pair.bodies) {
+                pair.separate();
+            }
+        }
         self.solver.surfaces.held.clear();
         let torques = from.torques.chunks_exact(A.max(1)).zip(&self.contacts.pairs);
         self.solver.surfaces.held.extend(torques.map(|(numbers, pair)| HeldTorque {
@@ -344,6 +366,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if expected != found {
                 return Err(CheckpointError::OtherWorld { what, expected, found });
             }
+        }
+        if !self.solver.joints.fits(&from.joints) {
+            return Err(CheckpointError::OtherJoints);
+        }
+        if from.joints.numbers.iter().any(|number| !number.is_finite()) {
+            return Err(CheckpointError::NotFinite("joints"));
         }
         if from.placed.iter().any(|&body| body as usize >= bodies) {
             return Err(CheckpointError::OtherBodies);
