@@ -1,5 +1,8 @@
 //! Writes a scene in Drystone's own format; values equal to their defaults are omitted.
 
+mod joint;
+
+use self::joint::joint_document;
 use super::description::{
     BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, SurfaceVelocity,
     Track,
@@ -18,10 +21,10 @@ pub fn to_json(scene: &Scene) -> String {
     serde_json::to_string_pretty(&document(scene)).unwrap_or_default() + "\n"
 }
 
-/// Returns the scene without its bodies and its name, as one line of JSON.
+/// Returns the scene without its bodies, its joints and its name, as one line of JSON.
 pub(crate) fn own_words(scene: &Scene) -> String {
-    let alone = Scene { bodies: Vec::new(), name: None, ..scene.clone() };
-    serde_json::to_string(&document(&alone)).unwrap_or_default()
+    let none = Scene { bodies: Vec::new(), joints: Vec::new(), name: None, ..scene.clone() };
+    serde_json::to_string(&document(&none)).unwrap_or_default()
 }
 
 /// Returns the scene as TOML. Reading it gives the same scene.
@@ -42,6 +45,7 @@ fn document(scene: &Scene) -> SceneDocument {
         bodies_as: particles.then_some(BodiesAs::Particles),
         solver: scene.solver.clone(),
         bodies: scene.bodies.iter().map(|body| body_document(body, scene)).collect(),
+        joints: scene.joints.iter().map(|joint| joint_document(joint, scene)).collect(),
         ..SceneDocument::default()
     }
 }
