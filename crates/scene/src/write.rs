@@ -2,6 +2,8 @@
 
 mod joint;
 
+use serde_json::Value;
+
 use self::joint::joint_document;
 use super::description::{
     BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, SurfaceVelocity,
@@ -14,6 +16,7 @@ use super::document::{
 };
 use super::format::surface::default_material;
 use super::format::{GRAVITY, TIME_STEP};
+use super::joint::Joint;
 
 /// Returns the scene as JSON. Reading it gives the same scene.
 pub fn to_json(scene: &Scene) -> String {
@@ -25,6 +28,15 @@ pub fn to_json(scene: &Scene) -> String {
 pub(crate) fn own_words(scene: &Scene) -> String {
     let none = Scene { bodies: Vec::new(), joints: Vec::new(), name: None, ..scene.clone() };
     serde_json::to_string(&document(&none)).unwrap_or_default()
+}
+
+/// Returns a joint without name, bodies and frames as JSON of the own format.
+pub(crate) fn own_joint(joint: &Joint) -> Value {
+    let mut own = serde_json::to_value(joint_document(joint, &[], 3)).unwrap_or_default();
+    if let Some(own) = own.as_object_mut() {
+        ["name", "bodies", "frames", "collide"].iter().for_each(|key| _ = own.remove(*key));
+    }
+    own
 }
 
 /// Returns the scene as TOML. Reading it gives the same scene.
@@ -45,7 +57,11 @@ fn document(scene: &Scene) -> SceneDocument {
         bodies_as: particles.then_some(BodiesAs::Particles),
         solver: scene.solver.clone(),
         bodies: scene.bodies.iter().map(|body| body_document(body, scene)).collect(),
-        joints: scene.joints.iter().map(|joint| joint_document(joint, scene)).collect(),
+        joints: scene
+            .joints
+            .iter()
+            .map(|joint| joint_document(joint, &scene.bodies, scene.dimension))
+            .collect(),
         ..SceneDocument::default()
     }
 }
@@ -208,4 +224,4 @@ fn keys(track: &Track) -> Vec<KeyDocument> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

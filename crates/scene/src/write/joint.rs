@@ -1,7 +1,7 @@
 //! Writes joints, all as general ones with frames in their bodies: no number is computed.
 
 use super::{number_unless, rotation_unless, unless};
-use crate::description::{Rotation, Scene};
+use crate::description::{Body, Rotation};
 use crate::document::Unbounded;
 use crate::document::joint::{
     AxisDocument, BodyReference, BreakingDocument, CoordinateDocument, DriveDocument,
@@ -13,18 +13,18 @@ use crate::format::joint::axis::LOCKED;
 use crate::format::joint::coordinate::{default_limits, name_of, rank};
 use crate::joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrame};
 
-pub(super) fn joint_document(joint: &Joint, scene: &Scene) -> JointDocument {
+pub(super) fn joint_document(joint: &Joint, all: &[Body], dimension: usize) -> JointDocument {
     let mut general = GeneralDocument::default();
-    joint.axes.iter().for_each(|axis| set_axis(&mut general, axis, scene.dimension));
+    joint.axes.iter().for_each(|axis| set_axis(&mut general, axis, dimension));
     let is_sorted = joint.axes.is_sorted_by_key(|axis| rank(axis.coordinate));
     let names = || joint.axes.iter().map(|axis| name_of(axis.coordinate)).collect();
     general.order = (!is_sorted).then(names);
     JointDocument {
         kind: JointKindDocument::General { coordinates: Box::new(general) },
         name: joint.name.clone(),
-        bodies: bodies(joint.bodies, scene),
+        bodies: bodies(joint.bodies, all),
         anchors: None,
-        frames: Some(joint.frames.iter().map(|frame| frame_document(frame, scene)).collect()),
+        frames: Some(joint.frames.iter().map(|frame| frame_document(frame, dimension)).collect()),
         breaking: breaking(joint.breaking),
         collide: joint.collide.then_some(true),
         enabled: (!joint.enabled).then_some(false),
@@ -33,10 +33,10 @@ pub(super) fn joint_document(joint: &Joint, scene: &Scene) -> JointDocument {
 }
 
 /// Names the bodies; the world comes last, or is -1.
-fn bodies(bodies: [Option<usize>; 2], scene: &Scene) -> Vec<BodyReference> {
+fn bodies(bodies: [Option<usize>; 2], all: &[Body]) -> Vec<BodyReference> {
     let reference = |body: Option<usize>| match body {
         None => BodyReference::Index(-1),
-        Some(index) => match scene.bodies.get(index).and_then(|body| body.name.clone()) {
+        Some(index) => match all.get(index).and_then(|body| body.name.clone()) {
             Some(name) => BodyReference::Name(name),
             None => BodyReference::Index(index as i64),
         },
@@ -45,10 +45,10 @@ fn bodies(bodies: [Option<usize>; 2], scene: &Scene) -> Vec<BodyReference> {
     bodies.into_iter().take(count).map(reference).collect()
 }
 
-fn frame_document(frame: &JointFrame, scene: &Scene) -> FrameDocument {
+fn frame_document(frame: &JointFrame, dimension: usize) -> FrameDocument {
     FrameDocument {
-        position: unless(&frame.position, &vec![0.0; scene.dimension]),
-        rotation: rotation_unless(frame.rotation, Rotation::identity(scene.dimension)),
+        position: unless(&frame.position, &vec![0.0; dimension]),
+        rotation: rotation_unless(frame.rotation, Rotation::identity(dimension)),
     }
 }
 

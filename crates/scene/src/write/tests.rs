@@ -26,7 +26,7 @@ fn unit(n: usize) -> impl Strategy<Value = Vec<f64>> {
     })
 }
 
-fn quaternion() -> impl Strategy<Value = [f64; 4]> {
+pub(crate) fn quaternion() -> impl Strategy<Value = [f64; 4]> {
     unit(4).prop_map(|v| v.try_into().unwrap())
 }
 
@@ -294,7 +294,7 @@ fn frame(dimension: usize) -> impl Strategy<Value = JointFrame> {
 }
 
 /// Joints of the dynamic bodies with others and with the world.
-fn joints(dimension: usize, bodies: &[Body]) -> BoxedStrategy<Vec<Joint>> {
+pub(crate) fn joints(dimension: usize, bodies: &[Body]) -> BoxedStrategy<Vec<Joint>> {
     let others: Vec<_> = (0..bodies.len()).map(Some).chain([None]).collect();
     let moves = |i: &usize| bodies[*i].motion == Motion::Dynamic;
     let dynamic: Vec<_> = (0..bodies.len()).filter(moves).collect();
