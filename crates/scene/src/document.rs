@@ -1,12 +1,15 @@
 //! The scene format as types: scenes are written from them, and the JSON Schema is generated from
 //! them.
 
+pub(super) mod joint;
+
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 
+use self::joint::JointDocument;
 use super::description::{BodiesAs, Combine, Motion, ShapeKind};
 
 /// A scene for Drystone. SI units, right-handed, +y up.
@@ -52,9 +55,10 @@ pub(super) struct SceneDocument {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[schemars(default)]
     pub(super) bodies: Vec<BodyDocument>,
-    /// Not supported yet.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) joints: Option<Value>,
+    /// The joints; the index in this list is the number of a joint in every output.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(default)]
+    pub(super) joints: Vec<JointDocument>,
     /// Not supported yet.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) events: Option<Value>,

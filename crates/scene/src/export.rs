@@ -4,6 +4,7 @@
 mod buffer;
 mod color;
 pub mod gltf;
+mod joint;
 mod mesh;
 mod nodes;
 pub mod usd;

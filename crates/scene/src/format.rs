@@ -14,6 +14,7 @@
 
 pub(crate) mod body;
 pub(super) mod cursor;
+pub(crate) mod joint;
 mod setup;
 pub(super) mod shape;
 pub(crate) mod surface;
@@ -27,6 +28,8 @@ use serde_json::Value;
 
 use self::body::read_body;
 use self::cursor::{FieldCursor, Range, ReadContext, TableCursor};
+use self::joint::read_joints;
+use self::joint::setup::JointSetup;
 use self::setup::Setup;
 use self::surface::{SurfaceFields, Systems, read_surface};
 use self::tree::{Text, Tree, TreeNode};
@@ -126,7 +129,12 @@ fn read_scene(field: &FieldCursor<'_>, engine: &dyn Engine) -> Result<Scene, Sce
             field.choice(&[("rigid", BodiesAs::Rigid), ("particles", BodiesAs::Particles)])?
         }
     };
-    warn_of_unsupported(&table);
+    if let Some(field) = table.get("events").filter(|field| !field.is_empty()) {
+        field.warn("are not supported yet: the scene runs without them");
+    }
+    let bodies = read_bodies(&table, dimension, bodies_as)?;
+    let particles = bodies_as == BodiesAs::Particles;
+    let joints = read_joints(&table, &JointSetup::new(dimension, particles, &bodies))?;
     Ok(Scene {
         name: table.get("name").map(|name| name.text().map(str::to_owned)).transpose()?,
         dimension,
@@ -134,21 +142,13 @@ fn read_scene(field: &FieldCursor<'_>, engine: &dyn Engine) -> Result<Scene, Sce
         time_step,
         steps: read_steps(&table, time_step)?,
         bodies_as,
-        bodies: read_bodies(&table, dimension, bodies_as)?,
-        joints: Vec::new(),
+        bodies,
+        joints,
         solver: match table.get("solver") {
             None => serde_json::Map::new(),
             Some(field) => read_solver(&field, engine)?,
         },
     })
-}
-
-fn warn_of_unsupported(table: &TableCursor<'_>) {
-    for key in ["joints", "events"] {
-        if let Some(field) = table.get(key).filter(|field| !field.is_empty()) {
-            field.warn("are not supported yet: the scene runs without them");
-        }
-    }
 }
 
 fn read_steps(table: &TableCursor<'_>, time_step: f64) -> Result<Option<u32>, SceneError> {

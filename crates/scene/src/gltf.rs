@@ -4,11 +4,14 @@
 //! Files are not trusted: every index, length, path and number is checked before use, and every
 //! error names its position.
 
-#![deny(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    clippy::arithmetic_side_effects
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects
+    )
 )]
 // An error ends the reading of a file, so its size does not matter.
 #![allow(clippy::result_large_err)]
@@ -17,13 +20,16 @@ mod accessors;
 mod animation;
 mod container;
 mod glb;
+mod joints;
 mod json;
 mod meshes;
 mod nodes;
 mod physics;
 mod shapes;
+mod shared_joints;
 mod source;
 mod tables;
+mod unknown;
 
 pub use container::contained;
 pub use source::{BodyNode, Source};
@@ -32,6 +38,7 @@ use std::path::Path;
 
 use self::accessors::Accessors;
 use self::animation::Animation;
+use self::joints::JointReader;
 use self::json::Cursor;
 use self::meshes::Meshes;
 use self::physics::GltfBodies;
@@ -105,8 +112,17 @@ pub fn read(file: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
                 .into(),
         });
     }
-    tables::count_unknown(&mut warnings);
-    let scene = Scene { name: scene_name(&root)?, bodies, ..own(&root, engine)? };
+    let joints = JointReader {
+        nodes: &nodes,
+        tables: &tables,
+        animation: &animation,
+        dialect,
+        bodies: &bodies,
+        body_nodes: &body_nodes,
+    };
+    let joints = joints.read(&mut warnings)?;
+    unknown::count_unknown(&mut warnings);
+    let scene = Scene { name: scene_name(&root)?, bodies, joints, ..own(&root, engine)? };
     let source = Source { document, buffers, folder, bodies: body_nodes };
     Ok(Read { scene, warnings, source: Some(source) })
 }
@@ -156,11 +172,12 @@ fn check_head(root: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), Scen
 
 /// Returns true if a file that requires this extension can be simulated anyway.
 fn harmless(extension: &str) -> bool {
-    const KNOWN: [&str; 7] = [
+    const KNOWN: [&str; 8] = [
         "KHR_implicit_shapes",
         "KHR_physics_rigid_bodies",
         "OMI_physics_body",
         "OMI_physics_shape",
+        "OMI_physics_joint",
         "KHR_mesh_quantization",
         "KHR_lights_punctual",
         "KHR_xmp_json_ld",
@@ -186,3 +203,6 @@ fn scene_name(root: &Cursor<'_>) -> Result<Option<String>, SceneError> {
     };
     Ok(name.map(|n| n.text()).transpose()?.map(String::from))
 }
+
+#[cfg(test)]
+mod tests;

@@ -19,10 +19,13 @@ pub(super) mod triangles;
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use serde_json::{Value, json};
+
 use self::math::{Quat, Vec3};
 use super::description::{Scene, SurfaceVelocity};
-use super::engine::Engine;
+use super::engine::{Engine, NoEngine};
 use super::format;
+use super::joint::Joint;
 
 /// Largest coordinate, size and scale. \[m\]
 pub(super) const FAR: f64 = 1e9;
@@ -70,4 +73,19 @@ pub(super) fn own_words(text: &str, engine: &dyn Engine) -> Result<Scene, (Strin
         }
         Err(error) => Err((format!("{} {}", error.item, error.value), error.accepted)),
     }
+}
+
+/// Reads a joint of the own format from an object without bodies and frames: what other formats
+/// cannot express. The error states the faulty item and what is accepted.
+pub(super) fn own_joint(own: &Value) -> Result<Joint, (String, String)> {
+    let ball = json!({ "shapes": [{ "type": "sphere", "radius": 1.0 }] });
+    let mut joint = own.clone();
+    if let Some(joint) = joint.as_object_mut() {
+        joint.insert("bodies".to_owned(), json!([0, 1]));
+    }
+    let text = json!({ "bodies": [ball, ball], "joints": [joint] }).to_string();
+    let read = format::read_json_with(Path::new(""), &text, &NoEngine)
+        .map_err(|error| (format!("{} {}", error.item, error.value), error.accepted))?;
+    let missing = || ("a joint".to_owned(), "a joint of Drystone's own format".to_owned());
+    read.scene.joints.into_iter().next().ok_or_else(missing)
 }

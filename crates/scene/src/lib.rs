@@ -43,6 +43,7 @@ pub mod format;
 pub mod gltf;
 pub mod graph;
 mod joint;
+mod joint_limits;
 mod read;
 pub mod schema;
 pub mod solid_mesh;

@@ -56,6 +56,10 @@ mod tests {
     use super::*;
     use crate::format::SCENE_KEYS;
     use crate::format::body::{BODY_KEYS, KEY_KEYS};
+    use crate::format::joint::axis::{AXIS_KEYS, DRIVE_KEYS, MOTOR_KEYS, SPRING_KEYS};
+    use crate::format::joint::coordinate::{NAMES, PARAMETRIC};
+    use crate::format::joint::frames::FRAME_KEYS;
+    use crate::format::joint::{BREAKING_KEYS, JOINT_KEYS};
     use crate::format::shape::{DECOMPOSITION_KEYS, SHAPE_KEYS};
     use crate::format::surface::{COLLISION_KEYS, COMBINE, MATERIAL_KEYS, SURFACE_VELOCITY_KEYS};
 
@@ -79,19 +83,45 @@ mod tests {
         assert_eq!(of("Collision"), set(COLLISION_KEYS));
         assert_eq!(of("SurfaceMotion"), set(SURFACE_VELOCITY_KEYS));
         assert_eq!(of("Decomposition"), set(DECOMPOSITION_KEYS));
+        assert_eq!(of("Frame"), set(FRAME_KEYS));
+        assert_eq!(of("Breaking"), set(BREAKING_KEYS));
+        assert_eq!(of("Axis"), set(AXIS_KEYS));
+        assert_eq!(of("Spring"), set(SPRING_KEYS));
+        assert_eq!(of("Motor"), set(MOTOR_KEYS));
+        assert_eq!(of("Drive"), set(DRIVE_KEYS));
+        let parametric = ["EllipticCone", "Gear", "Rack", "Screw", "Pulley"];
+        for (name, (_, keys)) in parametric.into_iter().zip(PARAMETRIC) {
+            assert_eq!(of(name), set(keys), "{name}");
+        }
+    }
+
+    /// Asserts that a table of the schema has exactly these types, with these keys.
+    fn assert_types(table: &Value, types: &[(&str, &[&str])]) {
+        let variants = table["oneOf"].as_array().unwrap();
+        assert_eq!(variants.len(), types.len());
+        for (variant, (name, keys)) in variants.iter().zip(types) {
+            assert_eq!(variant["properties"]["type"]["const"], *name);
+            let all: BTreeSet<_> = keys_of(table).union(&keys_of(variant)).copied().collect();
+            assert_eq!(all, set(keys), "{name}");
+        }
     }
 
     #[test]
     fn the_schema_has_the_shapes_that_are_read() {
-        let schema = json_schema();
-        let shape = &schema["$defs"]["Shape"];
-        let variants = shape["oneOf"].as_array().unwrap();
-        assert_eq!(variants.len(), SHAPE_KEYS.len());
-        for (variant, (name, keys)) in variants.iter().zip(SHAPE_KEYS) {
-            assert_eq!(variant["properties"]["type"]["const"], name);
-            let all: BTreeSet<_> = keys_of(shape).union(&keys_of(variant)).copied().collect();
-            assert_eq!(all, set(keys), "{name}");
-        }
+        assert_types(&json_schema()["$defs"]["Shape"], &SHAPE_KEYS);
+    }
+
+    #[test]
+    fn the_schema_has_the_joints_that_are_read() {
+        assert_types(&json_schema()["$defs"]["Joint"], &JOINT_KEYS);
+    }
+
+    /// The type "general" has every coordinate, in their order.
+    #[test]
+    fn general_joints_have_every_coordinate() {
+        let (_, keys) = JOINT_KEYS.iter().find(|(name, _)| *name == "general").unwrap();
+        let names: Vec<_> = keys.iter().filter(|key| NAMES.contains(key)).collect();
+        assert_eq!(names, NAMES.iter().collect::<Vec<_>>());
     }
 
     #[test]

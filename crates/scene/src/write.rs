@@ -1,5 +1,10 @@
 //! Writes a scene in Drystone's own format; values equal to their defaults are omitted.
 
+mod joint;
+
+use serde_json::Value;
+
+use self::joint::joint_document;
 use super::description::{
     BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, SurfaceVelocity,
     Track,
@@ -11,6 +16,7 @@ use super::document::{
 };
 use super::format::surface::default_material;
 use super::format::{GRAVITY, TIME_STEP};
+use super::joint::Joint;
 
 /// Returns the scene as JSON. Reading it gives the same scene.
 pub fn to_json(scene: &Scene) -> String {
@@ -18,10 +24,19 @@ pub fn to_json(scene: &Scene) -> String {
     serde_json::to_string_pretty(&document(scene)).unwrap_or_default() + "\n"
 }
 
-/// Returns the scene without its bodies and its name, as one line of JSON.
+/// Returns the scene without its bodies, its joints and its name, as one line of JSON.
 pub(crate) fn own_words(scene: &Scene) -> String {
-    let alone = Scene { bodies: Vec::new(), name: None, ..scene.clone() };
-    serde_json::to_string(&document(&alone)).unwrap_or_default()
+    let none = Scene { bodies: Vec::new(), joints: Vec::new(), name: None, ..scene.clone() };
+    serde_json::to_string(&document(&none)).unwrap_or_default()
+}
+
+/// Returns a joint without name, bodies and frames as JSON of the own format.
+pub(crate) fn own_joint(joint: &Joint) -> Value {
+    let mut own = serde_json::to_value(joint_document(joint, &[], 3)).unwrap_or_default();
+    if let Some(own) = own.as_object_mut() {
+        ["name", "bodies", "frames", "collide"].iter().for_each(|key| _ = own.remove(*key));
+    }
+    own
 }
 
 /// Returns the scene as TOML. Reading it gives the same scene.
@@ -42,6 +57,11 @@ fn document(scene: &Scene) -> SceneDocument {
         bodies_as: particles.then_some(BodiesAs::Particles),
         solver: scene.solver.clone(),
         bodies: scene.bodies.iter().map(|body| body_document(body, scene)).collect(),
+        joints: scene
+            .joints
+            .iter()
+            .map(|joint| joint_document(joint, &scene.bodies, scene.dimension))
+            .collect(),
         ..SceneDocument::default()
     }
 }
@@ -204,4 +224,4 @@ fn keys(track: &Track) -> Vec<KeyDocument> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -360,20 +360,20 @@ fn materials_and_filters() {
     refused(result, at);
 }
 
-/// Joints and triggers, which are not simulated, and motions without a collider give a warning that
-/// names the node.
+/// Joints that join no body, triggers, which are not simulated, and motions without a collider give
+/// a warning that names the node.
 #[test]
 fn joints_and_triggers_are_named() {
     let nodes = json!([
         { "name": "door", "extensions": physics(json!({
-            "motion": {}, "collider": collider(), "joint": { "connectedNode": 1, "joint": 0 } })) },
+            "motion": {}, "collider": collider(), "joint": { "connectedNode": 2, "joint": 0 } })) },
         { "name": "zone", "extensions": physics(json!({ "trigger": collider() })) },
         { "name": "ghost", "extensions": physics(json!({ "motion": {} })) },
     ]);
     let joints = json!({ "physicsJoints": [{ "limits": [{ "linearAxes": [0, 1, 2] }] }] });
     let read = read("joints", &document(nodes, ball(), json!({ "physics": joints }))).unwrap();
     assert_eq!(read.scene.bodies.len(), 1);
-    assert!(warned(&read, &["'door'", "joint", "not simulated"]));
+    assert!(warned(&read, &["'door'", "joint is not simulated", "'ghost' has a motion"]));
     assert!(warned(&read, &["'zone'", "trigger", "not simulated"]));
     assert!(warned(&read, &["'ghost'", "no collider"]));
 }

@@ -421,8 +421,8 @@ fn warnings(text: &str) -> Vec<String> {
 /// Keys that have no effect and implausible values give a warning.
 #[test]
 fn values_without_effect_give_warnings() {
-    let expected = ["1:10: joints are not supported yet: the scene runs without them"];
-    assert_eq!(warnings("joints = [1]\nevents = []"), expected);
+    let expected = ["1:10: events are not supported yet: the scene runs without them"];
+    assert_eq!(warnings("events = [1]\njoints = []"), expected);
     let still = ball("motion = \"static\"\nlinear_velocity = [0, 1, 0]");
     let expected = ["4:19: linear_velocity of body 'ball' does not act: the body is static"];
     assert_eq!(warnings(&still), expected);

@@ -42,6 +42,15 @@ impl GltfBuffer<'_> {
         items - 1
     }
 
+    /// Makes a node the child of another.
+    pub(super) fn adopt(&mut self, parent: usize, child: usize) {
+        let children = &mut self.document["nodes"][parent]["children"];
+        match children.as_array_mut() {
+            Some(children) => children.push(json!(child)),
+            None => *children = json!([child]),
+        }
+    }
+
     /// Appends a view of these bytes, which starts at a multiple of 4, and returns its index.
     pub fn push_view(&mut self, data: &[u8], used_for: Use) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);

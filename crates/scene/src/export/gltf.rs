@@ -9,7 +9,8 @@
 //! - the geometric mean as a rule that combines friction or restitution;
 //! - the fact that a compound body is static;
 //! - damping, surface velocities, and resistance to rolling and spinning;
-//! - accuracy and number of pieces of a convex decomposition.
+//! - accuracy and number of pieces of a convex decomposition;
+//! - coordinates, friction and loads of joints that limits and drives of axes cannot express.
 
 use std::collections::HashMap;
 use std::io;
@@ -18,6 +19,7 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::buffer::{GltfBuffer, Use, write_glb};
+use super::joint::description;
 use super::mesh::hull_triangles;
 use super::nodes::{Nodes, add_scene, is_centered, place};
 use crate::description::{
@@ -26,6 +28,7 @@ use crate::description::{
 use crate::engine::Engine;
 use crate::graph::math::{self, Quat};
 use crate::graph::seen_from;
+use crate::joint::Joint;
 use crate::whole::write_whole;
 use crate::write::own_words;
 
@@ -63,12 +66,14 @@ impl Physics {
             meshes: HashMap::new(),
         };
         let bodies = scene.bodies.iter().enumerate();
-        let roots: Vec<_> = bodies
+        let nodes: Vec<_> = bodies
             .map(|(index, body)| {
                 let mass = masses.get(index).copied().unwrap_or(f64::INFINITY);
                 writer.body(index, body, mass)
             })
             .collect::<Result<_, _>>()?;
+        let mut roots = nodes.clone();
+        scene.joints.iter().for_each(|joint| writer.joint(joint, &nodes, &mut roots));
         let tables = writer.tables;
         document["extensions"] = tables.extensions();
         add_scene(&mut document, scene, &roots);
@@ -111,6 +116,7 @@ struct UniqueLists {
     shapes: UniqueList,
     materials: UniqueList,
     filters: UniqueList,
+    joints: UniqueList,
 }
 
 #[derive(Default)]
@@ -132,9 +138,11 @@ impl UniqueList {
 impl UniqueLists {
     fn extensions(self) -> Value {
         let mut bodies = Map::new();
-        for (key, table) in
-            [("physicsMaterials", self.materials), ("collisionFilters", self.filters)]
-        {
+        for (key, table) in [
+            ("physicsMaterials", self.materials),
+            ("collisionFilters", self.filters),
+            ("physicsJoints", self.joints),
+        ] {
             // glTF does not allow empty lists.
             if !table.items.is_empty() {
                 bodies.insert(key.to_owned(), json!(table.items));
@@ -210,6 +218,33 @@ impl Writer<'_> {
             node["extras"] = json!({ "drystone": own });
         }
         Ok(self.gltf.push("nodes", node))
+    }
+
+    /// Adds a joint between bodies with these nodes. Its frames are nodes below them, or roots.
+    fn joint(&mut self, joint: &Joint, nodes: &[usize], roots: &mut Vec<usize>) {
+        let mut connected = None;
+        // The extension measures the connected node in the frame of the node with the joint.
+        for (body, frame) in joint.bodies.into_iter().zip(&joint.frames) {
+            let mut node = json!({});
+            place(&mut node, &frame.position, frame.rotation);
+            if let Some(other) = connected {
+                let shared = self.tables.joints.place(description(joint));
+                let mut own = json!({ "connectedNode": other, "joint": shared });
+                if joint.collide {
+                    own["enableCollision"] = json!(true);
+                }
+                if let Some(name) = &joint.name {
+                    node["name"] = json!(name);
+                }
+                node["extensions"] = json!({ "KHR_physics_rigid_bodies": { "joint": own } });
+            }
+            let index = self.gltf.push("nodes", node);
+            match body.and_then(|body| nodes.get(body)) {
+                Some(node) => self.gltf.adopt(*node, index),
+                None => roots.push(index),
+            }
+            connected = Some(index);
+        }
     }
 
     /// Returns the collider of a shape, and an additional rotation for its node.

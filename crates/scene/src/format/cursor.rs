@@ -52,7 +52,7 @@ pub(super) struct TableCursor<'a> {
 pub(super) struct Range {
     pub(super) min: f64,
     pub(super) max: f64,
-    /// True if infinity is accepted as well.
+    /// True if infinity is accepted as well, with either sign if `min` is negative.
     pub(super) infinite: bool,
     pub(super) unit: &'static str,
 }
@@ -70,7 +70,8 @@ impl Range {
     }
 
     fn contains(&self, x: f64) -> bool {
-        (self.min <= x && x <= self.max) || (self.infinite && x == f64::INFINITY)
+        let below = self.min < 0.0 && x == f64::NEG_INFINITY;
+        (self.min <= x && x <= self.max) || (self.infinite && (below || x == f64::INFINITY))
     }
 }
 
@@ -80,7 +81,11 @@ impl Display for Range {
         if !self.unit.is_empty() {
             write!(f, " {}", self.unit)?;
         }
-        if self.infinite { write!(f, ", or inf") } else { Ok(()) }
+        match (self.infinite, self.min < 0.0) {
+            (false, _) => Ok(()),
+            (true, false) => write!(f, ", or inf"),
+            (true, true) => write!(f, ", or -inf, or inf"),
+        }
     }
 }
 
@@ -169,8 +174,13 @@ impl<'a> FieldCursor<'a> {
 
     /// Adds the warning that this value has no effect, or another one than expected.
     pub(super) fn warn(&self, what: impl Display) {
+        self.warn_of(&self.item(), what);
+    }
+
+    /// Adds a warning about this value, which messages call `item`.
+    pub(super) fn warn_of(&self, item: &str, what: impl Display) {
         let place = self.walk.place(self.node.start, &self.path);
-        let message = format!("{} {what}", self.item());
+        let message = format!("{item} {what}");
         self.walk.warnings.borrow_mut().push(Warning { place, message });
     }
 
@@ -180,6 +190,7 @@ impl<'a> FieldCursor<'a> {
             Tree::Float(value) => Some(*value),
             // JSON has no infinity.
             Tree::Text(text) if text == "inf" => Some(f64::INFINITY),
+            Tree::Text(text) if text == "-inf" => Some(f64::NEG_INFINITY),
             _ => None,
         }
     }

@@ -15,8 +15,10 @@ use super::animation::{self, Animation};
 use super::json::Cursor;
 use super::meshes::Meshes;
 use super::nodes::{self, Node};
+use super::shared_joints;
 use super::source::BodyNode;
 use super::tables::{self, Dialect, SharedObjects};
+use super::unknown;
 use crate::solid_mesh::DecompositionOptions;
 
 /// Largest magnitude of the factor on gravity.
@@ -347,12 +349,9 @@ impl GltfBodies<'_> {
     fn properties(&self, warnings: &mut Vec<Warning>) -> Result<Properties<'_>, SceneError> {
         let mut properties = Properties { moving: BTreeMap::new(), colliders: BTreeMap::new() };
         for (index, node) in self.nodes.iter().enumerate() {
-            if node.cursor.extension("OMI_physics_joint")?.is_some() && node.present {
-                self.warn(index, "its OMI_physics_joint is not simulated", warnings);
-            }
             self.other_physics(node, warnings)?;
             let Some(physics) = node.cursor.extension(self.dialect.bodies())? else { continue };
-            tables::warn_unknown(&physics, &["motion", "collider", "trigger", "joint"], warnings);
+            unknown::warn_unknown(&physics, &["motion", "collider", "trigger", "joint"], warnings);
             if let Some(motion) = physics.get("motion")? {
                 let own = node.cursor.own()?;
                 properties.moving.insert(index, self.motion(&motion, own.as_ref(), warnings)?);
@@ -368,16 +367,6 @@ impl GltfBodies<'_> {
                     self.warn(index, "its trigger is not simulated: it makes no contact", warnings);
                 }
             }
-            if let Some(joint) = physics.get("joint")? {
-                joint.require("joint")?.index(self.tables.joints, "physics joints")?;
-                joint.require("connectedNode")?.index(self.nodes.len(), "nodes")?;
-                let known = ["connectedNode", "joint", "enableCollision"];
-                tables::warn_unknown(&joint, &known, warnings);
-                if node.present {
-                    let what = "its joint is not simulated: nothing holds the bodies together";
-                    self.warn(index, what, warnings);
-                }
-            }
         }
         Ok(properties)
     }
@@ -389,11 +378,11 @@ impl GltfBodies<'_> {
         warnings: &mut Vec<Warning>,
     ) -> Result<(), SceneError> {
         let Some(all) = node.cursor.get("extensions")? else { return Ok(()) };
-        let read = [self.dialect.bodies(), "OMI_physics_joint"];
+        let read = [self.dialect.bodies(), shared_joints::OMI];
         for name in all.object()?.keys() {
             let physical = name.contains("physics") || name.contains("vehicle");
             if physical && !read.contains(&name.as_str()) && node.present {
-                let message = format!("the extension {name} of nodes{}", tables::IGNORED);
+                let message = format!("the extension {name} of nodes{}", unknown::IGNORED);
                 warnings.push(Warning { place: node.cursor.place(), message });
             }
         }
@@ -417,7 +406,7 @@ impl GltfBodies<'_> {
             "angularVelocity",
             "gravityFactor",
         ];
-        tables::warn_unknown(motion, &KEYS, warnings);
+        unknown::warn_unknown(motion, &KEYS, warnings);
         let omi = self.dialect == Dialect::Omi;
         let kind = match motion.get("type")? {
             Some(kind) if omi => match kind.text()? {
@@ -495,8 +484,8 @@ impl GltfBodies<'_> {
         let geometry = match collider.get("geometry")? {
             Some(geometry) => {
                 let known = ["geometry", "physicsMaterial", "collisionFilter"];
-                tables::warn_unknown(&collider, &known, warnings);
-                tables::warn_unknown(&geometry, &FORM, warnings);
+                unknown::warn_unknown(&collider, &known, warnings);
+                unknown::warn_unknown(&geometry, &FORM, warnings);
                 geometry
             }
             // An OMI collider without a shape refers to the colliders below it.
@@ -552,7 +541,11 @@ impl GltfBodies<'_> {
 
     /// Checks a trigger. Triggers are not simulated, but faults in them are errors.
     fn trigger(&self, trigger: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
-        tables::warn_unknown(trigger, &["geometry", "nodes", "shape", "collisionFilter"], warnings);
+        unknown::warn_unknown(
+            trigger,
+            &["geometry", "nodes", "shape", "collisionFilter"],
+            warnings,
+        );
         if let Some(filter) = trigger.get("collisionFilter")? {
             filter.index(self.tables.filters.len(), "collision filters")?;
         }

@@ -8,6 +8,8 @@ use super::super::graph::FAR;
 use super::super::graph::implicit::Implicit;
 use super::json::Cursor;
 use super::shapes;
+use super::shared_joints::{self, SharedJoint};
+use super::unknown::warn_unknown;
 
 /// The family of extensions that a file uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,11 +56,14 @@ impl Dialect {
 }
 
 /// The shared objects.
+#[derive(Default)]
 pub(super) struct SharedObjects {
     pub(super) shapes: Vec<Implicit>,
     pub(super) materials: Vec<Material>,
     pub(super) filters: Vec<Filter>,
-    pub(super) joints: usize,
+    pub(super) joints: Vec<SharedJoint>,
+    /// Joints of `OMI_physics_joint`.
+    pub(super) omi_joints: Vec<SharedJoint>,
 }
 
 /// Surface of a collider without a material.
@@ -77,8 +82,13 @@ pub(super) fn read(
     meshes: usize,
     warnings: &mut Vec<Warning>,
 ) -> Result<SharedObjects, SceneError> {
-    let mut tables =
-        SharedObjects { shapes: Vec::new(), materials: Vec::new(), filters: Vec::new(), joints: 0 };
+    let mut tables = SharedObjects::default();
+    if let Some(extension) = root.extension(shared_joints::OMI)? {
+        warn_unknown(&extension, &["physicsJoints"], warnings);
+        for joint in extension.list("physicsJoints")? {
+            tables.omi_joints.push(shared_joints::read(&joint, warnings)?);
+        }
+    }
     if let Some(extension) = root.extension(dialect.shapes())? {
         warn_unknown(&extension, &["shapes"], warnings);
         let defaults = if dialect == Dialect::Omi { shapes::OMI } else { shapes::KHRONOS };
@@ -97,54 +107,9 @@ pub(super) fn read(
         tables.filters.push(read_filter(&filter, &mut systems, warnings)?);
     }
     for joint in extension.list("physicsJoints")? {
-        check_joint(&joint, warnings)?;
-        tables.joints = tables.joints.saturating_add(1);
+        tables.joints.push(shared_joints::read(&joint, warnings)?);
     }
     Ok(tables)
-}
-
-/// Warns of unknown properties and extensions of an object.
-pub(super) fn warn_unknown(cursor: &Cursor<'_>, known: &[&str], warnings: &mut Vec<Warning>) {
-    for key in cursor.unknown(known) {
-        warnings.push(Warning {
-            place: cursor.place(),
-            message: format!("'{key}' is not a property of {}{IGNORED}", kind_of(cursor)),
-        });
-    }
-    // Extensions inside an extension.
-    if let Some(inner) = cursor.value.get("extensions").and_then(|inner| inner.as_object()) {
-        for name in inner.keys() {
-            let message = format!("the extension {name} of {}{IGNORED}", kind_of(cursor));
-            warnings.push(Warning { place: cursor.place(), message });
-        }
-    }
-}
-
-/// End of every warning about an unknown property or extension.
-pub(super) const IGNORED: &str = " here: it is ignored";
-
-/// Returns the name of an object without its index in a list.
-fn kind_of(cursor: &Cursor<'_>) -> String {
-    let name = cursor.name();
-    name.split_once('[').map_or(name.clone(), |(list, _)| list.to_owned())
-}
-
-/// Keeps each warning about an unknown property once, and appends its number of occurrences.
-pub(super) fn count_unknown(warnings: &mut Vec<Warning>) {
-    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-    warnings.retain(|warning| {
-        if !warning.message.ends_with(IGNORED) {
-            return true;
-        }
-        let count = counts.entry(warning.message.clone()).or_insert(0);
-        *count = count.saturating_add(1);
-        *count == 1
-    });
-    for warning in warnings {
-        if let Some(count) = counts.get(&warning.message).filter(|count| **count > 1) {
-            warning.message.push_str(&format!(" ({count} times)"));
-        }
-    }
 }
 
 /// Warns of unknown members of a shape.
@@ -275,59 +240,4 @@ fn read_filter(
         (None, not) => (!not.unwrap_or(0), true),
     };
     Ok(Filter { systems: own.unwrap_or(0), collides_with, collides_with_unnamed: unnamed })
-}
-
-/// Checks a joint. Joints are not simulated, but faults in them are errors.
-fn check_joint(joint: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(), SceneError> {
-    warn_unknown(joint, &["name", "limits", "drives"], warnings);
-    let positive = |cursor: &Cursor<'_>, keys: &[&str]| -> Result<(), SceneError> {
-        for key in keys {
-            if let Some(number) = cursor.get(key)? {
-                number.within(0.0, f64::MAX)?;
-            }
-        }
-        Ok(())
-    };
-    for limit in joint.list("limits")? {
-        const KEYS: [&str; 6] = ["linearAxes", "angularAxes", "min", "max", "stiffness", "damping"];
-        warn_unknown(&limit, &KEYS, warnings);
-        let (linear, angular) = (limit.get("linearAxes")?, limit.get("angularAxes")?);
-        let axes = match (linear, angular) {
-            (Some(axes), None) | (None, Some(axes)) => axes,
-            _ => {
-                return Err(limit.fault(
-                    "joint limit",
-                    "exactly one of 'linearAxes' and 'angularAxes' is accepted",
-                ));
-            }
-        };
-        for axis in axes.items()? {
-            axis.index(3, "axes")?;
-        }
-        positive(&limit, &["stiffness", "damping"])?;
-        for key in ["min", "max"] {
-            limit.get(key)?.map(|c| c.number(f64::MAX)).transpose()?;
-        }
-    }
-    for drive in joint.list("drives")? {
-        const KEYS: [&str; 8] = [
-            "type",
-            "mode",
-            "axis",
-            "maxForce",
-            "positionTarget",
-            "velocityTarget",
-            "stiffness",
-            "damping",
-        ];
-        warn_unknown(&drive, &KEYS, warnings);
-        drive.require("axis")?.index(3, "axes")?;
-        drive.require("type")?.text()?;
-        drive.require("mode")?.text()?;
-        positive(&drive, &["maxForce", "stiffness", "damping"])?;
-        for key in ["positionTarget", "velocityTarget"] {
-            drive.get(key)?.map(|c| c.number(f64::MAX)).transpose()?;
-        }
-    }
-    Ok(())
 }

@@ -8,6 +8,7 @@ use super::*;
 use crate::description::{Mass, ShapeKind};
 use crate::error::SceneError;
 use crate::format::{read_json, read_toml};
+use crate::joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrame, Softness};
 
 fn coordinate() -> impl Strategy<Value = f64> {
     prop_oneof![Just(0.0), Just(-0.0), -1e6..1e6, -1e-3..1e-3, -10.0..10.0]
@@ -25,7 +26,7 @@ fn unit(n: usize) -> impl Strategy<Value = Vec<f64>> {
     })
 }
 
-fn quaternion() -> impl Strategy<Value = [f64; 4]> {
+pub(crate) fn quaternion() -> impl Strategy<Value = [f64; 4]> {
     unit(4).prop_map(|v| v.try_into().unwrap())
 }
 
@@ -203,7 +204,134 @@ fn body(dimension: usize) -> impl Strategy<Value = Body> {
     })
 }
 
+fn limits(is_unsigned: bool) -> BoxedStrategy<Option<[f64; 2]>> {
+    let lowest = if is_unsigned { 0.0 } else { -1e6 };
+    let made = (lowest..1e6, 0.0..1e3).prop_map(|(low, width)| [low, low + width]);
+    let mut choices = vec![
+        Just([0.0, 0.0]).boxed(),
+        Just([-0.0, 0.0]).boxed(),
+        Just([0.0, 1.0]).boxed(),
+        Just([0.25, f64::INFINITY]).boxed(),
+        Just([f64::NEG_INFINITY, f64::INFINITY]).boxed(),
+        made.prop_map(|[low, high]: [f64; 2]| [low, high.min(1e6)]).boxed(),
+    ];
+    if !is_unsigned {
+        choices.push(Just([f64::NEG_INFINITY, -0.0]).boxed());
+    }
+    option::of(prop::strategy::Union::new(choices)).boxed()
+}
+
+fn load() -> impl Strategy<Value = f64> {
+    prop_oneof![Just(f64::INFINITY), 0.0..1e20, 0.0..10.0]
+}
+
+fn drive() -> impl Strategy<Value = Drive> {
+    let stiffness = prop_oneof![Just(0.0), 0.0..1e20, 0.0..1e3];
+    (coordinate(), coordinate(), stiffness, load(), load(), any::<bool>()).prop_map(
+        |(position, velocity, stiffness, damping, max_force, acceleration)| Drive {
+            position,
+            velocity,
+            stiffness,
+            damping,
+            max_force,
+            acceleration,
+        },
+    )
+}
+
+fn axis(coordinate: Coordinate) -> impl Strategy<Value = JointAxis> {
+    use Coordinate::*;
+    let is_unsigned = matches!(
+        coordinate,
+        Radial(_) | Distance | Cone | EllipticCone(_) | Rotation | Pulley { .. }
+    );
+    let softness = (0.0..1e20, prop_oneof![Just(0.0), 0.0..1e20])
+        .prop_map(|(stiffness, damping)| Softness { stiffness, damping });
+    let friction = prop_oneof![Just(0.0), 0.0..1e20];
+    (limits(is_unsigned), option::of(softness), vec(drive(), 0..3), friction).prop_map(
+        move |(limits, softness, drives, friction)| JointAxis {
+            coordinate,
+            limits,
+            softness,
+            drives,
+            friction,
+        },
+    )
+}
+
+/// Every coordinate of a dimension, each with parameters of its own.
+fn coordinates(dimension: usize) -> BoxedStrategy<Vec<Coordinate>> {
+    use Coordinate::*;
+    let number = || prop_oneof![Just(1.0), 0.0..1e3];
+    let points = (vector(dimension), vector(dimension)).prop_map(|(mut p, mut q)| {
+        p.resize(3, 0.0);
+        q.resize(3, 0.0);
+        [p.try_into().unwrap(), q.try_into().unwrap()]
+    });
+    let parameters = (number(), number(), number(), points, number(), [1e-6..3.1, 1e-6..3.1]);
+    let all = parameters.prop_map(move |(ratio, radius, pitch, points, weight, half_angles)| {
+        let pulley = Pulley { points, ratio: weight };
+        if dimension == 2 {
+            let plain = vec![Linear(0), Linear(1), Distance, Angle];
+            return [plain, vec![Gear { ratio }, Rack { radius: -radius }, pulley]].concat();
+        }
+        let linear = vec![Linear(0), Linear(1), Linear(2), Radial(0), Radial(1), Radial(2)];
+        let angular = vec![Twist, Swing(1), Swing(2), Cone, EllipticCone(half_angles), Rotation];
+        let cardan = vec![Cardan(0), Cardan(1), Cardan(2), Distance];
+        let couplings = vec![Gear { ratio: -ratio }, Rack { radius }, Screw { pitch }, pulley];
+        [linear, angular, cardan, couplings].concat()
+    });
+    all.prop_flat_map(|all| {
+        let count = all.len();
+        prop::sample::subsequence(all, 0..=count.min(7)).prop_shuffle()
+    })
+    .boxed()
+}
+
+fn frame(dimension: usize) -> impl Strategy<Value = JointFrame> {
+    (vector(dimension), rotation(dimension))
+        .prop_map(|(position, rotation)| JointFrame { position, rotation })
+}
+
+/// Joints of the dynamic bodies with others and with the world.
+pub(crate) fn joints(dimension: usize, bodies: &[Body]) -> BoxedStrategy<Vec<Joint>> {
+    let others: Vec<_> = (0..bodies.len()).map(Some).chain([None]).collect();
+    let moves = |i: &usize| bodies[*i].motion == Motion::Dynamic;
+    let dynamic: Vec<_> = (0..bodies.len()).filter(moves).collect();
+    if dynamic.is_empty() {
+        return Just(Vec::new()).boxed();
+    }
+    let pair = (prop::sample::select(dynamic), prop::sample::select(others), any::<bool>())
+        .prop_map(|(a, b, is_first)| {
+            let b = b.filter(|b| *b != a);
+            if is_first { [Some(a), b] } else { [b, Some(a)] }
+        });
+    let axes =
+        coordinates(dimension).prop_flat_map(|all| all.into_iter().map(axis).collect::<Vec<_>>());
+    let loads = (option::of(load()), option::of(load()), option::of(load()))
+        .prop_map(|(force, torque, impulse)| Breaking { force, torque, impulse });
+    let frames = [frame(dimension), frame(dimension)];
+    let parts = (option::of("[^\\n]{0,9}"), pair, frames, axes, loads, [any::<bool>(); 2]);
+    let joint = parts.prop_map(|(name, bodies, frames, axes, breaking, [collide, enabled])| {
+        Joint { name, bodies, frames, axes, breaking, collide, enabled }
+    });
+    let number = |(i, joint): (usize, Joint)| Joint {
+        name: joint.name.map(|name| format!("{name}{i}")),
+        ..joint
+    };
+    vec(joint, 0..4)
+        .prop_map(move |joints| joints.into_iter().enumerate().map(number).collect())
+        .boxed()
+}
+
 fn scene() -> impl Strategy<Value = Scene> {
+    without_joints().prop_flat_map(|scene| {
+        let joints = joints(scene.dimension, &scene.bodies);
+        joints.prop_map(move |joints| Scene { joints, ..scene.clone() })
+    })
+}
+
+fn without_joints() -> impl Strategy<Value = Scene> {
     (2..=3usize).prop_flat_map(|dimension| {
         let solver = prop_oneof![
             Just(serde_json::json!({})),

@@ -1,0 +1,27 @@
+//! [`JointSetup`]: data shared by all joints of a scene while they are read.
+
+use std::collections::BTreeMap;
+
+use crate::description::Body;
+
+/// Bodies that joints refer to.
+pub(crate) struct JointSetup<'a> {
+    pub(crate) dimension: usize,
+    pub(crate) particles: bool,
+    pub(crate) bodies: &'a [Body],
+    /// Index of each body that has a name.
+    pub(crate) names: BTreeMap<&'a str, usize>,
+}
+
+impl<'a> JointSetup<'a> {
+    pub(crate) fn new(dimension: usize, particles: bool, bodies: &'a [Body]) -> Self {
+        let name = |(i, body): (usize, &'a Body)| Some((body.name.as_deref()?, i));
+        let names = bodies.iter().enumerate().filter_map(name).collect();
+        Self { dimension, particles, bodies, names }
+    }
+
+    /// Returns the body; `None` for the world.
+    pub(super) fn body(&self, index: Option<usize>) -> Option<&'a Body> {
+        self.bodies.get(index?)
+    }
+}
