@@ -58,9 +58,7 @@ pub use engine::{Engine, Hull, NoEngine, SettingFault, Solid, Weight};
 pub use error::{Place, SceneError, Warning};
 pub use file::open;
 pub use format::shape::spans_space;
-pub use joint::{
-    Breaking, Coordinate, Drive, Joint, JointAxis, JointFrame, Softness,
-};
+pub use joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrame, Softness};
 pub use read::Read;
 pub use schema::json_schema;
 pub use solid_mesh::{DecompositionOptions, NotSolid, is_solid};
