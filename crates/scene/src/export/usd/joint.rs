@@ -2,19 +2,10 @@
 //!
 //! The type of the prim is the one whose locks the joint has. Limits and drives on further axes are
 //! those of UsdPhysics as far as it has them. The rest goes into attributes of the namespace
-//! `drystone:`, in SI units: `<name>` is that of a coordinate, as in `rotX` or `gear`.
+//! `drystone:`, in SI units, which the guide for animators lists.
 //!
-//! | Attribute | |
-//! |---|---|
-//! | `drystone:axes` | names of all axes, in their order |
-//! | `drystone:limit:<name>:low`, `high` | limits, also where degrees round \[m, rad\] |
-//! | `drystone:limit:<name>:stiffness`, `damping` | softness of the limits |
-//! | `drystone:friction:<name>` | dry friction |
-//! | `drystone:drive:<name>:...` | the first drive, with the names of UsdPhysics; `drive2` the second |
-//! | `drystone:gear:ratio`, `drystone:rack:radius`, `drystone:screw:pitch` | couplings |
-//! | `drystone:pulley:points`, `ratio` | points in the world, weight of the rope |
-//! | `drystone:ellipticCone:halfAngles` | about y and z, where degrees round |
-//! | `drystone:breakImpulse` | impulse that breaks the joint |
+//! Angles are written such that the reader gets the same bits. For about one in ten there is no such
+//! number of degrees; an attribute in radians then follows.
 
 use super::prim::{PrimWriter, list, quoted, space, tuple};
 use crate::joint::{Coordinate, Drive, Joint, JointAxis};

@@ -611,7 +611,7 @@ fn joints() -> impl Strategy<Value = Joint> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1000))]
+    #![proptest_config(ProptestConfig::with_cases(400))]
 
     /// Any joint comes back from a stage with the same bits.
     #[test]
