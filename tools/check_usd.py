@@ -3,8 +3,8 @@
 
     python3 tools/check_usd.py STAGE.usda [ARRAYS.npz]
 
-Opens the stage in OpenUSD, runs all validators that come with it, and compares the place of every
-body at every frame with the arrays: to 0.02 mm and 0.02 mrad, twice what samples may leave. Prints
+Opens the stage in OpenUSD, runs all validators and the parser of joints that come with it, and
+compares the place of every body at every frame with the arrays: to 0.02 mm and 0.02 mrad, twice what samples may leave. Prints
 what it finds; exit code 1 if there is anything. Needs numpy and usd-core.
 """
 
@@ -52,6 +52,22 @@ def differences(stage, arrays):
                 return
 
 
+def joint_problems(stage):
+    """Joints that OpenUSD's own parser of physics refuses, or takes for others."""
+    joints = {prim.GetPath(): prim for prim in stage.Traverse() if prim.IsA(UsdPhysics.Joint)}
+    found = UsdPhysics.UsdPhysicsLoadStageFromPrimRange(stage, ["/"])
+    for kind, (paths, descriptions) in found.items():
+        for path, description in zip(paths, descriptions):
+            prim = joints.pop(path, None)
+            if prim is None:
+                continue
+            name = {"PhysicsJoint": "D6Joint"}.get(prim.GetTypeName(), prim.GetTypeName()[7:])
+            if not description.isValid or str(kind) != name:
+                yield f"{path}: a {prim.GetTypeName()} is taken for a {kind}, or not valid"
+    for path in joints:
+        yield f"{path}: not taken for a joint"
+
+
 def problems(stage, arrays):
     """Everything that is not as it should be."""
     if UsdGeom.GetStageMetersPerUnit(stage) != 1 or UsdGeom.GetStageUpAxis(stage) != "Y":
@@ -69,6 +85,7 @@ def problems(stage, arrays):
     context = UsdValidation.ValidationContext(registry.GetOrLoadAllValidators())
     for error in context.Validate(stage):
         yield error.GetMessage()
+    yield from joint_problems(stage)
     if arrays is not None:
         yield from differences(stage, arrays)
 

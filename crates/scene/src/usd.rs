@@ -16,8 +16,11 @@
 
 mod bodies;
 mod compose;
+pub(crate) mod coordinates;
 mod files;
 mod filters;
+mod joint_axes;
+mod joints;
 mod layer;
 mod lexer;
 mod mass;
@@ -55,7 +58,11 @@ pub fn read(file: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
     let mut warnings = Vec::new();
     let files = Files::read(file)?;
     let stage = Stage::new(&files, engine, &mut warnings)?;
-    let bodies = bodies::all(&stage, &mut warnings)?;
+    let transforms = motion::Transforms::read(&stage)?;
+    let (prims, bodies): (Vec<_>, Vec<_>) =
+        bodies::all(&stage, &transforms, &mut warnings)?.into_iter().unzip();
+    let joints = joints::all(&stage, &transforms, &prims, &mut warnings)?;
+    unsupported::name(&stage, joints.unread, &mut warnings);
     let physical = |prim: &prims::Prim| {
         prim.kind == "PhysicsScene" || prim.schemas.iter().any(|name| name.starts_with("Physics"))
     };
@@ -77,7 +84,7 @@ pub fn read(file: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
             message: "no prim has a collider that acts: there is nothing to simulate".into(),
         });
     }
-    let scene = Scene { bodies, ..physics(&stage, &mut warnings)? };
+    let scene = Scene { bodies, joints: joints.all, ..physics(&stage, &mut warnings)? };
     // A fault in a material is reported once, not for each collider that uses it.
     let mut told = BTreeSet::new();
     warnings.retain(|warning| told.insert(warning.message.clone()));

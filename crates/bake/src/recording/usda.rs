@@ -15,8 +15,8 @@ use drystone_scene::export::usd::{PrimWriter, Prims, rounded, tuple, write_stage
 /// Writes a scene as a stage with the schemas of UsdPhysics: an `Xform` per body, moved by time
 /// samples, with its shapes below it. Time code 0 is the initial state.
 ///
-/// Units are meters and kilograms, with +y up. 2D scenes lie in the plane z = 0, 0.5 m thick. A
-/// name that is no valid prim name becomes the display name.
+/// Units are meters and kilograms, with +y up. 2D scenes lie in the plane z = 0, 0.5 m thick, and
+/// without their joints. A name that is no valid prim name becomes the display name.
 ///
 /// # Errors
 /// If the recording has other bodies or is not finite, or the file cannot be written. An existing
@@ -43,6 +43,10 @@ pub fn write(
     })?;
     let mut world = prims.world();
     world.children.extend(bodies);
+    if scene.dimension == 3 {
+        let wrong = |why| io::Error::new(io::ErrorKind::InvalidInput, why);
+        world.children.extend(prims.joints().map_err(wrong)?);
+    }
     let ends = [codes.first(), codes.last()].map(|code| code.copied().unwrap_or(0.0));
     write_stage(path, &world, ends, rate, rate)
 }

@@ -12,7 +12,10 @@ use drystone::StepSettings;
 use drystone_bake::recording::{self, Recording, Sampling};
 use drystone_bake::{Drystone, build, read};
 use drystone_scene::export::usd::StageWriter;
-use drystone_scene::{Body, Combine, Motion, Read, Rotation, Scene, SceneError, ShapeKind, usd};
+use drystone_scene::{
+    Body, Breaking, Combine, Joint, JointFrame, Motion, Read, Rotation, Scene, SceneError,
+    ShapeKind, usd,
+};
 
 /// Head of a stage in meters with +y up.
 const HEAD: &str = "#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n";
@@ -616,18 +619,17 @@ fn layers_are_composed() {
     near(&read.scene.bodies[2].position, &[0.0, 3.0, 0.0]);
 }
 
-/// Joints, articulations and instances are not simulated and give a warning each; a stage without
-/// physics is refused.
+/// Joints of types that UsdPhysics does not have and instances are not simulated and give a warning
+/// each; a stage without physics is refused.
 #[test]
 fn data_that_is_not_simulated_gives_warnings() {
     let (scene, told) = prims(&format!(
-        "{}def PhysicsRevoluteJoint \"Hinge\" {{\n rel physics:body0 = </Ball>\n}}\n\
-         def Xform \"Robot\" (prepend apiSchemas = [\"PhysicsArticulationRootAPI\"]) {{\n}}\n\
+        "{}def GearPhysicsJoint \"Hinge\" {{\n rel physics:body0 = </Ball>\n}}\n\
          def PointInstancer \"Many\" {{\n}}\n",
         ball("")
     ));
-    assert_eq!(scene.bodies.len(), 1);
-    for part in ["</Hinge>: the joint is not simulated", "articulation", "instances"] {
+    assert_eq!((scene.bodies.len(), scene.joints.len()), (1, 0));
+    for part in ["</Hinge>: the joint is not simulated", "instances"] {
         assert!(told.contains(part), "{told}");
     }
     let error = text(&format!("{HEAD}def Cube \"C\" {{\n}}\n")).unwrap_err();
@@ -915,13 +917,23 @@ fn scenes_that_a_stage_cannot_hold_are_refused() {
     assert!(refused(moving).contains("body 0 moves a half-space"));
 }
 
-/// A bake is read as the scene it was made of, with its combine modes; a warning says that the
-/// animation is not played.
+/// A bake is read as the scene it was made of, with its combine modes and joints; a warning says that
+/// the animation is not played.
 #[test]
 fn a_bake_is_read_as_its_scene() {
     let scene = "[[bodies]]\nname = \"ball\"\nposition = [0, 2, 0]\ndensity = 500\nshapes = \
      [{type = \"sphere\", radius = 0.5}]";
-    let scene = drystone_bake::read_toml(Path::new("x.toml"), scene).unwrap().scene;
+    let mut scene = drystone_bake::read_toml(Path::new("x.toml"), scene).unwrap().scene;
+    let frame = JointFrame { position: vec![0.0, 1.0, 0.0], rotation: Rotation::identity(3) };
+    scene.joints.push(Joint {
+        name: Some("hook".to_owned()),
+        bodies: [Some(0), None],
+        frames: [frame.clone(), frame],
+        axes: Vec::new(),
+        breaking: Breaking::default(),
+        collide: false,
+        enabled: true,
+    });
     let poses =
         (0..3).flat_map(|i| [0.0, 2.0 - 0.1 * i as f32 * i as f32, 0.0, 0.0, 0.0, 0.0, 1.0]);
     let recording =
@@ -931,6 +943,7 @@ fn a_bake_is_read_as_its_scene() {
     recording::usda::write(&path, &scene, &recording, &Sampling::default()).unwrap();
     let read = usd::read(&path, &Drystone).unwrap();
     assert_eq!(read.scene.bodies, scene.bodies);
+    assert_eq!(read.scene.joints, scene.joints);
     assert!(read.warnings[0].message.contains("its animation is not played"));
     assert_eq!(read.scene.bodies[0].shapes[0].material.friction_combine, Combine::GeometricMean);
 }

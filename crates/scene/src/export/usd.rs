@@ -1,5 +1,6 @@
 //! Writes scenes as OpenUSD text, for Houdini, Maya, Omniverse, Blender and others.
 
+mod joint;
 mod materials;
 mod prim;
 mod shape;
@@ -44,6 +45,29 @@ impl<'a> Prims<'a> {
         world.children.push(self.physics());
         world.children.extend(self.materials.prim());
         world
+    }
+
+    /// Returns the prim with all joints, whose bodies are those of [`body`](Self::body); `None` if
+    /// there are no joints.
+    ///
+    /// # Errors
+    /// If a joint has two axes with the same coordinate.
+    pub fn joints(&self) -> Result<Option<PrimWriter>, String> {
+        let names = names(
+            self.scene.joints.iter().map(|joint| joint.name.as_deref()),
+            "joint",
+            HashSet::new(),
+        );
+        let paths: Vec<_> = self.names.iter().map(|name| format!("/World/{name}")).collect();
+        let mut scope = PrimWriter::new("Scope", joint::SCOPE);
+        for (index, (joint, name)) in self.scene.joints.iter().zip(&names).enumerate() {
+            let prim = joint::prim(joint, name, &paths).map_err(|why| match &joint.name {
+                Some(name) => format!("joint '{name}' {why}"),
+                None => format!("joint {index} {why}"),
+            })?;
+            scope.children.push(prim);
+        }
+        Ok((!scope.children.is_empty()).then_some(scope))
     }
 
     fn physics(&self) -> PrimWriter {
@@ -95,17 +119,26 @@ impl<'a> Prims<'a> {
     }
 }
 
-/// Returns a prim name for each body, unique among its siblings: ASCII letters, digits and
-/// underscores, without a leading digit.
+/// Returns a prim name for each body.
 fn identifiers(scene: &Scene) -> Vec<String> {
-    let mut taken = HashSet::from([PHYSICS, materials::SCOPE, stage::GROUPS].map(str::to_owned));
-    let one = |(index, body): (usize, &Body)| {
+    let taken = [PHYSICS, materials::SCOPE, stage::GROUPS, joint::SCOPE].map(str::to_owned);
+    names(scene.bodies.iter().map(|body| body.name.as_deref()), "body", HashSet::from(taken))
+}
+
+/// Returns a prim name for each of these names, unique among them and those taken: ASCII letters,
+/// digits and underscores, without a leading digit.
+fn names<'n>(
+    all: impl Iterator<Item = Option<&'n str>>,
+    kind: &str,
+    mut taken: HashSet<String>,
+) -> Vec<String> {
+    let one = |(index, own): (usize, Option<&str>)| {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-        let mut name: String = body.name.as_deref().unwrap_or("body").chars().map(plain).collect();
+        let mut name: String = own.unwrap_or(kind).chars().map(plain).collect();
         if !name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') {
             name.insert(0, '_');
         }
-        if body.name.is_none() || taken.contains(&name) {
+        if own.is_none() || taken.contains(&name) {
             name = format!("{name}_{index}");
         }
         while !taken.insert(name.clone()) {
@@ -113,7 +146,7 @@ fn identifiers(scene: &Scene) -> Vec<String> {
         }
         name
     };
-    scene.bodies.iter().enumerate().map(one).collect()
+    all.enumerate().map(one).collect()
 }
 
 /// Writes a stage with the prim `world`, from time code `start` to `end`, with `frames` frames and

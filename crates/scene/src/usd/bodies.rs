@@ -6,19 +6,21 @@ use super::super::description::{
     Body, Filter, Mass, Material, Motion, Rotation, Shape, ShapeKind, Track,
 };
 use super::super::error::{SceneError, Warning};
-use super::super::graph::math::{self, Mat3, Quat, Vec3};
+use super::super::graph::math::{self, Mat3, Quat};
 use super::super::graph::{seen_from, unique};
 use super::mass::{self, ColliderMass};
 use super::motion::{self, BodyMotion, Transforms};
 use super::prims::Prim;
 use super::stage::Stage;
 use super::xform::Pose;
-use super::{filters, shapes, surfaces, unsupported};
+use super::{filters, shapes, surfaces};
 
-/// Returns the bodies of a stage, in the order of their prims.
-pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<Body>, SceneError> {
-    unsupported::name(stage, warnings);
-    let transforms = Transforms::read(stage)?;
+/// Returns the bodies of a stage by their prims, in the order of these.
+pub(super) fn all(
+    stage: &Stage<'_>,
+    transforms: &Transforms,
+    warnings: &mut Vec<Warning>,
+) -> Result<Vec<(usize, Body)>, SceneError> {
     let is_body = |prim: &Prim| prim.schemas.contains("PhysicsRigidBodyAPI");
     let mut colliders = Vec::new();
     // Colliders by the prim that carries them: the nearest body above, else the collider itself.
@@ -40,14 +42,15 @@ pub(super) fn all(stage: &Stage<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<
     let mut names = BTreeSet::new();
     let mut bodies = Vec::new();
     for (prim, colliders) in &carried {
-        bodies.extend(builder.body(*prim, colliders, &mut names, warnings)?);
+        let body = builder.body(*prim, colliders, &mut names, warnings)?;
+        bodies.extend(body.map(|body| (*prim, body)));
     }
     Ok(bodies)
 }
 
 struct UsdBodies<'s> {
     stage: &'s Stage<'s>,
-    transforms: Transforms,
+    transforms: &'s Transforms,
     filters: BTreeMap<usize, Filter>,
 }
 
@@ -87,7 +90,7 @@ impl UsdBodies<'_> {
             stage.warn(prim, what, warnings);
         }
         let pose = self.transforms.of(index);
-        let rest = self.scale(index);
+        let rest = self.transforms.scale(stage, index);
         let (mut shapes, mut densities) = (Vec::new(), Vec::new());
         for collider in colliders {
             if let Some((shape, density)) =
@@ -138,13 +141,6 @@ impl UsdBodies<'_> {
         }))
     }
 
-    /// Returns the linear map from a prim's space to meters, without its rotation.
-    fn scale(&self, prim: usize) -> Mat3 {
-        let scale = self.transforms.of(prim).scale;
-        let meters = self.stage.units.meters;
-        if meters == 1.0 { scale } else { scale.map(|column| math::scale(column, meters)) }
-    }
-
     /// Returns the shape of a collider in the frame of its body, and the density of its material.
     fn shape(
         &self,
@@ -163,14 +159,11 @@ impl UsdBodies<'_> {
                         place on the body";
             stage.warn(prim, what, warnings);
         }
-        let map = self.scale(index);
+        let map = self.transforms.scale(stage, index);
         let Some((kind, axis)) = shapes::read(stage, prim, map, motion, warnings)? else {
             return Ok(None);
         };
-        let (place, turn) = match self.transforms.within(stage, index, body) {
-            Some(pose) => (pose.map.shift, pose.turn),
-            None => self.beside(body, index),
-        };
+        let (place, turn) = self.transforms.seen_from(stage, (index, Pose::REST), body);
         let place = if rest == math::IDENTITY { place } else { math::apply(rest, place) };
         let own = turn;
         let turn = match (turn, axis) {
@@ -192,17 +185,6 @@ impl UsdBodies<'_> {
             filter: self.filters.get(&index).copied().unwrap_or_default(),
         };
         Ok(Some((shape, density)))
-    }
-
-    /// Returns position and rotation relative to the body of a collider whose transform is relative
-    /// to the world.
-    fn beside(&self, body: usize, index: usize) -> (Vec3, Quat) {
-        let (body, own) = (self.transforms.of(body), self.transforms.of(index));
-        let away = math::sub(own.map.shift, body.map.shift);
-        let place =
-            math::inverse(body.map.linear).map_or(away, |inverse| math::apply(inverse, away));
-        let turn = math::quat_mul(math::conjugate(body.turn), own.turn);
-        (place, math::quat_unit(turn).unwrap_or(math::NO_TURN))
     }
 
     /// Restores the exact normal and rotation of a half-space exported from the own format, unless

@@ -7,7 +7,7 @@ use super::super::graph::{FAR, FAST};
 use super::prims::Prim;
 use super::stage::Stage;
 use super::xform::{Pose, Transform};
-use crate::graph::math::{self, Vec3};
+use crate::graph::math::{self, Mat3, Quat, Vec3};
 
 /// Largest magnitude of the factor on gravity.
 const MOST_GRAVITY: f64 = 1e6;
@@ -62,7 +62,7 @@ impl Transforms {
 
     /// Returns the pose of a prim relative to its ancestor `top`. `None` if its transform does not
     /// depend on `top`.
-    pub(super) fn within(&self, stage: &Stage<'_>, prim: usize, top: usize) -> Option<Pose> {
+    fn within(&self, stage: &Stage<'_>, prim: usize, top: usize) -> Option<Pose> {
         let mut pose = Pose::REST;
         for at in self.chain(stage, prim) {
             if at == top {
@@ -71,6 +71,32 @@ impl Transforms {
             pose = self.own.get(at).map_or(pose, |own| own.at(None).after(&pose));
         }
         None
+    }
+
+    /// Returns position and rotation, relative to the prim `top`, of the pose `inner` of a prim.
+    pub(super) fn seen_from(
+        &self,
+        stage: &Stage<'_>,
+        (prim, inner): (usize, Pose),
+        top: usize,
+    ) -> (Vec3, Quat) {
+        if let Some(pose) = self.within(stage, prim, top) {
+            let pose = pose.after(&inner);
+            return (pose.map.shift, pose.turn);
+        }
+        let (top, own) = (self.of(top), self.of(prim).after(&inner));
+        let away = math::sub(own.map.shift, top.map.shift);
+        let place =
+            math::inverse(top.map.linear).map_or(away, |inverse| math::apply(inverse, away));
+        let turn = math::quat_mul(math::conjugate(top.turn), own.turn);
+        (place, math::quat_unit(turn).unwrap_or(math::NO_TURN))
+    }
+
+    /// Returns the linear map from a prim's space to meters, without its rotation.
+    pub(super) fn scale(&self, stage: &Stage<'_>, prim: usize) -> Mat3 {
+        let scale = self.of(prim).scale;
+        let meters = stage.units.meters;
+        if meters == 1.0 { scale } else { scale.map(|column| math::scale(column, meters)) }
     }
 
     /// Returns true if an animation of the prim or of an ancestor moves it.

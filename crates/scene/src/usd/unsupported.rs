@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::super::error::Warning;
-use super::prims::Prim;
+use super::joints;
 use super::stage::Stage;
 
 /// API schemas that are read, or reported elsewhere.
@@ -56,21 +56,6 @@ const PROPERTIES: [&str; 29] = [
 /// Physics types that are read.
 const TYPES: [&str; 2] = ["PhysicsScene", "PhysicsCollisionGroup"];
 
-/// Joint types of UsdPhysics.
-const JOINTS: [&str; 6] = [
-    "PhysicsJoint",
-    "PhysicsDistanceJoint",
-    "PhysicsFixedJoint",
-    "PhysicsPrismaticJoint",
-    "PhysicsRevoluteJoint",
-    "PhysicsSphericalJoint",
-];
-
-/// Returns true if a prim is a joint of any schema.
-fn is_joint(prim: &Prim) -> bool {
-    prim.kind.ends_with("Joint")
-}
-
 /// Returns true if a name belongs to UsdPhysics or to the schema of a physics engine.
 fn is_physical(name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
@@ -107,17 +92,36 @@ fn is_tuning(name: &str) -> bool {
 /// Number of prims with an unread name, and the index of the first of them.
 type Count = (usize, usize);
 
-/// Warns about physics that is not simulated or not read.
-pub(super) fn name(stage: &Stage<'_>, warnings: &mut Vec<Warning>) {
+/// Warns about physics that is not simulated or not read. `of_joints` are names that were not read,
+/// each with the index of a joint of UsdPhysics.
+pub(super) fn name(
+    stage: &Stage<'_>,
+    of_joints: Vec<(usize, String)>,
+    warnings: &mut Vec<Warning>,
+) {
     let mut strange: BTreeMap<String, Count> = BTreeMap::new();
     let mut tuning: BTreeMap<String, Count> = BTreeMap::new();
-    for (index, prim) in stage.prims.iter().enumerate() {
-        if is_joint(prim) {
-            joint(stage, prim, warnings);
+    let count = |to: &mut BTreeMap<String, Count>, index: usize, what: String| {
+        let of = to.entry(what).or_insert((0, index));
+        of.0 = of.0.saturating_add(1);
+    };
+    for (index, name) in of_joints {
+        let base = name.split(':').next().unwrap_or(&name);
+        let is_named = name.contains(":physics:") || name.starts_with("drystone:");
+        if !(is_named || is_physical(&name)) || SCHEMAS.contains(&base) {
             continue;
         }
-        if prim.schemas.contains("PhysicsArticulationRootAPI") {
-            stage.warn(prim, "its articulation is not simulated", warnings);
+        count(if is_tuning(&name) { &mut tuning } else { &mut strange }, index, name);
+    }
+    for (index, prim) in stage.prims.iter().enumerate() {
+        if joints::is_known(prim) {
+            continue;
+        }
+        if prim.kind.ends_with("Joint") {
+            let what = "the joint is not simulated: nothing holds the bodies together";
+            let kind = &prim.kind;
+            stage.warn(prim, format!("{what}. {kind} is not a type of UsdPhysics."), warnings);
+            continue;
         }
         let has = |schema: &str| prim.schemas.contains(schema);
         if has("PhysxSurfaceVelocityAPI")
@@ -130,19 +134,15 @@ pub(super) fn name(stage: &Stage<'_>, warnings: &mut Vec<Warning>) {
         if prim.kind == "PointInstancer" {
             stage.warn(prim, "its instances are not simulated", warnings);
         }
-        let count = |to: &mut BTreeMap<String, Count>, what: String| {
-            let of = to.entry(what).or_insert((0, index));
-            of.0 = of.0.saturating_add(1);
-        };
         let kind = prim.kind.as_str();
         let is_type = |name: &str| is_physical(name) || name.contains("Physics");
         if is_type(kind) && !TYPES.contains(&kind) {
-            count(&mut strange, format!("the type {kind}"));
+            count(&mut strange, index, format!("the type {kind}"));
         }
         for schema in &prim.schemas {
             let base = schema.split(':').next().unwrap_or(schema);
             if is_physical(base) && !SCHEMAS.contains(&base) {
-                count(&mut strange, base.to_owned());
+                count(&mut strange, index, base.to_owned());
             }
         }
         for (name, property) in &prim.properties {
@@ -150,7 +150,7 @@ pub(super) fn name(stage: &Stage<'_>, warnings: &mut Vec<Warning>) {
             if !says || !is_physical(name) || PROPERTIES.contains(&name.as_str()) {
                 continue;
             }
-            count(if is_tuning(name) { &mut tuning } else { &mut strange }, name.clone());
+            count(if is_tuning(name) { &mut tuning } else { &mut strange }, index, name.clone());
         }
     }
     for (what, (count, first)) in &strange {
@@ -170,13 +170,4 @@ pub(super) fn name(stage: &Stage<'_>, warnings: &mut Vec<Warning>) {
 
 fn prims(count: usize) -> String {
     if count == 1 { "1 prim".to_owned() } else { format!("{count} prims") }
-}
-
-fn joint(stage: &Stage<'_>, prim: &Prim, warnings: &mut Vec<Warning>) {
-    let kind = &prim.kind;
-    let known = JOINTS.contains(&kind.as_str());
-    let odd = if known { String::new() } else { format!(" {kind} is not a type of UsdPhysics.") };
-    let what = "the joint is not simulated: nothing holds the bodies together";
-    let what = if known { what.to_owned() } else { format!("{what}.{odd}") };
-    stage.warn(prim, what, warnings);
 }

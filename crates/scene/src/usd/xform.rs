@@ -90,7 +90,7 @@ impl Pose {
         Self { map: Affine { linear, shift }, turn, scale }
     }
 
-    fn turned(turn: Quat) -> Self {
+    pub(super) fn turned(turn: Quat) -> Self {
         let linear = if turn == math::NO_TURN { math::IDENTITY } else { math::rotation(turn) };
         Self { map: Affine { linear, shift: [0.0; 3] }, turn, scale: math::IDENTITY }
     }

@@ -1,4 +1,5 @@
-//! Writes a scene of Drystone's own format as a stage. Reading it gives the same bodies.
+//! Writes a scene of Drystone's own format as a stage. Reading it gives the same bodies and
+//! joints.
 //!
 //! Data that UsdPhysics cannot express goes into attributes of the namespace `drystone:`, which
 //! other programs ignore:
@@ -8,7 +9,8 @@
 //! - infinite masses and moments, and gravity factors;
 //! - collision systems;
 //! - normals of half-spaces that do not point along +y;
-//! - accuracy and number of pieces of a convex decomposition.
+//! - accuracy and number of pieces of a convex decomposition;
+//! - coordinates, friction, softness and further drives of joints.
 //!
 //! Damping and surface velocities use PhysX's schemas.
 
@@ -46,7 +48,7 @@ impl StageWriter {
         let prims = Prims::new(scene, engine);
         let mut world = prims.world();
         if let Some(physics) = world.children.first_mut() {
-            physics.set("custom string drystone:scene", quoted(&own_words(scene)));
+            physics.set("custom string drystone:scene", quoted(&own_words(&alone(scene))));
             if let Some(name) = &scene.name {
                 physics.metadata.push(format!("displayName = {}", quoted(name)));
             }
@@ -60,6 +62,7 @@ impl StageWriter {
             end = body.track.times.last().copied().unwrap_or(0.0).max(end);
             world.children.push(prim);
         }
+        world.children.extend(prims.joints()?);
         let frames_per_second = super::rounded(1.0 / scene.time_step);
         Ok(Self { world, end, frames_per_second })
     }
@@ -70,6 +73,21 @@ impl StageWriter {
     /// Those of [`write_whole`](crate::write_whole).
     pub fn write(&self, path: &Path) -> io::Result<()> {
         write_stage(path, &self.world, [0.0, self.end], self.frames_per_second, 1.0)
+    }
+}
+
+/// Returns a scene without its bodies and joints, which have prims of their own.
+fn alone(scene: &Scene) -> Scene {
+    Scene {
+        name: None,
+        dimension: scene.dimension,
+        gravity: scene.gravity.clone(),
+        time_step: scene.time_step,
+        steps: scene.steps,
+        bodies_as: scene.bodies_as,
+        bodies: Vec::new(),
+        joints: Vec::new(),
+        solver: scene.solver.clone(),
     }
 }
 
