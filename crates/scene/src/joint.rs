@@ -4,7 +4,7 @@
 //! relative to the frame in b. An [axis](JointAxis) of the joint is a coordinate that is locked,
 //! limited, driven or braked; all other coordinates are free.
 
-use crate::Rotation;
+use crate::rotation::Rotation;
 
 /// A joint between two bodies, or between a body and the world.
 #[derive(Clone, Debug, PartialEq)]

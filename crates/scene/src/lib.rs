@@ -45,6 +45,7 @@ pub mod graph;
 mod joint;
 mod joint_limits;
 mod read;
+mod rotation;
 pub mod schema;
 pub mod solid_mesh;
 mod solver;
@@ -64,6 +65,7 @@ pub use file::open;
 pub use format::shape::spans_space;
 pub use joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrame, Softness};
 pub use read::Read;
+
 pub use schema::json_schema;
 pub use solid_mesh::{DecompositionOptions, NotSolid, is_solid};
 pub use whole::{sync_directory, write_whole};

@@ -132,6 +132,11 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
         joints.taken().map(|(slot, _)| JointId::new(&joints.slots, slot, self.id()))
     }
 
+    /// Returns the [`Joint::user_data`] of a joint.
+    pub fn joint_user_data(&self, id: JointId) -> Option<u128> {
+        self.joint_slot(id).map(|slot| self.solver.joints.records[slot].user_data)
+    }
+
     /// Returns the bodies of a joint; `None` for the world.
     pub fn bodies_of(&self, id: JointId) -> Option<[Option<BodyId>; 2]> {
         let record = &self.solver.joints.records[self.joint_slot(id)?];
