@@ -319,7 +319,8 @@ fn bad_lines() -> Vec<(&'static str, &'static str)> {
         ),
         (
             "type = \"ball\"\nbodies = [3]",
-            "s.toml:14:11: bodies of joint 0 is 3; accepted: an index below 3, the number of bodies",
+            "s.toml:14:11: bodies of joint 0 is 3; accepted: an index below 3, the number of \
+             bodies",
         ),
         (
             "type = \"ball\"\nbodies = [\"wall\"]",
@@ -445,8 +446,8 @@ fn odd_joints_give_warnings() {
     let expected = "12:1: joint 0 has anchors that are 1999 m apart at the start";
     assert_eq!(warnings(&scene_of(lines)), [expected]);
     let lines = "type = \"ball\"\nbodies = [\"a\"]\ncone = [0, 45]";
-    let expected = "15:8: cone of joint 0 has a limit beyond the largest value of this angle, 3.1415927 \
-                    rad; angles are in radians";
+    let expected = "15:8: cone of joint 0 has a limit beyond the largest value of this angle, \
+                    3.1415927 rad; angles are in radians";
     assert_eq!(warnings(&scene_of(lines)), [expected]);
     let lines = "type = \"general\"\nbodies = [\"a\"]\nname = \"j\"";
     let expected = "12:1: joint 'j' does not act: all its coordinates are free";
