@@ -222,6 +222,14 @@ fn lengths_are_those_at_the_start() {
     assert_eq!(limits(points), Some([0.0, 8.0]));
     assert_eq!(limits(&format!("{points}\nratio = 2")), Some([0.0, 13.0]));
     assert_eq!(limits(&format!("{points}\nlength = 9")), Some([0.0, 9.0]));
+    let far = "bodies = [\"a\"]\nanchors = [[0, 0, 0], [1e6, 1e6, 0]]\n";
+    let message = error(&scene_of(&format!("{far}type = \"rope\"")));
+    assert!(message.contains("length of joint 0 is missing; accepted: a number from 0 to 1e6 m"));
+    assert_eq!(error(&scene_of(&format!("{far}type = \"rope\"\nlength = 3"))), "accepted");
+    let at_once = "bodies = [\"b\", \"c\"]\ntype = \"distance\"";
+    let third = "[[bodies]]\nname = \"c\"\nshapes = [{ type = \"sphere\", radius = 1 }]\n";
+    let message = error(&format!("{third}{}", scene_of(at_once)));
+    assert!(message.contains("length of joint 0 is missing"), "{message}");
 }
 
 /// Coordinates of a general joint: words, limits and tables, in the order that it states.
