@@ -445,6 +445,24 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         change
     }
 
+    /// Passes a blow on through the locks: the bodies that it has struck pull those joined to them.
+    /// Locks take energy, and never add any.
+    pub(crate) fn pass_blow(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        let Self { mechanisms, records, acting, .. } = self;
+        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+            let rows = &records[slot as usize].rows;
+            for (axis, row) in mechanisms.axes[joint.axes()].iter_mut().zip(rows) {
+                axis.impulse = 0.0;
+                axis.law.targets = [0.0; 2];
+                axis.law.bounds = match row.role {
+                    Role::Lock(_, None) => [f64::NEG_INFINITY, f64::INFINITY],
+                    _ => [0.0; 2],
+                };
+            }
+        }
+        mechanisms.solve(velocities);
+    }
+
     /// Solves all mechanisms for the targets of the substep.
     pub(crate) fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.mechanisms.solve(velocities);
