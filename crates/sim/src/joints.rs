@@ -14,13 +14,14 @@
 use drystone_solver::mechanism::Mechanisms;
 use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, Vector, Velocity};
 
-use crate::bodies::Bodies;
-use crate::geometry::Geometry;
+use crate::bodies::{Bodies, Inertia};
+use crate::geometry::{Geometry, PRECESS_LANES, Spin};
 use crate::ids::Slots;
 use crate::joint::coordinates::{JointPlaces, Place, RowCoordinate, Turn, Vec3, cross, nearest};
 use crate::joint::rows::{Motion, RowParams, RowPlan};
 use crate::joint::tension;
 use crate::joint::{Breaking, Coordinate, JointAxis, JointState};
+use crate::motion::SMALL_TURN;
 use crate::report::BrokenJoint;
 
 /// Marks the world in the place of a body.
@@ -138,30 +139,35 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> 
         Place { position, turn: Turn::by(turned).of(&pose) }
     }
 
-    /// Returns the place where a body is after `h` \[s\] at its velocity, rotating freely.
+    /// Returns the place where a body is after `h` \[s\] at its velocity, rotating freely: as it will
+    /// [advance](crate::motion::MovingBodies::advance).
     fn ahead(&self, body: u32, h: f64) -> Place {
         let mut place = self.of(body);
         if body == WORLD {
             return place;
         }
-        let velocity = &self.bodies.velocities[body as usize];
+        let (bodies, index) = (self.bodies, body as usize);
+        let velocity = &bodies.velocities[index];
         place.position += in_space(velocity.linear) * h;
-        let omega = in_space(velocity.angular);
-        let mut turn = omega * h;
-        let precession = self.bodies.precession[body as usize].rate;
-        if A == 3 && precession > 0.0 {
-            let inertia = &self.bodies.inertia[body as usize];
-            // In the axes of the body: I d(omega)/dt = -omega x I omega.
-            let own = place.turn.inverse().rotate(omega);
-            let spin = Vector::<f64, A>(std::array::from_fn(|i| own[i]));
-            let momentum = inertia.moments.cast::<f64>() * spin;
-            let torque = cross(own, Vector(std::array::from_fn(|i| momentum[i])));
-            let torque = Vector::<f64, A>(std::array::from_fn(|i| -torque[i]));
-            let gain = inertia.inverse_moments.cast::<f64>() * torque;
-            let gain = Vector(std::array::from_fn(|i| gain[i]));
-            turn += place.turn.rotate(gain) * (0.5 * h * h);
+        let turn = velocity.angular * h as f32;
+        let kind = bodies.precession[index];
+        if A == 3 && kind.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+            let Inertia { moments, inverse_moments, .. } = &bodies.inertia[index];
+            let spin: Spin<'_, G::Pose, A> = Spin {
+                pose: bodies.poses[index],
+                moments: [moments, inverse_moments],
+                precession: kind,
+                omega: velocity.angular,
+                remainder: bodies.spin_states[index].remainder,
+            };
+            let rotation = |pose: &G::Pose| Turn::normalized(G::rotation(pose));
+            let back = rotation(&spin.pose).inverse();
+            G::precess(&[spin; PRECESS_LANES], 1, h as f32, |_, pose, _| {
+                place.turn = rotation(&pose).of(&back).of(&place.turn);
+            });
+        } else {
+            place.turn = Turn::by(in_space(velocity.angular) * h).of(&place.turn);
         }
-        place.turn = Turn::by(turn).of(&place.turn);
         place
     }
 }
