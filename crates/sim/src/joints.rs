@@ -39,7 +39,7 @@ const MOST_AIMS: usize = 4;
 
 /// Turn of a body per substep beyond which the targets follow the path that the joints leave.
 /// \[rad\]
-const FAST_TURN: f32 = 0.02;
+const FAST_TURN: f32 = 0.005;
 
 /// Numbers of a row before J is found.
 const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
