@@ -108,7 +108,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Takes masses that have changed into the certificates.
-    fn follow_masses(&mut self) {
+    pub(crate) fn follow_masses(&mut self) {
         self.solver.with_system(&mut self.bodies, |solver, _| {
             solver.certifier.island_solver.follow(&solver.system);
         });
