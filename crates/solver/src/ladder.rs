@@ -242,6 +242,8 @@ pub struct IslandSolver<const L: usize, const A: usize> {
     pub clock: Clock,
     scratch: CertificateScratch<L, A>,
     done: Vec<bool>,
+    /// True for each island with joints.
+    jointed: Vec<bool>,
     errors: Vec<f64>,
     /// Mass \[kg\] and mass-weighted root-mean-square speed \[m/s\] of each island at the last
     /// [`start`](Self::start).
@@ -260,6 +262,7 @@ impl<const L: usize, const A: usize> Default for IslandSolver<L, A> {
             clock: Clock::system(),
             scratch: CertificateScratch::default(),
             done: Vec::new(),
+            jointed: Vec::new(),
             errors: Vec::new(),
             masses: Vec::new(),
             speeds: Vec::new(),
@@ -290,8 +293,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     }
 
     /// Brings every island within the tolerance: all by [`nncg`] in lanes, then the remaining ones
-    /// by Newton's method in `f64`. An island with joints is visited once, and then goes to Newton's
-    /// method.
+    /// by Newton's method in `f64`. Each iteration ends with a visit of the mechanisms.
     ///
     /// `lanes` holds the contacts and `joints` the joints; `system.velocities` include their
     /// impulses, `prospective` do not. With `RESIDUALS` the report has residuals as well as errors.
@@ -307,7 +309,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         let mut outcome = SolveReport { islands: islands.count, ..SolveReport::default() };
         let beyond = |error: &f64| error.total_cmp(&goal.tolerance).is_gt();
         let velocities = &mut system.velocities;
-        let constraints = (&mut *lanes, &*joints);
+        let constraints = (&mut *lanes, &mut *joints);
         self.in_lanes::<RESIDUALS>(
             velocities,
             constraints,
@@ -359,7 +361,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     fn in_lanes<const RESIDUALS: bool>(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
-        (lanes, joints): (&mut LaneSystem<L, A>, &Mechanisms<L, A>),
+        (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
         goal: &Goal,
@@ -367,9 +369,11 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     ) {
         self.done.clear();
         self.done.resize(islands.count, false);
+        self.jointed.clear();
+        self.jointed.resize(islands.count, false);
         for joint in &joints.joints {
-            if let Some(done) = self.done.get_mut(islands.of_pair(joint.bodies) as usize) {
-                *done = true;
+            if let Some(jointed) = self.jointed.get_mut(islands.of_pair(joint.bodies) as usize) {
+                *jointed = true;
             }
         }
         self.errors.clear();
@@ -379,23 +383,26 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         self.aims.clear();
         self.aims.extend(self.speeds.iter().map(|speed| (OF_SPEED * speed).max(least).min(most)));
         let mut before = Vec::new();
-        if !self.done.contains(&false) {
-            self.certify::<RESIDUALS>(velocities, (lanes, joints), prospective, islands, outcome);
-        }
         while self.done.contains(&false) {
             let longest = LONGEST.max(outcome.iterations / 4);
-            let (due, size) = self.iterate(velocities, lanes, longest);
+            let (due, size) = self.iterate(velocities, (lanes, joints), longest);
             outcome.iterations += due;
             before.clone_from(&self.errors);
             self.certify::<RESIDUALS>(velocities, (lanes, joints), prospective, islands, outcome);
             // The largest ratio of an error to its aim.
             let mut worst = 0.0f64;
             let errors = before.iter().zip(&self.errors).zip(self.aims.iter().zip(&self.limits));
-            for (done, ((&before, &error), (&aim, &limit))) in self.done.iter_mut().zip(errors) {
+            let gradients = lanes.gradients().iter().chain(std::iter::repeat(&0.0));
+            let open = self.done.iter_mut().zip(self.jointed.iter().zip(gradients));
+            for ((done, (&jointed, &size)), ((&before, &error), (&aim, &limit))) in open.zip(errors)
+            {
                 if !*done {
                     let made = [due, outcome.iterations];
                     worst = worst.max(error / aim);
-                    *done = error <= aim || is_hopeless([before, error], made, limit, aim);
+                    // Joints without contacts are solved by their one visit.
+                    let stands = jointed && size == 0.0;
+                    let hopeless = is_hopeless([before, error], made, limit, aim);
+                    *done = error <= aim || stands || hopeless;
                 }
             }
             let ratio = worst / size;
@@ -411,12 +418,17 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     fn iterate(
         &self,
         velocities: &mut [Velocity<f32, L, A>],
-        lanes: &mut LaneSystem<L, A>,
+        (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
         longest: usize,
     ) -> (usize, f64) {
         let (mut made, mut size_before) = (0usize, 0.0);
+        let mut open = self.done.iter().zip(&self.jointed);
+        let has_joints = open.any(|(done, jointed)| *jointed && !done);
         loop {
             lanes.conjugate(velocities, &self.done);
+            if has_joints {
+                joints.solve(velocities);
+            }
             let size = self.largest(lanes.gradients());
             made += 1;
             if self.memory.ratio * size <= SURE {

@@ -157,6 +157,10 @@ impl Spring {
     }
 }
 
+/// Largest velocity at which a motor or dry friction yields before it has reached its bound. \[m/s, or
+/// rad/s\]
+const YIELD: f64 = 1e-5;
+
 const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 impl Role {
@@ -170,8 +174,9 @@ impl Role {
             Self::Drive(drive) if drive.damping.is_finite() => {
                 Spring::of_drive(drive, params).compliance
             }
-            Self::Drive(drive) if drive.max_force.is_infinite() => params.compliance,
-            Self::Drive(_) | Self::Friction(_) => 0.0,
+            Self::Drive(Drive { max_force, .. }) | Self::Friction(max_force) => {
+                params.compliance.min(YIELD / (max_force * params.h))
+            }
         }
     }
 
