@@ -1,7 +1,6 @@
 //! Adds, changes, reads and removes the joints of a world.
 
 use crate::body::Motion;
-use crate::compiled::Dimension;
 use crate::geometry::Geometry;
 use crate::ids::{BodyId, JointId, put};
 use crate::input::{self, InputError, JointFault};
@@ -11,7 +10,7 @@ use crate::joint::{Coordinate, Drive, Joint, JointAxis, JointFrames, JointState}
 use crate::joints::{JointRecord, RowState, WORLD, place};
 use crate::world::World;
 
-impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
+impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Adds a joint, and wakes its bodies.
     ///
     /// # Errors
@@ -35,6 +34,7 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
             enabled: joint.enabled,
             broken: false,
             user_data: joint.user_data,
+            pulls: [0.0; 2],
             load: [Vec3::ZERO; 2],
         };
         let world = self.id();
@@ -186,55 +186,6 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 input::check_pose::<G, L, A>(frame)?;
                 let world = place::<G, L, A>(frame);
                 Ok(bodies.map(|body| self.body_places().of(body).local(&world)))
-            }
-        }
-    }
-}
-
-impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    fn joint_slot(&self, id: JointId) -> Option<usize> {
-        id.slot(&self.solver.joints.slots, self.id())
-    }
-
-    fn wake_joined(&mut self, slot: usize) {
-        let members: Vec<u32> = self.solver.joints.records[slot].members().collect();
-        for body in members {
-            self.wake_slot(body as usize);
-        }
-    }
-
-    /// Removes the joint in a slot.
-    fn drop_joint(&mut self, slot: usize) {
-        let joints = &mut self.solver.joints;
-        joints.slots.vacate(slot);
-        joints.slots.release(slot);
-        joints.forget();
-        self.definitions_changed();
-        self.pair_again();
-    }
-
-    /// Removes the joints of a body that is removed.
-    pub(crate) fn drop_joints_of(&mut self, body: usize) {
-        let joints = &self.solver.joints;
-        let own = |record: &JointRecord| record.members().any(|member| member as usize == body);
-        let slots: Vec<usize> =
-            joints.taken().filter(|(_, record)| own(record)).map(|(slot, _)| slot).collect();
-        for slot in slots {
-            self.wake_joined(slot);
-            self.drop_joint(slot);
-        }
-    }
-
-    /// Recomputes which pairs of shapes joints keep from colliding.
-    pub(crate) fn pair_again(&mut self) {
-        if !self.solver.joints.find_separated() {
-            return;
-        }
-        for pair in &mut self.contacts.pairs {
-            if self.solver.joints.separates(pair.bodies) {
-                pair.separate();
-            } else if pair.is_separated() {
-                pair.clearance = 0.0;
             }
         }
     }

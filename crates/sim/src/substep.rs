@@ -47,6 +47,9 @@ const REFRESH_INTERVAL: u32 = 4;
 /// margin for the curvature of their paths. \[1\]
 const APPROACH: f32 = 3.5;
 
+/// Largest number of times that a blow goes on through joints to other contacts.
+const BLOWS: usize = 16;
+
 /// The bodies and contacts of a batch.
 pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) contacts: LaneBatch<'a, L, A>,
@@ -228,13 +231,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if plan.solving {
             self.refine(with_residuals, timer, report);
         } else {
-            self.context().solve(params, substep, turning);
-            timer.lap(Stage::Solve);
-            self.solve_joints();
-            timer.lap(Stage::Joints);
-        }
-        if with_residuals && !plan.solving {
-            self.certify_sweeps(timer, report);
+            self.sweep(params, (substep, turning), timer);
+            if with_residuals {
+                self.certify_sweeps(timer, report);
+            }
         }
         if plan.ledger {
             self.account(|ledger, solver, _| ledger.record_solution(&solver.system));
@@ -246,20 +246,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.scratch.ledger.record_motion(&self.bodies.velocities);
         }
         *renewed = turned && self.context().renew(params);
+        self.renew_joints(params.h);
         if (turned || !self.solver.joints.is_idle())
             && (plan.solving || plan.certified_substep.is_some())
         {
-            self.solver.with_system(&mut self.bodies, |solver, _| {
-                solver.certifier.island_solver.follow(&solver.system);
-            });
+            self.follow_masses();
         }
-        self.renew_joints(params.h);
-        self.begin_relaxing_joints();
-        timer.lap(Stage::Joints);
-        self.context().relax(*renewed, fastest, params);
-        timer.lap(Stage::Relax);
-        self.relax_joints();
-        timer.lap(Stage::Joints);
+        self.relax(*renewed, fastest, params, timer);
         if plan.ledger {
             let gravity = self.gravity;
             self.account(|ledger, solver, bodies| {
@@ -276,6 +269,36 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.find_jams(report);
             timer.lap(Stage::Certify);
         }
+    }
+
+    /// Sweeps over the contacts once or more, and solves the joints. `turning` is true if any body
+    /// rotates.
+    fn sweep(
+        &mut self,
+        params: &SubstepParams<L>,
+        (substep, turning): (u32, bool),
+        timer: &mut StageTimer,
+    ) {
+        self.context().solve(params, substep, turning);
+        timer.lap(Stage::Solve);
+        self.solve_joints();
+        timer.lap(Stage::Joints);
+    }
+
+    /// Takes out the velocities of repair, of contacts and of joints.
+    fn relax(
+        &mut self,
+        renewed: bool,
+        fastest: f32,
+        params: &SubstepParams<L>,
+        timer: &mut StageTimer,
+    ) {
+        self.begin_relaxing_joints();
+        timer.lap(Stage::Joints);
+        self.context().relax(renewed, fastest, params);
+        timer.lap(Stage::Relax);
+        self.relax_joints();
+        timer.lap(Stage::Joints);
     }
 
     /// Changes the velocities by forces and impacts.
@@ -365,13 +388,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             *gain = *velocity - *gain;
         }
         let count = self.solver.with_system(&mut self.bodies, |solver, _| {
-            let ConstraintSolver { lanes, impacts, system, .. } = solver;
+            let ConstraintSolver { lanes, joints, impacts, system, .. } = solver;
             if plan.ledger {
                 ledger.record_impacts(0, &system.velocities);
             }
             system.set_targets(displacements, &plan.params.repair);
-            let count =
-                restitution::collide(system, displacements, force_gains, collisions, impacts);
+            let mut count = 0;
+            for _ in 0..BLOWS {
+                let own =
+                    restitution::collide(system, displacements, force_gains, collisions, impacts);
+                count += own;
+                if own == 0 || joints.is_idle() {
+                    break;
+                }
+                joints.pass_blow(&mut system.velocities);
+            }
             lanes.take_impacts(system);
             if plan.ledger {
                 ledger.record_impacts(1, &system.velocities);

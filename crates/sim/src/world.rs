@@ -16,8 +16,9 @@ use crate::broad_phase::BroadPhase;
 use crate::cache::ContactCache;
 use crate::colliders::{Colliders, Definitions};
 use crate::geometry::{Geometry, MassProperties};
-use crate::ids::{self, BodyId, ColliderId, put};
+use crate::ids::{self, BodyId, ColliderId, JointId, put};
 use crate::input::{self, InputError};
+use crate::joints::JointRecord;
 use crate::report::Measure;
 use crate::saved::SavedSystem;
 use crate::settings::StepSettings;
@@ -500,6 +501,55 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         near.into_iter().for_each(|body| {
             self.wake_slot(body);
         });
+    }
+
+    /// Returns the slot of a joint, or `None` if the joint is unknown.
+    pub(crate) fn joint_slot(&self, id: JointId) -> Option<usize> {
+        id.slot(&self.solver.joints.slots, self.id())
+    }
+
+    /// Wakes the bodies of the joint in a slot.
+    pub(crate) fn wake_joined(&mut self, slot: usize) {
+        let members: Vec<u32> = self.solver.joints.records[slot].members().collect();
+        for body in members {
+            self.wake_slot(body as usize);
+        }
+    }
+
+    /// Removes the joint in a slot.
+    pub(crate) fn drop_joint(&mut self, slot: usize) {
+        let joints = &mut self.solver.joints;
+        joints.slots.vacate(slot);
+        joints.slots.release(slot);
+        joints.forget();
+        self.definitions_changed();
+        self.pair_again();
+    }
+
+    /// Removes the joints of a body that is removed.
+    pub(crate) fn drop_joints_of(&mut self, body: usize) {
+        let joints = &self.solver.joints;
+        let own = |record: &JointRecord| record.members().any(|member| member as usize == body);
+        let slots: Vec<usize> =
+            joints.taken().filter(|(_, record)| own(record)).map(|(slot, _)| slot).collect();
+        for slot in slots {
+            self.wake_joined(slot);
+            self.drop_joint(slot);
+        }
+    }
+
+    /// Recomputes which pairs of shapes joints keep from colliding.
+    pub(crate) fn pair_again(&mut self) {
+        if !self.solver.joints.find_separated() {
+            return;
+        }
+        for pair in &mut self.contacts.pairs {
+            if self.solver.joints.separates(pair.bodies) {
+                pair.separate();
+            } else if pair.is_separated() {
+                pair.clearance = 0.0;
+            }
+        }
     }
 
     /// Measures the state after the last step ([`World::measure`]).

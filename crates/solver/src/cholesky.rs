@@ -21,6 +21,9 @@ pub(crate) struct BlockMatrix {
     /// The blocks, stored by rows.
     values: Vec<f64>,
     scatter: Vec<u32>,
+    /// Blocks of a column while it is eliminated, and a right-hand side in elimination order.
+    column: Vec<f64>,
+    ordered: Vec<f64>,
 }
 
 const ABSENT: u32 = u32::MAX;
@@ -53,7 +56,17 @@ impl BlockMatrix {
             starts.push(entries.len());
         }
         let values = vec![0.0; entries.len() * size * size];
-        Self { size, order, place, starts, rows: entries, values, scatter: vec![ABSENT; rows] }
+        Self {
+            size,
+            order,
+            place,
+            starts,
+            rows: entries,
+            values,
+            scatter: vec![ABSENT; rows],
+            column: Vec::new(),
+            ordered: Vec::new(),
+        }
     }
 
     /// Returns the number of rows of a block.
@@ -95,7 +108,6 @@ impl BlockMatrix {
     fn factor_blocks<const N: usize>(&mut self) -> bool {
         let (values, _) = self.values.as_chunks_mut::<N>();
         let (blocks, _) = values.as_chunks_mut::<N>();
-        let mut column_blocks: Vec<[[f64; N]; N]> = Vec::new();
         for column in 0..self.order.len() {
             let (first, end) = (self.starts[column], self.starts[column + 1]);
             if !factor_block(&mut blocks[first]) {
@@ -105,8 +117,10 @@ impl BlockMatrix {
             for block in &mut blocks[first + 1..end] {
                 solve_right(block, &diagonal);
             }
-            column_blocks.clear();
-            column_blocks.extend_from_slice(&blocks[first + 1..end]);
+            self.column.clear();
+            self.column.extend(blocks[first + 1..end].as_flattened().as_flattened());
+            let (rows, _) = self.column.as_chunks::<N>();
+            let (column_blocks, _) = rows.as_chunks::<N>();
             for (k, below) in column_blocks.iter().enumerate() {
                 let target = self.rows[first + 1 + k] as usize;
                 let range = self.starts[target]..self.starts[target + 1];
@@ -123,10 +137,12 @@ impl BlockMatrix {
     }
 
     /// Solves L L^T x = b in place. `x` holds b, in the order of the caller's rows.
-    pub(crate) fn solve(&self, x: &mut [f64]) {
+    pub(crate) fn solve(&mut self, x: &mut [f64]) {
         let n = self.size;
-        let block = |at: usize| &self.values[at * n * n..][..n * n];
-        let mut y = vec![0.0; x.len()];
+        let Self { values, ordered: y, .. } = self;
+        let block = |at: usize| &values[at * n * n..][..n * n];
+        y.clear();
+        y.resize(x.len(), 0.0);
         for (when, &row) in self.order.iter().enumerate() {
             y[when * n..][..n].copy_from_slice(&x[row as usize * n..][..n]);
         }

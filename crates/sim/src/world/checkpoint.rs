@@ -164,14 +164,7 @@ impl std::error::Error for CheckpointError {}
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Saves the state between two steps ([`World::checkpoint`]).
     pub(crate) fn save_state(&self) -> Checkpoint {
-        let definitions = self.definitions.get_or_init(|| {
-            Arc::new(Definitions {
-                bodies: self.bodies.clone(),
-                colliders: self.colliders.clone(),
-                joints: self.solver.joints.clone(),
-            })
-        });
-        let definitions = Shared(Some(Arc::clone(definitions) as Arc<dyn Any + Send + Sync>));
+        let definitions = self.shared_definitions();
         let slots = [&self.bodies.slots, &self.colliders.slots];
         let bodies = &self.bodies;
         let mut poses = Vec::with_capacity(self.len() * pose_numbers(L));
@@ -224,6 +217,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             memory: self.solver.certifier.island_solver.memory,
             jam_schedule: self.solver.certifier.jam_schedule,
         }
+    }
+
+    /// Returns the copy of bodies, colliders and joints, made if there is none.
+    fn shared_definitions(&self) -> Shared {
+        let definitions = self.definitions.get_or_init(|| {
+            Arc::new(Definitions {
+                bodies: self.bodies.clone(),
+                colliders: self.colliders.clone(),
+                joints: self.solver.joints.clone(),
+            })
+        });
+        Shared(Some(Arc::clone(definitions) as Arc<dyn Any + Send + Sync>))
     }
 
     fn torques(&self, pairs: &[Pair]) -> Vec<f32> {
@@ -367,12 +372,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 return Err(CheckpointError::OtherWorld { what, expected, found });
             }
         }
-        if !self.solver.joints.fits(&from.joints) {
-            return Err(CheckpointError::OtherJoints);
-        }
-        if from.joints.numbers.iter().any(|number| !number.is_finite()) {
-            return Err(CheckpointError::NotFinite("joints"));
-        }
+        self.check_joints(&from.joints)?;
         if from.placed.iter().any(|&body| body as usize >= bodies) {
             return Err(CheckpointError::OtherBodies);
         }
@@ -398,6 +398,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         }
         Ok(())
+    }
+
+    fn check_joints(&self, from: &SavedJoints) -> Result<(), CheckpointError> {
+        if !self.solver.joints.fits(from) {
+            return Err(CheckpointError::OtherJoints);
+        }
+        match from.numbers.iter().all(|number| number.is_finite()) {
+            true => Ok(()),
+            false => Err(CheckpointError::NotFinite("joints")),
+        }
     }
 
     /// Returns the pairs of a checkpoint whose sizes have been checked, and the manifolds of the
