@@ -435,6 +435,16 @@ def incline(drystone):
     return curves(series + theory, (0, 1.5), (0, 4), ("time, s", "distance, m"))
 
 
+def crank(drystone):
+    bake = Bake(drystone, SCENES / "crank.toml")
+    return strip(bake, [0, 10, 20, 30, 40], (-0.36, -0.36), (0.92, 0.36), scale=105)
+
+
+def chain(drystone):
+    bake = Bake(drystone, SCENES / "chain.toml")
+    return strip(bake, [0, 30, 60, 90, 120], (-1.4, -2.6), (1.4, 0.1), scale=50)
+
+
 def certified(drystone):
     """Certified errors of the arch by step."""
     path = ROOT / "scenes/arch.json"
@@ -450,7 +460,7 @@ def certified(drystone):
 
 
 PICTURES = [bounce, cradle, overlap, matrix, seven, pull, complementarity, convergence, arch_methods,
-            jaws, stick, heavy, heavy_strip, cost, incline, certified]
+            jaws, stick, heavy, heavy_strip, cost, incline, crank, chain, certified]
 
 
 def main():

@@ -15,7 +15,7 @@ pub struct Joint {
     pub bodies: [Option<usize>; 2],
     /// Frame of the joint in a and in b; in the world where the body is absent.
     pub frames: [JointFrame; 2],
-    /// What holds or drives the bodies. Each coordinate appears at most once.
+    /// Coordinates that are locked, limited, driven or braked. Each appears at most once.
     pub axes: Vec<JointAxis>,
     /// Loads at which the joint breaks.
     pub breaking: Breaking,
@@ -47,8 +47,8 @@ pub enum Coordinate {
     Angle,
     /// Rotation about x: the twist of the swing-twist decomposition. It counts turns. \[rad\]
     Twist,
-    /// Inclination of the x axis by rotation about axis 1 or 2 of frame b, the other swing left out:
-    /// asin of its component. \[rad\]
+    /// Inclination of the x axis by rotation about axis 1 or 2 of frame b, the other swing left
+    /// out: asin of its component. \[rad\]
     Swing(usize),
     /// Angle between the two x axes. \[rad\]
     Cone,
@@ -60,8 +60,8 @@ pub enum Coordinate {
     /// Angle 0, 1 or 2 about x, y and z, where frame a turns about x, then y, then z of frame b:
     /// Cardan angles. Singular at 90 degrees of the middle one. \[rad\]
     Cardan(usize),
-    /// Rotation of a about the x axis of its frame, plus `ratio` times that of b about its own, both
-    /// since the start and in the world. \[rad\]
+    /// Rotation of a about the x axis of its frame, plus `ratio` times that of b about its own,
+    /// both since the start and in the world. \[rad\]
     Gear {
         /// Turns of a per turn of b, with the opposite sense. \[1\]
         ratio: f64,
@@ -77,12 +77,12 @@ pub enum Coordinate {
         /// Advance per turn. \[m\]
         pitch: f64,
     },
-    /// Distance of the origin of frame a from a point of the world, plus `ratio` times that of frame
-    /// b from another. \[m\]
+    /// Distance of the origin of frame a from a point of the world, plus `ratio` times that of
+    /// frame b from another. \[m\]
     Pulley {
         /// The two points. \[m\]
         points: [[f64; 3]; 2],
-        /// Weight of the rope on the side of b. \[1\]
+        /// Factor of the distance on the side of b. \[1\]
         ratio: f64,
     },
 }
@@ -94,7 +94,8 @@ pub struct JointAxis {
     pub coordinate: Coordinate,
     /// Least and largest q, which may be infinite; equal if q is locked.
     pub limits: Option<[f64; 2]>,
-    /// Stiffness and damping of the limits or the lock. Absent: as stiff as the engine can.
+    /// Stiffness and damping of the limits or the lock. If absent, the setting `stretch` says how
+    /// far they yield.
     pub softness: Option<Softness>,
     /// Springs and motors.
     pub drives: Vec<Drive>,
@@ -137,6 +138,6 @@ pub struct Breaking {
     pub force: Option<f64>,
     /// Mean torque over a step. \[N m\]
     pub torque: Option<f64>,
-    /// Impulse of a single blow. \[N s\]
+    /// Length of the impulse in a step. \[N s\]
     pub impulse: Option<f64>,
 }

@@ -57,7 +57,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         true
     }
 
-    /// Returns what a joint does, or `None` if it is unknown.
+    /// Returns the state of a joint, or `None` if it is unknown.
     pub fn joint(&self, id: JointId) -> Option<JointState> {
         let (slot, joints) = (self.joint_slot(id)?, &self.solver.joints);
         Some(joints.state(slot, &self.body_places(), joints.last_step))
@@ -97,8 +97,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
-    /// Sets the only drive of the first axis of a joint that has one, or of its first axis that is
-    /// not locked. Wakes its bodies.
+    /// Sets a spring or a motor, in place of all drives of the first axis that has any. If none
+    /// has, it drives the first axis that is not locked. Wakes the bodies of the joint.
     ///
     /// # Errors
     /// The joint is unknown, all its axes are locked, or the drive is out of its range.
@@ -112,7 +112,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.set_joint_axes(id, axes)
     }
 
-    /// Switches a joint on or off, and wakes its bodies. One that is switched on is whole again.
+    /// Switches a joint on or off, and wakes its bodies. A broken joint is whole again.
     ///
     /// # Errors
     /// The joint is unknown.

@@ -30,7 +30,7 @@ pub struct Joint<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub bodies: [Option<BodyId>; 2],
     /// Frame of the joint in both bodies.
     pub frames: JointFrames<G::Pose>,
-    /// What holds or drives the bodies.
+    /// Coordinates that are locked, limited, driven or braked. Each appears at most once.
     pub axes: Vec<JointAxis>,
     /// Loads at which the joint breaks.
     pub breaking: Breaking,
@@ -64,8 +64,8 @@ pub enum Coordinate {
     Angle,
     /// Rotation about x: the twist of the swing-twist decomposition. It counts turns. \[rad\]
     Twist,
-    /// Inclination of the x axis by rotation about axis 1 or 2 of frame b, the other swing left out:
-    /// asin of its component. \[rad\]
+    /// Inclination of the x axis by rotation about axis 1 or 2 of frame b, the other swing left
+    /// out: asin of its component. \[rad\]
     Swing(usize),
     /// Angle between the two x axes. \[rad\]
     Cone,
@@ -77,14 +77,14 @@ pub enum Coordinate {
     /// Angle 0, 1 or 2 about x, y and z, where frame a turns about x, then y, then z of frame b:
     /// Cardan angles. Singular at 90 degrees of the middle one. \[rad\]
     Cardan(usize),
-    /// Rotation of a about the x axis of its frame, plus `ratio` times that of b about its own, both
-    /// since they were joined and in the world. \[rad\]
+    /// Rotation of a about the x axis of its frame, plus `ratio` times that of b about its own,
+    /// both since they were joined and in the world. \[rad\]
     Gear {
         /// Turns of a per turn of b, with the opposite sense. \[1\]
         ratio: f64,
     },
-    /// Rotation of a about the x axis of its frame, times `radius`, plus the displacement of b along
-    /// the x axis of its own, both since they were joined and in the world. \[m\]
+    /// Rotation of a about the x axis of its frame, times `radius`, plus the displacement of b
+    /// along the x axis of its own, both since they were joined and in the world. \[m\]
     Rack {
         /// Radius of the pinion. \[m\]
         radius: f64,
@@ -94,12 +94,12 @@ pub enum Coordinate {
         /// Advance per turn. \[m\]
         pitch: f64,
     },
-    /// Distance of the origin of frame a from a point of the world, plus `ratio` times that of frame
-    /// b from another. \[m\]
+    /// Distance of the origin of frame a from a point of the world, plus `ratio` times that of
+    /// frame b from another. \[m\]
     Pulley {
         /// The two points. \[m\]
         points: [[f64; 3]; 2],
-        /// Weight of the rope on the side of b. \[1\]
+        /// Factor of the distance on the side of b. \[1\]
         ratio: f64,
     },
 }
@@ -126,8 +126,8 @@ pub struct JointAxis {
     pub coordinate: Coordinate,
     /// Least and largest q, which may be infinite; equal if q is locked. \[m, or rad\]
     pub limits: Option<[f64; 2]>,
-    /// Stiffness and damping of the limits or the lock. If absent, they give way by the setting
-    /// `stretch` at most.
+    /// Stiffness and damping of the limits or the lock. If absent, they yield by the setting
+    /// `stretch` under the weight of all bodies that joints connect.
     pub softness: Option<Softness>,
     /// Springs and motors.
     pub drives: Vec<Drive>,
@@ -200,8 +200,8 @@ impl Drive {
         Self { velocity, damping: f64::INFINITY, ..Self::NONE }
     }
 
-    /// Describes a spring towards a position \[m, or rad\] with a stiffness \[N/m, or N m/rad\] and a
-    /// damping \[N s/m, or N m s/rad\].
+    /// Describes a spring towards a position \[m, or rad\] with a stiffness \[N/m, or N m/rad\] and
+    /// a damping \[N s/m, or N m s/rad\].
     pub fn spring(position: f64, stiffness: f64, damping: f64) -> Self {
         Self { position, stiffness, damping, ..Self::NONE }
     }
@@ -227,7 +227,7 @@ pub struct Breaking {
     pub force: f64,
     /// Mean torque over a step. \[N m\]
     pub torque: f64,
-    /// Impulse within a step. \[N s\]
+    /// Length of the impulse in a step. \[N s\]
     pub impulse: f64,
 }
 
@@ -243,16 +243,17 @@ impl Default for Breaking {
     }
 }
 
-/// What a joint does at the end of a step.
+/// State of a joint at the end of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointState {
-    /// Value of the coordinate of each axis. \[m, or rad\]
+    /// Value of the coordinate of each axis, in the order of [`Joint::axes`]. \[m, or rad\]
     pub values: Vec<f64>,
     /// Rate of change of each value. \[m/s, or rad/s\]
     pub speeds: Vec<f64>,
-    /// Length of the mean force on a in the last step. \[N\]
+    /// Length of the mean force on a in the last step; 0 if the joint slept. \[N\]
     pub force: f64,
-    /// Length of the mean torque on a about the joint in the last step. \[N m\]
+    /// Length of the mean torque on a about the joint in the last step; 0 if the joint slept.
+    /// \[N m\]
     pub torque: f64,
     /// Largest distance by which a position misses its lock or its limits. \[m\]
     pub gap: f64,
@@ -363,33 +364,36 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Joint<G, L, A> {
         Self { frames: JointFrames::World(frame), ..self }
     }
 
-    /// Sets the position of the joint in the world. \[m\]
+    /// Sets the position of the joint in the world. It has no effect after
+    /// [`in_bodies`](Self::in_bodies). \[m\]
     pub fn at(self, anchor: [f32; L]) -> Self {
         let JointFrames::World(frame) = self.frames else { return self };
         let by = drystone_solver::Vector(anchor) - G::frame(&frame).position;
         self.in_world(G::advance(&frame, by, drystone_solver::Vector::ZERO))
     }
 
-    /// Sets the direction of the x axis in the world.
+    /// Sets the direction of the x axis in the world. It has no effect after
+    /// [`in_bodies`](Self::in_bodies).
     pub fn about(self, axis: [f32; L]) -> Self {
         let JointFrames::World(frame) = self.frames else { return self };
         self.in_world(G::pose(G::frame(&frame).position, &coordinates::towards::<L, A>(axis)))
     }
 
-    /// Limits the last axis that is not locked: of a hinge its angle, of a slider its position.
+    /// Limits the last axis that is not locked: of a hinge and a piston the angle, of a slider the
+    /// position. If all are locked, the distance of the origins becomes an axis of the joint.
     /// \[m, or rad\]
     pub fn limits(mut self, range: std::ops::RangeInclusive<f64>) -> Self {
         self.own().limits = Some([*range.start(), *range.end()]);
         self
     }
 
-    /// Adds a spring or a motor to the last axis that is not locked.
+    /// Adds a spring or a motor to the axis that [`limits`](Self::limits) limits.
     pub fn drive(mut self, drive: Drive) -> Self {
         self.own().drives.push(drive);
         self
     }
 
-    /// Sets the dry friction of the last axis that is not locked. \[N, or N m\]
+    /// Sets the dry friction of the axis that [`limits`](Self::limits) limits. \[N, or N m\]
     pub fn friction(mut self, friction: f64) -> Self {
         self.own().friction = friction;
         self

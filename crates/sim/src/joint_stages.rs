@@ -8,7 +8,7 @@ use crate::step_scratch::StepScratch;
 use crate::world::World;
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// Begins a step: what moves wakes what it is joined to.
+    /// Begins a step: bodies that move wake those that they are joined to.
     pub(crate) fn begin_joints(&mut self) {
         let joints = &mut self.solver.joints;
         joints.begin_step();
@@ -39,7 +39,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Finds J of the joints at the places of the bodies, for substeps of `h` \[s\].
+    /// Computes J of the joints at the places of the bodies, for substeps of `h` \[s\].
     pub(crate) fn renew_joints(&mut self, h: f32) {
         if self.solver.joints.is_idle() {
             return;
@@ -60,7 +60,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.solver.joints.renew(&at, numbers);
     }
 
-    /// Adds the joint impulses of the substep before, and sets the targets of the joints.
+    /// Adds the joint impulses of the previous substep, and sets the targets of the joints.
     pub(crate) fn warm_start_joints(&mut self, h: f32) {
         if self.solver.joints.is_idle() {
             return;
@@ -100,14 +100,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Gives back the inertia of the bodies that the solve has seen with another one.
+    /// Restores the inertia of the bodies that [`stiffen_pulled`](Self::stiffen_pulled) changed.
     fn unstiffen(&mut self) {
         for (body, masses) in self.scratch.true_masses.drain(..) {
             self.bodies.inverse_masses[body as usize] = masses;
         }
     }
 
-    /// Takes masses that have changed into the certificates.
+    /// Passes changed masses on to the certificates.
     pub(crate) fn follow_masses(&mut self) {
         self.solver.with_system(&mut self.bodies, |solver, _| {
             solver.certifier.island_solver.follow(&solver.system);
@@ -134,7 +134,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Adds the joint impulses of the relaxing before, and sets its laws.
+    /// Adds the joint impulses of the previous relaxing, and sets the laws of this one.
     pub(crate) fn begin_relaxing_joints(&mut self) {
         let joints = &mut self.solver.joints;
         if !joints.is_idle() {

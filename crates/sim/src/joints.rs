@@ -2,14 +2,15 @@
 //!
 //! | Stage | What happens |
 //! |---|---|
-//! | rows | joints of awake bodies are ordered by mechanism; J is found at the poses |
-//! | warm start | the impulses of the substep before act; then each row gets its target |
+//! | rows | joints of awake bodies are ordered by mechanism; J is computed at the poses |
+//! | warm start | the impulses of the previous substep act; then each row gets its target |
 //! | solve | all joints of a mechanism are solved together, after the contacts |
-//! | advance | bodies with joints rotate, and J and the coordinates are found anew |
-//! | relax | the same, for the velocities at the new J |
+//! | advance | bodies with joints rotate; coordinates and J are recomputed |
+//! | relax | all joints of a mechanism are solved together, for velocities that the new J allows |
 //!
-//! Half of what a joint bears in a substep comes from the solve, half from the relaxing: bodies move
-//! as with the mean force, and end with velocities that J allows (RATTLE, Andersen 1983).
+//! About half of the impulse that keeps a body on its arc comes from the solve, half from the
+//! relaxing. So bodies move as under the mean force, and end with velocities that J allows (RATTLE,
+//! Andersen 1983).
 
 use drystone_solver::mechanism::Mechanisms;
 use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, Vector, Velocity};
@@ -28,21 +29,20 @@ use crate::report::BrokenJoint;
 /// Marks the world in the place of a body.
 pub(crate) const WORLD: u32 = u32::MAX;
 
-/// Acceleration by which the weight of a mechanism counts at least, where there is no
-/// gravity. \[m/s^2\]
+/// Least acceleration for the weight of a mechanism, which it has without gravity. \[m/s^2\]
 const LEAST_GRAVITY: f64 = 9.81;
 
 /// Fraction of the gap of a lock that a substep repairs. \[1\]
 const REPAIR: f64 = 0.25;
 
-/// Largest number of times that targets are set anew in a substep, for bodies that turn fast.
+/// Largest number of rounds in which targets follow the solution, for bodies that turn fast.
 const MOST_AIMS: usize = 4;
 
-/// Turn of a body per substep beyond which the targets follow the path that the joints leave.
+/// Rotation of a body per substep beyond which the targets follow the path that the joints leave.
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
 
-/// Numbers of a row before J is found.
+/// Parameters of a row before J is computed.
 const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
 
 /// A joint of a world.
@@ -100,15 +100,15 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     acting: Vec<u32>,
     /// Their pairs of bodies.
     pairs: Vec<[u32; 2]>,
-    /// What solves them.
+    /// Their rows, and the solver.
     pub(crate) mechanisms: Mechanisms<L, A>,
-    /// By acting joint: compliance of its locks times h^2. \[1/(N/m)\]
+    /// By acting joint: 1 / weight of its mechanism. \[1/N\]
     compliances: Vec<f64>,
-    /// By row of the mechanisms.
+    /// Parameters of each row of the mechanisms.
     params: Vec<RowParams>,
     /// S of each body ([`tension`]). \[N m s\]
     stiffness: Vec<SymmetricMatrix<f64, 3>>,
-    /// True if the rows of the joints that act must be found anew.
+    /// True if the rows of the joints that act must be rebuilt.
     is_stale: bool,
     /// Length of the last step. \[s\]
     pub(crate) last_step: f64,
@@ -196,7 +196,8 @@ fn flattened<const L: usize, const A: usize>(row: &Velocity<f64, 3, 3>) -> Veloc
     }
 }
 
-/// Returns the value of a coordinate with its turns, after the value before.
+/// Returns the value of a coordinate. To an angle it adds the whole turns that bring it nearest to
+/// the value `before`.
 fn turned(coordinate: &RowCoordinate, value: f64, before: f64) -> f64 {
     match coordinate {
         RowCoordinate::Of(of) if of.is_angle() => nearest(value, before, std::f64::consts::TAU),
@@ -244,8 +245,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.records.iter().enumerate().filter(|(slot, _)| self.slots.is_taken(*slot))
     }
 
-    /// Finds the joints that act: those of awake dynamic bodies. Returns true if there are others than
-    /// before. `gravity` is its acceleration. \[m/s^2\]
+    /// Finds the joints that act: those of awake dynamic bodies. Returns true if there are others
+    /// than before. `gravity` is the length of its acceleration. \[m/s^2\]
     pub(crate) fn choose<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,
@@ -297,8 +298,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
     }
 
-    /// Finds J, the coordinates and the compliances at the places of the bodies, for substeps of
-    /// `h` \[s\]. A lock that carries the weight of its mechanism gives way by `stretch`. \[m\]
+    /// Computes J, the coordinates and the compliances at the places of the bodies, for substeps of
+    /// `h` \[s\]. A lock that carries the weight of its mechanism yields by `stretch` \[m\]. Repair
+    /// is at most as fast as `speed`. \[m/s\]
     pub(crate) fn renew<G: Geometry<L, A>>(
         &mut self,
         at: &BodyPlaces<'_, G, L, A>,
@@ -576,7 +578,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
     }
 
-    /// Makes the next [choice](Self::choose) find the rows anew.
+    /// Makes the next [choice](Self::choose) rebuild the rows.
     pub(crate) fn forget(&mut self) {
         self.is_stale = true;
     }
@@ -638,12 +640,12 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         })
     }
 
-    /// Begins a step: no joint has borne anything yet.
+    /// Begins a step: clears the loads.
     pub(crate) fn begin_step(&mut self) {
         self.records.iter_mut().for_each(|record| record.load = [Vec3::ZERO; 2]);
     }
 
-    /// Breaks joints whose load in a step of `dt` \[s\] was beyond their strength, and returns
+    /// Breaks the joints whose load in a step of `dt` \[s\] exceeds their [`Breaking`]. Returns
     /// them.
     pub(crate) fn break_overloaded(&mut self, dt: f64) -> Vec<BrokenJoint> {
         let mut broken = Vec::new();
@@ -693,7 +695,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         state
     }
 
-    /// Returns the largest miss of a position \[m\] and of a rotation \[rad\] over the joints that act.
+    /// Returns the largest miss of a position \[m\] and of a rotation \[rad\] over the joints that
+    /// act.
     pub(crate) fn worst<G: Geometry<L, A>>(&self, at: &BodyPlaces<'_, G, L, A>) -> [f64; 2] {
         let mut worst = [0.0; 2];
         for &slot in &self.acting {
@@ -735,7 +738,7 @@ impl JointRecord {
         [out[0].max(apart.sqrt()), out[1]]
     }
 
-    /// Returns the range of its bodies that are not the world.
+    /// Returns its bodies, without the world.
     pub(crate) fn members(&self) -> impl Iterator<Item = u32> + '_ {
         self.bodies.iter().copied().filter(|body| *body != WORLD)
     }

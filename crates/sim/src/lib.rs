@@ -24,9 +24,9 @@
 //! Shapes are those of `parry2d` and `parry3d`. Units are SI, and any axis may point up. [`World`]
 //! says what a step computes. Its kinds are [`World2`], [`World3`], [`ParticleWorld2`] and
 //! [`ParticleWorld3`]. Presets of [`StepSettings`] are for games, baking, and baking with proof.
-//! [`StepReport`], [`Measure`] and [`World::touching`] tell what happened, [`World::cast_ray`] what a
-//! ray hits. Scenes from files are in `drystone-bake`. Features: `threads` (default), `serde`, and
-//! `assembled`: systems as matrices.
+//! [`World::join`] adds a [`Joint`]. [`StepReport`], [`Measure`] and [`World::touching`] tell what
+//! happened, [`World::cast_ray`] what a ray hits. Scenes from files are in `drystone-bake`.
+//! Features: `threads` (default), `serde`, and `assembled`: systems as matrices.
 
 mod bodies;
 mod body;

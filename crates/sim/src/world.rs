@@ -63,6 +63,9 @@ const MOST_THREADS: usize = 4;
 /// [`drystone_solver::certificate`] proves this bound, and one for v that do not follow from γ.
 /// With friction, v_exact is the exact solution for the current slips.
 ///
+/// [`World::join`] adds joints. Their rows have bounds on both sides, lo ≤ γ ≤ hi. All joints that
+/// connect bodies are solved as one block ([`drystone_solver::mechanism`], Stage::Joints).
+///
 /// # State
 ///
 /// Checkpoints hold the state of `bodies`, `colliders`, `broad_phase`, `contacts`, `sleep` and
@@ -76,7 +79,7 @@ pub struct World<G: Geometry<L, A>, const L: usize, const A: usize> {
     id: u32,
     pub(crate) bodies: Bodies<G, L, A>,
     pub(crate) colliders: Colliders<G, L, A>,
-    /// Copy of bodies and colliders for checkpoints. Reset when either is added, removed or
+    /// Copy of bodies, colliders and joints for checkpoints. Reset when either is added, removed or
     /// redefined.
     definitions: OnceLock<Arc<Definitions<G, L, A>>>,
     pub(crate) broad_phase: BroadPhase<L>,
@@ -535,7 +538,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Finds anew which pairs of shapes a joint keeps from colliding.
+    /// Recomputes which pairs of shapes joints keep from colliding.
     pub(crate) fn pair_again(&mut self) {
         if !self.solver.joints.find_separated() {
             return;

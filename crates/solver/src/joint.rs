@@ -12,7 +12,7 @@
 //! friction         0, 0                                0            -F h, F h
 //! ```
 //!
-//! J_a and J_b may point along different directions: so does a gear.
+//! J_a and J_b are independent. Those of a gear turn about different axes.
 
 use crate::law::{Interval, Law};
 use crate::{Cast, ConstraintFrame, InverseMass, Real, Scalar, Vector, Velocity};
@@ -57,8 +57,8 @@ pub struct Axis<T: Real, const L: usize, const A: usize> {
 const ROUNDING: f64 = 1e-11;
 
 impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
-    /// Returns a rigid lock along a unit wrench in a frame. Along a unit vector of `linear` it locks
-    /// translation, along one of `angular` rotation.
+    /// Returns a rigid lock along a unit wrench in a frame. Along a unit vector of `linear` it
+    /// locks translation, along one of `angular` rotation.
     pub fn lock(frame: &ConstraintFrame<T, L>, direction: &Velocity<T, L, A>) -> Self {
         let infinite = T::from_f64(f64::INFINITY);
         let law =
@@ -106,8 +106,8 @@ impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
         self.effective_mass = a_ii.choose(T::ONE / (a_ii + self.law.compliance), T::ZERO);
     }
 
-    /// Visits the row once at this velocity along it: brings it to its target. Returns the change of
-    /// the impulse.
+    /// Visits the row once at this velocity along it: brings it to its target. Returns the change
+    /// of the impulse.
     #[inline(always)]
     pub(crate) fn visit<const RELAX: bool>(&mut self, velocity: T) -> T {
         let law = if RELAX { self.unbiased_law() } else { self.law };
@@ -118,7 +118,8 @@ impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
         change
     }
 
-    /// Returns the velocity error of the row: by how much a visit would change it. \[m/s, or rad/s\]
+    /// Returns the velocity error of the row: by how much a visit would change it.
+    /// \[m/s, or rad/s\]
     #[inline(always)]
     pub(crate) fn residual<const RELAX: bool>(&self, velocity: T) -> T {
         let change = Self { ..*self }.visit::<RELAX>(velocity);
@@ -126,7 +127,7 @@ impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
         self.effective_mass.choose(error, T::ZERO)
     }
 
-    /// Returns the impulse within its bounds.
+    /// Returns the impulse, clamped to its bounds.
     #[inline(always)]
     pub(crate) fn inside(&self) -> Vector<T, 1> {
         self.law.clamp(Vector([self.impulse]))

@@ -1,5 +1,5 @@
-//! Contact solver for systems of bodies and contacts: velocities, masses, contacts; no shapes,
-//! poses or files. [`System`] states the problem in six equations.
+//! Solver for systems of bodies, contacts and joints: velocities, masses, contacts, rows of joints;
+//! no shapes, poses or files. [`System`] states the problem in six equations.
 //!
 //! A ball of 2 kg falls on the floor for 0.01 s. The contact takes the velocity from it:
 //!
@@ -26,9 +26,10 @@
 //! ```
 //!
 //! Proven bounds are in [`certificate`], laws of constraints in [`law`], stronger methods in
-//! [`ladder`], impacts in [`restitution`], sixteen contacts side by side in [`lanes`]. Features:
-//! `threads` (default), `serde`, and `assembled`: systems as sparse matrices, and methods for
-//! problems given as such.
+//! [`ladder`], impacts in [`restitution`], sixteen contacts side by side in [`lanes`]. Rows of
+//! joints are [`Axis`], all joints of connected bodies as one block [`mechanism::Mechanisms`].
+//! Features: `threads` (default), `serde`, and `assembled`: systems as sparse matrices, and methods
+//! for problems given as such.
 
 pub mod apgd;
 #[cfg(feature = "assembled")]

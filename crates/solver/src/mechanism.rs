@@ -1,19 +1,19 @@
 //! [`Mechanisms`]: all rows of the joints of connected bodies as one block.
 //!
-//! Sweeps over a chain of n bodies need some n^2 visits, times the ratio of the masses. So all joints
-//! that connect bodies are solved together. The velocities minimize P(v) of the
+//! A chain of n bodies needs about n^2 sweeps, times the ratio of its masses. So all joints that
+//! connect bodies are solved together. The velocities minimize P(v) of the
 //! [`certificate`](crate::certificate) over the rows of the joints, while contacts keep their
 //! impulses:
 //!
 //! ```text
-//! H dv  = J^T r(v) - M (v - v*)         H = M + J^T (1 / epsilon) J over the rows inside their bounds
+//! H dv  = J^T r(v) - M (v - v*)     H = M + J^T (1 / epsilon) J over the rows inside their bounds
 //! r     = clamp((t - J v) / epsilon, lo, hi)
 //! ```
 //!
-//! H has one row of blocks per body. Its factor costs as much as the number of bodies if the joints
-//! form a tree, and the fill of each loop beyond. If no row reaches or leaves a bound, one solve is
-//! exact: to contacts the mechanism is a constraint like any other, visited once per sweep. The
-//! factor is kept while J and the rows within their bounds stay the same.
+//! H has one row of blocks per body. If the joints form a tree, the cost of its factor is in
+//! proportion to the number of bodies; each loop adds fill. If no row reaches or leaves a bound,
+//! one solve is exact. So for contacts the mechanism is a constraint like any other, visited once
+//! after a sweep. The factor is kept while J and the set of rows within their bounds stay the same.
 
 use std::ops::Range;
 
@@ -90,7 +90,8 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
         self.mechanisms.iter().map(|own| (own.joints.clone(), own.bodies.as_slice()))
     }
 
-    /// Takes the masses of the bodies, which turn. The rows must be filled in.
+    /// Takes the present masses of the bodies, and drops the factors of H. To be called after a
+    /// change of masses, J or compliances.
     pub fn renew(&mut self, masses: &[InverseMass<f32, L, A>]) {
         let Self { joints, axes, mechanisms } = self;
         for joint in joints.iter() {
@@ -130,8 +131,8 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
 }
 
 impl<const L: usize, const A: usize> Mechanism<L, A> {
-    /// Creates the mechanism of these joints. `inside` holds a number for each body, and returns as
-    /// it came.
+    /// Creates the mechanism of these joints. `inside` is scratch with an entry for each body of
+    /// the system, all of them `usize::MAX` before and after.
     fn of(
         joints: &[Joint],
         range: Range<usize>,

@@ -5,10 +5,10 @@
 //!
 //! M (v - v*) - J^T r(v),
 //!
-//! with the [response](Law::response) r of the contacts to the velocities. The second derivative
-//! H = M + J^T (dr/dy) J has one row of blocks per body, whatever the number of contacts. The line
-//! search along -H^-1 gradient lowers P in every step, and near the minimum convergence is
-//! quadratic.
+//! with the [response](crate::law::Law::response) r of the contacts and rows of joints to the
+//! velocities. The second derivative H = M + J^T (dr/dy) J has one row of blocks per body, whatever
+//! the number of contacts. The line search along -H^-1 gradient lowers P in every step, and near the
+//! minimum convergence is quadratic.
 //!
 //! Coulomb's law: the shift mu |slip| is frozen while P is minimized. It is updated whenever the
 //! error of the frozen problem is below that of the shift (De Saxce and Feng 1998).

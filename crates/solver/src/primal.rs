@@ -1,5 +1,5 @@
-//! [`PrimalProblem`]: the convex function P(v) of the velocities whose minimum solves a system, with
-//! its gradient, its second derivative and a line search.
+//! [`PrimalProblem`]: the convex function P(v) of the velocities whose minimum solves a system,
+//! with its gradient, its second derivative and a line search.
 //!
 //! ```text
 //! P(v)     = 1/2 (v - v*) . M (v - v*) + sum phi_i(J_i v)
@@ -20,7 +20,7 @@ const PAIRS: [(usize, usize); 3] = [(0, 0), (0, 1), (1, 1)];
 /// Largest number of velocity components of a body, L + A.
 const MOST: usize = 6;
 
-/// P(v) for frozen shifts.
+/// P(v) for fixed shifts of Coulomb's law.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PrimalProblem<const L: usize, const A: usize> {
     pub(crate) prospective: Vec<Velocity<f64, L, A>>,
@@ -74,8 +74,7 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         Some(problem)
     }
 
-    /// Sets the masses of the bodies. Bodies that cannot move stay what they are until the next
-    /// [`connect`](Self::connect).
+    /// Sets the masses of the bodies. Only [`connect`](Self::connect) reads which of them can move.
     pub(crate) fn set_masses(&mut self, masses: impl Iterator<Item = InverseMass<f64, L, A>>) {
         self.masses.clear();
         self.free.clear();

@@ -1,5 +1,5 @@
-//! Coordinates of a joint and their rows of J, in space and in `f64`. The plane is the plane of x and
-//! y.
+//! Coordinates of a joint and their rows of J, in space and in `f64`. The plane is the plane of x
+//! and y.
 //!
 //! With the position p and the rotation R of frame a in frame b, x the x axis of b and e = R x that
 //! of a, the rates of the coordinates are
@@ -129,7 +129,8 @@ pub(crate) fn towards<const L: usize, const A: usize>(axis: [f32; L]) -> Vec<f32
     }
 }
 
-/// A coordinate as a row: with the rotation vector, which locks of rotation use.
+/// Coordinate of a row. Locks of rotation use components of rotation vectors, which have no
+/// singular value near zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum RowCoordinate {
     Of(Coordinate),
@@ -220,7 +221,7 @@ impl JointPlaces {
         Evaluated { value, rows: [momentum(self.centers[0], 1.0), momentum(self.centers[1], -1.0)] }
     }
 
-    /// Evaluates a coordinate that measures each body in the world.
+    /// Evaluates a coordinate that measures both bodies against the world; `None` for another one.
     fn evaluate_in_world(&self, coordinate: &Coordinate) -> Option<Evaluated> {
         let turned = |side: usize| {
             let (frame, start) = (&self.frames[side], &self.start[side]);
@@ -353,7 +354,8 @@ fn cardan(axis: usize, turn: &Turn) -> (f64, Wrench) {
     }
 }
 
-/// Returns the angle that differs from `angle` by whole turns of `turn` \[rad\], nearest to `before`.
+/// Returns the angle that differs from `angle` by whole turns of `turn` \[rad\], nearest to
+/// `before`.
 pub(crate) fn nearest(angle: f64, before: f64, turn: f64) -> f64 {
     angle + turn * libm::rint((before - angle) / turn)
 }
@@ -420,8 +422,8 @@ mod tests {
         out
     }
 
-    /// The row of each coordinate is its derivative: J v is the change of q along random motions, by
-    /// central differences.
+    /// The row of each coordinate is its derivative: J v is the change of q along random motions,
+    /// by central differences.
     #[test]
     fn rows_are_derivatives() {
         let mut random = Random(7);

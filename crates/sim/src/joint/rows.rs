@@ -1,22 +1,28 @@
 //! Rows of a joint: which it has, and their laws in a substep.
 //!
-//! A lock keeps its coordinate q at a value along the curve on which the bodies move. If they keep
-//! their velocities v, q ends the substep at q_end; the row knows its change by others, J dv:
+//! A lock keeps its coordinate q at q_0 while the bodies move along curved paths. If they keep
+//! their velocities v, q is q_end at the end of the substep, and a change dv of them adds h J dv.
+//! With repair = c (q - q_0),
 //!
 //! ```text
 //! q_end + h J dv = q - repair      so    t = J v - (q_end - q + repair) / h
 //! ```
 //!
-//! A limit is a lock on one side, and reached within the substep but not passed. A spring that moves
-//! the effective mass m without others follows its oscillation exactly. With frequency w, damping
-//! ratio zeta and w_d = w sqrt(1 - zeta^2),
+//! A limit acts on one side only. It may be reached within the substep, but not passed.
+//!
+//! A spring that alone moves an effective mass m follows its oscillation exactly. With frequency w,
+//! damping ratio zeta and w_d = w sqrt(1 - zeta^2),
 //!
 //! ```text
 //! a   = exp(-2 zeta w h),       b h = 1 + a - 2 exp(-zeta w h) cos(w_d h)
 //! eps = a / (m (1 - a)),        t   = b (q_0 - q) / (1 - a)
 //! ```
 //!
-//! and beyond w h = 1/2 the implicit form: eps = 1 / (h^2 k + h d), t = (k (q_0 - q) + d v_0) / (h k + d).
+//! Beyond w h = 1/2, and with a velocity v_0, a spring is implicit:
+//!
+//! ```text
+//! eps = 1 / (h^2 k + h d),      t = (k (q_0 - q) + d v_0) / (h k + d)
+//! ```
 
 use drystone_solver::law::Interval;
 
@@ -43,7 +49,7 @@ impl RowPlan {
     }
 }
 
-/// What a row does.
+/// Kind of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Role {
     /// Keeps a value.
@@ -94,7 +100,7 @@ pub(crate) fn plan(axes: &[JointAxis]) -> Vec<RowPlan> {
     rows
 }
 
-/// Numbers of a row that stay through a substep.
+/// Parameters of a row that stay constant through a substep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RowParams {
     /// Length of the substep. \[s\]
@@ -103,11 +109,12 @@ pub(crate) struct RowParams {
     pub(crate) mobility: f64,
     /// Compliance of a lock. \[1/kg, or 1/(kg m^2)\]
     pub(crate) compliance: f64,
-    /// Fraction of a gap that the substep repairs, and the largest speed of repair. \[1, m/s or rad/s\]
+    /// Fraction of a gap that the substep repairs, and the largest speed of repair.
+    /// \[1, m/s or rad/s\]
     pub(crate) repair: [f64; 2],
 }
 
-/// Where a row is at the start of a substep, and where it goes.
+/// Motion of a row in a substep, as far as it is known before the solve.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion {
     /// q.
@@ -218,9 +225,9 @@ impl Role {
         Interval { targets, bounds, compliance }
     }
 
-    /// Returns the law of the sweep that ends a substep, for the change of the impulse. It takes out
-    /// the velocity from repair and curvature. `solved` is the impulse of the substep by its `law`,
-    /// `value` is q at its end.
+    /// Returns the law of the sweep that ends a substep, for the change of the impulse. It takes
+    /// out the velocity from repair and curvature. `solved` is the impulse of the substep by its
+    /// `law`, `value` is q at its end.
     pub(crate) fn relaxing_law(
         &self,
         law: &Interval<f64>,

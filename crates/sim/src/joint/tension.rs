@@ -1,8 +1,8 @@
 //! Tension: the implicit term that keeps bodies which hang in pulling joints from oscillating.
 //!
-//! The moment of a joint's impulse changes while its body turns. To a link between two pulls T of
-//! arm l it is a spring of stiffness T l, which explicit steps follow only while h < 2 sqrt(I / (T l)).
-//! At the end of a substep the moment is smaller by S omega h, with
+//! The moment of a joint's impulse changes while its body turns. For a link of length l between two
+//! pulls T, that is a spring of stiffness T l. Explicit steps follow it only while
+//! h < 2 sqrt(I / (T l)). At the end of a substep the moment is smaller by S omega h, with
 //!
 //! ```text
 //! S = sum over the joints of (r . gamma)+ (1 - r r^T / r^2)        r: arm, gamma: impulse
@@ -15,7 +15,7 @@ use drystone_solver::SymmetricMatrix;
 
 use super::coordinates::Vec3;
 
-/// Adds the term of an impulse at an arm to S. \[N m s\]
+/// Adds the term of an impulse at an arm to S, if it pulls away from the center. \[N m s\]
 pub(crate) fn add(sum: &mut SymmetricMatrix<f64, 3>, arm: Vec3, impulse: Vec3) {
     let (pull, squared) = (arm.dot(impulse), arm.dot(arm));
     if pull > 0.0 {
