@@ -10,6 +10,7 @@ use drystone_bake::recording::journal::Step;
 use drystone_scene::{BodiesAs, Body, Motion, Scene, SurfaceVelocity};
 use serde::Serialize;
 
+use super::joints::JointSummary;
 use super::record::Bake;
 
 /// Energy above the initial energy that counts as rounding, as a fraction of the energy that the
@@ -79,6 +80,9 @@ pub(super) struct Summary {
     /// Largest displacement of a dynamic body over the last second. \[m\]
     moved: f64,
     moved_body: Option<usize>,
+    /// Misses and breaks of joints; absent without joints.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    joints: Option<JointSummary>,
     /// True if any shape has friction and bodies are rigid.
     friction: bool,
     /// Result of the audit: overlaps and passages measured from shapes and poses alone.
@@ -249,6 +253,7 @@ impl Summary {
             fastest_body: moving_body(bake.moved_most(scene, 1)),
             moved: moving.map_or(0.0, |(_, distance)| distance),
             moved_body: moving_body(moving),
+            joints: JointSummary::new(scene, bake),
             friction: has_friction(scene),
             audit,
         }
@@ -263,6 +268,7 @@ impl Summary {
             ("time", self.time(head)),
             ("contacts", self.contacts()),
             ("penetration", self.penetration()),
+            ("joints", self.joints.as_ref().map_or_else(String::new, |of| of.text(scene))),
             ("energy", self.energy()),
             (self.title(), self.certified(scene)),
             ("", self.bound_limits()),
@@ -523,6 +529,7 @@ impl Summary {
             lines.push(format!("energy was created: {}{who}", joule(created)));
         }
         lines.extend(self.jam(scene));
+        lines.extend(self.joints.as_ref().and_then(|of| of.breaks(scene, NAMED)));
         if let Some(of) = self.audit.start.as_ref().filter(|of| of.depth > OVERLAP) {
             let [a, b] = of.bodies.map(|body| scene.name_of(body));
             lines.push(format!(
@@ -563,7 +570,7 @@ fn energy_summary(bake: &Bake) -> Option<EnergySummary> {
 }
 
 /// Formats a number of things, of which `one` names one.
-fn counted(count: usize, one: &str) -> String {
+pub(super) fn counted(count: usize, one: &str) -> String {
     if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
 }
 
