@@ -2,14 +2,16 @@
 //! them.
 
 pub(super) mod joint;
+pub(super) mod values;
 
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use serde_json::{Map, Value};
 
 use self::joint::JointDocument;
+use self::values::{RotationDocument, Unbounded};
 use super::description::{BodiesAs, Combine, Motion, ShapeKind};
 
 /// A scene for Drystone. SI units, right-handed, +y up.
@@ -187,15 +189,6 @@ pub(super) struct BodyDocument {
     pub(super) extras: Option<Value>,
 }
 
-/// 3D: unit quaternion x, y, z, w. 2D: angle [rad].
-#[derive(Serialize, JsonSchema)]
-#[serde(untagged)]
-#[schemars(rename = "Rotation")]
-pub(super) enum RotationDocument {
-    Angle(f64),
-    Quaternion([f64; 4]),
-}
-
 /// 3D: about world axes [rad/s]. 2D: a number [rad/s].
 #[derive(Serialize, JsonSchema)]
 #[serde(untagged)]
@@ -239,32 +232,6 @@ pub(super) struct SurfaceMotionDocument {
 pub(super) enum InertiaDocument {
     Number(Unbounded),
     Principal(Vec<Unbounded>),
-}
-
-/// A number that may be infinite, which JSON has no number for.
-#[derive(JsonSchema)]
-#[schemars(untagged)]
-#[allow(dead_code, reason = "the schema shows both forms; writing chooses by value")]
-pub(super) enum Unbounded {
-    Number(f64),
-    Infinite(Infinite),
-}
-
-/// The text "inf".
-#[derive(JsonSchema)]
-#[schemars(rename_all = "snake_case")]
-#[allow(dead_code, reason = "as above")]
-pub(super) enum Infinite {
-    Inf,
-}
-
-impl Serialize for Unbounded {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Unbounded::Number(x) if x.is_finite() => serializer.serialize_f64(*x),
-            _ => serializer.serialize_str("inf"),
-        }
-    }
 }
 
 /// Systems by name, which shapes belong to and collide with.

@@ -59,7 +59,8 @@ pub(crate) struct JointCoordinates {
 /// Largest position and angle; beyond it, a limit is none. \[m, or rad\]
 pub(crate) const FAR: f64 = 1e6;
 
-/// Damping of a drive that keeps its velocity, for programs that know no infinite one. \[N s/m, or N m s/rad\]
+/// Damping of a drive that keeps its velocity, for programs that know no infinite one.
+/// \[N s/m, or N m s/rad\]
 const DAMPING: f64 = 1e9;
 
 impl Limit {

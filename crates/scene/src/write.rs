@@ -1,18 +1,20 @@
 //! Writes a scene in Drystone's own format; values equal to their defaults are omitted.
 
+mod defaults;
 mod joint;
 
 use serde_json::Value;
 
+use self::defaults::{number_unless, rotation_document, rotation_unless, unless};
 use self::joint::joint_document;
 use super::description::{
     BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, SurfaceVelocity,
     Track,
 };
+use super::document::values::Unbounded;
 use super::document::{
-    BodyDocument, CollisionDocument, InertiaDocument, KeyDocument, RotationDocument, SceneDocument,
-    ShapeDocument, SpinDocument, SurfaceDocument, SurfaceMotionDocument, SurfaceVelocityDocument,
-    Unbounded,
+    BodyDocument, CollisionDocument, InertiaDocument, KeyDocument, SceneDocument, ShapeDocument,
+    SpinDocument, SurfaceDocument, SurfaceMotionDocument, SurfaceVelocityDocument,
 };
 use super::format::surface::default_material;
 use super::format::{GRAVITY, TIME_STEP};
@@ -125,19 +127,6 @@ fn shape_document(
     }
 }
 
-/// Compares bits, so that -0 differs from 0 and is written.
-fn same(a: &[f64], b: &[f64]) -> bool {
-    a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()))
-}
-
-fn unless(vector: &[f64], default: &[f64]) -> Option<Vec<f64>> {
-    (!same(vector, default)).then(|| vector.to_vec())
-}
-
-fn number_unless(x: f64, default: f64) -> Option<f64> {
-    (x.to_bits() != default.to_bits()).then_some(x)
-}
-
 /// Writes a purely linear, local surface velocity as a vector, any other as a table.
 fn surface_velocity(motion: &SurfaceVelocity) -> SurfaceVelocityDocument {
     let SurfaceVelocity { linear, angular, local } = motion;
@@ -150,22 +139,6 @@ fn surface_velocity(motion: &SurfaceVelocity) -> SurfaceVelocityDocument {
         angular: turning,
         local: (!local).then_some(false),
     })
-}
-
-fn rotation_document(rotation: Rotation) -> RotationDocument {
-    match rotation {
-        Rotation::Angle(angle) => RotationDocument::Angle(angle),
-        Rotation::Quaternion(quaternion) => RotationDocument::Quaternion(quaternion),
-    }
-}
-
-fn rotation_unless(rotation: Rotation, default: Rotation) -> Option<RotationDocument> {
-    let equal = match (rotation, default) {
-        (Rotation::Angle(a), Rotation::Angle(b)) => same(&[a], &[b]),
-        (Rotation::Quaternion(a), Rotation::Quaternion(b)) => same(&a, &b),
-        _ => false,
-    };
-    (!equal).then(|| rotation_document(rotation))
 }
 
 fn spin(velocity: &[f64]) -> Option<SpinDocument> {

@@ -35,6 +35,7 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
             enabled: joint.enabled,
             broken: false,
             user_data: joint.user_data,
+            pulls: [0.0; 2],
             load: [Vec3::ZERO; 2],
         };
         let world = self.id();

@@ -4,6 +4,7 @@ use crate::geometry::Geometry;
 use crate::joints::BodyPlaces;
 use crate::report::StepReport;
 use crate::solving::ConstraintSolver;
+use crate::step_scratch::StepScratch;
 use crate::world::World;
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
@@ -65,8 +66,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             return;
         }
         self.stiffen_pulled(h);
-        let displacements = &self.scratch.displacements;
-        self.solver.joints.warm_start(&mut self.bodies, displacements);
+        let StepScratch { displacements, prospective, .. } = &self.scratch;
+        self.solver.joints.warm_start(&mut self.bodies, displacements, prospective);
     }
 
     /// Gives bodies that hang in pulling joints the inertia with which they follow the pull

@@ -14,14 +14,15 @@
 use drystone_solver::mechanism::Mechanisms;
 use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, Vector, Velocity};
 
-use crate::bodies::Bodies;
-use crate::geometry::Geometry;
+use crate::bodies::{Bodies, Inertia};
+use crate::geometry::{Geometry, PRECESS_LANES, Spin};
 use crate::ids::Slots;
 use crate::joint::coordinates::{JointPlaces, Place, RowCoordinate, Turn, Vec3, cross, nearest};
 use crate::joint::rows::{Motion, Role, RowParams, RowPlan};
 use crate::joint::tension;
 use crate::joint::{Breaking, Coordinate, JointAxis, JointState};
 use crate::ledger::JointRow;
+use crate::motion::SMALL_TURN;
 use crate::report::BrokenJoint;
 
 /// Marks the world in the place of a body.
@@ -39,7 +40,7 @@ const MOST_AIMS: usize = 4;
 
 /// Turn of a body per substep beyond which the targets follow the path that the joints leave.
 /// \[rad\]
-const FAST_TURN: f32 = 0.02;
+const FAST_TURN: f32 = 0.005;
 
 /// Numbers of a row before J is found.
 const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
@@ -61,6 +62,8 @@ pub(crate) struct JointRecord {
     pub(crate) enabled: bool,
     pub(crate) broken: bool,
     pub(crate) user_data: u128,
+    /// (r . gamma)+ of both bodies in the last substep ([`tension`]). \[N m s\]
+    pub(crate) pulls: [f64; 2],
     /// Impulse on a and its moment about the joint in this step, or in the last one.
     /// \[N s, N m s\]
     pub(crate) load: [Vec3; 2],
@@ -72,7 +75,7 @@ pub(crate) struct JointRecord {
 pub(crate) struct SavedJoints {
     generations: Vec<u32>,
     broken: Vec<bool>,
-    /// By joint: q and the impulses of each row, then its load.
+    /// By joint: q and the impulses of each row, then its pulls and its load.
     pub(crate) numbers: Vec<f64>,
     last_step: f64,
 }
@@ -152,30 +155,35 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> 
         Place { position, turn: Turn::by(turned).of(&pose) }
     }
 
-    /// Returns the place where a body is after `h` \[s\] at its velocity, rotating freely.
-    fn ahead(&self, body: u32, h: f64) -> Place {
+    /// Returns the place where a body is after `h` \[s\] at this velocity, rotating freely: as it will
+    /// [advance](crate::motion::MovingBodies::advance).
+    fn ahead(&self, body: u32, velocities: &[Velocity<f32, L, A>], h: f64) -> Place {
         let mut place = self.of(body);
         if body == WORLD {
             return place;
         }
-        let velocity = &self.bodies.velocities[body as usize];
+        let (bodies, index) = (self.bodies, body as usize);
+        let velocity = &velocities[index];
         place.position += in_space(velocity.linear) * h;
-        let omega = in_space(velocity.angular);
-        let mut turn = omega * h;
-        let precession = self.bodies.precession[body as usize].rate;
-        if A == 3 && precession > 0.0 {
-            let inertia = &self.bodies.inertia[body as usize];
-            // In the axes of the body: I d(omega)/dt = -omega x I omega.
-            let own = place.turn.inverse().rotate(omega);
-            let spin = Vector::<f64, A>(std::array::from_fn(|i| own[i]));
-            let momentum = inertia.moments.cast::<f64>() * spin;
-            let torque = cross(own, Vector(std::array::from_fn(|i| momentum[i])));
-            let torque = Vector::<f64, A>(std::array::from_fn(|i| -torque[i]));
-            let gain = inertia.inverse_moments.cast::<f64>() * torque;
-            let gain = Vector(std::array::from_fn(|i| gain[i]));
-            turn += place.turn.rotate(gain) * (0.5 * h * h);
+        let turn = velocity.angular * h as f32;
+        let kind = bodies.precession[index];
+        if A == 3 && kind.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+            let Inertia { moments, inverse_moments, .. } = &bodies.inertia[index];
+            let spin: Spin<'_, G::Pose, A> = Spin {
+                pose: bodies.poses[index],
+                moments: [moments, inverse_moments],
+                precession: kind,
+                omega: velocity.angular,
+                remainder: bodies.spin_states[index].remainder,
+            };
+            let rotation = |pose: &G::Pose| Turn::normalized(G::rotation(pose));
+            let back = rotation(&spin.pose).inverse();
+            G::precess(&[spin; PRECESS_LANES], 1, h as f32, |_, pose, _| {
+                place.turn = rotation(&pose).of(&back).of(&place.turn);
+            });
+        } else {
+            place.turn = Turn::by(in_space(velocity.angular) * h).of(&place.turn);
         }
-        place.turn = Turn::by(turn).of(&place.turn);
         place
     }
 }
@@ -355,7 +363,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         stiffness.clear();
         stiffness.resize(at.bodies.poses.len(), SymmetricMatrix::ZERO);
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let record = &records[slot as usize];
+            let record = &mut records[slot as usize];
             let places = record.places(|body| at.of(body));
             for (side, body) in record.bodies.into_iter().enumerate() {
                 if body == WORLD {
@@ -368,7 +376,13 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                     (0..L).for_each(|i| pull[i] += axis.jacobian[own].linear[i] * impulse);
                 }
                 let arm = places.frames[0].position - places.centers[side];
-                tension::add(&mut stiffness[body as usize], arm, pull);
+                // A blow in one substep is no tension.
+                let now = arm.dot(pull).max(0.0);
+                let before = std::mem::replace(&mut record.pulls[side], now);
+                if now > 0.0 {
+                    let lasting = pull * (now.min(before) / now);
+                    tension::add(&mut stiffness[body as usize], arm, lasting);
+                }
             }
         }
         let mut surpluses = Vec::new();
@@ -382,30 +396,63 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         surpluses
     }
 
-    /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.
+    /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows. The
+    /// paths of the bodies are those of the `prospective` velocities: impulses of a blow in the last
+    /// substep do not return.
     pub(crate) fn warm_start<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut Bodies<G, L, A>,
         displacements: &[Velocity<f32, L, A>],
+        prospective: &[Velocity<f32, L, A>],
     ) {
         if self.is_idle() {
             return;
         }
         self.recall(|state| state.solved);
         self.mechanisms.apply(&mut bodies.velocities, &bodies.inverse_masses);
+        self.set_targets(&BodyPlaces { bodies, displacements }, prospective);
         let mut before = f64::INFINITY;
-        for aim in 0..MOST_AIMS {
-            let change = self.set_targets(&BodyPlaces { bodies, displacements });
-            // The path curves with the velocities that the joints leave.
-            let is_slow = !self.turns_fast(bodies);
-            if is_slow || aim > 0 && change >= before {
+        for _ in 0..MOST_AIMS {
+            if !self.turns_fast(bodies) {
                 return;
             }
-            // The first targets differ from those of another substep.
-            before = if aim > 0 { change } else { f64::INFINITY };
+            // The path curves with the velocities that the joints leave.
             self.mechanisms.solve(&mut bodies.velocities);
+            let at = BodyPlaces { bodies, displacements };
+            let change = self.set_targets(&at, &bodies.velocities);
+            if change >= before {
+                return;
+            }
+            before = change;
         }
-        self.set_targets(&BodyPlaces { bodies, displacements });
+    }
+
+    /// Returns the largest angle by which an arm or an axis of a joint turns within `dt`
+    /// \[s\]. \[rad\]
+    pub(crate) fn largest_turn<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>, dt: f64) -> f64 {
+        let mut fastest = 0.0f64;
+        for &slot in &self.acting {
+            let record = &self.records[slot as usize];
+            let holds = record.rows.iter().any(|row| row.turns_with_axis());
+            for (side, body) in record.bodies.into_iter().enumerate() {
+                if body == WORLD {
+                    continue;
+                }
+                let turn = Turn::normalized(G::rotation(&bodies.poses[body as usize]));
+                let omega = in_space(bodies.velocities[body as usize].angular);
+                let frame = &record.frames[side];
+                let arm = turn.rotate(frame.position);
+                let length = arm.length();
+                if length > 0.0 {
+                    fastest = fastest.max(cross(omega, arm).length() / length);
+                }
+                if holds {
+                    let axis = turn.of(&frame.turn).rotate(Vector([1.0, 0.0, 0.0]));
+                    fastest = fastest.max(cross(omega, axis).length());
+                }
+            }
+        }
+        fastest * dt
     }
 
     /// Returns true if a body with a joint turns by more than [`FAST_TURN`] in a substep.
@@ -419,7 +466,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Sets the targets of the rows for a substep. Returns the largest change of a finite target.
     /// \[m/s, or rad/s\]
-    fn set_targets<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>) -> f64 {
+    fn set_targets<G: Geometry<L, A>>(
+        &mut self,
+        at: &BodyPlaces<'_, G, L, A>,
+        velocities: &[Velocity<f32, L, A>],
+    ) -> f64 {
         let mut change = 0.0f64;
         let Self { mechanisms, records, acting, params, .. } = self;
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
@@ -427,8 +478,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let Some(RowParams { h, .. }) = params.get(joint.first as usize).copied() else {
                 continue;
             };
-            let then = record.places(|body| at.ahead(body, h));
-            let [a, b] = joint.bodies.map(|body| at.bodies.velocities[body as usize].cast());
+            let then = record.places(|body| at.ahead(body, velocities, h));
+            let [a, b] = joint.bodies.map(|body| velocities[body as usize].cast());
             for (index, row) in joint.axes().enumerate() {
                 let (plan, axis) = (&record.rows[index], &mut mechanisms.axes[row]);
                 let value = record.states[index].value;
@@ -443,6 +494,24 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             }
         }
         change
+    }
+
+    /// Passes a blow on through the locks: the bodies that it has struck pull those joined to them.
+    /// Locks take energy, and never add any.
+    pub(crate) fn pass_blow(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        let Self { mechanisms, records, acting, .. } = self;
+        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+            let rows = &records[slot as usize].rows;
+            for (axis, row) in mechanisms.axes[joint.axes()].iter_mut().zip(rows) {
+                axis.impulse = 0.0;
+                axis.law.targets = [0.0; 2];
+                axis.law.bounds = match row.role {
+                    Role::Lock(_, None) => [f64::NEG_INFINITY, f64::INFINITY],
+                    _ => [0.0; 2],
+                };
+            }
+        }
+        mechanisms.solve(velocities);
     }
 
     /// Solves all mechanisms for the targets of the substep.
@@ -517,7 +586,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let rows = |(_, record): (usize, &JointRecord)| {
             let of = |state: &RowState| [state.value, state.solved, state.relaxed];
             let load = record.load.into_iter().flat_map(|of| of.0);
-            record.states.iter().flat_map(of).chain(load).collect::<Vec<_>>()
+            let states = record.states.iter().flat_map(of);
+            states.chain(record.pulls).chain(load).collect::<Vec<_>>()
         };
         SavedJoints {
             generations: self.slots.generations().to_vec(),
@@ -529,7 +599,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Returns true if a state is one of these joints.
     pub(crate) fn fits(&self, from: &SavedJoints) -> bool {
-        let numbers = |(_, record): (usize, &JointRecord)| 3 * record.states.len() + 6;
+        let numbers = |(_, record): (usize, &JointRecord)| 3 * record.states.len() + 8;
         self.slots.generations() == from.generations
             && self.taken().count() == from.broken.len()
             && self.taken().map(numbers).sum::<usize>() == from.numbers.len()
@@ -548,6 +618,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             for state in &mut record.states {
                 *state = RowState { value: next(), solved: next(), relaxed: next() };
             }
+            record.pulls = [next(), next()];
             record.load = [0, 1].map(|_| Vector([next(), next(), next()]));
         }
         self.last_step = from.last_step;

@@ -16,7 +16,7 @@ const CHUNK: usize = 256;
 
 /// Below this angle per substep \[rad\], a body precesses at the end of the part, not in each
 /// substep. A quaternion of `f32` is too coarse for smaller rotations.
-const SMALL_TURN: f32 = 1e-4;
+pub(crate) const SMALL_TURN: f32 = 1e-4;
 
 /// Below this angle \[rad\] a body does not precess at the end of the part. Its angular velocity
 /// would change by less than this fraction.

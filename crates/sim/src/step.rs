@@ -52,6 +52,10 @@ const REUSE: f32 = 0.25;
 /// At this fraction a tower of twenty bodies stands. \[1\]
 const MOST_FALL: f32 = 1.0 / 1024.0;
 
+/// In a substep no arm of a joint turns by more than this angle, as far as the setting `max_substeps`
+/// allows. \[rad\]
+const MOST_TURN: f64 = 0.1;
+
 /// A contact search and its part of the step.
 #[derive(Clone, Copy, Debug)]
 struct Search {
@@ -172,7 +176,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let most = self.settings.max_searches;
         let travel_ratio = self.plan_searches(dt);
         // Each search is for at least one substep.
-        let asked = self.settings.substeps.max(self.substeps_of_thinnest(dt));
+        let turn = self.solver.joints.largest_turn(&self.bodies, f64::from(dt));
+        let most_substeps = f64::from(self.settings.max_substeps);
+        let of_joints = (turn / MOST_TURN).ceil().min(most_substeps) as u32;
+        let asked = self.settings.substeps.max(self.substeps_of_thinnest(dt)).max(of_joints);
         let substeps = asked.max(travel_ratio.ceil().min(most as f32) as u32);
         let h = dt / substeps as f32;
         let mut search = Search { h, substeps, due: substeps, left: substeps, number: 0, most };

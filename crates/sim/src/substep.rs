@@ -47,6 +47,9 @@ const REFRESH_INTERVAL: u32 = 4;
 /// margin for the curvature of their paths. \[1\]
 const APPROACH: f32 = 3.5;
 
+/// Largest number of times that a blow goes on through joints to other contacts.
+const BLOWS: usize = 16;
+
 /// The bodies and contacts of a batch.
 pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) contacts: LaneBatch<'a, L, A>,
@@ -365,13 +368,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             *gain = *velocity - *gain;
         }
         let count = self.solver.with_system(&mut self.bodies, |solver, _| {
-            let ConstraintSolver { lanes, impacts, system, .. } = solver;
+            let ConstraintSolver { lanes, joints, impacts, system, .. } = solver;
             if plan.ledger {
                 ledger.record_impacts(0, &system.velocities);
             }
             system.set_targets(displacements, &plan.params.repair);
-            let count =
-                restitution::collide(system, displacements, force_gains, collisions, impacts);
+            let mut count = 0;
+            for _ in 0..BLOWS {
+                let own =
+                    restitution::collide(system, displacements, force_gains, collisions, impacts);
+                count += own;
+                if own == 0 || joints.is_idle() {
+                    break;
+                }
+                joints.pass_blow(&mut system.velocities);
+            }
             lanes.take_impacts(system);
             if plan.ledger {
                 ledger.record_impacts(1, &system.velocities);

@@ -49,6 +49,8 @@ struct Mechanism<const L: usize, const A: usize> {
     /// For each row: whether its impulse changes with the velocity, now and in the factor of H.
     loaded: Vec<bool>,
     factored: Vec<bool>,
+    /// Compliances of the rows, now and in the factor of H.
+    compliances: [Vec<f64>; 2],
     has_factor: bool,
 }
 
@@ -168,6 +170,10 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
     ) {
         self.load(joints, axes, velocities);
         let Self { bodies, problem, velocities: own, loaded, factored, has_factor, .. } = self;
+        let [now, then] = &mut self.compliances;
+        problem.compliances(now);
+        *has_factor &= now == then;
+        std::mem::swap(now, then);
         let mut is_full = false;
         for _ in 0..MOST_STEPS {
             problem.loaded_axes(own, loaded);

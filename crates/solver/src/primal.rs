@@ -161,6 +161,12 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         }
     }
 
+    /// Copies the compliances of the rows of joints. \[1/kg, or 1/(kg m^2)\]
+    pub(crate) fn compliances(&self, out: &mut Vec<f64>) {
+        out.clear();
+        out.extend(self.axes.iter().map(|row| row.law.compliance));
+    }
+
     /// Tells for each row of a joint whether its impulse changes with the velocity.
     pub(crate) fn loaded_axes(&self, velocities: &[Velocity<f64, L, A>], loaded: &mut Vec<bool>) {
         loaded.clear();

@@ -245,9 +245,8 @@ impl<const N: usize> SymmetricMatrix<f64, N> {
         Some(inverse)
     }
 
-    /// Returns the pseudo-inverse (Moore and Penrose). Eigenvalues that are not positive, to the
-    /// rounding of `f32`, are left out. Jacobi's rotations find the eigenvectors.
-    pub fn pseudo_inverse(&self) -> Self {
+    /// Returns the eigenvalues and the eigenvectors, found by Jacobi's rotations.
+    pub fn eigen(&self) -> (Vector<f64, N>, [Vector<f64, N>; N]) {
         let mut a = *self;
         let mut vectors = Self::diagonal(Vector([1.0; N])).0;
         for (p, q) in (0..SWEEPS).flat_map(|_| (0..N).flat_map(|p| (p + 1..N).map(move |q| (p, q))))
@@ -270,12 +269,34 @@ impl<const N: usize> SymmetricMatrix<f64, N> {
             }
             (vectors[p], vectors[q]) = turn(vectors[p], vectors[q]);
         }
-        let largest = (0..N).map(|i| a.0[i][i]).fold(0.0, f64::max);
+        (Vector(std::array::from_fn(|i| a.0[i][i])), vectors)
+    }
+
+    /// Returns the sum of f(eigenvalue) v v^T over the eigenvectors v.
+    pub fn spectral(&self, f: impl Fn(f64) -> f64) -> Self {
+        let (values, vectors) = self.eigen();
+        let mut out = Self::ZERO;
+        for (value, along) in values.0.into_iter().zip(vectors) {
+            let scale = f(value);
+            if scale != 0.0 {
+                for (i, row) in out.0.iter_mut().enumerate() {
+                    *row += along * (along[i] * scale);
+                }
+            }
+        }
+        out
+    }
+
+    /// Returns the pseudo-inverse (Moore and Penrose). Eigenvalues that are not positive, to the
+    /// rounding of `f32`, are left out.
+    pub fn pseudo_inverse(&self) -> Self {
+        let (values, vectors) = self.eigen();
+        let largest = values.0.into_iter().fold(0.0, f64::max);
         let mut inverse = Self::ZERO;
-        for (k, along) in vectors.into_iter().enumerate() {
-            if a.0[k][k] > ROUNDING * largest {
+        for (value, along) in values.0.into_iter().zip(vectors) {
+            if value > ROUNDING * largest {
                 for (i, row) in inverse.0.iter_mut().enumerate() {
-                    *row += along * (along[i] / a.0[k][k]);
+                    *row += along * (along[i] / value);
                 }
             }
         }

@@ -90,6 +90,16 @@ const SMALL: &str = r#"{
           "track": [{ "time": 0, "position": [0, 0, 0] }, { "time": 1, "rotation": [0, 1, 0, 0] }],
           "shapes": [{ "type": "trimesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 0, 1]],
                        "triangles": [[0, 1, 2]] }] }
+    ],
+    "joints": [
+        { "type": "hinge", "name": "door", "bodies": [1, "floor"], "anchor": [0, 1, 0],
+          "axis": [0, 1, 0], "limits": [-1, "inf"], "spring": { "frequency": 2, "rest": 1 },
+          "motor": { "velocity": 2, "at_most": 3 }, "breaking": { "force": 5 } },
+        { "type": "general", "bodies": [-1, 1], "frames": [{ "position": [0, 1, 0] }, {}],
+          "x": "locked", "y": [0, 1], "order": ["pulley", "x", "y", "elliptic_cone"],
+          "elliptic_cone": { "half_angles": [0.1, 0.2], "limit_stiffness": 2 },
+          "pulley": { "points": [[0, 1, 0], [1, 0, 0]], "drives": [{ "damping": "inf" }] } },
+        { "type": "rope", "bodies": [1, 2], "anchors": [[0, 1, 0], [0, 0, 1]], "collide": true }
     ]
 }"#;
 

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
-use super::{RotationDocument, Unbounded};
+use super::values::{RotationDocument, Unbounded};
 
 /// A joint between two bodies, or between a body and the world. It has a frame in each; its type
 /// says which coordinates of the one relative to the other are locked, and which are free. A world

@@ -432,6 +432,7 @@ fn read_length(
 ) -> Result<JointAxis, SceneError> {
     let start = distance(placed.bodies, placed.frames, setup);
     if kind == "spring" {
+        require_length(table, "rest", start)?;
         let defaults = Defaults { limits: None, rest: start };
         let axis = read_axis(table, LIMIT_KEYS, Distance, defaults)?;
         let drive = read_spring(table, Distance, start)?;
@@ -443,9 +444,8 @@ fn read_length(
     if let (Some(field), Some(_)) = (length, limits) {
         return Err(field.refuse("either length or limits, not both"));
     }
-    if length.is_none() && limits.is_none() && start == 0.0 {
-        let why = format_args!("a number {LENGTH}, since the points coincide at the start");
-        table.require("length", why)?;
+    if limits.is_none() {
+        require_length(table, "length", if start == 0.0 { f64::INFINITY } else { start })?;
     }
     let length = length.map_or(Ok(start), |field| field.real(&LENGTH))?;
     let least = if kind == "rope" { 0.0 } else { length };
@@ -453,6 +453,19 @@ fn read_length(
     let defaults = Defaults { limits: Some([least, length]), rest: 0.0 };
     let axis = read_axis(table, keys, Distance, defaults)?;
     Ok(axis.unwrap_or(axis::free(Distance)))
+}
+
+/// Refuses a joint without a length if the one at the start is not accepted.
+fn require_length(
+    table: &TableCursor<'_>,
+    key: &'static str,
+    start: f64,
+) -> Result<(), SceneError> {
+    if start > LENGTH.max {
+        let why = format_args!("a number {LENGTH}, since the length at the start is 0 or larger");
+        table.require(key, why)?;
+    }
+    Ok(())
 }
 
 /// Keys of a limit that the type of a joint gives.
@@ -472,9 +485,12 @@ fn read_pulley(
     };
     let ([a, b], [i, j]) = (placed.frames, placed.bodies);
     let start = apart(&world_point(i, a, setup), &p) + ratio * apart(&world_point(j, b, setup), &q);
-    let length = table.get("length");
-    if let (Some(field), Some(_)) = (length, table.get("limits")) {
+    let (length, limits) = (table.get("length"), table.get("limits"));
+    if let (Some(field), Some(_)) = (length, limits) {
         return Err(field.refuse("either length or limits, not both"));
+    }
+    if limits.is_none() {
+        require_length(table, "length", start)?;
     }
     let length = length.map_or(Ok(start), |field| field.real(&LENGTH))?;
     let defaults = Defaults { limits: Some([0.0, length]), rest: 0.0 };

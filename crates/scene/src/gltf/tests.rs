@@ -28,7 +28,8 @@ fn read_with(parts: Value, joint: Value, limits: Value) -> Result<Read, SceneErr
         },
         "nodes": [
             { "name": "cart", "translation": [10, 0, 0], "children": [1] },
-            { "name": "a", "translation": [1, 0, 0], "children": [2], "extensions": ball("motion") },
+            { "name": "a", "translation": [1, 0, 0], "children": [2],
+              "extensions": ball("motion") },
             { "name": "grip", "translation": [0, 0.5, 0] },
             { "name": "b", "scale": [2, 2, 2], "children": [4], "extensions": ball("motion") },
             { "translation": [0, 0.25, 0], "rotation": [0, 0, 0.6, 0.8] },
@@ -181,7 +182,10 @@ fn joints_that_cannot_act_are_named() {
 /// Joints of the OMI extension have the same members.
 #[test]
 fn omi_joints_are_read() {
-    let body = |kind: &str| json!({ "OMI_physics_body": { "motion": { "type": kind }, "collider": { "shape": 0 } } });
+    let body = |kind: &str| {
+        json!({ "OMI_physics_body": {
+            "motion": { "type": kind }, "collider": { "shape": 0 } } })
+    };
     let mut document = json!({
         "asset": { "version": "2.0" },
         "extensionsUsed": ["OMI_physics_body", "OMI_physics_joint", "OMI_physics_shape"],
@@ -245,8 +249,10 @@ proptest! {
     #[test]
     fn joints_come_back_with_the_same_bits(scene in with_joints()) {
         let read = written(&scene);
-        let bodies = |scene: &Scene| scene.bodies.iter().map(|body| body.motion).collect::<Vec<_>>();
-        assert_eq!(bodies(&scene), bodies(&read.scene));
+        let motions = |scene: &Scene| -> Vec<_> {
+            scene.bodies.iter().map(|body| body.motion).collect()
+        };
+        assert_eq!(motions(&scene), motions(&read.scene));
         assert_eq!(scene.joints, read.scene.joints);
     }
 }

@@ -1,14 +1,14 @@
 //! Writes joints, all as general ones with frames in their bodies: no number is computed.
 
-use super::{number_unless, rotation_unless, unless};
+use super::defaults::{number_unless, rotation_unless, same, unless};
 use crate::description::{Body, Rotation};
-use crate::document::Unbounded;
 use crate::document::joint::{
     AxisDocument, BodyReference, BreakingDocument, CoordinateDocument, DriveDocument,
     EllipticConeDocument, FrameDocument, Freedom, GearDocument, GeneralDocument, JointDocument,
     JointKindDocument, Limit, LimitsDocument, Mode, PlainAxisDocument, PulleyDocument,
     PulleyPointsDocument, RackDocument, ScrewDocument,
 };
+use crate::document::values::Unbounded;
 use crate::format::joint::axis::LOCKED;
 use crate::format::joint::coordinate::{default_limits, rank};
 use crate::joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrame};
@@ -124,10 +124,8 @@ fn axis_document(axis: &JointAxis) -> AxisDocument {
     let limits = match (axis.limits, default) {
         (None, None) => None,
         (None, Some(_)) => Some(LimitsDocument::Word(Freedom::Free)),
-        (Some(limits), Some(default)) if super::same(&limits, &default) => None,
-        (Some(limits), _) if super::same(&limits, &LOCKED) => {
-            Some(LimitsDocument::Word(Freedom::Locked))
-        }
+        (Some(limits), Some(default)) if same(&limits, &default) => None,
+        (Some(limits), _) if same(&limits, &LOCKED) => Some(LimitsDocument::Word(Freedom::Locked)),
         (Some(limits), _) => Some(LimitsDocument::Numbers(limits.map(Limit::Number))),
     };
     AxisDocument {

@@ -32,6 +32,17 @@ pub(crate) struct RowPlan {
     pub(crate) axis: usize,
 }
 
+impl RowPlan {
+    /// Returns true if the row holds the direction of the x axis, as that of a hinge does.
+    pub(crate) fn turns_with_axis(&self) -> bool {
+        matches!(self.role, Role::Lock(..))
+            && matches!(
+                self.coordinate,
+                RowCoordinate::SwingVector(_) | RowCoordinate::RotationVector(_)
+            )
+    }
+}
+
 /// What a row does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Role {

@@ -11,7 +11,7 @@
 //! Where h S exceeds the inertia, the solve sees I + (h S - I)+ / 2 instead of I. Elsewhere nothing
 //! changes.
 
-use drystone_solver::{SymmetricMatrix, Vector};
+use drystone_solver::SymmetricMatrix;
 
 use super::coordinates::Vec3;
 
@@ -20,7 +20,7 @@ pub(crate) fn add(sum: &mut SymmetricMatrix<f64, 3>, arm: Vec3, impulse: Vec3) {
     let (pull, squared) = (arm.dot(impulse), arm.dot(arm));
     if pull > 0.0 {
         for i in 0..3 {
-            for j in i..3 {
+            for j in 0..3 {
                 let one = f64::from(u8::from(i == j));
                 sum.0[i][j] += pull * (one - arm[i] * arm[j] / squared);
             }
@@ -36,62 +36,24 @@ pub(crate) fn surplus<const A: usize>(
 ) -> Option<SymmetricMatrix<f64, A>> {
     let mut excess = SymmetricMatrix::<f64, A>::ZERO;
     for i in 0..A {
-        for j in i..A {
+        for j in 0..A {
             let own = if A == 1 { stiffness.entry(2, 2) } else { stiffness.entry(i, j) };
             excess.0[i][j] = h * own - inertia.entry(i, j);
         }
     }
-    if (0..A).all(|i| excess.entry(i, i) <= 0.0) {
+    let bound = |i: usize| (0..A).map(|j| excess.entry(i, j).abs()).sum::<f64>();
+    // All eigenvalues are below the largest diagonal entry plus the rest of its row.
+    if (0..A).all(|i| excess.entry(i, i) + bound(i) - excess.entry(i, i).abs() <= 0.0) {
         return None;
     }
-    let (values, axes) = eigen(excess);
-    let mut out = SymmetricMatrix::<f64, A>::ZERO;
-    for (value, axis) in values.iter().zip(&axes).filter(|(value, _)| **value > 0.0) {
-        for i in 0..A {
-            for j in i..A {
-                out.0[i][j] += 0.5 * value * axis[i] * axis[j];
-            }
-        }
-    }
-    Some(out)
-}
-
-/// Returns the eigenvalues and eigenvectors of a symmetric matrix, by Jacobi rotations.
-fn eigen<const A: usize>(matrix: SymmetricMatrix<f64, A>) -> ([f64; A], [Vector<f64, A>; A]) {
-    let mut a: [[f64; A]; A] = std::array::from_fn(|i| std::array::from_fn(|j| matrix.entry(i, j)));
-    let mut axes: [Vector<f64, A>; A] =
-        std::array::from_fn(|i| Vector(std::array::from_fn(|j| f64::from(u8::from(i == j)))));
-    for _ in 0..8 {
-        for p in 0..A {
-            for q in p + 1..A {
-                if a[p][q] == 0.0 {
-                    continue;
-                }
-                // The rotation in the plane of p and q that makes a[p][q] zero.
-                let ratio = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-                let tangent =
-                    1.0_f64.copysign(ratio) / (ratio.abs() + (ratio * ratio + 1.0).sqrt());
-                let cosine = 1.0 / (tangent * tangent + 1.0).sqrt();
-                let sine = tangent * cosine;
-                for k in 0..A {
-                    let (x, y) = (a[k][p], a[k][q]);
-                    (a[k][p], a[k][q]) = (cosine * x - sine * y, sine * x + cosine * y);
-                }
-                for k in 0..A {
-                    let (x, y) = (a[p][k], a[q][k]);
-                    (a[p][k], a[q][k]) = (cosine * x - sine * y, sine * x + cosine * y);
-                }
-                let (x, y) = (axes[p], axes[q]);
-                axes[p] = x * cosine - y * sine;
-                axes[q] = x * sine + y * cosine;
-            }
-        }
-    }
-    (std::array::from_fn(|i| a[i][i]), axes)
+    let surplus = excess.spectral(|value| 0.5 * value.max(0.0));
+    (surplus != SymmetricMatrix::ZERO).then_some(surplus)
 }
 
 #[cfg(test)]
 mod tests {
+    use drystone_solver::Vector;
+
     use super::*;
 
     /// The positive part of a matrix has its eigenvectors, and the rest of it has no positive
@@ -106,12 +68,12 @@ mod tests {
         let surplus = surplus(&stiffness, &inertia, 1.0).expect("h S exceeds I");
         let mut rest = SymmetricMatrix::<f64, 3>::ZERO;
         for i in 0..3 {
-            for j in i..3 {
+            for j in 0..3 {
                 rest.0[i][j] = stiffness.entry(i, j) - inertia.entry(i, j);
                 rest.0[i][j] -= 2.0 * surplus.entry(i, j);
             }
         }
-        let (least, most) = (eigen(rest).0, eigen(surplus).0);
+        let (least, most) = (rest.eigen().0.0, surplus.eigen().0.0);
         assert!(least.iter().all(|value| *value < 1e-12), "{least:?}");
         assert!(most.iter().all(|value| *value > -1e-12) && most.iter().any(|v| *v > 0.1));
         assert!(super::surplus(&stiffness, &inertia, 1e-3).is_none());

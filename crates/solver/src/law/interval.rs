@@ -93,12 +93,17 @@ impl<T: Real> Law<T, 1> for Interval<T> {
 impl SmoothLaw<1> for Interval<f64> {
     fn slope(&self, u: Vector<f64, 1>) -> SymmetricMatrix<f64, 1> {
         let mut slope = SymmetricMatrix::ZERO;
-        let r = self.response(u)[0];
-        // On the boundary of the slack the row counts as loaded, as a resting contact does.
-        let is_loaded = u[0] <= self.targets[0] || u[0] >= self.targets[1];
-        if is_loaded && r >= self.bounds[0] && r <= self.bounds[1] {
-            let is_clamped = r != 0.0 && (r == self.bounds[0] || r == self.bounds[1]);
-            slope.0[0][0] = if is_clamped { 0.0 } else { 1.0 / self.compliance };
+        let y = self.outside(u[0]);
+        let is_free = if y == 0.0 {
+            // On the boundary of the slack the row counts as loaded, as a resting contact does.
+            u[0] <= self.targets[0] || u[0] >= self.targets[1]
+        } else {
+            // At a bound, which may be 0, the impulse stays.
+            let answer = y / self.compliance;
+            self.bounds[0] < answer && answer < self.bounds[1]
+        };
+        if is_free {
+            slope.0[0][0] = 1.0 / self.compliance;
         }
         slope
     }

@@ -222,6 +222,14 @@ fn lengths_are_those_at_the_start() {
     assert_eq!(limits(points), Some([0.0, 8.0]));
     assert_eq!(limits(&format!("{points}\nratio = 2")), Some([0.0, 13.0]));
     assert_eq!(limits(&format!("{points}\nlength = 9")), Some([0.0, 9.0]));
+    let far = "bodies = [\"a\"]\nanchors = [[0, 0, 0], [1e6, 1e6, 0]]\n";
+    let message = error(&scene_of(&format!("{far}type = \"rope\"")));
+    assert!(message.contains("length of joint 0 is missing; accepted: a number from 0 to 1e6 m"));
+    assert_eq!(error(&scene_of(&format!("{far}type = \"rope\"\nlength = 3"))), "accepted");
+    let at_once = "bodies = [\"b\", \"c\"]\ntype = \"distance\"";
+    let third = "[[bodies]]\nname = \"c\"\nshapes = [{ type = \"sphere\", radius = 1 }]\n";
+    let message = error(&format!("{third}{}", scene_of(at_once)));
+    assert!(message.contains("length of joint 0 is missing"), "{message}");
 }
 
 /// Coordinates of a general joint: words, limits and tables, in the order that it states.
@@ -319,7 +327,8 @@ fn bad_lines() -> Vec<(&'static str, &'static str)> {
         ),
         (
             "type = \"ball\"\nbodies = [3]",
-            "s.toml:14:11: bodies of joint 0 is 3; accepted: an index below 3, the number of bodies",
+            "s.toml:14:11: bodies of joint 0 is 3; accepted: an index below 3, the number of \
+             bodies",
         ),
         (
             "type = \"ball\"\nbodies = [\"wall\"]",
@@ -445,8 +454,8 @@ fn odd_joints_give_warnings() {
     let expected = "12:1: joint 0 has anchors that are 1999 m apart at the start";
     assert_eq!(warnings(&scene_of(lines)), [expected]);
     let lines = "type = \"ball\"\nbodies = [\"a\"]\ncone = [0, 45]";
-    let expected = "15:8: cone of joint 0 has a limit beyond the largest value of this angle, 3.1415927 \
-                    rad; angles are in radians";
+    let expected = "15:8: cone of joint 0 has a limit beyond the largest value of this angle, \
+                    3.1415927 rad; angles are in radians";
     assert_eq!(warnings(&scene_of(lines)), [expected]);
     let lines = "type = \"general\"\nbodies = [\"a\"]\nname = \"j\"";
     let expected = "12:1: joint 'j' does not act: all its coordinates are free";

@@ -1,0 +1,149 @@
+//! What joints bear: chains, loads that break them, weights on them.
+
+use drystone::geometry::{Rigid2, Rigid3};
+use drystone::{Breaking, Drive, Joint, World};
+
+use super::*;
+
+/// Returns the slopes of the links of a hanging chain, and its horizontal force \[N\]:
+/// tan(slope) = V/H with the mean vertical force V of the link.
+fn hanging_chain(count: usize, length: f64, weight: f64, span: f64) -> (Vec<f64>, f64) {
+    let slopes = |force: f64| -> Vec<f64> {
+        let middle = 0.5 * (count as f64 - 1.0);
+        (0..count).map(|i| (weight * (i as f64 - middle) / force).atan()).collect()
+    };
+    let wide = |force: f64| slopes(force).iter().map(|slope| length * slope.cos()).sum::<f64>();
+    let (mut low, mut high) = (1.0, 1e6);
+    for _ in 0..100 {
+        let middle: f64 = 0.5 * (low + high);
+        if wide(middle) < span { low = middle } else { high = middle }
+    }
+    (slopes(low), low)
+}
+
+fn catenary<G: Rigid<L, A>, const L: usize, const A: usize>(preset: &Preset) {
+    let (slopes, level) = hanging_chain(100, 0.1, ACCELERATION, 8.0);
+    assert!((level - 331.767).abs() < 1e-3, "{level}");
+    let mut world: World<G, L, A> = preset.world();
+    let (mut at, mut before, mut joints) = ([0.0; 2], None, Vec::new());
+    let mut middle = None;
+    for (i, slope) in slopes.into_iter().enumerate() {
+        let next = [at[0] + 0.1 * slope.cos(), at[1] + 0.1 * slope.sin()];
+        let id = world.add(bar([at, next], thin_rod(1.0, 0.1))).unwrap();
+        let joint = if L == 3 {
+            Joint::ball([Some(id), before]).at(v(at[0] as f32, at[1] as f32, 0.0))
+        } else {
+            pin([Some(id), before], at)
+        };
+        joints.push(world.join(joint).unwrap());
+        (at, before) = (next, Some(id));
+        if i == 49 {
+            middle = Some((id, at[1]));
+        }
+    }
+    let end = Joint::ball([before, None]).at(v(at[0] as f32, at[1] as f32, 0.0));
+    joints.push(world.join(end).unwrap());
+    let mut worst = [0.0f64; 3];
+    let mut gap = 0.0f64;
+    for _ in 0..120 {
+        let report = world.step(DT).unwrap();
+        gap = gap.max(report.joint_gap[0]);
+        let force = |i: usize| world.joint(joints[i]).unwrap().force;
+        let (link, lowest) = middle.unwrap();
+        let sag = f64::from(place(&world, link)[1]) + 0.05 * heading(&world, link).sin();
+        for (worst, (found, expected)) in worst.iter_mut().zip([
+            (force(50), 331.767),
+            (force(0), 592.165),
+            (sag, -2.65452),
+        ]) {
+            *worst = worst.max((found / expected - 1.0).abs());
+        }
+        assert!((lowest + 2.65452).abs() < 1e-4, "{lowest}");
+    }
+    let name = format!("{L}D catenary");
+    preset.below(&format!("{name}: level force"), worst[0], preset.part);
+    preset.below(&format!("{name}: force at the end"), worst[1], preset.part);
+    preset.below(&format!("{name}: sag"), worst[2], preset.part);
+    preset.below(&format!("{name}: gap"), gap, 1e-4);
+}
+
+/// A chain of 100 links of 0.1 m over 8 m keeps its shape and bears what statics say.
+#[test]
+fn a_hanging_chain_bears_its_weight() {
+    for preset in Preset::both() {
+        catenary::<Rigid2, 2, 1>(&preset);
+        catenary::<Rigid3, 3, 3>(&preset);
+    }
+}
+
+/// A joint under weight W gives way by `stretch` W / (weight of the mechanism): 100 links of 1 kg
+/// that carry 1000 kg by 96.4 times the setting in all.
+#[test]
+fn a_chain_under_a_heavy_load_stretches_by_the_setting() {
+    for preset in Preset::both() {
+        let mut world: World<Rigid3, 3, 3> = preset.world();
+        let (mut before, mut joints) = (None, Vec::new());
+        for i in 0..=100 {
+            let top = -0.1 * i as f64;
+            let (mass, length) = if i < 100 { (1.0, 0.1) } else { (1000.0, 0.5) };
+            let half = if i < 100 { 0.02 } else { 0.25 };
+            let own = block(mass, [0.5 * length, half, half]);
+            let id = world.add(bar([[0.0, top], [0.0, top - length]], own)).unwrap();
+            let joint = Joint::ball([Some(id), before]).at([0.0, top as f32, 0.0]);
+            joints.push(world.join(joint).unwrap());
+            before = Some(id);
+        }
+        run(&mut world, 2.0);
+        let sum: f64 = joints.iter().map(|&id| world.joint(id).unwrap().gap).sum();
+        let expected = 96.4091 * f64::from(preset.settings.stretch);
+        preset.check("stretch of a heavy chain", sum, expected);
+        let force = world.joint(joints[0]).unwrap().force;
+        preset.check("force of a heavy chain", force, 1100.0 * ACCELERATION);
+    }
+}
+
+/// 10 kg hang on a joint that breaks at 98.2 N, and fall from one that breaks at 98.0 N.
+#[test]
+fn a_joint_breaks_beyond_its_strength() {
+    for preset in Preset::both() {
+        for force in [98.2, 98.0] {
+            let mut world: World<Rigid2, 2, 1> = preset.world();
+            let body = world.add(ghost([0.0, -0.5, 0.0], inertia(10.0, [1.0; 3]))).unwrap();
+            let joint = Joint::ball([Some(body), None]).breaking(Breaking { force, ..Breaking::NEVER });
+            let joint = world.join(joint).unwrap();
+            let mut broken = Vec::new();
+            for _ in 0..120 {
+                broken.extend(world.step(DT).unwrap().broken);
+            }
+            let state = world.joint(joint).unwrap();
+            let y = f64::from(place(&world, body)[1]);
+            eprintln!("{} {force}: broken {} {broken:?}, y {y}, force {}", preset.name, state.broken, state.force);
+            assert_eq!(state.broken, force < 98.1);
+            assert_eq!(broken.len(), usize::from(state.broken));
+            preset.check_of(&format!("strength {force}"), y, if state.broken { -0.5 - 0.5 * ACCELERATION * 4.0 } else { -0.5 }, 19.0);
+        }
+    }
+}
+
+/// 1 kg at 1 m that accelerates by 1 rad/s^2 pulls with sqrt(t^4 + 1) N, and breaks a joint of 100 N
+/// at 9.99975 s: in the same step for all numbers of substeps.
+#[test]
+fn when_a_joint_breaks_does_not_depend_on_substeps() {
+    for preset in Preset::both() {
+        for substeps in [2, 4, 8, 16, 32] {
+            let preset = Preset { settings: StepSettings { substeps, ..preset.settings.clone() }, ..preset.clone() };
+            let mut world: World<Rigid2, 2, 1> = preset.weightless();
+            let body = world.add(ghost([1.0, 0.0, 0.0], inertia(1.0, [1e-3; 3]))).unwrap();
+            let motor = Drive::velocity(1e3).at_most(1.0 + 1e-3);
+            let joint = pin([Some(body), None], [0.0; 2]).drive(motor);
+            let joint = joint.breaking(Breaking { force: 100.0, ..Breaking::NEVER });
+            world.join(joint).unwrap();
+            let mut time = 0.0;
+            while time < 11.0 && world.step(DT).unwrap().broken.is_empty() {
+                time += f64::from(DT);
+            }
+            eprintln!("{} {substeps}: {time}", preset.name);
+            preset.below(&format!("break with {substeps} substeps"), (time - 9.99975).abs(), f64::from(DT));
+        }
+    }
+}
