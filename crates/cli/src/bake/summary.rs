@@ -7,7 +7,7 @@ use std::path::Path;
 use drystone::{Ledger, Measure, StepSettings};
 use drystone_bake::audit::{Audit, Overlap, audit, gained_most};
 use drystone_bake::recording::journal::Step;
-use drystone_scene::{BodiesAs, Body, Motion, Scene, SurfaceVelocity};
+use drystone_scene::{BodiesAs, Body, Joint, Motion, Scene, SurfaceVelocity};
 use serde::Serialize;
 
 use super::joints::JointSummary;
@@ -31,6 +31,8 @@ pub(super) struct Summary {
     kinematic: usize,
     /// Bodies with a surface velocity, such as conveyor belts.
     running: usize,
+    /// Joints with springs or motors.
+    driven: usize,
     /// Simulated time. \[s\]
     simulated: f64,
     /// Minimum and maximum over the steps.
@@ -61,7 +63,8 @@ pub(super) struct Summary {
     /// Rise that counts as rounding. \[J\]
     energy_tolerance: f64,
     /// True if energy was created: by contacts according to the ledger, else by the energy rise.
-    /// Absent without a ledger if kinematic bodies or surface velocities may have added energy.
+    /// Absent without a ledger if kinematic bodies, surface velocities, motors or springs may have
+    /// added energy.
     energy_created: Option<bool>,
     /// Sums over the energy ledgers of the steps; absent without them.
     ledger: Option<EnergySummary>,
@@ -172,6 +175,12 @@ fn runs(body: &Body) -> bool {
     motions.any(|of| of.or(own).is_some_and(SurfaceVelocity::runs))
 }
 
+/// Returns true if springs or motors act on a joint, or limits that give way like springs.
+fn drives(joint: &Joint) -> bool {
+    joint.enabled
+        && joint.axes.iter().any(|axis| !axis.drives.is_empty() || axis.softness.is_some())
+}
+
 fn energy(measure: &Measure) -> f64 {
     measure.kinetic_energy + measure.potential_energy
 }
@@ -215,10 +224,11 @@ impl Summary {
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
         let kinematic = count(Motion::Kinematic);
         let running = scene.bodies.iter().filter(|body| runs(body)).count();
+        let driven = scene.joints.iter().filter(|joint| drives(joint)).count();
         let ledger = energy_summary(bake);
         let energy_created = match &ledger {
             Some(sums) => Some(sums.created > energy_tolerance),
-            None => (kinematic == 0 && running == 0).then_some(energy_rise > energy_tolerance),
+            None => (kinematic + running + driven == 0).then_some(energy_rise > energy_tolerance),
         };
         let times = times(steps);
         Self {
@@ -226,6 +236,7 @@ impl Summary {
             r#static: count(Motion::Static),
             kinematic,
             running,
+            driven,
             simulated: steps.len() as f64 * scene.time_step,
             substeps: substeps(steps),
             contacts_mean: contacts().sum::<usize>() as f64 / steps.len().max(1) as f64,
@@ -357,9 +368,7 @@ impl Summary {
         let (start, end) = (joule(self.energy_start), joule(self.energy_end));
         let (rise, tolerance) = (joule(self.energy_rise), joule(self.energy_tolerance));
         let verdict = match (self.energy_created, &self.ledger) {
-            (None, _) if self.running == 0 => "; kinematic bodies may add to it".to_owned(),
-            (None, _) if self.kinematic == 0 => "; running surfaces may add to it".to_owned(),
-            (None, _) => "; kinematic bodies and running surfaces may add to it".to_owned(),
+            (None, _) => format!("; {} may add to it", self.sources()),
             (Some(false), _) => format!("; none was created (tolerance {tolerance})"),
             (Some(true), Some(sums)) => format!(
                 "; contacts created {}, most of it, {}, in step {} (tolerance {tolerance})",
@@ -372,6 +381,20 @@ impl Summary {
             }
         };
         format!("{start} at the start, {end} at the end{verdict}")
+    }
+
+    /// Names what may add energy.
+    fn sources(&self) -> String {
+        let all = [
+            (self.kinematic, "kinematic bodies"),
+            (self.running, "running surfaces"),
+            (self.driven, "motors and springs"),
+        ];
+        let there: Vec<_> = all.iter().filter(|(count, _)| *count > 0).map(|(_, it)| *it).collect();
+        match there.as_slice() {
+            [first, second, third] => format!("{first}, {second}, {third}"),
+            other => other.join(" and "),
+        }
     }
 
     /// Title of the line about certificates. It says "certified" only if the audit found no missed
