@@ -10,7 +10,9 @@ import math
 import sys
 from pathlib import Path
 
+import machines
 import workshop
+from parts import box, floor, turn
 
 HERE = Path(__file__).parent
 
@@ -35,22 +37,6 @@ class Random:
     def rotation(self):
         angle = self.between(0, math.pi)
         return turn(self.direction(), angle)
-
-
-def turn(axis, angle):
-    """Quaternion x y z w about a unit axis."""
-    s = math.sin(angle / 2)
-    return [axis[0] * s, axis[1] * s, axis[2] * s, math.cos(angle / 2)]
-
-
-def box(*half_extents):
-    return {"type": "box", "half_extents": list(half_extents)}
-
-
-def floor(dimension=3, **more):
-    normal = [0.0, 1.0, 0.0][:dimension]
-    shape = {"type": "halfspace", "normal": normal}
-    return {"name": "floor", "motion": "static", **more, "shapes": [shape]}
 
 
 # Scenes
@@ -303,7 +289,7 @@ def particles():
 SCENES = {
     "arch.json": arch, "billiards.toml": billiards, "card_house.toml": card_house,
     "dominoes.json": dominoes, "particles.json": particles, "pyramid.json": pyramid,
-    "stones.json": stones, "tower.json": tower, "wall_2d.json": wall_2d,
+    "stones.json": stones, "tower.json": tower, "wall_2d.json": wall_2d, **machines.SCENES,
 }
 
 
@@ -330,20 +316,27 @@ def inline(value):
 def toml(scene, comment):
     lines = [f"# {comment}", ""]
     lines += [f"{key} = {inline(value)}" for key, value in scene.items()
-              if key not in ("materials", "bodies")]
-    lines += ["", "[materials]"]
-    lines += [f"{key} = {inline(value)}" for key, value in scene.get("materials", {}).items()]
-    for body in scene["bodies"]:
-        lines += ["", "[[bodies]]"] + [f"{key} = {inline(value)}" for key, value in body.items()]
+              if key not in ("materials", "bodies", "joints")]
+    if "materials" in scene:
+        lines += ["", "[materials]"]
+        lines += [f"{key} = {inline(value)}" for key, value in scene["materials"].items()]
+    for kind in ("bodies", "joints"):
+        for item in scene.get(kind, []):
+            lines += ["", f"[[{kind}]]"]
+            lines += [f"{key} = {inline(value)}" for key, value in item.items()]
     return "\n".join(lines) + "\n"
 
 
 def lines_of(scene):
-    """JSON with one body per line."""
-    bodies = ",\n".join("    " + json.dumps(body) for body in scene["bodies"])
-    head = [f"  {json.dumps(key)}: {json.dumps(value)},\n" for key, value in scene.items()
-            if key != "bodies"]
-    return "{\n" + "".join(head) + '  "bodies": [\n' + bodies + "\n  ]\n}\n"
+    """JSON with one body or joint per line."""
+    lists = ("bodies", "joints")
+    head = [f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in scene.items()
+            if key not in lists]
+    for kind in lists:
+        if kind in scene:
+            items = ",\n".join("    " + json.dumps(item) for item in scene[kind])
+            head.append(f'  "{kind}": [\n{items}\n  ]')
+    return "{\n" + ",\n".join(head) + "\n}\n"
 
 
 def main(names):

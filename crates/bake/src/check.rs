@@ -2,6 +2,7 @@
 
 mod contacts;
 mod decompositions;
+mod joints;
 mod meshes;
 mod motion;
 mod scales;
@@ -58,13 +59,25 @@ pub enum FindingKind {
     LosslessBounce,
     /// The restitution of a surface never acts: that restitution. \[1\]
     IdleBounce,
+    /// The frames of a joint are apart at the start: the distance. \[m\]
+    JointApart,
+    /// The frames of a joint are turned against each other at the start: the angle. \[rad\]
+    JointTurned,
+    /// A joint starts beyond its limits: by how much. \[m, or rad\]
+    JointLimit,
+    /// A joint connects two bodies that no force can move.
+    JointIdle,
+    /// A joint connects bodies of very different mass: the ratio of their masses. \[1\]
+    JointMassRatio,
+    /// Cardan angles of a joint are near their singularity: the middle angle. \[rad\]
+    JointSingular,
     /// The scene reader left something out, or replaced it.
     LeftOut,
 }
 
 impl FindingKind {
     /// All kinds, in their order.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 24] = [
         Self::Overlap,
         Self::Wedged,
         Self::MassRatio,
@@ -82,6 +95,12 @@ impl FindingKind {
         Self::Decomposition,
         Self::LosslessBounce,
         Self::IdleBounce,
+        Self::JointApart,
+        Self::JointTurned,
+        Self::JointLimit,
+        Self::JointIdle,
+        Self::JointMassRatio,
+        Self::JointSingular,
         Self::LeftOut,
     ];
 }
@@ -93,6 +112,9 @@ pub struct Finding {
     pub kind: FindingKind,
     /// Indices of the bodies in the scene.
     pub bodies: Vec<usize>,
+    /// Index of the joint in the scene, if it is about one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint: Option<usize>,
     /// Value found, in the unit of its kind; `None` if there is nothing to measure.
     pub value: Option<f64>,
     /// Accepted limit: an upper bound, or a lower bound for [`FindingKind::TooSmall`],
@@ -115,7 +137,8 @@ impl Finding {
         advice: &str,
     ) -> Self {
         let (value, limit) = (Some(value), Some(limit));
-        Self { kind, bodies: vec![body], value, limit, what, advice: advice.to_owned() }
+        let (bodies, advice) = (vec![body], advice.to_owned());
+        Self { kind, bodies, joint: None, value, limit, what, advice }
     }
 }
 
@@ -141,6 +164,7 @@ pub fn check_with(
 ) -> Result<Vec<Finding>, BuildError> {
     let scene = &read.scene;
     let mut world = build_with(scene, contacts::at_the_start(settings), known)?;
+    let joints: Vec<_> = world.joints().into_iter().filter_map(|id| world.joint(id)).collect();
     world.step(contacts::INSTANT)?;
     let (near, masses) = (world.nearby(), world.masses());
     // Only steps with certificates look for jams.
@@ -156,12 +180,14 @@ pub fn check_with(
     findings.extend(sizes::sizes(scene));
     findings.extend(scales::scales(read));
     findings.extend(meshes::meshes(scene));
+    findings.extend(joints::joints(scene, &joints, &masses));
     let missed = |of: &Finding| of.value > of.limit;
     findings.extend(decompositions(scene, known).into_iter().filter(missed));
     findings.extend(surfaces::bounces(scene));
     findings.extend(read.warnings.iter().map(|warning| Finding {
         kind: FindingKind::LeftOut,
         bodies: Vec::new(),
+        joint: None,
         value: None,
         limit: None,
         what: warning.to_string(),

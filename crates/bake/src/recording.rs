@@ -4,6 +4,7 @@ pub mod animation;
 pub mod compare;
 pub mod glb;
 pub mod gltf;
+pub mod joints;
 pub mod journal;
 #[cfg(feature = "npz")]
 pub mod npz;
@@ -18,6 +19,7 @@ use std::ops::RangeInclusive;
 
 use drystone::geometry::pose_numbers;
 use drystone_scene::Scene;
+pub use joints::JointRecording;
 pub use sampling::Sampling;
 
 /// Accepted times between two frames. \[s\]
@@ -38,13 +40,15 @@ pub struct Recording {
     pub poses: Vec<f32>,
 }
 
-/// A recording with the names of its bodies.
+/// A recording with the names of its bodies, and its joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Named {
     /// The poses.
     pub recording: Recording,
     /// One name per body.
     pub names: Vec<String>,
+    /// The joints, as far as the file has them.
+    pub joints: JointRecording,
 }
 
 impl Recording {

@@ -2,6 +2,7 @@
 
 mod arguments;
 mod dump;
+mod joints;
 mod journal;
 mod output;
 mod record;

@@ -19,8 +19,8 @@ const LISTED: usize = 10;
 ///
 /// Findings are overlaps, wedged bodies, heavy bodies on light ones, stacks without friction,
 /// bodies that may tunnel, extreme sizes, mirrored and uneven scales, meshes with holes, inside
-/// out or far from their convex pieces, surfaces that bounce without loss, and data that the
-/// reader left out.
+/// out or far from their convex pieces, surfaces that bounce without loss, joints that their bodies
+/// do not fit at the start, and data that the reader left out.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CheckArguments {

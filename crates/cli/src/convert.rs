@@ -86,7 +86,7 @@ fn motion(arguments: &ConvertArguments) -> Result<(), Failure> {
             output.display(),
         )));
     }
-    let motion = frame_options.motion(&named.recording, &named.names, &[])?;
+    let motion = frame_options.motion(&named.recording, &named.names, &[], &named.joints)?;
     let warnings = format.write(output, read.as_ref(), &motion, &frame_options.sampling())?;
     warnings.iter().for_each(|warning| warn(input, warning));
     Ok(())

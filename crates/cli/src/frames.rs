@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-use drystone_bake::recording::{Recording, Sampling};
+use drystone_bake::recording::{JointRecording, Recording, Sampling};
 
 use crate::failure::Failure;
 use crate::quantity::{length, real};
@@ -39,6 +39,8 @@ pub(crate) struct OutputMotion<'a> {
     pub(crate) names: &'a [String],
     /// Number of contact points in the step that led to each frame; empty if unknown.
     pub(crate) contacts: &'a [u32],
+    /// Joints, as far as they are known.
+    pub(crate) joints: Cow<'a, JointRecording>,
 }
 
 impl FrameOptions {
@@ -82,16 +84,24 @@ impl FrameOptions {
         recording: &'a Recording,
         names: &'a [String],
         contacts: &'a [u32],
+        joints: &'a JointRecording,
     ) -> Result<OutputMotion<'a>, Failure> {
         let start = recording.start;
-        let whole = OutputMotion { recording: Cow::Borrowed(recording), names, contacts };
+        let all = Cow::Borrowed(joints);
+        let whole =
+            OutputMotion { recording: Cow::Borrowed(recording), names, contacts, joints: all };
         let (Some(more), Some(_)) = (recording.frames().checked_sub(1), &self.frames) else {
             return Ok(whole);
         };
         let steps = self.steps(start..=start + more, recording.frame_time)?;
         let places = steps.start() - start..=steps.end() - start;
-        let contacts = contacts.get(places).unwrap_or_default();
-        Ok(OutputMotion { recording: Cow::Owned(recording.piece(steps)), contacts, ..whole })
+        let contacts = contacts.get(places.clone()).unwrap_or_default();
+        Ok(OutputMotion {
+            recording: Cow::Owned(recording.piece(steps)),
+            contacts,
+            joints: Cow::Owned(joints.piece(places, start)),
+            ..whole
+        })
     }
 }
 

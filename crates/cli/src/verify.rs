@@ -4,11 +4,11 @@ use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use drystone_bake::recording::Named;
 use drystone_bake::recording::compare::{Difference, differences};
 use drystone_bake::recording::journal;
 use drystone_bake::recording::npz;
 use drystone_bake::recording::poses;
+use drystone_bake::recording::{JointRecording, Named};
 use drystone_scene::Scene;
 
 use crate::extension::{extension, wrong_extension};
@@ -127,5 +127,5 @@ pub(crate) fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, 
             scene.dimension
         ))
     })?;
-    Ok(Some(Named { recording, names: scene.names() }))
+    Ok(Some(Named { recording, names: scene.names(), joints: JointRecording::default() }))
 }

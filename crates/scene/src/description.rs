@@ -43,6 +43,18 @@ impl Scene {
         let name = self.bodies.get(body).and_then(|body| body.name.as_ref());
         name.map_or_else(|| format!("body {body}"), |name| format!("'{name}'"))
     }
+
+    /// Returns one name per joint; `joint 12` for a joint without a name.
+    pub fn joint_names(&self) -> Vec<String> {
+        let name = |(i, joint): (usize, &Joint)| joint.name.clone().unwrap_or(format!("joint {i}"));
+        self.joints.iter().enumerate().map(name).collect()
+    }
+
+    /// Returns the joint as messages call it: its name in quotes, or `joint 12` by its index.
+    pub fn joint_name_of(&self, joint: usize) -> String {
+        let name = self.joints.get(joint).and_then(|joint| joint.name.as_ref());
+        name.map_or_else(|| format!("joint {joint}"), |name| format!("'{name}'"))
+    }
 }
 
 /// Kind of simulation of the bodies of a scene.

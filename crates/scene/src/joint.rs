@@ -87,6 +87,35 @@ pub enum Coordinate {
     },
 }
 
+impl Coordinate {
+    /// Returns its name, which is its key in scenes.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Linear(0) => "x",
+            Self::Linear(1) => "y",
+            Self::Linear(_) => "z",
+            Self::Radial(0) => "radial_x",
+            Self::Radial(1) => "radial_y",
+            Self::Radial(_) => "radial_z",
+            Self::Distance => "distance",
+            Self::Angle => "angle",
+            Self::Twist => "twist",
+            Self::Swing(1) => "swing_y",
+            Self::Swing(_) => "swing_z",
+            Self::Cone => "cone",
+            Self::EllipticCone(_) => "elliptic_cone",
+            Self::Rotation => "rotation",
+            Self::Cardan(0) => "angle_x",
+            Self::Cardan(1) => "angle_y",
+            Self::Cardan(_) => "angle_z",
+            Self::Gear { .. } => "gear",
+            Self::Rack { .. } => "rack",
+            Self::Screw { .. } => "screw",
+            Self::Pulley { .. } => "pulley",
+        }
+    }
+}
+
 /// A coordinate that is locked, limited, driven or braked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointAxis {

@@ -48,6 +48,7 @@ pub(super) fn overlaps(scene: &Scene, near: &[Nearby]) -> Vec<Finding> {
     let finding = |([a, b], depth): ([usize; 2], f64)| Finding {
         kind: FindingKind::Overlap,
         bodies: vec![a, b],
+        joint: None,
         value: Some(depth),
         limit: Some(OVERLAP),
         what: format!(
@@ -76,6 +77,7 @@ pub(super) fn wedged(scene: &Scene, jams: &[Jam]) -> Vec<Finding> {
         Finding {
             kind: FindingKind::Wedged,
             bodies,
+            joint: None,
             value: Some(jam.missing),
             limit: Some(MISSED),
             what: format!(
@@ -116,6 +118,7 @@ pub(super) fn mass_ratios(
     let finding = |([upper, lower], ratio): ([usize; 2], f64)| Finding {
         kind: FindingKind::MassRatio,
         bodies: vec![upper, lower],
+        joint: None,
         value: Some(ratio),
         limit: Some(limit),
         what: format!(
@@ -156,6 +159,7 @@ pub(super) fn frictionless(scene: &Scene, near: &[Nearby], masses: &[f64]) -> Ve
     let finding = |([body, on], (load, friction)): ([usize; 2], (usize, f64))| Finding {
         kind: FindingKind::Frictionless,
         bodies: vec![body, on, load],
+        joint: None,
         value: Some(friction),
         limit: Some(0.0),
         what: format!(

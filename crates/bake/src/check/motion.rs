@@ -43,6 +43,7 @@ pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
             findings.push(Finding {
                 kind: FindingKind::TooFast,
                 bodies: if other == index { vec![index] } else { vec![index, other] },
+                joint: None,
                 value: Some(travel),
                 limit: Some(limit),
                 what: format!(

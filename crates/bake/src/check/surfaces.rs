@@ -30,6 +30,7 @@ pub(super) fn bounces(scene: &Scene) -> Vec<Finding> {
             findings.push(Finding {
                 kind: FindingKind::LosslessBounce,
                 bodies: vec![a.body, b.body],
+                joint: None,
                 value: Some(together(a, b)),
                 limit: Some(LOSSLESS),
                 what: format!(

@@ -17,6 +17,7 @@
     )
 )]
 
+use std::borrow::Cow;
 use std::fs::{File, TryLockError};
 use std::io::{self, BufReader, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
@@ -25,6 +26,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
+use super::joints::{JointFrame, JointLayout, JointRecording};
 use super::{Named, Recording};
 use drystone::geometry::pose_numbers;
 use drystone::{Measure, StepReport, StepSettings};
@@ -53,6 +55,9 @@ pub struct Header {
     pub frame_time: f64,
     /// Names of the bodies.
     pub names: Vec<String>,
+    /// Names of the joints.
+    #[serde(default, skip_serializing_if = "JointLayout::is_empty")]
+    pub joints: JointLayout,
 }
 
 impl Header {
@@ -67,6 +72,7 @@ impl Header {
             dimension: scene.dimension,
             frame_time: scene.time_step,
             names: scene.names(),
+            joints: JointLayout::of(scene),
         }
     }
 
@@ -109,11 +115,13 @@ pub struct Step {
     pub state: u64,
 }
 
-/// Poses of all bodies, and the step that led to them (`None` for the initial state).
+/// Poses of all bodies and the joints, and the step that led to them (`None` for the initial
+/// state).
 #[derive(Serialize, Deserialize)]
 struct FrameRecord<'a, P> {
-    step: Option<std::borrow::Cow<'a, Step>>,
+    step: Option<Cow<'a, Step>>,
     poses: P,
+    joints: Cow<'a, JointFrame>,
 }
 
 /// Position of a checkpoint in a journal.
@@ -132,6 +140,8 @@ pub struct Contents {
     pub header: Header,
     /// Frames, the initial state first.
     pub recording: Recording,
+    /// Joints at each frame.
+    pub joints: Vec<JointFrame>,
     /// Steps between the frames.
     pub steps: Vec<Step>,
     /// Checkpoints in order.
@@ -141,9 +151,11 @@ pub struct Contents {
 }
 
 impl Contents {
-    /// Returns the recording with the names of its bodies.
+    /// Returns the recording with the names of its bodies, and the joints.
     pub fn named(self) -> Named {
-        Named { recording: self.recording, names: self.header.names }
+        let broken = self.steps.iter().map(|step| step.report.broken.as_slice());
+        let joints = JointRecording::new(self.header.joints, &self.joints, broken);
+        Named { recording: self.recording, names: self.header.names, joints }
     }
 }
 
@@ -205,13 +217,19 @@ impl Journal {
         Ok(Some((Self { path: path.to_owned(), file, end, is_synced: true }, contents)))
     }
 
-    /// Appends a frame.
+    /// Appends a frame: the poses of the bodies and the joints.
     ///
     /// # Errors
     /// If the system refuses.
-    pub fn frame(&mut self, step: Option<&Step>, poses: &[f32]) -> io::Result<()> {
-        let step = step.map(std::borrow::Cow::Borrowed);
-        let frame = postcard::to_stdvec(&FrameRecord { step, poses }).map_err(io::Error::other)?;
+    pub fn frame(
+        &mut self,
+        step: Option<&Step>,
+        poses: &[f32],
+        joints: &JointFrame,
+    ) -> io::Result<()> {
+        let (step, joints) = (step.map(Cow::Borrowed), Cow::Borrowed(joints));
+        let frame = FrameRecord { step, poses, joints };
+        let frame = postcard::to_stdvec(&frame).map_err(io::Error::other)?;
         self.append(RecordKind::FrameRecord, &frame)
     }
 
@@ -406,8 +424,8 @@ impl Contents {
             start: 0,
             poses: Vec::new(),
         };
-        let (steps, checkpoints) = (Vec::new(), Vec::new());
-        Ok(Self { header, recording, steps, checkpoints, begun: false })
+        let (joints, steps, checkpoints) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { header, recording, joints, steps, checkpoints, begun: false })
     }
 
     fn add(&mut self, record: JournalRecord) -> io::Result<()> {
@@ -421,12 +439,15 @@ impl Contents {
         }
         let frame: FrameRecord<'_, Vec<f32>> = postcard::from_bytes(&record.content)
             .map_err(|error| refusal(&format!("a frame cannot be read: {error}")))?;
-        if frame.poses.len() != self.header.numbers() || frame.step.is_some() != self.begun {
+        let fits =
+            frame.poses.len() == self.header.numbers() && frame.joints.fits(&self.header.joints);
+        if !fits || frame.step.is_some() != self.begun {
             return Err(refusal("a frame does not fit its header"));
         }
         self.begun = true;
         self.recording.poses.extend(frame.poses);
-        self.steps.extend(frame.step.map(std::borrow::Cow::into_owned));
+        self.joints.push(frame.joints.into_owned());
+        self.steps.extend(frame.step.map(Cow::into_owned));
         Ok(())
     }
 }

@@ -16,6 +16,7 @@ use npyz::{AutoSerialize, DType, Deserialize, NpyFile, Serialize, WriterBuilder 
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
+use super::joints::{AxisName, JointLayout, JointRecording, LOADS};
 use super::{APART, Named, Recording};
 use drystone_scene::{self as scene, write_whole};
 
@@ -29,6 +30,16 @@ const LATEST: f64 = 1e9;
 /// - `times`: frames, s, `<f8`;
 /// - `contacts`: frames, the number of contact points in the step that led to each, `<u4`.
 ///
+/// and these, if there are joints:
+///
+/// - `joint_names`: joints;
+/// - `joint_axes`: axes of all joints, the name of the coordinate of each;
+/// - `joint_of_axis`: axes, the index of the joint of each, `<u4`;
+/// - `joint_values`: frames × axes, m or rad, `<f4`;
+/// - `joint_loads`: frames × joints × (mean force and torque in the step that led to the frame), N
+///   and N m, `<f4`;
+/// - `joint_broken`: joints, the first frame in which each is broken, -1 for never, `<i8`.
+///
 /// # Errors
 /// Those of [`write_whole`].
 pub fn write(
@@ -36,20 +47,53 @@ pub fn write(
     recording: &Recording,
     names: &[String],
     contacts: &[u32],
+    joints: &JointRecording,
 ) -> io::Result<()> {
     let frames = recording.frames();
     let size = [frames, recording.bodies, recording.stride()].map(|n| n as u64);
-    let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(1);
-    let text = format!("<U{longest}").parse().map_err(io::Error::other)?;
     write_whole(path, |out| {
         let mut zip = ZipWriter::new_stream(out);
         array(&mut zip, "poses", f32::default_dtype(), &size, &recording.poses)?;
-        array(&mut zip, "names", DType::new_scalar(text), &[names.len() as u64], names)?;
+        texts(&mut zip, "names", names.iter().map(String::as_str))?;
         array(&mut zip, "times", f64::default_dtype(), &[size[0]], recording.times())?;
         array(&mut zip, "contacts", u32::default_dtype(), &[contacts.len() as u64], contacts)?;
+        if !joints.layout.is_empty() {
+            write_joints(&mut zip, joints, size[0])?;
+        }
         zip.finish()?;
         Ok(())
     })
+}
+
+fn write_joints<W: Write + Seek>(
+    zip: &mut ZipWriter<W>,
+    joints: &JointRecording,
+    frames: u64,
+) -> io::Result<()> {
+    let JointLayout { names, axes } = &joints.layout;
+    let [count, columns] = [names.len(), axes.len()].map(|n| n as u64);
+    texts(zip, "joint_names", names.iter().map(String::as_str))?;
+    texts(zip, "joint_axes", axes.iter().map(|axis| axis.coordinate.as_str()))?;
+    let owners = axes.iter().map(|axis| axis.joint);
+    array(zip, "joint_of_axis", u32::default_dtype(), &[columns], owners)?;
+    array(zip, "joint_values", f32::default_dtype(), &[frames, columns], &joints.values)?;
+    let size = [frames, count, LOADS as u64];
+    array(zip, "joint_loads", f32::default_dtype(), &size, &joints.loads)?;
+    let frame = |at: &Option<usize>| at.map_or(-1, |frame| frame as i64);
+    let broken = joints.broken.iter().map(frame);
+    array(zip, "joint_broken", i64::default_dtype(), &[count], broken)
+}
+
+/// Writes an array of texts, which have as much room as the longest one needs.
+fn texts<'a, W: Write + Seek>(
+    zip: &mut ZipWriter<W>,
+    name: &str,
+    texts: impl Iterator<Item = &'a str> + Clone,
+) -> io::Result<()> {
+    let longest = texts.clone().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
+    let dtype = format!("<U{longest}").parse().map_err(io::Error::other)?;
+    let count = texts.clone().count() as u64;
+    array(zip, name, DType::new_scalar(dtype), &[count], texts)
 }
 
 fn array<W: Write + Seek, T: Serialize>(
@@ -113,7 +157,44 @@ pub fn read(path: &Path) -> io::Result<Named> {
     }
     let start = start as usize;
     let recording = Recording { dimension, bodies: names.len(), frame_time, start, poses };
-    Ok(Named { recording, names })
+    let joints = match zip.index_for_name("joint_names.npy") {
+        Some(_) => read_joints(&mut zip, size, frames)?,
+        None => JointRecording::default(),
+    };
+    Ok(Named { recording, names, joints })
+}
+
+fn read_joints(
+    zip: &mut ZipArchive<impl Read + Seek>,
+    size: u64,
+    frames: u64,
+) -> io::Result<JointRecording> {
+    let (names, _) = load::<String>(zip, size, "joint_names")?;
+    let (coordinates, _) = load::<String>(zip, size, "joint_axes")?;
+    let (owners, _) = load::<u32>(zip, size, "joint_of_axis")?;
+    let (values, values_shape) = load::<f32>(zip, size, "joint_values")?;
+    let (loads, loads_shape) = load::<f32>(zip, size, "joint_loads")?;
+    let (broken, _) = load::<i64>(zip, size, "joint_broken")?;
+    let [count, columns] = [names.len(), coordinates.len()].map(|n| n as u64);
+    let fits = owners.len() == coordinates.len()
+        && broken.len() == names.len()
+        && owners.iter().all(|joint| u64::from(*joint) < count)
+        && values_shape == [frames, columns]
+        && loads_shape == [frames, count, LOADS as u64];
+    if !fits {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidData,
+            format!(
+                "the arrays of joints do not fit each other; accepted: joint_values {frames} × \
+                 {columns} and joint_loads {frames} × {count} × {LOADS}, for {count} joints of \
+                 {columns} axes"
+            ),
+        ));
+    }
+    let axis = |(joint, coordinate)| AxisName { joint, coordinate };
+    let axes = owners.into_iter().zip(coordinates).map(axis).collect();
+    let broken = broken.iter().map(|frame| usize::try_from(*frame).ok()).collect();
+    Ok(JointRecording { layout: JointLayout { names, axes }, values, loads, broken })
 }
 
 /// Reads an array in C order from an archive of `size` bytes: its numbers and its shape.
@@ -163,11 +244,47 @@ mod tests {
     fn named(frames: usize) -> Named {
         let poses = (0..frames * 6).map(|i| i as f32 / 3.0).collect();
         let recording = Recording { dimension: 2, bodies: 2, frame_time: 0.5, start: 0, poses };
-        Named { recording, names: vec!["ball".to_owned(), "Würfel 2".to_owned()] }
+        let names = vec!["ball".to_owned(), "Würfel 2".to_owned()];
+        Named { recording, names, joints: JointRecording::default() }
     }
 
-    fn write_named(path: &Path, Named { recording, names }: &Named, contacts: &[u32]) {
-        write(path, recording, names, contacts).unwrap();
+    /// A hinge without an axis and one with two, which breaks before frame 2.
+    fn jointed(frames: usize) -> Named {
+        let axis = |name: &str| AxisName { joint: 1, coordinate: name.to_owned() };
+        let layout = JointLayout {
+            names: vec!["Tür".to_owned(), "joint 1".to_owned()],
+            axes: vec![axis("x"), axis("twist")],
+        };
+        let numbers = |count: usize| (0..count).map(|i| i as f32 / 7.0).collect();
+        let (values, loads) = (numbers(2 * frames), numbers(4 * frames));
+        let joints = JointRecording { layout, values, loads, broken: vec![None, Some(2)] };
+        Named { joints, ..named(frames) }
+    }
+
+    fn write_named(path: &Path, Named { recording, names, joints }: &Named, contacts: &[u32]) {
+        write(path, recording, names, contacts, joints).unwrap();
+    }
+
+    #[test]
+    fn joints_are_read_as_they_were_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.npz");
+        write_named(&path, &jointed(3), &[0, 4, 5]);
+        assert_eq!(read(&path).unwrap(), jointed(3));
+        let mut wrong = jointed(3);
+        wrong.joints.layout.axes.pop();
+        wrong.joints.values.truncate(3);
+        wrong.joints.layout.axes[0].joint = 2;
+        write_named(&path, &wrong, &[]);
+        let message = read(&path).unwrap_err().to_string();
+        assert!(
+            message.contains("accepted: joint_values 3 × 1 and joint_loads 3 × 2"),
+            "{message}"
+        );
+        // Without joints there are no further arrays.
+        write_named(&path, &named(3), &[]);
+        let zip = ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
+        assert_eq!(zip.len(), 4);
     }
 
     #[test]

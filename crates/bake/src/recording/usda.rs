@@ -7,7 +7,7 @@ use std::path::Path;
 use super::parallel::each_of;
 use super::pose::{dot, lerp, normalized, pose_at, slerp};
 use super::sampling::{Track, sample_rate, sample_times, tracks};
-use super::{Recording, Sampling};
+use super::{JointRecording, Recording, Sampling};
 use crate::engine::Drystone;
 use drystone_scene::Scene;
 use drystone_scene::export::usd::{PrimWriter, Prims, rounded, tuple, write_stage};
@@ -16,18 +16,21 @@ use drystone_scene::export::usd::{PrimWriter, Prims, rounded, tuple, write_stage
 /// samples, with its shapes below it. Time code 0 is the initial state.
 ///
 /// Units are meters and kilograms, with +y up. 2D scenes lie in the plane z = 0, 0.5 m thick, and
-/// without their joints. A name that is no valid prim name becomes the display name.
+/// without their joints. A name that is no valid prim name becomes the display name. The attribute
+/// `jointEnabled` of a joint that breaks has time samples. `joints` may be empty if unknown.
 ///
 /// # Errors
-/// If the recording has other bodies or is not finite, or the file cannot be written. An existing
-/// file then stays unchanged.
+/// If the recording has other bodies or joints or is not finite, or the file cannot be written. An
+/// existing file then stays unchanged.
 pub fn write(
     path: &Path,
     scene: &Scene,
     recording: &Recording,
+    joints: &JointRecording,
     options: &Sampling,
 ) -> io::Result<()> {
     recording.must_have(scene.bodies.len(), scene.dimension)?;
+    must_have(joints, scene.joints.len())?;
     let times = sample_times(recording, options);
     let rate = rounded(sample_rate(recording, options));
     let codes: Vec<f64> = times.iter().map(|time| rounded(time * rate)).collect();
@@ -45,10 +48,34 @@ pub fn write(
     world.children.extend(bodies);
     if scene.dimension == 3 {
         let wrong = |why| io::Error::new(io::ErrorKind::InvalidInput, why);
-        world.children.extend(prims.joints().map_err(wrong)?);
+        let mut scope = prims.joints().map_err(wrong)?;
+        let scoped = scope.iter_mut().flat_map(|scope| &mut scope.children);
+        for (prim, broken) in scoped.zip(&joints.broken) {
+            let time = broken.map(|frame| frame as f64 * recording.frame_time);
+            break_prim(prim, time.map(|time| rounded(time * rate)), codes.first().copied());
+        }
+        world.children.extend(scope);
     }
     let ends = [codes.first(), codes.last()].map(|code| code.copied().unwrap_or(0.0));
     write_stage(path, &world, ends, rate, rate)
+}
+
+/// Checks that the joints, if any are known, are as many as those of the scene.
+fn must_have(joints: &JointRecording, count: usize) -> io::Result<()> {
+    let own = joints.layout.names.len();
+    if own == 0 || own == count {
+        return Ok(());
+    }
+    let message = format!("a recording of {own} joints is not of a scene with {count}");
+    Err(io::Error::new(io::ErrorKind::InvalidInput, message))
+}
+
+/// Switches the prim of a joint off at the time code at which it breaks, if it does.
+fn break_prim(prim: &mut PrimWriter, broken: Option<f64>, first: Option<f64>) {
+    let (Some(broken), Some(first)) = (broken, first) else { return };
+    let whole = (first < broken).then(|| (first, "1".to_owned()));
+    let samples = whole.into_iter().chain([(broken.max(first), "0".to_owned())]);
+    prim.follow("bool physics:jointEnabled", samples, None);
 }
 
 /// Sets the pose of a prim from its recording: time samples, or a single value if it is constant.

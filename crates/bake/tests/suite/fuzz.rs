@@ -9,7 +9,8 @@ use crate::common::counting::largest;
 use crate::common::mutation::{fuzz, try_one};
 use drystone::StepSettings;
 use drystone_bake::build;
-use drystone_bake::recording::{Recording, journal, npz, poses};
+use drystone_bake::recording::joints::{AxisName, JointFrame, JointLayout};
+use drystone_bake::recording::{JointRecording, Recording, journal, npz, poses};
 use drystone_scene::{to_json, to_toml};
 use serde_json::Value;
 
@@ -174,6 +175,13 @@ fn recording() -> Recording {
     Recording { dimension: 3, bodies: 2, frame_time: 0.5, start: 0, poses }
 }
 
+fn joints() -> JointRecording {
+    let axes = vec![AxisName { joint: 0, coordinate: "twist".to_owned() }];
+    let layout = JointLayout { names: vec!["hinge".to_owned()], axes };
+    let (values, loads) = (vec![0.5; 3], vec![0.25; 6]);
+    JointRecording { layout, values, loads, broken: vec![Some(2)] }
+}
+
 fn written(write: impl Fn(&Path)) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("seed");
@@ -186,7 +194,8 @@ fn written(write: impl Fn(&Path)) -> Vec<u8> {
 #[test]
 fn arrays_of_poses() {
     let names = ["ball".to_owned(), "Würfel 2".to_owned()];
-    let seed = written(|path| npz::write(path, &recording(), &names, &[0, 4, 5]).unwrap());
+    let seed =
+        written(|path| npz::write(path, &recording(), &names, &[0, 4, 5], &joints()).unwrap());
     let read = |path: &Path| {
         if let Ok(named) = npz::read(path) {
             assert_eq!(named.names.len(), named.recording.bodies);
@@ -217,7 +226,7 @@ fn journals() {
     let seed = written(|path| {
         let header = journal::Header::new(&small, &StepSettings::certified());
         let mut journal = journal::Journal::create(path, &header).unwrap();
-        journal.frame(None, &[0.5; 21]).unwrap();
+        journal.frame(None, &[0.5; 21], &JointFrame::default()).unwrap();
         journal.checkpoint(&[7; 30]).unwrap();
     });
     let read = |path: &Path| {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use crate::common::counting::largest;
 use crate::common::worked;
 use drystone::StepSettings;
-use drystone_bake::recording::{self, Recording, Sampling};
+use drystone_bake::recording::{self, JointRecording, Recording, Sampling};
 use drystone_bake::{Drystone, build, read};
 use drystone_scene::export::usd::StageWriter;
 use drystone_scene::{
@@ -940,7 +940,14 @@ fn a_bake_is_read_as_its_scene() {
         Recording { dimension: 3, bodies: 1, frame_time: 0.1, start: 0, poses: poses.collect() };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bake.usda");
-    recording::usda::write(&path, &scene, &recording, &Sampling::default()).unwrap();
+    recording::usda::write(
+        &path,
+        &scene,
+        &recording,
+        &JointRecording::default(),
+        &Sampling::default(),
+    )
+    .unwrap();
     let read = usd::read(&path, &Drystone).unwrap();
     assert_eq!(read.scene.bodies, scene.bodies);
     assert_eq!(read.scene.joints, scene.joints);
@@ -971,8 +978,14 @@ fn keys_are_as_close_as_asked() {
     let mut counts = Vec::new();
     for tolerance in [1e-5, 1e-3, 1e-1] {
         for recording in [whole.piece(50..=150), whole.clone()] {
-            recording::usda::write(&path, &scene, &recording, &Sampling::within(tolerance))
-                .unwrap();
+            recording::usda::write(
+                &path,
+                &scene,
+                &recording,
+                &JointRecording::default(),
+                &Sampling::within(tolerance),
+            )
+            .unwrap();
             let read = usd::read(&path, &Drystone).unwrap();
             let track = &read.scene.bodies[0].track;
             // The time of the stage starts at its first frame.

@@ -21,8 +21,8 @@ pub(crate) struct BakeArguments {
 
     /// Write the motion to OUT; may be given several times. The extension sets the format: .glb, an
     /// animated glTF (the document of a glTF scene with a clip added); .usda, OpenUSD with time
-    /// samples; .npz, arrays for NumPy: poses, names, times, contacts; .poses, raw 32-bit floats.
-    /// Frame 0 is the initial state
+    /// samples; .npz, arrays for NumPy: poses, names, times, contacts, joints; .poses, raw 32-bit
+    /// floats. Frame 0 is the initial state
     #[arg(short, long, value_name = "OUT", group = "result")]
     pub(super) output: Vec<PathBuf>,
 

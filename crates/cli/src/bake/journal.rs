@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{env, fs};
 
+use drystone_bake::recording::joints::JointFrame;
 use drystone_bake::recording::journal::{Header, Journal, Mark, Step};
 use drystone_bake::{AnyCheckpoint, AnyWorld};
 
@@ -16,6 +17,7 @@ use crate::failure::Failure;
 pub(super) struct Kept {
     pub(super) steps: Vec<Step>,
     pub(super) poses: Vec<f32>,
+    pub(super) joints: Vec<JointFrame>,
 }
 
 /// The journal of this bake.
@@ -65,8 +67,8 @@ impl BakeJournal {
             None if arguments.resume => {
                 journal.found = steps;
                 journal.marks = contents.checkpoints;
-                let poses = contents.recording.poses;
-                journal.kept = Some(Kept { steps: contents.steps, poses });
+                let (poses, joints) = (contents.recording.poses, contents.joints);
+                journal.kept = Some(Kept { steps: contents.steps, poses, joints });
                 journal.journal = Some(found_journal);
             }
             None if steps > 0 => {
@@ -88,26 +90,28 @@ impl BakeJournal {
         self.kept.take()
     }
 
-    /// Begins the journal with the poses of the initial state.
-    pub(super) fn begin(&mut self, poses: &[f32]) -> Result<(), Failure> {
+    /// Begins the journal with the poses and joints of the initial state.
+    pub(super) fn begin(&mut self, poses: &[f32], joints: &JointFrame) -> Result<(), Failure> {
         let create = || {
             let mut journal = Journal::create(&self.path, &self.header)?;
-            journal.frame(None, poses)?;
+            journal.frame(None, poses, joints)?;
             Ok(journal)
         };
         self.journal = Some(create().map_err(|error| self.refused(&error))?);
         Ok(())
     }
 
-    /// Appends a step and the poses after it, and at intervals a checkpoint of the whole state.
+    /// Appends a step with the poses and joints after it, and at intervals a checkpoint of the whole
+    /// state.
     pub(super) fn write(
         &mut self,
         step: &Step,
         poses: &[f32],
+        joints: &JointFrame,
         world: &AnyWorld,
     ) -> Result<(), Failure> {
         let Some(journal) = &mut self.journal else { return Ok(()) };
-        let mut written = journal.frame(Some(step), poses);
+        let mut written = journal.frame(Some(step), poses, joints);
         // Checkpoints at most double the size of the journal.
         let [checkpoint, size] = self.sizes;
         let due = self.last.elapsed() >= self.every && journal.size() >= size + checkpoint;

@@ -85,7 +85,8 @@ impl Outputs {
         frame_options: &FrameOptions,
     ) -> Result<(Vec<PathBuf>, Vec<Warning>), Failure> {
         let (names, contacts) = (read.scene.names(), bake.contacts());
-        let motion = frame_options.motion(&bake.recording, &names, &contacts)?;
+        let joints = bake.joint_recording(&read.scene);
+        let motion = frame_options.motion(&bake.recording, &names, &contacts, &joints)?;
         let options = frame_options.sampling();
         let mut warnings = Vec::new();
         for (path, format) in &self.motions {
@@ -117,12 +118,14 @@ impl Format {
         options: &Sampling,
     ) -> Result<Vec<Warning>, Failure> {
         let mut warnings = Vec::new();
-        let OutputMotion { recording, names, contacts } = motion;
+        let OutputMotion { recording, names, contacts, joints } = motion;
         let source = read.and_then(|read| read.source.as_ref());
         let written = match (self, read.map(|read| &read.scene), source) {
             (Self::Poses, ..) => recording::poses::write(path, recording),
-            (Self::Npz, ..) => recording::npz::write(path, recording, names, contacts),
-            (Self::Usda, Some(scene), _) => recording::usda::write(path, scene, recording, options),
+            (Self::Npz, ..) => recording::npz::write(path, recording, names, contacts, joints),
+            (Self::Usda, Some(scene), _) => {
+                recording::usda::write(path, scene, recording, joints, options)
+            }
             (Self::Glb, Some(scene), None) => {
                 recording::glb::write(path, scene, recording, options)
             }

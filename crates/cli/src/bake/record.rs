@@ -7,8 +7,9 @@ use std::time::Instant;
 use drystone::{Measure, SavedProblem, StepSettings};
 use drystone_bake::AnyWorld;
 use drystone_bake::audit::audit;
-use drystone_bake::recording::Recording;
+use drystone_bake::recording::joints::{JointFrame, JointLayout};
 use drystone_bake::recording::journal::Step;
+use drystone_bake::recording::{JointRecording, Recording};
 use drystone_scene::{Motion, Scene};
 use indicatif::ProgressBar;
 
@@ -44,6 +45,8 @@ pub(super) struct Bake {
     /// Measure of the initial state.
     pub(super) start: Measure,
     pub(super) steps: Vec<Step>,
+    /// Joints at each frame.
+    pub(super) joints: Vec<JointFrame>,
     /// Contact problem of the step to be saved.
     pub(super) saved: Option<SavedProblem>,
 }
@@ -69,7 +72,7 @@ impl Bake {
         let taken = match journal.kept() {
             Some(kept) => bake.resume(world, length, journal, kept)?,
             None => {
-                journal.begin(&bake.recording.poses)?;
+                journal.begin(&bake.recording.poses, &bake.joints[0])?;
                 0
             }
         };
@@ -106,7 +109,8 @@ impl Bake {
         };
         let settings = world.settings().clone();
         let start = world.measure();
-        let mut bake = Self { recording, settings, start, steps: Vec::new(), saved: None };
+        let joints = vec![JointFrame::of(world, scene)];
+        let mut bake = Self { recording, settings, start, steps: Vec::new(), joints, saved: None };
         bake.reserve(steps)?;
         world.write_poses(&mut bake.recording.poses);
         Ok(bake)
@@ -126,6 +130,8 @@ impl Bake {
         let frame = self.recording.poses.len();
         kept.poses.truncate((kept.steps.len() + 1) * frame);
         self.recording.poses.splice(.., kept.poses);
+        kept.joints.truncate(kept.steps.len() + 1);
+        self.joints.splice(.., kept.joints);
         self.steps.append(&mut kept.steps);
         let (taken, dump) = (self.steps.len(), length.dump_step);
         if taken == length.steps && dump.is_none_or(|step| step > taken) {
@@ -160,13 +166,15 @@ impl Bake {
         let measure = world.measure();
         let frame = self.recording.poses.len();
         world.write_poses(&mut self.recording.poses);
+        let joints = JointFrame::of(world, scene);
         let step = Step { time, report, measure, state: world.state_hash() };
         if !(measure.finite && measure.fastest <= TOO_FAST) {
             self.steps.push(step);
             return Err(self.divergence(scene, &measure));
         }
-        journal.write(&step, &self.recording.poses[frame..], world)?;
+        journal.write(&step, &self.recording.poses[frame..], &joints, world)?;
         self.steps.push(step);
+        self.joints.push(joints);
         Ok(())
     }
 
@@ -174,6 +182,12 @@ impl Bake {
     pub(super) fn contacts(&self) -> Vec<u32> {
         let steps = self.steps.iter().map(|step| step.report.contacts as u32);
         std::iter::once(0).chain(steps).collect()
+    }
+
+    /// Returns the joints over time.
+    pub(super) fn joint_recording(&self, scene: &Scene) -> JointRecording {
+        let broken = self.steps.iter().map(|step| step.report.broken.as_slice());
+        JointRecording::new(JointLayout::of(scene), &self.joints, broken)
     }
 
     fn divergence(&self, scene: &Scene, measure: &Measure) -> Failure {

@@ -9,6 +9,7 @@ use drystone_bake::recording::journal::{Header, Step};
 use drystone_scene::write_whole;
 use serde::Serialize;
 
+use super::joints;
 use super::record::Bake;
 use super::summary::Summary;
 use crate::failure::Failure;
@@ -60,6 +61,13 @@ struct StepNumbers {
     certificate: Option<f64>,
     /// Hash of all poses and velocities after the step, in hexadecimal.
     state: String,
+    /// Largest miss of a joint's locks and limits: of positions \[m\] and of rotations \[rad\].
+    /// Absent without joints.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    joint_gap: Option<[f64; 2]>,
+    /// Indices of the joints that broke in the step; absent if none did.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    broken: Vec<u32>,
     /// Energy ledger by item; absent without a ledger. \[J\]
     #[serde(skip_serializing_if = "Option::is_none")]
     energy: Option<BTreeMap<&'static str, f64>>,
@@ -67,6 +75,8 @@ struct StepNumbers {
 
 /// Writes a report as JSON.
 pub(super) fn write(path: &Path, run: &ReportInput<'_>) -> Result<(), Failure> {
+    // The first frame has no step.
+    let gaps = run.bake.joints.iter().skip(1).map(joints::gap);
     let report = Report {
         scene: run.scene.display().to_string(),
         scene_hash: &run.header.scene,
@@ -76,7 +86,7 @@ pub(super) fn write(path: &Path, run: &ReportInput<'_>) -> Result<(), Failure> {
         bodies: run.bake.recording.bodies,
         steps: run.bake.steps.len(),
         summary: run.summary,
-        per_step: run.bake.steps.iter().map(numbers).collect(),
+        per_step: run.bake.steps.iter().zip(gaps).map(|(step, gap)| numbers(step, gap)).collect(),
     };
     write_whole(path, |out| {
         serde_json::to_writer(&mut *out, &report)?;
@@ -85,7 +95,7 @@ pub(super) fn write(path: &Path, run: &ReportInput<'_>) -> Result<(), Failure> {
     .map_err(|error| Failure::cannot_write(path, &error))
 }
 
-fn numbers(step: &Step) -> StepNumbers {
+fn numbers(step: &Step, joint_gap: Option<[f64; 2]>) -> StepNumbers {
     let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let stages = Stage::ALL.into_iter().zip(step.report.stages);
     StepNumbers {
@@ -102,6 +112,8 @@ fn numbers(step: &Step) -> StepNumbers {
         residual: step.measure.residual,
         certificate: step.report.certified.map(|of| of.error),
         state: format!("{:016x}", step.state),
+        joint_gap,
+        broken: step.report.broken.iter().map(|of| of.joint).collect(),
         energy: step.report.energy.map(|ledger| {
             let sums = [("created", ledger.created()), ("unexplained", ledger.unexplained())];
             ledger.items().into_iter().chain(sums).collect()

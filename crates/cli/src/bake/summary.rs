@@ -7,9 +7,10 @@ use std::path::Path;
 use drystone::{Ledger, Measure, StepSettings};
 use drystone_bake::audit::{Audit, Overlap, audit, gained_most};
 use drystone_bake::recording::journal::Step;
-use drystone_scene::{BodiesAs, Body, Motion, Scene, SurfaceVelocity};
+use drystone_scene::{BodiesAs, Body, Joint, Motion, Scene, SurfaceVelocity};
 use serde::Serialize;
 
+use super::joints::JointSummary;
 use super::record::Bake;
 
 /// Energy above the initial energy that counts as rounding, as a fraction of the energy that the
@@ -30,6 +31,8 @@ pub(super) struct Summary {
     kinematic: usize,
     /// Bodies with a surface velocity, such as conveyor belts.
     running: usize,
+    /// Joints with springs or motors.
+    driven: usize,
     /// Simulated time. \[s\]
     simulated: f64,
     /// Minimum and maximum over the steps.
@@ -60,7 +63,8 @@ pub(super) struct Summary {
     /// Rise that counts as rounding. \[J\]
     energy_tolerance: f64,
     /// True if energy was created: by contacts according to the ledger, else by the energy rise.
-    /// Absent without a ledger if kinematic bodies or surface velocities may have added energy.
+    /// Absent without a ledger if kinematic bodies, surface velocities, motors or springs may have
+    /// added energy.
     energy_created: Option<bool>,
     /// Sums over the energy ledgers of the steps; absent without them.
     ledger: Option<EnergySummary>,
@@ -79,6 +83,9 @@ pub(super) struct Summary {
     /// Largest displacement of a dynamic body over the last second. \[m\]
     moved: f64,
     moved_body: Option<usize>,
+    /// Misses and breaks of joints; absent without joints.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    joints: Option<JointSummary>,
     /// True if any shape has friction and bodies are rigid.
     friction: bool,
     /// Result of the audit: overlaps and passages measured from shapes and poses alone.
@@ -168,6 +175,12 @@ fn runs(body: &Body) -> bool {
     motions.any(|of| of.or(own).is_some_and(SurfaceVelocity::runs))
 }
 
+/// Returns true if springs or motors act on a joint, or limits that give way like springs.
+fn drives(joint: &Joint) -> bool {
+    joint.enabled
+        && joint.axes.iter().any(|axis| !axis.drives.is_empty() || axis.softness.is_some())
+}
+
 fn energy(measure: &Measure) -> f64 {
     measure.kinetic_energy + measure.potential_energy
 }
@@ -211,10 +224,11 @@ impl Summary {
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
         let kinematic = count(Motion::Kinematic);
         let running = scene.bodies.iter().filter(|body| runs(body)).count();
+        let driven = scene.joints.iter().filter(|joint| drives(joint)).count();
         let ledger = energy_summary(bake);
         let energy_created = match &ledger {
             Some(sums) => Some(sums.created > energy_tolerance),
-            None => (kinematic == 0 && running == 0).then_some(energy_rise > energy_tolerance),
+            None => (kinematic + running + driven == 0).then_some(energy_rise > energy_tolerance),
         };
         let times = times(steps);
         Self {
@@ -222,6 +236,7 @@ impl Summary {
             r#static: count(Motion::Static),
             kinematic,
             running,
+            driven,
             simulated: steps.len() as f64 * scene.time_step,
             substeps: substeps(steps),
             contacts_mean: contacts().sum::<usize>() as f64 / steps.len().max(1) as f64,
@@ -249,6 +264,7 @@ impl Summary {
             fastest_body: moving_body(bake.moved_most(scene, 1)),
             moved: moving.map_or(0.0, |(_, distance)| distance),
             moved_body: moving_body(moving),
+            joints: JointSummary::new(scene, bake),
             friction: has_friction(scene),
             audit,
         }
@@ -263,6 +279,7 @@ impl Summary {
             ("time", self.time(head)),
             ("contacts", self.contacts()),
             ("penetration", self.penetration()),
+            ("joints", self.joints.as_ref().map_or_else(String::new, |of| of.text(scene))),
             ("energy", self.energy()),
             (self.title(), self.certified(scene)),
             ("", self.bound_limits()),
@@ -351,9 +368,7 @@ impl Summary {
         let (start, end) = (joule(self.energy_start), joule(self.energy_end));
         let (rise, tolerance) = (joule(self.energy_rise), joule(self.energy_tolerance));
         let verdict = match (self.energy_created, &self.ledger) {
-            (None, _) if self.running == 0 => "; kinematic bodies may add to it".to_owned(),
-            (None, _) if self.kinematic == 0 => "; running surfaces may add to it".to_owned(),
-            (None, _) => "; kinematic bodies and running surfaces may add to it".to_owned(),
+            (None, _) => format!("; {} may add to it", self.sources()),
             (Some(false), _) => format!("; none was created (tolerance {tolerance})"),
             (Some(true), Some(sums)) => format!(
                 "; contacts created {}, most of it, {}, in step {} (tolerance {tolerance})",
@@ -366,6 +381,20 @@ impl Summary {
             }
         };
         format!("{start} at the start, {end} at the end{verdict}")
+    }
+
+    /// Names what may add energy.
+    fn sources(&self) -> String {
+        let all = [
+            (self.kinematic, "kinematic bodies"),
+            (self.running, "running surfaces"),
+            (self.driven, "motors and springs"),
+        ];
+        let there: Vec<_> = all.iter().filter(|(count, _)| *count > 0).map(|(_, it)| *it).collect();
+        match there.as_slice() {
+            [first, second, third] => format!("{first}, {second}, {third}"),
+            other => other.join(" and "),
+        }
     }
 
     /// Title of the line about certificates. It says "certified" only if the audit found no missed
@@ -523,6 +552,7 @@ impl Summary {
             lines.push(format!("energy was created: {}{who}", joule(created)));
         }
         lines.extend(self.jam(scene));
+        lines.extend(self.joints.as_ref().and_then(|of| of.breaks(scene, NAMED)));
         if let Some(of) = self.audit.start.as_ref().filter(|of| of.depth > OVERLAP) {
             let [a, b] = of.bodies.map(|body| scene.name_of(body));
             lines.push(format!(
@@ -563,7 +593,7 @@ fn energy_summary(bake: &Bake) -> Option<EnergySummary> {
 }
 
 /// Formats a number of things, of which `one` names one.
-fn counted(count: usize, one: &str) -> String {
+pub(super) fn counted(count: usize, one: &str) -> String {
     if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
 }
 

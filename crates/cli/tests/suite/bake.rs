@@ -644,3 +644,102 @@ fn a_gltf_comes_back_with_a_clip() {
     assert_eq!(clips.last().unwrap()["name"], "Drystone");
     assert!(document["extensions"]["KHR_physics_rigid_bodies"].is_object());
 }
+
+/// A ball on a rope that breaks, below one that holds, and a hinge with a motor.
+const JOINTED: &str = r#"
+duration = 0.5
+
+[[bodies]]
+name = "held"
+mass = 1
+shapes = [{ type = "sphere", radius = 0.1 }]
+
+[[bodies]]
+name = "lost"
+mass = 2
+position = [0, -1, 0]
+shapes = [{ type = "sphere", radius = 0.1 }]
+
+[[bodies]]
+name = "fan"
+position = [3, 0, 0]
+shapes = [{ type = "box", half_extents = [0.5, 0.1, 0.1] }]
+
+[[joints]]
+type = "ball"
+name = "hook"
+bodies = ["held"]
+
+[[joints]]
+type = "distance"
+name = "thread"
+bodies = ["lost", "held"]
+breaking = { force = 15 }
+
+[[joints]]
+type = "hinge"
+name = "axle"
+bodies = ["fan"]
+axis = [0, 0, 1]
+motor = { velocity = 3, at_most = 1e5 }
+"#;
+
+/// The summary, the report, the arrays and the stage say how joints moved, and which broke when by
+/// which force. A bake that is resumed says the same.
+#[test]
+fn joints_are_reported_and_recorded() {
+    let place = Place::new(JOINTED);
+    let outputs =
+        ["bake", "scene.toml", "-o", "a.npz", "-o", "a.usda", "--report", "a.json", "--threads=1"];
+    let text = place.succeeds(&outputs);
+    let line = |title: &str| text.lines().find(|line| line.starts_with(title)).unwrap();
+    let said = line("joints");
+    assert!(said.contains("3 joints, off their locks and limits by at most 0.0"), "{said}");
+    assert!(said.ends_with("; 1 broke, see the notes"), "{said}");
+    assert!(text.contains("broke: 'thread' at 0.017 s by 19.6 N and 0.00 N m"), "{text}");
+    let report: Value = serde_json::from_slice(&fs::read(place.path("a.json")).unwrap()).unwrap();
+    let broken = &report["summary"]["joints"]["broken"];
+    assert_eq!(broken.as_array().unwrap().len(), 1, "{broken}");
+    assert_eq!((&broken[0]["name"], &broken[0]["step"]), (&"thread".into(), &1.into()));
+    assert!((broken[0]["force"].as_f64().unwrap() / (2.0 * 9.81) - 1.0).abs() < 1e-3, "{broken}");
+    let first = &report["per_step"][0];
+    assert_eq!(first["broken"], serde_json::json!([1]), "{first}");
+    assert!(first["joint_gap"][0].as_f64().unwrap() < 1e-4, "{first}");
+    assert!(report["per_step"][1].get("broken").is_none());
+
+    let joints = npz::read(&place.path("a.npz")).unwrap().joints;
+    assert_eq!(joints.layout.names, ["hook", "thread", "axle"]);
+    assert_eq!(joints.broken, [None, Some(1), None]);
+    let names: Vec<_> = joints.layout.axes.iter().map(|axis| &axis.coordinate[..]).collect();
+    assert_eq!(names, ["x", "y", "z", "distance", "x", "y", "z", "twist", "swing_y", "swing_z"]);
+    let turn = |frame: usize| joints.values[frame * names.len() + 7];
+    assert_eq!(turn(0), 0.0);
+    assert!((turn(30) - 1.5).abs() < 0.06, "{}", turn(30));
+    let force = |frame: usize, joint: usize| joints.loads[2 * (3 * frame + joint)];
+    assert!((force(1, 0) - 3.0 * 9.81).abs() < 0.01, "{}", force(1, 0));
+    assert!((force(20, 0) - 9.81).abs() < 0.01 && force(20, 1) == 0.0);
+
+    let stage = fs::read_to_string(place.path("a.usda")).unwrap();
+    let sampled = "bool physics:jointEnabled.timeSamples = { 0: 1, 1: 0, }";
+    assert_eq!(stage.matches("jointEnabled").count(), 1, "{stage}");
+    assert!(stage.contains(sampled), "{stage}");
+    // From frame 2 on the thread is broken all the time.
+    let convert = ["convert", "a.npz", "b.usda", "--scene", "scene.toml", "--frames", "2..9"];
+    place.succeeds(&convert);
+    let stage = fs::read_to_string(place.path("b.usda")).unwrap();
+    assert!(stage.contains("bool physics:jointEnabled.timeSamples = { 2: 0, }"), "{stage}");
+    place.succeeds(&["convert", "a.npz", "b.npz", "--frames", "2..9"]);
+    let piece = npz::read(&place.path("b.npz")).unwrap().joints;
+    assert_eq!(piece, joints.piece(2..=9, 0));
+}
+
+/// Arrays of scenes without joints have no joints, and neither has their summary.
+#[test]
+fn scenes_without_joints_say_nothing_of_them() {
+    let place = Place::new(SCENE);
+    let text = place.succeeds(&["bake", "scene.toml", "-o", "a.npz", "--report", "a.json"]);
+    assert!(!text.lines().any(|line| line.starts_with("joints")), "{text}");
+    assert!(npz::read(&place.path("a.npz")).unwrap().joints.layout.is_empty());
+    let report = fs::read_to_string(place.path("a.json")).unwrap();
+    assert!(!report.contains("joint_gap"), "{report}");
+}

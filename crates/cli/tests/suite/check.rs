@@ -59,6 +59,102 @@ fn example_scenes_are_quiet() {
     assert!(count >= 10);
 }
 
+/// Two boxes without gravity that do not touch, and this joint of theirs.
+fn joined(more: &str, joint: &str) -> String {
+    let bodies = cube("a", 0.5, [0.0; 3], "") + &cube("b", 0.5, [2.0, 0.0, 0.0], more);
+    format!(
+        "gravity = [0, 0, 0]\n{bodies}[[joints]]\nname = \"pin\"\nbodies = [\"b\", \"a\"]\n{joint}"
+    )
+}
+
+#[test]
+fn frames_apart_are_found_with_their_distance() {
+    let ball =
+        |x: f64| joined("", &format!("type = \"ball\"\nanchors = [[{x}, 0, 0], [1, 0, 0]]\n"));
+    let (kind, names, gap) = one(&ball(-0.98));
+    assert_eq!((kind.as_str(), names.as_slice()), ("joint_apart", &["b".into(), "a".into()][..]));
+    assert!((gap - 0.02).abs() < 1e-5, "{gap}");
+    let text = Place::new(&ball(-0.98)).run(&["check", "scene.toml"]).stdout;
+    let text = String::from_utf8(text).unwrap();
+    assert!(text.contains("the frames of joint 'pin' are 20.00 mm apart at the start"), "{text}");
+    assert_eq!(findings(&ball(-1.00005)), []);
+}
+
+#[test]
+fn frames_turned_against_each_other_are_found() {
+    let fixed = |z: f64| {
+        let w = (1.0 - z * z).sqrt();
+        joined(
+            "",
+            &format!(
+                "type = \"fixed\"\nframes = [{{ position = [-1, 0, 0] }}, {{ position = [1, 0, 0], \
+                 rotation = [0, 0, {z}, {w}] }}]\n"
+            ),
+        )
+    };
+    let (kind, _, turn) = one(&fixed(0.05));
+    assert_eq!(kind, "joint_turned");
+    assert!((turn - 0.1).abs() < 1e-3, "{turn}");
+    assert_eq!(findings(&fixed(0.0)), []);
+}
+
+#[test]
+fn limits_beyond_which_a_joint_starts_are_found() {
+    let hinge = |low: f64| {
+        joined("", &format!("type = \"hinge\"\naxis = [0, 1, 0]\nlimits = [{low}, 1]\n"))
+    };
+    let (kind, names, by) = one(&hinge(0.25));
+    assert_eq!((kind.as_str(), names.as_slice()), ("joint_limit", &["b".into(), "a".into()][..]));
+    assert!((by - 0.25).abs() < 1e-6, "{by}");
+    let text = Place::new(&hinge(0.25)).run(&["check", "scene.toml"]).stdout;
+    let text = String::from_utf8(text).unwrap();
+    assert!(text.contains("twist is 0.00 degrees; accepted: 14.32 degrees to 57.30"), "{text}");
+    assert_eq!(findings(&hinge(0.0)), []);
+    let rope = |length: f64| joined("", &format!("type = \"rope\"\nlength = {length}\n"));
+    assert_eq!(one(&rope(1.5)).0, "joint_limit");
+    assert_eq!(findings(&rope(2.0)), []);
+}
+
+#[test]
+fn joints_of_bodies_that_cannot_move_are_found() {
+    let joint = "type = \"hinge\"\naxis = [0, 1, 0]\n";
+    let pair = |mass: &str| {
+        let bodies =
+            cube("a", 0.5, [0.0; 3], mass) + &cube("b", 0.5, [2.0, 0.0, 0.0], "mass = inf");
+        format!("gravity = [0, 0, 0]\n{bodies}[[joints]]\nbodies = [\"b\", \"a\"]\n{joint}")
+    };
+    let (kind, _, value) = one(&pair("mass = inf"));
+    assert_eq!(kind, "joint_idle");
+    assert!(value.is_nan(), "{value}");
+    assert_eq!(findings(&pair("mass = 1")), []);
+}
+
+#[test]
+fn joints_between_heavy_and_light_are_found() {
+    let pair =
+        |mass: f64| joined(&format!("mass = {mass}"), "type = \"ball\"\nanchor = [1, 0, 0]\n");
+    // The other one has 1000 kg.
+    let (kind, _, ratio) = one(&pair(0.5));
+    assert_eq!(kind, "joint_mass_ratio");
+    assert!((ratio - 2000.0).abs() < 0.1, "{ratio}");
+    assert_eq!(one(&pair(3e6)).0, "joint_mass_ratio");
+    assert_eq!(findings(&pair(2.0)), []);
+}
+
+#[test]
+fn cardan_angles_near_their_singularity_are_found() {
+    let gimbal = |degrees: f64| {
+        let (y, w) = (0.5 * degrees.to_radians()).sin_cos();
+        let turned = format!("rotation = [0, {y}, 0, {w}]");
+        joined(&turned, "type = \"general\"\nframes = [{}, {}]\nangle_z = [-1, 1]\n")
+    };
+    let (kind, _, angle) = one(&gimbal(85.0));
+    assert_eq!(kind, "joint_singular");
+    assert!((angle.to_degrees() - 85.0).abs() < 1e-3, "{angle}");
+    assert_eq!(one(&gimbal(-88.0)).0, "joint_singular");
+    assert_eq!(findings(&gimbal(60.0)), []);
+}
+
 #[test]
 fn an_overlap_has_its_bodies_and_its_depth() {
     let scene = format!("{FLOOR}{}", cube("box", 0.5, [0.0, 0.45, 0.0], ""));

@@ -54,6 +54,7 @@ fn a_resumed_bake_gives_the_same_bytes() {
         ("particles.json", &["--checkpoint", "0", "--threads", "2"]),
         ("billiards.toml", &["--checkpoint", "0.001", "--ledger"]),
         ("workshop.gltf", &["--realtime"]),
+        ("watt_linkage.toml", &["--checkpoint", "0"]),
     ] {
         let (place, scene) = (Place::new(""), example(scene));
         let Some((journal, expected)) = journal_and_outputs(&place, &scene, more) else { return };

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 
 use self::axis::{AXIS_KEYS, Defaults, LIMIT_KEYS, LOAD, LOCKED};
 use self::axis::{limited, read_axis, read_spring};
-use self::coordinate::{NAMES, default_limits, name_of, rank, read_coordinate, read_parameters};
+use self::coordinate::{NAMES, default_limits, rank, read_coordinate, read_parameters};
 use self::frames::{apart, distance, read_frames, warn_of_distance, world_point};
 use self::setup::JointSetup;
 use super::cursor::{FieldCursor, Range, TableCursor, nearest_known};
@@ -500,12 +500,12 @@ fn read_pulley(
 
 /// Sorts rows by a list of the names of their coordinates.
 fn order(mut axes: Vec<JointAxis>, field: &FieldCursor<'_>) -> Result<Vec<JointAxis>, SceneError> {
-    let names: Vec<_> = axes.iter().map(|axis| name_of(axis.coordinate)).collect();
+    let names: Vec<_> = axes.iter().map(|axis| axis.coordinate.name()).collect();
     let accepted = format!("the coordinates of the joint, each once: {}", names.join(", "));
     let mut sorted = Vec::with_capacity(axes.len());
     for item in field.items(&accepted)? {
         let name = item.text().map_err(|_| field.refuse(&accepted))?;
-        let place = axes.iter().position(|axis| name_of(axis.coordinate) == name);
+        let place = axes.iter().position(|axis| axis.coordinate.name() == name);
         sorted.push(axes.remove(place.ok_or_else(|| item.refuse(&accepted))?));
     }
     if axes.is_empty() { Ok(sorted) } else { Err(field.refuse(accepted)) }

@@ -10,14 +10,14 @@ use crate::document::joint::{
 };
 use crate::document::values::Unbounded;
 use crate::format::joint::axis::LOCKED;
-use crate::format::joint::coordinate::{default_limits, name_of, rank};
+use crate::format::joint::coordinate::{default_limits, rank};
 use crate::joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrame};
 
 pub(super) fn joint_document(joint: &Joint, all: &[Body], dimension: usize) -> JointDocument {
     let mut general = GeneralDocument::default();
     joint.axes.iter().for_each(|axis| set_axis(&mut general, axis, dimension));
     let is_sorted = joint.axes.is_sorted_by_key(|axis| rank(axis.coordinate));
-    let names = || joint.axes.iter().map(|axis| name_of(axis.coordinate)).collect();
+    let names = || joint.axes.iter().map(|axis| axis.coordinate.name()).collect();
     general.order = (!is_sorted).then(names);
     JointDocument {
         kind: JointKindDocument::General { coordinates: Box::new(general) },

@@ -1,6 +1,7 @@
 use std::fs;
 
 use super::*;
+use crate::recording::joints::{AxisName, JointMiss};
 
 fn header() -> Header {
     Header {
@@ -10,7 +11,16 @@ fn header() -> Header {
         dimension: 2,
         frame_time: 1.0 / 60.0,
         names: vec!["ball".to_owned(), "Würfel 2".to_owned()],
+        joints: JointLayout {
+            names: vec!["Tür".to_owned()],
+            axes: vec![AxisName { joint: 0, coordinate: "twist".to_owned() }],
+        },
     }
+}
+
+fn joints(frame: usize) -> JointFrame {
+    let worst = [None, (frame > 0).then_some(JointMiss { joint: 0, by: 1e-5 })];
+    JointFrame { values: vec![frame as f32], loads: vec![3.0, 0.5], worst }
 }
 
 fn step(state: u64) -> Step {
@@ -28,7 +38,9 @@ fn write(path: &Path) -> Vec<u64> {
     let mut journal = Journal::create(path, &header()).unwrap();
     let mut ends = vec![MAGIC.len() as u64, journal.size()];
     for frame in 0..4 {
-        journal.frame((frame > 0).then(|| step(frame as u64)).as_ref(), &poses(frame)).unwrap();
+        journal
+            .frame((frame > 0).then(|| step(frame as u64)).as_ref(), &poses(frame), &joints(frame))
+            .unwrap();
         ends.push(journal.size());
         if frame == 2 {
             journal.checkpoint(b"state").unwrap();
@@ -51,13 +63,14 @@ fn reading_what_was_written_gives_the_same() {
     let contents = read(&path).unwrap();
     assert_eq!(contents.header, header());
     assert_eq!(contents.steps, [step(1), step(2), step(3)]);
+    assert_eq!(contents.joints, [0, 1, 2, 3].map(joints));
     let all: Vec<f32> = (0..4).flat_map(poses).collect();
     assert_eq!(contents.recording.poses, all);
     assert_eq!(contents.recording.frames(), 4);
     let (mut journal, contents) = Journal::resume(&path).unwrap().unwrap();
     let [mark] = contents.checkpoints[..] else { panic!("one checkpoint") };
     assert_eq!((mark.step, journal.state_at(mark).unwrap()), (2, b"state".to_vec()));
-    journal.frame(Some(&step(4)), &poses(4)).unwrap();
+    journal.frame(Some(&step(4)), &poses(4), &joints(4)).unwrap();
     assert_eq!(read(&path).unwrap().steps.len(), 4);
 }
 
@@ -78,7 +91,7 @@ fn a_torn_record_is_cut_off() {
         let frames = [0, 0, 0, 1, 2, 3, 3, 4][records];
         assert_eq!(contents.recording.poses.len(), 6 * frames, "{cut}");
         assert_eq!(fs::metadata(&path).unwrap().len(), ends[records - 1], "{cut}");
-        journal.frame(Some(&step(9)), &poses(9)).unwrap();
+        journal.frame(Some(&step(9)), &poses(9), &joints(9)).unwrap();
         assert_eq!(read(&path).unwrap().recording.poses.len(), 6 * (frames + 1), "{cut}");
     }
 }

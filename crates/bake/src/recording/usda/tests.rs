@@ -17,7 +17,7 @@ fn stage(text: &str, frames: usize, options: &Sampling) -> String {
     let recording = Recording { dimension, bodies, frame_time: 0.01, start: 0, poses };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.usda");
-    write(&path, &scene, &recording, options).unwrap();
+    write(&path, &scene, &recording, &JointRecording::default(), options).unwrap();
     std::fs::read_to_string(path).unwrap()
 }
 
@@ -46,7 +46,7 @@ fn samples_are_kept_where_openusd_mixes_rotations_coarsely() {
         let recording = Recording { dimension: 2, bodies: 1, frame_time: 0.01, start: 0, poses };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.usda");
-        write(&path, &scene, &recording, &Sampling::default()).unwrap();
+        write(&path, &scene, &recording, &JointRecording::default(), &Sampling::default()).unwrap();
         let text = std::fs::read_to_string(path).unwrap();
         let samples = text.lines().find(|line| line.contains("orient.timeSamples")).unwrap();
         samples.matches(": (").count()

@@ -63,36 +63,9 @@ const RATIO: Range = Range::new(-1e6, 1e6, "");
 const WEIGHT: Range = Range::new(0.0, 1e6, "");
 const LENGTH: Range = Range::new(-1e6, 1e6, "m");
 
-/// Returns the name of a coordinate.
-pub(crate) fn name_of(coordinate: Coordinate) -> &'static str {
-    match coordinate {
-        Coordinate::Linear(0) => "x",
-        Coordinate::Linear(1) => "y",
-        Coordinate::Linear(_) => "z",
-        Coordinate::Radial(0) => "radial_x",
-        Coordinate::Radial(1) => "radial_y",
-        Coordinate::Radial(_) => "radial_z",
-        Coordinate::Distance => "distance",
-        Coordinate::Angle => "angle",
-        Coordinate::Twist => "twist",
-        Coordinate::Swing(1) => "swing_y",
-        Coordinate::Swing(_) => "swing_z",
-        Coordinate::Cone => "cone",
-        Coordinate::EllipticCone(_) => "elliptic_cone",
-        Coordinate::Rotation => "rotation",
-        Coordinate::Cardan(0) => "angle_x",
-        Coordinate::Cardan(1) => "angle_y",
-        Coordinate::Cardan(_) => "angle_z",
-        Coordinate::Gear { .. } => "gear",
-        Coordinate::Rack { .. } => "rack",
-        Coordinate::Screw { .. } => "screw",
-        Coordinate::Pulley { .. } => "pulley",
-    }
-}
-
 /// Returns the place of a coordinate in [`NAMES`].
 pub(crate) fn rank(coordinate: Coordinate) -> usize {
-    let name = name_of(coordinate);
+    let name = coordinate.name();
     NAMES.iter().position(|other| *other == name).unwrap_or(NAMES.len())
 }
 
