@@ -28,6 +28,7 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
             frames,
             start: [0, 1].map(|side: usize| places[side].of(&frames[side])),
             states: vec![RowState::default(); rows.len()],
+            turns: vec![[0.0; 2]; joint.axes.len()],
             rows,
             axes: joint.axes,
             breaking: joint.breaking,
@@ -75,19 +76,13 @@ impl<G: Dimension<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let slot = self.joint_slot(id).ok_or(InputError::Joint(JointFault::Unknown))?;
         check_axes::<L, A>(&axes)?;
         let record = &mut self.solver.joints.records[slot];
-        let values: Vec<(Coordinate, f64)> = record
-            .rows
-            .iter()
-            .zip(&record.states)
-            .map(|(row, state)| (record.axes[row.axis].coordinate, state.value))
-            .collect();
-        record.rows = rows::plan(&axes);
-        let state = |row: &rows::RowPlan| {
-            let of = axes[row.axis].coordinate;
-            let value = values.iter().find(|(coordinate, _)| *coordinate == of);
-            RowState { value: value.map_or(0.0, |(_, value)| *value), ..RowState::default() }
+        let turns = |axis: &JointAxis| {
+            let before = record.axes.iter().position(|own| own.coordinate == axis.coordinate);
+            before.map_or([0.0; 2], |index| record.turns[index])
         };
-        record.states = record.rows.iter().map(state).collect();
+        record.turns = axes.iter().map(turns).collect();
+        record.rows = rows::plan(&axes);
+        record.states = vec![RowState::default(); record.rows.len()];
         record.axes = axes;
         self.solver.joints.forget();
         self.wake_joined(slot);
