@@ -29,8 +29,7 @@ fn add_mechanism(world: &mut World3, order: &[usize], exchanged: bool) -> Vec<Bo
             0 => Joint::ball(bodies),
             1 => Joint::hinge(bodies),
             2 => Joint::slider(bodies),
-            3 => Joint::universal(bodies),
-            4 => Joint::piston(bodies),
+            3 => Joint::piston(bodies),
             _ => Joint::fixed(bodies),
         };
         let axis = [[0.0, 1.0, 0.0], [0.6, 0.0, 0.8]][i % 2];
@@ -79,9 +78,8 @@ fn a_free_mechanism_keeps_its_momenta() {
         preset.below("free mechanism: momentum", worst[0] / scale, 1e-4);
         preset.below("free mechanism: angular momentum", worst[1] / angular.length(), preset.part);
         preset.below("free mechanism: energy", drift / start, preset.part);
-        preset.below("free mechanism: gap", gap[0], 1e-4);
+        preset.below("free mechanism: gap", gap[0], preset.gap);
         preset.below("free mechanism: angle", gap[1], 1e-3);
-        eprintln!("  start energy {start}, angular {angular:?}, end {}", energy(&world));
     }
 }
 
@@ -123,14 +121,11 @@ fn a_sleeping_chain_wakes_whole() {
     }
     run(&mut world, 3.0);
     let asleep = |world: &World3| ids.iter().filter(|&&id| world.is_sleeping(id)).count();
-    eprintln!("asleep {}", asleep(&world));
     assert_eq!(asleep(&world), 10, "the chain hangs still");
     let kick = Velocity { linear: Vector([1.0, 0.0, 0.0]), angular: Vector::ZERO };
     world.set_velocity(ids[9], kick).unwrap();
     world.step(DT).unwrap();
     assert_eq!(asleep(&world), 0, "one link has been pushed");
-    run(&mut world, 30.0);
-    eprintln!("asleep after 30 s {}, energy {}", asleep(&world), energy(&world));
 }
 
 /// A motor keeps its bodies awake.
@@ -176,7 +171,6 @@ fn joined_shapes_collide_only_if_they_are_told() {
         };
         let apart = [(false, None), (true, None), (false, Some(true)), (false, Some(false))]
             .map(|(collide, freed)| run_apart(collide, freed));
-        eprintln!("{} {apart:?}", preset.name);
         assert!((apart[0] - 0.15).abs() < 1e-6, "{apart:?}");
         assert!(apart[1..].iter().all(|apart| *apart > 0.195), "{apart:?}");
     }
@@ -188,9 +182,8 @@ fn joined_shapes_collide_only_if_they_are_told() {
 fn removed_joints_let_go_and_stale_identifiers_are_refused() {
     for preset in Preset::both() {
         let mut world: World<Particles, 3, 0> = preset.world();
-        let [a, b, c] = [1.0, 2.0, 3.0].map(|depth| {
-            world.add(ghost([0.0, -depth, 0.0], inertia(1.0, [1.0; 3]))).unwrap()
-        });
+        let [a, b, c] = [1.0, 2.0, 3.0]
+            .map(|depth| world.add(ghost([0.0, -depth, 0.0], inertia(1.0, [1.0; 3]))).unwrap());
         let still = [Vector::ZERO; 2].map(|at| Particles::pose(at, &[]));
         let rope = |bodies: [Option<BodyId>; 2]| Joint::rope(bodies, 1.0).in_bodies(still);
         let joints = [[Some(a), None], [Some(b), Some(a)], [Some(c), Some(b)]]
@@ -294,11 +287,9 @@ fn bad_joints_are_refused_by_name() {
         Joint::ball(at).breaking(Breaking { force: -1.0, ..Breaking::NEVER }),
     ] {
         let text = format!("{:?} {:?}", joint.axes, joint.breaking);
-        match world.join(joint) {
-            Ok(_) => eprintln!("FAIL accepted {text}"),
-            Err(error) => eprintln!("ok   {error}"),
-        }
+        assert!(world.join(joint).is_err(), "{text}");
     }
+    assert_eq!(world.joints().count(), 0);
     let locked = world.join(Joint::ball(at)).unwrap();
     let error = world.drive(locked, Drive::velocity(1.0)).unwrap_err();
     assert_eq!(error, fault(JointFault::Locked));
