@@ -141,8 +141,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> 
         Place { position, turn: Turn::by(turned).of(&pose) }
     }
 
-    /// Returns the place where a body is after `h` \[s\] at its velocity, rotating freely: as it will
-    /// [advance](crate::motion::MovingBodies::advance).
+    /// Returns the place where a body is after `h` \[s\] at its velocity. It rotates freely, as it
+    /// does when it [advances](crate::motion::MovingBodies::advance).
     fn ahead(&self, body: u32, h: f64) -> Place {
         let mut place = self.of(body);
         if body == WORLD {

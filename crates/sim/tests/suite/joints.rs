@@ -124,8 +124,8 @@ pub(super) fn ghost<G: RoundShapes<L, A>, const L: usize, const A: usize>(
     body
 }
 
-/// Returns a body along the line between two points of the plane of x and y, with its x axis towards
-/// the second one, and at rest.
+/// Returns a body at rest along the line between two points of the plane of x and y. Its x axis
+/// points to the second one.
 pub(super) fn bar<G: Rigid<L, A>, const L: usize, const A: usize>(
     [from, to]: [[f64; 2]; 2],
     inertia: Inertia<L, A>,

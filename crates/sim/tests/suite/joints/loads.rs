@@ -76,8 +76,8 @@ fn a_hanging_chain_bears_its_weight() {
     }
 }
 
-/// A joint under weight W gives way by `stretch` W / (weight of the mechanism) at most: 100 links of
-/// 1 kg that carry 1000 kg by 96.4 times the setting in all, and by half of it at least.
+/// A joint under weight W gives way by `stretch` W / (weight of the mechanism) at most. For 100
+/// links of 1 kg that carry 1000 kg the sum is 96.4 times the setting. It is half of this at least.
 #[test]
 fn a_chain_under_a_heavy_load_stretches_by_the_setting() {
     for preset in Preset::both() {
@@ -132,8 +132,8 @@ fn a_joint_breaks_beyond_its_strength() {
     }
 }
 
-/// 1 kg at 1 m that accelerates by 1 rad/s^2 pulls with sqrt(t^4 + 1) N, and breaks a joint of 100 N
-/// at 9.99975 s: in the same step for all numbers of substeps.
+/// 1 kg at 1 m that accelerates by 1 rad/s^2 pulls with sqrt(t^4 + 1) N. It breaks a joint of 100 N
+/// at 9.99975 s, whatever the number of substeps.
 #[test]
 fn when_a_joint_breaks_does_not_depend_on_substeps() {
     for preset in Preset::both() {

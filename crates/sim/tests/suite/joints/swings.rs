@@ -133,7 +133,7 @@ fn rope<G: RoundShapes<L, A>, const L: usize, const A: usize>(preset: &Preset) {
     preset.check(&format!("{name}: force"), state.force, ACCELERATION);
 }
 
-/// A particle swings by 4 K(sin(45)) sqrt(l/g) on a distance, and a rope lets it fall for its length.
+/// A particle on a distance swings by 4 K(sin(45)) sqrt(l/g). A rope lets it fall for its length.
 #[test]
 fn particles_swing_on_distances_and_hang_on_ropes() {
     for preset in Preset::both() {

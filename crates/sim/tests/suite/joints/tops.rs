@@ -25,8 +25,8 @@ impl Top {
         [own, mass * (3.0 * radius * radius + height * height) / 12.0]
     }
 
-    /// Returns it tilted by `tilt` \[rad\] from y towards x, with its point at the origin. `spin` is
-    /// its angular velocity along its axis and `rate` that about y. \[rad/s\]
+    /// Returns it tilted by `tilt` \[rad\] from y towards x, with its point at the origin. It rotates
+    /// with `spin` along its axis and precesses with `rate` about y. \[rad/s\]
     fn body(&self, tilt: f64, spin: f64, rate: f64) -> Body<Rigid3, 3, 3> {
         let [own, across] = self.moments();
         let axis = [tilt.sin(), tilt.cos(), 0.0];

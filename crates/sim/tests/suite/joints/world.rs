@@ -241,11 +241,6 @@ fn bad_joints_are_refused_by_name() {
     let of = |axis: JointAxis| Joint::general(at, vec![axis]);
     let distance = Coordinate::Distance;
     let fault = |fault: JointFault| InputError::Joint(fault);
-    let drive = |drive: Drive| of(JointAxis { drives: vec![drive], ..JointAxis::free(distance) });
-    let soft = |stiffness: f64| {
-        let softness = Some(Softness { stiffness, damping: 0.0 });
-        of(JointAxis { softness, ..JointAxis::locked(distance, 1.0) })
-    };
     for (joint, expected) in [
         (Joint::ball([Some(gone), None]), InputError::UnknownBody),
         (Joint::ball([Some(body), Some(body)]), fault(JointFault::SameBody)),
@@ -268,6 +263,24 @@ fn bad_joints_are_refused_by_name() {
     ] {
         assert_eq!(world.join(joint).unwrap_err(), expected);
     }
+    assert_eq!(world.joints().count(), 0);
+    let locked = world.join(Joint::ball(at)).unwrap();
+    let error = world.drive(locked, Drive::velocity(1.0)).unwrap_err();
+    assert_eq!(error, fault(JointFault::Locked));
+}
+
+/// Numbers of joints that are negative, infinite or NaN where they must not are refused.
+#[test]
+fn bad_numbers_of_joints_are_refused() {
+    let mut world: World<Rigid2, 2, 1> = weightless();
+    let body = world.add(ghost([0.0; 3], inertia(1.0, [1.0; 3]))).unwrap();
+    let (at, distance) = ([Some(body), None], Coordinate::Distance);
+    let of = |axis: JointAxis| Joint::general(at, vec![axis]);
+    let drive = |drive: Drive| of(JointAxis { drives: vec![drive], ..JointAxis::free(distance) });
+    let soft = |stiffness: f64| {
+        let softness = Some(Softness { stiffness, damping: 0.0 });
+        of(JointAxis { softness, ..JointAxis::locked(distance, 1.0) })
+    };
     for joint in [
         of(JointAxis::limited(distance, [f64::NAN, 1.0])),
         of(JointAxis { friction: -1.0, ..JointAxis::free(distance) }),
@@ -290,7 +303,4 @@ fn bad_joints_are_refused_by_name() {
         assert!(world.join(joint).is_err(), "{text}");
     }
     assert_eq!(world.joints().count(), 0);
-    let locked = world.join(Joint::ball(at)).unwrap();
-    let error = world.drive(locked, Drive::velocity(1.0)).unwrap_err();
-    assert_eq!(error, fault(JointFault::Locked));
 }
