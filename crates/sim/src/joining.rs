@@ -6,7 +6,7 @@ use crate::ids::{BodyId, JointId, put};
 use crate::input::{self, InputError, JointFault};
 use crate::joint::coordinates::{Place, Vec3};
 use crate::joint::rows;
-use crate::joint::{Coordinate, Drive, Joint, JointAxis, JointFrames, JointState};
+use crate::joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrames, JointState};
 use crate::joints::{JointRecord, RowState, WORLD, place};
 use crate::world::World;
 
@@ -19,6 +19,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     pub fn join(&mut self, joint: Joint<G, L, A>) -> Result<JointId, InputError> {
         let bodies = self.joined_bodies(&joint)?;
         check_axes::<L, A>(&joint.axes)?;
+        check_breaking(&joint.breaking)?;
         let frames = self.joint_frames(&joint, bodies)?;
         let places = bodies.map(|body| self.body_places().of(body));
         let rows = rows::plan(&joint.axes);
@@ -27,6 +28,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             frames,
             start: [0, 1].map(|side: usize| places[side].of(&frames[side])),
             states: vec![RowState::default(); rows.len()],
+            turns: vec![[0.0; 2]; joint.axes.len()],
             rows,
             axes: joint.axes,
             breaking: joint.breaking,
@@ -77,19 +79,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let slot = self.joint_slot(id).ok_or(InputError::Joint(JointFault::Unknown))?;
         check_axes::<L, A>(&axes)?;
         let record = &mut self.solver.joints.records[slot];
-        let values: Vec<(Coordinate, f64)> = record
-            .rows
-            .iter()
-            .zip(&record.states)
-            .map(|(row, state)| (record.axes[row.axis].coordinate, state.value))
-            .collect();
-        record.rows = rows::plan(&axes);
-        let state = |row: &rows::RowPlan| {
-            let of = axes[row.axis].coordinate;
-            let value = values.iter().find(|(coordinate, _)| *coordinate == of);
-            RowState { value: value.map_or(0.0, |(_, value)| *value), ..RowState::default() }
+        let turns = |axis: &JointAxis| {
+            let before = record.axes.iter().position(|own| own.coordinate == axis.coordinate);
+            before.map_or([0.0; 2], |index| record.turns[index])
         };
-        record.states = record.rows.iter().map(state).collect();
+        record.turns = axes.iter().map(turns).collect();
+        record.rows = rows::plan(&axes);
+        record.states = vec![RowState::default(); record.rows.len()];
         record.axes = axes;
         self.solver.joints.forget();
         self.definitions_changed();
@@ -232,16 +228,29 @@ fn check_axes<const L: usize, const A: usize>(axes: &[JointAxis]) -> Checked {
     Ok(())
 }
 
+/// Rejects loads that are negative or NaN.
+fn check_breaking(breaking: &Breaking) -> Checked {
+    let any = [0.0, f64::INFINITY];
+    input::within("the force that breaks a joint [N]", breaking.force, any)?;
+    input::within("the torque that breaks a joint [N m]", breaking.torque, any)?;
+    input::within("the impulse that breaks a joint [N s]", breaking.impulse, any)
+}
+
 /// Returns true if joints of this dimension have the coordinate.
 fn exists<const L: usize, const A: usize>(coordinate: &Coordinate) -> bool {
     match coordinate {
         Coordinate::Linear(axis) => *axis < L,
         Coordinate::Radial(axis) => *axis < L && L == 3,
-        Coordinate::Distance | Coordinate::Pulley { .. } => true,
+        Coordinate::Distance => true,
+        Coordinate::Pulley { points, ratio } => {
+            ratio.is_finite() && points.iter().flatten().all(|own| own.is_finite())
+        }
         Coordinate::Angle => A == 1,
         Coordinate::Swing(axis) => A == 3 && (1..3).contains(axis),
         Coordinate::Cardan(axis) => A == 3 && *axis < 3,
-        Coordinate::EllipticCone(angles) => A == 3 && angles.iter().all(|angle| *angle > 0.0),
+        Coordinate::EllipticCone(angles) => {
+            A == 3 && angles.iter().all(|angle| *angle > 0.0 && angle.is_finite())
+        }
         Coordinate::Gear { ratio } => A > 0 && ratio.is_finite(),
         Coordinate::Rack { radius } => A > 0 && radius.is_finite(),
         Coordinate::Twist | Coordinate::Cone | Coordinate::Rotation | Coordinate::Screw { .. } => {

@@ -119,6 +119,13 @@ impl Coordinate {
     }
 }
 
+impl Coordinate {
+    /// Returns true if it counts turns.
+    pub(crate) fn counts_turns(&self) -> bool {
+        self.is_angle() || matches!(self, Self::Rack { .. } | Self::Screw { .. })
+    }
+}
+
 /// A coordinate q that is locked, limited, driven or braked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointAxis {

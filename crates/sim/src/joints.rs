@@ -18,7 +18,7 @@ use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, 
 use crate::bodies::{Bodies, Inertia};
 use crate::geometry::{Geometry, PRECESS_LANES, Spin};
 use crate::ids::Slots;
-use crate::joint::coordinates::{JointPlaces, Place, RowCoordinate, Turn, Vec3, cross, nearest};
+use crate::joint::coordinates::{JointPlaces, Place, RowCoordinate, Turn, Vec3, cross};
 use crate::joint::rows::{Motion, Role, RowParams, RowPlan};
 use crate::joint::tension;
 use crate::joint::{Breaking, Coordinate, JointAxis, JointState};
@@ -57,6 +57,8 @@ pub(crate) struct JointRecord {
     pub(crate) axes: Vec<JointAxis>,
     pub(crate) rows: Vec<RowPlan>,
     pub(crate) states: Vec<RowState>,
+    /// By axis: the angles of its coordinate with their turns. \[rad\]
+    pub(crate) turns: Vec<[f64; 2]>,
     pub(crate) breaking: Breaking,
     pub(crate) collide: bool,
     pub(crate) enabled: bool,
@@ -196,15 +198,6 @@ fn flattened<const L: usize, const A: usize>(row: &Velocity<f64, 3, 3>) -> Veloc
     }
 }
 
-/// Returns the value of a coordinate. To an angle it adds the whole turns that bring it nearest to
-/// the value `before`.
-fn turned(coordinate: &RowCoordinate, value: f64, before: f64) -> f64 {
-    match coordinate {
-        RowCoordinate::Of(of) if of.is_angle() => nearest(value, before, std::f64::consts::TAU),
-        _ => value,
-    }
-}
-
 impl<const L: usize, const A: usize> Joints<L, A> {
     /// Returns true if no joint acts.
     pub(crate) fn is_idle(&self) -> bool {
@@ -316,7 +309,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             for (index, axis) in axes.iter_mut().enumerate() {
                 let (plan, state) = (&record.rows[index], &mut record.states[index]);
                 let found = places.evaluate(&plan.coordinate);
-                state.value = turned(&plan.coordinate, found.value, state.value);
+                (state.value, record.turns[plan.axis]) = found.turned(&record.turns[plan.axis]);
                 axis.jacobian = [0, 1].map(|side| match record.bodies[side] {
                     WORLD => Velocity::ZERO,
                     _ => flattened(&found.rows[side]),
@@ -325,6 +318,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                     axis.jacobian.swap(0, 1);
                 }
             }
+            record.count_turns(&places);
             let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
             for (axis, params) in axes.iter_mut().zip(&mut params[joint.axes()]) {
                 let mobility = axis.mobility(&own);
@@ -485,7 +479,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             for (index, row) in joint.axes().enumerate() {
                 let (plan, axis) = (&record.rows[index], &mut mechanisms.axes[row]);
                 let value = record.states[index].value;
-                let end = turned(&plan.coordinate, then.evaluate(&plan.coordinate).value, value);
+                let turns = &record.turns[plan.axis];
+                let (end, _) = then.evaluate(&plan.coordinate).turned(turns);
                 let motion = Motion { value, end, rate: axis.velocity(&a, &b) };
                 let law = plan.role.law(&motion, &params[row]);
                 for (new, old) in law.targets.iter().zip(axis.law.targets) {
@@ -682,9 +677,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         for (index, axis) in record.axes.iter().enumerate() {
             let coordinate = RowCoordinate::Of(axis.coordinate);
             let found = places.evaluate(&coordinate);
-            let row = record.rows.iter().position(|row| row.axis == index);
-            let before = row.map_or(0.0, |row| record.states[row].value);
-            state.values.push(turned(&coordinate, found.value, before));
+            state.values.push(found.turned(&record.turns[index]).0);
             let speeds = found.rows.iter().zip(&velocities).map(|(row, v)| row.dot(v));
             state.speeds.push(speeds.sum());
         }
@@ -721,13 +714,24 @@ impl JointRecord {
         }
     }
 
+    /// Counts the turns of axes without rows.
+    fn count_turns(&mut self, places: &JointPlaces) {
+        for (index, axis) in self.axes.iter().enumerate() {
+            let has_row = || self.rows.iter().any(|row| row.axis == index);
+            if axis.coordinate.counts_turns() && !has_row() {
+                let found = places.evaluate(&RowCoordinate::Of(axis.coordinate));
+                self.turns[index] = found.turned(&self.turns[index]).1;
+            }
+        }
+    }
+
     /// Returns by how much its positions \[m\] and rotations \[rad\] miss their locks and limits.
     fn misses(&self, places: &JointPlaces) -> [f64; 2] {
         let mut out = [0.0f64; 2];
         let mut apart = 0.0;
-        for (plan, state) in self.rows.iter().zip(&self.states) {
-            let found = places.evaluate(&plan.coordinate).value;
-            let miss = plan.role.miss(turned(&plan.coordinate, found, state.value));
+        for plan in &self.rows {
+            let found = places.evaluate(&plan.coordinate);
+            let miss = plan.role.miss(found.turned(&self.turns[plan.axis]).0);
             match plan.coordinate {
                 // Positions along three axes make one distance.
                 RowCoordinate::Of(Coordinate::Linear(_)) => apart += miss * miss,

@@ -155,10 +155,26 @@ pub(crate) struct JointPlaces {
 /// A coordinate and its row of J.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Evaluated {
-    /// q; an angle without its turns. \[m, or rad\]
+    /// q, without the turns of its angles. \[m, or rad\]
     pub(crate) value: f64,
+    /// Angles in q that count turns, each with its share: dq = share d(angle). \[rad, 1 or m/rad\]
+    pub(crate) angles: [[f64; 2]; 2],
     /// J_a and J_b.
     pub(crate) rows: [Velocity<f64, 3, 3>; 2],
+}
+
+impl Evaluated {
+    /// Returns q with the turns that take its angles next to those before, and these angles.
+    pub(crate) fn turned(&self, before: &[f64; 2]) -> (f64, [f64; 2]) {
+        let mut value = self.value;
+        let angles = [0, 1].map(|i: usize| {
+            let [angle, share] = self.angles[i];
+            let turned = nearest(angle, before[i], std::f64::consts::TAU);
+            value += share * (turned - angle);
+            turned
+        });
+        (value, angles)
+    }
 }
 
 /// A wrench in frame b that acts at the origin of frame a.
@@ -213,12 +229,20 @@ impl JointPlaces {
                 (swing(&relative.turn)[*axis], Wrench { linear: Vec3::ZERO, angular: unit(*axis) })
             }
         };
+        let angles = match coordinate {
+            RowCoordinate::Of(Coordinate::Screw { pitch }) => {
+                [[twist(&relative.turn).0, -pitch / std::f64::consts::TAU], [0.0; 2]]
+            }
+            RowCoordinate::Of(of) if of.is_angle() => [[value, 1.0], [0.0; 2]],
+            _ => [[0.0; 2]; 2],
+        };
         let (linear, angular) = (b.turn.rotate(linear), b.turn.rotate(angular));
         let momentum = |center: Vec3, sign: f64| Velocity {
             linear: linear * sign,
             angular: (angular + cross(a.position - center, linear)) * sign,
         };
-        Evaluated { value, rows: [momentum(self.centers[0], 1.0), momentum(self.centers[1], -1.0)] }
+        let rows = [momentum(self.centers[0], 1.0), momentum(self.centers[1], -1.0)];
+        Evaluated { value, angles, rows }
     }
 
     /// Evaluates a coordinate that measures both bodies against the world; `None` for another one.
@@ -233,16 +257,18 @@ impl JointPlaces {
             linear: along,
             angular: cross(self.frames[side].position - self.centers[side], along),
         };
-        let (value, rows) = match coordinate {
+        let (value, angles, rows) = match coordinate {
             Coordinate::Gear { ratio } => {
                 let ((q, axis), (p, other)) = (turned(0), turned(1));
-                (q + ratio * p, [spin(axis), spin(other * *ratio)])
+                let angles = [[q, 1.0], [p, *ratio]];
+                (q + ratio * p, angles, [spin(axis), spin(other * *ratio)])
             }
             Coordinate::Rack { radius } => {
                 let (q, axis) = turned(0);
                 let along = self.frames[1].turn.rotate(X);
                 let moved = (self.frames[1].position - self.start[1].position).dot(along);
-                (q * radius + moved, [spin(axis * *radius), pull(1, along)])
+                let angles = [[q, *radius], [0.0; 2]];
+                (q * radius + moved, angles, [spin(axis * *radius), pull(1, along)])
             }
             Coordinate::Pulley { points, ratio } => {
                 let rope = |side: usize| {
@@ -252,11 +278,11 @@ impl JointPlaces {
                     )
                 };
                 let ((q, along), (p, other)) = (rope(0), rope(1));
-                (q + ratio * p, [pull(0, along), pull(1, other * *ratio)])
+                (q + ratio * p, [[0.0; 2]; 2], [pull(0, along), pull(1, other * *ratio)])
             }
             _ => return None,
         };
-        Some(Evaluated { value, rows })
+        Some(Evaluated { value, angles, rows })
     }
 }
 

@@ -22,16 +22,21 @@ pub(super) struct Preset {
     pub(super) settings: StepSettings,
     /// Largest error of a period, a speed or a force, as a part of it. \[1\]
     pub(super) part: f64,
+    /// Largest change of an energy, as a part of what the mechanism can convert. \[1\]
+    pub(super) energy: f64,
+    /// Largest gap of a machine that moves. \[m\]
+    pub(super) gap: f64,
 }
 
 impl Preset {
     pub(super) fn bake() -> Self {
-        Self { name: "bake", settings: StepSettings::certified(), part: 0.005 }
+        let settings = StepSettings::certified();
+        Self { name: "bake", settings, part: 0.005, energy: 0.01, gap: 1e-5 }
     }
 
     pub(super) fn real_time() -> Self {
         let settings = StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() };
-        Self { name: "real time", settings, part: 0.03 }
+        Self { name: "real time", settings, part: 0.03, energy: 0.02, gap: 1e-4 }
     }
 
     pub(super) fn both() -> [Self; 2] {
@@ -63,20 +68,17 @@ impl Preset {
     #[track_caller]
     pub(super) fn check_of(&self, what: &str, measured: f64, expected: f64, scale: f64) {
         let error = (measured - expected) / scale;
-        let verdict = if error.abs() <= self.part { "ok  " } else { "FAIL" };
-        let name = self.name;
-        eprintln!(
-            "{verdict} {name:9} {what}: {measured:.6}, expected {expected:.6}, error {:+.4} %",
-            100.0 * error
-        );
+        let found = format!("{}, {what}: {measured}, expected {expected}", self.name);
+        println!("{found}, error {:.5} %", 100.0 * error);
+        assert!(error.abs() <= self.part, "{found}");
     }
 
     /// Requires an error to be at most `bound`.
     #[track_caller]
     pub(super) fn below(&self, what: &str, measured: f64, bound: f64) {
-        let verdict = if measured <= bound { "ok  " } else { "FAIL" };
-        let name = self.name;
-        eprintln!("{verdict} {name:9} {what}: {measured:.3e}, at most {bound:.3e}");
+        let found = format!("{}, {what}: {measured:e}, at most {bound:e}", self.name);
+        println!("{found}");
+        assert!(measured <= bound, "{found}");
     }
 }
 
@@ -122,8 +124,8 @@ pub(super) fn ghost<G: RoundShapes<L, A>, const L: usize, const A: usize>(
     body
 }
 
-/// Returns a body along the line between two points of the plane of x and y, with its x axis towards
-/// the second one, and at rest.
+/// Returns a body at rest along the line between two points of the plane of x and y. Its x axis
+/// points to the second one.
 pub(super) fn bar<G: Rigid<L, A>, const L: usize, const A: usize>(
     [from, to]: [[f64; 2]; 2],
     inertia: Inertia<L, A>,

@@ -11,6 +11,7 @@ mod flush;
 mod house;
 mod infinite;
 mod jam;
+mod joints;
 mod meshes;
 #[allow(unused)]
 mod patches;

@@ -108,3 +108,22 @@ impl SmoothLaw<1> for Interval<f64> {
         slope
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A motor that has given all it can is not loaded, also where the rest of its range ends at 0.
+    #[test]
+    fn a_row_at_a_bound_of_zero_is_not_loaded() {
+        let slope = |bounds: [f64; 2], u: f64| {
+            let law = Interval { targets: [10.0; 2], bounds, compliance: 1e-3 };
+            law.slope(Vector([u])).0[0][0]
+        };
+        assert_eq!(slope([-2.0, 0.0], 9.0), 0.0);
+        assert_eq!(slope([-1.0, 1.0], 9.0), 0.0);
+        assert_eq!(slope([0.0, 2.0], 11.0), 0.0);
+        assert_eq!(slope([-2.0, 0.0], 10.001), 1e3);
+        assert_eq!(slope([-2.0, 0.0], 10.0), 1e3);
+    }
+}

@@ -29,8 +29,7 @@ fn add_mechanism(world: &mut World3, order: &[usize], exchanged: bool) -> Vec<Bo
             0 => Joint::ball(bodies),
             1 => Joint::hinge(bodies),
             2 => Joint::slider(bodies),
-            3 => Joint::universal(bodies),
-            4 => Joint::piston(bodies),
+            3 => Joint::piston(bodies),
             _ => Joint::fixed(bodies),
         };
         let axis = [[0.0, 1.0, 0.0], [0.6, 0.0, 0.8]][i % 2];
@@ -79,9 +78,8 @@ fn a_free_mechanism_keeps_its_momenta() {
         preset.below("free mechanism: momentum", worst[0] / scale, 1e-4);
         preset.below("free mechanism: angular momentum", worst[1] / angular.length(), preset.part);
         preset.below("free mechanism: energy", drift / start, preset.part);
-        preset.below("free mechanism: gap", gap[0], 1e-4);
+        preset.below("free mechanism: gap", gap[0], preset.gap);
         preset.below("free mechanism: angle", gap[1], 1e-3);
-        eprintln!("  start energy {start}, angular {angular:?}, end {}", energy(&world));
     }
 }
 
@@ -123,14 +121,11 @@ fn a_sleeping_chain_wakes_whole() {
     }
     run(&mut world, 3.0);
     let asleep = |world: &World3| ids.iter().filter(|&&id| world.is_sleeping(id)).count();
-    eprintln!("asleep {}", asleep(&world));
     assert_eq!(asleep(&world), 10, "the chain hangs still");
     let kick = Velocity { linear: Vector([1.0, 0.0, 0.0]), angular: Vector::ZERO };
     world.set_velocity(ids[9], kick).unwrap();
     world.step(DT).unwrap();
     assert_eq!(asleep(&world), 0, "one link has been pushed");
-    run(&mut world, 30.0);
-    eprintln!("asleep after 30 s {}, energy {}", asleep(&world), energy(&world));
 }
 
 /// A motor keeps its bodies awake.
@@ -176,7 +171,6 @@ fn joined_shapes_collide_only_if_they_are_told() {
         };
         let apart = [(false, None), (true, None), (false, Some(true)), (false, Some(false))]
             .map(|(collide, freed)| run_apart(collide, freed));
-        eprintln!("{} {apart:?}", preset.name);
         assert!((apart[0] - 0.15).abs() < 1e-6, "{apart:?}");
         assert!(apart[1..].iter().all(|apart| *apart > 0.195), "{apart:?}");
     }
@@ -188,9 +182,8 @@ fn joined_shapes_collide_only_if_they_are_told() {
 fn removed_joints_let_go_and_stale_identifiers_are_refused() {
     for preset in Preset::both() {
         let mut world: World<Particles, 3, 0> = preset.world();
-        let [a, b, c] = [1.0, 2.0, 3.0].map(|depth| {
-            world.add(ghost([0.0, -depth, 0.0], inertia(1.0, [1.0; 3]))).unwrap()
-        });
+        let [a, b, c] = [1.0, 2.0, 3.0]
+            .map(|depth| world.add(ghost([0.0, -depth, 0.0], inertia(1.0, [1.0; 3]))).unwrap());
         let still = [Vector::ZERO; 2].map(|at| Particles::pose(at, &[]));
         let rope = |bodies: [Option<BodyId>; 2]| Joint::rope(bodies, 1.0).in_bodies(still);
         let joints = [[Some(a), None], [Some(b), Some(a)], [Some(c), Some(b)]]
@@ -248,11 +241,6 @@ fn bad_joints_are_refused_by_name() {
     let of = |axis: JointAxis| Joint::general(at, vec![axis]);
     let distance = Coordinate::Distance;
     let fault = |fault: JointFault| InputError::Joint(fault);
-    let drive = |drive: Drive| of(JointAxis { drives: vec![drive], ..JointAxis::free(distance) });
-    let soft = |stiffness: f64| {
-        let softness = Some(Softness { stiffness, damping: 0.0 });
-        of(JointAxis { softness, ..JointAxis::locked(distance, 1.0) })
-    };
     for (joint, expected) in [
         (Joint::ball([Some(gone), None]), InputError::UnknownBody),
         (Joint::ball([Some(body), Some(body)]), fault(JointFault::SameBody)),
@@ -275,6 +263,24 @@ fn bad_joints_are_refused_by_name() {
     ] {
         assert_eq!(world.join(joint).unwrap_err(), expected);
     }
+    assert_eq!(world.joints().count(), 0);
+    let locked = world.join(Joint::ball(at)).unwrap();
+    let error = world.drive(locked, Drive::velocity(1.0)).unwrap_err();
+    assert_eq!(error, fault(JointFault::Locked));
+}
+
+/// Numbers of joints that are negative, infinite or NaN where they must not are refused.
+#[test]
+fn bad_numbers_of_joints_are_refused() {
+    let mut world: World<Rigid2, 2, 1> = weightless();
+    let body = world.add(ghost([0.0; 3], inertia(1.0, [1.0; 3]))).unwrap();
+    let (at, distance) = ([Some(body), None], Coordinate::Distance);
+    let of = |axis: JointAxis| Joint::general(at, vec![axis]);
+    let drive = |drive: Drive| of(JointAxis { drives: vec![drive], ..JointAxis::free(distance) });
+    let soft = |stiffness: f64| {
+        let softness = Some(Softness { stiffness, damping: 0.0 });
+        of(JointAxis { softness, ..JointAxis::locked(distance, 1.0) })
+    };
     for joint in [
         of(JointAxis::limited(distance, [f64::NAN, 1.0])),
         of(JointAxis { friction: -1.0, ..JointAxis::free(distance) }),
@@ -294,12 +300,7 @@ fn bad_joints_are_refused_by_name() {
         Joint::ball(at).breaking(Breaking { force: -1.0, ..Breaking::NEVER }),
     ] {
         let text = format!("{:?} {:?}", joint.axes, joint.breaking);
-        match world.join(joint) {
-            Ok(_) => eprintln!("FAIL accepted {text}"),
-            Err(error) => eprintln!("ok   {error}"),
-        }
+        assert!(world.join(joint).is_err(), "{text}");
     }
-    let locked = world.join(Joint::ball(at)).unwrap();
-    let error = world.drive(locked, Drive::velocity(1.0)).unwrap_err();
-    assert_eq!(error, fault(JointFault::Locked));
+    assert_eq!(world.joints().count(), 0);
 }
