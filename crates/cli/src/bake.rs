@@ -8,6 +8,7 @@ mod output;
 mod record;
 mod report;
 mod summary;
+mod words;
 
 use std::collections::BTreeSet;
 use std::num::NonZero;

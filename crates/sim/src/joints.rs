@@ -77,7 +77,7 @@ pub(crate) struct JointRecord {
 pub(crate) struct SavedJoints {
     generations: Vec<u32>,
     broken: Vec<bool>,
-    /// By joint: q and the impulses of each row, then its pulls and its load.
+    /// By joint: q and the impulses of each row, then the turns of each axis, its pulls and its load.
     pub(crate) numbers: Vec<f64>,
     last_step: f64,
 }
@@ -584,7 +584,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let of = |state: &RowState| [state.value, state.solved, state.relaxed];
             let load = record.load.into_iter().flat_map(|of| of.0);
             let states = record.states.iter().flat_map(of);
-            states.chain(record.pulls).chain(load).collect::<Vec<_>>()
+            let turns = record.turns.iter().flatten().copied();
+            states.chain(turns).chain(record.pulls).chain(load).collect::<Vec<_>>()
         };
         SavedJoints {
             generations: self.slots.generations().to_vec(),
@@ -596,7 +597,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Returns true if a state is one of these joints.
     pub(crate) fn fits(&self, from: &SavedJoints) -> bool {
-        let numbers = |(_, record): (usize, &JointRecord)| 3 * record.states.len() + 8;
+        let numbers = |(_, record): (usize, &JointRecord)| {
+            3 * record.states.len() + 2 * record.turns.len() + 8
+        };
         self.slots.generations() == from.generations
             && self.taken().count() == from.broken.len()
             && self.taken().map(numbers).sum::<usize>() == from.numbers.len()
@@ -615,6 +618,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             for state in &mut record.states {
                 *state = RowState { value: next(), solved: next(), relaxed: next() };
             }
+            record.turns.iter_mut().for_each(|turns| *turns = [next(), next()]);
             record.pulls = [next(), next()];
             record.load = [0, 1].map(|_| Vector([next(), next(), next()]));
         }

@@ -47,6 +47,9 @@ const REFRESH_INTERVAL: u32 = 4;
 /// margin for the curvature of their paths. \[1\]
 const APPROACH: f32 = 3.5;
 
+/// Number of rounds in which contacts and joints are relaxed together, in a solve to a tolerance. \[1\]
+const RELAX_ROUNDS: usize = 16;
+
 /// Largest number of times that a blow goes on through joints to other contacts.
 const BLOWS: usize = 16;
 
@@ -252,7 +255,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         {
             self.follow_masses();
         }
-        self.relax(*renewed, fastest, params, timer);
+        self.relax(*renewed, fastest, plan, timer);
         if plan.ledger {
             let gravity = self.gravity;
             self.account(|ledger, solver, bodies| {
@@ -286,17 +289,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Takes out the velocities of repair, of contacts and of joints.
-    fn relax(
-        &mut self,
-        renewed: bool,
-        fastest: f32,
-        params: &SubstepParams<L>,
-        timer: &mut StageTimer,
-    ) {
+    fn relax(&mut self, renewed: bool, fastest: f32, plan: &PartPlan<L>, timer: &mut StageTimer) {
         self.begin_relaxing_joints();
         timer.lap(Stage::Joints);
-        self.context().relax(renewed, fastest, params);
+        self.context().relax(renewed, fastest, &plan.params);
         timer.lap(Stage::Relax);
+        if plan.solving && !self.solver.joints.is_idle() {
+            for _ in 1..RELAX_ROUNDS {
+                self.solve_joints();
+                let SubstepContext { mut contacts, bodies } = self.context();
+                contacts.relax(bodies.velocities, false, None);
+            }
+        }
         self.relax_joints();
         timer.lap(Stage::Joints);
     }

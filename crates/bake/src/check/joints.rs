@@ -161,7 +161,7 @@ impl JointAt<'_> {
             }
         };
         let sine = -super::dot(&axis(0, [1.0, 0.0, 0.0]), &axis(1, [0.0, 0.0, 1.0]));
-        let angle = sine.clamp(-1.0, 1.0).asin();
+        let angle = libm::asin(sine.clamp(-1.0, 1.0));
         (angle.abs() > SINGULAR).then(|| {
             let degrees = angle.to_degrees();
             self.finding(

@@ -5,7 +5,7 @@ use drystone_scene::Scene;
 use serde::Serialize;
 
 use super::record::Bake;
-use super::summary::counted;
+use super::words::counted;
 
 /// Misses and breaks of the joints in a run.
 #[derive(Serialize)]

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::joints::JointSummary;
 use super::record::Bake;
+use super::words::counted;
 
 /// Energy above the initial energy that counts as rounding, as a fraction of the energy that the
 /// run converts. \[1\]
@@ -175,6 +176,11 @@ fn runs(body: &Body) -> bool {
     motions.any(|of| of.or(own).is_some_and(SurfaceVelocity::runs))
 }
 
+/// Returns the number of joints with a motor or a spring.
+fn driven(scene: &Scene) -> usize {
+    scene.joints.iter().filter(|joint| drives(joint)).count()
+}
+
 /// Returns true if springs or motors act on a joint, or limits that give way like springs.
 fn drives(joint: &Joint) -> bool {
     joint.enabled
@@ -224,11 +230,12 @@ impl Summary {
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
         let kinematic = count(Motion::Kinematic);
         let running = scene.bodies.iter().filter(|body| runs(body)).count();
-        let driven = scene.joints.iter().filter(|joint| drives(joint)).count();
         let ledger = energy_summary(bake);
         let energy_created = match &ledger {
             Some(sums) => Some(sums.created > energy_tolerance),
-            None => (kinematic + running + driven == 0).then_some(energy_rise > energy_tolerance),
+            None => {
+                (kinematic + running + driven(scene) == 0).then_some(energy_rise > energy_tolerance)
+            }
         };
         let times = times(steps);
         Self {
@@ -236,7 +243,7 @@ impl Summary {
             r#static: count(Motion::Static),
             kinematic,
             running,
-            driven,
+            driven: driven(scene),
             simulated: steps.len() as f64 * scene.time_step,
             substeps: substeps(steps),
             contacts_mean: contacts().sum::<usize>() as f64 / steps.len().max(1) as f64,
@@ -590,11 +597,6 @@ fn energy_summary(bake: &Bake) -> Option<EnergySummary> {
         worst_step: step + 1,
         worst,
     })
-}
-
-/// Formats a number of things, of which `one` names one.
-pub(super) fn counted(count: usize, one: &str) -> String {
-    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
 }
 
 /// Names the first few bodies and counts the rest.
