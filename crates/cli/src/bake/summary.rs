@@ -176,6 +176,16 @@ fn runs(body: &Body) -> bool {
     motions.any(|of| of.or(own).is_some_and(SurfaceVelocity::runs))
 }
 
+/// Returns the deepest overlap after a step. \[m\]
+fn depth_of(step: &Step) -> f64 {
+    step.measure.deepest_penetration
+}
+
+/// Returns the number of bodies with a surface velocity.
+fn running(scene: &Scene) -> usize {
+    scene.bodies.iter().filter(|body| runs(body)).count()
+}
+
 /// Returns the number of joints with a motor or a spring.
 fn driven(scene: &Scene) -> usize {
     scene.joints.iter().filter(|joint| drives(joint)).count()
@@ -221,7 +231,6 @@ impl Summary {
         let last_second = ((1.0 / scene.time_step).round() as usize).clamp(1, steps.len().max(1));
         let settled = &steps[steps.len().saturating_sub(last_second)..];
         let contacts = || steps.iter().map(|step| step.report.contacts);
-        let depth = |step: &Step| step.measure.deepest_penetration;
         let largest = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0, f64::max);
         let end = steps.last().map_or(bake.start, |step| step.measure);
         let moving = bake.moved_most(scene, last_second);
@@ -229,20 +238,19 @@ impl Summary {
         let energy_rise = largest(&mut steps.iter().map(|step| energy(&step.measure) - start));
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
         let kinematic = count(Motion::Kinematic);
-        let running = scene.bodies.iter().filter(|body| runs(body)).count();
         let ledger = energy_summary(bake);
+        // What moves or drives by itself may add energy.
+        let by_itself = kinematic + running(scene) + driven(scene) > 0;
         let energy_created = match &ledger {
             Some(sums) => Some(sums.created > energy_tolerance),
-            None => {
-                (kinematic + running + driven(scene) == 0).then_some(energy_rise > energy_tolerance)
-            }
+            None => (!by_itself).then_some(energy_rise > energy_tolerance),
         };
         let times = times(steps);
         Self {
             dynamic: count(Motion::Dynamic),
             r#static: count(Motion::Static),
             kinematic,
-            running,
+            running: running(scene),
             driven: driven(scene),
             simulated: steps.len() as f64 * scene.time_step,
             substeps: substeps(steps),
@@ -251,8 +259,8 @@ impl Summary {
             asleep: steps.last().map_or(0, |step| step.report.asleep),
             step_ms_median: times.get(times.len() / 2).copied().unwrap_or(0.0),
             total_ms: times.iter().sum(),
-            deepest_penetration: largest(&mut steps.iter().map(depth)),
-            settled_penetration: largest(&mut settled.iter().map(depth)),
+            deepest_penetration: largest(&mut steps.iter().map(depth_of)),
+            settled_penetration: largest(&mut settled.iter().map(depth_of)),
             initial_penetration: audit.start.as_ref().map_or(0.0, |of| of.depth),
             energy_start: start,
             energy_end: energy(&end),
