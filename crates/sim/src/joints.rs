@@ -20,7 +20,7 @@ use crate::geometry::{Geometry, PRECESS_LANES, Spin};
 use crate::ids::Slots;
 use crate::joint::coordinates::{JointPlaces, Place, RowCoordinate, Turn, Vec3, cross};
 use crate::joint::rows::{Motion, Role, RowParams, RowPlan};
-use crate::joint::tension;
+use crate::joint::tension::{self, Tension};
 use crate::joint::{Breaking, Coordinate, JointAxis, JointState};
 use crate::ledger::JointRow;
 use crate::motion::SMALL_TURN;
@@ -41,6 +41,9 @@ const MOST_AIMS: usize = 4;
 /// Rotation of a body per substep beyond which the targets follow the path that the joints leave.
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
+
+/// Largest difference of an angle from a straight path in a substep. \[rad\]
+const MOST_CURVE: f64 = 0.3;
 
 /// Parameters of a row before J is computed.
 const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
@@ -108,8 +111,8 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     compliances: Vec<f64>,
     /// Parameters of each row of the mechanisms.
     params: Vec<RowParams>,
-    /// S of each body ([`tension`]). \[N m s\]
-    stiffness: Vec<SymmetricMatrix<f64, 3>>,
+    /// Pulls on each body ([`tension`]).
+    tensions: Vec<Tension>,
     /// True if the rows of the joints that act must be rebuilt.
     is_stale: bool,
     /// Length of the last step. \[s\]
@@ -355,9 +358,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         at: &BodyPlaces<'_, G, L, A>,
         h: f64,
     ) -> Vec<(u32, SymmetricMatrix<f64, A>)> {
-        let Self { mechanisms, records, acting, stiffness, .. } = self;
-        stiffness.clear();
-        stiffness.resize(at.bodies.poses.len(), SymmetricMatrix::ZERO);
+        let Self { mechanisms, records, acting, tensions, .. } = self;
+        tensions.clear();
+        tensions.resize(at.bodies.poses.len(), Tension::default());
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let record = &mut records[slot as usize];
             let places = record.places(|body| at.of(body));
@@ -377,17 +380,15 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 let before = std::mem::replace(&mut record.pulls[side], now);
                 if now > 0.0 {
                     let lasting = pull * (now.min(before) / now);
-                    tension::add(&mut stiffness[body as usize], arm, lasting);
+                    tensions[body as usize].add(arm, lasting);
                 }
             }
         }
         let mut surpluses = Vec::new();
-        for (body, of) in (0..).zip(&*stiffness) {
-            if *of == SymmetricMatrix::ZERO {
-                continue;
-            }
+        for (body, tension) in (0..).zip(&*tensions) {
+            let Some(of) = tension.balanced() else { continue };
             let inertia = at.bodies.mass(body as usize).angular;
-            surpluses.extend(tension::surplus(of, &inertia, h).map(|own| (body, own)));
+            surpluses.extend(tension::surplus(&of, &inertia, h).map(|own| (body, own)));
         }
         surpluses
     }
@@ -481,7 +482,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 let value = record.states[index].value;
                 let turns = &record.turns[plan.axis];
                 let (end, _) = then.evaluate(&plan.coordinate).turned(turns);
-                let motion = Motion { value, end, rate: axis.velocity(&a, &b) };
+                let rate = axis.velocity(&a, &b);
+                let straight = value + h * rate;
+                // Beyond, an angle has passed a place where it is not defined.
+                let is_lost = plan.coordinate.is_angle() && (end - straight).abs() > MOST_CURVE;
+                let motion = Motion { value, end: if is_lost { straight } else { end }, rate };
                 let law = plan.role.law(&motion, &params[row]);
                 for (new, old) in law.targets.iter().zip(axis.law.targets) {
                     let own = (new - old).abs();

@@ -141,6 +141,16 @@ pub(crate) enum RowCoordinate {
     SwingVector(usize),
 }
 
+impl RowCoordinate {
+    /// Returns true if it is an angle.
+    pub(crate) fn is_angle(&self) -> bool {
+        match self {
+            Self::Of(coordinate) => coordinate.is_angle(),
+            Self::RotationVector(_) | Self::SwingVector(_) => true,
+        }
+    }
+}
+
 /// The frames of a joint in the world, and the centers of mass of its bodies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JointPlaces {

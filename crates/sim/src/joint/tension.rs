@@ -15,16 +15,36 @@ use drystone_solver::SymmetricMatrix;
 
 use super::coordinates::Vec3;
 
-/// Adds the term of an impulse at an arm to S, if it pulls away from the center. \[N m s\]
-pub(crate) fn add(sum: &mut SymmetricMatrix<f64, 3>, arm: Vec3, impulse: Vec3) {
-    let (pull, squared) = (arm.dot(impulse), arm.dot(arm));
-    if pull > 0.0 {
-        for i in 0..3 {
-            for j in 0..3 {
-                let one = f64::from(u8::from(i == j));
-                sum.0[i][j] += pull * (one - arm[i] * arm[j] / squared);
+/// The pulls on a body, summed up.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Tension {
+    /// S. \[N m s\]
+    stiffness: SymmetricMatrix<f64, 3>,
+    /// Sum of (r . gamma)+, and its largest term. \[N m s\]
+    pulls: [f64; 2],
+}
+
+impl Tension {
+    /// Adds the impulse of a joint at an arm.
+    pub(crate) fn add(&mut self, arm: Vec3, impulse: Vec3) {
+        let (pull, squared) = (arm.dot(impulse), arm.dot(arm));
+        if pull > 0.0 {
+            for i in 0..3 {
+                for j in 0..3 {
+                    let one = f64::from(u8::from(i == j));
+                    self.stiffness.0[i][j] += pull * (one - arm[i] * arm[j] / squared);
+                }
             }
+            self.pulls = [self.pulls[0] + pull, self.pulls[1].max(pull)];
         }
+    }
+
+    /// Returns the part of S from pulls that others balance. A body that one joint alone pulls turns
+    /// about that joint, with all of its mass.
+    pub(crate) fn balanced(&self) -> Option<SymmetricMatrix<f64, 3>> {
+        let [sum, largest] = self.pulls;
+        let share = if sum > 0.0 { (2.0 * (sum - largest) / sum).min(1.0) } else { 0.0 };
+        (share > 0.0).then(|| SymmetricMatrix(self.stiffness.0.map(|row| row * share)))
     }
 }
 
@@ -60,10 +80,12 @@ mod tests {
     /// eigenvalue.
     #[test]
     fn the_surplus_is_half_of_the_positive_part() {
-        let mut stiffness = SymmetricMatrix::ZERO;
-        add(&mut stiffness, Vector([0.3, -0.4, 0.0]), Vector([2.0, -1.0, 5.0]));
-        add(&mut stiffness, Vector([0.0, 0.2, 0.1]), Vector([0.0, 3.0, 0.0]));
-        add(&mut stiffness, Vector([0.0, 1.0, 0.0]), Vector([0.0, -9.0, 0.0]));
+        let mut tension = Tension::default();
+        tension.add(Vector([0.3, -0.4, 0.0]), Vector([2.0, -1.0, 5.0]));
+        assert_eq!(tension.balanced(), None, "one joint alone");
+        tension.add(Vector([0.0, 0.2, 0.1]), Vector([0.0, 5.0, 0.0]));
+        tension.add(Vector([0.0, 1.0, 0.0]), Vector([0.0, -9.0, 0.0]));
+        let stiffness = tension.balanced().expect("two pulls");
         let inertia = SymmetricMatrix::diagonal(Vector([0.5, 1.1, 0.2]));
         let surplus = surplus(&stiffness, &inertia, 1.0).expect("h S exceeds I");
         let mut rest = SymmetricMatrix::<f64, 3>::ZERO;
