@@ -194,6 +194,10 @@ impl SolveReport {
 /// Smallest limit of [`nncg`] iterations in lanes before Newton's method takes over an island.
 const IN_LANES: usize = 256;
 
+/// Limit of the iterations of an island with joints. A visit of its mechanisms costs a fraction of an
+/// iteration of Newton's method.
+const WITH_JOINTS: usize = 16;
+
 /// Limit of the iterations of a large island, per body: factoring its matrix takes longer than that
 /// many sweeps. Convergence is not judged for a quarter of the iterations beyond [`IN_LANES`],
 /// because the bound of many contacts decreases in jumps.
@@ -401,7 +405,10 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
                     worst = worst.max(error / aim);
                     // Joints without contacts are solved by their one visit.
                     let stands = jointed && size == 0.0;
-                    let hopeless = is_hopeless([before, error], made, limit, aim);
+                    let hopeless = match jointed {
+                        true => outcome.iterations >= WITH_JOINTS,
+                        false => is_hopeless([before, error], made, limit, aim),
+                    };
                     *done = error <= aim || stands || hopeless;
                 }
             }
