@@ -160,9 +160,10 @@ def crane():
     half = [0.5, 0.3, 0.25]
     for row in range(10):
         for k in range(5):
-            x = tip - 2.0 + 2 * half[0] * (k + 0.5 * (row % 2)) - 0.5
+            # In the way of the ball, which swings outward.
+            x = 4.0 + 2 * half[0] * (k + 0.5 * (row % 2))
             bodies.append({"material": "brick", "shapes": [box(*half)],
-                           "position": [x - tip, half[1] * (2 * row + 1), -tip]})
+                           "position": [x, half[1] * (2 * row + 1), -15.0]})
     return {"name": "crane", "duration": 12.0,
             "materials": {"brick": {"density": 1900.0, "friction": 0.6}},
             "bodies": bodies, "joints": joints}
@@ -183,7 +184,7 @@ def ragdoll():
 
     def part(name, y, z, *shapes):
         bodies.append({"name": name, "material": "flesh", "position": [x, top + y, z],
-                       "linear_velocity": [1.4, 0.0, 0.0], "shapes": list(shapes)})
+                       "linear_velocity": [2.0, 0.0, 0.0], "shapes": list(shapes)})
 
     def socket(name, pair, y, z, **more):
         joints.append(ball(name, pair, (x, top + y, z), axis=[0.0, -1.0, 0.0],
@@ -213,7 +214,7 @@ def ragdoll():
             joints.append(hinge(f"{side} {name}", [f"{side} {low}", f"{side} {high}"],
                                 (x, top + y, z), limits=limits, friction=1.0))
     return {"name": "ragdoll", "duration": 6.0,
-            "materials": {"flesh": {"density": 1000.0, "friction": 0.5}},
+            "materials": {"flesh": {"density": 1000.0, "friction": 0.35}},
             "bodies": bodies, "joints": joints}
 
 

@@ -19,7 +19,7 @@ use serde::Serialize;
 use crate::recording::Recording;
 use crate::recording::pose::frame_pose;
 use drystone::StepSettings;
-use drystone_scene::{Motion, Scene};
+use drystone_scene::{Joint, Motion, Scene};
 use shape::{CoreShape, ShapePose, SupportShape, Vec3, dot, minus, norm, overlap};
 
 /// Maximum number of frames in which overlaps are measured.
@@ -151,6 +151,8 @@ struct AuditScene<'a> {
     scene: &'a Scene,
     recording: &'a Recording,
     actors: Vec<Actor>,
+    /// Pairs of bodies that a joint keeps from colliding, the smaller index first.
+    separated: BTreeSet<[usize; 2]>,
 }
 
 /// World poses and bounding boxes of all shapes in a frame.
@@ -168,7 +170,10 @@ impl<'a> AuditScene<'a> {
                 actors.extend(form.map(|form| Actor { body, shape, form }));
             }
         }
-        Self { scene, recording, actors }
+        let separated = scene.joints.iter().filter(|joint| joint.enabled && !joint.collide);
+        let pair = |joint: &Joint| Some([joint.bodies[0]?, joint.bodies[1]?]);
+        let separated = separated.filter_map(pair).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        Self { scene, recording, actors, separated }
     }
 
     fn body(&self, frame: usize, body: usize) -> ShapePose {
@@ -237,13 +242,15 @@ impl<'a> AuditScene<'a> {
         self.scene.bodies[self.actors[actor].body].motion
     }
 
-    /// Returns true if two shapes can collide: different bodies, one of them dynamic, and filters
-    /// that match.
+    /// Returns true if two shapes can collide: different bodies, one of them dynamic, filters that
+    /// match, and no joint that keeps them from it. Such joints count also after they have broken.
     fn meet(&self, a: usize, b: usize) -> bool {
         let dynamic = [a, b].into_iter().any(|of| self.motion(of) == Motion::Dynamic);
         let (x, y) = (&self.actors[a], &self.actors[b]);
         let shape = |of: &Actor| &self.scene.bodies[of.body].shapes[of.shape];
-        dynamic && x.body != y.body && shape(x).filter.collides(&shape(y).filter)
+        let pair = [x.body.min(y.body), x.body.max(y.body)];
+        let apart = x.body != y.body && !self.separated.contains(&pair);
+        dynamic && apart && shape(x).filter.collides(&shape(y).filter)
     }
 
     /// Returns up to `most` pairs of shapes whose bounding boxes overlap. A half-space pairs with

@@ -359,13 +359,15 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         h: f64,
     ) -> Vec<(u32, SymmetricMatrix<f64, A>)> {
         let Self { mechanisms, records, acting, tensions, .. } = self;
+        let masses = &at.bodies.inverse_masses;
         tensions.clear();
         tensions.resize(at.bodies.poses.len(), Tension::default());
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let record = &mut records[slot as usize];
             let places = record.places(|body| at.of(body));
             for (side, body) in record.bodies.into_iter().enumerate() {
-                if body == WORLD {
+                // No pull turns a body that cannot move.
+                if body == WORLD || masses[body as usize] == InverseMass::FIXED {
                     continue;
                 }
                 let own = if record.bodies[0] == WORLD { 0 } else { side };

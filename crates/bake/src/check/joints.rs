@@ -56,7 +56,7 @@ impl JointAt<'_> {
             findings.push(self.finding(
                 FindingKind::JointApart,
                 [gap, APART],
-                |name| format!("the frames of joint {name} are {} apart at the start", length(gap)),
+                |name| format!("the frames of {name} are {} apart at the start", length(gap)),
                 &length(APART),
                 "the first step pulls the bodies together: move them, or the anchors of the joint",
             ));
@@ -67,9 +67,7 @@ impl JointAt<'_> {
                 FindingKind::JointTurned,
                 [turn, TURNED],
                 |name| {
-                    format!(
-                        "the frames of joint {name} are turned by {degrees:.2} degrees at the start"
-                    )
+                    format!("the frames of {name} are turned by {degrees:.2} degrees at the start")
                 },
                 &format!("{:.2} degrees", TURNED.to_degrees()),
                 "the first step turns the bodies: rotate them, or the frames of the joint",
@@ -103,9 +101,7 @@ impl JointAt<'_> {
         Some(self.stated(
             FindingKind::JointLimit,
             [by, limit],
-            |name| {
-                format!("joint {name} starts beyond its limits: {coordinate} is {}", shown(value))
-            },
+            |name| format!("{name} starts beyond its limits: {coordinate} is {}", shown(value)),
             &accepted,
             "the first step pushes the bodies back: move them, or widen the limits",
         ))
@@ -121,7 +117,7 @@ impl JointAt<'_> {
             ..self.finding(
                 FindingKind::JointIdle,
                 [0.0; 2],
-                |name| format!("joint {name} connects two bodies of infinite mass"),
+                |name| format!("{name} connects two bodies of infinite mass"),
                 "at least one that forces can move",
                 "it does nothing: remove it, or give one of its bodies a mass",
             )
@@ -138,9 +134,7 @@ impl JointAt<'_> {
             self.finding(
                 FindingKind::JointMassRatio,
                 [ratio, RATIO],
-                |name| {
-                    format!("joint {name} connects {heavy} with {light}, {ratio:.0} times lighter")
-                },
+                |name| format!("{name} connects {heavy} with {light}, {ratio:.0} times lighter"),
                 &format!("{RATIO}"),
                 "rounding may make it jitter: make the heavy one lighter or the light one heavier",
             )
@@ -167,7 +161,7 @@ impl JointAt<'_> {
             self.finding(
                 FindingKind::JointSingular,
                 [angle.abs(), SINGULAR],
-                |name| format!("the middle Cardan angle of joint {name} is {degrees:.1} degrees"),
+                |name| format!("the middle Cardan angle of {name} is {degrees:.1} degrees"),
                 &format!("{:.0} degrees", SINGULAR.to_degrees()),
                 "near 90 degrees the other two turn about the same axis: choose other axes, or \
                  twist and swing",
@@ -189,7 +183,7 @@ impl JointAt<'_> {
         self.stated(kind, numbers, what, &bound, advice)
     }
 
-    /// Makes a finding with the value found and its limit. `what` takes the name of the joint.
+    /// Makes a finding with the value found and its limit. `what` takes the name of the joint, as in `joint 'door'`.
     fn stated(
         &self,
         kind: FindingKind,
@@ -198,7 +192,8 @@ impl JointAt<'_> {
         accepted: &str,
         advice: &str,
     ) -> Finding {
-        let what = what(&self.scene.joint_name_of(self.index));
+        let name = self.scene.joint_name_of(self.index);
+        let what = what(&if self.joint.name.is_some() { format!("joint {name}") } else { name });
         Finding {
             kind,
             bodies: self.joint.bodies.iter().flatten().copied().collect(),
