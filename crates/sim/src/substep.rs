@@ -274,6 +274,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
+    /// Returns true if a body with a joint touches another.
+    fn joined_touch(&self) -> bool {
+        let has_joint = |body: u32| self.bodies.has_joint.get(body as usize) == Some(&true);
+        !self.solver.joints.is_idle()
+            && self.contacts.cache.pairs().any(|pair| pair.into_iter().any(has_joint))
+    }
+
     /// Sweeps over the contacts once or more, and solves the joints. `turning` is true if any body
     /// rotates.
     fn sweep(
@@ -294,7 +301,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         timer.lap(Stage::Joints);
         self.context().relax(renewed, fastest, &plan.params);
         timer.lap(Stage::Relax);
-        if plan.solving && !self.solver.joints.is_idle() {
+        if plan.solving && self.joined_touch() {
             for _ in 1..RELAX_ROUNDS {
                 self.solve_joints();
                 let SubstepContext { mut contacts, bodies } = self.context();
