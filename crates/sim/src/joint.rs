@@ -386,9 +386,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Joint<G, L, A> {
         self.in_world(G::pose(G::frame(&frame).position, &coordinates::towards::<L, A>(axis)))
     }
 
-    /// Limits the last axis that is not locked: of a hinge and a piston the angle, of a slider the
-    /// position. If all are locked, the distance of the origins becomes an axis of the joint.
-    /// \[m, or rad\]
+    /// Limits the first axis that is not locked: of a hinge the angle, of a slider and a piston the
+    /// position, of a wheel its suspension, of a ball the angle of the whole rotation. For other axes
+    /// see [`along`](Self::along). \[m, or rad\]
     pub fn limits(mut self, range: std::ops::RangeInclusive<f64>) -> Self {
         self.own().limits = Some([*range.start(), *range.end()]);
         self
@@ -416,11 +416,26 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Joint<G, L, A> {
         Self { collide: true, ..self }
     }
 
-    /// Returns the last axis that is not locked. A joint without one gets the distance.
+    /// Replaces the axis of a coordinate, or adds it.
+    pub fn along(mut self, axis: JointAxis) -> Self {
+        match self.axes.iter_mut().find(|own| own.coordinate == axis.coordinate) {
+            Some(own) => *own = axis,
+            None => self.axes.push(axis),
+        }
+        self
+    }
+
+    /// Returns the first axis that is not locked. A joint without one gets the whole rotation, or
+    /// between particles the distance.
     fn own(&mut self) -> &mut JointAxis {
-        let found = self.axes.iter().rposition(|axis| axis.lock().is_none());
+        let found = self.axes.iter().position(|axis| axis.lock().is_none());
         let index = found.unwrap_or_else(|| {
-            self.axes.push(JointAxis::free(Coordinate::Distance));
+            let free = match A {
+                0 => Coordinate::Distance,
+                1 => Coordinate::Angle,
+                _ => Coordinate::Rotation,
+            };
+            self.axes.push(JointAxis::free(free));
             self.axes.len() - 1
         });
         &mut self.axes[index]

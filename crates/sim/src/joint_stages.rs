@@ -11,7 +11,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Begins a step: bodies that move wake those that they are joined to.
     pub(crate) fn begin_joints(&mut self) {
         let joints = &mut self.solver.joints;
-        joints.begin_step();
+        joints.begin_step(&self.bodies.inverse_masses);
         if self.sleep.count() == 0 {
             return;
         }

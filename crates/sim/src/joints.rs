@@ -377,7 +377,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                     (0..L).for_each(|i| pull[i] += axis.jacobian[own].linear[i] * impulse);
                 }
                 let arm = places.frames[0].position - places.centers[side];
-                // A blow in one substep is no tension.
+                // An impact in one substep is no tension.
                 let now = arm.dot(pull).max(0.0);
                 let before = std::mem::replace(&mut record.pulls[side], now);
                 if now > 0.0 {
@@ -396,7 +396,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     }
 
     /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows. The
-    /// paths of the bodies are those of the `prospective` velocities: impulses of a blow in the last
+    /// paths of the bodies are those of the `prospective` velocities: impulses of an impact in the last
     /// substep do not return.
     pub(crate) fn warm_start<G: Geometry<L, A>>(
         &mut self,
@@ -500,9 +500,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         change
     }
 
-    /// Passes a blow on through the locks: the bodies that it has struck pull those joined to them.
+    /// Passes an impact on through the locks: the bodies that it has struck pull those joined to them.
     /// Locks take energy, and never add any.
-    pub(crate) fn pass_blow(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+    pub(crate) fn pass_impact(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         let Self { mechanisms, records, acting, .. } = self;
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let rows = &records[slot as usize].rows;
@@ -646,9 +646,14 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         })
     }
 
-    /// Begins a step: clears the loads.
-    pub(crate) fn begin_step(&mut self) {
-        self.records.iter_mut().for_each(|record| record.load = [Vec3::ZERO; 2]);
+    /// Begins a step: clears the loads of joints of bodies that move. Those of sleeping bodies stay.
+    pub(crate) fn begin_step(&mut self, masses: &[InverseMass<f32, L, A>]) {
+        for record in &mut self.records {
+            let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
+            if record.members().any(moves) {
+                record.load = [Vec3::ZERO; 2];
+            }
+        }
     }
 
     /// Breaks the joints whose load in a step of `dt` \[s\] exceeds their [`Breaking`]. Returns

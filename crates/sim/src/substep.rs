@@ -50,8 +50,8 @@ const APPROACH: f32 = 3.5;
 /// Number of rounds in which contacts and joints are relaxed together, in a solve to a tolerance. \[1\]
 const RELAX_ROUNDS: usize = 16;
 
-/// Largest number of times that a blow goes on through joints to other contacts.
-const BLOWS: usize = 16;
+/// Largest number of times that an impact goes on through joints to other contacts.
+const MOST_PASSES: usize = 16;
 
 /// The bodies and contacts of a batch.
 pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
@@ -405,14 +405,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             system.set_targets(displacements, &plan.params.repair);
             let mut count = 0;
-            for _ in 0..BLOWS {
+            for _ in 0..MOST_PASSES {
                 let own =
                     restitution::collide(system, displacements, force_gains, collisions, impacts);
                 count += own;
                 if own == 0 || joints.is_idle() {
                     break;
                 }
-                joints.pass_blow(&mut system.velocities);
+                joints.pass_impact(&mut system.velocities);
             }
             lanes.take_impacts(system);
             if plan.ledger {
