@@ -99,7 +99,8 @@ def bridge():
     # Cables and hangers are thinner in earnest; near their ends they would overlap.
     ropes = {"systems": ["ropes"], "not_collides_with": ["ropes"]}
     joints.append({"type": "general", "name": "expansion joint",
-                   "bodies": ["plank 15", "east road"], "anchor": [half, deck, 0.0], "axis": [1.0, 0.0, 0.0], "x": [-0.3, 0.3],
+                   "bodies": ["plank 15", "east road"], "anchor": [half, deck, 0.0],
+                   "axis": [1.0, 0.0, 0.0], "x": [-0.3, 0.3],
                    "y": "locked", "z": "locked", "twist": "locked", "swing_y": "locked"})
     for name, z in (("left", -side), ("right", side)):
         nodes = [(x, cable_at(x), z) for x in (-half, *xs, half)]

@@ -183,7 +183,8 @@ impl JointAt<'_> {
         self.stated(kind, numbers, what, &bound, advice)
     }
 
-    /// Makes a finding with the value found and its limit. `what` takes the name of the joint, as in `joint 'door'`.
+    /// Makes a finding with the value found and its limit. `what` takes the name of the joint, as in
+    /// `joint 'door'`.
     fn stated(
         &self,
         kind: FindingKind,

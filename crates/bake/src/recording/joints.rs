@@ -60,11 +60,11 @@ impl JointLayout {
 pub struct JointFrame {
     /// Value of the coordinate of each axis, joint by joint. \[m, or rad\]
     pub values: Vec<f32>,
-    /// Length of the mean force on body a and of its torque about the joint, in the step that led to
-    /// the frame; joint by joint. \[N, N m\]
+    /// Lengths of the mean force on body a and of its torque about the joint, in the step that led
+    /// to the frame; joint by joint. \[N, N m\]
     pub loads: Vec<f32>,
-    /// Joints that miss their locks and limits most: by a position \[m\], and by a rotation \[rad\].
-    /// `None` if no joint misses any.
+    /// Joints that miss their locks and limits most: by a position \[m\], and by a rotation
+    /// \[rad\]. `None` if no joint misses any.
     pub worst: [Option<JointMiss>; 2],
 }
 

@@ -12,12 +12,12 @@ use super::words::counted;
 pub(super) struct JointSummary {
     /// Number of joints.
     joints: usize,
-    /// Largest distance by which a joint misses its locks and limits at any frame \[m\]; absent if no
-    /// position is locked or limited.
+    /// Largest distance by which a joint misses its locks and limits at any frame \[m\]; absent if
+    /// none does.
     #[serde(skip_serializing_if = "Option::is_none")]
     gap: Option<Worst>,
-    /// Largest angle by which a joint misses its locks and limits at any frame \[rad\]; absent if no
-    /// rotation is locked or limited.
+    /// Largest angle by which a joint misses its locks and limits at any frame \[rad\]; absent if
+    /// none does.
     #[serde(skip_serializing_if = "Option::is_none")]
     angle: Option<Worst>,
     /// Joints that broke, in order.
