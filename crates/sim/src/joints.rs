@@ -42,11 +42,16 @@ const MOST_AIMS: usize = 4;
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
 
+/// Locks bear no more than the strength of their joint. A joint breaks in a step in which the mean
+/// load is the strength but for this fraction. \[1\]
+const YIELDED: f64 = 5e-4;
+
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
 
 /// Parameters of a row before J is computed.
-const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
+const NO_PARAMS: RowParams =
+    RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2], strength: 0.0 };
 
 /// A joint of a world.
 #[derive(Clone, Debug)]
@@ -329,7 +334,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 let scale = if is_turn && unit > 0.0 { mobility / unit } else { 1.0 };
                 let compliance = REPAIR * stretch * *softness * scale / (h * h);
                 let repair = [REPAIR, speed * scale.sqrt()];
-                *params = RowParams { h, mobility, compliance, repair };
+                let Breaking { force, torque, .. } = record.breaking;
+                let strength = if is_turn { torque } else { force };
+                *params = RowParams { h, mobility, compliance, repair, strength };
             }
             for ((axis, params), plan) in
                 axes.iter_mut().zip(&params[joint.axes()]).zip(&record.rows)
@@ -503,14 +510,15 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Passes an impact on through the locks: the bodies that it has struck pull those joined to them.
     /// Locks take energy, and never add any.
     pub(crate) fn pass_impact(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        let Self { mechanisms, records, acting, .. } = self;
+        let Self { mechanisms, records, acting, params, .. } = self;
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let rows = &records[slot as usize].rows;
-            for (axis, row) in mechanisms.axes[joint.axes()].iter_mut().zip(rows) {
+            let rows = records[slot as usize].rows.iter().zip(&params[joint.axes()]);
+            for (axis, (row, params)) in mechanisms.axes[joint.axes()].iter_mut().zip(rows) {
+                let most = params.strength * params.h;
                 axis.impulse = 0.0;
                 axis.law.targets = [0.0; 2];
                 axis.law.bounds = match row.role {
-                    Role::Lock(_, None) => [f64::NEG_INFINITY, f64::INFINITY],
+                    Role::Lock(_, None) => [-most, most],
                     _ => [0.0; 2],
                 };
             }
@@ -656,7 +664,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
     }
 
-    /// Breaks the joints whose load in a step of `dt` \[s\] exceeds their [`Breaking`]. Returns
+    /// Breaks the joints whose load in a step of `dt` \[s\] has reached their [`Breaking`]. Returns
     /// them.
     pub(crate) fn break_overloaded(&mut self, dt: f64) -> Vec<BrokenJoint> {
         let mut broken = Vec::new();
@@ -664,7 +672,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let record = &mut self.records[slot as usize];
             let [force, torque] = record.load.map(|load| load.length() / dt);
             let Breaking { force: most, torque: most_torque, impulse } = record.breaking;
-            if force > most || torque > most_torque || force * dt > impulse {
+            let is_beyond = |load: f64, most: f64| load >= most * (1.0 - YIELDED);
+            let is_overloaded = is_beyond(force, most) || is_beyond(torque, most_torque);
+            if is_overloaded || force * dt > impulse {
                 record.broken = true;
                 broken.push(BrokenJoint { joint: slot, force, torque });
             }
