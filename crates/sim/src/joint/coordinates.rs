@@ -260,7 +260,8 @@ impl JointPlaces {
         let turned = |side: usize| {
             let (frame, start) = (&self.frames[side], &self.start[side]);
             let turn = start.turn.inverse().of(&frame.turn);
-            (twist(&turn).0, frame.turn.rotate(X))
+            let (angle, axis) = twist(&turn);
+            (angle, start.turn.rotate(axis))
         };
         let spin = |axis: Vec3| Velocity { linear: Vec3::ZERO, angular: axis };
         let pull = |side: usize, along: Vec3| Velocity {
@@ -275,7 +276,7 @@ impl JointPlaces {
             }
             Coordinate::Rack { radius } => {
                 let (q, axis) = turned(0);
-                let along = self.frames[1].turn.rotate(X);
+                let along = self.start[1].turn.rotate(X);
                 let moved = (self.frames[1].position - self.start[1].position).dot(along);
                 let angles = [[q, *radius], [0.0; 2]];
                 (q * radius + moved, angles, [spin(axis * *radius), pull(1, along)])
@@ -483,8 +484,9 @@ mod tests {
                 let rate = rows[0].dot(&velocities[0]) + rows[1].dot(&velocities[1]);
                 let h = 1e-5;
                 let [before, after] =
-                    [-h, h].map(|time| moved(&at, &velocities, time).evaluate(coordinate).value);
-                let found = (nearest(after, before, std::f64::consts::TAU) - before) / (2.0 * h);
+                    [-h, h].map(|time| moved(&at, &velocities, time).evaluate(coordinate));
+                let (before, angles) = before.turned(&[0.0; 2]);
+                let found = (after.turned(&angles).0 - before) / (2.0 * h);
                 let error = (rate - found).abs() / (1.0 + rate.abs());
                 assert!(error < 1e-6, "{coordinate:?}: {rate} is {found}");
             }
