@@ -98,6 +98,8 @@ pub(crate) struct RowState {
     /// Impulses of the last solve and of the sweep that relaxed it. \[N s, or N m s\]
     pub(crate) solved: f64,
     pub(crate) relaxed: f64,
+    /// Impulse of the solve before the last. \[N s, or N m s\]
+    pub(crate) solved_before: f64,
 }
 
 /// The joints of a world.
@@ -116,6 +118,8 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     compliances: Vec<f64>,
     /// Parameters of each row of the mechanisms.
     params: Vec<RowParams>,
+    /// Velocities with the lasting impulses of the joints, without those of contacts.
+    paths: Vec<Velocity<f32, L, A>>,
     /// Pulls on each body ([`tension`]).
     tensions: Vec<Tension>,
     /// True if the rows of the joints that act must be rebuilt.
@@ -402,9 +406,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         surpluses
     }
 
-    /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows. The
-    /// paths of the bodies are those of the `prospective` velocities: impulses of an impact in the last
-    /// substep do not return.
+    /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.
+    /// The bodies are expected to move at the `prospective` velocities, with the lasting impulses of
+    /// the joints.
     pub(crate) fn warm_start<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut Bodies<G, L, A>,
@@ -414,9 +418,14 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         if self.is_idle() {
             return;
         }
-        self.recall(|state| state.solved);
+        self.recall(RowState::lasting);
         self.mechanisms.apply(&mut bodies.velocities, &bodies.inverse_masses);
-        self.set_targets(&BodyPlaces { bodies, displacements }, prospective);
+        let mut paths = std::mem::take(&mut self.paths);
+        paths.clear();
+        paths.extend_from_slice(prospective);
+        self.mechanisms.apply(&mut paths, &bodies.inverse_masses);
+        self.set_targets(&BodyPlaces { bodies, displacements }, &paths);
+        self.paths = paths;
         let mut before = f64::INFINITY;
         for _ in 0..MOST_AIMS {
             if !self.turns_fast(bodies) {
@@ -533,7 +542,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Stores the impulses of the solve.
     pub(crate) fn keep_solved(&mut self) {
-        self.keep(|state, impulse| state.solved = impulse);
+        self.keep(|state, impulse| {
+            state.solved_before = std::mem::replace(&mut state.solved, impulse);
+        });
     }
 
     /// Begins the relaxing: the impulses of the last one act, and each row gets its law for the end
@@ -596,7 +607,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Returns the state of all joints between two steps.
     pub(crate) fn save(&self) -> SavedJoints {
         let rows = |(_, record): (usize, &JointRecord)| {
-            let of = |state: &RowState| [state.value, state.solved, state.relaxed];
+            let of =
+                |state: &RowState| [state.value, state.solved, state.relaxed, state.solved_before];
             let load = record.load.into_iter().flat_map(|of| of.0);
             let states = record.states.iter().flat_map(of);
             let turns = record.turns.iter().flatten().copied();
@@ -613,7 +625,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Returns true if a state is one of these joints.
     pub(crate) fn fits(&self, from: &SavedJoints) -> bool {
         let numbers = |(_, record): (usize, &JointRecord)| {
-            3 * record.states.len() + 2 * record.turns.len() + 8
+            4 * record.states.len() + 2 * record.turns.len() + 8
         };
         self.slots.generations() == from.generations
             && self.taken().count() == from.broken.len()
@@ -631,7 +643,12 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             }
             record.broken = broken.next() == Some(&true);
             for state in &mut record.states {
-                *state = RowState { value: next(), solved: next(), relaxed: next() };
+                *state = RowState {
+                    value: next(),
+                    solved: next(),
+                    relaxed: next(),
+                    solved_before: next(),
+                };
             }
             record.turns.iter_mut().for_each(|turns| *turns = [next(), next()]);
             record.pulls = [next(), next()];
@@ -726,6 +743,15 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             }
         }
         worst
+    }
+}
+
+impl RowState {
+    /// Returns the part of the last solve's impulse that the one before had, too. That of an impact
+    /// does not last. \[N s, or N m s\]
+    fn lasting(&self) -> f64 {
+        let (now, before) = (self.solved, self.solved_before);
+        if now * before > 0.0 { now.abs().min(before.abs()).copysign(now) } else { 0.0 }
     }
 }
 

@@ -183,9 +183,12 @@ impl Role {
             Self::Drive(drive) if drive.damping.is_finite() => {
                 Spring::of_drive(drive, params).compliance
             }
-            Self::Drive(Drive { max_force, .. }) | Self::Friction(max_force) => {
+            Self::Drive(Drive { max_force, .. }) | Self::Friction(max_force)
+                if max_force.is_finite() =>
+            {
                 params.compliance.min(YIELD / (max_force * params.h))
             }
+            Self::Drive(_) | Self::Friction(_) => params.compliance,
         }
     }
 
