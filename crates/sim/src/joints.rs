@@ -747,11 +747,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 }
 
 impl RowState {
-    /// Returns the part of the last solve's impulse that the one before had, too. That of an impact
-    /// does not last. \[N s, or N m s\]
+    /// Returns the impulse of the last solve, as far as it is at most twice that of the one before.
+    /// That of an impact does not last. \[N s, or N m s\]
     fn lasting(&self) -> f64 {
-        let (now, before) = (self.solved, self.solved_before);
-        if now * before > 0.0 { now.abs().min(before.abs()).copysign(now) } else { 0.0 }
+        let most = 2.0 * self.solved_before.abs();
+        self.solved.clamp(-most, most)
     }
 }
 
