@@ -42,7 +42,11 @@ const MOST_AIMS: usize = 4;
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
 
-/// Locks bear no more than the strength of their joint. A joint breaks in a step in which the mean
+/// Largest number of joints of a mechanism whose locks bear no more than their strength. With more,
+/// each lock bears any load up to the end of the step: which of them yield takes too long to find.
+const MOST_BOUNDED: usize = 64;
+
+/// A joint breaks in a step in which the mean
 /// load is the strength but for this fraction. \[1\]
 const YIELDED: f64 = 5e-4;
 
@@ -116,6 +120,8 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     pub(crate) mechanisms: Mechanisms<L, A>,
     /// By acting joint: 1 / weight of its mechanism. \[1/N\]
     compliances: Vec<f64>,
+    /// By acting joint: whether its locks bear no more than its strength ([`MOST_BOUNDED`]).
+    bounded: Vec<bool>,
     /// Parameters of each row of the mechanisms.
     params: Vec<RowParams>,
     /// Velocities with the lasting impulses of the joints, without those of contacts.
@@ -283,7 +289,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Prepares for the joints that act.
     fn connect<G: Geometry<L, A>>(&mut self, bodies: &Bodies<G, L, A>, gravity: f64) {
-        let Self { mechanisms, records, acting, pairs, compliances, params, .. } = self;
+        let Self { mechanisms, records, acting, pairs, compliances, bounded, params, .. } = self;
         mechanisms.joints.clear();
         mechanisms.axes.clear();
         for (&slot, &bodies) in acting.iter().zip(&*pairs) {
@@ -296,9 +302,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         params.clear();
         params.resize(mechanisms.axes.len(), NO_PARAMS);
         compliances.clear();
+        bounded.clear();
         for (joints, members) in mechanisms.groups() {
             let mass: f64 = members.iter().map(|&body| bodies.mass(body as usize).linear).sum();
             let weight = mass * gravity.max(LEAST_GRAVITY);
+            bounded.extend(joints.clone().map(|_| joints.len() <= MOST_BOUNDED));
             compliances.extend(joints.map(|_| 1.0 / weight));
         }
     }
@@ -311,9 +319,12 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         at: &BodyPlaces<'_, G, L, A>,
         [h, stretch, speed]: [f64; 3],
     ) {
-        let Self { mechanisms, records, acting, compliances, params, .. } = self;
+        let Self { mechanisms, records, acting, compliances, bounded, params, .. } = self;
         let masses = &at.bodies.inverse_masses;
-        for ((&slot, joint), softness) in acting.iter().zip(&mechanisms.joints).zip(compliances) {
+        let groups = compliances.iter().zip(bounded);
+        for ((&slot, joint), (softness, bounded)) in
+            acting.iter().zip(&mechanisms.joints).zip(groups)
+        {
             let record = &mut records[slot as usize];
             let places = record.places(|body| at.of(body));
             let own = joint.bodies.map(|body| masses[body as usize].cast());
@@ -339,7 +350,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 let compliance = REPAIR * stretch * *softness * scale / (h * h);
                 let repair = [REPAIR, speed * scale.sqrt()];
                 let Breaking { force, torque, .. } = record.breaking;
-                let strength = if is_turn { torque } else { force };
+                let strength = match is_turn {
+                    _ if !*bounded => f64::INFINITY,
+                    true => torque,
+                    false => force,
+                };
                 *params = RowParams { h, mobility, compliance, repair, strength };
             }
             for ((axis, params), plan) in
