@@ -123,6 +123,7 @@ pub(crate) fn made(name: &str) -> Option<Case> {
         steps: Some(steps),
         bodies_as: BodiesAs::Rigid,
         bodies: bodies.iter().map(|body| body.described(dimension, friction)).collect(),
+        joints: Vec::new(),
         solver: serde_json::Map::new(),
     };
     let name = name.to_string();

@@ -27,6 +27,7 @@ impl Drystone {
         let mut world = drystone_bake::build(scene, settings).map_err(|error| match error {
             BuildError::Shape { body, reason, .. } => Refusal::new(body, reason),
             BuildError::Body { body, error } => Refusal::new(body, error.to_string()),
+            BuildError::Joint { joint, error } => Refusal::new(joint, error.to_string()),
             BuildError::Step(error) => Refusal::new("settings", error.to_string()),
         })?;
         world.set_threads(threads);

@@ -37,6 +37,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             has_joint.resize(self.bodies.poses.len(), false);
             joints.pairs().flatten().for_each(|body| has_joint[body as usize] = true);
         }
+        if !joints.is_idle() {
+            let touched = &mut self.scratch.touched;
+            touched.clear();
+            touched.resize(self.bodies.poses.len(), false);
+            let pairs = self.contacts.cache.pairs().flatten();
+            pairs.for_each(|body| touched[body as usize] = self.bodies.is_dynamic(body as usize));
+            joints.find_touching(|body| touched[body as usize]);
+        }
     }
 
     /// Computes J of the joints at the places of the bodies, for substeps of `h` \[s\].

@@ -126,6 +126,8 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     params: Vec<RowParams>,
     /// Velocities with the lasting impulses of the joints, without those of contacts.
     paths: Vec<Velocity<f32, L, A>>,
+    /// Bodies of mechanisms that touch others.
+    touching: Vec<u32>,
     /// Pulls on each body ([`tension`]).
     tensions: Vec<Tension>,
     /// True if the rows of the joints that act must be rebuilt.
@@ -287,6 +289,17 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         true
     }
 
+    /// Finds the bodies of mechanisms of which any touches another body.
+    pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> bool) {
+        let Self { mechanisms, touching, .. } = self;
+        touching.clear();
+        for (_, members) in mechanisms.groups() {
+            if members.iter().any(|&body| touches(body)) {
+                touching.extend_from_slice(members);
+            }
+        }
+    }
+
     /// Prepares for the joints that act.
     fn connect<G: Geometry<L, A>>(&mut self, bodies: &Bodies<G, L, A>, gravity: f64) {
         let Self { mechanisms, records, acting, pairs, compliances, bounded, params, .. } = self;
@@ -439,6 +452,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         paths.clear();
         paths.extend_from_slice(prospective);
         self.mechanisms.apply(&mut paths, &bodies.inverse_masses);
+        // Where contacts act, too, joints alone do not tell the path.
+        for &body in &self.touching {
+            paths[body as usize] = prospective[body as usize];
+        }
         self.set_targets(&BodyPlaces { bodies, displacements }, &paths);
         self.paths = paths;
         let mut before = f64::INFINITY;

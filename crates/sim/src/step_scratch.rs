@@ -28,6 +28,8 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
     /// M^-1 of bodies that the solve of a substep sees with another inertia.
     pub(crate) true_masses: Vec<(u32, InverseMass<f32, L, A>)>,
+    /// By body: true if it is dynamic and has contacts.
+    pub(crate) touched: Vec<bool>,
     pub(crate) ledger: LedgerBuilder<L, A>,
     /// Normal impulses of each manifold in the substeps of a part, if they are recorded. \[N s\]
     pub(crate) impulses: Vec<f32>,
@@ -49,6 +51,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             displacements: Vec::new(),
             force_gains: Vec::new(),
             true_masses: Vec::new(),
+            touched: Vec::new(),
             ledger: LedgerBuilder::default(),
             impulses: Vec::new(),
             pair_impulses: Vec::new(),
