@@ -19,7 +19,7 @@ pub struct Joint {
     pub axes: Vec<JointAxis>,
     /// Loads at which the joint breaks.
     pub breaking: Breaking,
-    /// Whether the shapes of the two bodies collide with each other.
+    /// True if the shapes of the two bodies collide with each other.
     pub collide: bool,
     /// False if the joint does nothing.
     pub enabled: bool,
@@ -67,7 +67,8 @@ pub enum Coordinate {
         ratio: f64,
     },
     /// Rotation of a about the x axis of its frame, times `radius`, plus the displacement of b
-    /// along the x axis of its own, both since the start and in the world. \[m\]
+    /// along the x axis that its frame had at the start, both in the world and since
+    /// then. \[m\]
     Rack {
         /// Radius of the pinion. \[m\]
         radius: f64,

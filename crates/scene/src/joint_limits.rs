@@ -24,7 +24,7 @@ use crate::joint::{Coordinate, Drive, Joint, JointAxis, Softness};
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Limit {
     pub(crate) is_angular: bool,
-    /// Whether it limits x, y and z.
+    /// True for x, y and z if it limits them.
     pub(crate) axes: [bool; 3],
     /// Least and largest value; infinite if there is none. \[m, or rad\]
     pub(crate) range: [f64; 2],

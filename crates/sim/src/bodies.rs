@@ -606,26 +606,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     }
 
     fn properties(&self) -> BodyParams<'_, L, A> {
-        let Self {
-            motion,
-            gravity_factor,
-            damping,
-            forces,
-            has_joint,
-            inertia,
-            precession,
-            reach,
-            ..
-        } = self;
         BodyParams {
-            motion,
-            gravity_factor,
-            damping,
-            forces,
-            has_joint,
-            inertia,
-            precession,
-            reach,
+            motion: &self.motion,
+            gravity_factor: &self.gravity_factor,
+            damping: &self.damping,
+            forces: &self.forces,
+            has_joint: &self.has_joint,
+            inertia: &self.inertia,
+            precession: &self.precession,
+            reach: &self.reach,
         }
     }
 

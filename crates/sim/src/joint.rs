@@ -84,7 +84,8 @@ pub enum Coordinate {
         ratio: f64,
     },
     /// Rotation of a about the x axis of its frame, times `radius`, plus the displacement of b
-    /// along the x axis of its own, both since they were joined and in the world. \[m\]
+    /// along the x axis that its frame had at the start, both in the world and since
+    /// they were joined. \[m\]
     Rack {
         /// Radius of the pinion. \[m\]
         radius: f64,

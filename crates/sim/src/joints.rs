@@ -780,7 +780,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
 impl RowState {
     /// Returns the impulse of the last solve, as far as it is at most twice that of the one before.
-    /// That of an impact does not last. \[N s, or N m s\]
+    /// The impulse of an impact does not last. \[N s, or N m s\]
     fn lasting(&self) -> f64 {
         let most = 2.0 * self.solved_before.abs();
         self.solved.clamp(-most, most)

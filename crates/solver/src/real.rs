@@ -130,7 +130,7 @@ scalar!(f64);
 
 /// Returns the natural logarithm from IEEE operations alone, to within 2 units in the last place.
 ///
-/// That of the standard library differs between platforms in the last bit, and predictions of
+/// The standard library's differs between platforms in the last bit, and predictions of
 /// iterations decide about methods.
 pub(crate) fn ln(x: f64) -> f64 {
     if x == 0.0 || x == f64::INFINITY {

@@ -239,7 +239,7 @@ impl Summary {
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
         let kinematic = count(Motion::Kinematic);
         let ledger = energy_summary(bake);
-        // What moves or drives by itself may add energy.
+        // Bodies and joints that move by themselves may add energy.
         let by_itself = kinematic + running(scene) + driven(scene) > 0;
         let energy_created = match &ledger {
             Some(sums) => Some(sums.created > energy_tolerance),

@@ -575,7 +575,7 @@ pub(crate) struct DriveDocument {
     pub(crate) at_most: Option<Unbounded>,
 }
 
-/// Whether stiffness and damping give a force, or an acceleration.
+/// Unit of stiffness and damping: those of a force, or of an acceleration.
 #[derive(Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[allow(dead_code, reason = "the schema lists what a scene may say")]

@@ -41,12 +41,12 @@ pub(crate) const TRANS: [usize; 3] = [0, 1, 2];
 /// Indices of `rotX`, `rotY` and `rotZ`.
 pub(crate) const ROT: [usize; 3] = [8, 9, 10];
 
-/// Whether a limit or a drive of UsdPhysics may have this coordinate.
+/// Returns true if a limit or a drive of UsdPhysics may have this coordinate.
 pub(crate) fn is_shared(place: usize) -> bool {
     matches!(place, 0..=2 | 6 | 8..=10)
 }
 
-/// Whether UsdPhysics states this coordinate in degrees.
+/// Returns true if UsdPhysics states this coordinate in degrees.
 pub(crate) fn is_angle(place: usize) -> bool {
     matches!(place, 8..=12)
 }

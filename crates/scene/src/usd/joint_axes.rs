@@ -356,7 +356,7 @@ fn drive(
     let name = |of: &str| format!("drive:{token}:physics:{of}");
     let mut drive = raw_drive(joint, &name)?;
     let force = units.kilograms * units.meters;
-    // Of an acceleration, the units of mass and length cancel.
+    // The units of mass and length cancel in an acceleration.
     let [mass, moment] = match drive.acceleration {
         true => [1.0; 2],
         false => [units.kilograms, force * units.meters],
@@ -481,7 +481,7 @@ fn coordinate(
     })
 }
 
-/// Whether an exact value agrees with that of UsdPhysics, so that nobody changed the latter since.
+/// Returns true if an exact value agrees with that of UsdPhysics: nobody has changed the latter.
 fn is_close(exact: f64, said: f64) -> bool {
     exact == said || (exact - said).abs() <= SLACK * said.abs()
 }

@@ -1,4 +1,4 @@
-//! What joints bear: chains, loads that break them, weights on them.
+//! Loads of joints: chains, loads that break them, weights on them.
 
 use drystone::geometry::{Rigid2, Rigid3};
 use drystone::{Breaking, Drive, Joint, World};

@@ -1,0 +1,198 @@
+//! Joints where a step goes wrong first: loads of a thousand times the links, whips, impacts on legs
+//! and glue, joints that fold up, static bodies.
+
+use drystone::geometry::Rigid3;
+use drystone::{Breaking, Joint, Material, World};
+use drystone_solver::{Vector, Velocity};
+
+use super::*;
+
+type World3 = World<Rigid3, 3, 3>;
+
+/// Returns kinetic plus potential energy. \[J\]
+fn energy(world: &World3) -> f64 {
+    let measure = world.measure();
+    measure.kinetic_energy + measure.potential_energy
+}
+
+/// Hangs a chain of `count` links of 1 kg and `length` \[m\] from a point, at an angle \[rad\] from
+/// straight down. A load of this mass \[kg\] follows, if it is not 0. `push` is a velocity across
+/// the plane. \[m/s\]
+fn hang(
+    world: &mut World3,
+    (above, count, length): (Option<BodyId>, usize, f64),
+    (load, angle, push): (f64, f64, f64),
+) -> Vec<BodyId> {
+    let at = |way: f64| [way * angle.sin(), -way * angle.cos()];
+    let (mut before, mut ids) = (above, Vec::new());
+    for i in 0..count + usize::from(load > 0.0) {
+        let top = length * i as f64;
+        let (mass, own, half) = if i < count { (1.0, length, 0.02) } else { (load, 0.5, 0.25) };
+        let inertia = block(mass, [0.5 * own, half, half]);
+        let mut body = bar([at(top), at(top + own)], inertia);
+        body.velocity.linear = Vector([0.0, 0.0, (push * top) as f32]);
+        let id = world.add(body).unwrap();
+        let [x, y] = at(top).map(|own| own as f32);
+        // The frame is turned, so that rounding moves the chain out of its plane.
+        let joint = Joint::ball([Some(id), before]).at([x, y, 0.0]).about([0.0, 0.0, 1.0]);
+        world.join(joint).unwrap();
+        (before, ids) = (Some(id), [ids, vec![id]].concat());
+    }
+    ids
+}
+
+/// Takes steps for `seconds`. Returns the largest gap \[m\] and the largest rise of the energy \[J\].
+fn watch(world: &mut World3, seconds: f64) -> [f64; 2] {
+    let (start, mut worst) = (energy(world), [0.0f64; 2]);
+    for _ in 0..(seconds / f64::from(DT)).round() as usize {
+        let report = world.step(DT).unwrap();
+        assert!(report.not_finite.is_empty(), "{:?}", report.not_finite);
+        let rise = energy(world) - start;
+        worst = [worst[0].max(report.joint_gap[0]), worst[1].max(rise)];
+    }
+    worst
+}
+
+/// Ten links of 1 kg carry 1000 kg, let go at 30 degrees with a push across. Explicit moments of
+/// their pulls would let them explode within a step.
+#[test]
+fn a_heavy_chain_swings_in_space() {
+    for preset in Preset::both() {
+        let mut world: World3 = preset.world();
+        let angle = 30.0f64.to_radians();
+        hang(&mut world, (None, 10, 0.5), (1000.0, angle, 0.1));
+        let swing = 1000.0 * ACCELERATION * 5.0 * (1.0 - angle.cos());
+        let [gap, rise] = watch(&mut world, 4.0);
+        preset.below("gap of a heavy chain", gap, 2.0 * preset.gap);
+        preset.below("rise of its energy", rise / swing, 1e-3);
+    }
+}
+
+/// Thirty links fall like a whip. At the crack they turn by more than a radian within a substep of
+/// the setting.
+#[test]
+fn a_whip_cracks_and_stays_whole() {
+    for preset in Preset::both() {
+        let mut world: World3 = preset.world();
+        hang(&mut world, (None, 30, 0.1), (0.0, 90.0f64.to_radians(), 0.05));
+        let [gap, rise] = watch(&mut world, 3.0);
+        preset.below("gap of a whip", gap, 20.0 * preset.gap);
+        preset.below("rise of its energy", rise / (30.0 * ACCELERATION * 1.5), preset.energy);
+    }
+}
+
+/// A chain hangs on a static body as on the world, to rounding, and leaves it where it is.
+#[test]
+fn a_static_body_holds_like_the_world() {
+    for preset in Preset::both() {
+        let [free, held] = [false, true].map(|is_held| {
+            let mut world: World3 = preset.world();
+            let wall = Body::new(Motion::Static, [0.0, 0.5, 0.0], Rigid3::cuboid([0.1; 3]));
+            let wall = world.add(wall).unwrap();
+            let above = is_held.then_some(wall);
+            let ids = hang(&mut world, (above, 10, 0.5), (1000.0, 0.3, 0.0));
+            run(&mut world, 1.0);
+            assert_eq!(place(&world, wall), Vector([0.0, 0.5, 0.0]));
+            ids.iter().map(|&id| place(&world, id)).collect::<Vec<_>>()
+        });
+        for (own, other) in free.iter().zip(&held) {
+            let apart = f64::from((*own - *other).length());
+            preset.below("apart", apart, 1e-5);
+        }
+    }
+}
+
+/// 500 kg on two legs with knees land on the floor at 4 m/s. The energy never rises.
+#[test]
+fn a_load_on_legs_lands() {
+    let preset = Preset::bake();
+    let mut world: World3 = preset.world();
+    let floor = Body::new(Motion::Static, [0.0, -0.5, 0.0], Rigid3::cuboid([50.0, 0.5, 50.0]));
+    world.add(floor).unwrap();
+    let part = |world: &mut World3, at: [f32; 3], half: [f32; 3], mass: f64| {
+        let mut body = dynamic(at, Rigid3::cuboid(half), &Material::default());
+        body.inertia = Some(block(mass, half.map(f64::from)));
+        body.velocity.linear = Vector([0.0, -4.0, 0.0]);
+        world.add(body).unwrap()
+    };
+    let torso = part(&mut world, [0.0, 1.2, 0.0], [0.1, 0.3, 0.2], 500.0);
+    for z in [-0.1, 0.1] {
+        let thigh = part(&mut world, [0.0, 0.69, z], [0.06, 0.2, 0.06], 8.0);
+        let shin = part(&mut world, [0.0, 0.27, z], [0.05, 0.2, 0.05], 4.0);
+        world.join(Joint::ball([Some(thigh), Some(torso)]).at([0.0, 0.9, z])).unwrap();
+        let knee = Joint::hinge([Some(shin), Some(thigh)]).at([0.0, 0.48, z]);
+        world.join(knee.about([0.0, 0.0, 1.0]).limits(-2.4..=0.0)).unwrap();
+    }
+    let [gap, rise] = watch(&mut world, 1.5);
+    preset.below("gap of a leg", gap, 1e-3);
+    preset.below("rise of the energy", rise / (0.5 * 500.0 * 16.0), 1e-3);
+}
+
+/// A free chain of universal joints tumbles and folds up: its angles pass the place where twist and
+/// swing are not defined. It stays finite and gains no energy.
+#[test]
+fn universal_joints_fold_up() {
+    for preset in Preset::both() {
+        let mut world: World3 = preset.weightless();
+        let mut random = Random(5);
+        let ids: Vec<BodyId> = (0..7)
+            .map(|i| {
+                let mut body = ghost([0.4 * i as f64, 0.0, 0.0], block(1.0, [0.2, 0.1, 0.05]));
+                let (linear, angular) = (random.vector(1.0), random.vector(3.0));
+                body.velocity = Velocity { linear: Vector(linear), angular: Vector(angular) };
+                world.add(body).unwrap()
+            })
+            .collect();
+        for (i, pair) in ids.windows(2).enumerate() {
+            let joint = Joint::universal([Some(pair[0]), Some(pair[1])]);
+            world.join(joint.at([0.4 * i as f32 + 0.2, 0.0, 0.0])).unwrap();
+        }
+        run(&mut world, DT);
+        let before = energy(&world);
+        let [gap, rise] = watch(&mut world, 10.0);
+        preset.below("gap of a folding chain", gap, 1e-3);
+        preset.below("rise of its energy", rise / before, preset.energy);
+    }
+}
+
+/// A ball of 50 kg hits a glued wall at 15 m/s: glue breaks, no energy appears, and nothing flies
+/// faster than the ball.
+#[test]
+fn a_ball_breaks_a_glued_wall() {
+    for (preset, columns, rows) in
+        [(Preset::bake(), 4, 4), (Preset::real_time(), 4, 4), (Preset::bake(), 8, 6)]
+    {
+        let mut world: World3 = preset.world();
+        let floor = Body::new(Motion::Static, [0.0, -0.5, 0.0], Rigid3::cuboid([50.0, 0.5, 50.0]));
+        world.add(floor).unwrap();
+        let at = |column: usize, row: usize| [0.4 * column as f32, 0.1 + 0.2 * row as f32, 0.0];
+        let brick = Rigid3::cuboid([0.2, 0.1, 0.1]);
+        let mut ids = Vec::new();
+        for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |at| (row, at))) {
+            let body = dynamic(at(column, row), brick.clone(), &Material::default());
+            ids.push(world.add(body).unwrap());
+            let own = *ids.last().unwrap();
+            let left = (column > 0).then(|| (ids[ids.len() - 2], [-0.2, 0.0]));
+            let below = (row > 0).then(|| (ids[ids.len() - 1 - columns], [0.0, -0.1]));
+            for (other, [x, y]) in left.into_iter().chain(below) {
+                let [at_x, at_y, _] = at(column, row);
+                let glue = Joint::fixed([Some(own), Some(other)]).at([at_x + x, at_y + y, 0.0]);
+                let breaking = Breaking { force: 2000.0, torque: 200.0, ..Breaking::NEVER };
+                world.join(Joint { collide: true, ..glue.breaking(breaking) }).unwrap();
+            }
+        }
+        let middle = 0.2 * (columns - 1) as f32;
+        let mut ball = dynamic([middle, 0.5, 1.0], Rigid3::ball(0.2), &Material::default());
+        ball.inertia = Some(inertia(50.0, [0.8; 3]));
+        ball.velocity.linear = Vector([0.0, 0.0, -15.0]);
+        world.add(ball).unwrap();
+        let start = 0.5 * 50.0 * 15.0f64.powi(2);
+        let [_, rise] = watch(&mut world, 1.0);
+        preset.below("rise of the energy", rise / start, preset.energy);
+        preset.below("fastest", world.measure().fastest, 15.0 + ACCELERATION);
+        let joints: Vec<_> = world.joints().collect();
+        let broken = joints.iter().filter(|&&id| world.joint(id).unwrap().broken).count();
+        println!("{}: {broken} of {} broke", preset.name, joints.len());
+        assert!(broken > 0);
+    }
+}
