@@ -1,5 +1,6 @@
 //! The stages of a substep that concern [`Joints`](crate::joints::Joints), on a world.
 
+use crate::bodies::Bodies;
 use crate::geometry::Geometry;
 use crate::joints::BodyPlaces;
 use crate::report::StepReport;
@@ -127,6 +128,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.solver.joints.solve(&mut self.bodies.velocities);
     }
 
+    /// Lets overloaded joints yield ([`Joints::yield_overloaded`]). Returns true if there were any.
+    ///
+    /// [`Joints::yield_overloaded`]: crate::joints::Joints::yield_overloaded
+    pub(crate) fn joints_yield(&mut self) -> bool {
+        let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;
+        self.solver.joints.yield_overloaded(velocities, inverse_masses)
+    }
+
     /// Stores the joint impulses of the solve. From then on the velocities without contacts include
     /// them.
     pub(crate) fn keep_joint_impulses(&mut self) {
@@ -161,8 +170,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if self.settings.ledger {
             self.scratch.ledger.record_joints(joints.ledger_rows());
         }
-        let displacements = &self.scratch.displacements;
-        joints.keep_relaxed(&BodyPlaces { bodies: &self.bodies, displacements });
+        joints.keep_relaxed();
     }
 
     /// Ends a step of `dt` \[s\]: joints break, and the report gets the worst gap.

@@ -42,20 +42,19 @@ const MOST_AIMS: usize = 4;
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
 
-/// Largest number of joints of a mechanism whose locks bear no more than their strength. With more,
-/// each lock bears any load up to the end of the step: which of them yield takes too long to find.
-const MOST_BOUNDED: usize = 64;
+/// A joint breaks in a step in which its mean load is its strength but for this fraction, by which a
+/// joint that yields may stay below. \[1\]
+const YIELDED: f64 = 1e-6;
 
-/// A joint breaks in a step in which the mean
-/// load is the strength but for this fraction. \[1\]
-const YIELDED: f64 = 5e-4;
+/// A joint yields in a substep whose solve loads it beyond this multiple of its strength. The solve
+/// may bear more than its share, which relaxing takes back. \[1\]
+const YIELD_SHARE: f64 = 2.0;
 
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
 
 /// Parameters of a row before J is computed.
-const NO_PARAMS: RowParams =
-    RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2], strength: 0.0 };
+const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
 
 /// A joint of a world.
 #[derive(Clone, Debug)]
@@ -120,8 +119,10 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     pub(crate) mechanisms: Mechanisms<L, A>,
     /// By acting joint: 1 / weight of its mechanism. \[1/N\]
     compliances: Vec<f64>,
-    /// By acting joint: whether its locks bear no more than its strength ([`MOST_BOUNDED`]).
-    bounded: Vec<bool>,
+    /// By acting joint: the vector from the center of mass of its first body to its frame in a \[m\],
+    /// and whether it has yielded in this substep.
+    arms: Vec<Vec3>,
+    yielded: Vec<bool>,
     /// Parameters of each row of the mechanisms.
     params: Vec<RowParams>,
     /// Velocities with the lasting impulses of the joints, without those of contacts.
@@ -208,6 +209,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> 
         }
         place
     }
+}
+
+/// Returns the impulse of rows on their first body, and its moment about the joint at this arm from
+/// the center of mass. \[N s, N m s\]
+fn load_of<const L: usize, const A: usize>(
+    axes: &[Axis<f64, L, A>],
+    impulses: impl Iterator<Item = f64>,
+    arm: Vec3,
+) -> [Vec3; 2] {
+    let [mut pull, mut turn] = [Vec3::ZERO; 2];
+    for (axis, impulse) in axes.iter().zip(impulses) {
+        let Velocity { linear, angular } = axis.jacobian[0] * impulse;
+        (0..L).for_each(|i| pull[i] += linear[i]);
+        (0..A).for_each(|i| turn[if A == 1 { 2 } else { i }] += angular[i]);
+    }
+    [pull, turn - cross(arm, pull)]
 }
 
 /// Returns a row in the dimension of a world.
@@ -302,7 +319,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Prepares for the joints that act.
     fn connect<G: Geometry<L, A>>(&mut self, bodies: &Bodies<G, L, A>, gravity: f64) {
-        let Self { mechanisms, records, acting, pairs, compliances, bounded, params, .. } = self;
+        let Self { mechanisms, records, acting, pairs, compliances, params, .. } = self;
         mechanisms.joints.clear();
         mechanisms.axes.clear();
         for (&slot, &bodies) in acting.iter().zip(&*pairs) {
@@ -315,11 +332,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         params.clear();
         params.resize(mechanisms.axes.len(), NO_PARAMS);
         compliances.clear();
-        bounded.clear();
         for (joints, members) in mechanisms.groups() {
             let mass: f64 = members.iter().map(|&body| bodies.mass(body as usize).linear).sum();
             let weight = mass * gravity.max(LEAST_GRAVITY);
-            bounded.extend(joints.clone().map(|_| joints.len() <= MOST_BOUNDED));
             compliances.extend(joints.map(|_| 1.0 / weight));
         }
     }
@@ -332,12 +347,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         at: &BodyPlaces<'_, G, L, A>,
         [h, stretch, speed]: [f64; 3],
     ) {
-        let Self { mechanisms, records, acting, compliances, bounded, params, .. } = self;
+        let Self { mechanisms, records, acting, compliances, params, arms, .. } = self;
         let masses = &at.bodies.inverse_masses;
-        let groups = compliances.iter().zip(bounded);
-        for ((&slot, joint), (softness, bounded)) in
-            acting.iter().zip(&mechanisms.joints).zip(groups)
-        {
+        arms.clear();
+        for ((&slot, joint), softness) in acting.iter().zip(&mechanisms.joints).zip(compliances) {
             let record = &mut records[slot as usize];
             let places = record.places(|body| at.of(body));
             let own = joint.bodies.map(|body| masses[body as usize].cast());
@@ -355,6 +368,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 }
             }
             record.count_turns(&places);
+            let side = usize::from(record.bodies[0] == WORLD);
+            arms.push(places.frames[side].position - places.centers[side]);
             let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
             for (axis, params) in axes.iter_mut().zip(&mut params[joint.axes()]) {
                 let mobility = axis.mobility(&own);
@@ -362,13 +377,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 let scale = if is_turn && unit > 0.0 { mobility / unit } else { 1.0 };
                 let compliance = REPAIR * stretch * *softness * scale / (h * h);
                 let repair = [REPAIR, speed * scale.sqrt()];
-                let Breaking { force, torque, .. } = record.breaking;
-                let strength = match is_turn {
-                    _ if !*bounded => f64::INFINITY,
-                    true => torque,
-                    false => force,
-                };
-                *params = RowParams { h, mobility, compliance, repair, strength };
+                *params = RowParams { h, mobility, compliance, repair };
             }
             for ((axis, params), plan) in
                 axes.iter_mut().zip(&params[joint.axes()]).zip(&record.rows)
@@ -446,6 +455,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         if self.is_idle() {
             return;
         }
+        self.yielded.clear();
+        self.yielded.resize(self.acting.len(), false);
         self.recall(RowState::lasting);
         self.mechanisms.apply(&mut bodies.velocities, &bodies.inverse_masses);
         let mut paths = std::mem::take(&mut self.paths);
@@ -551,15 +562,15 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Passes an impact on through the locks: the bodies that it has struck pull those joined to them.
     /// Locks take energy, and never add any.
     pub(crate) fn pass_impact(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        let Self { mechanisms, records, acting, params, .. } = self;
+        let Self { mechanisms, records, acting, .. } = self;
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let rows = records[slot as usize].rows.iter().zip(&params[joint.axes()]);
-            for (axis, (row, params)) in mechanisms.axes[joint.axes()].iter_mut().zip(rows) {
-                let most = params.strength * params.h;
+            let record = &records[slot as usize];
+            let holds = record.breaking == Breaking::NEVER;
+            for (axis, row) in mechanisms.axes[joint.axes()].iter_mut().zip(&record.rows) {
                 axis.impulse = 0.0;
                 axis.law.targets = [0.0; 2];
                 axis.law.bounds = match row.role {
-                    Role::Lock(_, None) => [-most, most],
+                    Role::Lock(_, None) if holds => [f64::NEG_INFINITY, f64::INFINITY],
                     _ => [0.0; 2],
                 };
             }
@@ -570,6 +581,43 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Solves all mechanisms for the targets of the substep.
     pub(crate) fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.mechanisms.solve(velocities);
+    }
+
+    /// Lets joints yield that the solve loads beyond their strength: from now on they bear their
+    /// strength in this substep, and no more. Returns true if there were any. Others then bear more,
+    /// so the substep is solved again.
+    pub(crate) fn yield_overloaded(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        masses: &[InverseMass<f32, L, A>],
+    ) -> bool {
+        let Self { mechanisms, records, acting, params, arms, yielded, .. } = self;
+        let mut any = false;
+        for (index, (&slot, joint)) in acting.iter().zip(&mechanisms.joints).enumerate() {
+            let Breaking { force, torque, .. } = records[slot as usize].breaking;
+            if yielded[index] || force.min(torque) == f64::INFINITY || joint.count == 0 {
+                continue;
+            }
+            let h = params[joint.first as usize].h;
+            let axes = &mut mechanisms.axes[joint.axes()];
+            let impulses = axes.iter().map(|axis| axis.impulse);
+            let [pull, turn] = load_of(axes, impulses, arms[index]).map(|load| load.length());
+            let share = (pull / (force * h)).max(turn / (torque * h));
+            if share > YIELD_SHARE {
+                (any, yielded[index]) = (true, true);
+                for axis in axes {
+                    let kept = axis.impulse / share;
+                    let change = kept - axis.impulse;
+                    for (body, jacobian) in joint.bodies.into_iter().zip(&axis.jacobian) {
+                        let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
+                        let gain = inverse.velocity(&(*jacobian * change));
+                        velocities[body as usize] += gain.cast();
+                    }
+                    (axis.impulse, axis.law.bounds) = (kept, [kept; 2]);
+                }
+            }
+        }
+        any
     }
 
     /// Stores the impulses of the solve.
@@ -587,13 +635,16 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         masses: &[InverseMass<f32, L, A>],
     ) {
         self.recall(|state| state.relaxed);
-        let Self { mechanisms, records, acting, params, .. } = self;
-        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+        let Self { mechanisms, records, acting, params, yielded, .. } = self;
+        for ((&slot, joint), yielded) in acting.iter().zip(&mechanisms.joints).zip(yielded) {
             let record = &records[slot as usize];
             for (index, row) in joint.axes().enumerate() {
                 let (plan, state) = (&record.rows[index], &record.states[index]);
                 let (axis, h) = (&mut mechanisms.axes[row], params[row].h);
                 axis.law = plan.role.relaxing_law(&axis.law, state.solved, state.value, h);
+                if *yielded {
+                    axis.law.bounds = [0.0; 2];
+                }
                 axis.impulse = axis.law.bounds[0].max(axis.impulse).min(axis.law.bounds[1]);
             }
         }
@@ -601,22 +652,16 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     }
 
     /// Stores the impulses of the relaxing, and sums the loads of the joints.
-    pub(crate) fn keep_relaxed<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>) {
+    pub(crate) fn keep_relaxed(&mut self) {
         self.keep(|state, impulse| state.relaxed = impulse);
-        let Self { mechanisms, records, acting, .. } = self;
-        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
+        let Self { mechanisms, records, acting, arms, .. } = self;
+        for ((&slot, joint), arm) in acting.iter().zip(&mechanisms.joints).zip(arms) {
             let record = &mut records[slot as usize];
-            let side = usize::from(record.bodies[0] == WORLD);
-            let (center, sign) = (at.of(record.bodies[side]), if side == 0 { 1.0 } else { -1.0 });
-            let origin = center.of(&record.frames[side]).position;
-            for (axis, state) in mechanisms.axes[joint.axes()].iter().zip(&record.states) {
-                let impulse = sign * (state.solved + state.relaxed);
-                let Velocity { linear, angular } = axis.jacobian[0];
-                let [mut pull, mut turn] = [Vec3::ZERO; 2];
-                (0..L).for_each(|i| pull[i] = linear[i] * impulse);
-                (0..A).for_each(|i| turn[if A == 1 { 2 } else { i }] = angular[i] * impulse);
-                record.load[0] += pull;
-                record.load[1] += turn - cross(origin - center.position, pull);
+            let sign = if record.bodies[0] == WORLD { -1.0 } else { 1.0 };
+            let impulses = record.states.iter().map(|state| state.solved + state.relaxed);
+            let load = load_of(&mechanisms.axes[joint.axes()], impulses, *arm);
+            for (sum, own) in record.load.iter_mut().zip(load) {
+                *sum += own * sign;
             }
         }
     }

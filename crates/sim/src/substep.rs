@@ -47,6 +47,9 @@ const REFRESH_INTERVAL: u32 = 4;
 /// margin for the curvature of their paths. \[1\]
 const APPROACH: f32 = 3.5;
 
+/// Largest number of rounds in which joints yield within a substep: each loads others. \[1\]
+const YIELD_ROUNDS: usize = 8;
+
 /// Number of rounds in which contacts and joints are relaxed together, in a solve to a tolerance. \[1\]
 const RELAX_ROUNDS: usize = 16;
 
@@ -233,6 +236,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let with_residuals = plan.certified_substep == Some(substep);
         if plan.solving {
             self.refine(with_residuals, timer, report);
+            for _ in 0..YIELD_ROUNDS {
+                if !self.joints_yield() {
+                    break;
+                }
+                self.refine(with_residuals, timer, report);
+            }
         } else {
             self.sweep(params, (substep, turning), timer);
             if with_residuals {
@@ -292,6 +301,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.context().solve(params, substep, turning);
         timer.lap(Stage::Solve);
         self.solve_joints();
+        for _ in 0..YIELD_ROUNDS {
+            if !self.joints_yield() {
+                break;
+            }
+            let SubstepContext { mut contacts, bodies } = self.context();
+            contacts.sweep_normals(bodies.velocities);
+            self.solve_joints();
+        }
         timer.lap(Stage::Joints);
     }
 

@@ -696,13 +696,12 @@ fn joints_are_reported_and_recorded() {
     let said = line("joints");
     assert!(said.contains("3 joints, off their locks and limits by at most 0.0"), "{said}");
     assert!(said.ends_with("; 1 broke, see the notes"), "{said}");
-    assert!(text.contains("broke: 'thread' at 0.017 s by 15.0 N and 0.00 N m"), "{text}");
+    assert!(text.contains("broke: 'thread' at 0.017 s by 19.6 N and 0.00 N m"), "{text}");
     let report: Value = serde_json::from_slice(&fs::read(place.path("a.json")).unwrap()).unwrap();
     let broken = &report["summary"]["joints"]["broken"];
     assert_eq!(broken.as_array().unwrap().len(), 1, "{broken}");
     assert_eq!((&broken[0]["name"], &broken[0]["step"]), (&"thread".into(), &1.into()));
-    // It bears no more than its strength.
-    assert!((broken[0]["force"].as_f64().unwrap() / 15.0 - 1.0).abs() < 1e-3, "{broken}");
+    assert!((broken[0]["force"].as_f64().unwrap() / (2.0 * 9.81) - 1.0).abs() < 1e-3, "{broken}");
     let first = &report["per_step"][0];
     assert_eq!(first["broken"], serde_json::json!([1]), "{first}");
     assert!(first["joint_gap"][0].as_f64().unwrap() < 1e-4, "{first}");
@@ -717,7 +716,7 @@ fn joints_are_reported_and_recorded() {
     assert_eq!(turn(0), 0.0);
     assert!((turn(30) - 1.5).abs() < 0.06, "{}", turn(30));
     let force = |frame: usize, joint: usize| joints.loads[2 * (3 * frame + joint)];
-    assert!((force(1, 0) - (9.81 + 15.0)).abs() < 0.01, "{}", force(1, 0));
+    assert!((force(1, 0) - 3.0 * 9.81).abs() < 0.01, "{}", force(1, 0));
     assert!((force(20, 0) - 9.81).abs() < 0.01 && force(20, 1) == 0.0);
 
     let stage = fs::read_to_string(place.path("a.usda")).unwrap();

@@ -112,8 +112,6 @@ pub(crate) struct RowParams {
     /// Fraction of a gap that the substep repairs, and the largest speed of repair.
     /// \[1, m/s or rad/s\]
     pub(crate) repair: [f64; 2],
-    /// Force or torque at which the joint breaks, which may be infinite. \[N, or N m\]
-    pub(crate) strength: f64,
 }
 
 /// Motion of a row in a substep, as far as it is known before the solve.
@@ -200,11 +198,7 @@ impl Role {
         let repaired = |gap: f64| (share * gap).clamp(-speed * h, speed * h);
         let compliance = self.compliance(params);
         let (targets, bounds) = match self {
-            Self::Lock(value, None) => {
-                // A substep may bear up to twice its share, which relaxing takes back.
-                let most = 2.0 * params.strength * h;
-                ([curve - repaired(at.value - value) / h; 2], [-most, most])
-            }
+            Self::Lock(value, None) => ([curve - repaired(at.value - value) / h; 2], ANY),
             Self::Lock(value, Some(softness)) => {
                 let gain = Spring::of_softness(softness, params).gain;
                 ([curve + gain * (value - at.value); 2], ANY)
@@ -246,7 +240,7 @@ impl Role {
     ) -> Interval<f64> {
         let compliance = law.compliance;
         let (targets, bounds) = match self {
-            Self::Lock(_, None) => ([0.0; 2], law.bounds.map(|bound| 0.5 * bound - solved)),
+            Self::Lock(_, None) => ([0.0; 2], ANY),
             Self::Limit([low, high], None) => {
                 let below = ((low - value) / h).min(0.0);
                 let above = ((high - value) / h).max(0.0);
