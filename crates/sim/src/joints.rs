@@ -583,6 +583,12 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.mechanisms.solve(velocities);
     }
 
+    /// Returns true if a joint that acts may break.
+    pub(crate) fn may_break(&self) -> bool {
+        let breaking = self.acting.iter().map(|&slot| &self.records[slot as usize].breaking);
+        breaking.into_iter().any(|breaking| *breaking != Breaking::NEVER)
+    }
+
     /// Lets joints yield that the solve loads beyond their strength: from now on they bear their
     /// strength in this substep, and no more. Returns true if there were any. Others then bear more,
     /// so the substep is solved again.

@@ -235,13 +235,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         timer.lap(Stage::WarmStart);
         let with_residuals = plan.certified_substep == Some(substep);
         if plan.solving {
-            self.refine(with_residuals, timer, report);
-            for _ in 0..YIELD_ROUNDS {
-                if !self.joints_yield() {
-                    break;
-                }
-                self.refine(with_residuals, timer, report);
+            if self.solver.joints.may_break() {
+                let SubstepContext { mut contacts, bodies } = self.context();
+                contacts.sweep_normals(bodies.velocities);
+                self.sweep_and_yield();
+                timer.lap(Stage::Joints);
             }
+            self.refine(with_residuals, timer, report);
         } else {
             self.sweep(params, (substep, turning), timer);
             if with_residuals {
@@ -300,6 +300,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     ) {
         self.context().solve(params, substep, turning);
         timer.lap(Stage::Solve);
+        self.sweep_and_yield();
+        timer.lap(Stage::Joints);
+    }
+
+    /// Solves the joints, and again with the contacts as long as joints yield.
+    fn sweep_and_yield(&mut self) {
         self.solve_joints();
         for _ in 0..YIELD_ROUNDS {
             if !self.joints_yield() {
@@ -309,7 +315,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             contacts.sweep_normals(bodies.velocities);
             self.solve_joints();
         }
-        timer.lap(Stage::Joints);
     }
 
     /// Takes out the velocities of repair, of contacts and of joints.
