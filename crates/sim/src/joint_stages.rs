@@ -9,10 +9,10 @@ use crate::step_scratch::StepScratch;
 use crate::world::World;
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// Begins a step: bodies that move wake those that they are joined to.
-    pub(crate) fn begin_joints(&mut self) {
+    /// Begins a step of `dt` \[s\]: bodies that move wake those that they are joined to.
+    pub(crate) fn begin_joints(&mut self, dt: f32) {
         let joints = &mut self.solver.joints;
-        joints.begin_step(&self.bodies.inverse_masses);
+        joints.begin_step(&self.bodies.inverse_masses, f64::from(dt));
         if self.sleep.count() == 0 {
             return;
         }
@@ -128,12 +128,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.solver.joints.solve(&mut self.bodies.velocities);
     }
 
-    /// Lets overloaded joints yield ([`Joints::yield_overloaded`]). Returns true if there were any.
-    ///
-    /// [`Joints::yield_overloaded`]: crate::joints::Joints::yield_overloaded
-    pub(crate) fn joints_yield(&mut self) -> bool {
+    /// Breaks the joints that bear most beyond their strength. Returns true if there were any.
+    pub(crate) fn snap_joints(&mut self) -> bool {
         let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;
-        self.solver.joints.yield_overloaded(velocities, inverse_masses)
+        self.solver.joints.snap(velocities, inverse_masses)
     }
 
     /// Stores the joint impulses of the solve. From then on the velocities without contacts include
@@ -175,15 +173,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Ends a step of `dt` \[s\]: joints break, and the report gets the worst gap.
     pub(crate) fn end_joints(&mut self, dt: f32, report: &mut StepReport) {
-        if self.solver.joints.is_idle() {
-            return;
-        }
-        self.solver.joints.last_step = f64::from(dt);
-        let at = self.body_places();
-        report.joint_gap = self.solver.joints.worst(&at);
-        report.broken = self.solver.joints.break_overloaded(f64::from(dt));
+        report.broken = self.solver.joints.break_overloaded();
         if !report.broken.is_empty() {
             self.pair_again();
+        }
+        if !self.solver.joints.is_idle() {
+            self.solver.joints.last_step = f64::from(dt);
+            report.joint_gap = self.solver.joints.worst(&self.body_places());
         }
     }
 

@@ -42,13 +42,8 @@ const MOST_AIMS: usize = 4;
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
 
-/// A joint breaks in a step in which its mean load is its strength but for this fraction, by which a
-/// joint that yields may stay below. \[1\]
-const YIELDED: f64 = 1e-6;
-
-/// A joint yields in a substep whose solve loads it beyond this multiple of its strength. The solve
-/// may bear more than its share, which relaxing takes back. \[1\]
-const YIELD_SHARE: f64 = 2.0;
+/// Part of the worst overload from which on joints break together. \[1\]
+const NEARLY: f64 = 0.5;
 
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
@@ -119,10 +114,14 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     pub(crate) mechanisms: Mechanisms<L, A>,
     /// By acting joint: 1 / weight of its mechanism. \[1/N\]
     compliances: Vec<f64>,
-    /// By acting joint: the vector from the center of mass of its first body to its frame in a \[m\],
-    /// and whether it has yielded in this substep.
+    /// By acting joint: the vector from the center of mass of its first body to its frame in a. \[m\]
     arms: Vec<Vec3>,
-    yielded: Vec<bool>,
+    /// By acting joint: its load over that which breaks it ([`snap`](Self::snap)). \[1\]
+    shares: Vec<f64>,
+    /// Joints that this step has broken.
+    snapped: Vec<u32>,
+    /// Length of this step. \[s\]
+    step: f64,
     /// Parameters of each row of the mechanisms.
     params: Vec<RowParams>,
     /// Velocities with the lasting impulses of the joints, without those of contacts.
@@ -209,22 +208,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> 
         }
         place
     }
-}
-
-/// Returns the impulse of rows on their first body, and its moment about the joint at this arm from
-/// the center of mass. \[N s, N m s\]
-fn load_of<const L: usize, const A: usize>(
-    axes: &[Axis<f64, L, A>],
-    impulses: impl Iterator<Item = f64>,
-    arm: Vec3,
-) -> [Vec3; 2] {
-    let [mut pull, mut turn] = [Vec3::ZERO; 2];
-    for (axis, impulse) in axes.iter().zip(impulses) {
-        let Velocity { linear, angular } = axis.jacobian[0] * impulse;
-        (0..L).for_each(|i| pull[i] += linear[i]);
-        (0..A).for_each(|i| turn[if A == 1 { 2 } else { i }] += angular[i]);
-    }
-    [pull, turn - cross(arm, pull)]
 }
 
 /// Returns a row in the dimension of a world.
@@ -455,8 +438,6 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         if self.is_idle() {
             return;
         }
-        self.yielded.clear();
-        self.yielded.resize(self.acting.len(), false);
         self.recall(RowState::lasting);
         self.mechanisms.apply(&mut bodies.velocities, &bodies.inverse_masses);
         let mut paths = std::mem::take(&mut self.paths);
@@ -554,6 +535,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                     change = if own.is_finite() { change.max(own) } else { change };
                 }
                 axis.law = law;
+                if record.broken {
+                    axis.law.bounds = [0.0; 2];
+                }
             }
         }
         change
@@ -585,45 +569,57 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Returns true if a joint that acts may break.
     pub(crate) fn may_break(&self) -> bool {
-        let breaking = self.acting.iter().map(|&slot| &self.records[slot as usize].breaking);
-        breaking.into_iter().any(|breaking| *breaking != Breaking::NEVER)
+        self.acting.iter().any(|&slot| self.records[slot as usize].breaking != Breaking::NEVER)
     }
 
-    /// Lets joints yield that the solve loads beyond their strength: from now on they bear their
-    /// strength in this substep, and no more. Returns true if there were any. Others then bear more,
-    /// so the substep is solved again.
-    pub(crate) fn yield_overloaded(
+    /// Breaks the joints that the solve of a substep loads so much that they will not last the step.
+    /// Of these it breaks those that are loaded nearly as far beyond their strength as the worst
+    /// ([`NEARLY`]): without them others may hold. Returns true if there were any; then the substep
+    /// is to be solved again.
+    pub(crate) fn snap(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         masses: &[InverseMass<f32, L, A>],
     ) -> bool {
-        let Self { mechanisms, records, acting, params, arms, yielded, .. } = self;
-        let mut any = false;
+        let Self { mechanisms, records, acting, params, arms, shares, snapped, step, .. } = self;
+        shares.clear();
+        let mut worst = 0.0f64;
         for (index, (&slot, joint)) in acting.iter().zip(&mechanisms.joints).enumerate() {
-            let Breaking { force, torque, .. } = records[slot as usize].breaking;
-            if yielded[index] || force.min(torque) == f64::INFINITY || joint.count == 0 {
+            let record = &records[slot as usize];
+            if record.broken || record.breaking == Breaking::NEVER || joint.count == 0 {
+                shares.push(0.0);
                 continue;
             }
-            let h = params[joint.first as usize].h;
+            let axes = &mechanisms.axes[joint.axes()];
+            let load = record.loaded_by(axes, axes.iter().map(|axis| axis.impulse), arms[index]);
+            // The solve may bear up to twice the load of its substep, and relaxing takes it back.
+            let most = 1.0 + params[joint.first as usize].h / *step;
+            shares.push(record.breaking.share(load, *step) / most);
+            worst = worst.max(shares[index]);
+        }
+        if worst <= 1.0 {
+            return false;
+        }
+        for (index, (&slot, joint)) in acting.iter().zip(&mechanisms.joints).enumerate() {
+            if shares[index] <= (NEARLY * worst).max(1.0) {
+                continue;
+            }
+            let record = &mut records[slot as usize];
             let axes = &mut mechanisms.axes[joint.axes()];
             let impulses = axes.iter().map(|axis| axis.impulse);
-            let [pull, turn] = load_of(axes, impulses, arms[index]).map(|load| load.length());
-            let share = (pull / (force * h)).max(turn / (torque * h));
-            if share > YIELD_SHARE {
-                (any, yielded[index]) = (true, true);
-                for axis in axes {
-                    let kept = axis.impulse / share;
-                    let change = kept - axis.impulse;
-                    for (body, jacobian) in joint.bodies.into_iter().zip(&axis.jacobian) {
-                        let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
-                        let gain = inverse.velocity(&(*jacobian * change));
-                        velocities[body as usize] += gain.cast();
-                    }
-                    (axis.impulse, axis.law.bounds) = (kept, [kept; 2]);
+            record.load = record.loaded_by(axes, impulses, arms[index]);
+            record.broken = true;
+            snapped.push(slot);
+            for axis in axes {
+                for (body, jacobian) in joint.bodies.into_iter().zip(&axis.jacobian) {
+                    let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
+                    velocities[body as usize] -=
+                        inverse.velocity(&(*jacobian * axis.impulse)).cast();
                 }
+                (axis.impulse, axis.law.bounds) = (0.0, [0.0; 2]);
             }
         }
-        any
+        true
     }
 
     /// Stores the impulses of the solve.
@@ -641,14 +637,14 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         masses: &[InverseMass<f32, L, A>],
     ) {
         self.recall(|state| state.relaxed);
-        let Self { mechanisms, records, acting, params, yielded, .. } = self;
-        for ((&slot, joint), yielded) in acting.iter().zip(&mechanisms.joints).zip(yielded) {
+        let Self { mechanisms, records, acting, params, .. } = self;
+        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let record = &records[slot as usize];
             for (index, row) in joint.axes().enumerate() {
                 let (plan, state) = (&record.rows[index], &record.states[index]);
                 let (axis, h) = (&mut mechanisms.axes[row], params[row].h);
                 axis.law = plan.role.relaxing_law(&axis.law, state.solved, state.value, h);
-                if *yielded {
+                if record.broken {
                     axis.law.bounds = [0.0; 2];
                 }
                 axis.impulse = axis.law.bounds[0].max(axis.impulse).min(axis.law.bounds[1]);
@@ -663,12 +659,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let Self { mechanisms, records, acting, arms, .. } = self;
         for ((&slot, joint), arm) in acting.iter().zip(&mechanisms.joints).zip(arms) {
             let record = &mut records[slot as usize];
-            let sign = if record.bodies[0] == WORLD { -1.0 } else { 1.0 };
             let impulses = record.states.iter().map(|state| state.solved + state.relaxed);
-            let load = load_of(&mechanisms.axes[joint.axes()], impulses, *arm);
-            for (sum, own) in record.load.iter_mut().zip(load) {
-                *sum += own * sign;
-            }
+            record.load = record.loaded_by(&mechanisms.axes[joint.axes()], impulses, *arm);
         }
     }
 
@@ -754,8 +746,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         })
     }
 
-    /// Begins a step: clears the loads of joints of bodies that move. Those of sleeping bodies stay.
-    pub(crate) fn begin_step(&mut self, masses: &[InverseMass<f32, L, A>]) {
+    /// Begins a step of `dt` \[s\]: clears the loads of joints of bodies that move. Those of sleeping
+    /// bodies stay.
+    pub(crate) fn begin_step(&mut self, masses: &[InverseMass<f32, L, A>], dt: f64) {
+        self.step = dt;
         for record in &mut self.records {
             let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
             if record.members().any(moves) {
@@ -764,22 +758,22 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
     }
 
-    /// Breaks the joints whose load in a step of `dt` \[s\] has reached their [`Breaking`]. Returns
-    /// them.
-    pub(crate) fn break_overloaded(&mut self, dt: f64) -> Vec<BrokenJoint> {
-        let mut broken = Vec::new();
-        for &slot in &self.acting {
-            let record = &mut self.records[slot as usize];
-            let [force, torque] = record.load.map(|load| load.length() / dt);
-            let Breaking { force: most, torque: most_torque, impulse } = record.breaking;
-            let is_beyond = |load: f64, most: f64| load >= most * (1.0 - YIELDED);
-            let is_overloaded = is_beyond(force, most) || is_beyond(torque, most_torque);
-            if is_overloaded || force * dt > impulse {
+    /// Breaks the joints whose load in the step has reached their [`Breaking`]. Returns them, with
+    /// those that the step has [snapped](Self::snap).
+    pub(crate) fn break_overloaded(&mut self) -> Vec<BrokenJoint> {
+        let Self { records, acting, snapped, step, .. } = self;
+        for &slot in acting.iter() {
+            let record = &mut records[slot as usize];
+            if !record.broken && record.breaking.share(record.load, *step) >= 1.0 {
                 record.broken = true;
-                broken.push(BrokenJoint { joint: slot, force, torque });
+                snapped.push(slot);
             }
         }
-        broken
+        let of = |joint: u32| {
+            let [force, torque] = records[joint as usize].load.map(|load| load.length() / *step);
+            BrokenJoint { joint, force, torque }
+        };
+        snapped.drain(..).map(of).collect()
     }
 
     /// Returns the state of a joint after a step of `dt` \[s\].
@@ -818,14 +812,23 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// act.
     pub(crate) fn worst<G: Geometry<L, A>>(&self, at: &BodyPlaces<'_, G, L, A>) -> [f64; 2] {
         let mut worst = [0.0; 2];
-        for &slot in &self.acting {
-            let record = &self.records[slot as usize];
+        let acting = self.acting.iter().map(|&slot| &self.records[slot as usize]);
+        for record in acting.filter(|record| !record.broken) {
             let places = record.places(|body| at.of(body));
             for (worst, own) in worst.iter_mut().zip(record.misses(&places)) {
                 *worst = f64::max(*worst, own);
             }
         }
         worst
+    }
+}
+
+impl Breaking {
+    /// Returns an impulse on a joint and its moment in a step of `dt` \[s\] over those that break
+    /// it. \[1\]
+    fn share(&self, [pull, turn]: [Vec3; 2], dt: f64) -> f64 {
+        let pull = (pull.length() / (self.force * dt)).max(pull.length() / self.impulse);
+        pull.max(turn.length() / (self.torque * dt))
     }
 }
 
@@ -875,6 +878,24 @@ impl JointRecord {
             }
         }
         [out[0].max(apart.sqrt()), out[1]]
+    }
+
+    /// Returns its load in this step after these impulses of its rows, at this arm from the center
+    /// of mass of its first body. \[N s, N m s\]
+    fn loaded_by<const L: usize, const A: usize>(
+        &self,
+        axes: &[Axis<f64, L, A>],
+        impulses: impl Iterator<Item = f64>,
+        arm: Vec3,
+    ) -> [Vec3; 2] {
+        let [mut pull, mut turn] = [Vec3::ZERO; 2];
+        for (axis, impulse) in axes.iter().zip(impulses) {
+            let Velocity { linear, angular } = axis.jacobian[0] * impulse;
+            (0..L).for_each(|i| pull[i] += linear[i]);
+            (0..A).for_each(|i| turn[if A == 1 { 2 } else { i }] += angular[i]);
+        }
+        let sign = if self.bodies[0] == WORLD { -1.0 } else { 1.0 };
+        [self.load[0] + pull * sign, self.load[1] + (turn - cross(arm, pull)) * sign]
     }
 
     /// Returns its bodies, without the world.

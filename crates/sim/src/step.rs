@@ -124,7 +124,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             StageTimer::start(if execution.timing { execution.clock } else { Clock::NONE });
         let mut report = StepReport::default();
         self.wake_if_changed();
-        self.begin_joints();
+        self.begin_joints(dt);
         self.scratch.pair_impulses.clear();
         self.execution.saved = None;
         let mut search = self.first_search(dt);

@@ -47,8 +47,8 @@ const REFRESH_INTERVAL: u32 = 4;
 /// margin for the curvature of their paths. \[1\]
 const APPROACH: f32 = 3.5;
 
-/// Largest number of rounds in which joints yield within a substep: each loads others. \[1\]
-const YIELD_ROUNDS: usize = 8;
+/// Largest number of rounds in which joints break within a substep: each loads others. \[1\]
+const SNAP_ROUNDS: usize = 32;
 
 /// Number of rounds in which contacts and joints are relaxed together, in a solve to a tolerance. \[1\]
 const RELAX_ROUNDS: usize = 16;
@@ -234,20 +234,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.set_targets(plan, substep, turning);
         timer.lap(Stage::WarmStart);
         let with_residuals = plan.certified_substep == Some(substep);
-        if plan.solving {
-            if self.solver.joints.may_break() {
-                let SubstepContext { mut contacts, bodies } = self.context();
-                contacts.sweep_normals(bodies.velocities);
-                self.sweep_and_yield();
-                timer.lap(Stage::Joints);
-            }
-            self.refine(with_residuals, timer, report);
-        } else {
-            self.sweep(params, (substep, turning), timer);
-            if with_residuals {
-                self.certify_sweeps(timer, report);
-            }
-        }
+        self.solve(plan, (substep, turning), with_residuals, timer, report);
         if plan.ledger {
             self.account(|ledger, solver, _| ledger.record_solution(&solver.system));
         }
@@ -290,30 +277,46 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             && self.contacts.cache.pairs().any(|pair| pair.into_iter().any(has_joint))
     }
 
-    /// Sweeps over the contacts once or more, and solves the joints. `turning` is true if any body
+    /// Solves contacts and joints, by sweeps or to the tolerance. `turning` is true if any body
     /// rotates.
-    fn sweep(
+    fn solve(
         &mut self,
-        params: &SubstepParams<L>,
+        plan: &PartPlan<L>,
         (substep, turning): (u32, bool),
+        with_residuals: bool,
         timer: &mut StageTimer,
+        report: &mut StepReport,
     ) {
-        self.context().solve(params, substep, turning);
-        timer.lap(Stage::Solve);
-        self.sweep_and_yield();
-        timer.lap(Stage::Joints);
+        if !plan.solving {
+            self.context().solve(&plan.params, substep, turning);
+            timer.lap(Stage::Solve);
+            self.sweep_and_snap(false);
+            timer.lap(Stage::Joints);
+            if with_residuals {
+                self.certify_sweeps(timer, report);
+            }
+            return;
+        }
+        if self.solver.joints.may_break() {
+            self.sweep_and_snap(true);
+            timer.lap(Stage::Joints);
+        }
+        self.refine(with_residuals, timer, report);
     }
 
-    /// Solves the joints, and again with the contacts as long as joints yield.
-    fn sweep_and_yield(&mut self) {
-        self.solve_joints();
-        for _ in 0..YIELD_ROUNDS {
-            if !self.joints_yield() {
+    /// Solves the joints, and again with the contacts as long as joints break. Begins with the
+    /// contacts if they are not `swept`.
+    fn sweep_and_snap(&mut self, mut sweeps: bool) {
+        for _ in 0..=SNAP_ROUNDS {
+            if sweeps {
+                let SubstepContext { mut contacts, bodies } = self.context();
+                contacts.sweep_normals(bodies.velocities);
+            }
+            self.solve_joints();
+            sweeps = self.snap_joints();
+            if !sweeps {
                 break;
             }
-            let SubstepContext { mut contacts, bodies } = self.context();
-            contacts.sweep_normals(bodies.velocities);
-            self.solve_joints();
         }
     }
 
