@@ -40,6 +40,16 @@ FLAT = 1e-4
 STRONGEST = 1e6
 # A bake whose samples are this near to whole frames is not mixed. [frame]
 WHOLE = 1e-3
+# Largest finite load that Drystone takes. [N, or N m]
+LARGEST_LOAD = 1e20
+# Largest finite position and velocity of a joint that Drystone takes. [m, or m/s]
+FARTHEST = 1e6
+# Half a turn and a whole one in Blender's precision. [rad]
+HALF_TURN, TURN = float(np.float32(math.pi)), float(np.float32(math.tau))
+# A note lists so many names, and counts the others.
+LISTED = 10
+# Lines of the summary of a bake that are passed on. Joints that broke are in a note.
+SAID = ("certified", "joints", "note")
 
 
 # From Blender
@@ -70,6 +80,13 @@ def frames_per_second(scene):
     return scene.render.fps / scene.render.fps_base
 
 
+def compound_of(thing):
+    """The object that a thing is a part of, if it is."""
+    parent = thing.parent
+    part = parent and parent.rigid_body and parent.rigid_body.collision_shape == "COMPOUND"
+    return parent if part else None
+
+
 class Exporter:
     """Makes a scene of Drystone of the rigid bodies of a scene of Blender."""
 
@@ -84,12 +101,13 @@ class Exporter:
         rate = frames_per_second(scene)
         scene.frame_set(scene.frame_start)
         bodies = [self.body(thing) for thing in self.things()]
+        joints = JointExporter(scene, {body["name"]: body["motion"] for body in bodies})
         tracks = self.tracks()
         for body in bodies:
             if body["name"] in tracks:
                 body["track"] = tracks[body["name"]]
         gravity = turned(scene.gravity) if scene.use_gravity else [0.0, 0.0, 0.0]
-        return {
+        document = {
             "name": scene.name,
             "gravity": gravity,
             "time_step": 1 / rate,
@@ -98,18 +116,15 @@ class Exporter:
             "bodies": bodies,
             "extras": {"frame_start": scene.frame_start},
         }
+        if joints.joints:
+            document["joints"] = joints.joints
+        self.notes += joints.notes()
+        return document
 
     def things(self):
         """Objects with a rigid body, but for the parts of compounds."""
         bodies = [thing for thing in self.scene.objects if thing.rigid_body]
-        return [thing for thing in bodies if not self.compound_of(thing)]
-
-    @staticmethod
-    def compound_of(thing):
-        """The object that a thing is a part of, if it is."""
-        parent = thing.parent
-        part = parent and parent.rigid_body and parent.rigid_body.collision_shape == "COMPOUND"
-        return parent if part else None
+        return [thing for thing in bodies if not compound_of(thing)]
 
     @staticmethod
     def motion(thing):
@@ -254,6 +269,262 @@ class Exporter:
         return tracks
 
 
+# Joints
+
+
+def joint_pose(local, axis):
+    """Pose of a joint in the frame of a body, as Drystone has it: an axis of the constraint becomes x.
+
+    The two axes that follow it cyclically become y and z.
+    """
+    x, y, z = (Matrix.Identity(3).col[(axis + i) % 3] for i in range(3))
+    # pose_of makes (x, z, -y) of the axes.
+    return pose_of(local @ Matrix((x, -z, y)).transposed().to_4x4())
+
+
+def wrapped(angle):
+    """The angle that Bullet takes a limit for: it differs by whole turns, and is at most half a turn."""
+    angle = math.fmod(angle, TURN)
+    return angle - math.copysign(TURN, angle) if abs(angle) > HALF_TURN else angle
+
+
+def stated_limits(of, axis):
+    """Lower and upper limit of an axis such as lin_x; None if it has none."""
+    if not getattr(of, f"use_limit_{axis}"):
+        return None
+    return [getattr(of, f"limit_{axis}_{end}") for end in ("lower", "upper")]
+
+
+def limits_of(of, axis):
+    """Limits of an axis. None if it is free, as Bullet has it also if the lower one is above the upper."""
+    limits = stated_limits(of, axis)
+    if limits and axis.startswith("ang"):
+        limits = [wrapped(limit) for limit in limits]
+    return limits if limits and limits[0] <= limits[1] else None
+
+
+def hinge_limits(of):
+    """The same of a hinge, whose range Bullet shifts as one; a whole turn is free."""
+    limits = stated_limits(of, "ang_z")
+    half = (limits[1] - limits[0]) / 2 if limits else -1
+    if not 0 <= half < HALF_TURN:
+        return None
+    middle = wrapped(limits[0] + half)
+    return [middle - half, middle + half]
+
+
+def reversed_limits(limits):
+    """Limits of the same coordinate, measured the other way."""
+    return limits and [-limits[1], -limits[0]]
+
+
+def bounded(value, most):
+    """A number as JSON, infinite beyond the largest that Drystone takes."""
+    return value if abs(value) <= most else "inf" if value > 0 else "-inf"
+
+
+def clamped(value, most):
+    return max(-most, min(value, most))
+
+
+def with_limits(limits):
+    """The key of limits, if there are any."""
+    return {"limits": [bounded(limit, FARTHEST) for limit in limits]} if limits else {}
+
+
+def spring_of(of, axis):
+    """The spring of an axis such as x or ang_x. SPRING1 has no damping in N s/m."""
+    if of.type != "GENERIC_SPRING" or not getattr(of, f"use_spring_{axis}"):
+        return {}
+    damping = getattr(of, f"spring_damping_{axis}") if of.spring_type == "SPRING2" else 0.0
+    stiffness = getattr(of, f"spring_stiffness_{axis}")
+    return {"spring": {"stiffness": min(stiffness, LARGEST_LOAD), "damping": min(damping, LARGEST_LOAD)}}
+
+
+def motor_of(of, axis):
+    """The motor of an axis, lin or ang. Blender's largest impulse is a force: Bullet divides it by the rate.
+
+    Blender drives the first object relative to the second, and joints measure the second.
+    """
+    velocity = clamped(-getattr(of, f"motor_{axis}_target_velocity"), FARTHEST)
+    return {"motor": {"velocity": velocity,
+                      "at_most": bounded(getattr(of, f"motor_{axis}_max_impulse"), LARGEST_LOAD)}}
+
+
+def hinge(of):
+    return {"type": "hinge", **with_limits(reversed_limits(hinge_limits(of)))}
+
+
+def slider(of):
+    return {"type": "slider", **with_limits(limits_of(of, "lin_x"))}
+
+
+def piston(of):
+    twist = with_limits(limits_of(of, "ang_x"))
+    return {"type": "piston", **with_limits(limits_of(of, "lin_x")), **({"twist": twist} if twist else {})}
+
+
+def motor(of):
+    drives = {"x": of.use_motor_lin and motor_of(of, "lin"), "twist": of.use_motor_ang and motor_of(of, "ang")}
+    return {"type": "general", **{name: drive for name, drive in drives.items() if drive}}
+
+
+def free_axis(of):
+    """The axis that turns alone, 0 to 2: the two others are locked; None if more of them turn."""
+    free = [i for i in range(3) if limits_of(of, f"ang_{'xyz'[i]}") != [0, 0]]
+    return None if len(free) > 1 else free[0] if free else 0
+
+
+def general(of):
+    """All six axes. A single angle is one of a hinge, which counts turns; several are Cardan angles.
+
+    Bullet measures the second object along the axes of the first, but the first angle relative to the second.
+    Their order is x, y, z, which read backwards is that of Drystone.
+    """
+    first = free_axis(of)
+    names = ("angle_x", "angle_y", "angle_z") if first is None else ("twist", "swing_y", "swing_z")
+    joint = {"type": "general"}
+    for i, axis in enumerate("xyz"):
+        place = (i - (first or 0)) % 3
+        turning = reversed_limits(limits_of(of, f"ang_{axis}"))
+        joint["xyz"[place]] = {**with_limits(limits_of(of, f"lin_{axis}")), **spring_of(of, axis)}
+        joint[names[place]] = {**with_limits(turning), **spring_of(of, f"ang_{axis}")}
+    return {key: value for key, value in joint.items() if value}
+
+
+def main_axis(of):
+    """The axis of a constraint that becomes x of its joint."""
+    if of.type in ("GENERIC", "GENERIC_SPRING"):
+        return free_axis(of) or 0
+    return 2 if of.type == "HINGE" else 0
+
+
+# Keys of the joint that a constraint becomes. Its first body is the second object.
+JOINTS = {
+    "FIXED": lambda _of: {"type": "fixed"},
+    "POINT": lambda _of: {"type": "ball"},
+    "HINGE": hinge,
+    "SLIDER": slider,
+    "PISTON": piston,
+    "GENERIC": general,
+    "GENERIC_SPRING": general,
+    "MOTOR": motor,
+}
+
+
+def is_animated(thing):
+    """Whether a constraint has keys or drivers."""
+    data = thing.animation_data
+    if not data:
+        return False
+    curves = list(data.drivers)
+    for layer in data.action.layers if data.action and data.action_slot else []:
+        bags = [strip.channelbag(data.action_slot) for strip in layer.strips]
+        curves += [curve for bag in bags if bag for curve in bag.fcurves]
+    return any(curve.data_path.startswith("rigid_body_constraint") for curve in curves)
+
+
+class JointExporter:
+    """Makes joints of the constraints of a scene whose bodies have these motions, at its first frame."""
+
+    def __init__(self, scene, motions):
+        self.scene = scene
+        self.motions = motions
+        # Names of constraints, by what is to be said of them.
+        self.said = {}
+        things = [thing for thing in scene.objects if thing.rigid_body_constraint]
+        self.joints = [self.joint(thing) for thing in things if not self.is_left_out(thing)]
+
+    def note(self, text, *names):
+        self.said.setdefault(text, []).extend(names)
+
+    def notes(self):
+        """One line for each kind of remark, with the number of constraints and their names."""
+        lines = []
+        for text, names in self.said.items():
+            more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+            count = "1 constraint" if len(names) == 1 else f"{len(names)} constraints"
+            lines.append(f"{count} {text}: {', '.join(names[:LISTED])}{more}")
+        return lines
+
+    @staticmethod
+    def body_of(thing):
+        """The object whose body a thing belongs to: that of the whole compound, if it is part of one."""
+        while thing.rigid_body and compound_of(thing):
+            thing = compound_of(thing)
+        return thing
+
+    def ends(self, thing):
+        """The objects of the bodies that a constraint joins; None is the world."""
+        of = thing.rigid_body_constraint
+        return [end and self.body_of(end) for end in (of.object1, of.object2)]
+
+    def is_left_out(self, thing):
+        """Whether a constraint joins nothing, and notes why."""
+        ends = self.ends(thing)
+        bodies = [end for end in ends if end]
+        lacking = [end.name for end in bodies if end.name not in self.motions]
+        world = self.scene.rigidbody_world
+        simulated = world and world.constraints and world.constraints.objects
+        if not simulated or thing.name not in simulated:
+            self.note("left out, not in the collection of the rigid body world", f"'{thing.name}'")
+        elif not bodies:
+            self.note("left out, without an object", f"'{thing.name}'")
+        elif lacking:
+            self.note("left out, of an object without a rigid body",
+                      f"'{thing.name}' ({', '.join(lacking)})")
+        elif ends[0] == ends[1]:
+            self.note("left out, of one body with itself", f"'{thing.name}'")
+        elif all(self.motions[end.name] != "dynamic" for end in bodies):
+            self.note("left out, of bodies of which none is active", f"'{thing.name}'")
+        else:
+            return False
+        return True
+
+    def joint(self, thing):
+        of = thing.rigid_body_constraint
+        self.remark(thing, of)
+        ends = self.ends(thing)[::-1]
+        joint = {
+            "name": thing.name,
+            "bodies": [end.name if end else -1 for end in ends],
+            "frames": [self.frame(thing, end) for end in ends],
+            "collide": not of.disable_collisions,
+            "enabled": of.enabled,
+            **JOINTS[of.type](of),
+        }
+        if of.use_breaking:
+            load = bounded(of.breaking_threshold * self.steps_per_second(), LARGEST_LOAD)
+            joint["breaking"] = {"force": load, "torque": load}
+        return joint
+
+    def steps_per_second(self):
+        """Steps of Bullet in a second; its loads are impulses in a step."""
+        world = self.scene.rigidbody_world
+        return frames_per_second(self.scene) * world.substeps_per_frame / world.time_scale
+
+    @staticmethod
+    def frame(thing, end):
+        """Pose of a constraint in the frame of a body, or in the world."""
+        local = rigid(end).inverted() @ rigid(thing) if end else rigid(thing)
+        position, rotation = joint_pose(local, main_axis(thing.rigid_body_constraint))
+        return {"position": position, "rotation": rotation}
+
+    def remark(self, thing, of):
+        """Notes what a joint has otherwise than its constraint."""
+        name = f"'{thing.name}'"
+        if not (of.object1 and of.object2):
+            self.note("of one object, joined to the world, where Blender ignores it", name)
+        if of.use_override_solver_iterations:
+            self.note("whose number of iterations has no meaning", name)
+        if is_animated(thing):
+            self.note("with keys or drivers, of which the values at the first frame hold", name)
+        axes = [f"{turning}{axis}" for turning in ("", "ang_") for axis in "xyz"]
+        sprung = [axis for axis in axes if spring_of(of, axis)]
+        if of.spring_type == "SPRING1" and any(getattr(of, f"spring_damping_{axis}") for axis in sprung):
+            self.note("with springs of type SPRING1, without their damping", name)
+
+
 def export(context, path):
     """Writes the scene; returns what it had to leave out."""
     exporter = Exporter(context)
@@ -365,7 +636,8 @@ def bake(context, drystone, folder):
     if done.returncode != 0:
         raise ValueError(done.stderr.strip())
     count, missing = apply(context, arrays)
-    said = [line for line in done.stdout.splitlines() if line.startswith(("certified", "note"))]
+    said = [line for line in done.stdout.splitlines() if line.startswith(SAID)]
+    said += [line.removeprefix("drystone: ") for line in done.stderr.splitlines() if "warning:" in line]
     notes += [f"'{name}' is gone" for name in missing]
     return [f"{count} bodies baked", *said, *notes]
 
