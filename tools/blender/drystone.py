@@ -304,7 +304,7 @@ def limits_of(of, axis):
 
 
 def hinge_limits(of):
-    """The same of a hinge, whose range Bullet shifts as one; a whole turn is free."""
+    """Limits of a hinge. Bullet shifts both by the same whole turns; a range of a whole turn is free."""
     limits = stated_limits(of, "ang_z")
     half = (limits[1] - limits[0]) / 2 if limits else -1
     if not 0 <= half < HALF_TURN:
@@ -318,9 +318,9 @@ def reversed_limits(limits):
     return limits and [-limits[1], -limits[0]]
 
 
-def bounded(value, most):
-    """A number as JSON, infinite beyond the largest that Drystone takes."""
-    return value if abs(value) <= most else "inf" if value > 0 else "-inf"
+def load(value):
+    """A load as JSON, infinite beyond the largest that Drystone takes."""
+    return value if value <= LARGEST_LOAD else "inf"
 
 
 def clamped(value, most):
@@ -328,8 +328,11 @@ def clamped(value, most):
 
 
 def with_limits(limits):
-    """The key of limits, if there are any."""
-    return {"limits": [bounded(limit, FARTHEST) for limit in limits]} if limits else {}
+    """The key of limits, if there are any; a lower or an upper one that is too far is none."""
+    if not limits:
+        return {}
+    low, high = (clamped(limit, FARTHEST) for limit in limits)
+    return {"limits": [low if low > -FARTHEST else "-inf", high if high < FARTHEST else "inf"]}
 
 
 def spring_of(of, axis):
@@ -347,30 +350,37 @@ def motor_of(of, axis):
     Blender drives the first object relative to the second, and joints measure the second.
     """
     velocity = clamped(-getattr(of, f"motor_{axis}_target_velocity"), FARTHEST)
-    return {"motor": {"velocity": velocity,
-                      "at_most": bounded(getattr(of, f"motor_{axis}_max_impulse"), LARGEST_LOAD)}}
+    return {"motor": {"velocity": velocity, "at_most": load(getattr(of, f"motor_{axis}_max_impulse"))}}
 
 
 def hinge(of):
+    """About z. Bullet measures the first object relative to the second."""
     return {"type": "hinge", **with_limits(reversed_limits(hinge_limits(of)))}
 
 
 def slider(of):
+    """Along x. Bullet measures the second object relative to the first."""
     return {"type": "slider", **with_limits(limits_of(of, "lin_x"))}
 
 
 def piston(of):
+    """Along and about x. Bullet measures the second object relative to the first in both."""
     twist = with_limits(limits_of(of, "ang_x"))
     return {"type": "piston", **with_limits(limits_of(of, "lin_x")), **({"twist": twist} if twist else {})}
 
 
 def motor(of):
-    drives = {"x": of.use_motor_lin and motor_of(of, "lin"), "twist": of.use_motor_ang and motor_of(of, "ang")}
-    return {"type": "general", **{name: drive for name, drive in drives.items() if drive}}
+    """Along and about x, without locks. A Cardan angle would be singular at 90 degrees, a twist is not."""
+    joint = {"type": "general"}
+    if of.use_motor_lin:
+        joint["x"] = motor_of(of, "lin")
+    if of.use_motor_ang:
+        joint["twist"] = motor_of(of, "ang")
+    return joint
 
 
 def free_axis(of):
-    """The axis that turns alone, 0 to 2: the two others are locked; None if more of them turn."""
+    """The only axis that is not locked at 0, or x if all three are; None if there are several."""
     free = [i for i in range(3) if limits_of(of, f"ang_{'xyz'[i]}") != [0, 0]]
     return None if len(free) > 1 else free[0] if free else 0
 
@@ -378,8 +388,9 @@ def free_axis(of):
 def general(of):
     """All six axes. A single angle is one of a hinge, which counts turns; several are Cardan angles.
 
-    Bullet measures the second object along the axes of the first, but the first angle relative to the second.
-    Their order is x, y, z, which read backwards is that of Drystone.
+    Bullet measures positions of the second object along the axes of the first. Its angles are those of the
+    first object relative to the second, R = Rx Ry Rz. The inverse has Drystone's order, Rz Ry Rx, and the
+    opposite signs.
     """
     first = free_axis(of)
     names = ("angle_x", "angle_y", "angle_z") if first is None else ("twist", "swing_y", "swing_z")
@@ -430,6 +441,8 @@ class JointExporter:
     def __init__(self, scene, motions):
         self.scene = scene
         self.motions = motions
+        world = scene.rigidbody_world
+        self.simulated = set(world.constraints.all_objects) if world and world.constraints else set()
         # Names of constraints, by what is to be said of them.
         self.said = {}
         things = [thing for thing in scene.objects if thing.rigid_body_constraint]
@@ -464,14 +477,12 @@ class JointExporter:
         ends = self.ends(thing)
         bodies = [end for end in ends if end]
         lacking = [end.name for end in bodies if end.name not in self.motions]
-        world = self.scene.rigidbody_world
-        simulated = world and world.constraints and world.constraints.objects
-        if not simulated or thing.name not in simulated:
+        if thing not in self.simulated:
             self.note("left out, not in the collection of the rigid body world", f"'{thing.name}'")
         elif not bodies:
             self.note("left out, without an object", f"'{thing.name}'")
         elif lacking:
-            self.note("left out, of an object without a rigid body",
+            self.note("left out, of an object that is no rigid body",
                       f"'{thing.name}' ({', '.join(lacking)})")
         elif ends[0] == ends[1]:
             self.note("left out, of one body with itself", f"'{thing.name}'")
@@ -494,14 +505,14 @@ class JointExporter:
             **JOINTS[of.type](of),
         }
         if of.use_breaking:
-            load = bounded(of.breaking_threshold * self.steps_per_second(), LARGEST_LOAD)
-            joint["breaking"] = {"force": load, "torque": load}
+            most = load(of.breaking_threshold * self.steps_per_second())
+            joint["breaking"] = {"force": most, "torque": most}
         return joint
 
     def steps_per_second(self):
         """Steps of Bullet in a second; its loads are impulses in a step."""
         world = self.scene.rigidbody_world
-        return frames_per_second(self.scene) * world.substeps_per_frame / world.time_scale
+        return frames_per_second(self.scene) * world.substeps_per_frame / (world.time_scale or 1)
 
     @staticmethod
     def frame(thing, end):
@@ -522,7 +533,7 @@ class JointExporter:
         axes = [f"{turning}{axis}" for turning in ("", "ang_") for axis in "xyz"]
         sprung = [axis for axis in axes if spring_of(of, axis)]
         if of.spring_type == "SPRING1" and any(getattr(of, f"spring_damping_{axis}") for axis in sprung):
-            self.note("with springs of type SPRING1, without their damping", name)
+            self.note("with springs of type Blender 2.7, without their damping", name)
 
 
 def export(context, path):
