@@ -128,6 +128,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.solver.joints.solve(&mut self.bodies.velocities);
     }
 
+    /// Sets the targets again for the paths that contacts have left. Returns true if that changes
+    /// the solution.
+    pub(crate) fn aim_joints_again(&mut self) -> bool {
+        self.solver.joints.aim_again(&self.bodies, &self.scratch.displacements)
+    }
+
     /// Breaks the joints that bear most beyond their strength. Returns true if there were any.
     pub(crate) fn snap_joints(&mut self) -> bool {
         let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;

@@ -45,6 +45,9 @@ const FAST_TURN: f32 = 0.005;
 /// Part of the worst overload from which on joints break together. \[1\]
 const NEARLY: f64 = 0.5;
 
+/// Largest miss of a joint at the end of a substep that is solved no more. \[m, or rad\]
+const MOST_MISS: f64 = 1e-5;
+
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
 
@@ -124,6 +127,12 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     step: f64,
     /// Parameters of each row of the mechanisms.
     params: Vec<RowParams>,
+    /// Bodies of the joints that act, and the index of each body among them.
+    members: Vec<u32>,
+    indices: Vec<u32>,
+    /// Their places, now and as they will be at the end of a substep.
+    here: Vec<Place>,
+    ahead: Vec<Place>,
     /// Velocities with the lasting impulses of the joints, without those of contacts.
     paths: Vec<Velocity<f32, L, A>>,
     /// Bodies of mechanisms that touch others.
@@ -177,37 +186,51 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> 
         Place { position, turn: Turn::by(turned).of(&pose) }
     }
 
-    /// Returns the place where a body is after `h` \[s\] at this velocity, rotating freely: as it will
-    /// [advance](crate::motion::MovingBodies::advance).
-    fn ahead(&self, body: u32, velocities: &[Velocity<f32, L, A>], h: f64) -> Place {
-        let mut place = self.of(body);
-        if body == WORLD {
-            return place;
+    /// Sets the places of the `members` after `h` \[s\] at these velocities, rotating freely: as they
+    /// will [advance](crate::motion::MovingBodies::advance) from `here`.
+    fn look_ahead(
+        &self,
+        (members, here): (&[u32], &[Place]),
+        velocities: &[Velocity<f32, L, A>],
+        h: f64,
+        ahead: &mut [Place],
+    ) {
+        let (mut spins, mut spinning) = (Vec::with_capacity(PRECESS_LANES), Vec::new());
+        for (index, &body) in members.iter().enumerate() {
+            let body = body as usize;
+            let (velocity, place) = (&velocities[body], &mut ahead[index]);
+            place.position = here[index].position + in_space(velocity.linear) * h;
+            let turn = velocity.angular * h as f32;
+            let precession = self.bodies.precession[body];
+            if A == 3 && precession.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                let Inertia { moments, inverse_moments, .. } = &self.bodies.inertia[body];
+                spins.push(Spin {
+                    pose: self.bodies.poses[body],
+                    moments: [moments, inverse_moments],
+                    precession,
+                    omega: velocity.angular,
+                    remainder: self.bodies.spin_states[body].remainder,
+                });
+                spinning.push(index);
+            } else {
+                place.turn = Turn::by(in_space(velocity.angular) * h).of(&here[index].turn);
+            }
         }
-        let (bodies, index) = (self.bodies, body as usize);
-        let velocity = &velocities[index];
-        place.position += in_space(velocity.linear) * h;
-        let turn = velocity.angular * h as f32;
-        let kind = bodies.precession[index];
-        if A == 3 && kind.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
-            let Inertia { moments, inverse_moments, .. } = &bodies.inertia[index];
-            let spin: Spin<'_, G::Pose, A> = Spin {
-                pose: bodies.poses[index],
-                moments: [moments, inverse_moments],
-                precession: kind,
-                omega: velocity.angular,
-                remainder: bodies.spin_states[index].remainder,
-            };
-            let rotation = |pose: &G::Pose| Turn::normalized(G::rotation(pose));
-            let back = rotation(&spin.pose).inverse();
-            G::precess(&[spin; PRECESS_LANES], 1, h as f32, |_, pose, _| {
-                place.turn = rotation(&pose).of(&back).of(&place.turn);
+        let rotation = |pose: &G::Pose| Turn::normalized(G::rotation(pose));
+        for (spins, indices) in spins.chunks(PRECESS_LANES).zip(spinning.chunks(PRECESS_LANES)) {
+            let all = std::array::from_fn(|lane| spins[lane.min(spins.len() - 1)]);
+            G::precess(&all, spins.len(), h as f32, |lane, pose, _| {
+                let (index, back) = (indices[lane], rotation(&spins[lane].pose).inverse());
+                ahead[index].turn = rotation(&pose).of(&back).of(&here[index].turn);
             });
-        } else {
-            place.turn = Turn::by(in_space(velocity.angular) * h).of(&place.turn);
         }
-        place
     }
+}
+
+/// Returns the place of a body among these of members with these indices, or that of the world.
+fn place_of(body: u32, places: &[Place], indices: &[u32]) -> Place {
+    let index = indices.get(body as usize);
+    index.map_or(Place::ORIGIN, |&index| places[index as usize])
 }
 
 /// Returns a row in the dimension of a world.
@@ -303,6 +326,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Prepares for the joints that act.
     fn connect<G: Geometry<L, A>>(&mut self, bodies: &Bodies<G, L, A>, gravity: f64) {
         let Self { mechanisms, records, acting, pairs, compliances, params, .. } = self;
+        let Self { members, indices, here, ahead, .. } = self;
         mechanisms.joints.clear();
         mechanisms.axes.clear();
         for (&slot, &bodies) in acting.iter().zip(&*pairs) {
@@ -312,6 +336,15 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             mechanisms.joints.push(SolverJoint { bodies, first, count: rows.len() as u32 });
         }
         mechanisms.connect(&bodies.inverse_masses);
+        members.clear();
+        members.extend(pairs.iter().flatten());
+        members.sort_unstable();
+        members.dedup();
+        indices.clear();
+        indices.resize(bodies.poses.len(), 0);
+        (0..).zip(&*members).for_each(|(index, &body)| indices[body as usize] = index);
+        here.resize(members.len(), Place::ORIGIN);
+        ahead.resize(members.len(), Place::ORIGIN);
         params.clear();
         params.resize(mechanisms.axes.len(), NO_PARAMS);
         compliances.clear();
@@ -330,12 +363,14 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         at: &BodyPlaces<'_, G, L, A>,
         [h, stretch, speed]: [f64; 3],
     ) {
+        self.look(at);
         let Self { mechanisms, records, acting, compliances, params, arms, .. } = self;
+        let (here, indices) = (&self.here, &self.indices);
         let masses = &at.bodies.inverse_masses;
         arms.clear();
         for ((&slot, joint), softness) in acting.iter().zip(&mechanisms.joints).zip(compliances) {
             let record = &mut records[slot as usize];
-            let places = record.places(|body| at.of(body));
+            let places = record.places(|body| place_of(body, here, indices));
             let own = joint.bodies.map(|body| masses[body as usize].cast());
             let axes = &mut mechanisms.axes[joint.axes()];
             for (index, axis) in axes.iter_mut().enumerate() {
@@ -371,6 +406,13 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         mechanisms.renew(masses);
     }
 
+    /// Sets the places of the bodies.
+    fn look<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>) {
+        for (place, &body) in self.here.iter_mut().zip(&self.members) {
+            *place = at.of(body);
+        }
+    }
+
     /// Sets the impulses of the rows to those of the last substep, of its solve or of its relaxing.
     fn recall(&mut self, of: impl Fn(&RowState) -> f64) {
         let Self { mechanisms, records, acting, .. } = self;
@@ -389,13 +431,14 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         at: &BodyPlaces<'_, G, L, A>,
         h: f64,
     ) -> Vec<(u32, SymmetricMatrix<f64, A>)> {
-        let Self { mechanisms, records, acting, tensions, .. } = self;
+        self.look(at);
+        let Self { mechanisms, records, acting, tensions, here, indices, .. } = self;
         let masses = &at.bodies.inverse_masses;
         tensions.clear();
         tensions.resize(at.bodies.poses.len(), Tension::default());
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let record = &mut records[slot as usize];
-            let places = record.places(|body| at.of(body));
+            let places = record.places(|body| place_of(body, here, indices));
             for (side, body) in record.bodies.into_iter().enumerate() {
                 // No pull turns a body that cannot move.
                 if body == WORLD || masses[body as usize] == InverseMass::FIXED {
@@ -466,6 +509,20 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
     }
 
+    /// Sets the targets again if contacts have changed the paths of bodies that turn fast. Returns
+    /// true if joints would then miss their places by more than [`MOST_MISS`].
+    pub(crate) fn aim_again<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &Bodies<G, L, A>,
+        displacements: &[Velocity<f32, L, A>],
+    ) -> bool {
+        if self.touching.is_empty() || !self.turns_fast(bodies) {
+            return false;
+        }
+        let change = self.set_targets(&BodyPlaces { bodies, displacements }, &bodies.velocities);
+        change * self.params.first().map_or(0.0, |params| params.h) > MOST_MISS
+    }
+
     /// Returns the largest angle by which an arm or an axis of a joint turns within `dt`
     /// \[s\]. \[rad\]
     pub(crate) fn largest_turn<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>, dt: f64) -> f64 {
@@ -510,14 +567,13 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         at: &BodyPlaces<'_, G, L, A>,
         velocities: &[Velocity<f32, L, A>],
     ) -> f64 {
+        let Some(RowParams { h, .. }) = self.params.first().copied() else { return 0.0 };
         let mut change = 0.0f64;
-        let Self { mechanisms, records, acting, params, .. } = self;
+        let Self { mechanisms, records, acting, params, members, indices, here, ahead, .. } = self;
+        at.look_ahead((members, here), velocities, h, ahead);
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let record = &mut records[slot as usize];
-            let Some(RowParams { h, .. }) = params.get(joint.first as usize).copied() else {
-                continue;
-            };
-            let then = record.places(|body| at.ahead(body, velocities, h));
+            let then = record.places(|body| place_of(body, ahead, indices));
             let [a, b] = joint.bodies.map(|body| velocities[body as usize].cast());
             for (index, row) in joint.axes().enumerate() {
                 let (plan, axis) = (&record.rows[index], &mut mechanisms.axes[row]);

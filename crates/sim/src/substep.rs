@@ -50,6 +50,10 @@ const APPROACH: f32 = 3.5;
 /// Largest number of rounds in which joints break within a substep: each loads others. \[1\]
 const SNAP_ROUNDS: usize = 32;
 
+/// Largest number of rounds in which the targets of joints follow paths that contacts have changed.
+/// \[1\]
+const MOST_AIMS: usize = 3;
+
 /// Number of rounds in which contacts and joints are relaxed together, in a solve to a tolerance. \[1\]
 const RELAX_ROUNDS: usize = 16;
 
@@ -291,6 +295,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.context().solve(&plan.params, substep, turning);
             timer.lap(Stage::Solve);
             self.sweep_and_snap(false);
+            for _ in 0..MOST_AIMS {
+                if !self.aim_joints_again() {
+                    break;
+                }
+                self.solve_joints();
+            }
             timer.lap(Stage::Joints);
             if with_residuals {
                 self.certify_sweeps(timer, report);
@@ -302,6 +312,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             timer.lap(Stage::Joints);
         }
         self.refine(with_residuals, timer, report);
+        for _ in 0..MOST_AIMS {
+            if !self.aim_joints_again() {
+                break;
+            }
+            self.refine(with_residuals, timer, report);
+        }
     }
 
     /// Solves the joints, and again with the contacts as long as joints break. Begins with the

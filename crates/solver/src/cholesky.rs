@@ -74,6 +74,36 @@ impl BlockMatrix {
         self.size
     }
 
+    /// Returns the number of rows of blocks.
+    pub(crate) fn len(&self) -> usize {
+        self.order.len()
+    }
+
+    /// Returns the step at which a row is eliminated.
+    pub(crate) fn place(&self, row: u32) -> usize {
+        self.place[row as usize] as usize
+    }
+
+    /// Returns the index of the block at two places, `row` after `column`.
+    pub(crate) fn block_between(&self, row: usize, column: usize) -> Option<usize> {
+        let range = self.starts[column]..self.starts[column + 1];
+        let found = self.rows[range.clone()].binary_search(&(row as u32)).ok()?;
+        Some(range.start + found)
+    }
+
+    /// Returns a block by its index.
+    #[inline(always)]
+    pub(crate) fn block<const N: usize>(&mut self, index: usize) -> &mut [[f64; N]; N] {
+        let (rows, _) = self.values.as_chunks_mut::<N>();
+        &mut rows.as_chunks_mut::<N>().0[index]
+    }
+
+    /// Returns the diagonal block at a place.
+    #[inline(always)]
+    pub(crate) fn diagonal<const N: usize>(&mut self, place: usize) -> &mut [[f64; N]; N] {
+        self.block(self.starts[place])
+    }
+
     /// Sets all entries to zero and discards the factors.
     pub(crate) fn clear(&mut self) {
         self.values.fill(0.0);
@@ -84,10 +114,9 @@ impl BlockMatrix {
     pub(crate) fn add(&mut self, a: u32, b: u32, entry: impl Fn(usize, usize) -> f64) {
         let (p, q) = (self.place[a as usize], self.place[b as usize]);
         let (row, column, flipped) = if p >= q { (p, q, false) } else { (q, p, true) };
-        let range = self.starts[column as usize]..self.starts[column as usize + 1];
-        let Ok(found) = self.rows[range.clone()].binary_search(&row) else { return };
+        let Some(index) = self.block_between(row as usize, column as usize) else { return };
         let n = self.size;
-        let block = &mut self.values[(range.start + found) * n * n..][..n * n];
+        let block = &mut self.values[index * n * n..][..n * n];
         for i in 0..n {
             for j in 0..n {
                 block[i * n + j] += if flipped { entry(j, i) } else { entry(i, j) };
@@ -138,54 +167,72 @@ impl BlockMatrix {
 
     /// Solves L L^T x = b in place. `x` holds b, in the order of the caller's rows.
     pub(crate) fn solve(&mut self, x: &mut [f64]) {
-        let n = self.size;
-        let Self { values, ordered: y, .. } = self;
-        let block = |at: usize| &values[at * n * n..][..n * n];
-        y.clear();
-        y.resize(x.len(), 0.0);
-        for (when, &row) in self.order.iter().enumerate() {
-            y[when * n..][..n].copy_from_slice(&x[row as usize * n..][..n]);
+        match self.size {
+            2 => self.solve_blocks::<2>(x),
+            3 => self.solve_blocks::<3>(x),
+            6 => self.solve_blocks::<6>(x),
+            _ => {}
         }
+    }
+
+    fn solve_blocks<const N: usize>(&mut self, x: &mut [f64]) {
+        let mut ordered = std::mem::take(&mut self.ordered);
+        ordered.clear();
+        ordered.resize(x.len(), 0.0);
+        let (x, _) = x.as_chunks_mut::<N>();
+        let (y, _) = ordered.as_chunks_mut::<N>();
+        for (y, &row) in y.iter_mut().zip(&self.order) {
+            *y = x[row as usize];
+        }
+        self.solve_in_order(y);
+        for (y, &row) in y.iter().zip(&self.order) {
+            x[row as usize] = *y;
+        }
+        self.ordered = ordered;
+    }
+
+    /// Solves L L^T y = b in place. `y` holds b, in the order of elimination.
+    pub(crate) fn solve_in_order<const N: usize>(&self, y: &mut [[f64; N]]) {
+        let (values, _) = self.values.as_chunks::<N>();
+        let (blocks, _) = values.as_chunks::<N>();
         for column in 0..self.order.len() {
             let (first, end) = (self.starts[column], self.starts[column + 1]);
-            let diagonal = block(first);
-            for i in 0..n {
-                let mut sum = y[column * n + i];
+            let (diagonal, mut own) = (&blocks[first], y[column]);
+            for i in 0..N {
                 for j in 0..i {
-                    sum -= diagonal[i * n + j] * y[column * n + j];
+                    own[i] -= diagonal[i][j] * own[j];
                 }
-                y[column * n + i] = sum / diagonal[i * n + i];
+                own[i] /= diagonal[i][i];
             }
-            for at in first + 1..end {
-                let (row, block) = (self.rows[at] as usize, block(at));
-                for i in 0..n {
-                    for j in 0..n {
-                        y[row * n + i] -= block[i * n + j] * y[column * n + j];
+            y[column] = own;
+            for (block, &row) in blocks[first + 1..end].iter().zip(&self.rows[first + 1..end]) {
+                let below = &mut y[row as usize];
+                for i in 0..N {
+                    for j in 0..N {
+                        below[i] -= block[i][j] * own[j];
                     }
                 }
             }
         }
         for column in (0..self.order.len()).rev() {
             let (first, end) = (self.starts[column], self.starts[column + 1]);
-            for at in first + 1..end {
-                let (row, block) = (self.rows[at] as usize, block(at));
-                for i in 0..n {
-                    for j in 0..n {
-                        y[column * n + j] -= block[i * n + j] * y[row * n + i];
+            let mut own = y[column];
+            for (block, &row) in blocks[first + 1..end].iter().zip(&self.rows[first + 1..end]) {
+                let below = &y[row as usize];
+                for i in 0..N {
+                    for j in 0..N {
+                        own[j] -= block[i][j] * below[i];
                     }
                 }
             }
-            let diagonal = block(first);
-            for i in (0..n).rev() {
-                let mut sum = y[column * n + i];
-                for j in i + 1..n {
-                    sum -= diagonal[j * n + i] * y[column * n + j];
+            let diagonal = &blocks[first];
+            for i in (0..N).rev() {
+                for j in i + 1..N {
+                    own[i] -= diagonal[j][i] * own[j];
                 }
-                y[column * n + i] = sum / diagonal[i * n + i];
+                own[i] /= diagonal[i][i];
             }
-        }
-        for (when, &row) in self.order.iter().enumerate() {
-            x[row as usize * n..][..n].copy_from_slice(&y[when * n..][..n]);
+            y[column] = own;
         }
     }
 }

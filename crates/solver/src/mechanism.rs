@@ -14,12 +14,17 @@
 //! proportion to the number of bodies; each loop adds fill. If no row reaches or leaves a bound,
 //! one solve is exact. So for contacts the mechanism is a constraint like any other, visited once
 //! after a sweep. The factor is kept while J and the set of rows within their bounds stay the same.
+//!
+//! A visit starts at velocities v_0 that include the impulses r_0 of the rows, so
+//! M (v - v*) = M (v - v_0) + J^T r_0. The masses take part only in further steps of a visit.
 
 use std::ops::Range;
 
+use crate::cholesky::BlockMatrix;
 use crate::island::Islands;
-use crate::primal::PrimalProblem;
-use crate::{Axis, InverseMass, Joint, Velocity};
+use crate::law::{Interval, Law, SmoothLaw};
+use crate::primal::{self, Projection};
+use crate::{Axis, InverseMass, Joint, Vector, Velocity};
 
 /// Largest number of steps of a visit. Each takes rows to or from their bounds.
 const MOST_STEPS: usize = 40;
@@ -34,24 +39,124 @@ pub struct Mechanisms<const L: usize, const A: usize> {
     mechanisms: Vec<Mechanism<L, A>>,
 }
 
-/// Bodies connected by joints.
+/// Place of a body that cannot move.
+const FIXED: usize = usize::MAX;
+
+/// Bodies connected by joints. Vectors over bodies have N = L + A numbers for each.
 #[derive(Clone, Debug, Default)]
 struct Mechanism<const L: usize, const A: usize> {
     /// Its joints.
     joints: Range<usize>,
+    links: Vec<Link>,
     /// Its bodies, fixed ones included.
     bodies: Vec<u32>,
-    /// The bodies of each joint as indices into `bodies`.
-    sides: Vec<[usize; 2]>,
-    problem: PrimalProblem<L, A>,
-    velocities: Vec<Velocity<f64, L, A>>,
-    inverse: Vec<InverseMass<f64, L, A>>,
-    /// For each row: whether its impulse changes with the velocity, now and in the factor of H.
-    loaded: Vec<bool>,
+    /// Row of blocks of each body, in the order of elimination, or [`FIXED`].
+    places: Vec<usize>,
+    /// M of each body, N rows each, with 1 for locked velocities; and the projection onto the free
+    /// ones if there are locked ones.
+    masses: Vec<f64>,
+    free: Vec<Option<Projection>>,
+    rows: Vec<Row>,
+    /// J of each row: N numbers for each of its two bodies.
+    jacobians: Vec<f64>,
+    velocities: Vec<f64>,
+    /// v_0.
+    start: Vec<f64>,
+    /// -gradient, then the step -H^-1 gradient, by place.
+    step: Vec<f64>,
+    hessian: BlockMatrix,
+    /// For each row: whether its impulse changes with the velocity in the factor of H.
     factored: Vec<bool>,
-    /// Compliances of the rows, now and in the factor of H.
-    compliances: [Vec<f64>; 2],
     has_factor: bool,
+}
+
+/// Bodies of a joint.
+#[derive(Clone, Copy, Debug)]
+struct Link {
+    /// Indices in the mechanism.
+    sides: [usize; 2],
+    /// Their places.
+    places: [usize; 2],
+    /// Block of H that couples them, with the side of its rows; none if they are one body or if one
+    /// is fixed.
+    block: Option<(usize, usize)>,
+}
+
+/// A row of a joint during a visit.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    law: Interval<f64>,
+    /// u = J v, and its change by the step. \[m/s, or rad/s\]
+    velocity: f64,
+    change: f64,
+    /// r(u), and the impulse before the visit. \[N s, or N m s\]
+    response: f64,
+    before: f64,
+    piece: Piece,
+}
+
+/// The pieces of the response r(u) of a row, on each of which it is linear.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Piece {
+    /// Nothing moves along the row, and its impulse stays.
+    Idle,
+    /// Between the targets.
+    Slack,
+    /// Towards the target t-, or t+.
+    Low,
+    High,
+    /// At a bound.
+    AtLeast,
+    AtMost,
+}
+
+impl Row {
+    const IDLE: Self = Self {
+        law: Interval { targets: [0.0; 2], bounds: [0.0; 2], compliance: 0.0 },
+        velocity: 0.0,
+        change: 0.0,
+        response: 0.0,
+        before: 0.0,
+        piece: Piece::Idle,
+    };
+
+    /// Takes the law and the impulse of an axis.
+    fn take<const L: usize, const A: usize>(&mut self, axis: &Axis<f64, L, A>) {
+        let law = primal::with_compliance(axis.law);
+        let (impulse, is_idle) = (axis.impulse, axis.effective_mass <= 0.0 || law.is_none());
+        self.law = law.unwrap_or(axis.law);
+        (self.before, self.response) = (impulse, impulse);
+        self.piece = if is_idle { Piece::Idle } else { Piece::Slack };
+    }
+
+    /// Sets the velocity along the row, and with it the response.
+    #[inline(always)]
+    fn meet(&mut self, velocity: f64) {
+        self.velocity = velocity;
+        if self.piece != Piece::Idle {
+            self.response = self.law.response(Vector([velocity]))[0];
+            self.piece = self.piece_at(velocity);
+        }
+    }
+
+    #[inline(always)]
+    fn piece_at(&self, velocity: f64) -> Piece {
+        let [low, high] = self.law.targets;
+        let is_loaded = self.law.slope(Vector([velocity])).0[0][0] > 0.0;
+        match () {
+            () if self.piece == Piece::Idle => Piece::Idle,
+            () if is_loaded && (velocity <= low || low == high) => Piece::Low,
+            () if is_loaded => Piece::High,
+            () if velocity < low => Piece::AtMost,
+            () if velocity > high => Piece::AtLeast,
+            () => Piece::Slack,
+        }
+    }
+
+    /// Returns true if the impulse changes with the velocity.
+    fn is_loaded(&self) -> bool {
+        matches!(self.piece, Piece::Low | Piece::High)
+    }
 }
 
 impl<const L: usize, const A: usize> Mechanisms<L, A> {
@@ -83,6 +188,7 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
             first = range.end;
             self.mechanisms.push(Mechanism::of(joints, range, masses, &mut inside));
         }
+        self.renew(masses);
     }
 
     /// Returns for each mechanism its joints and its bodies, fixed ones included.
@@ -99,7 +205,7 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
             axes[joint.axes()].iter_mut().for_each(|axis| axis.prepare(own));
         }
         for mechanism in mechanisms {
-            mechanism.renew(masses);
+            mechanism.renew(&joints[mechanism.joints.clone()], axes, masses);
         }
     }
 
@@ -108,7 +214,12 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
     pub fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         let Self { joints, axes, mechanisms } = self;
         for mechanism in mechanisms {
-            mechanism.solve(&joints[mechanism.joints.clone()], axes, velocities);
+            let joints = &joints[mechanism.joints.clone()];
+            match L + A {
+                2 => mechanism.solve::<2>(joints, axes, velocities),
+                3 => mechanism.solve::<3>(joints, axes, velocities),
+                _ => mechanism.solve::<6>(joints, axes, velocities),
+            }
         }
     }
 
@@ -150,77 +261,298 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
         };
         let sides: Vec<_> = joints.iter().map(|joint| joint.bodies.map(&mut admit)).collect();
         bodies.iter().for_each(|&body| inside[body as usize] = usize::MAX);
-        let mut mechanism = Self { joints: range, bodies, sides, ..Self::default() };
-        mechanism.renew(masses);
-        mechanism.problem.connect(mechanism.sides.iter().copied());
-        mechanism
+        let mut count = 0;
+        let rows = bodies.iter().map(|&body| {
+            let moves = masses[body as usize] != InverseMass::FIXED;
+            count += u32::from(moves);
+            moves.then_some(count.wrapping_sub(1))
+        });
+        let rows: Vec<_> = rows.collect();
+        let pairs = sides.iter().filter_map(|sides| {
+            let [a, b] = sides.map(|side| rows[side]);
+            Some([a?, b?])
+        });
+        let hessian = BlockMatrix::new(L + A, count as usize, pairs);
+        let place = |side: usize| rows[side].map_or(FIXED, |row| hessian.place(row));
+        let links = sides.iter().map(|&sides| {
+            let places = sides.map(place);
+            let [a, b] = places;
+            let is_pair = a != b && a != FIXED && b != FIXED;
+            let block = is_pair.then(|| hessian.block_between(a.max(b), a.min(b)));
+            let rows_of = usize::from(b > a);
+            Link { sides, places, block: block.flatten().map(|block| (block, rows_of)) }
+        });
+        let links = links.collect();
+        let places = (0..bodies.len()).map(place).collect();
+        Self { joints: range, links, bodies, places, hessian, ..Self::default() }
     }
 
-    fn renew(&mut self, masses: &[InverseMass<f32, L, A>]) {
-        self.inverse.clear();
-        self.inverse.extend(self.bodies.iter().map(|&body| masses[body as usize].cast()));
-        self.problem.set_masses(self.inverse.iter().copied());
+    /// Takes the masses of the bodies, and J.
+    fn renew(
+        &mut self,
+        joints: &[Joint],
+        axes: &[Axis<f64, L, A>],
+        masses: &[InverseMass<f32, L, A>],
+    ) {
+        self.masses.clear();
+        self.free.clear();
+        for &body in &self.bodies {
+            let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
+            let mass = inverse.mass();
+            let free = primal::projection(&mass, &inverse);
+            for i in 0..L + A {
+                let entry = |j| primal::mass_entry(&mass, free.as_ref(), i, j);
+                self.masses.extend((0..L + A).map(entry));
+            }
+            self.free.push(free);
+        }
+        self.jacobians.clear();
+        for axis in joints.iter().flat_map(|joint| &axes[joint.axes()]) {
+            for Velocity { linear, angular } in &axis.jacobian {
+                self.jacobians.extend_from_slice(&linear.0);
+                self.jacobians.extend_from_slice(&angular.0);
+            }
+        }
+        self.rows.resize(self.jacobians.len() / (2 * (L + A)), Row::IDLE);
         self.has_factor = false;
     }
 
-    fn solve(
+    /// Brings the rows to their targets. N = L + A.
+    fn solve<const N: usize>(
         &mut self,
         joints: &[Joint],
         axes: &mut [Axis<f64, L, A>],
         velocities: &mut [Velocity<f32, L, A>],
     ) {
-        self.load(joints, axes, velocities);
-        let Self { bodies, problem, velocities: own, loaded, factored, has_factor, .. } = self;
-        let [now, then] = &mut self.compliances;
-        problem.compliances(now);
-        *has_factor &= now == then;
-        std::mem::swap(now, then);
-        let mut is_full = false;
-        for _ in 0..MOST_STEPS {
-            problem.loaded_axes(own, loaded);
-            let is_same = *has_factor && loaded == factored;
-            if is_same && is_full {
-                break;
-            }
-            if is_same {
-                problem.reuse_factors(own);
-            } else if !problem.factor(own) {
-                *has_factor = false;
+        self.load::<N>(joints, axes, velocities);
+        for step in 0..MOST_STEPS {
+            let mut rows = self.rows.iter().zip(&self.factored);
+            let is_same = self.has_factor && rows.all(|(row, was)| row.is_loaded() == *was);
+            if !is_same && !self.factor::<N>(joints) {
                 return;
             }
-            *has_factor = true;
-            std::mem::swap(loaded, factored);
-            is_full = problem.descend(own);
+            self.find_step::<N>(joints, step == 0);
+            if self.descend::<N>(joints) {
+                break;
+            }
         }
-        problem.answer_axes(own, axes);
-        for (&body, own) in bodies.iter().zip(own) {
-            velocities[body as usize] = own.cast();
+        for (axis, row) in joints.iter().flat_map(Joint::axes).zip(&self.rows) {
+            axes[axis].impulse = row.response;
+        }
+        let (own, _) = self.velocities.as_chunks::<N>();
+        for (&body, own) in self.bodies.iter().zip(own) {
+            velocities[body as usize] = Velocity {
+                linear: Vector(std::array::from_fn(|i| own[i] as f32)),
+                angular: Vector(std::array::from_fn(|i| own[L + i] as f32)),
+            };
         }
     }
 
-    /// Copies the rows, and the velocities of the bodies with and without the impulses of the rows.
-    fn load(
+    /// Takes the velocities, and the laws and impulses of the rows. Drops the factor if a
+    /// compliance has changed.
+    fn load<const N: usize>(
         &mut self,
         joints: &[Joint],
         axes: &[Axis<f64, L, A>],
         velocities: &[Velocity<f32, L, A>],
     ) {
         self.velocities.clear();
-        let of = |&body: &u32| velocities[body as usize].cast::<f64>();
-        self.velocities.extend(self.bodies.iter().map(of));
-        let prospective = &mut self.problem.prospective;
-        prospective.clone_from(&self.velocities);
-        for (joint, sides) in joints.iter().zip(&self.sides) {
-            for axis in &axes[joint.axes()] {
-                for (&side, jacobian) in sides.iter().zip(&axis.jacobian) {
-                    let momentum = *jacobian * axis.impulse;
-                    prospective[side] -= self.inverse[side].velocity(&momentum);
+        for &body in &self.bodies {
+            let Velocity { linear, angular } = &velocities[body as usize];
+            self.velocities.extend(linear.0.iter().chain(&angular.0).map(|own| f64::from(*own)));
+        }
+        self.start.clone_from(&self.velocities);
+        let (own, _) = self.velocities.as_chunks::<N>();
+        let (jacobians, _) = self.jacobians.as_chunks::<N>();
+        let (mut rows, mut jacobians) = (self.rows.iter_mut(), jacobians.chunks_exact(2));
+        for (joint, link) in joints.iter().zip(&self.links) {
+            let [a, b] = link.sides.map(|side| &own[side]);
+            let own = axes[joint.axes()].iter().zip(&mut rows).zip(&mut jacobians);
+            for ((axis, row), jacobian) in own {
+                let compliance = row.law.compliance;
+                row.take(axis);
+                self.has_factor &= row.law.compliance == compliance;
+                row.meet(dot(&jacobian[0], a) + dot(&jacobian[1], b));
+            }
+        }
+    }
+
+    /// Sums and factors H. Returns false if it is not positive definite, which happens only with
+    /// numbers that are not finite.
+    fn factor<const N: usize>(&mut self, joints: &[Joint]) -> bool {
+        let Self { hessian, masses, free, places, rows, links, jacobians, .. } = self;
+        let (jacobians, _) = jacobians.as_chunks::<N>();
+        let (masses, _) = masses.as_chunks::<N>();
+        hessian.clear();
+        for (mass, &place) in masses.chunks_exact(N).zip(&*places) {
+            if place != FIXED {
+                hessian.diagonal::<N>(place).copy_from_slice(mass);
+            }
+        }
+        let mut first = 0;
+        for (joint, link) in joints.iter().zip(&*links) {
+            let range = first..first + joint.count as usize;
+            first = range.end;
+            let mut blocks = [[[0.0; N]; N]; 3];
+            let [p, q] = link.block.map_or([0, 1], |(_, rows)| [rows, 1 - rows]);
+            for (row, jacobian) in
+                rows[range.clone()].iter().zip(jacobians[2 * range.start..].chunks_exact(2))
+            {
+                if row.is_loaded() {
+                    let of = |side: usize| match &free[link.sides[side]] {
+                        None => jacobian[side],
+                        Some(free) => projected(free, &jacobian[side]),
+                    };
+                    add_products(&mut blocks, [&of(p), &of(q)], 1.0 / row.law.compliance);
+                }
+            }
+            for (side, block) in [(p, &blocks[0]), (q, &blocks[2])] {
+                if link.places[side] != FIXED {
+                    add(hessian.diagonal::<N>(link.places[side]), block);
+                }
+            }
+            if let Some((index, _)) = link.block {
+                add(hessian.block::<N>(index), &blocks[1]);
+            }
+        }
+        self.factored.clear();
+        self.factored.extend(rows.iter().map(Row::is_loaded));
+        self.has_factor = hessian.factor();
+        self.has_factor
+    }
+
+    /// Finds the step -H^-1 gradient, with `is_start` at v_0.
+    fn find_step<const N: usize>(&mut self, joints: &[Joint], is_start: bool) {
+        let Self { step, places, masses, free, links, rows, jacobians, hessian, .. } = self;
+        step.clear();
+        step.resize(hessian.len() * N, 0.0);
+        let (step, _) = step.as_chunks_mut::<N>();
+        let (jacobians, _) = jacobians.as_chunks::<N>();
+        let mut rows = rows.iter().zip(jacobians.chunks_exact(2));
+        for (joint, link) in joints.iter().zip(links) {
+            let mut momenta = [[0.0; N]; 2];
+            for (row, jacobian) in rows.by_ref().take(joint.count as usize) {
+                let impulse = row.response - row.before;
+                for (momentum, jacobian) in momenta.iter_mut().zip(jacobian) {
+                    (0..N).for_each(|i| momentum[i] += jacobian[i] * impulse);
+                }
+            }
+            for (momentum, &place) in momenta.iter().zip(&link.places) {
+                if place != FIXED {
+                    (0..N).for_each(|i| step[place][i] += momentum[i]);
                 }
             }
         }
-        self.problem.clear_axes();
-        for (joint, &sides) in joints.iter().zip(&self.sides) {
-            self.problem.add_axes(sides, joint.axes(), axes);
+        let (masses, _) = masses.as_chunks::<N>();
+        let (now, _) = self.velocities.as_chunks::<N>();
+        let (start, _) = self.start.as_chunks::<N>();
+        for (body, &place) in places.iter().enumerate().filter(|(_, place)| **place != FIXED) {
+            if !is_start {
+                let moved = std::array::from_fn(|i| now[body][i] - start[body][i]);
+                for (own, mass) in step[place].iter_mut().zip(&masses[body * N..]) {
+                    *own -= dot(mass, &moved);
+                }
+            }
+            if let Some(free) = &free[body] {
+                step[place] = projected(free, &step[place]);
+            }
+        }
+        hessian.solve_in_order::<N>(step);
+    }
+
+    /// Moves the velocities along the step, as far as P falls. Returns true if all responses are
+    /// linear along the step: then P is a parabola, and the step ends at its minimum.
+    fn descend<const N: usize>(&mut self, joints: &[Joint]) -> bool {
+        let Self { step, links, rows, jacobians, .. } = self;
+        let (step, _) = step.as_chunks::<N>();
+        let (jacobians, _) = jacobians.as_chunks::<N>();
+        let (mut changing, mut jacobians) = (rows.iter_mut(), jacobians.chunks_exact(2));
+        let mut is_linear = true;
+        for (joint, link) in joints.iter().zip(&*links) {
+            let along = link.places.map(|place| step.get(place).unwrap_or(&[0.0; N]));
+            for _ in 0..joint.count {
+                let (Some(row), Some(jacobian)) = (changing.next(), jacobians.next()) else {
+                    break;
+                };
+                row.change = dot(&jacobian[0], along[0]) + dot(&jacobian[1], along[1]);
+                is_linear &= row.piece_at(row.velocity + row.change) == row.piece;
+            }
+        }
+        let length = if is_linear { 1.0 } else { self.search::<N>() };
+        let (step, _) = self.step.as_chunks::<N>();
+        let (now, _) = self.velocities.as_chunks_mut::<N>();
+        for (own, place) in now.iter_mut().zip(&*self.places) {
+            if let Some(step) = step.get(*place) {
+                (0..N).for_each(|i| own[i] += step[i] * length);
+            }
+        }
+        self.rows.iter_mut().for_each(|row| row.meet(row.velocity + row.change * length));
+        is_linear
+    }
+
+    /// Returns the length of the step at which P stops falling.
+    fn search<const N: usize>(&self) -> f64 {
+        let (step, _) = self.step.as_chunks::<N>();
+        let (masses, _) = self.masses.as_chunks::<N>();
+        let (now, _) = self.velocities.as_chunks::<N>();
+        let (start, _) = self.start.as_chunks::<N>();
+        let (mut constant, mut linear) = (0.0, 0.0);
+        for (body, &place) in self.places.iter().enumerate() {
+            let Some(along) = step.get(place) else { continue };
+            let moved = std::array::from_fn(|i| now[body][i] - start[body][i]);
+            for (mass, own) in masses[body * N..].iter().zip(along) {
+                constant += own * dot(mass, &moved);
+                linear += own * dot(mass, along);
+            }
+        }
+        let rows = &self.rows;
+        primal::length_of_step(|length| {
+            let work = rows.iter().map(|row| {
+                let mut then = *row;
+                then.meet(row.velocity + row.change * length);
+                (then.response - row.before) * row.change
+            });
+            constant + linear * length - work.sum::<f64>()
+        })
+    }
+}
+
+#[inline(always)]
+fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    let mut sum = 0.0;
+    for i in 0..N {
+        sum += a[i] * b[i];
+    }
+    sum
+}
+
+/// Adds p^T s p, p^T s q and q^T s q to the blocks, where s is a stiffness.
+#[inline(always)]
+fn add_products<const N: usize>(
+    blocks: &mut [[[f64; N]; N]; 3],
+    [p, q]: [&[f64; N]; 2],
+    stiffness: f64,
+) {
+    for i in 0..N {
+        let (from_p, from_q) = (p[i] * stiffness, q[i] * stiffness);
+        for j in 0..N {
+            blocks[0][i][j] += from_p * p[j];
+            blocks[1][i][j] += from_p * q[j];
+            blocks[2][i][j] += from_q * q[j];
         }
     }
+}
+
+#[inline(always)]
+fn add<const N: usize>(sum: &mut [[f64; N]; N], block: &[[f64; N]; N]) {
+    for i in 0..N {
+        for j in 0..N {
+            sum[i][j] += block[i][j];
+        }
+    }
+}
+
+/// Returns the free part of a row of J, or of a momentum.
+fn projected<const N: usize>(free: &Projection, of: &[f64; N]) -> [f64; N] {
+    std::array::from_fn(|j| (0..N).map(|k| of[k] * free[k][j]).sum())
 }

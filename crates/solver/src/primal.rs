@@ -7,8 +7,8 @@
 //! H        = M + J^T (-dr/du) J                       one row of blocks per body
 //! ```
 //!
-//! [`newton`](crate::newton) minimizes it over contacts and joints,
-//! [`mechanism`](crate::mechanism) over joints alone.
+//! [`newton`](crate::newton) minimizes it over contacts and joints;
+//! [`mechanism`](crate::mechanism) has a form of its own for joints alone.
 
 use crate::cholesky::BlockMatrix;
 use crate::law::{Cone, Interval, Law, SmoothLaw};
@@ -23,7 +23,7 @@ const MOST: usize = 6;
 /// P(v) for fixed shifts of Coulomb's law.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PrimalProblem<const L: usize, const A: usize> {
-    pub(crate) prospective: Vec<Velocity<f64, L, A>>,
+    prospective: Vec<Velocity<f64, L, A>>,
     masses: Vec<Mass<L, A>>,
     /// Row of blocks of each body; none for fixed bodies.
     place: Vec<Option<u32>>,
@@ -75,7 +75,7 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
     }
 
     /// Sets the masses of the bodies. Only [`connect`](Self::connect) reads which of them can move.
-    pub(crate) fn set_masses(&mut self, masses: impl Iterator<Item = InverseMass<f64, L, A>>) {
+    fn set_masses(&mut self, masses: impl Iterator<Item = InverseMass<f64, L, A>>) {
         self.masses.clear();
         self.free.clear();
         for inverse in masses {
@@ -86,7 +86,7 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
     }
 
     /// Makes room for the blocks of these pairs of bodies in H.
-    pub(crate) fn connect(&mut self, pairs: impl Iterator<Item = [usize; 2]>) {
+    fn connect(&mut self, pairs: impl Iterator<Item = [usize; 2]>) {
         let mut count = 0;
         let place = self.masses.iter().map(|mass| {
             (*mass != Mass::ZERO).then(|| {
@@ -102,13 +102,8 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         self.hessian = BlockMatrix::new(L + A, count as usize, pairs);
     }
 
-    /// Removes all rows of joints.
-    pub(crate) fn clear_axes(&mut self) {
-        self.axes.clear();
-    }
-
     /// Adds rows of a joint of these bodies. Returns false if one is rigid without a bound.
-    pub(crate) fn add_axes(
+    fn add_axes(
         &mut self,
         bodies: [usize; 2],
         indices: std::ops::Range<usize>,
@@ -119,13 +114,7 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
             if axis.effective_mass <= 0.0 {
                 continue;
             }
-            let mut law = axis.law;
-            if law.compliance <= 0.0 {
-                law.compliance = YIELD / law.bounds[1].max(-law.bounds[0]);
-                if law.compliance <= 0.0 {
-                    return false;
-                }
-            }
+            let Some(law) = with_compliance(axis.law) else { return false };
             let jacobian = axis.jacobian.map(|jacobian| [flat(&jacobian)]);
             self.axes.push(Row { index, bodies, law, jacobian });
         }
@@ -146,39 +135,16 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
             let u = row.velocity(&system.velocities);
             system.contacts[row.index].impulse = row.law.response(u);
         }
-        self.answer_axes(&system.velocities, &mut system.axes);
-    }
-
-    /// Sets the impulses of the rows of joints to the response to these velocities.
-    pub(crate) fn answer_axes(
-        &self,
-        velocities: &[Velocity<f64, L, A>],
-        axes: &mut [Axis<f64, L, A>],
-    ) {
         for row in &self.axes {
-            axes[row.index].impulse = row.law.response(row.velocity(velocities))[0];
+            let u = row.velocity(&system.velocities);
+            system.axes[row.index].impulse = row.law.response(u)[0];
         }
-    }
-
-    /// Copies the compliances of the rows of joints. \[1/kg, or 1/(kg m^2)\]
-    pub(crate) fn compliances(&self, out: &mut Vec<f64>) {
-        out.clear();
-        out.extend(self.axes.iter().map(|row| row.law.compliance));
-    }
-
-    /// Tells for each row of a joint whether its impulse changes with the velocity.
-    pub(crate) fn loaded_axes(&self, velocities: &[Velocity<f64, L, A>], loaded: &mut Vec<bool>) {
-        loaded.clear();
-        loaded.extend(self.axes.iter().map(|row| {
-            let slope = row.law.slope(row.velocity(velocities));
-            slope.0[0][0] > 0.0
-        }));
     }
 
     /// Factors H and finds the step -H^-1 gradient. Returns false if H is not positive definite,
     /// which happens only with numbers that are not finite.
     pub(crate) fn factor(&mut self, velocities: &[Velocity<f64, L, A>]) -> bool {
-        self.gather::<true>(velocities);
+        self.gather(velocities);
         if !self.hessian.factor() {
             return false;
         }
@@ -186,39 +152,29 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         true
     }
 
-    /// Finds the step -H^-1 gradient with the last factors of H.
-    pub(crate) fn reuse_factors(&mut self, velocities: &[Velocity<f64, L, A>]) {
-        self.gather::<false>(velocities);
-        self.hessian.solve(&mut self.step);
-    }
-
-    /// Sets the step to -gradient, and sums H if `HESSIAN`.
-    fn gather<const HESSIAN: bool>(&mut self, velocities: &[Velocity<f64, L, A>]) {
+    /// Sets the step to -gradient, and sums H.
+    fn gather(&mut self, velocities: &[Velocity<f64, L, A>]) {
         let size = L + A;
         self.step.clear();
-        if HESSIAN {
-            self.hessian.clear();
-        }
+        self.hessian.clear();
         for (body, mass) in self.masses.iter().enumerate() {
             let Some(at) = self.place[body] else { continue };
             let apart = velocities[body] - self.prospective[body];
             self.step.extend_from_slice(&flat(&(mass.momentum(&apart) * -1.0))[..size]);
-            if HESSIAN {
-                let free = self.free[body].as_ref();
-                self.hessian.add(at, at, |i, j| mass_entry(mass, free, i, j));
-            }
+            let free = self.free[body].as_ref();
+            self.hessian.add(at, at, |i, j| mass_entry(mass, free, i, j));
         }
         let Self { contacts, axes, place, free, hessian, step, .. } = self;
         let mut add = |bodies: [usize; 2], terms: &dyn Fn([Option<u32>; 2]) -> PairTerms| {
             let at = bodies.map(|body| place[body]);
             let free = bodies.map(|body| free[body].as_ref());
-            terms(at).add_to::<HESSIAN>(hessian, step, at, free);
+            terms(at).add_to(hessian, step, at, free);
         };
         for rows in contacts.chunk_by(|one, next| one.bodies == next.bodies) {
-            add(rows[0].bodies, &|at| PairTerms::of::<HESSIAN, _, _, L, A>(rows, velocities, at));
+            add(rows[0].bodies, &|at| PairTerms::of::<_, _, L, A>(rows, velocities, at));
         }
         for rows in axes.chunk_by(|one, next| one.bodies == next.bodies) {
-            add(rows[0].bodies, &|at| PairTerms::of::<HESSIAN, _, _, L, A>(rows, velocities, at));
+            add(rows[0].bodies, &|at| PairTerms::of::<_, _, L, A>(rows, velocities, at));
         }
     }
 
@@ -247,8 +203,7 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         length == 1.0
     }
 
-    /// Returns the length of the step at which P stops falling. That is the zero of its
-    /// derivative, which increases with the length; it is found by secants and bisection.
+    /// Returns the length of the step at which P stops falling.
     fn search(&self, velocities: &[Velocity<f64, L, A>]) -> f64 {
         let (mut constant, mut linear) = (0.0, 0.0);
         for (body, mass) in self.masses.iter().enumerate() {
@@ -260,29 +215,35 @@ impl<const L: usize, const A: usize> PrimalProblem<L, A> {
         let derivative = |length: f64| {
             constant + linear * length - (work(contacts, length) + work(axes, length))
         };
-        let start = derivative(0.0);
-        let (mut low, mut high) = (0.0, 1.0);
-        let (mut at_low, mut at_high) = (start, derivative(1.0));
-        // If P still falls at the full step, or has nearly stopped, the full step gives quadratic
-        // convergence.
-        if at_high <= 0.1 * start.abs() {
-            return 1.0;
-        }
-        for round in 0..40 {
-            let secant = low - at_low * (high - low) / (at_high - at_low);
-            let middle = if round % 3 == 2 { 0.5 * (low + high) } else { secant };
-            let value = derivative(middle);
-            if value.abs() <= 0.05 * start.abs() {
-                return middle;
-            }
-            if value > 0.0 {
-                (high, at_high) = (middle, value);
-            } else {
-                (low, at_low) = (middle, value);
-            }
-        }
-        low
+        length_of_step(derivative)
     }
+}
+
+/// Returns the length of a step at which P stops falling: the zero of its `derivative`, which
+/// increases with the length. It is found by secants and bisection.
+pub(crate) fn length_of_step(derivative: impl Fn(f64) -> f64) -> f64 {
+    let start = derivative(0.0);
+    let (mut low, mut high) = (0.0, 1.0);
+    let (mut at_low, mut at_high) = (start, derivative(1.0));
+    // If P still falls at the full step, or has nearly stopped, the full step gives quadratic
+    // convergence.
+    if at_high <= 0.1 * start.abs() {
+        return 1.0;
+    }
+    for round in 0..40 {
+        let secant = low - at_low * (high - low) / (at_high - at_low);
+        let middle = if round % 3 == 2 { 0.5 * (low + high) } else { secant };
+        let value = derivative(middle);
+        if value.abs() <= 0.05 * start.abs() {
+            return middle;
+        }
+        if value > 0.0 {
+            (high, at_high) = (middle, value);
+        } else {
+            (low, at_low) = (middle, value);
+        }
+    }
+    low
 }
 
 /// A constraint of the problem.
@@ -360,6 +321,13 @@ fn work<K: Law<f64, N>, const N: usize>(lines: &[LawOnLine<K, N>], length: f64) 
 /// be rigid: the certificate holds for it as it is. \[m/s, or rad/s\]
 const YIELD: f64 = 1e-4;
 
+/// Returns the law of a row with a compliance; `None` if it is rigid without a bound.
+pub(crate) fn with_compliance(law: Interval<f64>) -> Option<Interval<f64>> {
+    let most = law.bounds[1].max(-law.bounds[0]);
+    let compliance = if law.compliance > 0.0 { law.compliance } else { YIELD / most };
+    (compliance > 0.0).then_some(Interval { compliance, ..law })
+}
+
 /// Terms of H and of the gradient from the constraints of a pair of bodies.
 struct PairTerms {
     /// Blocks of H ([`PAIRS`]).
@@ -370,7 +338,7 @@ struct PairTerms {
 
 impl PairTerms {
     /// Sums the terms of bodies with these rows of blocks.
-    fn of<const HESSIAN: bool, K: SmoothLaw<N>, const N: usize, const L: usize, const A: usize>(
+    fn of<K: SmoothLaw<N>, const N: usize, const L: usize, const A: usize>(
         rows: &[Row<K, N>],
         velocities: &[Velocity<f64, L, A>],
         at: [Option<u32>; 2],
@@ -386,9 +354,6 @@ impl PairTerms {
                     }
                 }
             }
-            if !HESSIAN {
-                continue;
-            }
             let slope = row.law.slope(u);
             for (block, (p, q)) in out.blocks.iter_mut().zip(PAIRS) {
                 if at[p].is_some() && at[q].is_some() {
@@ -400,7 +365,7 @@ impl PairTerms {
     }
 
     /// Adds the terms to H and to the step, as far as velocities are free.
-    fn add_to<const HESSIAN: bool>(
+    fn add_to(
         self,
         hessian: &mut BlockMatrix,
         step: &mut [f64],
@@ -415,9 +380,6 @@ impl PairTerms {
             }
             let all = &mut step[at as usize * size..][..size];
             all.iter_mut().zip(&force).for_each(|(all, own)| *all += own);
-        }
-        if !HESSIAN {
-            return;
         }
         for (mut block, (p, q)) in self.blocks.into_iter().zip(PAIRS) {
             if let (Some(p_at), Some(q_at)) = (at[p], at[q]) {
@@ -442,10 +404,10 @@ fn flat<const L: usize, const A: usize>(v: &Velocity<f64, L, A>) -> [f64; MOST] 
 }
 
 /// A symmetric matrix that keeps the free velocities of a body and removes the locked ones.
-type Projection = [[f64; MOST]; MOST];
+pub(crate) type Projection = [[f64; MOST]; MOST];
 
 /// Returns the projection M^-1 M of a body; `None` if all its velocities are free.
-fn projection<const L: usize, const A: usize>(
+pub(crate) fn projection<const L: usize, const A: usize>(
     mass: &Mass<L, A>,
     inverse: &InverseMass<f64, L, A>,
 ) -> Option<Projection> {
@@ -476,7 +438,7 @@ fn transposed(of: &[[f64; MOST]; MOST]) -> [[f64; MOST]; MOST] {
 }
 
 /// Returns an entry of a body's block of M. Locked velocities get the unit matrix, and no force.
-fn mass_entry<const L: usize, const A: usize>(
+pub(crate) fn mass_entry<const L: usize, const A: usize>(
     mass: &Mass<L, A>,
     free: Option<&Projection>,
     i: usize,

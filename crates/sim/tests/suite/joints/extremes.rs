@@ -196,3 +196,41 @@ fn a_ball_breaks_a_glued_wall() {
         assert!(broken > 0);
     }
 }
+
+/// Five elastic balls of 1 kg hang side by side on rods of 1 m. The first falls from 40 degrees: the
+/// last one rises, the others hang still, and so on for 6 s. The energy stays.
+#[test]
+fn a_blow_passes_through_a_cradle() {
+    for preset in Preset::both() {
+        let mut world: World3 = preset.world();
+        let material = Material { restitution: 1.0, friction: 0.0, ..Material::default() };
+        let apart = |i: usize| 0.2001 * i as f32;
+        let ids = [0, 1, 2, 3, 4].map(|i| {
+            let angle = if i == 0 { 40.0f32.to_radians() } else { 0.0 };
+            let at = [apart(i) - angle.sin(), -angle.cos(), 0.0];
+            let mut ball = dynamic(at, Rigid3::ball(0.1), &material);
+            ball.inertia = Some(inertia(1.0, [0.004; 3]));
+            let id = world.add(ball).unwrap();
+            world.join(Joint::ball([Some(id), None]).at([apart(i), 0.0, 0.0])).unwrap();
+            id
+        });
+        let start = energy(&world);
+        let (mut highest, mut inner) = ([0.0f64; 2], 0.0f64);
+        for step in 0..360 {
+            world.step(DT).unwrap();
+            let angle = |i: usize| f64::from(place(&world, ids[i])[0] - apart(i)).asin();
+            // By half swings of 1.03 s, of which the first begins in the middle.
+            let side = (step + 31) / 62 % 2;
+            let outer = if side == 0 { -angle(0) } else { angle(4) };
+            highest[side] = highest[side].max(if step > 62 { outer } else { 0.0 });
+            inner = inner.max((1..4).map(|i| angle(i).abs()).fold(0.0, f64::max));
+        }
+        for (name, highest) in ["first", "last"].into_iter().zip(highest) {
+            let angle = highest.to_degrees();
+            preset.check(&format!("height of the {name} ball"), angle, 39.5);
+        }
+        preset.below("swing of the others", inner.to_degrees(), 0.5);
+        let lost = (start - energy(&world)) / (ACCELERATION * (1.0 - 40.0f64.to_radians().cos()));
+        preset.below("lost energy", lost.abs(), 0.05);
+    }
+}
