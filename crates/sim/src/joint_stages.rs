@@ -134,6 +134,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.solver.joints.aim_again(&self.bodies, &self.scratch.displacements)
     }
 
+    /// Solves the mechanisms whose targets have been set again.
+    pub(crate) fn solve_aiming_joints(&mut self) {
+        self.solver.joints.solve_aiming(&mut self.bodies.velocities);
+    }
+
     /// Breaks the joints that bear most beyond their strength. Returns true if there were any.
     pub(crate) fn snap_joints(&mut self) -> bool {
         let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;

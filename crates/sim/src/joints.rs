@@ -48,6 +48,9 @@ const NEARLY: f64 = 0.5;
 /// Largest miss of a joint at the end of a substep that is solved no more. \[m, or rad\]
 const MOST_MISS: f64 = 1e-5;
 
+/// Miss of a joint at which targets follow the path no more. \[m, or rad\]
+const LEAST_MISS: f64 = 1e-8;
+
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
 
@@ -135,8 +138,12 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     ahead: Vec<Place>,
     /// Velocities with the lasting impulses of the joints, without those of contacts.
     paths: Vec<Velocity<f32, L, A>>,
-    /// Bodies of mechanisms that touch others.
-    touching: Vec<u32>,
+    /// By mechanism: whether a body touches another one.
+    touches: Vec<bool>,
+    /// By mechanism: whether its targets are to follow the path that its joints leave, and the
+    /// largest change of its targets. \[m/s, or rad/s\]
+    aims: Vec<bool>,
+    changes: Vec<f64>,
     /// Pulls on each body ([`tension`]).
     tensions: Vec<Tension>,
     /// True if the rows of the joints that act must be rebuilt.
@@ -184,46 +191,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> 
         }
         let pose = Turn::normalized(G::rotation(&bodies.poses[body]));
         Place { position, turn: Turn::by(turned).of(&pose) }
-    }
-
-    /// Sets the places of the `members` after `h` \[s\] at these velocities, rotating freely: as they
-    /// will [advance](crate::motion::MovingBodies::advance) from `here`.
-    fn look_ahead(
-        &self,
-        (members, here): (&[u32], &[Place]),
-        velocities: &[Velocity<f32, L, A>],
-        h: f64,
-        ahead: &mut [Place],
-    ) {
-        let (mut spins, mut spinning) = (Vec::with_capacity(PRECESS_LANES), Vec::new());
-        for (index, &body) in members.iter().enumerate() {
-            let body = body as usize;
-            let (velocity, place) = (&velocities[body], &mut ahead[index]);
-            place.position = here[index].position + in_space(velocity.linear) * h;
-            let turn = velocity.angular * h as f32;
-            let precession = self.bodies.precession[body];
-            if A == 3 && precession.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
-                let Inertia { moments, inverse_moments, .. } = &self.bodies.inertia[body];
-                spins.push(Spin {
-                    pose: self.bodies.poses[body],
-                    moments: [moments, inverse_moments],
-                    precession,
-                    omega: velocity.angular,
-                    remainder: self.bodies.spin_states[body].remainder,
-                });
-                spinning.push(index);
-            } else {
-                place.turn = Turn::by(in_space(velocity.angular) * h).of(&here[index].turn);
-            }
-        }
-        let rotation = |pose: &G::Pose| Turn::normalized(G::rotation(pose));
-        for (spins, indices) in spins.chunks(PRECESS_LANES).zip(spinning.chunks(PRECESS_LANES)) {
-            let all = std::array::from_fn(|lane| spins[lane.min(spins.len() - 1)]);
-            G::precess(&all, spins.len(), h as f32, |lane, pose, _| {
-                let (index, back) = (indices[lane], rotation(&spins[lane].pose).inverse());
-                ahead[index].turn = rotation(&pose).of(&back).of(&here[index].turn);
-            });
-        }
     }
 }
 
@@ -312,15 +279,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         true
     }
 
-    /// Finds the bodies of mechanisms of which any touches another body.
+    /// Finds the mechanisms of which a body touches another one.
     pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> bool) {
-        let Self { mechanisms, touching, .. } = self;
-        touching.clear();
-        for (_, members) in mechanisms.groups() {
-            if members.iter().any(|&body| touches(body)) {
-                touching.extend_from_slice(members);
-            }
-        }
+        let groups = self.mechanisms.groups();
+        self.touches.clear();
+        self.touches.extend(groups.map(|(_, members)| members.iter().any(|&body| touches(body))));
     }
 
     /// Prepares for the joints that act.
@@ -413,6 +376,48 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
     }
 
+    /// Sets the places of the bodies after `h` \[s\] at these velocities, rotating freely: as they
+    /// will [advance](crate::motion::MovingBodies::advance) from `here`. Leaves out mechanisms whose
+    /// targets stay.
+    fn look_ahead<G: Geometry<L, A>>(
+        &mut self,
+        at: &BodyPlaces<'_, G, L, A>,
+        velocities: &[Velocity<f32, L, A>],
+        h: f64,
+    ) {
+        let Self { mechanisms, indices, here, ahead, aims, .. } = self;
+        let (bodies, mut spins, mut spinning) = (at.bodies, Vec::new(), Vec::new());
+        let due = mechanisms.groups().zip(&*aims).filter(|(_, aims)| **aims);
+        for &body in due.flat_map(|((_, members), _)| members) {
+            let (body, index) = (body as usize, indices[body as usize] as usize);
+            let (velocity, place) = (&velocities[body], &mut ahead[index]);
+            place.position = here[index].position + in_space(velocity.linear) * h;
+            let turn = velocity.angular * h as f32;
+            let precession = bodies.precession[body];
+            if A == 3 && precession.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                let Inertia { moments, inverse_moments, .. } = &bodies.inertia[body];
+                spins.push(Spin {
+                    pose: bodies.poses[body],
+                    moments: [moments, inverse_moments],
+                    precession,
+                    omega: velocity.angular,
+                    remainder: bodies.spin_states[body].remainder,
+                });
+                spinning.push(index);
+            } else {
+                place.turn = Turn::by(in_space(velocity.angular) * h).of(&here[index].turn);
+            }
+        }
+        let rotation = |pose: &G::Pose| Turn::normalized(G::rotation(pose));
+        for (spins, indices) in spins.chunks(PRECESS_LANES).zip(spinning.chunks(PRECESS_LANES)) {
+            let all = std::array::from_fn(|lane| spins[lane.min(spins.len() - 1)]);
+            G::precess(&all, spins.len(), h as f32, |lane, pose, _| {
+                let (index, back) = (indices[lane], rotation(&spins[lane].pose).inverse());
+                ahead[index].turn = rotation(&pose).of(&back).of(&here[index].turn);
+            });
+        }
+    }
+
     /// Sets the impulses of the rows to those of the last substep, of its solve or of its relaxing.
     fn recall(&mut self, of: impl Fn(&RowState) -> f64) {
         let Self { mechanisms, records, acting, .. } = self;
@@ -488,39 +493,62 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         paths.extend_from_slice(prospective);
         self.mechanisms.apply(&mut paths, &bodies.inverse_masses);
         // Where contacts act, too, joints alone do not tell the path.
-        for &body in &self.touching {
-            paths[body as usize] = prospective[body as usize];
+        for ((_, members), _) in
+            self.mechanisms.groups().zip(&self.touches).filter(|(_, touches)| **touches)
+        {
+            members.iter().for_each(|&body| paths[body as usize] = prospective[body as usize]);
         }
+        self.aims.clear();
+        self.aims.resize(self.mechanisms.groups().count(), true);
         self.set_targets(&BodyPlaces { bodies, displacements }, &paths);
         self.paths = paths;
-        let mut before = f64::INFINITY;
+        self.find_fast(bodies);
+        let h = self.substep();
+        let mut before = vec![f64::INFINITY; self.aims.len()];
         for _ in 0..MOST_AIMS {
-            if !self.turns_fast(bodies) {
+            if !self.aims.contains(&true) {
                 return;
             }
             // The path curves with the velocities that the joints leave.
-            self.mechanisms.solve(&mut bodies.velocities);
-            let at = BodyPlaces { bodies, displacements };
-            let change = self.set_targets(&at, &bodies.velocities);
-            if change >= before {
-                return;
-            }
-            before = change;
+            self.solve_aiming(&mut bodies.velocities);
+            self.set_targets(&BodyPlaces { bodies, displacements }, &bodies.velocities);
+            let misses = self.changes.iter().zip(&mut before).map(|(change, before)| {
+                *change < std::mem::replace(before, *change) && change * h > LEAST_MISS
+            });
+            self.aims.iter_mut().zip(misses).for_each(|(aims, misses)| *aims &= misses);
         }
     }
 
-    /// Sets the targets again if contacts have changed the paths of bodies that turn fast. Returns
+    /// Solves the mechanisms whose targets follow their paths.
+    pub(crate) fn solve_aiming(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        let Self { mechanisms, aims, .. } = self;
+        mechanisms.solve_those(|index| aims[index], velocities);
+    }
+
+    /// Sets the targets again where contacts have changed the paths of bodies that turn fast. Returns
     /// true if joints would then miss their places by more than [`MOST_MISS`].
     pub(crate) fn aim_again<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,
         displacements: &[Velocity<f32, L, A>],
     ) -> bool {
-        if self.touching.is_empty() || !self.turns_fast(bodies) {
+        if !self.touches.contains(&true) {
             return false;
         }
-        let change = self.set_targets(&BodyPlaces { bodies, displacements }, &bodies.velocities);
-        change * self.params.first().map_or(0.0, |params| params.h) > MOST_MISS
+        self.find_fast(bodies);
+        self.aims.iter_mut().zip(&self.touches).for_each(|(aims, touches)| *aims &= touches);
+        if self.aims.contains(&true) {
+            self.set_targets(&BodyPlaces { bodies, displacements }, &bodies.velocities);
+        }
+        let h = self.substep();
+        let misses = self.changes.iter().map(|change| change * h > MOST_MISS);
+        self.aims.iter_mut().zip(misses).for_each(|(aims, misses)| *aims &= misses);
+        self.aims.contains(&true)
+    }
+
+    /// Returns the length of the substep. \[s\]
+    fn substep(&self) -> f64 {
+        self.params.first().map_or(0.0, |params| params.h)
     }
 
     /// Returns the largest angle by which an arm or an axis of a joint turns within `dt`
@@ -551,52 +579,44 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         fastest * dt
     }
 
-    /// Returns true if a body with a joint turns by more than [`FAST_TURN`] in a substep.
-    fn turns_fast<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>) -> bool {
-        let h = self.params.first().map_or(0.0, |params| params.h) as f32;
-        self.pairs.iter().flatten().any(|&body| {
-            let omega = bodies.velocities[body as usize].angular;
+    /// Lets the targets of mechanisms follow their paths if a body turns by more than [`FAST_TURN`]
+    /// in a substep.
+    fn find_fast<G: Geometry<L, A>>(&mut self, bodies: &Bodies<G, L, A>) {
+        let h = self.substep() as f32;
+        let is_fast = |body: &u32| {
+            let omega = bodies.velocities[*body as usize].angular;
             omega.dot(omega) * h * h > FAST_TURN * FAST_TURN
-        })
+        };
+        let groups = self.mechanisms.groups();
+        self.aims.clear();
+        self.aims.extend(groups.map(|(_, members)| members.iter().any(is_fast)));
     }
 
-    /// Sets the targets of the rows for a substep. Returns the largest change of a finite target.
-    /// \[m/s, or rad/s\]
+    /// Sets the targets of the rows of mechanisms for a substep, where `aims` says so, and their
+    /// `changes`.
     fn set_targets<G: Geometry<L, A>>(
         &mut self,
         at: &BodyPlaces<'_, G, L, A>,
         velocities: &[Velocity<f32, L, A>],
-    ) -> f64 {
-        let Some(RowParams { h, .. }) = self.params.first().copied() else { return 0.0 };
-        let mut change = 0.0f64;
-        let Self { mechanisms, records, acting, params, members, indices, here, ahead, .. } = self;
-        at.look_ahead((members, here), velocities, h, ahead);
-        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let record = &mut records[slot as usize];
-            let then = record.places(|body| place_of(body, ahead, indices));
-            let [a, b] = joint.bodies.map(|body| velocities[body as usize].cast());
-            for (index, row) in joint.axes().enumerate() {
-                let (plan, axis) = (&record.rows[index], &mut mechanisms.axes[row]);
-                let value = record.states[index].value;
-                let turns = &record.turns[plan.axis];
-                let (end, _) = then.evaluate(&plan.coordinate).turned(turns);
-                let rate = axis.velocity(&a, &b);
-                let straight = value + h * rate;
-                // Beyond, an angle has passed a place where it is not defined.
-                let is_lost = plan.coordinate.is_angle() && (end - straight).abs() > MOST_CURVE;
-                let motion = Motion { value, end: if is_lost { straight } else { end }, rate };
-                let law = plan.role.law(&motion, &params[row]);
-                for (new, old) in law.targets.iter().zip(axis.law.targets) {
-                    let own = (new - old).abs();
-                    change = if own.is_finite() { change.max(own) } else { change };
-                }
-                axis.law = law;
-                if record.broken {
-                    axis.law.bounds = [0.0; 2];
-                }
+    ) {
+        let h = self.substep();
+        self.look_ahead(at, velocities, h);
+        let Self { mechanisms, records, acting, params, indices, ahead, .. } = self;
+        self.changes.clear();
+        let groups: Vec<_> = mechanisms.groups().map(|(joints, _)| joints).collect();
+        for (joints, &aims) in groups.into_iter().zip(&self.aims) {
+            let mut change = 0.0f64;
+            for index in joints.filter(|_| aims) {
+                let (record, joint) =
+                    (&mut records[acting[index] as usize], mechanisms.joints[index]);
+                let then = record.places(|body| place_of(body, ahead, indices));
+                let velocities = joint.bodies.map(|body| velocities[body as usize].cast());
+                let axes = &mut mechanisms.axes[joint.axes()];
+                let own = record.set_targets(axes, &params[joint.axes()], (&then, &velocities));
+                change = change.max(own);
             }
+            self.changes.push(change);
         }
-        change
     }
 
     /// Passes an impact on through the locks: the bodies that it has struck pull those joined to them.
@@ -898,6 +918,36 @@ impl RowState {
 }
 
 impl JointRecord {
+    /// Sets the targets of its rows for bodies at these velocities, which will be at the places
+    /// `then`. Returns the largest change of a finite target. \[m/s, or rad/s\]
+    fn set_targets<const L: usize, const A: usize>(
+        &self,
+        axes: &mut [Axis<f64, L, A>],
+        params: &[RowParams],
+        (then, [a, b]): (&JointPlaces, &[Velocity<f64, L, A>; 2]),
+    ) -> f64 {
+        let mut change = 0.0f64;
+        for (index, (axis, params)) in axes.iter_mut().zip(params).enumerate() {
+            let (plan, value) = (&self.rows[index], self.states[index].value);
+            let (end, _) = then.evaluate(&plan.coordinate).turned(&self.turns[plan.axis]);
+            let rate = axis.velocity(a, b);
+            let straight = value + params.h * rate;
+            // Beyond, an angle has passed a place where it is not defined.
+            let is_lost = plan.coordinate.is_angle() && (end - straight).abs() > MOST_CURVE;
+            let motion = Motion { value, end: if is_lost { straight } else { end }, rate };
+            let law = plan.role.law(&motion, params);
+            for (new, old) in law.targets.iter().zip(axis.law.targets) {
+                let own = (new - old).abs();
+                change = if own.is_finite() { change.max(own) } else { change };
+            }
+            axis.law = law;
+            if self.broken {
+                axis.law.bounds = [0.0; 2];
+            }
+        }
+        change
+    }
+
     /// Returns its places, where `of` returns those of its bodies.
     fn places(&self, of: impl Fn(u32) -> Place) -> JointPlaces {
         let [a, b] = self.bodies.map(of);

@@ -299,7 +299,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 if !self.aim_joints_again() {
                     break;
                 }
-                self.solve_joints();
+                self.solve_aiming_joints();
             }
             timer.lap(Stage::Joints);
             if with_residuals {

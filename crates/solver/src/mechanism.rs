@@ -212,8 +212,18 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
     /// Visits every mechanism once: brings all rows of its joints to their targets together, from
     /// the present velocities, which include the impulses of the rows.
     pub fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.solve_those(|_| true, velocities);
+    }
+
+    /// [Visits](Self::solve) the mechanisms of these indices.
+    pub fn solve_those(
+        &mut self,
+        is_due: impl Fn(usize) -> bool,
+        velocities: &mut [Velocity<f32, L, A>],
+    ) {
         let Self { joints, axes, mechanisms } = self;
-        for mechanism in mechanisms {
+        let due = mechanisms.iter_mut().enumerate().filter(|(index, _)| is_due(*index));
+        for (_, mechanism) in due {
             let joints = &joints[mechanism.joints.clone()];
             match L + A {
                 2 => mechanism.solve::<2>(joints, axes, velocities),
