@@ -10,6 +10,7 @@ mod fuzz;
 mod gltf;
 mod gltf_physics;
 mod guide;
+mod joint_samples;
 mod motion_fuzz;
 mod relations;
 mod samples;
